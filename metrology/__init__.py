@@ -1,0 +1,35 @@
+"""The ground every room stands on: the error tree, quantities with uncertainty, unit strings, whole files."""
+
+from metrology.errors import (
+    CalibrationError,
+    ClipError,
+    DomainError,
+    ImpactVisionError,
+    MeasurementError,
+    NotFoundError,
+    SetupError,
+    TooLittleDataError,
+    UnitError,
+    UsageError,
+)
+from metrology.files import write_text_whole, written_whole
+from metrology.quantity import Contribution, Quantity
+from metrology.units import parse_quantity
+
+__all__ = [
+    "CalibrationError",
+    "ClipError",
+    "Contribution",
+    "DomainError",
+    "ImpactVisionError",
+    "MeasurementError",
+    "NotFoundError",
+    "Quantity",
+    "SetupError",
+    "TooLittleDataError",
+    "UnitError",
+    "UsageError",
+    "parse_quantity",
+    "write_text_whole",
+    "written_whole",
+]

@@ -1,0 +1,96 @@
+"""The error tree: every way this project refuses, and the exit code that goes with it.
+
+::
+
+    ImpactVisionError
+    ├── UsageError                 2  a wrong option, unit, name or combination
+    │   ├── SetupError             2  the setup file is wrong; says where and the nearest right key
+    │   ├── UnitError              2  "50 parsecs of mm" is no length
+    │   └── DomainError            2  a number outside what the physics allows (also a ValueError)
+    ├── ClipError                  3  the clip can't be read: missing, truncated, no video in it
+    └── MeasurementError           4  read, but the quantity can't be measured from it
+        ├── NotFoundError          4  no ball, no pendulum, no contact, no landing in view
+        ├── CalibrationError       4  no grid, wrong pitch, too few views, camera moved
+        └── TooLittleDataError     4  too few trials or points to tell
+
+Every error carries a message that says what is wrong and where, and a hint that says what would help.
+"""
+
+from typing import ClassVar
+
+__all__ = [
+    "CalibrationError",
+    "ClipError",
+    "DomainError",
+    "ImpactVisionError",
+    "MeasurementError",
+    "NotFoundError",
+    "SetupError",
+    "TooLittleDataError",
+    "UnitError",
+    "UsageError",
+]
+
+
+class ImpactVisionError(Exception):
+    """Root of the tree; catch it to catch everything this project raises on purpose.
+
+    Parameters
+    ----------
+    message : str
+        What is wrong, and where.
+    hint : str, optional
+        What would help.
+    """
+
+    exit_code: ClassVar[int] = 1
+
+    def __init__(self, message: str, *, hint: str | None = None) -> None:
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+
+    def __str__(self) -> str:
+        return self.message if self.hint is None else f"{self.message}\n{self.hint}"
+
+
+class UsageError(ImpactVisionError):
+    """A wrong option, name or combination of options."""
+
+    exit_code = 2
+
+
+class SetupError(UsageError):
+    """The setup file is wrong; the message names the key and the nearest right one."""
+
+
+class UnitError(UsageError):
+    """A text that is no quantity of the wanted dimension."""
+
+
+class DomainError(UsageError, ValueError):
+    """A number outside the domain in which a law holds or a body can exist."""
+
+
+class ClipError(ImpactVisionError):
+    """The clip can't be read."""
+
+    exit_code = 3
+
+
+class MeasurementError(ImpactVisionError):
+    """The clip was read, but the quantity can't be measured from it."""
+
+    exit_code = 4
+
+
+class NotFoundError(MeasurementError):
+    """What was looked for is not in the picture: ball, pendulum, contact, landing."""
+
+
+class CalibrationError(MeasurementError):
+    """Pixels can't be turned into metres: no grid, wrong pitch, too few views."""
+
+
+class TooLittleDataError(MeasurementError):
+    """Too few trials or points to tell."""

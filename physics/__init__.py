@@ -1,0 +1,1 @@
+"""The paper's model and beyond it: pendulum, impact, restitution, air, flight, effects. Floats in SI, no I/O."""

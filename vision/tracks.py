@@ -1,0 +1,119 @@
+"""What the vision room hands on: where the ball and the pendulum were, frame by frame, in pixels."""
+
+from dataclasses import dataclass, replace
+from typing import Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["PendulumTrack", "Track", "TrackedFeature", "Tracks"]
+
+FloatArray = NDArray[np.float64]
+TrackedFeature = Literal["outline", "edge", "centre"]
+
+
+@dataclass(frozen=True)
+class Track:
+    """One object followed through the clip. Rows are frames in which it was found, in time order.
+
+    Pixel centres are integers, (0, 0) is the centre of the top-left pixel, y points down.
+
+    Attributes
+    ----------
+    frame : (N,) int array
+        Frame index from 0 in decode order.
+    time_s : (N,) array
+        Mid-exposure time on the capture clock, s, 0 at frame 0.
+    centre_px : (N, 2) array
+        Centre of the outline (not yet the projection of the sphere's centre), px.
+    covariance_px2 : (N, 2, 2) array
+        Covariance of `centre_px`, px².
+    bound_px2 : (N, 2, 2) array
+        Cramér–Rao bound of the same fit, px².
+    radius_px : (N,) array
+        Outline radius, px; for the pendulum the size of the mass.
+    radius_std_px : (N,) array
+        Its standard uncertainty, px.
+    quality : (N,) array
+        0 (doubtful) to 1 (clean).
+    """
+
+    frame: NDArray[np.int64]
+    time_s: FloatArray
+    centre_px: FloatArray
+    covariance_px2: FloatArray
+    bound_px2: FloatArray
+    radius_px: FloatArray
+    radius_std_px: FloatArray
+    quality: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    def where(self, keep: NDArray[np.bool_]) -> Self:
+        """Rows for which `keep` (N,) is true."""
+        return replace(self, **{name: getattr(self, name)[keep] for name in Track.__annotations__})
+
+
+@dataclass(frozen=True)
+class PendulumTrack:
+    """The pendulum mass on its arc: a rigid body turning about a fixed pivot, seen in pixels.
+
+    Attributes
+    ----------
+    track : Track
+        The mass: `centre_px` is the centre of its visible outline.
+    angle_rad : (N,) array
+        Angle about the pivot in the picture, rad, increasing as the mass moves towards the ball;
+        0 where the mass hangs straight below the pivot in the picture (along +y).
+    angle_std_rad : (N,) array
+        Standard uncertainty of each angle from the picture noise, rad.
+    pivot_px : (2,) array
+        Pivot, px.
+    pivot_covariance_px2 : (2, 2) array
+        Its covariance, px².
+    arm_px : float
+        Distance from the pivot to the mass centre, px.
+    face_lead_px : float
+        How far the striking face leads the line from pivot to mass centre, px, measured at the height of
+        the ball's centre in frames where the face is seen free of the ball.
+    face_lead_std_px : float
+        Its standard uncertainty, px.
+    """
+
+    track: Track
+    angle_rad: FloatArray
+    angle_std_rad: FloatArray
+    pivot_px: FloatArray
+    pivot_covariance_px2: FloatArray
+    arm_px: float
+    face_lead_px: float
+    face_lead_std_px: float
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """All that was followed in one clip.
+
+    Attributes
+    ----------
+    ball : Track
+        The ball that is struck (or the only thing that flies).
+    pendulum : PendulumTrack or None
+        None where no pendulum is in view.
+    background : (H, W) float32 array
+        The static scene without the moving things, gray levels.
+    rest_frames : (2,) tuple of int or None
+        First and last frame in which the ball lies still before it is struck; None if it never does.
+    others : tuple of Track
+        Other ball-like things that moved or lie about (a struck puck's striker, a second ball).
+    warnings : tuple of str
+        What the user should know, in whole sentences.
+    """
+
+    ball: Track
+    pendulum: PendulumTrack | None
+    background: NDArray[np.float32]
+    rest_frames: tuple[int, int] | None
+    others: tuple[Track, ...] = ()
+    warnings: tuple[str, ...] = ()
