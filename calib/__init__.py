@@ -1,1 +1,1 @@
-"""Pixels to metres: lens, camera pose, wall grid, projection onto the wall, depth of the ball plane, time base."""
+"""Pixels to metres: lens, pose, wall grid, projection, depth of the ball plane, time base."""
