@@ -14,7 +14,7 @@ from metrology.errors import (
 )
 from metrology.files import write_text_whole, written_whole
 from metrology.quantity import Contribution, Quantity
-from metrology.units import parse_quantity
+from metrology.units import parse_quantity, parse_with_uncertainty
 
 __all__ = [
     "CalibrationError",
@@ -30,6 +30,7 @@ __all__ = [
     "UnitError",
     "UsageError",
     "parse_quantity",
+    "parse_with_uncertainty",
     "write_text_whole",
     "written_whole",
 ]
