@@ -1,0 +1,94 @@
+"""Campaigns of a foreign simulator, turned into the files a user would hand over."""
+
+import argparse
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+from bench.concealed.setup_toml import BallFacts, LabFacts, Outcome, write_setup
+
+__all__ = ["convert", "convert_all", "lab_facts"]
+
+# The foreign tables speak the simulator's symbols.
+OUTCOME_SYMBOLS = {
+    "impact_speed": "v_M0",
+    "cor": "e",
+    "contact_time": "dt_s",
+    "pendulum_speed_after": "v_M",
+    "pendulum_angle": "phi_release",
+    "ball_x": "x",
+    "ball_y": "y",
+    "ball_vx": "vx",
+    "ball_vy": "vy",
+}
+
+
+def _ball(public: dict[str, Any]) -> BallFacts:
+    return BallFacts(
+        mass=public["mass_kg"],
+        diameter=public["diameter_m"],
+        launch_angle_deg=public["impact_angle_deg"],
+        cor_law=public["cor_law"],
+        contact_outcome=tuple(
+            Outcome(**{ours: row[theirs] for ours, theirs in OUTCOME_SYMBOLS.items()})
+            for row in public["baseline_contact"]
+        ),
+    )
+
+
+def lab_facts(public: dict[str, Any]) -> LabFacts:
+    """The lab's knowledge from the public half of a foreign campaign."""
+    pendulum, scatter = public["pendulum"], public["scatter"]
+    return LabFacts(
+        balls={name: _ball(ball) for name, ball in public["balls"].items()},
+        pendulum_length=pendulum["L"],
+        pendulum_inertia=pendulum["I"],
+        pendulum_mass=pendulum["m"],
+        pendulum_com=pendulum["d"],
+        effective_mass=pendulum["M_eff_paper"],
+        support_height=public["support_height_m"],
+        air_density=public["air_density"],
+        air_viscosity=public["air_viscosity"],
+        position_noise=public["noise_xy_m"],
+        angle_noise=public["noise_phi_rad"],
+        capture_fps=public["fps_nominal"],
+        scatter={
+            "backswing": f"{scatter['backswing_deg']} deg",
+            "launch_angle": f"{scatter['launch_angle_deg_per_trial']} deg",
+            "cor": f"{scatter['cor_per_trial']}",
+            "cor_law": f"{scatter['cor_law_offset']}",
+            "launch_angle_law": f"{scatter['launch_angle_deg_offset']} deg",
+        },
+        drag_coefficient=public["Cd"] or None,
+    )
+
+
+def convert(source: Path, target: Path) -> None:
+    """Write ball.csv, pendulum.csv and setup.toml of one foreign campaign; the key stays behind."""
+    target.mkdir(parents=True, exist_ok=True)
+    for name in ("ball.csv", "pendulum.csv"):
+        shutil.copyfile(source / name, target / name)
+    public = json.loads((source / "public.json").read_text(encoding="utf-8"))
+    write_setup(target / "setup.toml", lab_facts(public))
+
+
+def convert_all(source: Path, target: Path) -> list[Path]:
+    """Convert every campaign folder below `source`; the folders written, in order."""
+    folders = sorted(path.parent for path in source.glob("*/public.json"))
+    for folder in folders:
+        convert(folder, target / folder.name)
+    return [target / folder.name for folder in folders]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("source", type=Path, help="folder of foreign campaigns (NN/public.json)")
+    parser.add_argument("target", type=Path, help="where the converted campaigns go")
+    options = parser.parse_args()
+    for folder in convert_all(options.source, options.target):
+        print(folder)
+
+
+if __name__ == "__main__":
+    main()
