@@ -1,0 +1,68 @@
+"""Checks at the door: a number that no law holds for is refused with its name, never turned into a NaN."""
+
+import math
+
+import numpy as np
+
+from metrology import DomainError
+from physics.arrays import FloatArray, Number
+
+__all__ = ["require_angle", "require_finite", "require_non_negative", "require_positive"]
+
+
+def _values(value: Number) -> FloatArray:
+    return np.atleast_1d(np.asarray(value, dtype=np.float64))
+
+
+def require_finite(name: str, value: Number) -> None:
+    """Refuse NaN and infinity.
+
+    Raises
+    ------
+    DomainError
+        If any entry of `value` is not a finite number.
+    """
+    if not np.all(np.isfinite(_values(value))):
+        raise DomainError(f"{name} must be a finite number, not {value}")
+
+
+def require_positive(name: str, value: Number, unit: str = "") -> None:
+    """Refuse zero, negative numbers, NaN and infinity.
+
+    Raises
+    ------
+    DomainError
+        If any entry of `value` is not a finite number above zero.
+    """
+    require_finite(name, value)
+    if np.any(_values(value) <= 0.0):
+        raise DomainError(f"{name} must be above zero, not {value} {unit}".rstrip())
+
+
+def require_non_negative(name: str, value: Number, unit: str = "") -> None:
+    """Refuse negative numbers, NaN and infinity.
+
+    Raises
+    ------
+    DomainError
+        If any entry of `value` is negative or no finite number.
+    """
+    require_finite(name, value)
+    if np.any(_values(value) < 0.0):
+        raise DomainError(f"{name} can't be negative: {value} {unit}".rstrip())
+
+
+def require_angle(name: str, value: Number, limit: float = math.pi) -> None:
+    """Refuse angles beyond ±`limit` (rad).
+
+    Raises
+    ------
+    DomainError
+        If any entry lies outside; the message speaks in degrees, as a person typed it.
+    """
+    require_finite(name, value)
+    if np.any(np.abs(_values(value)) > limit):
+        raise DomainError(
+            f"{name} of {np.rad2deg(value)} deg is beyond {math.degrees(limit):g} deg",
+            hint="Angles of the pendulum are counted from its lowest point.",
+        )

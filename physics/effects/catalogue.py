@@ -1,0 +1,113 @@
+"""Every effect with an id of its own, in every form of its law."""
+
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+
+from metrology import UsageError
+from physics.effects.base import Effect
+from physics.effects.flight import (
+    AsymmetricWake,
+    Buoyancy,
+    DensityLapse,
+    Drag,
+    DragCrisis,
+    Magnus,
+    SpinDecay,
+    Wind,
+)
+from physics.effects.impact import (
+    ContactDisplacement,
+    EffectiveMass,
+    ObliqueImpact,
+    PivotRecoil,
+    SupportFriction,
+    SupportRecoil,
+    VelocityDependentCor,
+)
+from physics.effects.measurement import (
+    CameraRoll,
+    DroppedFrames,
+    LengthScale,
+    LensDistortion,
+    OriginOffset,
+    Parallax,
+    RollingShutter,
+    TimeBase,
+)
+from physics.effects.swing import BackswingOffset, BearingFriction, PendulumDrag, ViscousDamping
+
+__all__ = ["CATALOGUE", "MEASUREMENT_IDS", "catalogue_with", "effect_named"]
+
+_ALL: tuple[Effect, ...] = (
+    Drag(),
+    DragCrisis(),
+    DensityLapse(),
+    Magnus(),
+    SpinDecay(),
+    Wind(),
+    Buoyancy(),
+    AsymmetricWake(),
+    VelocityDependentCor(),
+    EffectiveMass(),
+    EffectiveMass(form="mass"),
+    ObliqueImpact(),
+    SupportFriction(),
+    SupportFriction(form="until lift-off"),
+    ContactDisplacement(),
+    PivotRecoil(),
+    SupportRecoil(),
+    SupportRecoil(form="of vertical speed"),
+    SupportRecoil(form="constant"),
+    BearingFriction(),
+    ViscousDamping(),
+    PendulumDrag(),
+    BackswingOffset(),
+    TimeBase(),
+    LengthScale(),
+    LengthScale(form="about the start"),
+    CameraRoll(),
+    CameraRoll(form="ball only"),
+    CameraRoll(form="about the start"),
+    CameraRoll(form="about the view"),
+    Parallax(),
+    LensDistortion(),
+    RollingShutter(),
+    RollingShutter(form="along"),
+    OriginOffset(),
+    DroppedFrames(),
+    DroppedFrames(form="steadily"),
+)
+
+
+def _grouped(effects: Iterable[Effect]) -> Mapping[str, tuple[Effect, ...]]:
+    groups: dict[str, tuple[Effect, ...]] = {}
+    for effect in effects:
+        groups[effect.id] = (*groups.get(effect.id, ()), effect)
+    return MappingProxyType(groups)
+
+
+CATALOGUE: Mapping[str, tuple[Effect, ...]] = _grouped(_ALL)
+"""Effect id → its forms, the usual one first."""
+
+MEASUREMENT_IDS = frozenset(e.id for e in _ALL if e.phase == "measurement")
+"""Ids that blame the instrument."""
+
+
+def catalogue_with(own: Iterable[Effect]) -> Mapping[str, tuple[Effect, ...]]:
+    """Give the catalogue with a user's effects added; an id that exists gains a form."""
+    return _grouped((*_ALL, *own))
+
+
+def effect_named(name: str) -> Effect:
+    """Give the usual form of an effect.
+
+    Raises
+    ------
+    UsageError
+        If there is no effect of that id; the message lists what there is.
+    """
+    if name not in CATALOGUE:
+        raise UsageError(
+            f"there is no effect {name!r}", hint=f"Known effects: {', '.join(CATALOGUE)}."
+        )
+    return CATALOGUE[name][0]

@@ -1,0 +1,216 @@
+"""Forces on a ball in the air."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from physics.arrays import Number, Vector
+from physics.effects.base import Effect, Flight, Parameter, Phase, Values
+
+__all__ = [
+    "AsymmetricWake",
+    "Buoyancy",
+    "DensityLapse",
+    "Drag",
+    "DragCrisis",
+    "Magnus",
+    "SpinDecay",
+    "Wind",
+]
+
+
+@dataclass(frozen=True)
+class Drag(Effect):
+    """Resistance of the air with a constant coefficient."""
+
+    id: str = "drag"
+    statement: str = "The air slows the ball in proportion to the square of its speed."
+    law: str = r"\mathbf F = -\tfrac12 \rho C_d A |\mathbf v| \mathbf v"
+    source: str = "Eq. 3 of the paper; Newton, Principia II, prop. 40"
+    phase: Phase = "flight"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("drag_coefficient", "1", 0.5, 0.0, 1.6, meaning="replaces the model's value"),
+    )
+    confusable: tuple[str, ...] = ("wind", "drag_crisis", "length_scale", "time_base")
+    separating: str = "the same ball at a clearly different launch speed, over a longer flight"
+
+    def force(self, values: Values, flight: Flight) -> Vector:
+        """Against the velocity, with its square."""
+        k = -flight.dynamic_area * values["drag_coefficient"] * flight.speed
+        return k * flight.vx, k * flight.vy, k * flight.vz
+
+
+@dataclass(frozen=True)
+class DragCrisis(Effect):
+    """The fall of the drag coefficient where the boundary layer turns turbulent."""
+
+    id: str = "drag_crisis"
+    statement: str = "Above a critical speed the drag coefficient falls (drag crisis)."
+    law: str = r"C_d(Re) = C_{d,0} - \Delta C_d / (1 + e^{-(Re - Re_c)/(w Re_c)})"
+    source: str = "Achenbach, J. Fluid Mech. 54, 565 (1972)"
+    phase: Phase = "flight"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("coefficient_drop", "1", 0.2, 0.0, 0.6, meaning="fall of the drag coefficient"),
+        Parameter(
+            "critical_reynolds",
+            "1",
+            3e4,
+            8e3,
+            5e5,
+            grid=(2.5e4, 4e4, 5.5e4, 7e4, 9e4, 1.2e5, 2e5),
+            meaning="Reynolds number at the middle of the fall",
+        ),
+        Parameter("width", "1", 0.1, 0.02, 0.5, grid=(0.06, 0.2), meaning="relative to it"),
+    )
+    confusable: tuple[str, ...] = ("drag", "wind", "unnamed")
+    separating: str = "launch speeds on both sides of the critical speed"
+
+    def force(self, values: Values, flight: Flight) -> Vector:
+        """What the lower coefficient gives back."""
+        speed = flight.speed
+        reynolds = flight.air_density * speed * flight.diameter / flight.air_viscosity
+        critical = values["critical_reynolds"]
+        argument = (reynolds - critical) / (values["width"] * critical)
+        fallen = 0.5 * (1.0 + np.tanh(0.5 * argument))
+        k = flight.dynamic_area * values["coefficient_drop"] * fallen * speed
+        return k * flight.vx, k * flight.vy, k * flight.vz
+
+
+@dataclass(frozen=True)
+class DensityLapse(Effect):
+    """Air that thins with height."""
+
+    id: str = "density_lapse"
+    statement: str = "The air gets thinner with height, and with it the drag."
+    law: str = r"\rho(y) = \rho_0 e^{-y/H}"
+    source: str = "barometric formula; ISA scale height of density about 10 km near the ground"
+    phase: Phase = "flight"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("inverse_scale_height", "1/m", 1e-4, 0.0, 4e-4, meaning="1/H"),
+    )
+    confusable: tuple[str, ...] = ("drag", "drag_crisis")
+    separating: str = "flights through the same speeds at another height"
+    requires: tuple[str, ...] = ("drag",)
+
+    def force(self, values: Values, flight: Flight) -> Vector:
+        """What thinner air gives back of the drag."""
+        thinned = -np.expm1(-np.asarray(flight.y) * values["inverse_scale_height"])
+        k = flight.dynamic_area * flight.drag_coefficient * flight.speed * thinned
+        return k * flight.vx, k * flight.vy, k * flight.vz
+
+
+@dataclass(frozen=True)
+class Magnus(Effect):
+    """Lift on a spinning ball."""
+
+    id: str = "magnus"
+    statement: str = "The ball spins and the air lifts it at right angles to its path (Magnus)."
+    law: str = r"\mathbf F = \tfrac12 \rho A R\, \boldsymbol\omega \times \mathbf v"
+    source: str = "Magnus 1852; Robinson and Robinson, Phys. Scr. 88, 018101 (2013)"
+    phase: Phase = "flight"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("spin", "rad/s", 10.0, -400.0, 400.0, meaning="counter-clockwise: back-spin"),
+    )
+    confusable: tuple[str, ...] = ("buoyancy", "asymmetric_wake", "time_base")
+    separating: str = "a mark on the ball that shows its spin"
+
+    def force(self, values: Values, flight: Flight) -> Vector:
+        """Lift with a coefficient of one per spin ratio Rω/v."""
+        k = 0.5 * flight.dynamic_area * flight.diameter * values["spin"]
+        return -k * flight.vy, k * flight.vx, np.zeros_like(np.asarray(flight.vz) * k)
+
+
+@dataclass(frozen=True)
+class SpinDecay(Effect):
+    """Spin that the air brakes during the flight."""
+
+    id: str = "spin_decay"
+    statement: str = "The ball's spin, and the lift with it, decays during the flight."
+    law: str = r"\omega(t) = \omega_0 e^{-\lambda t}"
+    source: str = "Smits and Smith, Science and Golf II (1994)"
+    phase: Phase = "flight"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("decay_rate", "1/s", 1.0, 0.0, 20.0, meaning="inverse time constant"),
+    )
+    confusable: tuple[str, ...] = ("magnus",)
+    separating: str = "a mark on the ball that shows its spin over the whole flight"
+    requires: tuple[str, ...] = ("magnus",)
+
+    def force(self, values: Values, flight: Flight) -> Vector:
+        """The lift that has been lost."""
+        lost = np.expm1(-np.asarray(flight.time) * values["decay_rate"])
+        k = 0.5 * flight.dynamic_area * flight.diameter * flight.spin * lost
+        return -k * flight.vy, k * flight.vx, np.zeros_like(np.asarray(flight.vz) * k)
+
+
+@dataclass(frozen=True)
+class Wind(Effect):
+    """A steady draught along the line of flight."""
+
+    id: str = "wind"
+    statement: str = "The air itself moves: a steady draught along the line of flight."
+    law: str = r"\mathbf F = -\tfrac12 \rho C_d A |\mathbf v - \mathbf w| (\mathbf v - \mathbf w)"
+    source: str = "drag on the velocity relative to the air"
+    phase: Phase = "flight"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("wind_x", "m/s", 0.5, -15.0, 15.0, meaning="positive with the ball"),
+    )
+    confusable: tuple[str, ...] = ("drag", "drag_crisis", "unnamed")
+    separating: str = "one shot in the opposite direction, or one drop from rest"
+    requires: tuple[str, ...] = ("drag",)
+
+    def force(self, values: Values, flight: Flight) -> Vector:
+        """Drag on the relative velocity less drag on the velocity."""
+        k = flight.dynamic_area * flight.drag_coefficient
+        still = flight.speed
+        ux = flight.vx - values["wind_x"]
+        moving = np.sqrt(np.square(ux) + np.square(flight.vy) + np.square(flight.vz))
+        difference = k * (still - moving)
+        return (
+            k * (still * flight.vx - moving * ux),
+            difference * flight.vy,
+            difference * flight.vz,
+        )
+
+
+@dataclass(frozen=True)
+class Buoyancy(Effect):
+    """The weight of the air that the ball displaces."""
+
+    id: str = "buoyancy"
+    statement: str = "The displaced air carries part of the ball's weight (buoyancy)."
+    law: str = r"F_y = f \rho V g"
+    source: str = "Archimedes; f = 1 in full"
+    phase: Phase = "flight"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("fraction", "1", 1.0, 0.0, 4.0, meaning="1 for Archimedes' value"),
+    )
+    confusable: tuple[str, ...] = ("magnus", "time_base", "length_scale", "asymmetric_wake")
+    separating: str = "one drop from rest of this ball beside a small dense one"
+
+    def force(self, values: Values, flight: Flight) -> Vector:
+        """Straight up."""
+        lift: Number = values["fraction"] * flight.air_density * flight.volume * flight.gravity
+        nothing = np.zeros_like(np.asarray(flight.vx) * lift)
+        return nothing, lift + nothing, nothing
+
+
+@dataclass(frozen=True)
+class AsymmetricWake(Effect):
+    """Lift on a ball that does not spin, from seams or a valve."""
+
+    id: str = "asymmetric_wake"
+    statement: str = "The wake is asymmetric (seam, valve): a lift that grows with speed squared."
+    law: str = r"\mathbf F = \tfrac12 \rho C_s A |\mathbf v|\, \hat{\mathbf z} \times \mathbf v"
+    source: str = "Mehta, Annu. Rev. Fluid Mech. 17, 151 (1985)"
+    phase: Phase = "flight"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("side_coefficient", "1", 0.1, -0.8, 0.8, meaning="positive lifts the ball"),
+    )
+    confusable: tuple[str, ...] = ("magnus", "buoyancy")
+    separating: str = "the same ball turned by half a turn on its support"
+
+    def force(self, values: Values, flight: Flight) -> Vector:
+        """At right angles to the velocity in the plane of flight."""
+        k = flight.dynamic_area * values["side_coefficient"] * flight.speed
+        return -k * flight.vy, k * flight.vx, np.zeros_like(np.asarray(flight.vz) * k)

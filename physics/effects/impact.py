@@ -1,0 +1,244 @@
+"""What may go differently while pendulum and ball touch.
+
+The table or the contact model of the baseline says what a contact does; these change it by the
+impulse that the effect adds. The normal impulse of a contact with restitution e gives the ball
+(1 + e) u M/(M + m) and leaves the pendulum (M − e m) u/(M + m), with M = I/L², u the impact speed.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from physics.arrays import Number
+from physics.effects.base import Contact, Effect, Outcome, Parameter, Phase, Values
+
+__all__ = [
+    "ContactDisplacement",
+    "EffectiveMass",
+    "ObliqueImpact",
+    "PivotRecoil",
+    "SupportFriction",
+    "SupportRecoil",
+    "VelocityDependentCor",
+    "add_normal_speeds",
+    "change_restitution",
+    "turn_launch",
+]
+
+REFERENCE_SPEED = 2.5
+"""m/s, where the slope of a velocity-dependent COR adds nothing (middle of the paper's range)."""
+
+
+def add_normal_speeds(
+    contact: Contact, outcome: Outcome, ball: Number, pendulum: Number
+) -> Outcome:
+    """Add to the ball's speed along the contact normal and to the pendulum's speed, m/s."""
+    normal = 0.5 * (contact.angle + outcome.pendulum_angle)
+    # A speed gained evenly over the contact is also half a contact time's worth of way.
+    way = 0.5 * outcome.contact_time
+    return replace(
+        outcome,
+        vx=outcome.vx + ball * np.cos(normal),
+        vy=outcome.vy + ball * np.sin(normal),
+        x=outcome.x + way * ball * np.cos(normal),
+        y=outcome.y + way * ball * np.sin(normal),
+        pendulum_speed=outcome.pendulum_speed + pendulum,
+        pendulum_angle=outcome.pendulum_angle + way * pendulum / contact.length,
+    )
+
+
+def change_restitution(contact: Contact, outcome: Outcome, change: Number) -> Outcome:
+    """Outcome with the coefficient of restitution changed by `change`, everything else alike."""
+    heavy, light = contact.inertial_mass, contact.ball_mass
+    share = change * contact.impact_speed / (heavy + light)
+    return add_normal_speeds(contact, outcome, heavy * share, -light * share)
+
+
+def turn_launch(outcome: Outcome, angle: Number) -> Outcome:
+    """Outcome with the ball's velocity turned by `angle` (rad, positive up), about its start."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return replace(
+        outcome,
+        vx=cosine * outcome.vx - sine * outcome.vy,
+        vy=sine * outcome.vx + cosine * outcome.vy,
+    )
+
+
+@dataclass(frozen=True)
+class VelocityDependentCor(Effect):
+    """A COR that changes with speed otherwise than the model says."""
+
+    id: str = "velocity_dependent_cor"
+    statement: str = "The coefficient of restitution changes with impact speed."
+    law: str = r"e(v) = e_0(v) + s\,(v - 2.5\,\mathrm{m/s})"
+    source: str = "Eqs 24, 25 of the paper; Kuwabara and Kono, Jpn. J. Appl. Phys. 26, 1230 (1987)"
+    phase: Phase = "contact"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("slope", "s/m", 0.02, -0.3, 0.3, meaning="change of e per speed"),
+    )
+    confusable: tuple[str, ...] = ("support_friction", "drag", "effective_mass")
+    separating: str = "pendulum speeds before and after contact at three or more impact speeds"
+
+    def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
+        """More or less restitution, by impact speed."""
+        change = values["slope"] * (contact.impact_speed - REFERENCE_SPEED)
+        return change_restitution(contact, outcome, change)
+
+
+@dataclass(frozen=True)
+class EffectiveMass(Effect):
+    """A pendulum that hits with another mass, or on another arm, than the model says."""
+
+    id: str = "effective_mass"
+    statement: str = "The pendulum meets the ball with another effective mass (contact arm)."
+    law: str = r"M_E = I / L_c^2,\quad L_c = L(1+\epsilon)"
+    source: str = "section IV and Table 2 of the paper"
+    phase: Phase = "contact"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("relative_error", "1", 0.02, -0.5, 0.5, meaning="of the arm, or of the mass"),
+    )
+    form: str = "arm"
+    confusable: tuple[str, ...] = ("camera_roll", "backswing_offset", "pivot_recoil")
+    separating: str = "pendulum speeds before and after contact, with a ball of another mass"
+
+    def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
+        """Share the momentum with another mass; on another arm also hit at another speed."""
+        light, heavy, e = contact.ball_mass, contact.inertial_mass, contact.restitution
+        u = contact.impact_speed
+        stretch = 1.0 + values["relative_error"]
+        if self.form == "mass":
+            other, speed, seen = heavy * stretch, u, stretch / stretch
+        else:
+            other, speed, seen = heavy / stretch**2, u * stretch, 1.0 / stretch
+        ball = (1.0 + e) * (speed * other / (other + light) - u * heavy / (heavy + light))
+        after = (other - e * light) / (other + light) * speed * seen
+        pendulum = after - (heavy - e * light) / (heavy + light) * u
+        return add_normal_speeds(contact, outcome, ball, pendulum)
+
+
+@dataclass(frozen=True)
+class ObliqueImpact(Effect):
+    """A face that meets the ball off its centre."""
+
+    id: str = "oblique_impact"
+    statement: str = "The face meets the ball off its centre and sends it off at another angle."
+    law: str = r"\Delta\theta = \arcsin(2h/d)"
+    source: str = "oblique impact, Goldsmith, Impact (1960), ch. 1"
+    phase: Phase = "contact"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("offset", "m", 0.002, -0.08, 0.08, meaning="above the centre is positive"),
+    )
+    confusable: tuple[str, ...] = ("camera_roll", "support_recoil")
+    separating: str = "a plumb line in view, and a mark that shows spin"
+
+    def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
+        """Turn the impulse."""
+        ratio = np.clip(2.0 * values["offset"] / contact.diameter, -0.9, 0.9)
+        return turn_launch(outcome, -np.arcsin(ratio))
+
+
+@dataclass(frozen=True)
+class SupportFriction(Effect):
+    """Friction between ball and support until the ball has lifted off."""
+
+    id: str = "support_friction"
+    statement: str = "The ball rubs on its support while it is being pushed off."
+    law: str = r"\Delta v_x = -\mu g\,t_s"
+    source: str = "Coulomb friction under the ball's weight over the time on the support"
+    phase: Phase = "contact"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("friction_coefficient", "1", 0.3, 0.0, 3.0, meaning="ball on support"),
+    )
+    form: str = "whole contact"
+    confusable: tuple[str, ...] = ("velocity_dependent_cor", "pivot_recoil")
+    separating: str = "a launch off a slippery support (a sheet of PTFE)"
+
+    def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
+        """Take speed from the ball for the time it rests on the support."""
+        on_support = outcome.contact_time
+        if self.form == "until lift-off":
+            # The ball lifts once sin(angle) of the rising push exceeds its weight; for a half sine
+            # of impulse (1+e) u m M/(M+m) that is early in a fast contact.
+            gain = (1.0 + contact.restitution) * contact.impact_speed
+            gain = gain * contact.inertial_mass / (contact.inertial_mass + contact.ball_mass)
+            peak = 0.5 * np.pi * gain / on_support * np.sin(contact.angle)
+            on_support = on_support / np.pi * np.arcsin(np.clip(contact.gravity / peak, 0.0, 1.0))
+        lost = values["friction_coefficient"] * contact.gravity * on_support
+        return replace(
+            outcome, vx=outcome.vx - lost, x=outcome.x - 0.5 * lost * outcome.contact_time
+        )
+
+
+@dataclass(frozen=True)
+class ContactDisplacement(Effect):
+    """A ball that is released further along, or less far, than the model says."""
+
+    id: str = "contact_displacement"
+    statement: str = "The ball has moved otherwise during contact than the model says."
+    law: str = r"x_0 = x_{0,model}(1+k)"
+    source: str = "section II of the paper: displacement v_avg Δt during contact"
+    phase: Phase = "contact"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("relative_change", "1", 0.1, -2.0, 5.0, meaning="of the way during contact"),
+    )
+    confusable: tuple[str, ...] = ("origin_offset", "dropped_frames")
+    separating: str = "more frames during contact (higher capture rate)"
+
+    def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
+        """Stretch the way, at unchanged velocity."""
+        return replace(outcome, x=outcome.x * (1.0 + values["relative_change"]))
+
+
+@dataclass(frozen=True)
+class PivotRecoil(Effect):
+    """A pivot that gives way and takes momentum."""
+
+    id: str = "pivot_recoil"
+    statement: str = "The pivot gives way under the impact and takes part of the momentum."
+    law: str = r"J = J_0(1-k)"
+    source: str = "centre of percussion: the pivot's reaction during the impact"
+    phase: Phase = "contact"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("lost_share", "1", 0.02, 0.0, 0.5, meaning="of ball's and pendulum's speeds"),
+    )
+    confusable: tuple[str, ...] = ("effective_mass", "bearing_friction", "velocity_dependent_cor")
+    separating: str = "the pivot in view, or an accelerometer on the frame"
+
+    def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
+        """Take the same share from both bodies."""
+        kept = 1.0 - values["lost_share"]
+        return replace(
+            outcome,
+            vx=outcome.vx * kept,
+            vy=outcome.vy * kept,
+            pendulum_speed=outcome.pendulum_speed * kept,
+        )
+
+
+@dataclass(frozen=True)
+class SupportRecoil(Effect):
+    """A support that kicks or swallows upward momentum."""
+
+    id: str = "support_recoil"
+    statement: str = "The support pushes back: the ball leaves with another vertical speed."
+    law: str = r"\Delta v_y = k\,u \quad\text{or}\quad \Delta v_y = k\,v_{y}"
+    source: str = "reaction impulse of the support during contact"
+    phase: Phase = "contact"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("vertical_share", "1", 0.02, -0.5, 0.5, meaning="vertical speed gained"),
+    )
+    form: str = "of impact speed"
+    confusable: tuple[str, ...] = ("oblique_impact", "camera_roll")
+    separating: str = "the support in view at contact, or a launch off a soft support"
+
+    def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
+        """Add vertical speed."""
+        reference: Number = contact.impact_speed
+        if self.form == "of vertical speed":
+            reference = outcome.vy
+        elif self.form == "constant":
+            reference = 1.0
+        gained = values["vertical_share"] * reference
+        return replace(
+            outcome, vy=outcome.vy + gained, y=outcome.y + 0.5 * gained * outcome.contact_time
+        )

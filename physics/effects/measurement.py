@@ -1,0 +1,252 @@
+"""The instrument as a suspect: what clock and camera do to a true motion."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from physics.arrays import FloatArray, Number, Vector
+from physics.effects.base import Effect, Parameter, Phase, Values, View
+
+__all__ = [
+    "CameraRoll",
+    "DroppedFrames",
+    "LengthScale",
+    "LensDistortion",
+    "OriginOffset",
+    "Parallax",
+    "RollingShutter",
+    "TimeBase",
+]
+
+PLUMB = "a plumb line in view"
+RULER = "a ruler in the ball's plane, at two places in view"
+CLOCK = "a clock of known rate in view (a blinking LED)"
+
+
+@dataclass(frozen=True)
+class TimeBase(Effect):
+    """A capture rate other than stated."""
+
+    id: str = "time_base"
+    statement: str = "The camera's frame rate is not what the recording says."
+    law: str = r"t = t_{rec} / (1 + \epsilon)"
+    source: str = "time stamps as frame count over nominal rate"
+    phase: Phase = "measurement"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("rate_error", "1", 0.003, -0.6, 9.0, meaning="true rate over stated, minus one"),
+    )
+    confusable: tuple[str, ...] = ("length_scale", "buoyancy", "drag")
+    separating: str = CLOCK
+
+    def clock(self, values: Values, time: Number) -> Number:
+        """Frames came faster by 1 + ε, so less time passed than was counted."""
+        return time / (1.0 + values["rate_error"])
+
+
+@dataclass(frozen=True)
+class LengthScale(Effect):
+    """A scale that is off."""
+
+    id: str = "length_scale"
+    statement: str = "The length scale of the recording is wrong."
+    law: str = r"\mathbf r_{rec} = (1 + \epsilon)\,\mathbf r"
+    source: str = "a calibration ruler misread or out of the ball's plane"
+    phase: Phase = "measurement"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("scale_error", "1", 0.005, -0.5, 1.0, meaning="recorded over true, minus one"),
+    )
+    form: str = "about the origin"
+    confusable: tuple[str, ...] = ("time_base", "parallax", "drag")
+    separating: str = RULER
+
+    def image(self, values: Values, view: View) -> Vector:
+        """Stretch about the origin on the floor, or about the ball's place at rest."""
+        error = values["scale_error"]
+        if self.form == "about the start":
+            return (
+                view.x + error * (view.x - view.rest_x),
+                view.y + error * (view.y - view.rest_y),
+                view.z * (1.0 + error),
+            )
+        stretch = 1.0 + error
+        return view.x * stretch, view.y * stretch, view.z * stretch
+
+
+@dataclass(frozen=True)
+class CameraRoll(Effect):
+    """A camera whose horizontal is not the world's."""
+
+    id: str = "camera_roll"
+    statement: str = "The camera is tilted: its horizontal is not the world's."
+    law: str = r"\mathbf r_{rec} = R(\alpha)\,\mathbf r"
+    source: str = "rotation of the picture about the optical axis"
+    phase: Phase = "measurement"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("roll", "rad", 0.005, -0.5, 0.5, meaning="picture turned counter-clockwise"),
+    )
+    form: str = "about the origin"
+    confusable: tuple[str, ...] = ("oblique_impact", "effective_mass", "support_recoil")
+    separating: str = PLUMB
+
+    def _pivot(self, view: View) -> tuple[Number, Number]:
+        if self.form == "about the start":
+            return view.rest_x, view.rest_y
+        if self.form == "about the view":
+            return view.centre_x, view.centre_y
+        return 0.0, 0.0
+
+    def image(self, values: Values, view: View) -> Vector:
+        """Turn the picture."""
+        cosine, sine = np.cos(values["roll"]), np.sin(values["roll"])
+        x0, y0 = self._pivot(view)
+        dx, dy = view.x - x0, view.y - y0
+        return x0 + cosine * dx - sine * dy, y0 + sine * dx + cosine * dy, view.z
+
+    def angle(self, values: Values, view: View) -> Number:
+        """The pendulum's angle turns with the picture, unless it was read against the picture."""
+        if self.form in ("ball only", "about the start"):
+            return view.phi
+        return view.phi + values["roll"]
+
+
+@dataclass(frozen=True)
+class Parallax(Effect):
+    """A ball that flies in another plane than the one the scale holds for."""
+
+    id: str = "parallax"
+    statement: str = "The ball flies in another plane than the scale was made for (parallax)."
+    law: str = r"\mathbf r_{rec} = \mathbf r + k\,(\mathbf r - \mathbf r_{foot})"
+    source: str = "Fig. 9 of the paper: enlargement D/(D − d) about the foot of the optical axis"
+    phase: Phase = "measurement"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("plane_error", "1", 0.005, -0.5, 0.5, meaning="relative error of the distance"),
+        Parameter("foot_x", "m", 1.0, -20.0, 20.0, grid=(0.5, 1.1, 2.0), meaning="optical axis"),
+        Parameter("foot_y", "m", 0.5, -10.0, 10.0, grid=(0.1, 0.6), meaning="optical axis"),
+    )
+    confusable: tuple[str, ...] = ("length_scale", "time_base", "origin_offset")
+    separating: str = RULER
+
+    def image(self, values: Values, view: View) -> Vector:
+        """Stretch about the foot of the optical axis."""
+        k = values["plane_error"]
+        return (
+            view.x + k * (view.x - values["foot_x"]),
+            view.y + k * (view.y - values["foot_y"]),
+            view.z,
+        )
+
+
+@dataclass(frozen=True)
+class LensDistortion(Effect):
+    """A lens that bends straight lines."""
+
+    id: str = "lens_distortion"
+    statement: str = "The lens distorts: what is far from the picture's centre is displaced."
+    law: str = (
+        r"\mathbf r_{rec} = \mathbf c + (\mathbf r - \mathbf c)(1 + k |\mathbf r - \mathbf c|^2)"
+    )
+    source: str = "Brown, Photogramm. Eng. 37, 855 (1971), first radial term"
+    phase: Phase = "measurement"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("radial", "1/m^2", 0.005, -0.3, 0.3, meaning="positive: pincushion"),
+        Parameter(
+            "centre_along",
+            "1",
+            0.5,
+            -3.0,
+            3.0,
+            grid=(-0.6, -0.2, 0.2, 0.6),
+            meaning="axis from the middle of the balls' ways, in half widths",
+        ),
+        Parameter(
+            "centre_up", "1", 0.5, -3.0, 3.0, grid=(-0.2, 0.1, 0.4), meaning="likewise, upward"
+        ),
+    )
+    confusable: tuple[str, ...] = ("parallax", "length_scale", "drag", "rolling_shutter")
+    separating: str = "a picture of a grid with this lens"
+
+    def image(self, values: Values, view: View) -> Vector:
+        """Displace radially with the cube of the distance from the axis."""
+        x0 = view.centre_x + values["centre_along"] * view.half_width
+        y0 = view.centre_y + values["centre_up"] * view.half_width
+        dx, dy = view.x - x0, view.y - y0
+        k = values["radial"] * (np.square(dx) + np.square(dy))
+        return view.x + k * dx, view.y + k * dy, view.z
+
+
+@dataclass(frozen=True)
+class RollingShutter(Effect):
+    """Rows of the picture that are read one after the other."""
+
+    id: str = "rolling_shutter"
+    statement: str = "The picture's rows are read one after the other (rolling shutter)."
+    law: str = r"t = t_{frame} + \kappa\,(y_0 - y)"
+    source: str = "row-wise read-out of CMOS sensors"
+    phase: Phase = "measurement"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("delay", "s/m", 0.002, -0.2, 0.2, meaning="later per metre downward"),
+    )
+    form: str = "downward"
+    confusable: tuple[str, ...] = ("camera_roll", "time_base", "lens_distortion")
+    separating: str = "a flash of light in view, or the same flight with the camera upside down"
+
+    def image(self, values: Values, view: View) -> Vector:
+        """Show the ball where it is when its row is read (first order in the delay)."""
+        along = view.rest_y - view.y if self.form == "downward" else view.x - view.rest_x
+        late = values["delay"] * along
+        return view.x + view.vx * late, view.y + view.vy * late, view.z + view.vz * late
+
+
+@dataclass(frozen=True)
+class OriginOffset(Effect):
+    """An origin that is off."""
+
+    id: str = "origin_offset"
+    statement: str = "The origin of the recorded positions is off."
+    law: str = r"\mathbf r_{rec} = \mathbf r + \mathbf d"
+    source: str = "a misread zero of the wall scale"
+    phase: Phase = "measurement"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("offset_x", "m", 0.005, -2.0, 2.0, meaning="along the wall"),
+        Parameter("offset_y", "m", 0.005, -2.0, 2.0, meaning="upward"),
+    )
+    confusable: tuple[str, ...] = ("contact_displacement", "parallax")
+    separating: str = "the ball at rest in view together with the wall scale"
+
+    def image(self, values: Values, view: View) -> Vector:
+        """Displace."""
+        return view.x + values["offset_x"], view.y + values["offset_y"], view.z
+
+
+@dataclass(frozen=True)
+class DroppedFrames(Effect):
+    """Frames that the recording lost without a trace."""
+
+    id: str = "dropped_frames"
+    statement: str = "Frames are missing from the recording, so its clock falls behind."
+    law: str = r"t = t_{rec} + \delta\,\Theta(t_{rec} - t_d)"
+    source: str = "time stamps as frame count over nominal rate"
+    phase: Phase = "measurement"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("gap", "s", 0.002, -0.005, 0.5, meaning="time lost from the recording"),
+        Parameter(
+            "instant",
+            "s",
+            0.1,
+            -1.0,
+            5.0,
+            grid=(-0.15, -0.1, -0.05, -0.01, 0.02, 0.05, 0.08, 0.11, 0.14, 0.17, 0.2, 0.25, 0.3),
+            meaning="after contact onset, on the recording's clock",
+        ),
+    )
+    form: str = "once"
+    confusable: tuple[str, ...] = ("time_base", "contact_displacement", "drag")
+    separating: str = CLOCK
+
+    def clock(self, values: Values, time: Number) -> Number:
+        """Jump once, or lose frames steadily from an instant on."""
+        after: FloatArray = np.asarray(time, dtype=np.float64) - values["instant"]
+        lost = (
+            100.0 * np.maximum(after, 0.0) if self.form == "steadily" else np.heaviside(after, 0.0)
+        )
+        return time + values["gap"] * lost

@@ -1,0 +1,93 @@
+"""Torques on the pendulum, and where it really starts from."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from physics.arrays import Number
+from physics.effects.base import Effect, Parameter, Phase, Swing, Values
+
+__all__ = ["BackswingOffset", "BearingFriction", "PendulumDrag", "ViscousDamping"]
+
+STICTION_RATE = 0.02
+"""rad/s below which dry friction is smoothed so that a solver can step through a turning point."""
+
+
+@dataclass(frozen=True)
+class BearingFriction(Effect):
+    """Dry friction of the bearing."""
+
+    id: str = "bearing_friction"
+    statement: str = "The bearing rubs dry: a constant torque against the motion (Coulomb)."
+    law: str = r"\tau = -\tau_c\,\mathrm{sign}\,\dot\varphi"
+    source: str = "Coulomb 1785; for pendulums Squire, Am. J. Phys. 54, 984 (1986)"
+    phase: Phase = "swing"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("dry_torque", "N m", 0.1, 0.0, 5.0, meaning="torque of the dry bearing"),
+    )
+    confusable: tuple[str, ...] = ("viscous_damping", "pendulum_drag", "backswing_offset")
+    separating: str = "a free swing over many periods: amplitude falls linearly under dry friction"
+
+    def torque(self, values: Values, swing: Swing) -> Number:
+        """Constant, against the motion."""
+        return -values["dry_torque"] * np.tanh(swing.omega / STICTION_RATE)
+
+
+@dataclass(frozen=True)
+class ViscousDamping(Effect):
+    """Damping in proportion to the rate."""
+
+    id: str = "viscous_damping"
+    statement: str = "The swing is damped in proportion to its rate (viscous bearing)."
+    law: str = r"\tau = -c\,\dot\varphi"
+    source: str = "Stokes 1851"
+    phase: Phase = "swing"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("viscous_coefficient", "N m s", 0.03, 0.0, 3.0, meaning="torque per rate"),
+    )
+    confusable: tuple[str, ...] = ("bearing_friction", "pendulum_drag")
+    separating: str = "a free swing over many periods: amplitude falls exponentially"
+
+    def torque(self, values: Values, swing: Swing) -> Number:
+        """In proportion to the rate."""
+        return -values["viscous_coefficient"] * swing.omega
+
+
+@dataclass(frozen=True)
+class PendulumDrag(Effect):
+    """Air drag on the pendulum."""
+
+    id: str = "pendulum_drag"
+    statement: str = "The air brakes the pendulum with the square of its rate."
+    law: str = r"\tau = -k\,|\dot\varphi|\dot\varphi"
+    source: str = "Squire, Am. J. Phys. 54, 984 (1986)"
+    phase: Phase = "swing"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("drag_torque", "N m s^2", 0.005, 0.0, 0.5, meaning="torque per rate squared"),
+    )
+    confusable: tuple[str, ...] = ("bearing_friction", "viscous_damping")
+    separating: str = "a free swing over many periods from a large angle"
+
+    def torque(self, values: Values, swing: Swing) -> Number:
+        """With the square of the rate."""
+        return -values["drag_torque"] * np.abs(swing.omega) * swing.omega
+
+
+@dataclass(frozen=True)
+class BackswingOffset(Effect):
+    """A protractor whose zero is off."""
+
+    id: str = "backswing_offset"
+    statement: str = "The protractor's zero is off: every swing starts from another angle."
+    law: str = r"\theta_0 = \theta_{read} + \delta"
+    source: str = "the reading of a protractor in 5° steps"
+    phase: Phase = "swing"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("offset", "rad", 0.01, -0.3, 0.3, meaning="added to every reading"),
+    )
+    confusable: tuple[str, ...] = ("bearing_friction", "viscous_damping", "effective_mass")
+    separating: str = "a plumb line in view, or the start of the swing in view"
+
+    def start(self, values: Values, backswing: Number) -> Number:
+        """Reading plus offset."""
+        return backswing + values["offset"]

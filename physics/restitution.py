@@ -1,0 +1,280 @@
+"""Laws e(v) for the coefficient of restitution, as objects and as text that is parsed, never run."""
+
+import ast
+import math
+import operator
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Protocol, cast
+
+import numpy as np
+
+from metrology import DomainError, UsageError
+from physics.arrays import FloatOrArray, Number
+
+__all__ = [
+    "ConstantCor",
+    "CorLaw",
+    "ExponentialCor",
+    "ExpressionCor",
+    "PowerLawCor",
+    "ShiftedCor",
+    "parse_cor_law",
+    "require_cor",
+]
+
+
+class CorLaw(Protocol):
+    """A law e(v): impact speed in m/s in, coefficient of restitution out, for floats and arrays."""
+
+    def __call__(self, speed: FloatOrArray) -> FloatOrArray:
+        """Coefficient of restitution at impact speed `speed`, m/s."""
+        ...
+
+
+def require_cor(value: Number) -> None:
+    """Refuse a coefficient of restitution outside (0, 1].
+
+    Raises
+    ------
+    DomainError
+        If any entry is outside, or not a number.
+    """
+    values = np.asarray(value, dtype=np.float64)
+    if not bool(np.all((values > 0.0) & (values <= 1.0))):
+        raise DomainError(
+            f"a coefficient of restitution must be above 0 and at most 1, not {value}",
+            hint="Check the law at this impact speed, or give a number such as 0.75.",
+        )
+
+
+def _checked(value: FloatOrArray) -> FloatOrArray:
+    require_cor(value)
+    return value
+
+
+@dataclass(frozen=True)
+class ConstantCor:
+    """The same coefficient of restitution at every speed.
+
+    Attributes
+    ----------
+    value : float
+        In (0, 1].
+    """
+
+    value: float
+
+    def __post_init__(self) -> None:
+        require_cor(self.value)
+
+    def __call__(self, speed: FloatOrArray) -> FloatOrArray:
+        """Coefficient of restitution, shaped as `speed`."""
+        return cast(FloatOrArray, speed * 0.0 + self.value)
+
+
+@dataclass(frozen=True)
+class ExponentialCor:
+    """Negative exponential e(v) = a exp(−b v − c) + d (Eqs 24, 25 of the paper).
+
+    Attributes
+    ----------
+    amplitude, rate, shift, floor : float
+        a (1), b (s/m), c (1), d (1).
+    """
+
+    amplitude: float
+    rate: float
+    shift: float
+    floor: float
+
+    def __call__(self, speed: FloatOrArray) -> FloatOrArray:
+        """Coefficient of restitution, shaped as `speed` (m/s)."""
+        decay = np.exp(-self.rate * speed - self.shift)
+        return _checked(cast(FloatOrArray, self.amplitude * decay + self.floor))
+
+    @property
+    def at_rest(self) -> ConstantCor:
+        """The paper's "constant" law: the value at v = 0."""
+        return ConstantCor(self.amplitude * math.exp(-self.shift) + self.floor)
+
+
+@dataclass(frozen=True)
+class PowerLawCor:
+    """Visco-elastic contact, e(v) = 1 − a v^p with p = 1/5.
+
+    Kuwabara and Kono, Jpn. J. Appl. Phys. 26, 1230 (1987): leading term for spheres in Hertz
+    contact with a viscous part. At speeds where it would fall to zero or below it is refused.
+
+    Attributes
+    ----------
+    coefficient : float
+        a, in (s/m)^p.
+    exponent : float
+        p.
+    """
+
+    coefficient: float
+    exponent: float = 0.2
+
+    def __call__(self, speed: FloatOrArray) -> FloatOrArray:
+        """Coefficient of restitution, shaped as `speed` (m/s)."""
+        return _checked(cast(FloatOrArray, 1.0 - self.coefficient * speed**self.exponent))
+
+
+@dataclass(frozen=True)
+class ShiftedCor:
+    """Another law plus a straight line in the speed: e(v) + offset + slope (v − pivot_speed).
+
+    Attributes
+    ----------
+    law : CorLaw
+        The law underneath.
+    offset : float
+        Added at every speed (trial-to-trial scatter, an error of the law).
+    slope : float
+        s/m.
+    pivot_speed : float
+        Speed at which the slope adds nothing, m/s.
+    """
+
+    law: CorLaw
+    offset: float = 0.0
+    slope: float = 0.0
+    pivot_speed: float = 2.5
+
+    def __call__(self, speed: FloatOrArray) -> FloatOrArray:
+        """Coefficient of restitution, shaped as `speed` (m/s)."""
+        shift = self.offset + self.slope * (speed - self.pivot_speed)
+        return _checked(cast(FloatOrArray, self.law(speed) + shift))
+
+
+_OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+    ast.USub: operator.neg,
+    ast.UAdd: operator.pos,
+}
+_FUNCTIONS: dict[str, Callable[..., Any]] = {
+    "exp": np.exp,
+    "log": np.log,
+    "sqrt": np.sqrt,
+    "tanh": np.tanh,
+    "abs": np.abs,
+    "min": np.minimum,
+    "max": np.maximum,
+}
+_CONSTANTS = {"pi": math.pi, "e": math.e}
+_LONGEST_TEXT = 500
+
+
+@dataclass(frozen=True)
+class ExpressionCor:
+    """A law written as text in the impact speed `v` (m/s), such as ``0.13*exp(-0.27*v) + 0.67``.
+
+    The text is read into a syntax tree in which only numbers, `v`, + − * / **, and the functions
+    exp, log, sqrt, tanh, abs, min, max are allowed; nothing of it is ever run as code.
+
+    Attributes
+    ----------
+    text : str
+        The law as typed.
+    """
+
+    text: str
+    _tree: ast.expr = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if len(self.text) > _LONGEST_TEXT:
+            raise UsageError(f"a law of restitution of {len(self.text)} characters is too long")
+        try:
+            tree = ast.parse(self.text.strip().replace("^", "**"), mode="eval").body
+        except (SyntaxError, ValueError, MemoryError, RecursionError) as problem:
+            raise _bad_law(self.text, "it is no formula") from problem
+        _check(tree, self.text)
+        object.__setattr__(self, "_tree", tree)
+
+    def __call__(self, speed: FloatOrArray) -> FloatOrArray:
+        """Coefficient of restitution, shaped as `speed` (m/s)."""
+        try:
+            with np.errstate(all="ignore"):
+                value = _evaluate(self._tree, speed) + speed * 0.0
+        except (ZeroDivisionError, OverflowError, TypeError) as problem:
+            raise DomainError(
+                f"the law of restitution {self.text!r} has no value at {speed} m/s"
+            ) from problem
+        return _checked(cast(FloatOrArray, value))
+
+
+def _bad_law(text: str, why: str) -> UsageError:
+    return UsageError(
+        f"{text!r} is no law of restitution: {why}",
+        hint="Write a number, or a formula in v (m/s) such as '0.13*exp(-0.27*v) + 0.67'.",
+    )
+
+
+def _check(node: ast.expr, text: str) -> None:
+    match node:
+        case ast.BinOp(left=left, op=op, right=right) if type(op) in _OPERATORS:
+            _check(left, text)
+            _check(right, text)
+        case ast.UnaryOp(op=op, operand=operand) if type(op) in _OPERATORS:
+            _check(operand, text)
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _FUNCTIONS:
+            wanted = 2 if name in ("min", "max") else 1
+            if len(arguments) != wanted:
+                raise _bad_law(text, f"{name} takes {wanted} argument(s)")
+            for argument in arguments:
+                _check(argument, text)
+        case ast.Constant(value=value) if type(value) in (int, float):
+            pass
+        case ast.Name(id=name) if name == "v" or name in _CONSTANTS:
+            pass
+        case _:
+            raise _bad_law(text, f"{ast.unparse(node)!r} is not allowed in it")
+
+
+def _evaluate(node: ast.expr, speed: Any) -> Any:
+    match node:
+        case ast.BinOp(left=left, op=op, right=right):
+            return _OPERATORS[type(op)](_evaluate(left, speed), _evaluate(right, speed))
+        case ast.UnaryOp(op=op, operand=operand):
+            return _OPERATORS[type(op)](_evaluate(operand, speed))
+        case ast.Call(func=ast.Name(id=name), args=arguments):
+            return _FUNCTIONS[name](*(_evaluate(argument, speed) for argument in arguments))
+        case ast.Constant(value=value):
+            return float(cast(float, value))
+        case ast.Name(id=name):
+            return speed if name == "v" else _CONSTANTS[name]
+    raise AssertionError("the tree was checked when the law was read")
+
+
+def parse_cor_law(text: str | float) -> CorLaw:
+    """Read a law of restitution as a person writes it.
+
+    Parameters
+    ----------
+    text : str or float
+        A number in (0, 1], or a formula in the impact speed ``v`` in m/s.
+
+    Returns
+    -------
+    CorLaw
+        Callable on floats and arrays.
+
+    Raises
+    ------
+    UsageError
+        If the text is no formula of the kind allowed; DomainError if it is a number outside (0, 1].
+    """
+    if isinstance(text, int | float):
+        return ConstantCor(float(text))
+    try:
+        return ConstantCor(float(text))
+    except DomainError:
+        raise
+    except ValueError:
+        return ExpressionCor(text)
