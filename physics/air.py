@@ -130,7 +130,9 @@ def vapour_fraction(temperature: float, pressure: float, relative_humidity: floa
     enhancement = 1.00062 + 3.14e-8 * pressure + 5.6e-7 * celsius**2
     fraction = relative_humidity * enhancement * saturation / pressure
     if fraction >= 1.0:
-        raise DomainError(f"water boils at {temperature} K and {pressure} Pa: there is no moist air")
+        raise DomainError(
+            f"water boils at {temperature} K and {pressure} Pa: there is no moist air"
+        )
     return fraction
 
 

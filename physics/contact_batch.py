@@ -47,9 +47,7 @@ def released(
     shape = impact_speed.shape
     zero = np.zeros(shape)
     omega = impact_speed / scene.pendulum.length
-    state = np.stack(
-        [zero + scene.angle, omega, zero, zero + scene.rest_height, zero, zero, zero]
-    )
+    state = np.stack([zero + scene.angle, omega, zero, zero + scene.rest_height, zero, zero, zero])
     step = expected_time / STEPS
     found = np.zeros(shape, dtype=bool)
     when = np.zeros(shape)

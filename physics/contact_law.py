@@ -120,7 +120,9 @@ class ContactScene:
         rate = omega * along - (vx * cosine + vy * sine)
         return compression, rate, along
 
-    def derivative(self, state: State, law: HuntCrossley, resting: bool | FloatArray) -> list[Number]:
+    def derivative(
+        self, state: State, law: HuntCrossley, resting: bool | FloatArray
+    ) -> list[Number]:
         """Rates of (φ, ω, x, y, vx, vy, spin).
 
         Parameters
@@ -149,7 +151,9 @@ class ContactScene:
         torque = ball.radius * rub
         reaction = np.where(resting, np.maximum(-accel_y, 0.0), 0.0)
         if self.support.friction > 0.0:
-            drag = -self.support.friction * reaction * np.tanh((vx + ball.radius * spin) / SLIP_SCALE)
+            drag = (
+                -self.support.friction * reaction * np.tanh((vx + ball.radius * spin) / SLIP_SCALE)
+            )
             accel_x = accel_x + drag
             torque = torque + ball.radius * ball.mass * drag
         weight = body.mass * self.gravity * body.com * sine
@@ -168,7 +172,9 @@ def elastic_contact_time(exponent: float) -> float:
     return 2.0 * (0.5 * (exponent + 1.0)) ** share * quarter
 
 
-def stiffness_for_time(reduced_mass: Number, speed: Number, time: Number, exponent: float) -> Number:
+def stiffness_for_time(
+    reduced_mass: Number, speed: Number, time: Number, exponent: float
+) -> Number:
     """Stiffness k that gives an elastic head-on contact the duration `time` (s) at `speed` (m/s)."""
     ratio = elastic_contact_time(exponent) / time
     return reduced_mass * ratio ** (exponent + 1.0) * speed ** (1.0 - exponent)

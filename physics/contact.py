@@ -1,0 +1,249 @@
+"""One contact, followed through time by an implicit-capable solver with events at lift-off and release."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from metrology import DomainError
+from physics.arrays import FloatArray
+from physics.bodies import GRAVITY, Ball, Pendulum, Support
+from physics.contact_batch import calibrate_contacts
+from physics.contact_law import ContactScene, HuntCrossley
+from physics.contact_outcome import ContactOutcome
+from physics.domain import require_angle, require_positive
+from physics.restitution import require_cor
+
+__all__ = ["ContactHistory", "calibrate_contact", "simulate_contact"]
+
+LONGEST = 1.0
+"""s; a contact that lasts longer is called stuck."""
+
+
+@dataclass(frozen=True)
+class ContactHistory:
+    """A contact from onset (time 0) to release (last row).
+
+    Attributes
+    ----------
+    time : (N,) array
+        s from onset.
+    phi, omega : (N,) array
+        Pendulum, rad past the lowest point and rad/s.
+    ball_x, ball_y, ball_vx, ball_vy : (N,) array
+        Ball's centre, m and m/s; x from rest, y from the floor.
+    ball_spin : (N,) array
+        rad/s about z.
+    compression : (N,) array
+        m.
+    force : (N,) array
+        Normal force of the face, N.
+    lift_off : float
+        When the ball left its support, s; 0 if it never pressed on it, NaN-free: `release` if it
+        was pushed along the support until the end.
+    law : HuntCrossley
+        The contact law followed.
+    scene : ContactScene
+        Bodies and pivot.
+    outcome : ContactOutcome
+        The state at release, as floats.
+    """
+
+    time: FloatArray
+    phi: FloatArray
+    omega: FloatArray
+    ball_x: FloatArray
+    ball_y: FloatArray
+    ball_vx: FloatArray
+    ball_vy: FloatArray
+    ball_spin: FloatArray
+    compression: FloatArray
+    force: FloatArray
+    lift_off: float
+    law: HuntCrossley
+    scene: ContactScene
+    outcome: ContactOutcome
+
+
+def calibrate_contact(
+    scene: ContactScene,
+    impact_speed: float,
+    cor: float,
+    contact_time: float,
+    exponent: float,
+    friction: float = 0.0,
+) -> HuntCrossley:
+    """Contact law that returns `cor` and `contact_time` (s) at `impact_speed` (m/s).
+
+    Parameters
+    ----------
+    scene : ContactScene
+    impact_speed, cor, contact_time : float
+        m/s, 1, s.
+    exponent : float
+        n of the force k δⁿ (1 + c δ̇).
+    friction : float
+        Coulomb coefficient of the face.
+
+    Returns
+    -------
+    HuntCrossley
+
+    Raises
+    ------
+    DomainError
+        If no stiffness and damping do.
+    """
+    law, _ = calibrate_contacts(
+        scene,
+        np.array([impact_speed]),
+        np.array([cor]),
+        np.array([contact_time]),
+        exponent,
+        friction,
+    )
+    return HuntCrossley(
+        float(np.ravel(law.stiffness)[0]), float(np.ravel(law.damping)[0]), exponent, friction
+    )
+
+
+def simulate_contact(
+    pendulum: Pendulum,
+    ball: Ball,
+    support: Support,
+    impact_speed: float,
+    *,
+    gravity: float = GRAVITY,
+    cor: float | None = None,
+    contact_time: float | None = None,
+    friction: float = 0.0,
+    law: HuntCrossley | None = None,
+    samples: int = 201,
+) -> ContactHistory:
+    """Follow face and ball from first touch to release (Hunt and Crossley 1975).
+
+    The pendulum turns, its face with it; gravity acts on both; the support pushes until the face
+    lifts the ball off it. LSODA changes to an implicit method where friction makes the equations
+    stiff; lift-off and release are events.
+
+    Parameters
+    ----------
+    pendulum, ball, support
+        The bodies.
+    impact_speed : float
+        ω₀ L, m/s.
+    gravity : float
+        m/s².
+    cor, contact_time : float, optional
+        What the contact shall return, 1 and s; default the ball's laws at this speed.
+    friction : float
+        Coulomb coefficient between face and ball.
+    law : HuntCrossley, optional
+        Follow this law as it is instead of calibrating one.
+    samples : int
+        Rows of the history.
+
+    Returns
+    -------
+    ContactHistory
+
+    Raises
+    ------
+    DomainError
+        For a speed that is not positive, e outside (0, 1], or a ball that stays on the face.
+    """
+    require_positive("the impact speed", impact_speed, "m/s")
+    require_angle("the contact angle", ball.launch_angle, np.pi / 2)
+    scene = ContactScene(pendulum, ball, support, gravity, ball.launch_angle)
+    if law is None:
+        wanted_cor = ball.cor(impact_speed) if cor is None else cor
+        wanted_time = ball.contact_time(impact_speed) if contact_time is None else contact_time
+        require_cor(wanted_cor)
+        require_positive("the contact time", wanted_time, "s")
+        law = calibrate_contact(
+            scene, impact_speed, wanted_cor, wanted_time, ball.contact_time.exponent, friction
+        )
+    start = np.array(
+        [ball.launch_angle, impact_speed / pendulum.length, 0.0, scene.rest_height, 0.0, 0.0, 0.0]
+    )
+    pushed = _phase(scene, law, start, 0.0, resting=True)
+    phases = [pushed]
+    if pushed.t_events[1].size:
+        lifted = _phase(scene, law, pushed.y[:, -1], float(pushed.t[-1]), resting=False)
+        phases.append(lifted)
+    if not phases[-1].t_events[0].size:
+        raise DomainError(
+            f"a ball struck at {impact_speed:.3g} m/s is not released within {LONGEST:g} s",
+            hint="A very slow impact or a very small coefficient of restitution can't be followed.",
+        )
+    return _history(scene, law, impact_speed, phases, samples)
+
+
+def _phase(
+    scene: ContactScene, law: HuntCrossley, start: FloatArray, since: float, *, resting: bool
+) -> Any:
+    def rates(_: float, state: FloatArray) -> FloatArray:
+        return np.array(scene.derivative(list(state), law, resting), dtype=np.float64)
+
+    def compression(_: float, state: FloatArray) -> float:
+        return float(scene.kinematics(list(state))[0])
+
+    def upward(_: float, state: FloatArray) -> float:
+        return float(scene.derivative(list(state), law, False)[5])
+
+    compression.terminal = True  # type: ignore[attr-defined]
+    compression.direction = -1.0  # type: ignore[attr-defined]
+    upward.terminal = True  # type: ignore[attr-defined]
+    upward.direction = 1.0  # type: ignore[attr-defined]
+    return solve_ivp(
+        rates,
+        (since, since + LONGEST),
+        start,
+        method="LSODA",
+        events=[compression, upward] if resting else [compression],
+        dense_output=True,
+        rtol=1e-9,
+        atol=1e-11,
+        first_step=1e-6,
+        max_step=2e-3,
+    )
+
+
+def _history(
+    scene: ContactScene, law: HuntCrossley, impact_speed: float, phases: list[Any], samples: int
+) -> ContactHistory:
+    release, lift_off = float(phases[-1].t[-1]), float(phases[0].t[-1])
+    time = np.linspace(0.0, release, samples)
+    states = np.array([phases[0 if t <= lift_off else -1].sol(t) for t in time]).T
+    states[:, -1] = phases[-1].y[:, -1]
+    phi, omega, x, y, vx, vy, spin = states
+    compression, rate, _ = scene.kinematics(list(states))
+    outcome = ContactOutcome(
+        impact_speed=impact_speed,
+        cor=-float(np.asarray(rate)[-1]) / impact_speed,
+        contact_time=release,
+        pendulum_speed_after=float(omega[-1]) * scene.pendulum.length,
+        pendulum_angle=float(phi[-1]),
+        ball_x=float(x[-1]),
+        ball_y=float(y[-1]),
+        ball_vx=float(vx[-1]),
+        ball_vy=float(vy[-1]),
+        ball_spin=float(spin[-1]),
+    )
+    return ContactHistory(
+        time,
+        phi,
+        omega,
+        x,
+        y,
+        vx,
+        vy,
+        spin,
+        np.maximum(np.asarray(compression), 0.0),
+        np.asarray(law.force(compression, rate)),
+        lift_off,
+        law,
+        scene,
+        outcome,
+    )

@@ -1,0 +1,226 @@
+"""The pendulum's swing: energy balance in closed form, and friction and air drag by integration."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from metrology import DomainError
+from physics.arrays import FloatArray, FloatOrArray
+from physics.bodies import GRAVITY, Pendulum
+from physics.domain import require_angle, require_non_negative, require_positive
+
+__all__ = [
+    "Bearing",
+    "Swing",
+    "backswing_for_speed",
+    "frictionless_speed",
+    "small_period",
+    "swing",
+]
+
+
+def frictionless_speed(
+    pendulum: Pendulum,
+    backswing: FloatOrArray,
+    contact_angle: float,
+    gravity: float = GRAVITY,
+) -> FloatOrArray:
+    """Speed of the contact point where the face meets the ball, without friction or drag.
+
+    ½ I ω² = m g d (cos φ_contact − cos φ_backswing), v = ω L.
+
+    Parameters
+    ----------
+    pendulum : Pendulum
+    backswing : float or array
+        Angle of release, rad from the lowest point (its sign does not matter).
+    contact_angle : float
+        Angle at which face and ball meet, rad.
+    gravity : float
+        m/s².
+
+    Returns
+    -------
+    float or array
+        m/s, shaped as `backswing`.
+
+    Raises
+    ------
+    DomainError
+        If an angle is beyond 180°, or the backswing is too small to reach the ball.
+    """
+    require_angle("the back-swing angle", backswing)
+    require_angle("the contact angle", contact_angle)
+    drop = math.cos(contact_angle) - np.cos(backswing)
+    if np.any(drop <= 0.0):
+        raise DomainError(
+            f"a back-swing of {np.rad2deg(backswing)} deg does not reach a ball that is met"
+            f" {math.degrees(contact_angle):.1f} deg past the lowest point",
+            hint="Give a larger back-swing angle.",
+        )
+    scale = 2.0 * pendulum.mass * gravity * pendulum.com / pendulum.inertia
+    result: FloatOrArray = pendulum.length * (scale * drop) ** 0.5
+    return result
+
+
+def backswing_for_speed(
+    pendulum: Pendulum, speed: float, contact_angle: float, gravity: float = GRAVITY
+) -> float:
+    """Back-swing angle (rad) that gives the contact point `speed` (m/s), without friction.
+
+    Inverse of `frictionless_speed`.
+
+    Raises
+    ------
+    DomainError
+        If even a back-swing of 180° is too slow.
+    """
+    require_positive("the impact speed", speed, "m/s")
+    scale = 2.0 * pendulum.mass * gravity * pendulum.com / pendulum.inertia
+    cosine = math.cos(contact_angle) - (speed / pendulum.length) ** 2 / scale
+    if cosine < -1.0:
+        fastest = frictionless_speed(pendulum, math.pi, contact_angle, gravity)
+        raise DomainError(
+            f"this pendulum can't strike at {speed:.3f} m/s: from 180 deg it reaches {fastest:.3f} m/s"
+        )
+    return math.acos(cosine)
+
+
+def small_period(pendulum: Pendulum, gravity: float = GRAVITY) -> float:
+    """Period of small swings 2π √(I / (m g d)), s."""
+    return 2.0 * math.pi * math.sqrt(pendulum.inertia / (pendulum.mass * gravity * pendulum.com))
+
+
+@dataclass(frozen=True)
+class Bearing:
+    """What slows a swing down.
+
+    Attributes
+    ----------
+    dry : float
+        Coulomb torque of the bearing, N m.
+    viscous : float
+        Torque per angular velocity, N m s.
+    drag : float
+        Torque of the air per squared angular velocity, N m s²; for a mass of area A at the length L
+        with drag coefficient C it is ½ ρ C A L³.
+    """
+
+    dry: float = 0.0
+    viscous: float = 0.0
+    drag: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_non_negative("the dry friction of the bearing", self.dry, "N m")
+        require_non_negative("the viscous friction of the bearing", self.viscous, "N m s")
+        require_non_negative("the drag of the pendulum", self.drag, "N m s^2")
+
+    def torque(self, omega: FloatOrArray) -> FloatOrArray:
+        """Torque against the motion, N m, at angular velocity `omega` (rad/s)."""
+        against: FloatOrArray = -(
+            self.dry * np.sign(omega) + self.viscous * omega + self.drag * omega * abs(omega)
+        )
+        return against
+
+
+@dataclass(frozen=True)
+class Swing:
+    """A swing from release to the ball.
+
+    Attributes
+    ----------
+    time : (N,) array
+        s from release.
+    phi, omega : (N,) array
+        rad past the lowest point, rad/s.
+    speed_at_contact : float
+        Speed of the contact point in the last row, m/s.
+    """
+
+    time: FloatArray
+    phi: FloatArray
+    omega: FloatArray
+    speed_at_contact: float
+
+
+def swing(
+    pendulum: Pendulum,
+    backswing: float,
+    contact_angle: float,
+    *,
+    bearing: Bearing = Bearing(),  # noqa: B008  (frozen)
+    gravity: float = GRAVITY,
+    samples: int = 201,
+) -> Swing:
+    """Let the pendulum go at `backswing` and follow it to the ball.
+
+    I φ̈ = −m g d sin φ − τ_dry sgn φ̇ − b φ̇ − q φ̇|φ̇|.
+
+    Parameters
+    ----------
+    pendulum : Pendulum
+    backswing : float
+        Angle of release, rad, counted positive backwards.
+    contact_angle : float
+        Where it meets the ball, rad past the lowest point.
+    bearing : Bearing
+        Losses.
+    gravity : float
+        m/s².
+    samples : int
+        Rows of the result.
+
+    Returns
+    -------
+    Swing
+
+    Raises
+    ------
+    DomainError
+        If it never reaches the ball: too small an angle, too much friction, or balanced at 180°.
+    """
+    frictionless_speed(pendulum, backswing, contact_angle, gravity)
+    weight = pendulum.mass * gravity * pendulum.com
+    start = -abs(backswing)
+    if weight * math.sin(abs(backswing)) <= bearing.dry or math.pi - abs(backswing) < 1e-9:
+        raise DomainError(
+            f"a pendulum let go at {math.degrees(backswing):.2f} deg stays where it is",
+            hint="Friction holds it, or it stands upright on its pivot.",
+        )
+
+    def rates(_: float, state: FloatArray) -> list[float]:
+        phi, omega = float(state[0]), float(state[1])
+        # until it moves, friction acts against the coming motion
+        loss = bearing.torque(omega) if omega > 0.0 else -bearing.dry
+        return [omega, (-weight * math.sin(phi) + loss) / pendulum.inertia]
+
+    def arrives(_: float, state: FloatArray) -> float:
+        return float(state[0]) - contact_angle
+
+    def stops(time: float, state: FloatArray) -> float:
+        return float(state[1]) if time > 1e-6 else 1.0
+
+    for event in (arrives, stops):
+        event.terminal = True  # type: ignore[attr-defined]
+    stops.direction = -1.0  # type: ignore[attr-defined]
+    longest = 40.0 * small_period(pendulum, gravity)
+    path = solve_ivp(
+        rates,
+        (0.0, longest),
+        [start, 0.0],
+        method="DOP853",
+        events=[arrives, stops],
+        dense_output=True,
+        rtol=1e-10,
+        atol=1e-12,
+    )
+    if not path.t_events[0].size:
+        raise DomainError(
+            f"let go at {math.degrees(backswing):.1f} deg, the pendulum stops before the ball",
+            hint="The back-swing is too small for the friction given.",
+        )
+    time = np.linspace(0.0, float(path.t[-1]), samples)
+    states = path.sol(time)
+    return Swing(time, states[0], states[1], float(path.y[1, -1]) * pendulum.length)
