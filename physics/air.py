@@ -1,4 +1,4 @@
-"""Air: density of moist air after CIPM-2007, viscosity after Sutherland with Wilke's mixing rule."""
+"""Air: density of moist air after CIPM-2007, viscosity after Sutherland and Wilke."""
 
 import math
 from dataclasses import dataclass
@@ -168,7 +168,7 @@ def moist_air_density(temperature: float, pressure: float, relative_humidity: fl
         + ratio**2 * (1.83e-11 - 0.765e-8 * water**2)
     )
     dry = pressure * MOLAR_MASS_DRY / (compressibility * GAS_CONSTANT * temperature)
-    return dry * (1.0 - water * (1.0 - MOLAR_MASS_WATER / MOLAR_MASS_DRY))
+    return float(dry * (1.0 - water * (1.0 - MOLAR_MASS_WATER / MOLAR_MASS_DRY)))
 
 
 def moist_air_viscosity(temperature: float, pressure: float, relative_humidity: float) -> float:
@@ -193,9 +193,8 @@ def moist_air_viscosity(temperature: float, pressure: float, relative_humidity: 
     water_viscosity = _sutherland(temperature, 1.12e-5, 350.0, 1064.0)
 
     def wilke(viscosity_ratio: float, mass_ratio: float) -> float:
-        return (1.0 + math.sqrt(viscosity_ratio) * mass_ratio**-0.25) ** 2 / math.sqrt(
-            8.0 * (1.0 + mass_ratio)
-        )
+        mixed = 1.0 + math.sqrt(viscosity_ratio / math.sqrt(mass_ratio))
+        return mixed**2 / math.sqrt(8.0 * (1.0 + mass_ratio))
 
     air_water = wilke(dry_viscosity / water_viscosity, MOLAR_MASS_DRY / MOLAR_MASS_WATER)
     water_air = wilke(water_viscosity / dry_viscosity, MOLAR_MASS_WATER / MOLAR_MASS_DRY)
@@ -206,7 +205,8 @@ def moist_air_viscosity(temperature: float, pressure: float, relative_humidity: 
 
 
 def _sutherland(temperature: float, reference: float, at: float, constant: float) -> float:
-    return reference * (temperature / at) ** 1.5 * (at + constant) / (temperature + constant)
+    warmer = temperature / at
+    return reference * warmer * math.sqrt(warmer) * (at + constant) / (temperature + constant)
 
 
 PAPER_AIR = Air(density=1.180, viscosity=1.852e-5)

@@ -153,7 +153,7 @@ class Support:
 PAPER_PENDULUM = Pendulum(
     length=0.5541, inertia=1.579, mass=6.0, com=0.4553, effective_mass=5.1667, face_offset=0.045
 )
-"""Table 2. The face offset is not printed; 4.75 kg of steel are a block of 85 mm, half of it 42 mm."""
+"""Table 2. The face offset is not printed: 4.75 kg of steel make a block 85 mm wide."""
 
 PAPER_SUPPORT = Support(height=0.3120)
 """Table 2."""

@@ -1,7 +1,5 @@
 """Many contacts at once: fixed-step Runge–Kutta over arrays, calibrated to e(v) and Δt(v)."""
 
-import dataclasses
-
 import numpy as np
 
 from metrology import DomainError
@@ -202,7 +200,8 @@ def calibrate_contacts(
             return law, outcome
         aimed_cor, aimed_time = aimed_cor / cor_miss, aimed_time / time_miss
     raise DomainError(
-        f"no contact law found for these speeds and coefficients of restitution (missed by {missed:.1e})",
+        f"no contact law gives these coefficients of restitution and contact times"
+        f" (missed by {missed:.1e})",
         hint="Check the law of restitution and the contact times at the lowest and highest speed.",
     )
 
@@ -265,4 +264,4 @@ def contact_outcomes(
         ball.contact_time.exponent,
         friction,
     )
-    return dataclasses.replace(outcome)
+    return outcome

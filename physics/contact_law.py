@@ -110,7 +110,7 @@ class ContactScene:
         )
 
     def kinematics(self, state: State) -> tuple[Number, Number, Number]:
-        """Compression δ (m), its rate δ̇ (m/s) and the lever s (m) in a state (φ, ω, x, y, vx, vy, spin)."""
+        """Compression δ (m), its rate δ̇ (m/s) and the lever s (m) in a state of `derivative`."""
         phi, omega, x, y, vx, vy = state[:6]
         sine, cosine = np.sin(phi), np.cos(phi)
         pivot_x, pivot_y = self.pivot
@@ -169,13 +169,13 @@ def elastic_contact_time(exponent: float) -> float:
     """
     share = 1.0 / (exponent + 1.0)
     quarter = math.sqrt(math.pi) * share * math.gamma(share) / math.gamma(share + 0.5)
-    return 2.0 * (0.5 * (exponent + 1.0)) ** share * quarter
+    return float(2.0 * (0.5 * (exponent + 1.0)) ** share * quarter)
 
 
 def stiffness_for_time(
     reduced_mass: Number, speed: Number, time: Number, exponent: float
 ) -> Number:
-    """Stiffness k that gives an elastic head-on contact the duration `time` (s) at `speed` (m/s)."""
+    """Stiffness k that makes an elastic head-on contact at `speed` (m/s) last `time` (s)."""
     ratio = elastic_contact_time(exponent) / time
     return reduced_mass * ratio ** (exponent + 1.0) * speed ** (1.0 - exponent)
 

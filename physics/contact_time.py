@@ -1,7 +1,6 @@
 """How long ball and pendulum stay in touch, as a law of the impact speed."""
 
 from dataclasses import dataclass
-from typing import cast
 
 from physics.arrays import FloatOrArray
 from physics.domain import require_positive
@@ -38,4 +37,5 @@ class ContactTimeLaw:
     def __call__(self, speed: FloatOrArray) -> FloatOrArray:
         """Contact time in s at impact speed `speed` (m/s), shaped as `speed`."""
         power = -(self.exponent - 1.0) / (self.exponent + 1.0)
-        return cast(FloatOrArray, self.reference_time * (speed / self.reference_speed) ** power)
+        ratio: FloatOrArray = (speed / self.reference_speed) ** power
+        return self.reference_time * ratio

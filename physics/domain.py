@@ -1,4 +1,4 @@
-"""Checks at the door: a number that no law holds for is refused with its name, never turned into a NaN."""
+"""Checks at the door: a number that no law holds for is refused by name, never made a NaN."""
 
 import math
 

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from metrology import DomainError
 from physics.arrays import FloatArray
 from physics.domain import require_finite, require_positive
+from physics.events import Event, follow_until
 from physics.forces import Acceleration, SpinRate, total_acceleration
 
 __all__ = ["Flight", "fly"]
@@ -37,7 +37,7 @@ class Flight:
 
     @property
     def landing_time(self) -> float:
-        """s after launch."""
+        """Seconds after launch."""
         return float(self.time[-1])
 
     @property
@@ -101,35 +101,32 @@ def fly(
         raise DomainError(f"a flight can't start below the floor ({start[1]:.3f} < {floor:.3f} m)")
     spinning = spin_rate is not None
 
-    def rates(time: float, state: FloatArray) -> list[float]:
+    def rates(time: float, state: FloatArray) -> FloatArray:
         x, y, z, vx, vy, vz, wx, wy, wz = state.tolist()
         place, move, turn = (x, y, z), (vx, vy, vz), (wx, wy, wz)
         gain = total_acceleration(forces, time, place, move, turn)
         slow = spin_rate(time, place, move, turn) if spin_rate is not None else (0.0, 0.0, 0.0)
-        return [vx, vy, vz, *gain, *slow]  # type: ignore[list-item]
+        return np.array([vx, vy, vz, *gain, *slow])
 
     def lands(_: float, state: FloatArray) -> float:
         return float(state[1]) - floor
 
-    lands.terminal = True  # type: ignore[attr-defined]
-    lands.direction = -1.0  # type: ignore[attr-defined]
-    path = solve_ivp(
+    path = follow_until(
         rates,
-        (0.0, longest),
         start,
+        (0.0, longest),
+        [Event(lands, -1.0)],
         method="DOP853",
-        events=lands,
-        dense_output=True,
-        rtol=max(tolerance, 3e-14),
-        atol=tolerance,
+        relative=max(tolerance, 3e-14),
+        absolute=tolerance,
     )
-    if not path.t_events[0].size:
+    if path.ended_by is None:
         raise DomainError(
             f"the ball has not landed after {longest:g} s",
             hint="Is there gravity, and is the wind or lift of a believable size?",
         )
-    time = np.linspace(0.0, float(path.t[-1]), samples)
-    states = path.sol(time).T
-    states[-1] = path.y[:, -1]
+    time = np.linspace(0.0, path.end, samples)
+    states = path.at(time).T
+    states[-1] = path.state
     turn = states[:, 6:] if spinning else np.broadcast_to(start[6:], (samples, 3))
     return Flight(time, states[:, :3], states[:, 3:6], np.array(turn))

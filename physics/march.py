@@ -1,9 +1,10 @@
-"""Classical Runge–Kutta in bare floats or arrays: the core that flies one ball or thousands at once."""
+"""Classical Runge–Kutta in bare floats or arrays: flies one ball or thousands at once."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from metrology import DomainError
 from physics.arrays import FloatArray, Number, Vector
@@ -211,7 +212,7 @@ def _arrays(part: Vector, shape: tuple[int, ...]) -> Vector:
     return a, b, c
 
 
-def _pick(choose: FloatArray, these: BallState, others: BallState) -> BallState:
+def _pick(choose: NDArray[np.bool_], these: BallState, others: BallState) -> BallState:
     def part(a: Vector, b: Vector) -> Vector:
         return (
             np.where(choose, a[0], b[0]),

@@ -1,4 +1,4 @@
-"""Laws e(v) for the coefficient of restitution, as objects and as text that is parsed, never run."""
+"""Laws e(v) for the coefficient of restitution: objects, and text that is parsed, never run."""
 
 import ast
 import math
@@ -70,7 +70,7 @@ class ConstantCor:
 
     def __call__(self, speed: FloatOrArray) -> FloatOrArray:
         """Coefficient of restitution, shaped as `speed`."""
-        return cast(FloatOrArray, speed * 0.0 + self.value)
+        return speed * 0.0 + self.value
 
 
 @dataclass(frozen=True)
@@ -90,8 +90,8 @@ class ExponentialCor:
 
     def __call__(self, speed: FloatOrArray) -> FloatOrArray:
         """Coefficient of restitution, shaped as `speed` (m/s)."""
-        decay = np.exp(-self.rate * speed - self.shift)
-        return _checked(cast(FloatOrArray, self.amplitude * decay + self.floor))
+        decay: FloatOrArray = np.exp(-self.rate * speed - self.shift)
+        return _checked(self.amplitude * decay + self.floor)
 
     @property
     def at_rest(self) -> ConstantCor:
@@ -119,7 +119,8 @@ class PowerLawCor:
 
     def __call__(self, speed: FloatOrArray) -> FloatOrArray:
         """Coefficient of restitution, shaped as `speed` (m/s)."""
-        return _checked(cast(FloatOrArray, 1.0 - self.coefficient * speed**self.exponent))
+        root: FloatOrArray = speed**self.exponent
+        return _checked(1.0 - self.coefficient * root)
 
 
 @dataclass(frozen=True)
@@ -146,7 +147,7 @@ class ShiftedCor:
     def __call__(self, speed: FloatOrArray) -> FloatOrArray:
         """Coefficient of restitution, shaped as `speed` (m/s)."""
         shift = self.offset + self.slope * (speed - self.pivot_speed)
-        return _checked(cast(FloatOrArray, self.law(speed) + shift))
+        return _checked(self.law(speed) + shift)
 
 
 _OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {

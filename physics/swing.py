@@ -4,12 +4,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import solve_ivp
 
 from metrology import DomainError
 from physics.arrays import FloatArray, FloatOrArray
 from physics.bodies import GRAVITY, Pendulum
 from physics.domain import require_angle, require_non_negative, require_positive
+from physics.events import Event, follow_until
 
 __all__ = [
     "Bearing",
@@ -83,7 +83,8 @@ def backswing_for_speed(
     if cosine < -1.0:
         fastest = frictionless_speed(pendulum, math.pi, contact_angle, gravity)
         raise DomainError(
-            f"this pendulum can't strike at {speed:.3f} m/s: from 180 deg it reaches {fastest:.3f} m/s"
+            f"this pendulum can't strike at {speed:.3f} m/s:"
+            f" from 180 deg it reaches {fastest:.3f} m/s"
         )
     return math.acos(cosine)
 
@@ -150,7 +151,7 @@ def swing(
     backswing: float,
     contact_angle: float,
     *,
-    bearing: Bearing = Bearing(),  # noqa: B008  (frozen)
+    bearing: Bearing = Bearing(),
     gravity: float = GRAVITY,
     samples: int = 201,
 ) -> Swing:
@@ -202,25 +203,20 @@ def swing(
     def stops(time: float, state: FloatArray) -> float:
         return float(state[1]) if time > 1e-6 else 1.0
 
-    for event in (arrives, stops):
-        event.terminal = True  # type: ignore[attr-defined]
-    stops.direction = -1.0  # type: ignore[attr-defined]
-    longest = 40.0 * small_period(pendulum, gravity)
-    path = solve_ivp(
+    path = follow_until(
         rates,
-        (0.0, longest),
-        [start, 0.0],
+        np.array([start, 0.0]),
+        (0.0, 40.0 * small_period(pendulum, gravity)),
+        [Event(arrives), Event(stops, -1.0)],
         method="DOP853",
-        events=[arrives, stops],
-        dense_output=True,
-        rtol=1e-10,
-        atol=1e-12,
+        relative=1e-10,
+        absolute=1e-12,
     )
-    if not path.t_events[0].size:
+    if path.ended_by != 0:
         raise DomainError(
             f"let go at {math.degrees(backswing):.1f} deg, the pendulum stops before the ball",
             hint="The back-swing is too small for the friction given.",
         )
-    time = np.linspace(0.0, float(path.t[-1]), samples)
-    states = path.sol(time)
-    return Swing(time, states[0], states[1], float(path.y[1, -1]) * pendulum.length)
+    time = np.linspace(0.0, path.end, samples)
+    states = path.at(time)
+    return Swing(time, states[0], states[1], float(path.state[1]) * pendulum.length)
