@@ -122,9 +122,9 @@ class Flight:
     @property
     def speed(self) -> FloatArray:
         """|v|, m/s."""
-        return np.sqrt(
-            np.asarray(self.vx) ** 2 + np.asarray(self.vy) ** 2 + np.asarray(self.vz) ** 2
-        )
+        squares = np.square(self.vx) + np.square(self.vy) + np.square(self.vz)
+        speed: FloatArray = np.sqrt(np.asarray(squares, dtype=np.float64))
+        return speed
 
     @property
     def area(self) -> Number:
