@@ -1,4 +1,4 @@
-"""Laboratories of the concealed world: pendulum, balls and air, as they are and as they are known."""
+"""Laboratories of the concealed world: what pendulum, balls and air are, and what is known."""
 
 from dataclasses import dataclass, fields
 
