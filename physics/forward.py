@@ -1,0 +1,168 @@
+"""From impact speed to landing: the paper's steps a to e, and the same with the contact in time."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from physics.air import PAPER_AIR, Air
+from physics.arrays import FloatArray, Number
+from physics.bodies import (
+    GRAVITY,
+    PAPER_PENDULUM,
+    PAPER_SUPPORT,
+    Ball,
+    Pendulum,
+    Support,
+)
+from physics.closed_form import Landing, Launch, drag_constant, land
+from physics.contact_batch import contact_outcomes
+from physics.contact_outcome import ContactOutcome
+from physics.drag_curves import SUBCRITICAL_DRAG
+from physics.forces import Acceleration, Drag, Gravity
+from physics.impact import Impact, impact
+from physics.march import BallState, fly_many
+
+__all__ = [
+    "Experiment",
+    "closed_form_landing",
+    "contact_launch",
+    "impulsive_launch",
+    "numerical_landing",
+    "paper_impact",
+    "time_resolved_landing",
+]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """The bodies and the air of one experiment.
+
+    Attributes
+    ----------
+    ball : Ball
+    pendulum : Pendulum
+    support : Support
+    air : Air
+    gravity : float
+        m/s².
+    drag_coefficient : float
+        C_D, constant over the flight.
+    """
+
+    ball: Ball
+    pendulum: Pendulum = PAPER_PENDULUM
+    support: Support = PAPER_SUPPORT
+    air: Air = PAPER_AIR
+    gravity: float = GRAVITY
+    drag_coefficient: float = SUBCRITICAL_DRAG
+
+    @property
+    def forces(self) -> tuple[Acceleration, ...]:
+        """Gravity and quadratic drag in both directions."""
+        return Gravity(self.gravity), Drag(self.ball, self.air, self.drag_coefficient)
+
+    @property
+    def rest_height(self) -> float:
+        """Height of the ball's centre at rest, m."""
+        return self.support.height + self.ball.radius
+
+
+def paper_impact(experiment: Experiment, speed: Number, cor: Number | None = None) -> Impact:
+    """Step a: the velocities after an instantaneous impact at `speed` (m/s).
+
+    `cor` defaults to the ball's law.
+    """
+    wanted = experiment.ball.cor(speed) if cor is None else cor
+    return impact(experiment.pendulum.mass_at_contact, experiment.ball.mass, wanted, speed)
+
+
+def impulsive_launch(
+    experiment: Experiment,
+    speed: Number,
+    cor: Number | None = None,
+    contact_time: Number | None = None,
+    launch_angle: Number | None = None,
+) -> Launch:
+    """The paper's launch: along θ, after being carried by v_M^avg Δt.
+
+    `cor` and `contact_time` (s) default to the ball's laws, `launch_angle` (rad) to its angle.
+    """
+    after = paper_impact(experiment, speed, cor)
+    time = experiment.ball.contact_time(speed) if contact_time is None else contact_time
+    angle = experiment.ball.launch_angle if launch_angle is None else launch_angle
+    return Launch(after.ball_speed, angle, after.mean_speed * time)
+
+
+def closed_form_landing(experiment: Experiment, launch: Launch) -> Landing:
+    """Eqs 13 to 16."""
+    constant = drag_constant(experiment.ball, experiment.air, experiment.drag_coefficient)
+    return land(launch, experiment.support.height, constant, experiment.gravity)
+
+
+def numerical_landing(
+    experiment: Experiment,
+    launch: Launch,
+    forces: Sequence[Acceleration] | None = None,
+    *,
+    step: float = 0.02,
+) -> Landing:
+    """Steps b to e from the paper's launch, drag in both directions (or any other `forces`)."""
+    angle, advance = np.asarray(launch.angle), np.asarray(launch.advance)
+    state = BallState(
+        (
+            advance * np.cos(angle),
+            experiment.rest_height + advance * np.sin(angle),
+            np.zeros(np.shape(launch.speed)),
+        ),
+        (launch.speed * np.cos(angle), launch.speed * np.sin(angle), 0.0),
+    )
+    return _fly(experiment, state, forces, step)
+
+
+def contact_launch(outcome: ContactOutcome) -> BallState:
+    """State of the ball at release from a time-resolved contact."""
+    return BallState(
+        (outcome.ball_x, outcome.ball_y, 0.0),
+        (outcome.ball_vx, outcome.ball_vy, 0.0),
+        (0.0, 0.0, outcome.ball_spin),
+    )
+
+
+def time_resolved_landing(
+    experiment: Experiment,
+    speed: FloatArray,
+    *,
+    cor: Number | None = None,
+    contact_time: Number | None = None,
+    friction: float = 0.0,
+    forces: Sequence[Acceleration] | None = None,
+    step: float = 0.02,
+) -> tuple[ContactOutcome, Landing]:
+    """Contact followed in time, then the flight from where it let go; arrays over `speed` (m/s)."""
+    outcome = contact_outcomes(
+        experiment.pendulum,
+        experiment.ball,
+        experiment.support,
+        speed,
+        gravity=experiment.gravity,
+        cor=cor,
+        contact_time=contact_time,
+        friction=friction,
+    )
+    return outcome, _fly(experiment, contact_launch(outcome), forces, step)
+
+
+def _fly(
+    experiment: Experiment,
+    state: BallState,
+    forces: Sequence[Acceleration] | None,
+    step: float,
+) -> Landing:
+    time, there = fly_many(
+        state,
+        experiment.forces if forces is None else forces,
+        floor=experiment.ball.radius,
+        step=step,
+    )
+    return Landing(time, np.asarray(there.position[0]))

@@ -1,0 +1,172 @@
+"""Distance to back-swing angle and speed (section V.3), with a prediction interval."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from metrology import DomainError
+from physics.arrays import FloatArray
+from physics.domain import require_positive
+from physics.forward import Experiment, impulsive_launch, numerical_landing
+from physics.restitution import CorLaw
+from physics.swing import backswing_for_speed, frictionless_speed
+
+__all__ = ["Plan", "PlanScatter", "plan_distance", "speed_for_distance"]
+
+DistanceLaw = Callable[[FloatArray], FloatArray]
+"""Impact speeds (N,) in m/s to landing distances (N,) in m."""
+
+
+@dataclass(frozen=True)
+class PlanScatter:
+    """What repeats imperfectly and what is not known better; one sigma.
+
+    Attributes
+    ----------
+    backswing : float
+        rad, trial to trial.
+    launch_angle : float
+        rad, trial to trial.
+    cor : float
+        Trial to trial.
+    cor_law : float
+        Offset of the law of restitution, shared by all trials.
+    launch_angle_law : float
+        rad, shared by all trials.
+    """
+
+    backswing: float = math.radians(0.2)
+    launch_angle: float = math.radians(0.2)
+    cor: float = 0.005
+    cor_law: float = 0.01
+    launch_angle_law: float = math.radians(0.3)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How to strike to reach a distance.
+
+    Attributes
+    ----------
+    distance : float
+        Wanted, m.
+    impact_speed, backswing : float
+        m/s and rad.
+    speed_std, backswing_std : float
+        How well the setting is known: what the shared uncertainties (law of restitution, launch
+        angle) and the trial's own change in the speed and angle that reach the distance.
+    distance_std : float
+        Scatter of the distance that a setting leads to, one sigma, m.
+    interval : (2,) tuple of float
+        95 % prediction interval of the distance of one trial, m.
+    """
+
+    distance: float
+    impact_speed: float
+    backswing: float
+    speed_std: float
+    backswing_std: float
+    distance_std: float
+    interval: tuple[float, float]
+
+
+def speed_for_distance(distance: float, law: DistanceLaw, slowest: float, fastest: float) -> float:
+    """Impact speed (m/s) at which `law` gives `distance` (m).
+
+    Raises
+    ------
+    DomainError
+        If the distance is out of reach between `slowest` and `fastest` (m/s).
+    """
+    require_positive("the distance", distance, "m")
+
+    def miss(speed: float) -> float:
+        return float(law(np.array([speed]))[0]) - distance
+
+    near, far = miss(slowest) + distance, miss(fastest) + distance
+    if not near <= distance <= far:
+        raise DomainError(
+            f"a distance of {distance:g} m can't be reached: this pendulum reaches"
+            f" {near:.3f} m to {far:.3f} m",
+            hint="Ask for a distance in between, or set up a longer or heavier pendulum.",
+        )
+    return float(brentq(miss, slowest, fastest, xtol=1e-12, rtol=1e-13))
+
+
+def plan_distance(
+    experiment: Experiment,
+    distance: float,
+    *,
+    cor: CorLaw | None = None,
+    scatter: PlanScatter = PlanScatter(),
+) -> Plan:
+    """Back-swing and impact speed for a wanted landing distance.
+
+    The paper's road (steps a to e) run backwards: launch along θ after Eqs 8 to 10, drag in both
+    directions, speed to back-swing by the energy balance of a frictionless pendulum.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    distance : float
+        Landing distance of the centre from rest, m.
+    cor : CorLaw, optional
+        Default the ball's law.
+    scatter : PlanScatter
+        For the uncertainty.
+
+    Returns
+    -------
+    Plan
+
+    Raises
+    ------
+    DomainError
+        If the distance is out of the pendulum's reach.
+    """
+    ball, pendulum = experiment.ball, experiment.pendulum
+    law = ball.cor if cor is None else cor
+
+    def lands(speed: FloatArray, cor_shift: float = 0.0, angle_shift: float = 0.0) -> FloatArray:
+        launch = impulsive_launch(
+            experiment,
+            speed,
+            np.minimum(law(speed) + cor_shift, 1.0),
+            launch_angle=ball.launch_angle + angle_shift,
+        )
+        return np.asarray(numerical_landing(experiment, launch).distance)
+
+    slowest = 0.05
+    fastest = frictionless_speed(pendulum, math.pi, ball.launch_angle, experiment.gravity)
+    speed = speed_for_distance(distance, lands, slowest, fastest * (1.0 - 1e-9))
+    backswing = backswing_for_speed(pendulum, speed, ball.launch_angle, experiment.gravity)
+
+    here = np.array([speed])
+    step = 1e-3 * speed
+    by_speed = float(np.diff(lands(np.array([speed - step, speed + step])))[0]) / (2.0 * step)
+    by_cor = float((lands(here, 1e-3) - lands(here, -1e-3))[0]) / 2e-3
+    by_angle = float((lands(here, 0.0, 1e-3) - lands(here, 0.0, -1e-3))[0]) / 2e-3
+    weight = pendulum.mass * experiment.gravity * pendulum.com
+    speed_by_angle = weight * math.sin(backswing) * pendulum.length**2 / (pendulum.inertia * speed)
+
+    own = (
+        by_speed * speed_by_angle * scatter.backswing,
+        by_cor * scatter.cor,
+        by_angle * scatter.launch_angle,
+    )
+    shared = (by_cor * scatter.cor_law, by_angle * scatter.launch_angle_law)
+    distance_std = math.hypot(*own, *shared)
+    speed_std = math.hypot(*own[1:], *shared) / by_speed
+    backswing_std = math.hypot(speed_std / max(speed_by_angle, 1e-9), scatter.backswing)
+    return Plan(
+        distance,
+        speed,
+        backswing,
+        math.hypot(speed_std, speed_by_angle * scatter.backswing),
+        backswing_std,
+        distance_std,
+        (distance - 1.96 * distance_std, distance + 1.96 * distance_std),
+    )
