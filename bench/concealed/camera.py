@@ -37,15 +37,18 @@ class CameraFaults:
     origin_direction: float = 0.0
     gap_frames: float = 0.0
     """Frames lost without the counter noticing, once in each trial."""
+    gap_instant: float = -1.0
+    """When, s after the first touch; negative for an instant of its own in each trial."""
 
     def true_times(self, elapsed: Array, hiccup: float, nominal_fps: float) -> Array:
         """True time (s after first touch) of samples `elapsed` s after it by the frame counter."""
-        late = self.gap_frames / nominal_fps * (elapsed > hiccup)
+        instant = hiccup if self.gap_instant < 0 else self.gap_instant
+        late = self.gap_frames / nominal_fps * (elapsed > instant)
         return elapsed / (1 + self.rate_error) + late
 
-    def row_delay(self, height: Array) -> Array:
-        """Extra time (s) at which the row that shows `height` (m) is read out."""
-        return self.readout * (0.5 - height / VIEW_HEIGHT)
+    def row_delay(self, height: Array, rest_height: float) -> Array:
+        """Time (s) by which the row at `height` (m) is read after the one of the ball at rest."""
+        return self.readout * (rest_height - height) / VIEW_HEIGHT
 
     def seen(self, place: Array) -> Array:
         """Positions (n, 2) as read from the picture, without noise."""

@@ -133,6 +133,7 @@ def view(
     times = camera.true_times(ball_frames, hiccup, fps)
     place = motion.ball(times, body)
     if camera.readout:
-        place = motion.ball(times + camera.row_delay(place[:, 1]), body)
+        rest = float(motion.ball(np.array([-1e-3]), body)[0, 1])
+        place = motion.ball(times + camera.row_delay(place[:, 1], rest), body)
     angle = motion.pendulum(camera.true_times(pendulum_frames, hiccup, fps), body)
     return camera.seen(place), angle

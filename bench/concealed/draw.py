@@ -17,7 +17,7 @@ from bench.concealed.throws import draw_throws, perform_throws, throws_visibilit
 __all__ = ["GENERATOR", "KINDS", "draw_campaign", "level_of"]
 
 # Raised whenever campaigns of the same seed change, so that caches of old ones are not used.
-GENERATOR = 1
+GENERATOR = 2
 
 # Fifty campaigns in a row hold every kind in the wanted proportion.
 KINDS = tuple(["null"] * 13 + ["single"] * 20 + ["pair"] * 6 + ["twins"] * 2 + ["outside"] * 9)
@@ -39,6 +39,8 @@ def _constants(rng: np.random.Generator, recipe: Recipe, design: Design) -> dict
     if recipe.name == "camera_roll":
         poles = [(0.0, 0.0), (0.0, design.lab.support_height), (1.0, 0.6)]
         drawn["pole_x"], drawn["pole_y"] = poles[rng.integers(3)]
+    if recipe.name == "dropped_frames" and rng.random() < 0.5:
+        drawn["gap_instant"] = float(rng.uniform(0.03, 0.2))
     if recipe.name == "origin_offset":
         drawn["origin_direction"] = float(rng.uniform(0, 2 * np.pi))
     if "power" in drawn and abs(drawn["power"] - 2) < 0.5:
@@ -72,11 +74,11 @@ def _signatures(design: Design) -> list[Strength]:
 
 def _hidden(strength: Strength, seen: Visibility, position: int, first_sign: int) -> Hidden:
     recipe = strength.recipe
-    alike = tuple(
-        name
-        for k, name in enumerate(CATALOGUE)
-        if name != recipe.id and seen.delta_chi2([position], [first_sign + k]) < ALIKE
-    )
+    alike = {
+        other.id
+        for k, other in enumerate(CATALOGUE.values())
+        if other.id != recipe.id and seen.delta_chi2([position], [first_sign + k]) < ALIKE
+    }
     return Hidden(
         name=recipe.name,
         id=recipe.id,
@@ -87,7 +89,7 @@ def _hidden(strength: Strength, seen: Visibility, position: int, first_sign: int
         channels=recipe.channels,
         local=recipe.local,
         delta_chi2=seen.delta_chi2([position]),
-        alike=alike,
+        alike=tuple(sorted(alike)),
     )
 
 

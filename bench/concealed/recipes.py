@@ -47,7 +47,7 @@ ALONG = ("along_velocity", "horizontal")
 EITHER = ("along_velocity", "normal_to_velocity", "horizontal", "vertical")
 
 CATALOGUE: dict[str, Recipe] = {
-    recipe.id: recipe
+    recipe.name: recipe
     for recipe in (
         Recipe("drag", "drag", "flight", "drag_coefficient", 0.02, 0.45, BOTH),
         Recipe(
@@ -70,7 +70,13 @@ CATALOGUE: dict[str, Recipe] = {
             "contact_stretch", 0.02, 0.5, BOTH,
         ),
         Recipe("pivot_recoil", "pivot_recoil", "contact", "pivot_loss", 0.01, 0.3),
+        Recipe(
+            "pivot_recoil_shared", "pivot_recoil", "contact", "shared_loss", 0.003, 0.1,
+        ),
         Recipe("support_recoil", "support_recoil", "contact", "support_loss", 0.003, 0.1),
+        Recipe(
+            "support_recoil_up", "support_recoil", "contact", "support_kick", 0.003, 0.1, BOTH,
+        ),
         Recipe("bearing_friction", "bearing_friction", "swing", "dry_torque", 0.02, 0.8),
         Recipe("viscous_damping", "viscous_damping", "swing", "viscous_torque", 0.01, 0.5),
         Recipe("pendulum_drag", "pendulum_drag", "swing", "quadratic_torque", 0.005, 0.3),
@@ -121,10 +127,11 @@ UNNAMED: dict[str, Recipe] = {
     )
 }  # fmt: skip
 
-# The ids that the foreign simulator is known to conceal: campaigns of its kind decide.
+# What the foreign simulator is known to conceal: campaigns of its kind decide.
 FOREIGN_KIND = (
     "drag", "magnus", "drag_crisis", "buoyancy", "wind", "oblique_impact", "support_friction",
-    "support_recoil", "velocity_dependent_cor", "effective_mass", "bearing_friction",
+    "support_recoil", "support_recoil_up", "velocity_dependent_cor", "effective_mass",
+    "bearing_friction",
     "viscous_damping", "pendulum_drag", "time_base", "camera_roll", "length_scale",
     "lens_distortion", "rolling_shutter", "dropped_frames",
 )  # fmt: skip

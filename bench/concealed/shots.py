@@ -59,7 +59,9 @@ class Shots:
     support_friction: Array
     contact_stretch: Array
     pivot_loss: Array
+    shared_loss: Array
     support_loss: Array
+    support_kick: Array
     # swing
     dry_torque: Array
     viscous_torque: Array

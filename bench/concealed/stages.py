@@ -165,7 +165,9 @@ def _after_losses(shots: Shots, contact: Contact, touch_speed: Array) -> Contact
     """What a yielding pivot and a yielding ball stand take away at release."""
     release = contact.release.copy()
     release[:, 1] -= shots.pivot_loss * (touch_speed - release[:, 1])
-    release[:, 4:6] *= (1 - shots.support_loss)[:, None]
+    release[:, 1] *= 1 - shots.shared_loss
+    release[:, 4:6] *= ((1 - shots.support_loss) * (1 - shots.shared_loss))[:, None]
+    release[:, 5] += shots.support_kick * contact.impact_speed
     return Contact(contact.path, contact.release_time, release, contact.impact_speed, contact.cor)
 
 

@@ -1,0 +1,144 @@
+"""Draw concealed campaigns, let the engine explain them, open the keys, write the proof.
+
+The engine gets folders with a ball table, a pendulum table and a setup file. Keys lie in another
+folder and are opened once every answer is written.
+"""
+
+import argparse
+import json
+import os
+import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+from bench.concealed.answer import Answer, answer_from_json
+from bench.concealed.campaign import Key, read_key
+from bench.concealed.contestants import engine_answer, engine_version
+from bench.concealed.draw import GENERATOR, draw_campaign
+from bench.concealed.foreign import convert_all
+from bench.concealed.foreign_keys import foreign_key
+from bench.concealed.report import Scored, proof_text
+from bench.concealed.score import judge
+from metrology import write_text_whole
+
+ROOT = Path(__file__).parents[2]
+WHOLE_PROOF = 400
+
+
+@dataclass(frozen=True)
+class Shelf:
+    """Where campaigns, keys and answers lie."""
+
+    cache: Path
+    seed: int
+
+    @property
+    def campaigns(self) -> Path:
+        return self.cache / f"campaigns-{GENERATOR}-{self.seed}"
+
+    @property
+    def keys(self) -> Path:
+        return self.cache / f"keys-{GENERATOR}-{self.seed}"
+
+    @property
+    def answers(self) -> Path:
+        return self.cache / f"answers-{GENERATOR}-{self.seed}-{engine_version(ROOT)}"
+
+    def campaign(self, number: int) -> Path:
+        return self.campaigns / f"{number:04d}"
+
+
+def _draw(task: tuple[Shelf, int]) -> None:
+    shelf, number = task
+    draw_campaign(shelf.seed, number, shelf.campaign(number), shelf.keys)
+
+
+def _answer(task: tuple[Path, Path]) -> Answer:
+    folder, output = task
+    if output.exists():
+        raw = json.loads(output.read_text(encoding="utf-8"))
+        return answer_from_json(raw, raw["seconds"])
+    return engine_answer(folder, output)
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m bench.concealed", description=__doc__)
+    parser.add_argument("--campaigns", type=int, default=50, help="how many (400 for the proof)")
+    parser.add_argument("--first", type=int, default=0, help="number of the first campaign")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--jobs", type=int, default=max((os.cpu_count() or 2) // 2, 1))
+    parser.add_argument(
+        "--cache",
+        type=Path,
+        default=Path(tempfile.gettempdir()) / "impact-vision-concealed",
+        help="campaigns, keys and answers are kept here and used again",
+    )
+    parser.add_argument(
+        "--foreign",
+        type=Path,
+        default=ROOT.parent / "shared" / "concealed_dev",
+        help="campaigns of a foreign simulator, scored beside ours when there",
+    )
+    parser.add_argument("--peers", action="store_true", help="let the peers answer too")
+    parser.add_argument(
+        "--real", type=Path, default=ROOT.parent / "shared" / "realdata", help="real recordings"
+    )
+    parser.add_argument("--kind", help="only campaigns of this kind (reads the keys first)")
+    parser.add_argument("--draw-only", action="store_true")
+    parser.add_argument(
+        "-o", "--output", type=Path,
+        help="report; docs/proof.md for a whole proof, else to the terminal",
+    )  # fmt: skip
+    return parser.parse_args()
+
+
+def _foreign(options: argparse.Namespace, shelf: Shelf) -> list[tuple[Path, Path]]:
+    if not options.foreign.is_dir():
+        return []
+    folders = convert_all(options.foreign, shelf.cache / "foreign")
+    return [(folder, options.foreign / folder.name / "answer.json") for folder in folders]
+
+
+def main() -> None:
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    options = _options()
+    shelf = Shelf(options.cache, options.seed)
+    for folder in (shelf.campaigns, shelf.keys, shelf.answers):
+        folder.mkdir(parents=True, exist_ok=True)
+    numbers = list(range(options.first, options.first + options.campaigns))
+    foreign = _foreign(options, shelf)
+    with ProcessPoolExecutor(options.jobs) as pool:
+        list(pool.map(_draw, [(shelf, n) for n in numbers], chunksize=4))
+        if options.draw_only:
+            return
+        if options.kind:
+            numbers = [n for n in numbers if _key(shelf, n).kind == options.kind]
+        tasks = [(shelf.campaign(n), shelf.answers / f"{n:04d}.json") for n in numbers]
+        tasks += [(f, shelf.answers / f"foreign-{f.name}.json") for f, _ in foreign]
+        answers = list(pool.map(_answer, tasks))
+    keys = [_key(shelf, n) for n in numbers]
+    keys += [foreign_key(path) for _, path in foreign]
+    scored = [
+        Scored(judge(key, answer), folder)
+        for key, answer, (folder, _) in zip(keys, answers, tasks, strict=True)
+    ]
+    own, theirs = scored[: len(numbers)], scored[len(numbers) :]
+    text = proof_text(own, theirs, options.seed)
+    output = options.output
+    if output is None and len(numbers) >= WHOLE_PROOF:
+        output = ROOT / "docs" / "proof.md"
+    if output is None:
+        print(text)
+    else:
+        write_text_whole(output, text)
+        print(f"wrote {output}")
+
+
+def _key(shelf: Shelf, number: int) -> Key:
+    return read_key(shelf.keys / f"{number:04d}.json")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,48 @@
+"""The engine under test, run on a campaign folder as a user would run it."""
+
+import hashlib
+import json
+import time
+from pathlib import Path
+
+from bench.concealed.answer import Answer, answer_from_json
+
+__all__ = ["engine_answer", "engine_version"]
+
+SOURCES = ("physics", "mismatch", "pipelines")
+
+
+def engine_version(root: Path) -> str:
+    """Digest of the sources an answer depends on."""
+    digest = hashlib.sha256()
+    for room in SOURCES:
+        for path in sorted((root / room).rglob("*.py")):
+            digest.update(path.relative_to(root).as_posix().encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def engine_answer(folder: Path, output: Path) -> Answer:
+    """Run `vision explain` on a folder's files; the JSON it wrote stays in `output`."""
+    from pipelines.cli import app
+    from typer.testing import CliRunner
+
+    command = ["explain", "--setup", str(folder / "setup.toml"), "--json", str(output), "--quiet"]
+    if (folder / "ball.csv").exists():
+        command.insert(1, str(folder / "ball.csv"))
+    if (folder / "pendulum.csv").exists():
+        command += ["--pendulum", str(folder / "pendulum.csv")]
+    output.unlink(missing_ok=True)
+    start = time.perf_counter()
+    result = CliRunner().invoke(app, command)
+    seconds = time.perf_counter() - start
+    if result.exit_code or not output.exists():
+        said = (result.output or "").strip().splitlines()
+        why = repr(result.exception) if result.exception else "no JSON written"
+        return Answer(
+            "failed", seconds=seconds, failure=f"exit {result.exit_code}: {why} {said[-1:]}"
+        )
+    raw = json.loads(output.read_text(encoding="utf-8"))
+    raw["seconds"] = seconds
+    output.write_text(json.dumps(raw), encoding="utf-8")
+    return answer_from_json(raw, seconds)

@@ -1,0 +1,267 @@
+"""The proof as a page: every row with its counts, every miss by name."""
+
+import tomllib
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from bench.concealed.conventions import true_parameter
+from bench.concealed.score import MIMICKED, Judgement
+from bench.concealed.statistics import Proportion, calibration_error
+
+__all__ = ["Scored", "proof_text"]
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A judgement and the folder it was about."""
+
+    judgement: Judgement
+    folder: Path
+
+    @property
+    def name(self) -> str:
+        """What the campaign is called in lists of misses."""
+        key = self.judgement.key
+        return f"{'foreign ' if key.seed == 0 else ''}{key.number}"
+
+
+Test = Callable[[Judgement], bool]
+
+
+def _share(scored: Iterable[Scored], test: Test) -> Proportion:
+    outcomes = [test(s.judgement) for s in scored]
+    return Proportion(sum(outcomes), len(outcomes))
+
+
+def _of(scored: Sequence[Scored], kind: str, level: str | None = None) -> list[Scored]:
+    return [
+        s
+        for s in scored
+        if s.judgement.key.kind == kind and (level is None or s.judgement.key.level == level)
+    ]
+
+
+def _distinct(scored: Sequence[Scored]) -> list[Scored]:
+    """Forces in no catalogue that no two catalogue effects can mimic."""
+    return [
+        s
+        for s in _of(scored, "outside")
+        if (s.judgement.key.nearest_catalogue_chi2 or np.inf) > MIMICKED
+    ]
+
+
+def _mimicked(scored: Sequence[Scored]) -> list[Scored]:
+    kept = {id(s) for s in _distinct(scored)}
+    return [s for s in _of(scored, "outside") if id(s) not in kept]
+
+
+def _said_rightly(judgement: Judgement) -> bool:
+    return judgement.unnamed_said and judgement.direction_right and judgement.place_right
+
+
+def _coverage(scored: Sequence[Scored]) -> tuple[Proportion, list[str]]:
+    """Share of stated 95 % intervals that hold the truth, over rightly named effects."""
+    inside, outside = 0, []
+    for s in scored:
+        key, answer = s.judgement.key, s.judgement.answer
+        if not s.judgement.right or key.kind not in ("single", "pair") or key.seed == 0:
+            continue
+        setup = tomllib.loads((s.folder / "setup.toml").read_text(encoding="utf-8"))
+        for hidden in key.effects:
+            truth = true_parameter(hidden, setup)
+            named = next((n for n in answer.named if n.id == hidden.id), None)
+            if truth is None or named is None or truth[0] not in named.parameters:
+                continue
+            value, std = named.parameters[truth[0]]
+            if std is None:
+                continue
+            if abs(value - truth[1]) <= 1.96 * std:
+                inside += 1
+            else:
+                outside.append(
+                    f"{s.name} {hidden.name}: {value:.4g} ± {std:.2g}, true {truth[1]:.4g}"
+                )
+    return Proportion(inside, inside + len(outside)), outside
+
+
+def _stated(scored: Sequence[Scored]) -> tuple[list[float], list[bool]]:
+    """Stated probabilities of named effects, and whether each was concealed."""
+    stated, right = [], []
+    for s in scored:
+        truth = {hidden.id for hidden in s.judgement.key.effects}
+        for named in s.judgement.answer.named:
+            if named.probability is not None:
+                stated.append(float(named.probability))
+                right.append(named.id in truth)
+    return stated, right
+
+
+def _main_rows(scored: Sequence[Scored]) -> list[tuple[str, str, str, str]]:
+    nulls = _of(scored, "null")
+    starts = [s for s in scored if s.judgement.start_error is not None and _strong(s)]
+    coverage, _ = _coverage(scored)
+    error, _ = calibration_error(*_stated(scored))
+    seconds = [s.judgement.answer.seconds for s in scored]
+    long = [s.judgement.answer.seconds for s in scored if len(s.judgement.key.trials) >= 24]
+    timing = f"median {np.median(seconds):.1f} s, slowest {max(seconds):.1f} s" if seconds else "–"
+    if long:
+        timing += f"; 24 trials: median {np.median(long):.1f} s"
+    strong = _of(scored, "single", "strong")
+    return [
+        ("nulls on which physics is wrongly named", "≤ 2 %", "≤ 0.5 %",
+         str(_share(nulls, lambda j: j.physics_named))),
+        ("nulls on which anything is wrongly named", "", "",
+         str(_share(nulls, lambda j: j.named))),
+        ("single weak effect: right id or its declared group", "", "",
+         str(_share(_of(scored, "single", "weak"), lambda j: j.right))),
+        ("single weak effect: a wrong id and no right one", "", "",
+         str(_share(_of(scored, "single", "weak"), lambda j: bool(j.answer.ids) and not j.covered))),
+        ("single medium effect: right id or its declared group", "90 %", "97 %",
+         str(_share(_of(scored, "single", "medium"), lambda j: j.right))),
+        ("single strong effect", "97 %", "99.5 %", str(_share(strong, lambda j: j.right))),
+        ("single strong effect, whatever else is named", "", "",
+         str(_share(strong, lambda j: j.covered))),
+        ("pairs, both strong", "85 %", "95 %",
+         str(_share(_of(scored, "pair"), lambda j: j.right))),
+        ("force in no catalogue: unnamed, right direction and place", "80 %", "95 %",
+         str(_share(_distinct(scored), _said_rightly))),
+        ("– said to be unnamed", "", "",
+         str(_share(_distinct(scored), lambda j: j.unnamed_said))),
+        ("– right place (phase, time)", "", "",
+         str(_share(_distinct(scored), lambda j: j.place_right))),
+        ("– right direction", "", "",
+         str(_share(_distinct(scored), lambda j: j.direction_right))),
+        ("force that two catalogue effects can mimic: unnamed or grouped with it", "", "",
+         str(_share(_mimicked(scored), lambda j: j.unnamed_said))),
+        ("exact twins reported as a group, with a separating measurement", "100 %", "–",
+         str(_share(_of(scored, "twins"), lambda j: j.grouped))),
+        ("start of a local effect within 5 % of the flight", "85 %", "95 %",
+         str(_share(starts, lambda j: j.start_error is not None and j.start_error <= 0.05))),
+        ("95 % intervals of fitted parameters hold the truth", "88–99 %", "93–97 %",
+         str(coverage)),
+        ("calibration error of stated probabilities", "0.08", "0.03", f"{error:.3f}"),
+        ("time for a campaign, one process", "30 s", "8 s", timing),
+    ]  # fmt: skip
+
+
+def _strong(scored: Scored) -> bool:
+    return scored.judgement.key.level == "strong"
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    lines += ["| " + " | ".join(row) + " |" for row in rows]
+    return [*lines, ""]
+
+
+def _answer_words(judgement: Judgement) -> str:
+    answer = judgement.answer
+    if answer.failure:
+        return f"failed: {answer.failure[:90]}"
+    names = ", ".join(sorted(answer.ids)) or answer.verdict
+    groups = "; ".join("{" + ", ".join(sorted(group)) + "}" for group in answer.groups)
+    return f"{names} {groups}".strip()
+
+
+def _confusion(scored: Sequence[Scored]) -> list[str]:
+    """Per concealed effect: how often right, and what was said instead."""
+    rows = []
+    singles = [s for s in scored if s.judgement.key.kind in ("single", "outside")]
+    for name in sorted({s.judgement.key.effects[0].name for s in singles}):
+        mine = [s for s in singles if s.judgement.key.effects[0].name == name]
+        visible = [s for s in mine if s.judgement.key.level != "weak"]
+        wrong = Counter(_answer_words(s.judgement) for s in visible if not _good(s.judgement))
+        said = "; ".join(f"{words} ×{count}" for words, count in wrong.most_common(4))
+        identity = mine[0].judgement.key.effects[0].id
+        rows.append((name, identity, str(_share(visible, _good)), said))
+    return _table(("concealed", "id", "medium and strong: right", "said instead"), rows)
+
+
+def _good(judgement: Judgement) -> bool:
+    if judgement.key.kind == "null":
+        return not judgement.named
+    if judgement.key.kind == "twins":
+        return judgement.grouped
+    if judgement.key.kind == "outside":
+        return _said_rightly(judgement)
+    if judgement.key.level == "weak":
+        return judgement.right or not judgement.named
+    return judgement.right
+
+
+def _misses(scored: Sequence[Scored]) -> list[str]:
+    rows = []
+    for s in scored:
+        key = s.judgement.key
+        if _good(s.judgement):
+            continue
+        truth = " + ".join(f"{h.name} ({h.amplitude:.3g})" for h in key.effects) or "nothing"
+        rows.append(
+            (s.name, key.kind, key.level, f"{key.delta_chi2:.0f}", truth,
+             f"{_answer_words(s.judgement)} [{s.judgement.answer.phase} "
+             f"{s.judgement.answer.channel}]")
+        )  # fmt: skip
+    if not rows:
+        return ["None.", ""]
+    return _table(("campaign", "kind", "level", "Δχ²", "concealed", "said"), rows)
+
+
+def _foreign_rows(foreign: Sequence[Scored]) -> list[str]:
+    rows = []
+    for s in foreign:
+        key = s.judgement.key
+        truth = " + ".join(f"{h.name} → {h.id}" for h in key.effects) or "nothing"
+        rows.append(
+            (s.name, key.level, f"{key.delta_chi2:.0f}", truth, _answer_words(s.judgement),
+             "yes" if _good(s.judgement) else "no", f"{s.judgement.answer.seconds:.1f} s")
+        )  # fmt: skip
+    return _table(("campaign", "level", "Δχ²", "concealed", "said", "right", "time"), rows)
+
+
+def proof_text(own: Sequence[Scored], foreign: Sequence[Scored], seed: int) -> str:
+    """The whole page, Markdown."""
+    counts = Counter(s.judgement.key.kind for s in own)
+    _, outside = _coverage(own)
+    _, bins = calibration_error(*_stated(own))
+    sizes = [s.judgement.group_size for s in own if s.judgement.group_size]
+    lines = [
+        "# The proof: campaigns with concealed physics",
+        "",
+        f"Written by `python -m bench.concealed --campaigns {len(own)} --seed {seed}`: "
+        + ", ".join(f"{count} {kind}" for kind, count in sorted(counts.items()))
+        + ". The generator has its own force laws, contact and solver and shares no code with the "
+        "engine; the engine is given the tables and the setup file alone; keys are opened when all "
+        "answers are in. Weak, medium and strong are likelihood ratios of truth against the "
+        "refitted baseline: Δχ² below 10, to 100, above. Shares come with counts and 95 % Wilson "
+        "intervals.",
+        "",
+        *_table(("", "at least", "aim", "measured"), _main_rows(own)),
+        f"Declared groups hold {np.median(sizes):.0f} ids in the median, {max(sizes)} at most."
+        if sizes
+        else "No group was declared.",
+        "",
+        "## Campaigns of a foreign simulator",
+        "",
+        *(_foreign_rows(foreign) if foreign else ["Not beside this checkout.", ""]),
+        "## By concealed effect",
+        "",
+        *_confusion(own),
+        "## Stated probability against frequency of being right",
+        "",
+        *_table(
+            ("stated (mean)", "right", "names"),
+            [(f"{stated:.2f}", f"{right:.2f}", str(count)) for stated, right, count in bins],
+        ),
+        "## Misses",
+        "",
+        *_misses([*own, *foreign]),
+        "## Intervals that miss the truth",
+        "",
+        *([f"- {line}" for line in outside] or ["None."]),
+        "",
+    ]
+    return "\n".join(lines)

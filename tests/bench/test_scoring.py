@@ -1,0 +1,131 @@
+import pytest
+
+from bench.concealed.answer import Answer, Named, answer_from_json
+from bench.concealed.campaign import Hidden, Key, TrialTruth, read_key, write_key
+from bench.concealed.conventions import true_parameter
+from bench.concealed.score import judge
+from bench.concealed.statistics import Proportion, calibration_error, wilson
+
+TRIALS = (TrialTruth(0.25, 0.26, 0.66, 0.36, 0.42), TrialTruth(0.75, 0.76, 1.16, 0.86, 0.92))
+
+
+def hidden(identity, name=None, phase="flight", channels=(), local=False, amplitude=1.0):
+    return Hidden(
+        name or identity, identity, phase, "knob", amplitude, {}, channels, local, 500.0, ("wind",)
+    )
+
+
+def key(*effects, kind="single", twins=()):
+    return Key(1, 1, kind, "strong", 500.0, None, twins, effects, TRIALS)
+
+
+def said(*ids, groups=(), **more):
+    return Answer(
+        "explained",
+        tuple(Named(i, 0.9, {}) for i in ids),
+        tuple(frozenset(g) for g in groups),
+        **more,
+    )
+
+
+def test_the_right_name_alone_is_right():
+    assert judge(key(hidden("drag")), said("drag")).right
+    assert not judge(key(hidden("drag")), said("wind")).right
+
+
+def test_a_declared_group_with_the_truth_in_it_is_right():
+    assert judge(key(hidden("drag")), said("wind", groups=[("wind", "drag")])).right
+    assert not judge(key(hidden("magnus")), said("wind", groups=[("wind", "drag")])).right
+
+
+def test_a_second_name_spoils_a_right_one():
+    judgement = judge(key(hidden("drag")), said("drag", "magnus"))
+    assert judgement.covered
+    assert not judgement.right
+
+
+def test_pairs_need_both():
+    pair = key(hidden("drag"), hidden("bearing_friction", phase="swing"), kind="pair")
+    assert judge(pair, said("bearing_friction", "drag")).right
+    assert not judge(pair, said("drag")).covered
+
+
+def test_on_a_null_any_name_counts():
+    null = key(kind="null")
+    assert not judge(null, Answer("no_mismatch")).named
+    assert judge(null, said("drag")).physics_named
+    clock = judge(null, said("time_base"))
+    assert clock.named
+    assert not clock.physics_named
+
+
+def test_no_mismatch_with_groups_names_nothing():
+    answer = Answer("no_mismatch", (), (frozenset({"drag", "wind"}),))
+    assert not judge(key(kind="null"), answer).named
+
+
+def test_unnamed_needs_direction_and_place():
+    gust = hidden("unnamed", "gust", channels=("along_velocity", "horizontal"), local=True)
+    good = said("unnamed", phase="flight", channel="horizontal", t_start=0.115, t_end=0.17)
+    judgement = judge(key(gust, kind="outside"), good)
+    assert judgement.unnamed_said
+    assert judgement.direction_right
+    assert judgement.place_right
+    assert judgement.start_error == pytest.approx(0.005 / 0.4)
+    late = said("unnamed", phase="flight", channel="vertical", t_start=0.4, t_end=0.45)
+    judgement = judge(key(gust, kind="outside"), late)
+    assert not judgement.direction_right
+    assert not judgement.place_right
+
+
+def test_twins_need_one_group_and_a_measurement():
+    twins = key(hidden("time_base"), kind="twins", twins=("time_base", "length_scale"))
+    groups = [("time_base", "length_scale")]
+    assert judge(twins, said("time_base", groups=groups, next_measurement="a ruler")).grouped
+    assert not judge(twins, said("time_base", groups=groups)).grouped
+    assert not judge(twins, said("time_base", next_measurement="a ruler")).grouped
+
+
+def test_json_of_the_contract_is_read():
+    answer = answer_from_json(
+        {
+            "verdict": "explained",
+            "location": {"phase": "flight", "t_start_s": 0.012, "channel": "horizontal"},
+            "effects": [
+                {
+                    "id": "magnus",
+                    "probability": 0.97,
+                    "parameters": {"spin": {"value": 0.21, "std": 0.01, "unit": "rad/s"}},
+                }
+            ],
+            "indistinguishable": [["time_base", "length_scale"]],
+        },
+        1.5,
+    )
+    assert answer.ids == {"magnus"}
+    assert answer.named[0].parameters == {"spin": (0.21, 0.01)}
+    assert answer.groups == (frozenset({"time_base", "length_scale"}),)
+
+
+def test_drag_is_stated_whole_and_not_as_a_change():
+    setup = {"model": {"drag": {"drag_coefficient": 0.45}}}
+    name, value = true_parameter(hidden("drag", amplitude=0.05), setup)
+    assert (name, value) == ("drag_coefficient", pytest.approx(0.5))
+
+
+def test_keys_survive_a_file(tmp_path):
+    original = key(hidden("drag", channels=("horizontal",)), twins=("a", "b"))
+    write_key(tmp_path / "key.json", original)
+    assert read_key(tmp_path / "key.json") == original
+
+
+def test_wilson_holds_the_textbook_value():
+    # Newcombe, Stat. Med. 17, 857 (1998), table I: 81 of 263.
+    assert wilson(81, 263) == pytest.approx((0.2553, 0.3662), abs=1e-4)
+    assert str(Proportion(0, 0)) == "–"
+
+
+def test_calibration_error_is_the_gap_weighted_by_count():
+    error, rows = calibration_error([0.95, 0.95, 0.95, 0.95, 0.55], [True] * 4 + [False])
+    assert error == pytest.approx((0.05 * 4 + 0.55) / 5)
+    assert len(rows) == 2
