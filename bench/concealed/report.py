@@ -119,7 +119,7 @@ def _main_rows(scored: Sequence[Scored]) -> list[tuple[str, str, str, str]]:
         ("single weak effect: right id or its declared group", "", "",
          str(_share(_of(scored, "single", "weak"), lambda j: j.right))),
         ("single weak effect: a wrong id and no right one", "", "",
-         str(_share(_of(scored, "single", "weak"), lambda j: bool(j.answer.ids) and not j.covered))),
+         str(_share(_of(scored, "single", "weak"), _misled))),
         ("single medium effect: right id or its declared group", "90 %", "97 %",
          str(_share(_of(scored, "single", "medium"), lambda j: j.right))),
         ("single strong effect", "97 %", "99.5 %", str(_share(strong, lambda j: j.right))),
@@ -146,6 +146,10 @@ def _main_rows(scored: Sequence[Scored]) -> list[tuple[str, str, str, str]]:
         ("calibration error of stated probabilities", "0.08", "0.03", f"{error:.3f}"),
         ("time for a campaign, one process", "30 s", "8 s", timing),
     ]  # fmt: skip
+
+
+def _misled(judgement: Judgement) -> bool:
+    return bool(judgement.answer.ids) and not judgement.covered
 
 
 def _strong(scored: Scored) -> bool:
