@@ -1,4 +1,4 @@
-"""Fits of e(v): negative exponential, visco-elastic power law, constant; and which the data prefer."""
+"""Fits of e(v): exponential, visco-elastic power law, constant; and which the data prefer."""
 
 import math
 from collections.abc import Callable
@@ -7,6 +7,7 @@ from typing import Any
 
 import lmfit
 import numpy as np
+from scipy.stats import t as student
 
 from metrology import DomainError, TooLittleDataError
 from physics.arrays import FloatArray
@@ -118,7 +119,11 @@ def fit_cor(
         "power": {"coefficient": {"value": 0.2}},
         "constant": {"value": {"value": float(np.mean(cor))}},
     }
-    functions = {"exponential": _exponential, "power": _power, "constant": _constant}
+    functions: dict[str, Callable[..., FloatArray]] = {
+        "exponential": _exponential,
+        "power": _power,
+        "constant": _constant,
+    }
     if model not in functions:
         raise DomainError(f"there is no law {model!r}", hint=f"There are: {', '.join(functions)}.")
     require_positive("the impact speed", speed, "m/s")
@@ -182,25 +187,18 @@ def _least_squares(
         raise TooLittleDataError(f"{len(x)} points can't determine {len(start)} parameters")
     model = lmfit.Model(function)
     parameters = model.make_params(**start)
-    weights = None if std is None else 1.0 / np.asarray(std)
-    return (
-        model.fit(
-            y,
-            parameters,
-            v=x,
-            weights=weights,
-            scale_covar=std is None,
-            calc_covar=True,
-            fit_kws={"xtol": 1e-14, "ftol": 1e-14},
-        )
-        if model.independent_vars == ["v"]
-        else model.fit(y, parameters, b=x, weights=weights, max_nfev=20_000)
+    return model.fit(
+        y,
+        parameters,
+        weights=None if std is None else 1.0 / np.asarray(std),
+        scale_covar=std is None,
+        max_nfev=20_000,
+        fit_kws={"xtol": 1e-14, "ftol": 1e-14},
+        **{model.independent_vars[0]: x},
     )
 
 
 def _report(model: str, law: Callable[[Any], Any], fit: Any, points: int, absolute: bool) -> CorFit:
-    from scipy.stats import t as student
-
     free = fit.nvarys
     dof = points - free
     width = float(student.ppf(0.975, dof)) if dof > 0 else math.inf

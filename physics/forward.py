@@ -73,7 +73,7 @@ def paper_impact(experiment: Experiment, speed: Number, cor: Number | None = Non
 
     `cor` defaults to the ball's law.
     """
-    wanted = experiment.ball.cor(speed) if cor is None else cor
+    wanted = experiment.ball.cor(np.asarray(speed)) if cor is None else cor
     return impact(experiment.pendulum.mass_at_contact, experiment.ball.mass, wanted, speed)
 
 
@@ -89,7 +89,7 @@ def impulsive_launch(
     `cor` and `contact_time` (s) default to the ball's laws, `launch_angle` (rad) to its angle.
     """
     after = paper_impact(experiment, speed, cor)
-    time = experiment.ball.contact_time(speed) if contact_time is None else contact_time
+    time = experiment.ball.contact_time(np.asarray(speed)) if contact_time is None else contact_time
     angle = experiment.ball.launch_angle if launch_angle is None else launch_angle
     return Launch(after.ball_speed, angle, after.mean_speed * time)
 

@@ -101,7 +101,7 @@ def plan_distance(
     distance: float,
     *,
     cor: CorLaw | None = None,
-    scatter: PlanScatter = PlanScatter(),
+    scatter: PlanScatter | None = None,
 ) -> Plan:
     """Back-swing and impact speed for a wanted landing distance.
 
@@ -115,7 +115,7 @@ def plan_distance(
         Landing distance of the centre from rest, m.
     cor : CorLaw, optional
         Default the ball's law.
-    scatter : PlanScatter
+    scatter : PlanScatter, optional
         For the uncertainty.
 
     Returns
@@ -129,6 +129,7 @@ def plan_distance(
     """
     ball, pendulum = experiment.ball, experiment.pendulum
     law = ball.cor if cor is None else cor
+    scatter = PlanScatter() if scatter is None else scatter
 
     def lands(speed: FloatArray, cor_shift: float = 0.0, angle_shift: float = 0.0) -> FloatArray:
         launch = impulsive_launch(

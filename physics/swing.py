@@ -1,6 +1,7 @@
 """The pendulum's swing: energy balance in closed form, and friction and air drag by integration."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -151,7 +152,8 @@ def swing(
     backswing: float,
     contact_angle: float,
     *,
-    bearing: Bearing = Bearing(),
+    bearing: Bearing | None = None,
+    torque: Callable[[float, float], float] | None = None,
     gravity: float = GRAVITY,
     samples: int = 201,
 ) -> Swing:
@@ -166,8 +168,10 @@ def swing(
         Angle of release, rad, counted positive backwards.
     contact_angle : float
         Where it meets the ball, rad past the lowest point.
-    bearing : Bearing
+    bearing : Bearing, optional
         Losses.
+    torque : callable, optional
+        Any further torque, N m, from φ (rad) and its rate (rad/s).
     gravity : float
         m/s².
     samples : int
@@ -184,8 +188,9 @@ def swing(
     """
     frictionless_speed(pendulum, backswing, contact_angle, gravity)
     weight = pendulum.mass * gravity * pendulum.com
+    losses = Bearing() if bearing is None else bearing
     start = -abs(backswing)
-    if weight * math.sin(abs(backswing)) <= bearing.dry or math.pi - abs(backswing) < 1e-9:
+    if weight * math.sin(abs(backswing)) <= losses.dry or math.pi - abs(backswing) < 1e-9:
         raise DomainError(
             f"a pendulum let go at {math.degrees(backswing):.2f} deg stays where it is",
             hint="Friction holds it, or it stands upright on its pivot.",
@@ -194,7 +199,9 @@ def swing(
     def rates(_: float, state: FloatArray) -> list[float]:
         phi, omega = float(state[0]), float(state[1])
         # until it moves, friction acts against the coming motion
-        loss = bearing.torque(omega) if omega > 0.0 else -bearing.dry
+        loss = losses.torque(omega) if omega > 0.0 else -losses.dry
+        if torque is not None:
+            loss += torque(phi, omega)
         return [omega, (-weight * math.sin(phi) + loss) / pendulum.inertia]
 
     def arrives(_: float, state: FloatArray) -> float:

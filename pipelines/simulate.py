@@ -1,0 +1,348 @@
+"""`vision simulate`: the forward model, from back-swing or impact speed to landing."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from metrology import Contribution, Quantity, UsageError, parse_quantity
+from physics.bodies import Ball
+from physics.contact_batch import contact_outcomes
+from physics.contact_outcome import ContactOutcome
+from physics.energy import lost_by_pendulum
+from physics.flight import Flight, fly
+from physics.forces import Acceleration
+from physics.forward import Experiment, closed_form_landing, impulsive_launch, paper_impact
+from physics.planning import PlanScatter
+from physics.restitution import CorLaw
+from pipelines.model_effects import AddedEffect, added_effects, alter_outcome, speed_with_losses
+from pipelines.model_options import (
+    angle_of,
+    choose_ball,
+    choose_cor,
+    experiment_of,
+    scatter_of,
+    send_out,
+    setup_or_default,
+)
+from pipelines.model_plots import draw_flights
+
+__all__ = ["Simulation", "simulate", "simulate_command"]
+
+CONTACT_TIME_STD = 0.001
+"""s; the contact times of the presets are assumed, not measured."""
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A simulated strike.
+
+    Attributes
+    ----------
+    quantities : tuple of Quantity
+        Named as in the contract.
+    warnings : tuple of str
+    flight : Flight
+        The numerical path by the paper's launch, with all forces.
+    contact_flight : Flight
+        The path from the time-resolved contact.
+    """
+
+    quantities: tuple[Quantity, ...]
+    warnings: tuple[str, ...]
+    flight: Flight
+    contact_flight: Flight
+
+
+@dataclass(frozen=True)
+class _Shift:
+    """One draw of what repeats imperfectly."""
+
+    backswing: float = 0.0
+    cor: float = 0.0
+    launch_angle: float = 0.0
+    contact_time: float = 0.0
+
+
+def simulate(
+    experiment: Experiment,
+    *,
+    backswing: float | None = None,
+    impact_speed: float | None = None,
+    cor: CorLaw | None = None,
+    scatter: PlanScatter | None = None,
+    effects: tuple[AddedEffect, ...] = (),
+) -> Simulation:
+    """Steps a to e of the paper from a back-swing angle (rad) or an impact speed (m/s).
+
+    Parameters
+    ----------
+    experiment : Experiment
+    backswing, impact_speed : float, optional
+        Exactly one of them, rad or m/s.
+    cor : CorLaw, optional
+        Default the ball's.
+    scatter : PlanScatter
+        For the standard uncertainties.
+    effects : tuple of AddedEffect
+        Further physics from the catalogue.
+
+    Returns
+    -------
+    Simulation
+
+    Raises
+    ------
+    UsageError
+        If both or neither of back-swing and impact speed are given.
+    DomainError
+        For inputs that no law holds for.
+    """
+    if (backswing is None) == (impact_speed is None):
+        raise UsageError(
+            "give either a back-swing angle or an impact speed",
+            hint="For example --backswing 90deg, or --impact-speed 3.2.",
+        )
+    law = experiment.ball.cor if cor is None else cor
+    scatter = PlanScatter() if scatter is None else scatter
+
+    def run(shift: _Shift) -> dict[str, float]:
+        return _strike(experiment, backswing, impact_speed, law, effects, shift)[0]
+
+    best, flight, contact_flight = _strike(
+        experiment, backswing, impact_speed, law, effects, _Shift(), samples=201
+    )
+    angles = math.hypot(scatter.launch_angle, scatter.launch_angle_law)
+    sources = [
+        ("coefficient of restitution", _Shift(cor=math.hypot(scatter.cor, scatter.cor_law))),
+        ("launch angle", _Shift(launch_angle=angles)),
+        ("contact time", _Shift(contact_time=CONTACT_TIME_STD)),
+    ]
+    if backswing is not None:
+        sources.insert(0, ("back-swing", _Shift(backswing=scatter.backswing)))
+    spreads = {name: _spread(run, shift) for name, shift in sources}
+    quantities = tuple(
+        Quantity.measured(
+            name,
+            value,
+            _UNITS[name],
+            tuple(
+                Contribution(source, spread.get(name, 0.0)) for source, spread in spreads.items()
+            ),
+        )
+        for name, value in best.items()
+    )
+    speed, fastest = best["impact_speed"], best["ball_speed"]
+    warnings = _warnings(experiment, speed, law, fastest)
+    return Simulation(quantities, warnings, flight, contact_flight)
+
+
+_UNITS = {
+    "backswing_angle": "deg",
+    "impact_speed": "m/s",
+    "pendulum_speed_before": "m/s",
+    "pendulum_speed_after": "m/s",
+    "ball_speed": "m/s",
+    "launch_angle": "deg",
+    "contact_time": "s",
+    "cor_speeds": "1",
+    "external_impulse": "N s",
+    "energy_loss": "J",
+    "flight_time": "s",
+    "landing_time": "s",
+    "landing_distance": "m",
+    "landing_distance_closed_form": "m",
+    "closed_form_difference": "m",
+    "landing_distance_contact_model": "m",
+    "launch_angle_contact_model": "deg",
+    "ball_speed_contact_model": "m/s",
+    "flight_time_contact_model": "s",
+}
+
+
+def _spread(run: Callable[[_Shift], dict[str, float]], shift: _Shift) -> dict[str, float]:
+    """Half the change of every quantity between minus and plus one standard deviation."""
+    back = _Shift(-shift.backswing, -shift.cor, -shift.launch_angle, -shift.contact_time)
+    low, high = run(back), run(shift)
+    return {name: 0.5 * abs(high[name] - low[name]) for name in high if name in low}
+
+
+def _strike(
+    experiment: Experiment,
+    backswing: float | None,
+    impact_speed: float | None,
+    law: CorLaw,
+    effects: tuple[AddedEffect, ...],
+    shift: _Shift,
+    *,
+    samples: int = 2,
+) -> tuple[dict[str, float], Flight, Flight]:
+    """One strike: its numbers, the flight from the paper's launch and from the contact in time."""
+    nominal = experiment.ball
+    ball = replace(nominal, launch_angle=nominal.launch_angle + shift.launch_angle)
+    moved = replace(experiment, ball=ball)
+    values: dict[str, float] = {}
+    speed = 0.0 if impact_speed is None else impact_speed
+    if backswing is not None:
+        released = abs(backswing) + shift.backswing
+        values["backswing_angle"] = math.degrees(released)
+        speed = speed_with_losses(moved, released, effects)
+    e = min(float(law(speed)) + shift.cor, 1.0)
+    time = float(ball.contact_time(speed)) + shift.contact_time
+    carried = alter_outcome(moved, speed, e, _paper_outcome(moved, speed, e, time), effects)
+    flight = _fly(moved, carried, effects, samples)
+    after = float(carried.pendulum_speed_after)
+    closed = float(closed_form_landing(moved, impulsive_launch(moved, speed, e, time)).distance)
+    turned = contact_outcomes(
+        moved.pendulum,
+        ball,
+        moved.support,
+        np.array([speed]),
+        gravity=moved.gravity,
+        cor=np.array([e]),
+        contact_time=np.array([time]),
+    ).at(0)
+    turned = alter_outcome(moved, speed, e, turned, effects)
+    turned_flight = _fly(moved, turned, effects, samples)
+    distance = float(flight.landing_position[0])
+    values |= {
+        "impact_speed": speed,
+        "pendulum_speed_before": speed,
+        "pendulum_speed_after": after,
+        "contact_time": float(carried.contact_time),
+        "cor_speeds": e,
+        "external_impulse": moved.pendulum.mass_at_contact * (speed - after),
+        "energy_loss": float(lost_by_pendulum(moved.pendulum, speed, after)),
+        "ball_speed": float(carried.ball_speed),
+        "launch_angle": math.degrees(float(carried.launch_angle)),
+        "flight_time": flight.landing_time,
+        "landing_time": time + flight.landing_time,
+        "landing_distance": distance,
+        "landing_distance_closed_form": closed,
+        "closed_form_difference": closed - distance,
+        "ball_speed_contact_model": float(turned.ball_speed),
+        "launch_angle_contact_model": math.degrees(float(turned.launch_angle)),
+        "flight_time_contact_model": turned_flight.landing_time,
+        "landing_distance_contact_model": float(turned_flight.landing_position[0]),
+    }
+    return values, flight, turned_flight
+
+
+def _paper_outcome(
+    experiment: Experiment, speed: float, cor: float, contact_time: float
+) -> ContactOutcome:
+    """The impulsive launch of Eqs 8 to 10 and 13, 14 as what a contact hands over."""
+    after = paper_impact(experiment, speed, cor)
+    launch = impulsive_launch(experiment, speed, cor, contact_time)
+    cosine, sine = math.cos(experiment.ball.launch_angle), math.sin(experiment.ball.launch_angle)
+    turned = float(after.mean_speed) * contact_time / experiment.pendulum.length
+    return ContactOutcome(
+        impact_speed=speed,
+        cor=cor,
+        contact_time=contact_time,
+        pendulum_speed_after=float(after.speed_after),
+        pendulum_angle=experiment.ball.launch_angle + turned,
+        ball_x=float(launch.advance) * cosine,
+        ball_y=experiment.rest_height + float(launch.advance) * sine,
+        ball_vx=float(launch.speed) * cosine,
+        ball_vy=float(launch.speed) * sine,
+    )
+
+
+def _fly(
+    experiment: Experiment,
+    outcome: ContactOutcome,
+    effects: tuple[AddedEffect, ...],
+    samples: int,
+) -> Flight:
+    spin = sum(effect.values.get("spin", 0.0) for effect in effects)
+    forces: list[Acceleration] = [
+        *experiment.forces,
+        *(
+            effect.acceleration(experiment, float(outcome.impact_speed), spin)
+            for effect in effects
+            if effect.flies
+        ),
+    ]
+    return fly(
+        (float(outcome.ball_x), float(outcome.ball_y), 0.0),
+        (float(outcome.ball_vx), float(outcome.ball_vy), 0.0),
+        forces,
+        floor=experiment.ball.radius,
+        samples=samples,
+    )
+
+
+def _warnings(
+    experiment: Experiment, speed: float, law: CorLaw, highest_speed: float
+) -> tuple[str, ...]:
+    ball, air = experiment.ball, experiment.air
+    notes = list(air.notes)
+    low, high = ball.cor_range
+    if law == ball.cor and not low * 0.98 <= speed <= high * 1.02:
+        notes.append(
+            f"the impact speed of {speed:.3f} m/s is outside {low:.2f} to {high:.2f} m/s,"
+            f" where the law of restitution of the {ball.name} was fitted: extrapolated"
+        )
+    reynolds = air.reynolds(highest_speed, ball.diameter)
+    if reynolds > 1.5e5:
+        notes.append(
+            f"at Re = {reynolds:.2g} the drag coefficient may fall (drag crisis);"
+            " it is taken as constant here"
+        )
+    return tuple(notes)
+
+
+def simulate_command(
+    backswing: Annotated[
+        str | None, typer.Option(help="Back-swing angle, such as '90 deg'.", metavar="ANGLE")
+    ] = None,
+    impact_speed: Annotated[
+        str | None, typer.Option(help="Impact speed, such as '3.2 m/s'.", metavar="V")
+    ] = None,
+    cor: Annotated[
+        str,
+        typer.Option(help="variable, constant, a number, or a law in v (m/s).", metavar="LAW"),
+    ] = "variable",
+    ball: Annotated[
+        str | None, typer.Option(help="A preset, or a ball of the setup file.", metavar="NAME")
+    ] = None,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(help="Add an effect of the catalogue: magnus:spin=10.", metavar="ID:NAME=X"),
+    ] = None,
+    setup: Annotated[Path | None, typer.Option(help="Setup file (TOML).")] = None,
+    json_to: Annotated[
+        str | None, typer.Option("--json", help="Results as JSON; - for stdout.", metavar="FILE")
+    ] = None,
+    csv_to: Annotated[Path | None, typer.Option("--csv", help="Results as CSV, one row.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw the path: .png or .svg.")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No table, no warnings.")] = False,
+) -> None:
+    """Simulate a strike and the flight after it."""
+    known = setup_or_default(setup)
+    struck: Ball = choose_ball(known, ball)
+    law, _ = choose_cor(struck, cor)
+    experiment = experiment_of(known, struck)
+    result = simulate(
+        experiment,
+        backswing=None if backswing is None else angle_of(backswing),
+        impact_speed=None if impact_speed is None else parse_quantity(impact_speed, "m/s"),
+        cor=law,
+        scatter=scatter_of(known),
+        effects=added_effects(known, tuple(effect or ())),
+    )
+    if plot is not None:
+        draw_flights(plot, experiment, result.flight, result.contact_flight)
+    send_out(
+        f"{struck.name}, simulated",
+        result.quantities,
+        result.warnings,
+        json_to=json_to,
+        csv_to=csv_to,
+        quiet=quiet,
+    )
