@@ -1,0 +1,1 @@
+"""Real recordings, made by others, with physics that their plain model leaves out."""
