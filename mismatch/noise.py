@@ -1,0 +1,173 @@
+"""The noise of a record, learnt from the record: white part, correlation, outliers.
+
+Short stretches of a track are all but polynomials whatever physics made it, so what is left after a
+local polynomial is noise.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mismatch.records import Records
+from physics.arrays import FloatArray
+
+__all__ = ["Noise", "estimate_noise"]
+
+STRETCH = 36
+OUTLIER = 5.0
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What the record says about its own noise.
+
+    Attributes
+    ----------
+    sigma : (T, 4) array
+        White noise of x, y, z (m) and angle (rad) by trial.
+    correlation : (4,) array
+        Correlation of neighbouring samples by channel.
+    outliers : (T, M) bool array
+        Rows that do not belong, in the stacked order of `Records`.
+    """
+
+    sigma: FloatArray
+    correlation: FloatArray
+    outliers: NDArray[np.bool_]
+
+    @property
+    def inflation(self) -> float:
+        """By how much correlated noise inflates the variance of slow quantities."""
+        rho = float(np.max(self.correlation))
+        return (1.0 + rho) / (1.0 - rho)
+
+
+@dataclass
+class _Sums:
+    squares: float = 0.0
+    dof: float = 0.0
+    neighbours: float = 0.0
+    expected: float = 0.0
+    pairs: float = 0.0
+
+
+def _stretches(time: FloatArray, rows: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Cut rows where the record has a hole, then into stretches of even length."""
+    if rows.size < 5:
+        return []
+    gaps = np.diff(time[rows])
+    cuts = np.flatnonzero(gaps > 6.0 * np.median(gaps)) + 1
+    pieces = []
+    for run in np.split(rows, cuts):
+        if run.size >= 5:
+            pieces.extend(np.array_split(run, max(1, round(run.size / STRETCH))))
+    return pieces
+
+
+def _projector(time: FloatArray) -> FloatArray:
+    degree = 4 if time.size >= 16 else (3 if time.size >= 10 else 2)
+    u = (time - time.mean()) / max(np.ptp(time), 1e-12) * 2.0
+    basis, _ = np.linalg.qr(np.vander(u, degree + 1))
+    return np.asarray(np.eye(time.size) - basis @ basis.T)
+
+
+def _channel(
+    time: FloatArray, value: FloatArray, used: NDArray[np.bool_], segments: FloatArray
+) -> tuple[list[_Sums], NDArray[np.bool_]]:
+    """Sums of one channel over all trials, with outliers found and left out."""
+    outliers = np.zeros_like(used)
+    pieces: list[tuple[int, NDArray[np.int64]]] = []
+    for trial in range(used.shape[0]):
+        for segment in np.unique(segments[trial][used[trial]]):
+            rows = np.flatnonzero(used[trial] & (segments[trial] == segment))
+            pieces.extend((trial, piece) for piece in _stretches(time[trial], rows))
+    spread = []
+    for trial, rows in pieces:
+        project = _projector(time[trial, rows])
+        left = project @ value[trial, rows]
+        spread.append(left / np.sqrt(np.maximum(np.diag(project), 0.05)))
+    sums = [_Sums() for _ in range(used.shape[0])]
+    if not pieces:
+        return sums, outliers
+    rough = max(1.4826 * float(np.median(np.abs(np.concatenate(spread)))), 1e-12)
+    for trial, rows in pieces:
+        kept = rows
+        for _ in range(6):
+            project = _projector(time[trial, kept])
+            left = project @ value[trial, kept]
+            size = np.abs(left) / np.sqrt(np.maximum(np.diag(project), 0.05)) / rough
+            worst = int(np.argmax(size))
+            if size[worst] < OUTLIER or kept.size < 8:
+                break
+            outliers[trial, kept[worst]] = True
+            kept = np.delete(kept, worst)
+        total = sums[trial]
+        total.squares += float(left @ left)
+        total.dof += float(np.trace(project))
+        total.neighbours += float(left[1:] @ left[:-1])
+        total.expected += float(np.trace(project, offset=1))
+        total.pairs += kept.size - 1.0
+    return sums, outliers
+
+
+def _by_trial(sums: list[_Sums]) -> tuple[FloatArray, float]:
+    """Sigma by trial, pooled unless a trial clearly differs, and the neighbours' correlation."""
+    dof = np.array([s.dof for s in sums])
+    squares = np.array([s.squares for s in sums])
+    if dof.sum() < 3.0:
+        return np.full(len(sums), np.nan), 0.0
+    pooled = float(squares.sum() / dof.sum())
+    own = np.where(dof > 3.0, squares / np.maximum(dof, 1.0), pooled)
+    with np.errstate(divide="ignore"):
+        apart = np.abs(np.log(np.maximum(own, 1e-30) / max(pooled, 1e-30)))
+    differs = apart > 4.5 * np.sqrt(2.0 / np.maximum(dof, 1.0))
+    variance = np.where(differs, own, pooled)
+    pairs = sum(s.pairs for s in sums)
+    excess = sum(s.neighbours - s.expected * pooled for s in sums)
+    rho = excess / max(pooled * pairs, 1e-30)
+    significant = abs(rho) > 3.5 / np.sqrt(max(pairs, 1.0))
+    return np.sqrt(variance), float(np.clip(rho, 0.0, 0.9)) if significant else 0.0
+
+
+def estimate_noise(
+    records: Records,
+    ball_segments: FloatArray,
+    pendulum_segments: FloatArray,
+    floor: tuple[float, float] = (1e-6, 1e-6),
+) -> Noise:
+    """Learn the noise from the record.
+
+    Parameters
+    ----------
+    records : Records
+        Only entries that take part are used.
+    ball_segments : (T, S) array, and
+    pendulum_segments : (T, P) array
+        Labels; a stretch never spans two labels (rest and flight, before and after contact).
+    floor : (position, angle)
+        Smallest sigma believed, m and rad (the resolution of the file).
+
+    Returns
+    -------
+    Noise
+    """
+    sigma = np.zeros((records.trials, 4))
+    correlation = np.zeros(4)
+    parts = []
+    for axis in range(3):
+        sums, outliers = _channel(
+            records.ball_time, records.position[..., axis], records.ball_used[..., axis],
+            ball_segments,
+        )  # fmt: skip
+        sigma[:, axis], correlation[axis] = _by_trial(sums)
+        parts.append(outliers)
+    sums, outliers = _channel(
+        records.pendulum_time, records.pendulum_angle, records.pendulum_used, pendulum_segments
+    )
+    sigma[:, 3], correlation[3] = _by_trial(sums)
+    parts.append(outliers)
+    fallback = np.array([1e-3, 1e-3, 1e-3, 1e-3])
+    sigma = np.where(np.isfinite(sigma), sigma, fallback)
+    sigma = np.maximum(sigma, np.array([floor[0]] * 3 + [floor[1]]))
+    return Noise(sigma, correlation, np.concatenate(parts, axis=1))
