@@ -1,0 +1,131 @@
+"""`vision paper`: the tables beside the print, the investigation of Table 5, and the figures."""
+
+import json
+import sys
+from collections import Counter
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from metrology import UsageError, write_text_whole
+from pipelines.paper.audit import audit
+from pipelines.paper.cells import Cell, as_rows
+from pipelines.paper.figures import draw_figures
+from pipelines.paper.table5 import Explanation, investigate
+
+__all__ = ["paper_command", "paper_document"]
+
+
+def paper_document(
+    cells: tuple[Cell, ...], explanations: tuple[Explanation, ...]
+) -> dict[str, Any]:
+    """The contract's JSON with the candidates for Table 5 added."""
+    return {
+        "cells": as_rows(cells),
+        "table_5": [
+            {
+                "candidate": e.name,
+                "data": e.data,
+                "parameters": dict(e.parameters),
+                "rms_m": e.rms,
+                "largest_m": e.largest,
+                "allowed": e.allowed,
+                "believable_values": e.physical,
+            }
+            for e in explanations
+        ],
+    }
+
+
+def _cell_table(cells: tuple[Cell, ...], number: int, notes: list[str]) -> Table:
+    table = Table(title=f"Table {number}")
+    for name, justify in (("row", "left"), ("column", "left")):
+        table.add_column(name, justify=justify)  # type: ignore[arg-type]
+    for name in ("print", "ours", "difference"):
+        table.add_column(name, justify="right")
+    table.add_column("verdict")
+    table.add_column("note", justify="right")
+    for cell in cells:
+        if cell.table == number:
+            mark = str(notes.index(cell.note) + 1) if cell.note else ""
+            table.add_row(
+                cell.row,
+                cell.column,
+                f"{cell.printed:.6g}",
+                f"{cell.ours:.6g}",
+                f"{cell.difference:+.2g}",
+                cell.verdict,
+                mark,
+            )
+    return table
+
+
+def _candidate_table(explanations: tuple[Explanation, ...]) -> Table:
+    table = Table(title="Table 5: what could be missing")
+    for name in ("data", "candidate"):
+        table.add_column(name)
+    for name in ("rms (mm)", "largest (mm)"):
+        table.add_column(name, justify="right")
+    table.add_column("verdict")
+    for e in explanations:
+        verdict = "allowed" if e.allowed else "excluded"
+        if e.allowed and not e.physical:
+            verdict = "fits, with values no lab would have"
+        table.add_row(e.data, e.name, f"{e.rms * 1e3:.1f}", f"{e.largest * 1e3:.1f}", verdict)
+    return table
+
+
+def paper_command(
+    json_to: Annotated[
+        str | None, typer.Option("--json", help="Cells as JSON; - for stdout.", metavar="FILE")
+    ] = None,
+    csv_to: Annotated[Path | None, typer.Option("--csv", help="Cells as CSV.")] = None,
+    figures: Annotated[
+        Path | None, typer.Option(help="Draw the figures into this folder.", metavar="DIR")
+    ] = None,
+    table: Annotated[int | None, typer.Option(help="Show only this table.", metavar="N")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print no tables.")] = False,
+) -> None:
+    """Recompute every table of the paper beside the print, and redraw its figures."""
+    cells = audit()
+    if table is not None:
+        if table not in {cell.table for cell in cells}:
+            raise UsageError(f"there is no table {table} to recompute", hint="Tables 2 to 10.")
+        cells = tuple(cell for cell in cells if cell.table == table)
+    explained = table in (None, 5)
+    candidates = (*investigate("simulated"), *investigate("experiment")) if explained else ()
+    document = json.dumps(
+        paper_document(cells, candidates), indent=2, ensure_ascii=False, allow_nan=False
+    )
+    if csv_to is not None:
+        _write_csv(csv_to, cells)
+    if figures is not None:
+        draw_figures(figures)
+    if json_to not in (None, "-"):
+        write_text_whole(Path(str(json_to)), document + "\n")
+    if json_to == "-":
+        sys.stdout.write(document + "\n")
+    elif not quiet:
+        _show(cells, candidates)
+
+
+def _write_csv(path: Path, cells: tuple[Cell, ...]) -> None:
+    import pandas as pd
+
+    write_text_whole(path, pd.DataFrame(as_rows(cells)).to_csv(index=False))
+
+
+def _show(cells: tuple[Cell, ...], candidates: tuple[Explanation, ...]) -> None:
+    console = Console()
+    for number in sorted({cell.table for cell in cells}):
+        notes = list(dict.fromkeys(c.note for c in cells if c.table == number and c.note))
+        console.print(_cell_table(cells, number, notes))
+        for count, note in enumerate(notes, 1):
+            console.print(f"  {count}: {note}", highlight=False, markup=False)
+    if candidates:
+        console.print(_candidate_table(candidates))
+    for verdict, count in Counter(cell.verdict for cell in cells).most_common():
+        console.print(f"{count:4d} cells: {verdict}", highlight=False)
