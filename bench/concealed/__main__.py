@@ -18,8 +18,10 @@ from bench.concealed.contestants import engine_answer, engine_version
 from bench.concealed.draw import GENERATOR, draw_campaign
 from bench.concealed.foreign import convert_all
 from bench.concealed.foreign_keys import foreign_key
+from bench.concealed.peers import PEERS
 from bench.concealed.report import Scored, proof_text
 from bench.concealed.score import judge
+from bench.realdata.table import real_rows, real_table
 from metrology import write_text_whole
 
 ROOT = Path(__file__).parents[2]
@@ -62,6 +64,17 @@ def _answer(task: tuple[Path, Path]) -> Answer:
     return engine_answer(folder, output)
 
 
+def _peer_answer(task: tuple[str, Path]) -> Answer:
+    name, folder = task
+    return PEERS[name](folder)
+
+
+def _real(source: Path, shelf: Shelf) -> list[str]:
+    if not source.is_dir():
+        return []
+    return real_table(real_rows(source, shelf.answers / "real", engine_answer))
+
+
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m bench.concealed", description=__doc__)
     parser.add_argument("--campaigns", type=int, default=50, help="how many (400 for the proof)")
@@ -84,6 +97,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument(
         "--real", type=Path, default=ROOT.parent / "shared" / "realdata", help="real recordings"
     )
+    parser.add_argument("--no-real", action="store_true", help="leave the real recordings out")
     parser.add_argument("--kind", help="only campaigns of this kind (reads the keys first)")
     parser.add_argument("--draw-only", action="store_true")
     parser.add_argument(
@@ -118,6 +132,10 @@ def main() -> None:
         tasks = [(shelf.campaign(n), shelf.answers / f"{n:04d}.json") for n in numbers]
         tasks += [(f, shelf.answers / f"foreign-{f.name}.json") for f, _ in foreign]
         answers = list(pool.map(_answer, tasks))
+        said = {
+            name: list(pool.map(_peer_answer, [(name, shelf.campaign(n)) for n in numbers]))
+            for name in (PEERS if options.peers else ())
+        }
     keys = [_key(shelf, n) for n in numbers]
     keys += [foreign_key(path) for _, path in foreign]
     scored = [
@@ -125,7 +143,15 @@ def main() -> None:
         for key, answer, (folder, _) in zip(keys, answers, tasks, strict=True)
     ]
     own, theirs = scored[: len(numbers)], scored[len(numbers) :]
-    text = proof_text(own, theirs, options.seed)
+    peers = {
+        name: [
+            Scored(judge(one.judgement.key, answer), one.folder)
+            for one, answer in zip(own, answers, strict=True)
+        ]
+        for name, answers in said.items()
+    }
+    real = [] if options.no_real else _real(options.real, shelf)
+    text = proof_text(own, theirs, options.seed, peers, real)
     output = options.output
     if output is None and len(numbers) >= WHOLE_PROOF:
         output = ROOT / "docs" / "proof.md"

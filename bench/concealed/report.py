@@ -2,7 +2,7 @@
 
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -226,8 +226,37 @@ def _foreign_rows(foreign: Sequence[Scored]) -> list[str]:
     return _table(("campaign", "level", "Δχ²", "concealed", "said", "right", "time"), rows)
 
 
-def proof_text(own: Sequence[Scored], foreign: Sequence[Scored], seed: int) -> str:
-    """The whole page, Markdown."""
+def _peer_rows(peers: Mapping[str, Sequence[Scored]]) -> list[str]:
+    """The rows that apply to anyone, one column for each contestant."""
+    asked: list[tuple[str, Callable[[Sequence[Scored]], Proportion]]] = [
+        ("nulls on which anything is wrongly named",
+         lambda all_: _share(_of(all_, "null"), lambda j: j.named)),
+        ("single medium effect", lambda all_: _share(_of(all_, "single", "medium"), _right)),
+        ("single strong effect", lambda all_: _share(_of(all_, "single", "strong"), _right)),
+        ("single strong effect, whatever else is named",
+         lambda all_: _share(_of(all_, "single", "strong"), lambda j: j.covered)),
+        ("pairs, both strong", lambda all_: _share(_of(all_, "pair"), _right)),
+        ("force in no catalogue said to be unnamed",
+         lambda all_: _share(_distinct(all_), lambda j: j.unnamed_said)),
+        ("exact twins reported as a group",
+         lambda all_: _share(_of(all_, "twins"), lambda j: j.grouped)),
+    ]  # fmt: skip
+    rows = [[name, *(str(test(scored)) for scored in peers.values())] for name, test in asked]
+    return _table(("", *peers), rows)
+
+
+def _right(judgement: Judgement) -> bool:
+    return judgement.right
+
+
+def proof_text(
+    own: Sequence[Scored],
+    foreign: Sequence[Scored],
+    seed: int,
+    peers: Mapping[str, Sequence[Scored]],
+    real: Sequence[str],
+) -> str:
+    """The whole page, Markdown; `real` are the lines of the table of real recordings."""
     counts = Counter(s.judgement.key.kind for s in own)
     _, outside = _coverage(own)
     _, bins = calibration_error(*_stated(own))
@@ -251,6 +280,12 @@ def proof_text(own: Sequence[Scored], foreign: Sequence[Scored], seed: int) -> s
         "## Campaigns of a foreign simulator",
         "",
         *(_foreign_rows(foreign) if foreign else ["Not beside this checkout.", ""]),
+        "## Real recordings",
+        "",
+        *(real or ["Not beside this checkout, or not asked for.", ""]),
+        "## Peers on the same files",
+        "",
+        *(_peer_rows({"this engine": own, **peers}) if peers else ["Not asked for.", ""]),
         "## By concealed effect",
         "",
         *_confusion(own),

@@ -3,6 +3,7 @@ import pytest
 from bench.concealed.answer import Answer, Named, answer_from_json
 from bench.concealed.campaign import Hidden, Key, TrialTruth, read_key, write_key
 from bench.concealed.conventions import true_parameter
+from bench.concealed.report import Scored, proof_text
 from bench.concealed.score import judge
 from bench.concealed.statistics import Proportion, calibration_error, wilson
 
@@ -129,3 +130,16 @@ def test_calibration_error_is_the_gap_weighted_by_count():
     error, rows = calibration_error([0.95, 0.95, 0.95, 0.95, 0.55], [True] * 4 + [False])
     assert error == pytest.approx((0.05 * 4 + 0.55) / 5)
     assert len(rows) == 2
+
+
+def test_the_page_counts_and_lists_misses_by_name(tmp_path):
+    own = [
+        Scored(judge(key(kind="null"), said("drag")), tmp_path),
+        Scored(judge(key(kind="null"), Answer("no_mismatch")), tmp_path),
+        Scored(judge(key(hidden("magnus")), said("magnus")), tmp_path),
+    ]
+    (tmp_path / "setup.toml").write_text("[camera]\ncapture_fps = 600\n")
+    page = proof_text(own, [], 1, {}, [])
+    assert "| nulls on which physics is wrongly named | ≤ 2 % | ≤ 0.5 % | 50.0 % (1/2;" in page
+    assert "| single strong effect | 97 % | 99.5 % | 100.0 % (1/1;" in page
+    assert "| 1 | null | strong | 500 | nothing | drag" in page
