@@ -1,0 +1,114 @@
+"""The static scene: what the camera sees when nothing moves, its noise, and each frame's brightness."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Background", "brightness", "estimate_background"]
+
+FloatImage = NDArray[np.float32]
+
+_LEVEL_BINS = 16
+_BRIGHTNESS_PIXELS = 4000
+# Rounding to whole gray levels and the codec's quantiser leave about this much where a clip looks noise-free.
+_NOISE_FLOOR = 0.6
+# Residual unsteadiness of a registered picture: edges of the scene are that much less certain.
+_JITTER_PX = 0.06
+
+
+@dataclass(frozen=True)
+class Background:
+    """The static scene in reference brightness.
+
+    Attributes
+    ----------
+    image : (H, W) float32 array
+        Gray levels (0 to 255, also for deeper clips).
+    noise : (H, W) float32 array
+        Standard deviation of one frame's pixel about it, gray levels.
+    """
+
+    image: FloatImage
+    noise: FloatImage
+
+
+def brightness(frame: FloatImage, image: FloatImage, noise: float) -> float:
+    """Estimate how much brighter `frame` is than the background `image`, things in front ignored.
+
+    Parameters
+    ----------
+    frame, image : (H, W) float32 arrays
+        Gray levels.
+    noise : float
+        Standard deviation of a pixel, gray levels.
+
+    Returns
+    -------
+    float
+        The gain: 1 where both are equally bright.
+    """
+    step = max(1, int(np.sqrt(frame.size / _BRIGHTNESS_PIXELS)))
+    seen = frame[::step, ::step].ravel().astype(np.float32)
+    expected = image[::step, ::step].ravel()
+    lit = expected > max(8.0, 0.25 * float(np.median(expected)))
+    if np.count_nonzero(lit) < 50:
+        return 1.0
+    seen, expected = seen[lit], expected[lit]
+    gain = float(np.median(seen / expected))
+    for _ in range(2):
+        inlier = np.abs(seen - gain * expected) < 3.0 * noise + 1.0
+        if np.count_nonzero(inlier) < 50:
+            break
+        gain = float(
+            np.dot(seen[inlier], expected[inlier]) / np.dot(expected[inlier], expected[inlier])
+        )
+    return gain
+
+
+def estimate_background(frames: list[FloatImage]) -> Background:
+    """Estimate the static scene from frames spread over the clip.
+
+    Brightness is equalised first, so that mains flicker does not blur the median; the middle fifth of each
+    pixel's sorted values is averaged, which is finer than a median of whole gray levels.
+
+    Parameters
+    ----------
+    frames : list of (H, W) float32 arrays
+        Gray levels, 0 to 255, registered on one another.
+
+    Returns
+    -------
+    Background
+    """
+    reference = frames[len(frames) // 2]
+    gains = np.array([brightness(frame, reference, 2.0) for frame in frames])
+    gains /= np.median(gains)
+    stack = np.stack([frame / np.float32(gain) for frame, gain in zip(frames, gains, strict=True)])
+    count = len(stack)
+    stack.sort(axis=0)
+    low, high = (2 * count) // 5, max(count - (2 * count) // 5, (2 * count) // 5 + 1)
+    image = stack[low:high].mean(axis=0)
+    quarter = count // 4
+    spread = (stack[count - 1 - quarter] - stack[quarter]) / np.float32(1.349)
+    return Background(image.astype(np.float32), _noise_by_level(image, spread))
+
+
+def _noise_by_level(image: FloatImage, spread: FloatImage) -> FloatImage:
+    """Turn each pixel's own spread, which moving things inflate, into a smooth law of brightness."""
+    flat, values = image.ravel(), spread.ravel()
+    edges = np.quantile(flat[::7], np.linspace(0.0, 1.0, _LEVEL_BINS + 1))
+    centres, levels = [], []
+    for low, high in zip(edges[:-1], edges[1:], strict=True):
+        inside = (flat >= low) & (flat <= high)
+        if np.count_nonzero(inside) >= 30:
+            centres.append(0.5 * (low + high))
+            levels.append(float(np.median(values[inside])))
+    law = np.interp(flat, centres, levels) if centres else np.full(flat.shape, 1.0)
+    steepness = cv2.magnitude(
+        cv2.Scharr(image, cv2.CV_32F, 1, 0) / 32.0, cv2.Scharr(image, cv2.CV_32F, 0, 1) / 32.0
+    )
+    unsteady = (_JITTER_PX * steepness) ** 2
+    noise = np.sqrt(law.reshape(image.shape) ** 2 + _NOISE_FLOOR**2 + unsteady)
+    return np.asarray(noise, dtype=np.float32)

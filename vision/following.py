@@ -1,0 +1,217 @@
+"""From a clip to tracks without a click: the static scene, what moved before it, the ball, the pendulum."""
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metrology import NotFoundError
+from vision.ball import BallFits, follow_ball, refine_ball
+from vision.choice import Choice, choose_ball
+from vision.circles import find_circles
+from vision.footage import Footage
+from vision.linking import Path, link_circles
+from vision.pendulum import MassPoses, find_mass, follow_mass
+from vision.rest import Rest, find_rest
+from vision.scene import Scene
+from vision.tracks import PendulumTrack, Track, Tracks
+
+if TYPE_CHECKING:
+    from vision.clip import Clip
+
+__all__ = ["follow"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+Point = tuple[float, float] | tuple[float, float, int]
+
+_LOOKS = 100
+# Exposure over frame interval where nothing is known about the shutter.
+_DUTY = 0.5
+
+
+def follow(
+    clip: "Clip",
+    capture_fps: float,
+    *,
+    ball_at: Point | None = None,
+    mass_at: Point | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Tracks:
+    """Find and follow the ball and the pendulum mass through a clip.
+
+    Parameters
+    ----------
+    clip : Clip
+        The clip.
+    capture_fps : float
+        Frames per second at which it was recorded.
+    ball_at : tuple, optional
+        x, y (px) and, if wanted, frame of a point on the ball, where the automatic choice is wrong.
+    mass_at : tuple, optional
+        The same for the pendulum mass, just before contact.
+    progress : callable, optional
+        Called with the part done, 0 to 1.
+
+    Returns
+    -------
+    Tracks
+
+    Raises
+    ------
+    NotFoundError
+        If nothing round moves in the clip, or nothing where the user points.
+    """
+    footage = Footage(clip)
+    scene = Scene(footage)
+    _tell(progress, 0.2)
+    choice = choose_ball(_paths(scene, _looks(scene)), _located(ball_at))
+    if choice is None:
+        raise _no_ball(ball_at)
+    _tell(progress, 0.4)
+    rough = follow_ball(scene, choice.ball)
+    if len(rough.frame) < 3:
+        raise _no_ball(ball_at)
+    _tell(progress, 0.6)
+    rest = find_rest(rough.frame, rough.centre, float(np.median(rough.radius)))
+    mass = None
+    if rest is not None and not choice.struck:
+        mass = _mass(scene, rest, rough, mass_at)
+    _tell(progress, 0.8)
+    fits = refine_ball(scene, rough, _DUTY)
+    _tell(progress, 1.0)
+    return Tracks(
+        ball=_track(fits, capture_fps),
+        pendulum=None if mass is None or rest is None else _pendulum(mass, rest, capture_fps),
+        background=scene.background.image,
+        rest_frames=None if rest is None else (rest.first, rest.last),
+        others=tuple(_path_track(path, capture_fps) for path in choice.others),
+        warnings=tuple(_warnings(choice, rest, mass)),
+    )
+
+
+def _tell(progress: Callable[[float], None] | None, part: float) -> None:
+    if progress is not None:
+        progress(part)
+
+
+def _looks(scene: Scene) -> IntArray:
+    """Frames to look for round things in: all of a short clip, an even sample of a long one."""
+    count = min(scene.count, _LOOKS)
+    return np.unique(np.linspace(0, scene.count - 1, count).astype(np.int64))
+
+
+def _paths(scene: Scene, looks: IntArray) -> list[Path]:
+    circles = [
+        find_circles(scene.difference(index, picture), scene.background.noise)
+        for index, picture in scene.pictures(looks)
+    ]
+    return link_circles(looks, circles)
+
+
+def _located(point: Point | None) -> tuple[float, float, int | None] | None:
+    if point is None:
+        return None
+    return float(point[0]), float(point[1]), (int(point[2]) if len(point) == 3 else None)
+
+
+def _no_ball(ball_at: Point | None) -> NotFoundError:
+    if ball_at is not None:
+        return NotFoundError(
+            f"nothing round passes x = {ball_at[0]:g}, y = {ball_at[1]:g} px",
+            hint="Give a point on the ball in the frame that you name: --ball-at X,Y,FRAME.",
+        )
+    return NotFoundError(
+        "no ball found: nothing round moves before a still background",
+        hint="Check that the ball moves in the clip and is at least 5 pixels across, or point at it with "
+        "--ball-at X,Y,FRAME.",
+    )
+
+
+def _mass(scene: Scene, rest: Rest, ball: BallFits, mass_at: Point | None) -> MassPoses | None:
+    at = None if mass_at is None else (float(mass_at[0]), float(mass_at[1]))
+    found = find_mass(scene, rest, float(np.median(ball.radius)), at)
+    if found is None:
+        return None
+    return follow_mass(scene, *found, rest, ball)
+
+
+def _track(fits: BallFits, fps: float) -> Track:
+    covariance = np.array([fit.covariance[:2, :2] for fit in fits.fits])
+    return Track(
+        frame=fits.frame,
+        time_s=fits.frame / fps,
+        centre_px=fits.centre,
+        covariance_px2=covariance,
+        bound_px2=np.array([fit.bound[:2, :2] for fit in fits.fits]),
+        radius_px=fits.radius,
+        radius_std_px=np.sqrt(0.5 * np.trace(covariance, axis1=1, axis2=2)),
+        quality=np.array([fit.contrast for fit in fits.fits]),
+    )
+
+
+def _path_track(path: Path, fps: float) -> Track:
+    count = len(path.frame)
+    std = 0.05 * path.radius_px + 0.2
+    covariance = std[:, None, None] ** 2 * np.eye(2)
+    return Track(
+        frame=path.frame,
+        time_s=path.frame / fps,
+        centre_px=path.centre_px,
+        covariance_px2=covariance,
+        bound_px2=np.zeros((count, 2, 2)),
+        radius_px=path.radius_px,
+        radius_std_px=std,
+        quality=path.coverage,
+    )
+
+
+def _pendulum(mass: MassPoses, rest: Rest, fps: float) -> PendulumTrack:
+    arc = mass.arc
+    sign = 1.0 if rest.direction[0] >= 0 else -1.0
+    offset = mass.anchor - arc.centre_px
+    angle = np.unwrap(np.arctan2(sign * offset[:, 0], offset[:, 1]))
+    covariance = np.array([pose.covariance[:2, :2] for pose in mass.poses])
+    distance = np.hypot(offset[:, 0], offset[:, 1])
+    tangent = np.column_stack([offset[:, 1], -offset[:, 0]]) / distance[:, None]
+    along = np.einsum("ni,nij,nj->n", tangent, covariance, tangent)
+    size = float(np.sqrt(mass.patch.opacity.sum() / np.pi))
+    count = len(mass.frame)
+    lead, lead_std = mass.face_lead(rest)
+    track = Track(
+        frame=mass.frame,
+        time_s=mass.frame / fps,
+        centre_px=mass.anchor,
+        covariance_px2=covariance,
+        bound_px2=covariance / 4.0,
+        radius_px=np.full(count, size),
+        radius_std_px=np.full(count, 0.05 * size),
+        quality=np.array([pose.seen for pose in mass.poses]),
+    )
+    return PendulumTrack(
+        track=track,
+        angle_rad=angle,
+        angle_std_rad=np.sqrt(along) / distance,
+        pivot_px=arc.centre_px,
+        pivot_covariance_px2=arc.covariance[:2, :2],
+        arm_px=arc.radius_px,
+        face_lead_px=lead,
+        face_lead_std_px=lead_std,
+    )
+
+
+def _warnings(choice: Choice, rest: Rest | None, mass: MassPoses | None) -> list[str]:
+    said = []
+    if choice.struck:
+        said.append(
+            "Several balls move; the one that lay still and was struck is measured, the others are listed."
+        )
+    elif choice.others:
+        said.append(
+            f"{1 + len(choice.others)} round things move; the clearest is taken for the ball. "
+            "Point at another with --ball-at X,Y,FRAME."
+        )
+    if rest is not None and mass is None and not choice.struck:
+        said.append("No pendulum was found behind the ball; point at its mass with --mass-at X,Y.")
+    return said

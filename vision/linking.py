@@ -1,0 +1,194 @@
+"""Circle candidates of many frames joined into paths: the best smooth chains, found by dynamic programming.
+
+The state is a pair of candidates, so that each has a velocity; a change of velocity costs, up to the price
+of a collision, and so does a change of radius. The best chain is taken out, then the next.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.circles import Circles
+
+__all__ = ["Path", "link_circles"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_REACH = 3
+_COLLISION_PRICE = 1.2
+_MISS_PRICE = 0.25
+# A ball's outline does not swell by more than this (natural logarithm) from one look to the next.
+_MOST_SWELLING = 0.3
+
+
+@dataclass(frozen=True)
+class Path:
+    """One round thing followed over the frames looked at.
+
+    Attributes
+    ----------
+    frame : (N,) int array
+        Frame indices, increasing.
+    centre_px : (N, 2) array
+        Centres, px.
+    radius_px : (N,) array
+        Radii, px.
+    coverage, sharpness : (N,) arrays
+        As in `Circles`.
+    """
+
+    frame: IntArray
+    centre_px: FloatArray
+    radius_px: FloatArray
+    coverage: FloatArray
+    sharpness: FloatArray
+
+    @property
+    def radius(self) -> float:
+        """Typical radius, px."""
+        return float(np.median(self.radius_px))
+
+    @property
+    def travel(self) -> float:
+        """How far it came, in radii."""
+        span = np.ptp(self.centre_px, axis=0)
+        return float(np.hypot(span[0], span[1]) / self.radius)
+
+    @property
+    def clarity(self) -> float:
+        """How clear the outline is: covered part times steepness over noise, typical value."""
+        return float(np.median(self.coverage) * np.median(self.sharpness))
+
+
+@dataclass(frozen=True)
+class _Nodes:
+    step: IntArray
+    frame: IntArray
+    table: FloatArray
+    worth: FloatArray
+
+
+def link_circles(frames: IntArray, circles: list[Circles], *, most: int = 6) -> list[Path]:
+    """Join candidates into paths, best first.
+
+    Parameters
+    ----------
+    frames : (K,) int array
+        The frames looked at, increasing.
+    circles : list of Circles
+        Candidates of each.
+    most : int
+        How many paths to return at most.
+
+    Returns
+    -------
+    list of Path
+    """
+    nodes = _nodes(frames, circles)
+    alive = np.ones(len(nodes.step), dtype=bool)
+    paths = []
+    for _ in range(most):
+        chain = _best_chain(nodes, alive, len(frames))
+        if len(chain) < 3:
+            break
+        table = nodes.table[chain]
+        paths.append(Path(nodes.frame[chain], table[:, :2], table[:, 2], table[:, 3], table[:, 4]))
+        alive &= ~_claimed(nodes, chain)
+    return paths
+
+
+def _nodes(frames: IntArray, circles: list[Circles]) -> _Nodes:
+    step = np.concatenate(
+        [np.full(len(found), index) for index, found in enumerate(circles)]
+    ).astype(np.int64)
+    tables = [
+        np.column_stack([found.centre_px, found.radius_px, found.coverage, found.sharpness])
+        for found in circles
+    ]
+    table = np.concatenate(tables) if tables else np.zeros((0, 5))
+    worth = table[:, 3] ** 2 * np.clip(
+        np.log(np.maximum(table[:, 4], 1.0)) / np.log(60.0), 0.2, 1.3
+    )
+    return _Nodes(step, frames[step], table, worth)
+
+
+def _claimed(nodes: _Nodes, chain: IntArray) -> NDArray[np.bool_]:
+    """Nodes of the chain, and those that describe part of the same thing at the same moment."""
+    claimed = np.zeros(len(nodes.step), dtype=bool)
+    for member in chain:
+        x, y, radius = nodes.table[member, :3]
+        same = nodes.step == nodes.step[member]
+        gap = np.hypot(nodes.table[:, 0] - x, nodes.table[:, 1] - y)
+        claimed |= same & (gap < np.maximum(radius, 0.6 * (radius + nodes.table[:, 2])))
+    claimed[chain] = True
+    return claimed
+
+
+def _best_chain(nodes: _Nodes, alive: NDArray[np.bool_], steps: int) -> IntArray:
+    members = [np.nonzero(alive & (nodes.step == step))[0] for step in range(steps)]
+    count = len(nodes.step)
+    incoming: list[tuple[IntArray, FloatArray, FloatArray, IntArray]] = [
+        (np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.int64))
+    ] * count
+    links: list[tuple[int, int, int]] = []
+    best_link, best_score = -1, -np.inf
+    for step in range(steps):
+        before = [members[earlier] for earlier in range(max(0, step - _REACH), step)]
+        sources = np.concatenate(before) if before else np.zeros(0, np.int64)
+        if len(sources) == 0:
+            continue
+        for node in members[step]:
+            velocity, score, previous = _links_to(nodes, int(node), sources, incoming)
+            identity = np.arange(len(links), len(links) + len(sources))
+            links += [
+                (int(source), int(node), int(link))
+                for source, link in zip(sources, previous, strict=True)
+            ]
+            incoming[node] = (sources, velocity, score, identity)
+            top = int(np.argmax(score))
+            if score[top] > best_score:
+                best_score, best_link = float(score[top]), int(identity[top])
+    chain: list[int] = []
+    while best_link >= 0:
+        source, node, previous_link = links[best_link]
+        chain.append(node)
+        if previous_link < 0:
+            chain.append(source)
+        best_link = previous_link
+    return np.array(chain[::-1], dtype=np.int64)
+
+
+def _links_to(
+    nodes: _Nodes,
+    node: int,
+    sources: IntArray,
+    incoming: list[tuple[IntArray, FloatArray, FloatArray, IntArray]],
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Score the links from each source to the node, each with the best link that led there."""
+    x, radius = nodes.table[node, :2], nodes.table[node, 2]
+    elapsed = (nodes.frame[node] - nodes.frame[sources]).astype(np.float64)
+    moved = x - nodes.table[sources, :2]
+    velocity = moved / elapsed[:, None]
+    ratio = np.log(radius / nodes.table[sources, 2])
+    missed = nodes.step[node] - nodes.step[sources] - 1
+    own = nodes.worth[node] - np.minimum((ratio / 0.15) ** 2, 9.0) * 0.3 - _MISS_PRICE * missed
+    distance = np.hypot(moved[:, 0], moved[:, 1])
+    own = np.where(np.abs(ratio) > _MOST_SWELLING, -np.inf, own)
+    score = nodes.worth[sources] + own - 0.03 * distance / radius
+    previous = np.full(len(sources), -1, dtype=np.int64)
+    for index, source in enumerate(sources):
+        _, arrived, reached, identity = incoming[source]
+        if len(reached) == 0:
+            continue
+        turned = (velocity[index] - arrived) * elapsed[index]
+        allowed = 0.8 * radius + 0.1 * distance[index] + 1.0
+        bend = (turned[:, 0] ** 2 + turned[:, 1] ** 2) / allowed**2
+        price = np.minimum(0.3 * bend, _COLLISION_PRICE + 0.02 * distance[index] / radius)
+        total = reached - price
+        top = int(np.argmax(total))
+        if total[top] + own[index] > score[index]:
+            score[index] = total[top] + own[index]
+            previous[index] = identity[top]
+    return velocity, score, previous

@@ -1,0 +1,302 @@
+"""Sub-pixel outline of a ball: an edge model fitted to the pixels against the known background.
+
+In a ring of pixels about the outline, each a mixture of background and ball,
+
+    I = k·(1 − G₀(ρ))·B + A·G₀(ρ) + C·G₁(ρ),
+
+B is the known background (so that grid lines behind the ball pull nothing), G₀ the covered part of the
+pixel and G₁ the same times the sphere's shading (`vision.edge_profile`). k (a shadow behind the ball), A
+and C (whatever colour and shading the ball has there) are free in each sector of the outline, so that
+neither panels nor light bias it; they are eliminated (variable projection, Golub and Pereyra 1973) and
+only the outline's few parameters are iterated. Sectors that the model does not describe lose weight.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.edge_profile import EdgeProfile
+
+__all__ = ["OutlineFit", "OutlineShape", "RingPixels", "fit_outline"]
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+# Prior widths of the sector's k (about 1) in units of itself, and of A and C in units of full scale.
+_SHADOW_PRIOR = 0.3
+_SHADING_PRIOR = 255.0
+_BASIS = 3
+
+
+@dataclass(frozen=True)
+class OutlineShape:
+    """Outline in polar form about its centre: r + a cos 2θ + b sin 2θ.
+
+    Attributes
+    ----------
+    radius : float
+        Mean radius, px.
+    ellipse : (2,) array
+        a and b, px: half the difference of the semi-axes, by direction.
+    """
+
+    radius: float
+    ellipse: FloatArray
+
+
+@dataclass(frozen=True)
+class RingPixels:
+    """The pixels that a fit looks at.
+
+    Attributes
+    ----------
+    x, y : (n,) arrays
+        Positions, px.
+    gray : (n,) array
+        Gray levels.
+    background : (n,) array
+        Background there, in this frame's brightness.
+    noise : (n,) array
+        Standard deviation of each, gray levels.
+    usable : (n,) bool array
+        False where something else is in front.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    gray: FloatArray
+    background: FloatArray
+    noise: FloatArray
+    usable: BoolArray
+
+
+@dataclass(frozen=True)
+class OutlineFit:
+    """Result of one fit.
+
+    Attributes
+    ----------
+    centre : (2,) array
+        Centre, px.
+    shape : OutlineShape
+        Outline about it.
+    covariance : (m, m) array
+        Of x, y and, where fitted, radius and ellipse, px²; from the scatter that each sector shows.
+    bound : (m, m) array
+        Cramér–Rao bound of the same parameters from noise and contrast alone, px².
+    misfit : float
+        Root mean square residual over noise.
+    contrast : float
+        Part of the sectors whose edge stands out from the noise, 0 to 1.
+    converged : bool
+        Whether the last step was small.
+    """
+
+    centre: FloatArray
+    shape: OutlineShape
+    covariance: FloatArray
+    bound: FloatArray
+    misfit: float
+    contrast: float
+    converged: bool
+
+
+@dataclass(frozen=True)
+class _Ring:
+    """Pixels sorted into sectors, padded to equal length."""
+
+    index: NDArray[np.int64]
+    weight: FloatArray
+
+
+@dataclass(frozen=True)
+class _Linearised:
+    basis: FloatArray
+    jacobian: FloatArray
+    residual: FloatArray
+
+
+def fit_outline(
+    pixels: RingPixels,
+    profile: EdgeProfile,
+    centre: FloatArray,
+    shape: OutlineShape,
+    *,
+    smear: FloatArray,
+    free: int = 2,
+    inner: float = 6.0,
+    outer: float = 4.0,
+    iterations: int = 8,
+) -> OutlineFit | None:
+    """Fit a ball's outline.
+
+    Parameters
+    ----------
+    pixels : RingPixels
+        Pixels around; those outside the ring are left out.
+    profile : EdgeProfile
+        Edge profiles for about this radius.
+    centre : (2,) array
+        Starting centre, px.
+    shape : OutlineShape
+        Starting (or fixed) shape.
+    smear : (2,) array
+        Motion during the exposure, px.
+    free : int
+        2: centre only; 3: and radius; 5: and ellipse.
+    inner, outer : float
+        How far the ring reaches inside and outside the outline, px.
+    iterations : int
+        Steps at most.
+
+    Returns
+    -------
+    OutlineFit or None
+        None where too little of the outline is in view.
+    """
+    parameters = np.array([*centre, shape.radius, *shape.ellipse], dtype=np.float64)
+    ring = _ring(pixels, parameters, inner, outer)
+    if ring is None:
+        return None
+    sector_scale = np.ones(len(ring.index))
+    converged = False
+    last = 1e9
+    for _ in range(iterations):
+        state = _linearise(pixels, ring, profile, parameters, smear)
+        normal, gradient, sector_scale, _ = _reduced(state, ring, sector_scale, free)
+        damped = normal + 1e-6 * np.trace(normal) * np.eye(free)
+        step = np.linalg.solve(damped, gradient.sum(axis=0))
+        limit = 0.35 * inner
+        length = float(np.hypot(step[0], step[1]))
+        step *= min(1.0, limit / max(length, 1e-12))
+        parameters[:free] += step
+        if length < 2e-3 and last < 2e-2:
+            converged = True
+            break
+        if length > 0.3:
+            fresh = _ring(pixels, parameters, inner, outer)
+            if fresh is None:
+                return None
+            if len(fresh.index) != len(ring.index):
+                sector_scale = np.ones(len(fresh.index))
+            ring = fresh
+        last = length
+    state = _linearise(pixels, ring, profile, parameters, smear)
+    return _summary(state, ring, sector_scale, parameters, free, converged or last < 0.05)
+
+
+def _ring(pixels: RingPixels, parameters: FloatArray, inner: float, outer: float) -> _Ring | None:
+    """Choose the ring's pixels and sort them into sectors of about four pixels of outline."""
+    dx, dy = pixels.x - parameters[0], pixels.y - parameters[1]
+    rho = np.hypot(dx, dy)
+    depth = rho - parameters[2]
+    chosen = np.nonzero((depth > -inner) & (depth < outer) & pixels.usable)[0]
+    if len(chosen) < 24:
+        return None
+    count = int(np.clip(round(2 * np.pi * parameters[2] / 4.0), 10, 40))
+    angle = np.arctan2(dy[chosen], dx[chosen])
+    sector = np.floor((angle / (2 * np.pi) + 0.5) * count).astype(np.int64) % count
+    order = np.argsort(sector, kind="stable")
+    chosen, sector = chosen[order], sector[order]
+    sizes = np.bincount(sector, minlength=count)
+    starts = np.concatenate([[0], np.cumsum(sizes)[:-1]])
+    longest = int(sizes.max())
+    place = np.arange(len(chosen)) - starts[sector]
+    index = np.zeros((count, longest), dtype=np.int64)
+    weight = np.zeros((count, longest))
+    index[sector, place] = chosen
+    weight[sector, place] = 1.0
+    weight[sizes < 6] = 0.0
+    if np.count_nonzero(sizes >= 6) < 5:
+        return None
+    return _Ring(index, weight)
+
+
+def _linearise(
+    pixels: RingPixels,
+    ring: _Ring,
+    profile: EdgeProfile,
+    parameters: FloatArray,
+    smear: FloatArray,
+) -> _Linearised:
+    """Solve each sector's linear part, and give residual and derivatives, all over the noise."""
+    index = ring.index
+    dx, dy = pixels.x[index] - parameters[0], pixels.y[index] - parameters[1]
+    rho = np.maximum(np.hypot(dx, dy), 1e-6)
+    ux, uy = dx / rho, dy / rho
+    cos2, sin2 = ux * ux - uy * uy, 2 * ux * uy
+    depth = rho - (parameters[2] + parameters[3] * cos2 + parameters[4] * sin2)
+    along = np.abs(ux * smear[0] + uy * smear[1])
+    cover, slope, shade, shade_slope = profile(depth.ravel(), along.ravel()).reshape(
+        4, *depth.shape
+    )
+    inverse = ring.weight / pixels.noise[index]
+    background = pixels.background[index]
+    basis = np.stack([(1 - cover) * background * inverse, cover * inverse, shade * inverse], axis=2)
+    target = pixels.gray[index] * inverse
+    prior = np.array([0.0, 1.0, 1.0]) / _SHADING_PRIOR**2
+    prior[0] = 1.0 / _SHADOW_PRIOR**2
+    gram = np.einsum("spi,spj->sij", basis, basis) + np.diag(prior) + 1e-9 * np.eye(_BASIS)
+    right = np.einsum("spi,sp->si", basis, target)
+    right[:, 0] += prior[0]
+    solution = np.linalg.solve(gram, right[:, :, None])[:, :, 0]
+    residual = target - np.einsum("spi,si->sp", basis, solution)
+    k, a, c = (solution[:, i, None] for i in range(_BASIS))
+    gradient = ((a - k * background) * slope + c * shade_slope) * inverse
+    jacobian = np.stack(
+        [-gradient * ux, -gradient * uy, -gradient, -gradient * cos2, -gradient * sin2], axis=2
+    )
+    return _Linearised(basis, jacobian, residual)
+
+
+def _reduced(
+    state: _Linearised, ring: _Ring, scale: FloatArray, free: int
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Normal equations of the outline alone: sectors' linear parts projected out, misfits down-weighted."""
+    basis, jacobian, residual = state.basis, state.jacobian[:, :, :free], state.residual
+    gram = np.einsum("spi,spj->sij", basis, basis) + 1e-6 * np.eye(_BASIS)
+    cross = np.einsum("spi,spj->sij", basis, jacobian)
+    projected = jacobian - np.einsum("spi,sij->spj", basis, np.linalg.solve(gram, cross))
+    information = np.einsum("spi,spj->sij", projected, projected)
+    score = np.einsum("spi,sp->si", projected, residual)
+    sizes = ring.weight.sum(axis=1)
+    own = np.sqrt(np.sum(residual**2, axis=1) / np.maximum(sizes - _BASIS, 1.0))
+    seen = sizes > 0
+    typical = max(float(np.median(own[seen])), 0.5)
+    # Mean square of the sector against what is usual in this frame: Student weights with few degrees.
+    scale = np.where(seen, 1.0 / np.sqrt(typical**2 * (1 + (own / typical) ** 2) / 2.0), 0.0)
+    weight = scale**2
+    normal = np.einsum("s,sij->ij", weight, information)
+    return normal, weight[:, None] * score, scale, information
+
+
+def _summary(
+    state: _Linearised,
+    ring: _Ring,
+    scale: FloatArray,
+    parameters: FloatArray,
+    free: int,
+    converged: bool,
+) -> OutlineFit:
+    normal, score, scale, information = _reduced(state, ring, scale, free)
+    inverse = np.linalg.inv(normal + 1e-9 * np.trace(normal) * np.eye(free))
+    seen = ring.weight.sum(axis=1) > 0
+    count = int(np.count_nonzero(seen))
+    meat = score.T @ score * count / max(count - free, 1)
+    covariance = inverse @ meat @ inverse
+    total = information.sum(axis=0)
+    bound = np.linalg.inv(total + 1e-9 * np.trace(total) * np.eye(free))
+    sizes = ring.weight.sum()
+    misfit = float(np.sqrt(np.sum(state.residual**2) / max(sizes - _BASIS * count, 1.0)))
+    strength = information[:, 0, 0] + information[:, 1, 1]
+    contrast = float(np.count_nonzero(strength > 4.0 * misfit**2) / len(seen))
+    return OutlineFit(
+        parameters[:2].copy(),
+        OutlineShape(float(parameters[2]), parameters[3:5].copy()),
+        covariance,
+        bound,
+        misfit,
+        contrast,
+        converged,
+    )

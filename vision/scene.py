@@ -1,0 +1,119 @@
+"""Footage together with its static scene: differences, expected pictures, each frame's view."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.alignment import Aligner, View, warp_to_scene
+from vision.background import Background, brightness, estimate_background
+from vision.footage import Footage, GrayFrame
+
+__all__ = ["Scene"]
+
+FloatImage = NDArray[np.float32]
+IntArray = NDArray[np.int64]
+Window = tuple[slice, slice]
+
+_WHOLE: Window = (slice(None), slice(None))
+
+_SAMPLES = 64
+# A camera whose pictures wander by less than this (95th percentile) stands on a tripod; codecs do as much.
+_UNSTEADY_PX = 0.25
+
+
+class Scene:
+    """A clip's frames seen against the static scene.
+
+    All positions are those of the scene: frames of a hand-held camera are resampled onto it.
+
+    Parameters
+    ----------
+    footage : Footage
+        The frames.
+
+    Attributes
+    ----------
+    background : Background
+        The static scene.
+    views : dict of int to View
+        How each frame looked at so far sees it.
+    hand_held : bool
+        Whether the camera moves.
+    """
+
+    def __init__(self, footage: Footage) -> None:
+        self._footage = footage
+        self._full_scale = np.float32(255.0 / footage.full_scale)
+        step = max(1, len(footage.sample_frames) // _SAMPLES)
+        self.sample_index = footage.sample_index[::step]
+        samples = [self._gray(frame) for frame in footage.sample_frames[::step]]
+        reference = samples[len(samples) // 2]
+        rough = Aligner(reference, 2.0)
+        views = [rough.view(sample) for sample in samples]
+        shifts = np.array([view.shift_px for view in views])
+        shifts -= np.median(shifts, axis=0)
+        wander = float(np.percentile(np.hypot(shifts[:, 0], shifts[:, 1]), 95))
+        self.hand_held = wander > _UNSTEADY_PX
+        if self.hand_held:
+            samples = [
+                warp_to_scene(sample, view) for sample, view in zip(samples, views, strict=True)
+            ]
+        self.samples = samples
+        self.background = estimate_background(samples)
+        self.noise = float(np.median(self.background.noise))
+        self.views: dict[int, View] = {}
+        self._aligner = Aligner(self.background.image, self.noise)
+
+    @property
+    def count(self) -> int:
+        """Number of frames."""
+        return self._footage.count
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width, px."""
+        return self._footage.shape
+
+    def replace_background(self, background: Background) -> None:
+        """Go on with a better picture of the static scene."""
+        self.background = background
+        self._aligner = Aligner(background.image, self.noise)
+
+    def _gray(self, frame: GrayFrame) -> FloatImage:
+        return np.asarray(frame.astype(np.float32) * self._full_scale)
+
+    def view(self, index: int, frame: FloatImage) -> View:
+        """How a frame sees the scene; registered once."""
+        known = self.views.get(index)
+        if known is None:
+            if self.hand_held:
+                known = self._aligner.view(frame, self.views.get(index - 1))
+            else:
+                gain = brightness(frame, self.background.image, self.noise)
+                known = View(gain, np.zeros(2), 0.0, 0.0)
+            self.views[index] = known
+        return known
+
+    def pictures(self, wanted: IntArray) -> Iterator[tuple[int, FloatImage]]:
+        """Give frames as the reference camera would have seen them, 0 to 255."""
+        for index, frame in self._footage.frames(wanted):
+            gray = self._gray(frame)
+            yield index, warp_to_scene(gray, self.view(index, gray))
+
+    def picture(self, index: int) -> FloatImage:
+        """One such frame."""
+        return next(self.pictures(np.array([index])))[1]
+
+    def expected(self, index: int, window: Window = _WHOLE) -> FloatImage:
+        """The static scene in this frame's brightness, all of it or a window (rows, columns)."""
+        return np.asarray(self.background.image[window] * np.float32(self.views[index].gain))
+
+    def difference(self, index: int, picture: FloatImage, window: Window = _WHOLE) -> FloatImage:
+        """Picture minus static scene, all of it or a window (rows, columns)."""
+        return np.asarray(picture[window] - self.expected(index, window))
+
+    def frame_shift(self, index: int) -> NDArray[np.float64]:
+        """Shift of the scene in a frame's own pixels, px."""
+        view = self.views.get(index)
+        return np.zeros(2) if view is None else view.shift_px
