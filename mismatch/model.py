@@ -74,14 +74,15 @@ def lane_terms(models: Iterable[Model]) -> tuple[Term, ...]:
     An effect takes part in a lane only if that lane's model holds it, so a lane pays for its own
     effects alone.
     """
-    runs: dict[tuple[str, str, int], list[list[tuple[int, Mapping[str, float]]]]] = {}
-    effects: dict[tuple[str, str, int], Effect] = {}
+    runs: dict[tuple[str, str, str, int], list[list[tuple[int, Mapping[str, float]]]]] = {}
+    effects: dict[tuple[str, str, str, int], Effect] = {}
     for lane, model in enumerate(models):
-        seen: dict[tuple[str, str], int] = {}
+        seen: dict[tuple[str, str, str], int] = {}
         for effect, values in model.entries:
-            copy = seen.get((effect.id, effect.form), 0)
-            seen[effect.id, effect.form] = copy + 1
-            key = (effect.id, effect.form, copy)
+            law = (effect.id, type(effect).__name__, effect.form)
+            copy = seen.get(law, 0)
+            seen[law] = copy + 1
+            key = (*law, copy)
             effects[key] = effect
             here = runs.setdefault(key, [])
             if here and here[-1][-1][0] == lane - 1:

@@ -72,10 +72,8 @@ _ALL: tuple[Effect, ...] = (
     Parallax(),
     LensDistortion(),
     RollingShutter(),
-    RollingShutter(form="along"),
     OriginOffset(),
     DroppedFrames(),
-    DroppedFrames(form="steadily"),
 )
 
 

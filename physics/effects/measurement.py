@@ -186,14 +186,12 @@ class RollingShutter(Effect):
     parameters: tuple[Parameter, ...] = (
         Parameter("delay", "s/m", 0.002, -0.2, 0.2, meaning="later per metre downward"),
     )
-    form: str = "downward"
     confusable: tuple[str, ...] = ("camera_roll", "time_base", "lens_distortion")
     separating: str = "a flash of light in view, or the same flight with the camera upside down"
 
     def image(self, values: Values, view: View) -> Vector:
         """Show the ball where it is when its row is read (first order in the delay)."""
-        along = view.rest_y - view.y if self.form == "downward" else view.x - view.rest_x
-        late = values["delay"] * along
+        late = values["delay"] * (view.rest_y - view.y)
         return view.x + view.vx * late, view.y + view.vy * late, view.z + view.vz * late
 
 
@@ -239,12 +237,11 @@ class DroppedFrames(Effect):
             meaning="after contact onset, on the recording's clock",
         ),
     )
-    form: str = "once"
     confusable: tuple[str, ...] = ("time_base", "contact_displacement", "drag")
     separating: str = CLOCK
 
     def clock(self, values: Values, time: Number) -> Number:
-        """Jump once, or lose frames steadily from an instant on."""
+        """Jump once."""
         after: FloatArray = np.asarray(time, dtype=np.float64) - values["instant"]
         lost = (
             100.0 * np.maximum(after, 0.0) if self.form == "steadily" else np.heaviside(after, 0.0)

@@ -1,0 +1,164 @@
+"""Fitted answers to "what was left out", and how they are weighed against each other."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mismatch.candidates import Candidate, start_values
+from mismatch.fit import Fit, fit_model, free_parameters
+from mismatch.forward import Forward
+from mismatch.model import Model
+from mismatch.scan import Scan
+from physics.arrays import FloatArray
+from physics.effects import Effect
+
+__all__ = ["Hypothesis", "fit_hypothesis", "group_tolerance", "null_threshold", "second_effect_share"]
+
+MEMBER_FINE = 9.0
+"""Chi-square that each further effect must pay, ln n for a few thousand rows (BIC)."""
+
+DRAWS = 4000
+
+LOOSE_LAWS = frozenset(
+    {
+        "drag_crisis", "lens_distortion", "dropped_frames", "support_friction", "support_recoil",
+        "effective_mass", "camera_roll", "rolling_shutter", "oblique_impact",
+        "contact_displacement", "parallax",
+    }
+)  # fmt: skip
+"""Ids whose law differs from one apparatus to the next, so that a fit leaves a part of it over."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A set of effects, fitted.
+
+    Attributes
+    ----------
+    members : tuple of Candidate
+        What is said to be missing.
+    fit : Fit
+        The model with them in it.
+    gain : float
+        Objective of the refitted baseline minus that of this fit (chi-square units).
+    """
+
+    members: tuple[Candidate, ...]
+    fit: Fit
+    gain: float
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Ids, in order."""
+        return tuple(member.id for member in self.members)
+
+    @property
+    def worth(self) -> float:
+        """Gain less what the freedom of the laws and the size of the set cost."""
+        fines = sum(member.fine for member in self.members)
+        return self.gain - fines - MEMBER_FINE * (len(self.members) - 1)
+
+    @property
+    def allowed(self) -> bool:
+        """Whether all parameters are within what nature allows."""
+        return self.fit.inside_bounds
+
+    @property
+    def has_unnamed(self) -> bool:
+        """Whether a force in no catalogue is part of it."""
+        return "unnamed" in self.ids
+
+
+def fit_hypothesis(
+    forward: Forward,
+    base: Fit,
+    members: Sequence[Candidate],
+    strengths: Sequence[FloatArray],
+    start: Fit | None = None,
+    rounds: int = 10,
+) -> Hypothesis:
+    """Fit the baseline with candidates in it.
+
+    Parameters
+    ----------
+    base : Fit
+        The refitted baseline, which the gain is counted from.
+    members : candidates
+        What to add.
+    strengths : one array per member
+        Start values of its strengths.
+    start : Fit, optional
+        Where trial-to-trial values start from; the baseline's by default.
+    rounds : int
+        Most Gauss–Newton steps.
+    """
+    model: Model = base.model
+    for member, values in zip(members, strengths, strict=True):
+        start_at = start_values(member, base.model)
+        for p, value in zip(member.effect.strengths, values, strict=True):
+            start_at[p.name] = float(np.clip(value, p.lower, p.upper))
+        model = model.having(member.effect, start_at)
+    model = model.order()
+    added: list[Effect] = [member.effect for member in members]
+    origin = base if start is None else start
+    fit = fit_model(
+        forward, model, free_parameters(model, added), (origin.nuisance, origin.law_offsets),
+        rounds=rounds,
+    )  # fmt: skip
+    return Hypothesis(tuple(members), fit, base.objective - fit.objective)
+
+
+def null_threshold(scan: Scan, false_alarms: float = 0.003, seed: int = 20240229) -> float:
+    """Worth that the luckiest candidate exceeds in a share `false_alarms` of campaigns in which
+    nothing is missing.
+
+    A parametric bootstrap: without a mismatch the score of all candidates is Gaussian with the
+    information as its covariance, so drawing scores stands for drawing campaigns.
+    """
+    size = scan.score.size
+    if size == 0:
+        return 12.0
+    values, vectors = np.linalg.eigh(scan.information / _outer(scan.information))
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    scale = np.sqrt(np.diag(scan.information))
+    draws = (np.random.default_rng(seed).standard_normal((DRAWS, size)) @ root.T) * scale
+    worth = np.full(DRAWS, -np.inf)
+    for index, candidate in enumerate(scan.candidates):
+        which = np.array(scan.columns[index])
+        block = scan.information[np.ix_(which, which)]
+        inverse = np.linalg.pinv(block, rcond=1e-9, hermitian=True)
+        part = draws[:, which]
+        gain = np.einsum("di,ij,dj->d", part, inverse, part)
+        one_sided = [p.lower == p.neutral for p in candidate.effect.strengths]
+        if len(which) == 1 and one_sided[0] and scan.start[which[0]] == 0.0:
+            gain = np.where(part[:, 0] > 0.0, gain, -np.inf)
+        worth = np.maximum(worth, gain - candidate.fine)
+    tail = float(np.quantile(worth, 1.0 - false_alarms))
+    return max(tail, 9.0)
+
+
+def _outer(matrix: FloatArray) -> FloatArray:
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    return np.asarray(scale[:, None] * scale[None, :])
+
+
+def group_tolerance(best: Hypothesis) -> float:
+    """How much less worth another answer may have and still not be told apart.
+
+    Seven chi-square units are odds of thirty to one; in strong cases one and a half per cent of the
+    gain, since no law is known better than that.
+    """
+    return max(7.0, 0.015 * best.gain)
+
+
+def second_effect_share(hypothesis: Hypothesis) -> float:
+    """Share of the gain that a further effect must add before it is more than an imperfect law."""
+    if hypothesis.has_unnamed:
+        return 0.15
+    return 0.07 if LOOSE_LAWS.intersection(hypothesis.ids) else 0.025
+
+
+def with_gain(hypothesis: Hypothesis, base_objective: float) -> Hypothesis:
+    """The hypothesis with its gain counted from another baseline."""
+    return replace(hypothesis, gain=base_objective - hypothesis.fit.objective)

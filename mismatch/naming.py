@@ -1,0 +1,205 @@
+"""Name what was left out: singles, then growing sets, each refitted before it is believed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mismatch.candidates import Candidate, candidates_for
+from mismatch.fit import Fit
+from mismatch.forward import Forward
+from mismatch.hypotheses import (
+    Hypothesis,
+    fit_hypothesis,
+    group_tolerance,
+    null_threshold,
+    second_effect_share,
+)
+from mismatch.scan import Scan, scan
+from physics.arrays import FloatArray
+from physics.effects import Effect
+
+__all__ = ["Naming", "name_effects"]
+
+MOST_SINGLES = 16
+MOST_EFFECTS = 3
+
+
+@dataclass(frozen=True)
+class Naming:
+    """What the search found.
+
+    Attributes
+    ----------
+    best : Hypothesis or None
+        The answer; None where nothing is missing.
+    tried : tuple of Hypothesis
+        Everything that was refitted, best first.
+    threshold : float
+        Worth that chance alone exceeds in three campaigns of a thousand.
+    first_scan : Scan
+        Scores around the baseline.
+    """
+
+    best: Hypothesis | None
+    tried: tuple[Hypothesis, ...]
+    threshold: float
+    first_scan: Scan
+
+    def rivals(self) -> tuple[Hypothesis, ...]:
+        """Answers of the same size that the data can't tell from the best one."""
+        if self.best is None:
+            return ()
+        least = self.best.worth - group_tolerance(self.best)
+        return tuple(
+            h
+            for h in self.tried
+            if h is not self.best
+            and h.allowed
+            and len(h.members) == len(self.best.members)
+            and h.worth >= least
+        )
+
+
+def _best_by_law(scored: Scan, inflation: float) -> list[tuple[float, int, FloatArray]]:
+    """Best shape of every law: (worth, candidate, strengths), best first."""
+    best: dict[tuple[str, str, str], tuple[float, int, FloatArray]] = {}
+    for index, candidate in enumerate(scored.candidates):
+        gain, values = scored.gain(index)
+        if not scored.allowed(index, values):
+            continue
+        worth = gain / inflation - candidate.fine
+        if candidate.key not in best or worth > best[candidate.key][0]:
+            best[candidate.key] = (worth, index, values)
+    return sorted(best.values(), key=lambda item: -item[0])
+
+
+def _shortlist(
+    ranked: list[tuple[float, int, FloatArray]], most: int, share: float
+) -> list[tuple[float, int, FloatArray]]:
+    if not ranked:
+        return []
+    top = ranked[0][0]
+    return [item for item in ranked[:most] if item[0] > min(share * top, top - 16.0)]
+
+
+def name_effects(
+    forward: Forward,
+    base: Fit,
+    effects: Sequence[Effect],
+    *,
+    inflation: float = 1.0,
+    most: int = MOST_EFFECTS,
+) -> Naming:
+    """Find the set of effects that explains a mismatch.
+
+    Parameters
+    ----------
+    forward : Forward
+        Predictor with the records.
+    base : Fit
+        The refitted baseline.
+    effects : sequence of Effect
+        The catalogue, a user's own included.
+    inflation : float
+        What correlated noise inflates chi-square differences by.
+    most : int
+        Largest set.
+
+    Returns
+    -------
+    Naming
+    """
+    candidates = candidates_for(forward, base.model, effects)
+    first = scan(forward, base, candidates)
+    threshold = null_threshold(first)
+    ranked = _best_by_law(first, inflation)
+    tried: list[Hypothesis] = []
+    if not ranked or ranked[0][0] < 0.6 * threshold:
+        return Naming(None, (), threshold, first)
+    for _, index, values in _shortlist(ranked, MOST_SINGLES, 0.4):
+        tried.append(fit_hypothesis(forward, base, [candidates[index]], [values]))
+    best = _leader(tried)
+    if best is None or best.worth / inflation < threshold:
+        return Naming(None, _sorted(tried), threshold, first)
+    for size in range(2, most + 1):
+        grown = _grow(forward, base, effects, tried, size, threshold * inflation)
+        tried.extend(grown)
+        larger = _leader(grown)
+        if larger is None or not _worth_it(larger, best, threshold * inflation):
+            break
+        best = larger
+    return Naming(best, _sorted(tried), threshold, first)
+
+
+def _worth_it(larger: Hypothesis, smaller: Hypothesis, threshold: float) -> bool:
+    more = larger.worth - smaller.worth
+    share = second_effect_share(smaller)
+    return more > max(threshold, share * smaller.gain)
+
+
+def _leader(hypotheses: Sequence[Hypothesis]) -> Hypothesis | None:
+    allowed = [h for h in hypotheses if h.allowed]
+    return max(allowed, key=lambda h: h.worth, default=None)
+
+
+def _sorted(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
+    return tuple(sorted(hypotheses, key=lambda h: -h.worth))
+
+
+def _grow(
+    forward: Forward,
+    base: Fit,
+    effects: Sequence[Effect],
+    tried: Sequence[Hypothesis],
+    size: int,
+    threshold: float,
+) -> list[Hypothesis]:
+    """Sets one larger than the best ones so far."""
+    seeds = [h for h in _sorted(tried) if len(h.members) == size - 1 and h.allowed]
+    if not seeds:
+        return []
+    least = min(0.35 * seeds[0].worth, seeds[0].worth - group_tolerance(seeds[0]))
+    grown: dict[frozenset[tuple[str, str, str]], Hypothesis] = {}
+    for number, seed in enumerate(_one_per_id(seeds, 6 if size == 2 else 3)):
+        if seed.worth < least:
+            continue
+        pool = candidates_for(forward, seed.fit.model, effects)
+        keys = {member.key for member in seed.members}
+        ids = {member.id for member in seed.members} - {"unnamed"}
+        pool = tuple(c for c in pool if c.key not in keys and c.id not in ids)
+        scored = scan(forward, seed.fit, pool)
+        ranked = _best_by_law(scored, 1.0)
+        if not ranked or ranked[0][0] < max(threshold, second_effect_share(seed) * seed.gain):
+            if number == 0:
+                # The best smaller set leaves nothing to explain: a larger one would be idle.
+                break
+            continue
+        for _, index, values in _shortlist(ranked, 5, 0.75):
+            law = frozenset(keys | {pool[index].key})
+            if law in grown:
+                continue
+            grown[law] = _extended(forward, base, seed, pool[index], values)
+    return list(grown.values())
+
+
+def _one_per_id(seeds: Sequence[Hypothesis], most: int) -> list[Hypothesis]:
+    chosen: dict[tuple[str, ...], Hypothesis] = {}
+    for seed in seeds:
+        chosen.setdefault(seed.ids, seed)
+    return list(chosen.values())[:most]
+
+
+def _extended(
+    forward: Forward, base: Fit, seed: Hypothesis, more: Candidate, values: FloatArray
+) -> Hypothesis:
+    """Refit a set with one more effect, starting from where the smaller set ended."""
+    members, strengths = [], []
+    for member in seed.members:
+        held = next(v for e, v in seed.fit.model.entries if e is member.effect)
+        shape = tuple((p.name, float(held[p.name])) for p in member.effect.shapes)
+        members.append(Candidate(member.effect, shape, member.tries))
+        strengths.append(np.array([held[p.name] for p in member.effect.strengths]))
+    return fit_hypothesis(
+        forward, base, [*members, more], [*strengths, values], start=seed.fit, rounds=8
+    )

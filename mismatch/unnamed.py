@@ -1,0 +1,228 @@
+"""Laws for a force that is in no catalogue: direction × powers of speed × place, time or angle.
+
+Each law is dimensionally whole: a strength with the unit of a force, torque or ratio, times a shape
+without a unit. All carry the id ``unnamed`` and are never dressed as a known effect.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from physics.arrays import FloatArray, Number, Vector
+from physics.effects import Contact, Effect, Flight, Outcome, Parameter, Phase, Swing, Values
+from physics.effects.impact import change_restitution, turn_launch
+
+__all__ = ["Ageing", "Bump", "Gust", "Magnet", "NearFloor", "Notch", "SpeedPower", "unnamed_laws"]
+
+SOURCE = "fitted to this campaign"
+FORCE = 0.05
+
+
+def _along(direction: str, strength: FloatArray, flight: Flight) -> Vector:
+    """A force of given strength along a named direction."""
+    if direction == "horizontal":
+        nothing = np.zeros_like(strength)
+        return strength + 0.0 * np.asarray(flight.vx), nothing, nothing
+    if direction == "vertical":
+        nothing = np.zeros_like(strength)
+        return nothing, strength + 0.0 * np.asarray(flight.vx), nothing
+    k = strength / np.maximum(flight.speed, 1e-6)
+    if direction == "along_velocity":
+        return k * flight.vx, k * flight.vy, k * flight.vz
+    return -k * flight.vy, k * flight.vx, 0.0 * k * flight.vz
+
+
+def _strength(name: str = "strength", unit: str = "N", scale: float = FORCE) -> Parameter:
+    return Parameter(name, unit, scale, -1e3 * scale, 1e3 * scale, meaning="size of the force")
+
+
+@dataclass(frozen=True)
+class SpeedPower(Effect):
+    """A force along, or normal to, the velocity with a power of the speed."""
+
+    id: str = "unnamed"
+    statement: str = "A force in proportion to a power of the speed."
+    law: str = r"F = k\,(|v| / 1\,\mathrm{m/s})^p"
+    source: str = SOURCE
+    phase: Phase = "flight"
+    parameters: tuple[Parameter, ...] = (
+        _strength(scale=0.005),
+        Parameter("power", "1", 0.7, -1.0, 6.0, grid=(0.0, 0.5, 1.0, 1.3, 1.6, 3.0, 4.0)),
+    )
+    form: str = "along_velocity"
+    separating: str = "another launch speed"
+
+    def force(self, values: Values, flight: Flight) -> Vector:
+        """Power law."""
+        size = values["strength"] * np.maximum(flight.speed, 1e-6) ** values["power"]
+        return _along(self.form, size, flight)
+
+
+@dataclass(frozen=True)
+class Gust(Effect):
+    """A force that acts for a while."""
+
+    id: str = "unnamed"
+    statement: str = "A force that acts during a part of the flight."
+    law: str = r"F = F_0\,w((t - t_0)/\tau)"
+    source: str = SOURCE
+    phase: Phase = "flight"
+    parameters: tuple[Parameter, ...] = (
+        _strength(),
+        Parameter(
+            "middle", "s", 0.03, -0.5, 60.0,
+            grid=(0.03, 0.06, 0.09, 0.12, 0.15, 0.18, 0.21, 0.25, 0.3, 0.35),
+        ),
+        Parameter("duration", "s", 0.03, 0.004, 20.0, grid=(0.03, 0.07, 0.12)),
+    )  # fmt: skip
+    form: str = "horizontal"
+    separating: str = "the same shot at another time of day, fans and doors shut"
+
+    def force(self, values: Values, flight: Flight) -> Vector:
+        """Full strength within the window, with edges of a twelfth of its length."""
+        edge = values["duration"] / 12.0
+        begin = flight.time - (values["middle"] - 0.5 * values["duration"])
+        end = flight.time - (values["middle"] + 0.5 * values["duration"])
+        window = 0.5 * (np.tanh(begin / edge) - np.tanh(end / edge))
+        return _along(self.form, values["strength"] * window, flight)
+
+
+@dataclass(frozen=True)
+class NearFloor(Effect):
+    """A force that grows towards the floor."""
+
+    id: str = "unnamed"
+    statement: str = "A force that grows towards the floor."
+    law: str = r"F = F_0\,e^{-(y - d/2)/\lambda}"
+    source: str = SOURCE
+    phase: Phase = "flight"
+    parameters: tuple[Parameter, ...] = (
+        _strength(scale=0.2),
+        Parameter("decay_length", "m", 0.05, 0.005, 5.0, grid=(0.03, 0.06, 0.1, 0.2)),
+    )
+    form: str = "vertical"
+    separating: str = "a flight well above the floor"
+
+    def force(self, values: Values, flight: Flight) -> Vector:
+        """Exponential in the height of the ball's lowest point."""
+        height = flight.y - 0.5 * np.asarray(flight.diameter)
+        size = values["strength"] * np.exp(-np.clip(height / values["decay_length"], -3.0, 60.0))
+        return _along(self.form, size, flight)
+
+
+@dataclass(frozen=True)
+class Magnet(Effect):
+    """A pull towards a point, or a push away from it, within a short reach."""
+
+    id: str = "unnamed"
+    statement: str = "A force towards a point, within a short reach of it."
+    law: str = r"\mathbf F = F_0\,\frac{\mathbf q}{w} e^{-q^2/2w^2},\ \mathbf q = \mathbf r_0 - \mathbf r"
+    source: str = SOURCE
+    phase: Phase = "flight"
+    parameters: tuple[Parameter, ...] = (
+        _strength(scale=0.2),
+        Parameter("place_x", "m", 0.1, -1e3, 1e3, grid=(0.15, 0.3, 0.5, 0.75, 1.0, 1.4, 1.9, 2.4)),
+        Parameter("place_y", "m", 0.1, -1e3, 1e3, grid=(0.1, 0.25, 0.4, 0.55)),
+        Parameter("reach", "m", 0.05, 0.01, 5.0, grid=(0.06, 0.15)),
+    )
+    form: str = "towards a point"
+    separating: str = "the same shot with the apparatus moved by half a metre"
+
+    def force(self, values: Values, flight: Flight) -> Vector:
+        """Radial, strongest at one reach from the point."""
+        dx, dy = values["place_x"] - flight.x, values["place_y"] - flight.y
+        reach = values["reach"]
+        size = np.exp(-0.5 * (np.square(dx) + np.square(dy)) / np.square(reach)) / reach
+        k = values["strength"] * size
+        return k * dx, k * dy, np.zeros_like(k)
+
+
+@dataclass(frozen=True)
+class Bump(Effect):
+    """A force in a stretch of the way, whatever the height."""
+
+    id: str = "unnamed"
+    statement: str = "A force in a stretch of the way."
+    law: str = r"F = F_0\,e^{-(x - x_0)^2/2w^2}"
+    source: str = SOURCE
+    phase: Phase = "flight"
+    parameters: tuple[Parameter, ...] = (
+        _strength(scale=0.2),
+        Parameter("place", "m", 0.1, -1e4, 1e4, grid=(0.15, 0.3, 0.5, 0.75, 1.0, 1.4, 1.9, 2.4)),
+        Parameter("reach", "m", 0.05, 0.01, 1e3, grid=(0.08, 0.2)),
+    )
+    form: str = "horizontal"
+    separating: str = "the same shot with the apparatus moved by half a metre"
+
+    def force(self, values: Values, flight: Flight) -> Vector:
+        """Gaussian in the distance flown."""
+        apart = (flight.x - values["place"]) / values["reach"]
+        return _along(self.form, values["strength"] * np.exp(-0.5 * np.square(apart)), flight)
+
+
+@dataclass(frozen=True)
+class Notch(Effect):
+    """A torque at one place of the swing."""
+
+    id: str = "unnamed"
+    statement: str = "A torque on the pendulum near one angle of its swing."
+    law: str = r"\tau = \tau_0\,e^{-(\varphi - \varphi_0)^2/2w^2}"
+    source: str = SOURCE
+    phase: Phase = "swing"
+    parameters: tuple[Parameter, ...] = (
+        _strength(unit="N m", scale=0.3),
+        Parameter("place", "rad", 0.1, -3.2, 3.2, grid=(-1.6, -1.2, -0.9, -0.7, -0.5, -0.35, -0.2, -0.1, 0.0, 0.1, 0.25, 0.4, 0.6)),
+        Parameter("reach", "rad", 0.03, 0.005, 1.0, grid=(0.03, 0.08)),
+    )  # fmt: skip
+    form: str = "angle"
+    separating: str = "a slow swing by hand through that angle"
+
+    def torque(self, values: Values, swing: Swing) -> Number:
+        """Gaussian in the angle."""
+        apart = (swing.phi - values["place"]) / values["reach"]
+        return values["strength"] * np.exp(-0.5 * np.square(apart))
+
+
+@dataclass(frozen=True)
+class Ageing(Effect):
+    """Something that drifts from trial to trial."""
+
+    id: str = "unnamed"
+    statement: str = "The contact changes from trial to trial (ageing)."
+    law: str = r"e = e_0 + s\,i"
+    source: str = SOURCE
+    phase: Phase = "contact"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("drift", "1", 0.02, -2.0, 2.0, meaning="change from the first trial to the last"),
+    )
+    form: str = "coefficient of restitution"
+    separating: str = "the same shots once more in reversed order"
+
+    def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
+        """In proportion to the trial's place in the campaign."""
+        if self.form == "launch angle":
+            return turn_launch(outcome, values["drift"] * contact.order)
+        return change_restitution(contact, outcome, values["drift"] * contact.order)
+
+
+def _normal_power() -> SpeedPower:
+    """Normal to the velocity; the first and second power have names (Magnus, asymmetric wake)."""
+    strength, power = SpeedPower().parameters
+    grid = (0.0, 0.5, 3.0)
+    return SpeedPower(form="normal_to_velocity", parameters=(strength, replace(power, grid=grid)))
+
+
+def unnamed_laws(mode: str) -> tuple[Effect, ...]:
+    """Every law that makes sense for a campaign of that mode."""
+    ways = ("horizontal", "vertical")
+    flight: tuple[Effect, ...] = (
+        SpeedPower(),
+        _normal_power(),
+        *(Gust(form=way) for way in ways),
+        *(NearFloor(form=way) for way in ways),
+        *(Bump(form=way) for way in ways),
+        Magnet(),
+    )
+    if mode == "impact":
+        return (*flight, Notch(), Ageing(), Ageing(form="launch angle"))
+    return flight if mode == "flight" else (Notch(),)
