@@ -19,6 +19,12 @@ __all__ = ["ContactHistory", "calibrate_contact", "simulate_contact"]
 LONGEST = 1.0
 """s; a contact that lasts longer is called stuck."""
 
+TOUCHING = 1e-8
+"""m; a ball this little below its rest height lies on the support again."""
+
+MOST_PHASES = 8
+"""Times a ball may leave its support and sink back onto it during one contact."""
+
 
 @dataclass(frozen=True)
 class ContactHistory:
@@ -165,10 +171,15 @@ def simulate_contact(
     start = np.array(
         [ball.launch_angle, impact_speed / pendulum.length, 0.0, scene.rest_height, 0.0, 0.0, 0.0]
     )
-    phases = [_phase(scene, law, start, 0.0, resting=True)]
-    if phases[0].ended_by == 1:
-        phases.append(_phase(scene, law, phases[0].state, phases[0].end, resting=False))
-    if phases[-1].ended_by is None:
+    phases: list[Path] = []
+    resting, since, state = True, 0.0, start
+    while not phases or (phases[-1].ended_by == 1 and len(phases) < MOST_PHASES):
+        phases.append(_phase(scene, law, state, since, resting=resting))
+        since, state = phases[-1].end, phases[-1].state.copy()
+        if resting is False:
+            state[3], state[5] = scene.rest_height, 0.0
+        resting = not resting
+    if phases[-1].ended_by != 0:
         raise DomainError(
             f"a ball struck at {impact_speed:.3g} m/s is not released within {LONGEST:g} s",
             hint="A very slow impact or a very small coefficient of restitution can't be followed.",
@@ -188,12 +199,16 @@ def _phase(
     def upward(_: float, state: FloatArray) -> float:
         return float(scene.derivative(list(state), law, False)[5])
 
-    events = [Event(compression, -1.0), Event(upward, 1.0)]
+    def height(_: float, state: FloatArray) -> float:
+        return float(state[3]) - scene.rest_height + TOUCHING
+
+    # on the support until the push upwards beats the weight; off it until it sinks back
+    leaves = Event(upward, 1.0) if resting else Event(height, -1.0)
     return follow_until(
         rates,
         start,
         (since, since + LONGEST),
-        events if resting else events[:1],
+        [Event(compression, -1.0), leaves],
         method="LSODA",
         relative=1e-9,
         absolute=1e-11,
@@ -207,7 +222,8 @@ def _history(
 ) -> ContactHistory:
     release, lift_off = phases[-1].end, phases[0].end
     time = np.linspace(0.0, release, samples)
-    states = np.array([phases[0 if t <= lift_off else -1].at(t) for t in time]).T
+    ends = np.array([phase.end for phase in phases[:-1]])
+    states = np.array([phases[int(np.searchsorted(ends, t))].at(t) for t in time]).T
     states[:, -1] = phases[-1].state
     phi, omega, x, y, vx, vy, spin = states
     compression, rate, _ = scene.kinematics(list(states))

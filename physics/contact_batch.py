@@ -53,6 +53,9 @@ def released(
     rates = _rates(scene, law, state)
     for count in range(4 * STEPS):
         after = _step(scene, law, state, rates, step)
+        sunk = after[3] < scene.rest_height
+        after[3] = np.where(sunk, scene.rest_height, after[3])
+        after[5] = np.where(sunk, np.maximum(after[5], 0.0), after[5])
         rates_after = _rates(scene, law, after)
         apart = ~found & (np.asarray(scene.kinematics(list(after))[0]) <= 0.0)
         if apart.any():
@@ -147,7 +150,7 @@ def calibrate_contacts(
     exponent: float,
     friction: float = 0.0,
     *,
-    rounds: int = 8,
+    rounds: int = 40,
     tolerance: float = 1e-7,
 ) -> tuple[HuntCrossley, ContactOutcome]:
     """Stiffness and damping for which each contact returns its `cor` and `contact_time`.

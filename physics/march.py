@@ -128,9 +128,7 @@ def sample_flights(
     position, velocity : (T, 3) or (T, N, 3) arrays
         m, m/s.
     """
-    shape = np.broadcast_shapes(
-        np.shape(times)[1:], np.shape(start), *(np.shape(c) for part in state for c in part)
-    )
+    shape = np.broadcast_shapes(np.shape(times)[1:], np.shape(start), _shape(state, forces))
     position = np.empty((len(times), *shape, 3))
     velocity = np.empty_like(position)
     now = start
@@ -181,8 +179,7 @@ def fly_many(
     DomainError
         If a ball has not landed within `longest`, or starts below the floor.
     """
-    shape = np.broadcast_shapes(np.shape(floor), *(np.shape(c) for part in state for c in part))
-    shape = shape or (1,)
+    shape = np.broadcast_shapes(np.shape(floor), _shape(state, forces)) or (1,)
     state = BallState(*(_arrays(part, shape) for part in state))
     level = np.broadcast_to(np.asarray(floor, dtype=np.float64), shape)
     if np.any(np.asarray(state.position[1]) < level):
@@ -205,6 +202,12 @@ def fly_many(
         f"{int(np.sum(~landed))} of {landed.size} balls have not landed after {longest:g} s",
         hint="Is there gravity, and is the wind or lift of a believable size?",
     )
+
+
+def _shape(state: BallState, forces: Sequence[Acceleration]) -> tuple[int, ...]:
+    """Shape of state and forces together: a force's parameters may be arrays of their own."""
+    gain = total_acceleration(forces, 0.0, *state)
+    return np.broadcast_shapes(*(np.shape(c) for part in (*state, gain) for c in part))
 
 
 def _arrays(part: Vector, shape: tuple[int, ...]) -> Vector:
