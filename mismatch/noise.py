@@ -10,12 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mismatch.records import Records
+from mismatch.spectrum import Spectrum, fit_spectrum
 from physics.arrays import FloatArray
 
 __all__ = ["Noise", "estimate_noise"]
 
 STRETCH = 36
-OUTLIER = 5.0
+OUTLIER = 4.8
+UNKNOWN_SIGMA = 1e-3
+"""m or rad, where too few rows are left to tell."""
 
 
 @dataclass(frozen=True)
@@ -26,30 +29,26 @@ class Noise:
     ----------
     sigma : (T, 4) array
         White noise of x, y, z (m) and angle (rad) by trial.
-    correlation : (4,) array
-        Correlation of neighbouring samples by channel.
+    inflation : (4,) array
+        Noise power at low frequency over white, by channel: what slow physics competes with.
     outliers : (T, M) bool array
         Rows that do not belong, in the stacked order of `Records`.
     """
 
     sigma: FloatArray
-    correlation: FloatArray
+    inflation: FloatArray
     outliers: NDArray[np.bool_]
 
     @property
-    def inflation(self) -> float:
-        """By how much correlated noise inflates the variance of slow quantities."""
-        rho = float(np.max(self.correlation))
-        return (1.0 + rho) / (1.0 - rho)
+    def effective(self) -> FloatArray:
+        """(T, 4) sigma that, taken as white, gives slow quantities their true uncertainty."""
+        return self.sigma * np.sqrt(self.inflation)
 
 
 @dataclass
 class _Sums:
     squares: float = 0.0
     dof: float = 0.0
-    neighbours: float = 0.0
-    expected: float = 0.0
-    pairs: float = 0.0
 
 
 def _stretches(time: FloatArray, rows: NDArray[np.int64]) -> list[NDArray[np.int64]]:
@@ -105,29 +104,35 @@ def _channel(
         total = sums[trial]
         total.squares += float(left @ left)
         total.dof += float(np.trace(project))
-        total.neighbours += float(left[1:] @ left[:-1])
-        total.expected += float(np.trace(project, offset=1))
-        total.pairs += kept.size - 1.0
     return sums, outliers
 
 
-def _by_trial(sums: list[_Sums]) -> tuple[FloatArray, float]:
-    """Sigma by trial, pooled unless a trial clearly differs, and the neighbours' correlation."""
+def _by_trial(sums: list[_Sums]) -> FloatArray:
+    """Sigma by trial, pooled unless a trial clearly differs."""
     dof = np.array([s.dof for s in sums])
     squares = np.array([s.squares for s in sums])
     if dof.sum() < 3.0:
-        return np.full(len(sums), np.nan), 0.0
+        return np.full(len(sums), np.nan)
     pooled = float(squares.sum() / dof.sum())
     own = np.where(dof > 3.0, squares / np.maximum(dof, 1.0), pooled)
-    with np.errstate(divide="ignore"):
-        apart = np.abs(np.log(np.maximum(own, 1e-30) / max(pooled, 1e-30)))
+    apart = np.abs(np.log(np.maximum(own, 1e-30) / max(pooled, 1e-30)))
     differs = apart > 4.5 * np.sqrt(2.0 / np.maximum(dof, 1.0))
-    variance = np.where(differs, own, pooled)
-    pairs = sum(s.pairs for s in sums)
-    excess = sum(s.neighbours - s.expected * pooled for s in sums)
-    rho = excess / max(pooled * pairs, 1e-30)
-    significant = abs(rho) > 3.5 / np.sqrt(max(pairs, 1.0))
-    return np.sqrt(variance), float(np.clip(rho, 0.0, 0.9)) if significant else 0.0
+    return np.sqrt(np.where(differs, own, pooled))
+
+
+def _spectrum(
+    time: FloatArray,
+    value: FloatArray,
+    used: NDArray[np.bool_],
+    segments: FloatArray,
+    sigma: FloatArray,
+) -> Spectrum | None:
+    pieces = []
+    for trial in range(used.shape[0]):
+        for segment in np.unique(segments[trial][used[trial]]):
+            rows = used[trial] & (segments[trial] == segment)
+            pieces.append((time[trial, rows], value[trial, rows] / sigma[trial]))
+    return fit_spectrum(pieces)
 
 
 def estimate_noise(
@@ -152,22 +157,25 @@ def estimate_noise(
     -------
     Noise
     """
-    sigma = np.zeros((records.trials, 4))
-    correlation = np.zeros(4)
+    sigma = np.full((records.trials, 4), np.nan)
+    inflation = np.ones(4)
     parts = []
-    for axis in range(3):
-        sums, outliers = _channel(
-            records.ball_time, records.position[..., axis], records.ball_used[..., axis],
-            ball_segments,
-        )  # fmt: skip
-        sigma[:, axis], correlation[axis] = _by_trial(sums)
+    for channel in range(4):
+        if channel < 3:
+            time, value = records.ball_time, records.position[..., channel]
+            used, segments = records.ball_used[..., channel], ball_segments
+        else:
+            time, value = records.pendulum_time, records.pendulum_angle
+            used, segments = records.pendulum_used, pendulum_segments
+        sums, outliers = _channel(time, value, used, segments)
         parts.append(outliers)
-    sums, outliers = _channel(
-        records.pendulum_time, records.pendulum_angle, records.pendulum_used, pendulum_segments
-    )
-    sigma[:, 3], correlation[3] = _by_trial(sums)
-    parts.append(outliers)
-    fallback = np.array([1e-3, 1e-3, 1e-3, 1e-3])
-    sigma = np.where(np.isfinite(sigma), sigma, fallback)
-    sigma = np.maximum(sigma, np.array([floor[0]] * 3 + [floor[1]]))
-    return Noise(sigma, correlation, np.concatenate(parts, axis=1))
+        mine = np.maximum(_by_trial(sums), floor[channel // 3])
+        if np.isfinite(mine).all():
+            sigma[:, channel] = mine
+            spectrum = _spectrum(time, value, used & ~outliers, segments, mine)
+            if spectrum is not None and spectrum.share > 0.0:
+                # A local polynomial swallows part of correlated noise; the spectrum sees it all.
+                sigma[:, channel] *= np.sqrt(spectrum.variance)
+                inflation[channel] = spectrum.inflation
+    sigma = np.where(np.isfinite(sigma), sigma, UNKNOWN_SIGMA)
+    return Noise(sigma, inflation, np.concatenate(parts, axis=1))

@@ -1,8 +1,11 @@
 """From a campaign and a baseline to a fit that can start: mode, clocks, which rows, noise."""
 
+import itertools
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from metrology import TooLittleDataError
 from mismatch.baseline import Baseline
@@ -19,6 +22,10 @@ __all__ = ["Prepared", "baseline_model", "prepare"]
 
 GUARD_SAMPLES = 1.6
 """Rows this many samples around onset and release are left out: there the model is no straight line."""
+
+
+STRAY = 5.0
+"""Sigma from the median of the neighbours."""
 
 
 @dataclass(frozen=True)
@@ -245,7 +252,7 @@ def prepare(campaign: Campaign, baseline: Baseline) -> Prepared:
         nuisance = _first_states(records, mode)
         laws = np.zeros((0, 2))
     noise = estimate_noise(forward.records, *_segments(forward, clocks))
-    records = replace(forward.records, sigma=noise.sigma).keeping(~noise.outliers)
+    records = replace(forward.records, sigma=noise.effective).keeping(~noise.outliers)
     forward = replace(forward, records=records)
     if records.count < records.trials * nuisance.shape[1] + 3:
         raise TooLittleDataError(
@@ -253,4 +260,27 @@ def prepare(campaign: Campaign, baseline: Baseline) -> Prepared:
             hint=f"At least {nuisance.shape[1] + 4} samples in each trial are needed.",
         )
     fit = fit_model(forward, model, (), (nuisance, laws))
+    stray = _strays(fit.residual * np.sqrt(np.repeat(noise.inflation, _lengths(records))), records)
+    if stray.any():
+        forward = replace(forward, records=records.keeping(~stray))
+        noise = replace(noise, outliers=noise.outliers | stray)
+        fit = fit_model(forward, model, (), (fit.nuisance, fit.law_offsets))
     return Prepared(forward, model, noise, fit)
+
+
+def _lengths(records: Records) -> list[int]:
+    return [records.ball_time.shape[1]] * 3 + [records.pendulum_time.shape[1]]
+
+
+def _strays(residual: FloatArray, records: Records) -> NDArray[np.bool_]:
+    """Rows far from their neighbours' residuals, (T, M): what is left of outliers after a fit."""
+    stray = np.zeros(residual.shape, dtype=bool)
+    used = records.used
+    edges = np.cumsum([0, *_lengths(records)])
+    for trial in range(records.trials):
+        for low, high in itertools.pairwise(edges):
+            rows = low + np.flatnonzero(used[trial, low:high])
+            if rows.size >= 9:
+                smooth = median_filter(residual[trial, rows], size=9, mode="nearest")
+                stray[trial, rows] = np.abs(residual[trial, rows] - smooth) > STRAY
+    return stray
