@@ -91,9 +91,9 @@ def choose_capture_rate(
         nominal_rate_std(ASSUMED_FPS),
         "assumed",
         f"CAPTURE RATE ASSUMED: {info.path.name} declares {said} and not the camera's rate; "
-        f"{ASSUMED_FPS:g} fps is assumed. Every time and speed scales with it, and the uncertainties "
-        "do not cover a wrong guess: give the true rate with --fps RATE or capture_fps in the setup "
-        "file.",
+        f"{ASSUMED_FPS:g} fps is assumed. Every time and speed scales with it, and the "
+        "uncertainties do not cover a wrong guess: give the true rate with --fps RATE or "
+        "capture_fps in the setup file.",
     )
 
 

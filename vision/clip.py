@@ -1,7 +1,7 @@
 """A clip: a video file or a folder of images, read from first to last frame with true times.
 
-Times come from presentation stamps only; frames are upright, have square pixels, and woven fields are
-separated. Nothing is held: memory does not grow with the length of the clip.
+Times come from presentation stamps only; frames are upright and have square pixels; woven fields
+are separated. Nothing is held: memory does not grow with the length of the clip.
 """
 
 import os
@@ -158,8 +158,8 @@ class Clip:
         if damaged or count < expected:
             lost = max(damaged, expected - count)
             self._damage = (
-                f"{lost} of {max(expected, count + lost)} pictures could not be decoded and are left out; "
-                "those after them may be damaged up to the next key frame.",
+                f"{lost} of {max(expected, count + lost)} pictures could not be decoded and are "
+                "left out; those after them may be damaged up to the next key frame.",
             )
         if count != expected:
             self.info = replace(self.info, frames=count)

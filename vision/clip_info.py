@@ -24,7 +24,8 @@ class Frame:
     time_s : float
         Time on the container's clock, s, 0 at the first frame.
     gray : (H, W) uint8 or uint16 array
-        Luma on the full scale: 0 is black and 255 white; of clips with more than 8 bit, 65535 is white.
+        Luma on the full scale: 0 is black and 255 white; of clips with more than 8 bit, 65535 is
+        white.
     """
 
     index: int
@@ -45,13 +46,13 @@ class ClipInfo:
     width, height : int
         Size of the frames as handed on (turned upright, square pixels), px.
     frames : int
-        Number of frames: counted over the packets when the clip is opened, and the number that came out
-        of the decoder once it has been read to its end.
+        Number of frames: counted over the packets when the clip is opened, and the number that came
+        out of the decoder once it has been read to its end.
     codec : str
         Name of the codec ("h264"), or the suffix of a folder's images.
     container_fps : float
-        Usual frame rate on the container's clock, 1/s, doubled where fields are separated. A folder of
-        images has no clock: 1 per second there, so that times count frames.
+        Usual frame rate on the container's clock, 1/s, doubled where fields are separated. A folder
+        of images has no clock: 1 per second there, so that times count frames.
     container_declares_rate : bool
         False for a folder of images.
     duration_s : float

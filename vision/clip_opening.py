@@ -1,5 +1,6 @@
 """What is settled when a video is opened: fields, orientation, clock, and what to warn of."""
 
+from itertools import islice
 from pathlib import Path
 from typing import Literal
 
@@ -12,8 +13,12 @@ __all__ = ["Fields", "open_video"]
 
 Fields = Literal["auto", "progressive", "top_first", "bottom_first"]
 
-# Looking for woven fields stops after this many pixels: some 0.1 s of decoding.
-_COMBING_PIXELS = 30_000_000
+# Looking for woven fields stops after this many pixels, some 0.05 s of decoding, but not before so
+# many pictures; broadcast sizes, which alone are recorded in fields, are worth a longer look.
+_COMBING_PIXELS = 16_000_000
+_COMBING_PICTURES = 48
+_BROADCAST_PICTURES = 300
+_BROADCAST_HEIGHTS = (480, 486, 512, 576, 608, 1080, 1088)
 
 
 def open_video(path: Path, fields: Fields) -> tuple[VideoFile, ClipInfo, Upright]:
@@ -47,7 +52,8 @@ def open_video(path: Path, fields: Fields) -> tuple[VideoFile, ClipInfo, Upright
     width = round(width * upright.stretch)
     if upright.stretch != 1.0:
         notes.append(
-            f"Stored pixels are {upright.stretch:.4f} as wide as high; pictures are stretched to square pixels."
+            f"Stored pixels are {upright.stretch:.4f} times as wide as high; pictures are "
+            "stretched to square pixels."
         )
     rate = 1.0 / times.interval_s if times.interval_s > 0 else video.declared_rate
     info = ClipInfo(
@@ -71,18 +77,19 @@ def open_video(path: Path, fields: Fields) -> tuple[VideoFile, ClipInfo, Upright
 
 
 def _weave(video: VideoFile) -> tuple[Weave, list[str]]:
+    height, width = video.first_picture.height, video.first_picture.width
+    broadcast = height in _BROADCAST_HEIGHTS
+    least = _BROADCAST_PICTURES if broadcast else _COMBING_PICTURES
     detector = CombingDetector()
-    pixels = 0
-    for picture in video.pictures():
-        gray = picture.gray()
-        detector.show(gray)
-        pixels += gray.size
-        if detector.settled or pixels > _COMBING_PIXELS:
+    for picture in islice(video.pictures(), max(least, _COMBING_PIXELS // (height * width))):
+        if detector.wants(picture.index):
+            detector.show(picture.gray())
+        if detector.settled:
             break
     seen = detector.verdict()
     half_line = (
-        "the fields are separated, which doubles the frame rate, and each is resampled onto the full "
-        "picture's lines, which takes out the half-line offset between them"
+        "the fields are separated, which doubles the frame rate, and each is resampled onto the "
+        "full picture's lines, which takes out the half-line offset between them"
     )
     if video.declared_interlaced:
         if seen != "progressive":
@@ -115,8 +122,8 @@ def _file_warnings(video: VideoFile) -> list[str]:
         # Sound may outlast the pictures in a whole file, and a last frame may be shown long.
         if not packets.whole and end < 0.98 * packets.declared_s - 2.0 * times.interval_s:
             notes.append(
-                f"The file is cut off: it declares {packets.declared_s:.2f} s and ends at {end:.2f} s "
-                f"({100 * end / packets.declared_s:.0f} %); what is there is read."
+                f"The file is cut off: it declares {packets.declared_s:.2f} s and ends at "
+                f"{end:.2f} s ({100 * end / packets.declared_s:.0f} %); what is there is read."
             )
     if packets.corrupt:
         notes.append(f"{packets.corrupt} packets of the file are damaged.")
@@ -127,7 +134,7 @@ def _file_warnings(video: VideoFile) -> list[str]:
         )
     if times.missing:
         notes.append(
-            f"{times.missing} frames are missing from an otherwise even clock (dropped while recording); "
-            "the gaps keep their time."
+            f"{times.missing} frames are missing from an otherwise even clock (dropped while "
+            "recording); the gaps keep their time."
         )
     return notes

@@ -41,7 +41,9 @@ class FrameTimes:
     missing: int
 
 
-def frame_times(stamps: NDArray[np.int64], tick_s: float) -> FrameTimes:
+def frame_times(
+    stamps: NDArray[np.int64], tick_s: float, declared_fps: tuple[float, ...] = ()
+) -> FrameTimes:
     """Build the table of times.
 
     Parameters
@@ -50,6 +52,9 @@ def frame_times(stamps: NDArray[np.int64], tick_s: float) -> FrameTimes:
         Presentation time stamps in any order; repeated ones are kept once.
     tick_s : float
         Length of a tick, s.
+    declared_fps : tuple of float
+        Rates that the container declares; one that fits every stamp as well is preferred to the
+        fitted rate.
 
     Returns
     -------
@@ -61,9 +66,11 @@ def frame_times(stamps: NDArray[np.int64], tick_s: float) -> FrameTimes:
         interval = tick_s * since[-1] if len(ticks) == 2 else np.nan
         return FrameTimes(ticks, tick_s * since, float(interval), False, 0)
     count, interval_ticks = _even_clock(since)
-    offset = float(np.mean(since - count * interval_ticks))
-    residual = since - offset - count * interval_ticks
-    if np.max(np.abs(residual)) <= 1.0:
+    declared_ticks = [1.0 / (fps * tick_s) for fps in declared_fps if fps > 0]
+    for candidate in (*declared_ticks, interval_ticks):
+        if not _fits(since, count, candidate):
+            continue
+        interval_ticks = candidate
         missing = int(count[-1]) + 1 - len(count)
         seconds = tick_s * interval_ticks * count
         return FrameTimes(ticks, seconds, tick_s * interval_ticks, False, missing)
@@ -81,6 +88,11 @@ def _even_clock(since: FloatArray) -> tuple[FloatArray, float]:
     if np.any(np.diff(count) < 1):
         count = np.concatenate([[0.0], np.cumsum(beats)])
     return count, _slope(count, since)
+
+
+def _fits(since: FloatArray, count: FloatArray, interval: float) -> bool:
+    residual = since - count * interval
+    return float(np.ptp(residual)) <= 2.0
 
 
 def _slope(count: FloatArray, since: FloatArray) -> float:

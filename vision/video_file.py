@@ -99,7 +99,9 @@ class VideoFile:
             self.tags = {**container.metadata, **stream.metadata}
             aspect = stream.sample_aspect_ratio
             self.pixel_aspect = float(aspect) if aspect else 1.0
-            self.declared_rate = float(stream.average_rate or stream.guessed_rate or 25)
+            declared = (stream.average_rate, stream.guessed_rate, stream.base_rate)
+            self._declared_rates = tuple(float(rate) for rate in declared if rate)
+            self.declared_rate = self._declared_rates[0] if self._declared_rates else 25.0
             self.packets = self._read_packets(container, stream)
             self.declared_order: Weave = (
                 "bottom_first"
@@ -176,7 +178,7 @@ class VideoFile:
         try:
             yield from container.demux(stream)
         except FFmpegError:
-            # The container breaks off here; what came before stands, the count tells what is missing.
+            # The container breaks off here; what came before stands, its count tells how much.
             self._broken_off = True
 
     def _read_packets(self, container: Any, stream: Any) -> Packets:
@@ -196,12 +198,12 @@ class VideoFile:
                 shown.append(int(stamp))
         tick = float(stream.time_base)
         if len(set(shown)) < count:
-            # Some packets share a stamp or have none: what is left is an even clock at the declared rate.
+            # Packets that share a stamp or have none leave an even clock at the declared rate.
             stamped = False
             step = max(1, round(1.0 / (self.declared_rate * tick)))
             shown = list(range(0, count * step, step))
         return Packets(
-            frame_times(np.array(shown, dtype=np.int64), tick),
+            frame_times(np.array(shown, dtype=np.int64), tick, self._declared_rates),
             int(stream.frames),
             _declared_duration(container, stream),
             hidden,
@@ -248,6 +250,6 @@ def _unreadable(path: Path, problem: FFmpegError) -> ClipError:
         )
     return ClipError(
         f"{path} is no video that can be read ({problem.strerror or 'unknown format'})",
-        hint="MP4, MOV, AVI, MKV, MJPEG and folders of images can be read. The file may be something "
-        "else under a video's name, or damaged at its beginning.",
+        hint="MP4, MOV, AVI, MKV, MJPEG and folders of images can be read. The file may be "
+        "something else under a video's name, or damaged at its beginning.",
     )
