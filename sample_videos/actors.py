@@ -1,4 +1,4 @@
-"""The moving things in one exposure: coverage, colour and shadows of ball, pendulum, distractors."""
+"""The moving things in one exposure: their coverage, colour and shadows."""
 
 from dataclasses import dataclass
 from typing import Protocol

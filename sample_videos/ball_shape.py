@@ -93,7 +93,7 @@ def ball_layer(
 def _entry(
     centre: FloatArray, form: FloatArray, x: FloatArray, y: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where sight lines enter and leave the ellipsoid, as multiples of (x, y, 1); nearest where they miss."""
+    """Where sight lines enter and leave the ellipsoid, in multiples of (x, y, 1)."""
     d = np.stack([x, y, np.ones_like(x)], axis=-1)
     pull = d @ form
     square = np.sum(pull * d, axis=-1)

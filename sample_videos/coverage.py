@@ -1,7 +1,7 @@
 """How much of a pixel a shape covers: exact for straight edges, to 1e-3 for round ones.
 
-Everything is seen from the camera's centre. A pixel looks along (x, y, 1) in the camera's frame, with
-x and y free of distortion, so that straight edges stay straight and a sphere is bounded by a cone.
+Everything is seen from the camera's centre. A pixel looks along (x, y, 1) in the camera's frame,
+with x and y free of distortion: straight edges stay straight and a sphere is bounded by a cone.
 """
 
 from dataclasses import dataclass
@@ -83,7 +83,7 @@ class PixelGrid:
         px = np.stack([u, v], axis=-1).astype(np.float64)
 
         def look(du: float, dv: float) -> FloatArray:
-            return np.moveaxis(lens.undistort(lens.from_pixels(px + [du, dv])), -1, 0)
+            return np.moveaxis(lens.undistort(lens.from_pixels(px + np.array([du, dv]))), -1, 0)
 
         along_u = look(0.5, 0.0) - look(-0.5, 0.0)
         along_v = look(0.0, 0.5) - look(0.0, -0.5)

@@ -28,7 +28,7 @@ __all__ = ["Film"]
 FloatArray = NDArray[np.float64]
 
 STEP_PX = 0.4
-"""Longest way between sub-exposures: well inside a pixel, so that their sum is a smear, not a comb."""
+"""Longest way between sub-exposures: well inside a pixel, so that they add up to a smear."""
 
 MOST_PARTS = 24
 
@@ -101,7 +101,7 @@ class Film:
         return [i for i in range(self.scene.frames) if i not in dropped]
 
     def _parts(self, times: FloatArray, way_px: float) -> FloatArray:
-        """Instants (S, R) of the sub-exposures for something that moves `way_px` in the exposure."""
+        """Instants (S, R) of the sub-exposures for what moves `way_px` in the exposure."""
         count = int(np.clip(np.ceil(way_px / STEP_PX), 1, MOST_PARTS))
         offsets = ((np.arange(count) + 0.5) / count - 0.5) * self.scene.shutter.exposure
         return np.asarray(times[np.newaxis, :] + offsets[:, np.newaxis])
@@ -179,7 +179,7 @@ class Film:
         moments = self.motion.at(parts.ravel())
         count, rows = parts.shape
         centres = moments.ball.reshape(count, rows, 3)
-        # turn and squeeze change so little within a readout that the ball's own row is taken for all
+        # turn and squeeze hardly change within a readout: the ball's own row stands for all
         row = self._row_of(centres[count // 2], camera) if rows > 1 else 0
         poses = [
             BallPose(

@@ -17,7 +17,7 @@ def _column(vector: FloatArray, like: FloatArray) -> FloatArray:
 
 
 def lamp_light(points: FloatArray, normals: FloatArray, lamp: Lamp) -> FloatArray:
-    """Irradiance (...) at points (3, ...) with unit normals (3, ...): cosine over distance squared."""
+    """Irradiance (...) at points (3, ...) with unit normals (3, ...), cosine over square."""
     position = np.array(lamp.position)
     away = _column(position, points) - points
     square = np.sum(away * away, axis=0)
@@ -32,7 +32,7 @@ def lamp_light(points: FloatArray, normals: FloatArray, lamp: Lamp) -> FloatArra
 def sphere_shade(
     points: FloatArray, centre: FloatArray, radius: float, lamp: FloatArray, lamp_radius: float
 ) -> FloatArray:
-    """Share (...) of a lamp's light that a sphere takes from points (3, ...): two discs in the sky."""
+    """Share (...) of a lamp's light that a sphere takes from points (3, ...)."""
     to_lamp = _column(lamp, points) - points
     to_ball = centre.reshape(_column(lamp, points).shape) - points
     lamp_distance = np.sqrt(np.sum(to_lamp * to_lamp, axis=0))

@@ -1,4 +1,4 @@
-"""Scenes to start from: a ball, a back-swing, a picture size, and a camera that sees what matters."""
+"""Scenes to start from: a ball, a back-swing, a picture size, and a camera that sees it all."""
 
 import math
 from dataclasses import replace

@@ -43,7 +43,7 @@ def rest_centre(scene: Scene) -> FloatArray:
 
 
 def swing_rotation(phi: FloatArray) -> FloatArray:
-    """Rotations (..., 3, 3) about z by phi (...): from the hanging pendulum's frame to the world."""
+    """Rotations (..., 3, 3) about z by phi (...): from the hanging pendulum to the world."""
     c, s, zero = np.cos(phi), np.sin(phi), np.zeros_like(phi)
     rows = [[c, -s, zero], [s, c, zero], [zero, zero, zero + 1.0]]
     return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
@@ -100,7 +100,7 @@ def standing_solids(scene: Scene) -> list[Solid]:
 
 
 def pendulum_solids(scene: Scene) -> list[Solid]:
-    """Bar, hub and striking block about the pivot, hanging straight down, m; drawn in this order."""
+    """Bar, hub and striking block about the pivot, hanging straight down, m, in painting order."""
     if not scene.room.show_rig:
         return []
     length, face = scene.pendulum.length, scene.pendulum.face_offset

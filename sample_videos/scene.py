@@ -28,7 +28,7 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Wall:
-    """The gridded wall z = 0. Lengths in m; contrasts are the share of light that a line takes away.
+    """The gridded wall z = 0. Lengths in m; contrast is the share of light a line takes away.
 
     Attributes
     ----------
@@ -43,8 +43,8 @@ class Wall:
     """
 
     pitch: float = 0.05
-    line_width: float = 0.0016
-    contrast: float = 0.62
+    line_width: float = 0.002
+    contrast: float = 0.72
     fine_pitch: float = 0.01
     fine_width: float = 0.0006
     fine_contrast: float = 0.35
@@ -54,7 +54,7 @@ class Wall:
 
 @dataclass(frozen=True)
 class Lamp:
-    """A spherical lamp: where (m), how large (radius, m), how bright at the ball (1 is well lit)."""
+    """A spherical lamp: where (m), how large (radius, m), how bright at the ball."""
 
     position: Vector
     radius: float = 0.12
@@ -64,13 +64,13 @@ class Lamp:
 
 @dataclass(frozen=True)
 class Lighting:
-    """All light: lamps, the light from everywhere, and the flicker of the mains (relative depth)."""
+    """All light: lamps, the light from everywhere, and the mains' flicker (relative depth)."""
 
     lamps: tuple[Lamp, ...] = (
-        Lamp((-1.6, 2.6, 3.2), 0.11, 0.42, (1.0, 0.97, 0.9)),
+        Lamp((-1.6, 2.6, 3.2), 0.11, 0.5, (1.0, 0.97, 0.9)),
         Lamp((2.9, 2.3, 3.6), 0.16, 0.17, (0.94, 0.97, 1.0)),
     )
-    ambient: Colour = (0.36, 0.37, 0.38)
+    ambient: Colour = (0.27, 0.28, 0.29)
     unevenness: float = 0.05
     flicker: float = 0.03
     flicker_hz: float = 100.0
@@ -126,7 +126,7 @@ class Room:
 
     wall: Wall = Wall()
     lighting: Lighting = Lighting()
-    floor_colour: Colour = (0.23, 0.2, 0.175)
+    floor_colour: Colour = (0.3, 0.26, 0.225)
     plane: float = 0.45
     show_rig: bool = True
     show_support: bool = True

@@ -45,7 +45,8 @@ def developed(
         uint8, blue green red.
     """
     if sensor.blur > 0.0:
-        light = cv2.GaussianBlur(light, (0, 0), sensor.blur, borderType=cv2.BORDER_REPLICATE)
+        spread = cv2.GaussianBlur(light, (0, 0), sensor.blur, borderType=cv2.BORDER_REPLICATE)
+        light = np.asarray(spread, dtype=np.float32)
     rows = (gain * sensor.gain / WHITE).astype(np.float32)[:, np.newaxis, np.newaxis]
     level = light * (shade * rows)
     if sensor.full_well > 0.0:

@@ -24,6 +24,7 @@ __all__ = ["Physics", "Shot", "strike"]
 FloatArray = NDArray[np.float64]
 
 BOUNCES = 3
+NO_LOSS = Bearing()
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class Physics:
     drag_coefficient: float = SUBCRITICAL_DRAG
     lift_coefficient: float = 0.0
     face_friction: float = 0.0
-    bearing: Bearing = Bearing()
+    bearing: Bearing = NO_LOSS
     cor: float | None = None
     contact_time: float | None = None
     forces: tuple[Acceleration, ...] | None = None
@@ -227,7 +228,7 @@ def _ball_curve(scene: Scene, physics: Physics, contact: ContactHistory, flight:
         if off[1] < 0.05:
             break
         leg = fly(
-            tuple(leg.landing_position + [0.0, 1e-9, 0.0]),
+            tuple(leg.landing_position + np.array([0.0, 1e-9, 0.0])),
             tuple(off),
             _forces(scene, physics),
             spin=tuple(leg.spin[-1]),

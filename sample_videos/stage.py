@@ -1,4 +1,4 @@
-"""The still part of the picture: wall, floor, bracket and support under each lamp, rendered once."""
+"""The still part of the picture: wall, floor, bracket and support under each lamp."""
 
 from dataclasses import dataclass
 

@@ -20,6 +20,12 @@ __all__ = ["FrameTruth", "Truth", "film_truth", "truth_path", "write_truth"]
 
 FloatArray = NDArray[np.float64]
 
+FRAME_OF_REFERENCE = (
+    "x right from the ball's centre at rest, y up from the floor, z out of the wall, m; pixel"
+    " centres are integers, (0, 0) is the top-left one, y down; t = 0 at first touch, frame i is"
+    " centred on frames.time_s[i]; px are those of the file, also where mirrored"
+)
+
 
 @dataclass(frozen=True)
 class FrameTruth:
@@ -164,7 +170,7 @@ def _quantities(
     scene: Scene, shot: Shot, frames: FrameTruth
 ) -> dict[str, tuple[float | None, str]]:
     out, ball = shot.contact.outcome, scene.ball
-    first = frames.time[0]
+    first = float(frames.time[0])
     touching = (frames.time >= 0.0) & (frames.time <= shot.contact_time)
     landing = shot.flight.landing_position
     rest = rest_centre(scene)
@@ -224,9 +230,7 @@ def _plain(truth: Truth) -> dict[str, Any]:
     scene, frames = truth.scene, truth.frames
     camera, lens = scene.camera, scene.camera.lens
     described: dict[str, Any] = {
-        "frame_of_reference": "x right from the ball's centre at rest, y up from the floor, z out of"
-        " the wall, m; pixel centres are integers, (0, 0) is the top-left one, y down; t = 0 at first"
-        " touch, frame i is centred on frames.time_s[i]; px are those of the file, also if mirrored",
+        "frame_of_reference": FRAME_OF_REFERENCE,
         "quantities": {
             name: {"value": value, "unit": unit} for name, (value, unit) in truth.quantities.items()
         },
