@@ -78,6 +78,24 @@ def write_clip(
     return path
 
 
+def repeated(path: Path, long_path: Path, times: int) -> Path:
+    """Join a clip to itself, packet by packet, without decoding."""
+    with av.open(str(long_path), "w") as target:
+        stream = None
+        for turn in range(times):
+            with av.open(str(path)) as source:
+                video = source.streams.video[0]
+                stream = stream or target.add_stream_from_template(video)
+                step = int(video.duration)
+                for packet in source.demux(video):
+                    if packet.size:
+                        packet.pts += turn * step
+                        packet.dts += turn * step
+                        packet.stream = stream
+                        target.mux(packet)
+    return long_path
+
+
 def write_sound(path: Path) -> Path:
     """A file with a tone and no picture."""
     with av.open(str(path), "w") as container:
