@@ -4,13 +4,17 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import scipy.special
 from numpy.typing import NDArray
+
+from vision.ghosts import without_ghosts
 
 __all__ = ["Background", "brightness", "estimate_background"]
 
 FloatImage = NDArray[np.float32]
 
 _LEVEL_BINS = 16
+_EPOCHS = 5
 _BRIGHTNESS_PIXELS = 4000
 # Rounding to whole gray levels and the codec's quantiser leave about this much where a clip looks noise-free.
 _NOISE_FLOOR = 0.6
@@ -70,13 +74,15 @@ def brightness(frame: FloatImage, image: FloatImage, noise: float) -> float:
 def estimate_background(frames: list[FloatImage]) -> Background:
     """Estimate the static scene from frames spread over the clip.
 
-    Brightness is equalised first, so that mains flicker does not blur the median; the middle fifth of each
-    pixel's sorted values is averaged, which is finer than a median of whole gray levels.
+    Brightness is equalised first, so that mains flicker does not blur the medians. The clip is cut into
+    epochs with a median each. A pixel takes what most epochs agree on; where something lay still for most
+    of the clip, so that they agree on the wrong thing, the epoch without its outline is taken
+    (`vision.ghosts`).
 
     Parameters
     ----------
     frames : list of (H, W) float32 arrays
-        Gray levels, 0 to 255, registered on one another.
+        Gray levels, 0 to 255, registered on one another, in time order.
 
     Returns
     -------
@@ -85,14 +91,31 @@ def estimate_background(frames: list[FloatImage]) -> Background:
     reference = frames[len(frames) // 2]
     gains = np.array([brightness(frame, reference, 2.0) for frame in frames])
     gains /= np.median(gains)
-    stack = np.stack([frame / np.float32(gain) for frame, gain in zip(frames, gains, strict=True)])
-    count = len(stack)
-    stack.sort(axis=0)
-    low, high = (2 * count) // 5, max(count - (2 * count) // 5, (2 * count) // 5 + 1)
-    image = stack[low:high].mean(axis=0)
+    even = [frame / np.float32(gain) for frame, gain in zip(frames, gains, strict=True)]
+    epochs, spreads = [], []
+    for part in np.array_split(np.arange(len(even)), min(_EPOCHS, max(1, len(even) // 3))):
+        stack = np.stack([even[index] for index in part])
+        stack.sort(axis=0)
+        low, high = (len(part) - 1) // 2, len(part) // 2
+        epochs.append(0.5 * (stack[low] + stack[high]))
+        quarter = len(part) // 4
+        factor = np.float32(_quartile_width(len(part)))
+        spreads.append((stack[len(part) - 1 - quarter] - stack[quarter]) / factor)
+    usual = np.median(np.stack(epochs), axis=0).astype(np.float32)
+    noise = _noise_by_level(usual, np.median(np.stack(spreads), axis=0).astype(np.float32))
+    clean = without_ghosts(epochs, usual, noise)
+    agree = [np.abs(epoch - clean) < 3.0 * noise for epoch in epochs]
+    total = sum(np.where(yes, epoch, 0.0) for yes, epoch in zip(agree, epochs, strict=True))
+    count = sum(yes.astype(np.float32) for yes in agree)
+    image = np.where(count > 0, total / np.maximum(count, 1.0), clean)
+    return Background(image.astype(np.float32), noise)
+
+
+def _quartile_width(count: int) -> float:
+    """Expected distance of the two order statistics used, for unit normal noise."""
     quarter = count // 4
-    spread = (stack[count - 1 - quarter] - stack[quarter]) / np.float32(1.349)
-    return Background(image.astype(np.float32), _noise_by_level(image, spread))
+    probability = (count - quarter - 0.375) / (count + 0.25)
+    return max(2.0 * float(scipy.special.ndtri(probability)), 0.3)
 
 
 def _noise_by_level(image: FloatImage, spread: FloatImage) -> FloatImage:

@@ -20,6 +20,9 @@ IntArray = NDArray[np.int64]
 _GAMMA = 2.2
 _SPREADS = (0.35, 0.6, 0.9, 1.3, 1.8)
 _LEAST_CONTRAST = 0.35
+# Balls smaller than this are too few pixels for the outline model; the circle of their edges is used.
+SMALL_RADIUS = 6.0
+_VOTED_STD = 0.15
 
 
 class Occluder:
@@ -105,12 +108,14 @@ def _search(
     profiles: tuple[EdgeProfile, EdgeProfile],
 ) -> OutlineFit | None:
     """Fit coarse, then fine; where the start was too far off, vote for the circle nearby first."""
+    if radius < SMALL_RADIUS:
+        return _voted_fit(scene, index, picture, start, radius)
     for attempt in range(2):
         if attempt == 1:
-            voted = _voted_nearby(scene, index, picture, start, radius)
+            voted = _voted_fit(scene, index, picture, start, radius)
             if voted is None:
                 return None
-            start = voted
+            start = voted.centre
         fit: OutlineFit | None = None
         centre, size = start, radius
         for profile, wide in zip(profiles, (1.6, 1.0), strict=True):
@@ -126,6 +131,7 @@ def _search(
                 OutlineShape(size, np.zeros(2)),
                 smear=np.zeros(2),
                 free=3,
+                radius_std=0.1 * radius,
                 inner=wide * inner,
                 outer=wide * outer,
             )
@@ -146,9 +152,10 @@ def _believable(fit: OutlineFit, radius: float, start: FloatArray) -> bool:
     return fit.contrast >= _LEAST_CONTRAST and swollen < 0.2 and moved < 0.8 * radius
 
 
-def _voted_nearby(
+def _voted_fit(
     scene: Scene, index: int, picture: NDArray[np.float32], start: FloatArray, radius: float
-) -> FloatArray | None:
+) -> OutlineFit | None:
+    """The circle of edges nearest the start: all that a ball of a few pixels allows."""
     reach = int(np.ceil(2.5 * radius + 6))
     height, width = picture.shape
     left, top = max(0, int(start[0]) - reach), max(0, int(start[1]) - reach)
@@ -156,18 +163,30 @@ def _voted_nearby(
     if right - left < 16 or bottom - top < 16:
         return None
     window = (slice(top, bottom), slice(left, right))
-    difference = scene.difference(index, picture, window)
     circles = find_circles(
-        np.ascontiguousarray(difference),
+        np.ascontiguousarray(picture[window]),
+        scene.expected(index, window),
         np.ascontiguousarray(scene.background.noise[window]),
-        radii=(0.8 * radius, 1.2 * radius),
-        most=3,
+        radii=(0.75 * radius, 1.3 * radius),
+        most=4,
         least_coverage=0.5,
     )
     if len(circles) == 0:
         return None
     centres = circles.centre_px + np.array([left, top])
-    return np.asarray(centres[0])
+    gap = np.hypot(*(centres - start).T)
+    clear = circles.coverage * np.log1p(circles.sharpness) / (1.0 + (gap / radius) ** 2)
+    best = int(np.argmax(clear))
+    std = _VOTED_STD * max(1.0, 30.0 / float(circles.sharpness[best]))
+    return OutlineFit(
+        centres[best],
+        OutlineShape(float(circles.radius_px[best]), np.zeros(2)),
+        np.diag([std**2, std**2, std**2]),
+        np.diag([std**2, std**2, std**2]) / 9.0,
+        1.0,
+        float(circles.coverage[best]),
+        True,
+    )
 
 
 def _plausible(found: dict[int, OutlineFit], radius: float) -> dict[int, OutlineFit]:
@@ -214,7 +233,7 @@ def _extend(
             break
         picture = scene.picture(frame)
         fit = _search(scene, frame, picture, start, radius, profiles)
-        if fit is None:
+        if fit is None or np.hypot(*(fit.centre - start)) > 0.4 * radius + 0.3 * np.hypot(*slope):
             missed += 1
         else:
             found[frame] = fit
@@ -278,6 +297,8 @@ def refine_ball(
     """
     velocity = _velocity(rough)
     typical = float(np.median(rough.radius))
+    if typical < SMALL_RADIUS:
+        return rough
     most_smear = min(duty * float(np.max(np.hypot(velocity[:, 0], velocity[:, 1]))), 2 * typical)
     spread = _best_spread(scene, rough, velocity * duty, typical, most_smear)
     profile = EdgeProfile(typical, spread, most_smear)
@@ -337,7 +358,15 @@ def _fit_all(
             else OutlineShape(float(shapes[place, 0]), shapes[place, 1:])
         )
         fit = fit_outline(
-            pixels, profile, start, shape, smear=smear[place], free=free, inner=inner, outer=outer
+            pixels,
+            profile,
+            start,
+            shape,
+            smear=smear[place],
+            free=free,
+            radius_std=0.1 * radius,
+            inner=inner,
+            outer=outer,
         )
         if fit is not None and np.hypot(*(fit.centre - start)) < 0.5 * radius:
             frames.append(index)

@@ -13,7 +13,7 @@ FloatArray = NDArray[np.float64]
 
 # A thing that came less far than this (in radii) only wobbles: a swinging scale, a codec's blocks.
 _LEAST_TRAVEL = 2.0
-_RADIUS_TOLERANCE = 0.22
+_RADIUS_TOLERANCE = 0.3
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,7 @@ def trimmed(path: Path) -> Path:
     half = np.searchsorted(np.cumsum(worth[order]), 0.5 * worth.sum())
     typical = path.radius_px[order[min(half, len(order) - 1)]]
     keep = np.abs(np.log(path.radius_px / typical)) < _RADIUS_TOLERANCE
+    keep &= path.sharpness > 0.3 * np.median(path.sharpness[keep])
     return Path(
         path.frame[keep],
         path.centre_px[keep],
@@ -97,7 +98,8 @@ def _moves(path: Path) -> bool:
 def _score(path: Path) -> float:
     far = np.log1p(min(path.travel, 30.0))
     steady = 1.0 / (1.0 + 10.0 * float(np.std(np.log(path.radius_px))))
-    return float(path.clarity * far * np.sqrt(len(path.frame)) * steady * _smoothness(path))
+    size = np.sqrt(path.radius)
+    return float(size * path.clarity * far * np.sqrt(len(path.frame)) * steady * _smoothness(path))
 
 
 def _smoothness(path: Path) -> float:

@@ -62,21 +62,24 @@ class _Edges:
 
 
 def find_circles(
-    difference: FloatImage,
+    picture: FloatImage,
+    expected: FloatImage,
     noise: FloatImage,
     *,
     radii: tuple[float, float] | None = None,
     most: int = 8,
     least_coverage: float = 0.55,
 ) -> Circles:
-    """Find round things in a difference image.
+    """Find round things that stand before the static scene.
 
     Parameters
     ----------
-    difference : (H, W) float32 array
-        Frame minus static scene, gray levels.
+    picture : (H, W) float32 array
+        A frame, gray levels.
+    expected : (H, W) float32 array
+        The static scene in its brightness.
     noise : (H, W) float32 array
-        Standard deviation of a pixel of it, gray levels.
+        Standard deviation of a pixel of their difference, gray levels.
     radii : tuple of float, optional
         Smallest and largest radius wanted, px; by default 2.5 px to a quarter of the picture height.
     most : int
@@ -88,6 +91,7 @@ def find_circles(
     -------
     Circles
     """
+    difference = picture - expected
     low, high = radii if radii is not None else (2.5, 0.25 * min(difference.shape))
     found: list[_Circle] = []
     scale = 1
@@ -103,7 +107,62 @@ def find_circles(
         scale *= 2
         if _COARSE_RADII[0] * scale > high or min(difference.shape) // scale < 16:
             break
-    return _distinct(found, most)
+    if radii is None:
+        found += _blobs(normalised, low, high)
+    weighed = [
+        (*circle[:4], circle[4] * _substance(circle, picture, expected, noise)) for circle in found
+    ]
+    return _distinct(weighed, most)
+
+
+def _blobs(normalised: FloatImage, low: float, high: float) -> list[_Circle]:
+    """Compact things whose outline is too blurred or too ragged for a circle of edges."""
+    height, width = normalised.shape
+    scale = 2 if min(height, width) >= 240 else 1
+    level = _shrunk(normalised, scale)
+    mask = (np.abs(level) > 5.0 / scale).astype(np.uint8)
+    mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    count, labels, boxes, centres = cv2.connectedComponentsWithStats(mask)
+    found = []
+    for label in range(1, count):
+        left, top, wide, tall, area = (int(value) for value in boxes[label])
+        radius = float(np.sqrt(area / np.pi))
+        if not low <= radius * scale <= high or max(wide, tall) > 3.5 * radius:
+            continue
+        x, y = centres[label]
+        rows, columns = np.nonzero(labels[top : top + tall, left : left + wide] == label)
+        reach = np.hypot(columns + left - x, rows + top - y)
+        round_part = float(np.mean(reach <= 1.1 * radius))
+        if round_part < 0.8:
+            continue
+        strength = float(np.median(np.abs(level[rows + top, columns + left])))
+        half = 0.5 * (scale - 1)
+        found.append(
+            (x * scale + half, y * scale + half, radius * scale, 0.7 * round_part, strength)
+        )
+    return found
+
+
+def _substance(
+    circle: _Circle, picture: FloatImage, expected: FloatImage, noise: FloatImage
+) -> float:
+    """1 for a thing, less for a shadow, which only dims what lies under it evenly."""
+    x, y, radius = circle[:3]
+    reach = 0.7 * radius
+    height, width = picture.shape
+    rows = slice(max(0, int(y - reach)), min(height, int(y + reach) + 2))
+    columns = slice(max(0, int(x - reach)), min(width, int(x + reach) + 2))
+    row, column = np.mgrid[rows, columns]
+    inside = np.hypot(column - x, row - y) <= reach
+    if np.count_nonzero(inside) < 5:
+        return 1.0
+    seen, scene = picture[rows, columns][inside], expected[rows, columns][inside]
+    ratio = float(np.median(seen / np.maximum(scene, 1.0)))
+    if ratio > 0.97:
+        return 1.0
+    left_over = 1.4826 * float(np.median(np.abs(seen - ratio * scene)))
+    even = float(np.hypot(np.median(noise[rows, columns]), 0.02 * np.median(seen)))
+    return float(np.clip((left_over / (3.0 * even)) ** 2, 0.15, 1.0))
 
 
 def _shrunk(image: FloatImage, scale: int) -> FloatImage:
@@ -233,7 +292,7 @@ def _refined(edges: _Edges, x0: float, y0: float, radius: float) -> _Circle | No
 def _distinct(found: list[_Circle], most: int) -> Circles:
     """Keep the best of those that describe the same circle."""
     ranked = sorted(found, key=lambda circle: -circle[3] * np.log1p(circle[4]) * np.sqrt(circle[2]))
-    outer = [circle for circle in ranked if circle[3] >= 0.8]
+    outer = [circle for circle in ranked if circle[3] >= 0.7]
     ranked = [circle for circle in ranked if not any(_panel(circle, other) for other in outer)]
     kept: list[_Circle] = []
     for circle in ranked:
@@ -254,4 +313,4 @@ def _panel(circle: _Circle, other: _Circle) -> bool:
     """Whether `circle` is only a panel or a highlight on the ball `other`."""
     gap = np.hypot(circle[0] - other[0], circle[1] - other[1])
     inside = gap + circle[2] < 1.1 * other[2] and circle[2] < 0.75 * other[2]
-    return bool(inside and other[4] > 0.5 * circle[4])
+    return bool(inside and other[4] > 0.3 * circle[4])

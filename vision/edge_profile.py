@@ -6,8 +6,6 @@ falls off near its limb. Both are blurred by a Gaussian point spread, the pixel'
 exposure's smear along the outline's normal.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,13 +14,7 @@ __all__ = ["EdgeProfile"]
 FloatArray = NDArray[np.float64]
 
 _STEP = 0.05
-_SMEAR_STEP = 0.25
-
-
-@dataclass(frozen=True)
-class _Grid:
-    low: float
-    count: int
+_SMEAR_STEP = 0.1
 
 
 class EdgeProfile:
@@ -45,7 +37,7 @@ class EdgeProfile:
         depth = np.arange(-radius - margin, margin, _STEP)
         inside = depth < 0
         normal = np.sqrt(np.clip(1.0 - (1.0 + depth / radius) ** 2, 0.0, 1.0)) * inside
-        self._grid = _Grid(float(depth[0]), len(depth))
+        self._low, self._count = float(depth[0]), len(depth)
         self._smears = np.arange(0.0, most_smear + _SMEAR_STEP, _SMEAR_STEP)
         tables = []
         for smear in self._smears:
@@ -54,7 +46,8 @@ class EdgeProfile:
                 blurred = np.convolve(np.pad(shape, len(kernel) // 2, mode="edge"), kernel, "valid")
                 tables.append(blurred)
                 tables.append(np.gradient(blurred, _STEP))
-        self._tables = np.array(tables).reshape(len(self._smears), 4, len(depth))
+        stacked = np.array(tables).reshape(len(self._smears), 4, len(depth))
+        self._tables = np.ascontiguousarray(stacked.transpose(0, 2, 1)).reshape(-1, 4)
 
     def __call__(self, depth: FloatArray, smear: FloatArray) -> FloatArray:
         """Look the profiles up.
@@ -71,20 +64,14 @@ class EdgeProfile:
         (4, n) array
             Coverage, its slope over depth (1/px), shading profile, its slope.
         """
-        place = np.clip((depth - self._grid.low) / _STEP, 0, self._grid.count - 1.001)
+        place = np.clip((depth - self._low) * (1.0 / _STEP), 0, self._count - 1.001)
         column = place.astype(np.int64)
-        right = place - column
-        level = np.clip(smear / _SMEAR_STEP, 0, len(self._smears) - 1.001)
-        row = level.astype(np.int64)
-        up = level - row
-        if len(self._smears) == 1:
-            near = self._tables[0][:, column]
-            return np.asarray(near + right * (self._tables[0][:, column + 1] - near))
-        lower = self._tables[row, :, column] * (1 - right)[:, None]
-        lower += self._tables[row, :, column + 1] * right[:, None]
-        upper = self._tables[row + 1, :, column] * (1 - right)[:, None]
-        upper += self._tables[row + 1, :, column + 1] * right[:, None]
-        return np.asarray((lower * (1 - up)[:, None] + upper * up[:, None]).T)
+        right = (place - column)[:, None]
+        if len(self._smears) > 1:
+            row = np.clip(np.rint(smear * (1.0 / _SMEAR_STEP)), 0, len(self._smears) - 1)
+            column += row.astype(np.int64) * self._count
+        near = self._tables[column]
+        return np.asarray((near + right * (self._tables[column + 1] - near)).T)
 
 
 def _kernel(spread: float, smear: float) -> FloatArray:

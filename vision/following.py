@@ -26,7 +26,10 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Point = tuple[float, float] | tuple[float, float, int]
 
-_LOOKS = 100
+_LOOKS = 80
+_LOOKS_PER_SECOND = 60.0
+_MOST_LOOKS = 1500
+_MOST_CLOSER = 150
 # Exposure over frame interval where nothing is known about the shutter.
 _DUTY = 0.5
 
@@ -66,7 +69,7 @@ def follow(
     footage = Footage(clip)
     scene = Scene(footage)
     _tell(progress, 0.2)
-    choice = choose_ball(_paths(scene, _looks(scene)), _located(ball_at))
+    choice = choose_ball(_paths(scene, _looks(scene, capture_fps)), _located(ball_at))
     if choice is None:
         raise _no_ball(ball_at)
     _tell(progress, 0.4)
@@ -96,18 +99,46 @@ def _tell(progress: Callable[[float], None] | None, part: float) -> None:
         progress(part)
 
 
-def _looks(scene: Scene) -> IntArray:
-    """Frames to look for round things in: all of a short clip, an even sample of a long one."""
-    count = min(scene.count, _LOOKS)
+def _looks(scene: Scene, fps: float) -> IntArray:
+    """Frames to look for round things in: an even sample, as dense as things in free fall ask for."""
+    count = min(scene.count, max(_LOOKS, int(scene.count * _LOOKS_PER_SECOND / fps)), _MOST_LOOKS)
     return np.unique(np.linspace(0, scene.count - 1, count).astype(np.int64))
 
 
 def _paths(scene: Scene, looks: IntArray) -> list[Path]:
     circles = [
-        find_circles(scene.difference(index, picture), scene.background.noise)
+        find_circles(picture, scene.expected(index), scene.background.noise)
         for index, picture in scene.pictures(looks)
     ]
-    return link_circles(looks, circles)
+    paths = link_circles(looks, circles)
+    closer = _meetings(paths, looks)
+    if len(closer) == 0:
+        return paths
+    found = dict(zip(looks.tolist(), circles, strict=True))
+    for index, picture in scene.pictures(np.setdiff1d(closer, looks)):
+        found[index] = find_circles(picture, scene.expected(index), scene.background.noise)
+    every = np.array(sorted(found), dtype=np.int64)
+    return link_circles(every, [found[int(index)] for index in every])
+
+
+def _meetings(paths: list[Path], looks: IntArray) -> IntArray:
+    """Frames around moments in which two like things meet: only a closer look tells who is who after."""
+    stride = int(np.median(np.diff(looks))) if len(looks) > 1 else 1
+    if stride <= 1:
+        return np.zeros(0, dtype=np.int64)
+    wanted: set[int] = set()
+    for place, path in enumerate(paths):
+        for other in paths[place + 1 :]:
+            if abs(np.log(path.radius / other.radius)) > 0.25:
+                continue
+            if min(path.clarity, other.clarity) < 0.4 * max(path.clarity, other.clarity):
+                continue
+            common, own, theirs = np.intersect1d(path.frame, other.frame, return_indices=True)
+            gap = np.hypot(*(path.centre_px[own] - other.centre_px[theirs]).T)
+            for frame in common[gap < 5.0 * path.radius]:
+                wanted |= set(range(int(frame) - 2 * stride, int(frame) + 2 * stride + 1))
+    inside = [frame for frame in wanted if looks[0] <= frame <= looks[-1]]
+    return np.array(sorted(inside)[:_MOST_CLOSER], dtype=np.int64)
 
 
 def _located(point: Point | None) -> tuple[float, float, int | None] | None:

@@ -19,8 +19,10 @@ IntArray = NDArray[np.int64]
 _REACH = 3
 _COLLISION_PRICE = 1.2
 _MISS_PRICE = 0.25
+# Edges less steep than this (over noise) may be noise, and count next to nothing.
+_FAINT = 5.0
 # A ball's outline does not swell by more than this (natural logarithm) from one look to the next.
-_MOST_SWELLING = 0.3
+_MOST_SWELLING = 0.45
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,10 @@ class Path:
     def clarity(self) -> float:
         """How clear the outline is: covered part times steepness over noise, typical value."""
         return float(np.median(self.coverage) * np.median(self.sharpness))
+
+
+# Where links to a candidate come from: sources, velocities, scores, identities.
+_Incoming = tuple[IntArray, FloatArray, FloatArray, IntArray]
 
 
 @dataclass(frozen=True)
@@ -108,9 +114,10 @@ def _nodes(frames: IntArray, circles: list[Circles]) -> _Nodes:
         for found in circles
     ]
     table = np.concatenate(tables) if tables else np.zeros((0, 5))
-    worth = table[:, 3] ** 2 * np.clip(
-        np.log(np.maximum(table[:, 4], 1.0)) / np.log(60.0), 0.2, 1.3
-    )
+    steepness = np.log(np.maximum(table[:, 4], 1.0) / _FAINT) / np.log(60.0 / _FAINT)
+    # Of two round things that move as one, the larger is the ball and the smaller its panel.
+    size = np.clip(table[:, 2] / 10.0, 0.1, 4.0) ** 0.2
+    worth = table[:, 3] ** 2 * np.clip(steepness, 0.02, 1.3) * size
     return _Nodes(step, frames[step], table, worth)
 
 
@@ -129,7 +136,7 @@ def _claimed(nodes: _Nodes, chain: IntArray) -> NDArray[np.bool_]:
 def _best_chain(nodes: _Nodes, alive: NDArray[np.bool_], steps: int) -> IntArray:
     members = [np.nonzero(alive & (nodes.step == step))[0] for step in range(steps)]
     count = len(nodes.step)
-    incoming: list[tuple[IntArray, FloatArray, FloatArray, IntArray]] = [
+    incoming: list[_Incoming] = [
         (np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.int64))
     ] * count
     links: list[tuple[int, int, int]] = []
@@ -139,17 +146,24 @@ def _best_chain(nodes: _Nodes, alive: NDArray[np.bool_], steps: int) -> IntArray
         sources = np.concatenate(before) if before else np.zeros(0, np.int64)
         if len(sources) == 0:
             continue
-        for node in members[step]:
-            velocity, score, previous = _links_to(nodes, int(node), sources, incoming)
-            identity = np.arange(len(links), len(links) + len(sources))
-            links += [
-                (int(source), int(node), int(link))
-                for source, link in zip(sources, previous, strict=True)
-            ]
-            incoming[node] = (sources, velocity, score, identity)
-            top = int(np.argmax(score))
-            if score[top] > best_score:
-                best_score, best_link = float(score[top]), int(identity[top])
+        targets = members[step]
+        if len(targets) == 0:
+            continue
+        velocity, score, previous = _links(nodes, targets, sources, incoming)
+        identity = np.arange(score.size).reshape(score.shape) + len(links)
+        links += list(
+            zip(
+                np.tile(sources, len(targets)).tolist(),
+                np.repeat(targets, len(sources)).tolist(),
+                previous.ravel().tolist(),
+                strict=True,
+            )
+        )
+        for place, node in enumerate(targets):
+            incoming[node] = (sources, velocity[place], score[place], identity[place])
+        top = int(np.argmax(score))
+        if score.flat[top] > best_score:
+            best_score, best_link = float(score.flat[top]), int(identity.flat[top])
     chain: list[int] = []
     while best_link >= 0:
         source, node, previous_link = links[best_link]
@@ -160,35 +174,40 @@ def _best_chain(nodes: _Nodes, alive: NDArray[np.bool_], steps: int) -> IntArray
     return np.array(chain[::-1], dtype=np.int64)
 
 
-def _links_to(
-    nodes: _Nodes,
-    node: int,
-    sources: IntArray,
-    incoming: list[tuple[IntArray, FloatArray, FloatArray, IntArray]],
+def _links(
+    nodes: _Nodes, targets: IntArray, sources: IntArray, incoming: list[_Incoming]
 ) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Score the links from each source to the node, each with the best link that led there."""
-    x, radius = nodes.table[node, :2], nodes.table[node, 2]
-    elapsed = (nodes.frame[node] - nodes.frame[sources]).astype(np.float64)
-    moved = x - nodes.table[sources, :2]
-    velocity = moved / elapsed[:, None]
-    ratio = np.log(radius / nodes.table[sources, 2])
-    missed = nodes.step[node] - nodes.step[sources] - 1
-    own = nodes.worth[node] - np.minimum((ratio / 0.15) ** 2, 9.0) * 0.3 - _MISS_PRICE * missed
-    distance = np.hypot(moved[:, 0], moved[:, 1])
-    own = np.where(np.abs(ratio) > _MOST_SWELLING, -np.inf, own)
-    score = nodes.worth[sources] + own - 0.03 * distance / radius
-    previous = np.full(len(sources), -1, dtype=np.int64)
+    """Score the links from each source to each target, each with the best link that led to it.
+
+    Where something stands about where a link would go on to, a leap to something else is no motion
+    but a mistake of identity, and not allowed.
+    """
+    place, radius = nodes.table[targets, :2], nodes.table[targets, 2]
+    elapsed = (nodes.frame[targets[0]] - nodes.frame[sources]).astype(np.float64)
+    moved = place[:, None] - nodes.table[sources, :2][None]
+    velocity = moved / elapsed[None, :, None]
+    ratio = np.abs(np.log(radius[:, None] / nodes.table[sources, 2][None]))
+    missed = nodes.step[targets[0]] - nodes.step[sources] - 1
+    own = nodes.worth[targets][:, None] - np.minimum((ratio / 0.2) ** 2, 9.0) * 0.3
+    own = np.where(ratio > _MOST_SWELLING, -np.inf, own - _MISS_PRICE * missed)
+    distance = np.hypot(moved[..., 0], moved[..., 1])
+    score = nodes.worth[sources][None] + own - 0.03 * distance / radius[:, None]
+    previous = np.full(score.shape, -1, dtype=np.int64)
+    allowed = 1.0 * radius[:, None] + 0.2 * distance + 1.0
     for index, source in enumerate(sources):
         _, arrived, reached, identity = incoming[source]
         if len(reached) == 0:
             continue
-        turned = (velocity[index] - arrived) * elapsed[index]
-        allowed = 0.8 * radius + 0.1 * distance[index] + 1.0
-        bend = (turned[:, 0] ** 2 + turned[:, 1] ** 2) / allowed**2
-        price = np.minimum(0.3 * bend, _COLLISION_PRICE + 0.02 * distance[index] / radius)
-        total = reached - price
-        top = int(np.argmax(total))
-        if total[top] + own[index] > score[index]:
-            score[index] = total[top] + own[index]
-            previous[index] = identity[top]
+        turned = (velocity[:, index, None] - arrived[None]) * elapsed[index]
+        bend = (turned[..., 0] ** 2 + turned[..., 1] ** 2) / allowed[:, index, None] ** 2
+        alike = ratio[:, index] < 0.25
+        goes_on = np.any(bend[alike] < 0.25, axis=0) if np.any(alike) else np.zeros(len(reached), bool)
+        cap = _COLLISION_PRICE + 0.02 * distance[:, index, None] / radius[:, None]
+        price = np.where((bend > 1.0) & goes_on[None], np.inf, np.minimum(0.3 * bend, cap))
+        total = reached[None] - price
+        top = np.argmax(total, axis=1)
+        best = total[np.arange(len(targets)), top] + own[:, index]
+        better = best > score[:, index]
+        score[better, index] = best[better]
+        previous[better, index] = identity[top[better]]
     return velocity, score, previous

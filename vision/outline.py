@@ -26,6 +26,7 @@ BoolArray = NDArray[np.bool_]
 # Prior widths of the sector's k (about 1) in units of itself, and of A and C in units of full scale.
 _SHADOW_PRIOR = 0.3
 _SHADING_PRIOR = 255.0
+_SMALL_RADIUS = 10.0
 _BASIS = 3
 
 
@@ -125,6 +126,7 @@ def fit_outline(
     *,
     smear: FloatArray,
     free: int = 2,
+    radius_std: float = np.inf,
     inner: float = 6.0,
     outer: float = 4.0,
     iterations: int = 8,
@@ -145,6 +147,8 @@ def fit_outline(
         Motion during the exposure, px.
     free : int
         2: centre only; 3: and radius; 5: and ellipse.
+    radius_std : float
+        How far from the starting radius a free one may be, one sigma, px.
     inner, outer : float
         How far the ring reaches inside and outside the outline, px.
     iterations : int
@@ -156,6 +160,10 @@ def fit_outline(
         None where too little of the outline is in view.
     """
     parameters = np.array([*centre, shape.radius, *shape.ellipse], dtype=np.float64)
+    held = np.zeros(free)
+    if free > 2:
+        held[2] = 1.0 / radius_std**2
+    priors = _priors(shape.radius)
     ring = _ring(pixels, parameters, inner, outer)
     if ring is None:
         return None
@@ -163,10 +171,13 @@ def fit_outline(
     converged = False
     last = 1e9
     for _ in range(iterations):
-        state = _linearise(pixels, ring, profile, parameters, smear)
+        state = _linearise(pixels, ring, profile, parameters, smear, priors)
         normal, gradient, sector_scale, _ = _reduced(state, ring, sector_scale, free)
-        damped = normal + 1e-6 * np.trace(normal) * np.eye(free)
-        step = np.linalg.solve(damped, gradient.sum(axis=0))
+        pull = gradient.sum(axis=0)
+        if free > 2:
+            pull[2] -= held[2] * (parameters[2] - shape.radius)
+        damped = normal + 1e-6 * np.trace(normal) * np.eye(free) + np.diag(held)
+        step = np.linalg.solve(damped, pull)
         limit = 0.35 * inner
         length = float(np.hypot(step[0], step[1]))
         step *= min(1.0, limit / max(length, 1e-12))
@@ -182,8 +193,20 @@ def fit_outline(
                 sector_scale = np.ones(len(fresh.index))
             ring = fresh
         last = length
-    state = _linearise(pixels, ring, profile, parameters, smear)
-    return _summary(state, ring, sector_scale, parameters, free, converged or last < 0.05)
+    state = _linearise(pixels, ring, profile, parameters, smear, priors)
+    return _summary(state, ring, sector_scale, parameters, free, converged or last < 0.05, held)
+
+
+def _priors(radius: float) -> FloatArray:
+    """Prior information on a sector's k, A and C: a small ball has too few pixels to leave them free."""
+    small = min(1.0, radius / _SMALL_RADIUS)
+    return np.array(
+        [
+            1.0 / (_SHADOW_PRIOR * small) ** 2,
+            1.0 / _SHADING_PRIOR**2,
+            1.0 / (_SHADING_PRIOR * small**2) ** 2,
+        ]
+    )
 
 
 def _ring(pixels: RingPixels, parameters: FloatArray, inner: float, outer: float) -> _Ring | None:
@@ -194,7 +217,7 @@ def _ring(pixels: RingPixels, parameters: FloatArray, inner: float, outer: float
     chosen = np.nonzero((depth > -inner) & (depth < outer) & pixels.usable)[0]
     if len(chosen) < 24:
         return None
-    count = int(np.clip(round(2 * np.pi * parameters[2] / 4.0), 10, 40))
+    count = int(np.clip(round(2 * np.pi * parameters[2] / 4.0), 6, 40))
     angle = np.arctan2(dy[chosen], dx[chosen])
     sector = np.floor((angle / (2 * np.pi) + 0.5) * count).astype(np.int64) % count
     order = np.argsort(sector, kind="stable")
@@ -207,8 +230,8 @@ def _ring(pixels: RingPixels, parameters: FloatArray, inner: float, outer: float
     weight = np.zeros((count, longest))
     index[sector, place] = chosen
     weight[sector, place] = 1.0
-    weight[sizes < 6] = 0.0
-    if np.count_nonzero(sizes >= 6) < 5:
+    weight[sizes < 5] = 0.0
+    if np.count_nonzero(sizes >= 5) < max(4, 0.4 * count):
         return None
     return _Ring(index, weight)
 
@@ -219,6 +242,7 @@ def _linearise(
     profile: EdgeProfile,
     parameters: FloatArray,
     smear: FloatArray,
+    prior: FloatArray,
 ) -> _Linearised:
     """Solve each sector's linear part, and give residual and derivatives, all over the noise."""
     index = ring.index
@@ -235,13 +259,13 @@ def _linearise(
     background = pixels.background[index]
     basis = np.stack([(1 - cover) * background * inverse, cover * inverse, shade * inverse], axis=2)
     target = pixels.gray[index] * inverse
-    prior = np.array([0.0, 1.0, 1.0]) / _SHADING_PRIOR**2
-    prior[0] = 1.0 / _SHADOW_PRIOR**2
-    gram = np.einsum("spi,spj->sij", basis, basis) + np.diag(prior) + 1e-9 * np.eye(_BASIS)
-    right = np.einsum("spi,sp->si", basis, target)
+    transposed = basis.transpose(0, 2, 1)
+    gram = transposed @ basis + np.diag(prior) + 1e-9 * np.eye(_BASIS)
+    right = transposed @ target[:, :, None]
     right[:, 0] += prior[0]
-    solution = np.linalg.solve(gram, right[:, :, None])[:, :, 0]
-    residual = target - np.einsum("spi,si->sp", basis, solution)
+    solution = np.linalg.solve(gram, right)
+    residual = target - (basis @ solution)[:, :, 0]
+    solution = solution[:, :, 0]
     k, a, c = (solution[:, i, None] for i in range(_BASIS))
     gradient = ((a - k * background) * slope + c * shade_slope) * inverse
     jacobian = np.stack(
@@ -255,11 +279,12 @@ def _reduced(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Normal equations of the outline alone: sectors' linear parts projected out, misfits down-weighted."""
     basis, jacobian, residual = state.basis, state.jacobian[:, :, :free], state.residual
-    gram = np.einsum("spi,spj->sij", basis, basis) + 1e-6 * np.eye(_BASIS)
-    cross = np.einsum("spi,spj->sij", basis, jacobian)
-    projected = jacobian - np.einsum("spi,sij->spj", basis, np.linalg.solve(gram, cross))
-    information = np.einsum("spi,spj->sij", projected, projected)
-    score = np.einsum("spi,sp->si", projected, residual)
+    transposed = basis.transpose(0, 2, 1)
+    gram = transposed @ basis + 1e-6 * np.eye(_BASIS)
+    projected = jacobian - basis @ np.linalg.solve(gram, transposed @ jacobian)
+    turned = projected.transpose(0, 2, 1)
+    information = turned @ projected
+    score = (turned @ residual[:, :, None])[:, :, 0]
     sizes = ring.weight.sum(axis=1)
     own = np.sqrt(np.sum(residual**2, axis=1) / np.maximum(sizes - _BASIS, 1.0))
     seen = sizes > 0
@@ -267,7 +292,7 @@ def _reduced(
     # Mean square of the sector against what is usual in this frame: Student weights with few degrees.
     scale = np.where(seen, 1.0 / np.sqrt(typical**2 * (1 + (own / typical) ** 2) / 2.0), 0.0)
     weight = scale**2
-    normal = np.einsum("s,sij->ij", weight, information)
+    normal = np.tensordot(weight, information, axes=1)
     return normal, weight[:, None] * score, scale, information
 
 
@@ -278,15 +303,16 @@ def _summary(
     parameters: FloatArray,
     free: int,
     converged: bool,
+    held: FloatArray,
 ) -> OutlineFit:
     normal, score, scale, information = _reduced(state, ring, scale, free)
-    inverse = np.linalg.inv(normal + 1e-9 * np.trace(normal) * np.eye(free))
+    inverse = np.linalg.inv(normal + np.diag(held) + 1e-9 * np.trace(normal) * np.eye(free))
     seen = ring.weight.sum(axis=1) > 0
     count = int(np.count_nonzero(seen))
     meat = score.T @ score * count / max(count - free, 1)
     covariance = inverse @ meat @ inverse
     total = information.sum(axis=0)
-    bound = np.linalg.inv(total + 1e-9 * np.trace(total) * np.eye(free))
+    bound = np.linalg.inv(total + np.diag(held) + 1e-9 * np.trace(total) * np.eye(free))
     sizes = ring.weight.sum()
     misfit = float(np.sqrt(np.sum(state.residual**2) / max(sizes - _BASIS * count, 1.0)))
     strength = information[:, 0, 0] + information[:, 1, 1]
