@@ -16,7 +16,7 @@ from physics.forward import (
     numerical_landing,
     time_resolved_landing,
 )
-from physics.planning import Plan, PlanScatter, plan_distance, speed_for_distance
+from physics.planning import Plan, PlanScatter, plan_distance
 from physics.restitution import ConstantCor, CorLaw
 from physics.swing import backswing_for_speed, frictionless_speed
 from pipelines.model_options import (
@@ -123,19 +123,20 @@ def _by_contact_model(
     name, unit = "backswing_angle_contact_model", "deg"
     angle, gravity = experiment.ball.launch_angle, experiment.gravity
     fastest = frictionless_speed(experiment.pendulum, math.pi, angle, gravity)
-    grid = np.linspace(
-        max(0.5 * found.impact_speed, 0.3), min(1.6 * found.impact_speed, fastest), 15
-    )
 
     def lands(speed: FloatArray) -> FloatArray:
         _, landing = time_resolved_landing(experiment, speed, cor=np.asarray(law(speed)))
         return np.asarray(landing.distance)
 
-    reached = lands(grid)
-    if not reached[0] <= distance <= reached[-1]:
-        return [Quantity.missing(name, unit, "out of reach when the contact is followed in time")]
-    close = np.searchsorted(reached, distance)
-    speed = speed_for_distance(distance, lands, float(grid[close - 1]), float(grid[close]))
+    slowest, speed = 0.6 * found.impact_speed, min(1.5 * found.impact_speed, fastest)
+    for _ in range(3):
+        grid = np.linspace(slowest, speed, 7)
+        reached = lands(grid)
+        if not reached[0] <= distance <= reached[-1]:
+            return [Quantity.missing(name, unit, "out of reach when contact is followed in time")]
+        above = int(np.clip(np.searchsorted(reached, distance), 1, 6))
+        slowest, speed = float(grid[above - 1]), float(grid[above])
+    speed = float(np.interp(distance, reached, grid))
     swing = backswing_for_speed(experiment.pendulum, speed, angle, gravity)
     return [
         _quantity(name, math.degrees(swing), unit, math.degrees(found.backswing_std)),

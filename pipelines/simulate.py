@@ -1,7 +1,6 @@
 """`vision simulate`: the forward model, from back-swing or impact speed to landing."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -13,6 +12,7 @@ from metrology import Contribution, Quantity, UsageError, parse_quantity
 from physics.bodies import Ball
 from physics.contact_batch import contact_outcomes
 from physics.contact_outcome import ContactOutcome
+from physics.domain import require_positive
 from physics.energy import lost_by_pendulum
 from physics.flight import Flight, fly
 from physics.forces import Acceleration
@@ -107,38 +107,51 @@ def simulate(
             "give either a back-swing angle or an impact speed",
             hint="For example --backswing 90deg, or --impact-speed 3.2.",
         )
+    if impact_speed is not None:
+        require_positive("the impact speed", impact_speed, "m/s")
     law = experiment.ball.cor if cor is None else cor
-    scatter = PlanScatter() if scatter is None else scatter
-
-    def run(shift: _Shift) -> dict[str, float]:
-        return _strike(experiment, backswing, impact_speed, law, effects, shift)[0]
-
-    best, flight, contact_flight = _strike(
-        experiment, backswing, impact_speed, law, effects, _Shift(), samples=201
-    )
-    angles = math.hypot(scatter.launch_angle, scatter.launch_angle_law)
-    sources = [
-        ("coefficient of restitution", _Shift(cor=math.hypot(scatter.cor, scatter.cor_law))),
-        ("launch angle", _Shift(launch_angle=angles)),
-        ("contact time", _Shift(contact_time=CONTACT_TIME_STD)),
-    ]
-    if backswing is not None:
-        sources.insert(0, ("back-swing", _Shift(backswing=scatter.backswing)))
-    spreads = {name: _spread(run, shift) for name, shift in sources}
+    sources = _sources(PlanScatter() if scatter is None else scatter, backswing is not None)
+    shifts = [_Shift()] + [shift for _, both in sources for shift in both]
+    strikes = [_strike(experiment, backswing, impact_speed, law, effects, s) for s in shifts]
+    turned = _contacts(strikes)
+    runs = [_numbers(s, turned.at(i), effects)[0] for i, s in enumerate(strikes)]
+    best, flight, contact_flight = _numbers(strikes[0], turned.at(0), effects, samples=201)
     quantities = tuple(
-        Quantity.measured(
-            name,
-            value,
-            _UNITS[name],
-            tuple(
-                Contribution(source, spread.get(name, 0.0)) for source, spread in spreads.items()
-            ),
-        )
+        Quantity.measured(name, value, _UNITS[name], _budget(name, runs, sources))
         for name, value in best.items()
     )
-    speed, fastest = best["impact_speed"], best["ball_speed"]
-    warnings = _warnings(experiment, speed, law, fastest)
+    warnings = _warnings(experiment, best["impact_speed"], law, best["ball_speed"])
     return Simulation(quantities, warnings, flight, contact_flight)
+
+
+def _sources(
+    scatter: PlanScatter, by_backswing: bool
+) -> list[tuple[str, tuple["_Shift", "_Shift"]]]:
+    """What repeats imperfectly, each one standard deviation down and up."""
+    cor = math.hypot(scatter.cor, scatter.cor_law)
+    angle = math.hypot(scatter.launch_angle, scatter.launch_angle_law)
+    time = CONTACT_TIME_STD
+    sources = [
+        ("coefficient of restitution", (_Shift(cor=-cor), _Shift(cor=cor))),
+        ("launch angle", (_Shift(launch_angle=-angle), _Shift(launch_angle=angle))),
+        ("contact time", (_Shift(contact_time=-time), _Shift(contact_time=time))),
+    ]
+    swing = scatter.backswing
+    if by_backswing:
+        sources.append(("back-swing", (_Shift(backswing=-swing), _Shift(backswing=swing))))
+    return sources
+
+
+def _budget(
+    name: str,
+    runs: list[dict[str, float]],
+    sources: list[tuple[str, tuple["_Shift", "_Shift"]]],
+) -> tuple[Contribution, ...]:
+    """Half the change of a quantity between minus and plus one standard deviation, by source."""
+    return tuple(
+        Contribution(source, 0.5 * abs(runs[2 * i + 2][name] - runs[2 * i + 1][name]))
+        for i, (source, _) in enumerate(sources)
+    )
 
 
 _UNITS = {
@@ -164,11 +177,15 @@ _UNITS = {
 }
 
 
-def _spread(run: Callable[[_Shift], dict[str, float]], shift: _Shift) -> dict[str, float]:
-    """Half the change of every quantity between minus and plus one standard deviation."""
-    back = _Shift(-shift.backswing, -shift.cor, -shift.launch_angle, -shift.contact_time)
-    low, high = run(back), run(shift)
-    return {name: 0.5 * abs(high[name] - low[name]) for name in high if name in low}
+@dataclass(frozen=True)
+class _Strike:
+    """Inputs of one strike, after the swing."""
+
+    experiment: Experiment
+    backswing: float | None
+    speed: float
+    cor: float
+    contact_time: float
 
 
 def _strike(
@@ -178,37 +195,52 @@ def _strike(
     law: CorLaw,
     effects: tuple[AddedEffect, ...],
     shift: _Shift,
-    *,
-    samples: int = 2,
-) -> tuple[dict[str, float], Flight, Flight]:
-    """One strike: its numbers, the flight from the paper's launch and from the contact in time."""
+) -> _Strike:
     nominal = experiment.ball
     ball = replace(nominal, launch_angle=nominal.launch_angle + shift.launch_angle)
     moved = replace(experiment, ball=ball)
-    values: dict[str, float] = {}
+    released = None if backswing is None else abs(backswing) + shift.backswing
     speed = 0.0 if impact_speed is None else impact_speed
-    if backswing is not None:
-        released = abs(backswing) + shift.backswing
-        values["backswing_angle"] = math.degrees(released)
+    if released is not None:
         speed = speed_with_losses(moved, released, effects)
     e = min(float(law(speed)) + shift.cor, 1.0)
-    time = float(ball.contact_time(speed)) + shift.contact_time
+    return _Strike(moved, released, speed, e, float(ball.contact_time(speed)) + shift.contact_time)
+
+
+def _contacts(strikes: list[_Strike]) -> ContactOutcome:
+    """All contacts followed in time, at once."""
+    first = strikes[0].experiment
+    return contact_outcomes(
+        first.pendulum,
+        first.ball,
+        first.support,
+        np.array([s.speed for s in strikes]),
+        gravity=first.gravity,
+        cor=np.array([s.cor for s in strikes]),
+        contact_time=np.array([s.contact_time for s in strikes]),
+        angle=np.array([s.experiment.ball.launch_angle for s in strikes]),
+    )
+
+
+def _numbers(
+    strike: _Strike,
+    turned: ContactOutcome,
+    effects: tuple[AddedEffect, ...],
+    *,
+    samples: int = 2,
+) -> tuple[dict[str, float], Flight, Flight]:
+    """One strike's numbers, the flight from the paper's launch and from the contact in time."""
+    moved, speed, e, time = strike.experiment, strike.speed, strike.cor, strike.contact_time
     carried = alter_outcome(moved, speed, e, _paper_outcome(moved, speed, e, time), effects)
     flight = _fly(moved, carried, effects, samples)
     after = float(carried.pendulum_speed_after)
     closed = float(closed_form_landing(moved, impulsive_launch(moved, speed, e, time)).distance)
-    turned = contact_outcomes(
-        moved.pendulum,
-        ball,
-        moved.support,
-        np.array([speed]),
-        gravity=moved.gravity,
-        cor=np.array([e]),
-        contact_time=np.array([time]),
-    ).at(0)
     turned = alter_outcome(moved, speed, e, turned, effects)
     turned_flight = _fly(moved, turned, effects, samples)
     distance = float(flight.landing_position[0])
+    values: dict[str, float] = {}
+    if strike.backswing is not None:
+        values["backswing_angle"] = math.degrees(strike.backswing)
     values |= {
         "impact_speed": speed,
         "pendulum_speed_before": speed,

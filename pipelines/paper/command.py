@@ -3,6 +3,7 @@
 import json
 import sys
 from collections import Counter
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -13,6 +14,7 @@ from rich.table import Table
 from metrology import UsageError, write_text_whole
 from pipelines.paper.audit import audit
 from pipelines.paper.cells import Cell, as_rows
+from pipelines.paper.conclusions import conclusions, draw_sensitivities, swing_checks
 from pipelines.paper.figures import draw_figures
 from pipelines.paper.table5 import Explanation, investigate
 
@@ -22,7 +24,7 @@ __all__ = ["paper_command", "paper_document"]
 def paper_document(
     cells: tuple[Cell, ...], explanations: tuple[Explanation, ...]
 ) -> dict[str, Any]:
-    """The contract's JSON with the candidates for Table 5 added."""
+    """The contract's JSON with the candidates for Table 5 and the checks of the text added."""
     return {
         "cells": as_rows(cells),
         "table_5": [
@@ -37,6 +39,8 @@ def paper_document(
             }
             for e in explanations
         ],
+        "conclusions": [asdict(conclusion) for conclusion in conclusions()],
+        "swing": [asdict(check) for check in swing_checks()],
     }
 
 
@@ -104,6 +108,7 @@ def paper_command(
         _write_csv(csv_to, cells)
     if figures is not None:
         draw_figures(figures)
+        draw_sensitivities(figures / "sensitivity_of_cor.png")
     if json_to not in (None, "-"):
         write_text_whole(Path(str(json_to)), document + "\n")
     if json_to == "-":
@@ -127,5 +132,17 @@ def _show(cells: tuple[Cell, ...], candidates: tuple[Explanation, ...]) -> None:
             console.print(f"  {count}: {note}", highlight=False, markup=False)
     if candidates:
         console.print(_candidate_table(candidates))
+    for conclusion in conclusions():
+        values = ", ".join(f"{name} {value:+.3f}" for name, value in conclusion.elasticity.items())
+        word = "holds" if conclusion.holds else "does not hold"
+        console.print(f"{conclusion.claim}: {word} ({values})", highlight=False)
+    for check in swing_checks():
+        if check.flagged:
+            console.print(
+                f"{check.ball}, {check.backswing_deg} deg: the measured {check.measured:.4f} m/s is"
+                f" above the frictionless limit of {check.limit:.4f} m/s; it needs"
+                f" {check.backswing_needed_deg:.1f} deg",
+                highlight=False,
+            )
     for verdict, count in Counter(cell.verdict for cell in cells).most_common():
         console.print(f"{count:4d} cells: {verdict}", highlight=False)

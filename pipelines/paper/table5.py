@@ -1,7 +1,8 @@
 """Table 5: which unsaid things could explain its 16 simulated distances, and which could not."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -89,22 +90,24 @@ class _Case:
     """One ball's rows: launch states before anything is fitted."""
 
     experiment: Experiment
-    rows: tuple[tuple[FloatArray, ContactOutcome, FloatArray], ...]
+    rows: tuple[tuple[ContactOutcome, FloatArray], ...]
 
 
 def _case(name: str, in_time: bool, data: str) -> _Case:
-    experiment = Experiment(BALLS[name])
-    speeds = measured_speeds(name)
     rows = []
     for kind in KINDS if data == "simulated" else ("variable",):
-        cor = np.asarray(law_of(experiment.ball, kind)(speeds))
-        outcome = (
-            _in_time(experiment, speeds, cor) if in_time else _impulsive(experiment, speeds, cor)
-        )
         row = kind if data == "simulated" else "experiment"
         target = np.array([float(text) for text in printed.TABLE_5[name][row]])
-        rows.append((speeds, outcome, target))
-    return _Case(experiment, tuple(rows))
+        rows.append((_launched(name, in_time, kind), target))
+    return _Case(Experiment(BALLS[name]), tuple(rows))
+
+
+@cache
+def _launched(name: str, in_time: bool, kind: str) -> ContactOutcome:
+    experiment = Experiment(BALLS[name])
+    speeds = measured_speeds(name)
+    cor = np.asarray(law_of(experiment.ball, kind)(speeds))
+    return (_in_time if in_time else _impulsive)(experiment, speeds, cor)
 
 
 def _in_time(experiment: Experiment, speeds: FloatArray, cor: FloatArray) -> ContactOutcome:
@@ -159,7 +162,7 @@ def _fit(name: str, in_time: bool, free: tuple[str, ...], data: str) -> Explanat
         def misses(vector: FloatArray, case: _Case = case) -> FloatArray:
             values = {key: float(v) * _SCALES[key] for key, v in zip(free, vector, strict=True)}
             return np.concatenate(
-                [_distances(case, out, in_time, values) - want for _, out, want in case.rows]
+                [_distances(case, out, in_time, values) - want for out, want in case.rows]
             )
 
         best = _minimum(misses, free)
@@ -213,8 +216,8 @@ def investigate(data: str = "simulated") -> tuple[Explanation, ...]:
 
 def contact_candidate(name: str) -> tuple[FloatArray, FloatArray]:
     """Launch angles (deg) at the measured speeds: the paper's, and from the contact in time."""
-    ball = replace(BALLS[name])
+    ball = BALLS[name]
     speeds = measured_speeds(name)
-    outcome = _in_time(Experiment(ball), speeds, np.asarray(ball.cor(speeds)))
+    outcome = _launched(name, True, "variable")
     constant = np.full(speeds.shape, np.rad2deg(ball.launch_angle))
     return constant, np.rad2deg(np.asarray(outcome.launch_angle))

@@ -1,0 +1,105 @@
+"""How fast the physics is: one flight, a thousand, ten thousand inversions; beside a scipy loop.
+
+Run: python bench/physics_speed.py [--json FILE]
+"""
+
+import argparse
+import json
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from physics.air import PAPER_AIR
+from physics.bodies import JOKKU, PAPER_PENDULUM, PAPER_SUPPORT
+from physics.contact_batch import contact_outcomes
+from physics.flight import fly
+from physics.forces import Drag, Gravity, Magnus
+from physics.inversion import RangeInputs, monte_carlo_cor
+from physics.march import BallState, fly_many
+from physics.single_flight import fly_one
+
+FORCES = (Gravity(), Drag(JOKKU, PAPER_AIR, 0.47), Magnus(JOKKU, PAPER_AIR, 1.0))
+START = BallState((0.0, 0.42, 0.0), (6.2, 1.3, 0.1), (2.0, 5.0, -20.0))
+
+
+def best_of(function: Callable[[], object], repeats: int) -> float:
+    """Shortest of several runs, s."""
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        function()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def scipy_flight(speed: float) -> float:
+    """One flight by the adaptive solver, the plain way."""
+    flight = fly(
+        START.position,
+        (speed, *START.velocity[1:]),
+        FORCES,
+        spin=START.spin,
+        floor=JOKKU.radius,
+        samples=2,
+        tolerance=1e-6,
+    )
+    return float(flight.landing_position[0])
+
+
+def measure() -> dict[str, float]:
+    """All numbers of the table."""
+    exact = fly(
+        START.position, START.velocity, FORCES, spin=START.spin, floor=JOKKU.radius, tolerance=1e-12
+    )
+    _, one = fly_one(START, FORCES, floor=JOKKU.radius)
+    error = float(np.linalg.norm(np.array(one.position) - exact.landing_position))
+    single = best_of(lambda: fly_one(START, FORCES, floor=JOKKU.radius), 50)
+
+    speeds = np.linspace(2.0, 7.0, 1000)
+    many = START._replace(velocity=(speeds, 1.3, 0.1))
+    thousand = best_of(lambda: fly_many(many, FORCES, floor=JOKKU.radius), 5)
+    loop = 10.0 * best_of(lambda: [scipy_flight(float(v)) for v in speeds[::10]], 1)
+
+    inputs = RangeInputs.of(
+        PAPER_PENDULUM,
+        JOKKU,
+        PAPER_SUPPORT,
+        PAPER_AIR,
+        distance=1.8,
+        impact_speed=3.2,
+        contact_time=0.0145,
+        drag_coefficient=0.47,
+    )
+    stds = {"distance": 0.005, "impact_speed": 0.005, "launch_angle": 0.003}
+    inversions = best_of(lambda: monte_carlo_cor(inputs, stds, draws=10_000), 5)
+    struck = np.linspace(0.8, 4.5, 500)
+    ball = replace(JOKKU)
+    contacts = best_of(lambda: contact_outcomes(PAPER_PENDULUM, ball, PAPER_SUPPORT, struck), 2)
+    return {
+        "one flight, drag and Magnus, 3-D (ms)": 1e3 * single,
+        "its error against a tolerance of 1e-12 (mm)": 1e3 * error,
+        "1000 flights at once (s)": thousand,
+        "1000 flights in a scipy loop (s)": loop,
+        "scipy loop / at once": loop / thousand,
+        "10000 Monte-Carlo inversions of Eq. 17 (s)": inversions,
+        "500 contacts calibrated and followed (s)": contacts,
+    }
+
+
+def main() -> None:
+    """Print the table, and write it where asked."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--json", type=Path)
+    arguments = parser.parse_args()
+    numbers = measure()
+    for name, value in numbers.items():
+        print(f"{name:48s} {value:10.4g}")
+    if arguments.json is not None:
+        arguments.json.write_text(json.dumps(numbers, indent=2) + "\n")
+
+
+if __name__ == "__main__":
+    main()
