@@ -5,6 +5,8 @@ import numpy as np
 from physics.arrays import Number
 from physics.bodies import GRAVITY, Pendulum
 from physics.domain import require_positive
+from physics.impact import impact
+from physics.inversion import RangeInputs, impact_speed_from_range
 
 __all__ = [
     "deformation_loss",
@@ -12,6 +14,7 @@ __all__ = [
     "lost_by_pendulum",
     "lost_by_pendulum_approximate",
     "lost_by_pendulum_as_printed",
+    "lost_by_range",
     "potential_energy",
     "swing_loss",
 ]
@@ -49,6 +52,17 @@ def lost_by_pendulum(pendulum: Pendulum, before: Number, after: Number) -> Numbe
 def lost_by_pendulum_approximate(pendulum: Pendulum, before: Number, impulse: Number) -> Number:
     """Eqs 20, 21 with the dimensions put right: v_M⁰ F̃, J. Too large by 1/(1 − F̃/(2 M v))."""
     return before * impulse
+
+
+def lost_by_range(pendulum: Pendulum, inputs: RangeInputs, cor: Number) -> Number:
+    """Eq. 23 with its exponent and dimensions put right: what the pendulum lost, J, from the range.
+
+    The impact speed follows from distance and e by Eq. 22, the loss from Eqs 8, 9 and 19. Eq. 23 as
+    printed adds a length to a pure number in its exponent and can't be evaluated.
+    """
+    speed = impact_speed_from_range(inputs, cor)
+    after = impact(inputs.effective_mass, inputs.ball_mass, cor, speed)
+    return lost_by_pendulum(pendulum, speed, after.speed_after)
 
 
 def lost_by_pendulum_as_printed(pendulum: Pendulum, before: Number, impulse: Number) -> Number:

@@ -11,7 +11,7 @@ from typing import Protocol
 from physics.air import Air
 from physics.arrays import Number, Vector
 from physics.bodies import GRAVITY, Ball
-from physics.domain import require_finite
+from physics.domain import require_non_negative
 
 __all__ = [
     "Acceleration",
@@ -149,29 +149,33 @@ class Magnus:
 
 @dataclass(frozen=True)
 class SpinDecay:
-    """Spin slowed by the air, dω/dt = −κ (ρ S R |u| / m R²) … written as −rate · |u| · ω.
+    """Spin slowed by the air: torque ρ S R² C_T |u| ω against the spin.
+
+    A torque in proportion to spin and speed, as found for golf balls by Tavares, Shannon and Melvin
+    in "Golf ball spin decay model based on radar measurements" (1998). The coefficient of 0.009 is
+    the one usually quoted from there; neither it nor a value for inflated balls could be confirmed.
 
     Attributes
     ----------
     ball : Ball
     air : Air
     torque_coefficient : float
-        C_T in the torque ½ ρ S (2R) |u| (R ω) C_T about the centre. Tavares, Shannon and Melvin,
-        "Golf ball spin decay model based on radar measurements" (1998), find a torque proportional
-        to spin and speed with a coefficient of 0.009 for golf balls; for inflated balls no value
-        could be confirmed.
+        C_T.
+    wind : (3,) tuple
+        Velocity of the air, m/s.
     """
 
     ball: Ball
     air: Air
     torque_coefficient: float = 0.009
+    wind: Vector = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
-        require_finite("the torque coefficient", self.torque_coefficient)
+        require_non_negative("the torque coefficient", self.torque_coefficient)
 
     def __call__(self, time: Number, position: Vector, velocity: Vector, spin: Vector) -> Vector:
         """Rate of the spin, rad/s²."""
-        speed = (velocity[0] ** 2 + velocity[1] ** 2 + velocity[2] ** 2) ** 0.5
+        _, _, _, speed = _relative(velocity, self.wind)
         ball = self.ball
         inertia = ball.inertia_factor * ball.mass * ball.radius**2
         torque = self.air.density * ball.area * ball.radius**2 * self.torque_coefficient

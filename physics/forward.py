@@ -19,7 +19,7 @@ from physics.closed_form import Landing, Launch, drag_constant, land
 from physics.contact_batch import contact_outcomes
 from physics.contact_outcome import ContactOutcome
 from physics.drag_curves import SUBCRITICAL_DRAG
-from physics.forces import Acceleration, Drag, Gravity
+from physics.forces import Acceleration, CoefficientCurve, Drag, Gravity
 from physics.impact import Impact, impact
 from physics.march import BallState, fly_many
 
@@ -46,8 +46,9 @@ class Experiment:
     air : Air
     gravity : float
         m/s².
-    drag_coefficient : float
-        C_D, constant over the flight.
+    drag_coefficient : float or CoefficientCurve
+        C_D, or a curve C_D(Re) looked up along the flight (step b); the closed form takes the
+        curve's value at launch.
     """
 
     ball: Ball
@@ -55,12 +56,19 @@ class Experiment:
     support: Support = PAPER_SUPPORT
     air: Air = PAPER_AIR
     gravity: float = GRAVITY
-    drag_coefficient: float = SUBCRITICAL_DRAG
+    drag_coefficient: float | CoefficientCurve = SUBCRITICAL_DRAG
 
     @property
     def forces(self) -> tuple[Acceleration, ...]:
         """Gravity and quadratic drag in both directions."""
         return Gravity(self.gravity), Drag(self.ball, self.air, self.drag_coefficient)
+
+    def drag_at(self, speed: Number) -> Number:
+        """C_D at a speed through the air, m/s."""
+        if not callable(self.drag_coefficient):
+            return self.drag_coefficient
+        scale = self.air.density * self.ball.diameter / self.air.viscosity
+        return self.drag_coefficient(scale * speed)
 
     @property
     def rest_height(self) -> float:
@@ -96,7 +104,8 @@ def impulsive_launch(
 
 def closed_form_landing(experiment: Experiment, launch: Launch) -> Landing:
     """Eqs 13 to 16."""
-    constant = drag_constant(experiment.ball, experiment.air, experiment.drag_coefficient)
+    drag = experiment.drag_at(launch.speed)
+    constant = drag_constant(experiment.ball, experiment.air, drag)
     return land(launch, experiment.support.height, constant, experiment.gravity)
 
 

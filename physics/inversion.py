@@ -12,8 +12,16 @@ from physics.bodies import GRAVITY, Ball, Pendulum, Support
 from physics.closed_form import drag_free_distance
 from physics.domain import require_non_negative, require_positive
 from physics.impact import cor_from_ball_speed
+from physics.restitution import require_cor
 
-__all__ = ["RangeInputs", "cor_from_range", "monte_carlo_cor", "propagate_cor", "sensitivities"]
+__all__ = [
+    "RangeInputs",
+    "cor_from_range",
+    "impact_speed_from_range",
+    "monte_carlo_cor",
+    "propagate_cor",
+    "sensitivities",
+]
 
 
 @dataclass(frozen=True)
@@ -153,6 +161,39 @@ def cor_from_range(inputs: RangeInputs) -> Number:
     return cor_from_ball_speed(
         inputs.effective_mass, inputs.ball_mass, inputs.impact_speed, ball_speed
     )
+
+
+def impact_speed_from_range(inputs: RangeInputs, cor: Number) -> Number:
+    """Eq. 22 (with its exponent put right): the impact speed that lands the ball at the distance.
+
+    Parameters
+    ----------
+    inputs : RangeInputs
+        `impact_speed` is only the first guess.
+    cor : float or array
+        e, known.
+
+    Returns
+    -------
+    float or array
+        v_M⁰, m/s.
+
+    Raises
+    ------
+    DomainError
+        As `cor_from_range`; and for e outside (0, 1].
+    """
+    _check(inputs)
+    require_cor(cor)
+    share = inputs.effective_mass * (1.0 + cor) / (inputs.effective_mass + inputs.ball_mass)
+    kept = 1.0 - 0.5 * inputs.ball_mass * share / inputs.effective_mass
+    speed: Number = inputs.impact_speed
+    for _ in range(60):
+        before = speed
+        speed = _ball_speed(inputs, kept * speed * inputs.contact_time) / share
+        if float(np.max(np.abs(speed - before))) < 1e-13 * float(np.max(np.abs(speed))):
+            return speed
+    raise DomainError("Eq. 22 has no fixed point for these inputs")
 
 
 def sensitivities(inputs: RangeInputs, step: float = 1e-5) -> dict[str, float]:

@@ -63,7 +63,7 @@ class AddedEffect:
                 air_density=air.density,
                 air_viscosity=air.viscosity,
                 gravity=experiment.gravity,
-                drag_coefficient=experiment.drag_coefficient,
+                drag_coefficient=experiment.drag_at(speed),
                 spin=company_spin,
                 impact_speed=speed,
             )

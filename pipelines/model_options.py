@@ -14,7 +14,8 @@ from rich.table import Table
 
 from metrology import Quantity, UsageError, parse_quantity, write_text_whole
 from physics import bodies
-from physics.drag_curves import SUBCRITICAL_DRAG
+from physics.domain import require_non_negative
+from physics.drag_curves import SUBCRITICAL_DRAG, DragCurve, drag_curve
 from physics.forward import Experiment
 from physics.planning import PlanScatter
 from physics.restitution import ConstantCor, CorLaw, parse_cor_law
@@ -24,6 +25,7 @@ __all__ = [
     "angle_of",
     "choose_ball",
     "choose_cor",
+    "choose_drag",
     "experiment_of",
     "quantities_as_csv",
     "quantities_as_json",
@@ -89,17 +91,36 @@ def angle_of(text: str) -> float:
         return parse_quantity(text, "rad")
 
 
-def experiment_of(setup: Setup, ball: bodies.Ball) -> Experiment:
+def choose_drag(option: str) -> float | DragCurve:
+    """``--drag``: a number, or the name of a drag curve.
+
+    Raises
+    ------
+    UsageError
+        If it is neither.
+    """
+    try:
+        number = float(option)
+    except ValueError:
+        return drag_curve(option)
+    require_non_negative("the drag coefficient", number)
+    return number
+
+
+def experiment_of(setup: Setup, ball: bodies.Ball, drag_option: str | None = None) -> Experiment:
     """Bodies and air of the setup, the paper's where it is silent."""
     effects = setup.model.effects
     drag = setup.model.parameters.get("drag", {}).get("drag_coefficient", SUBCRITICAL_DRAG)
+    chosen: float | DragCurve = drag if "drag" in effects else 0.0
+    if drag_option is not None:
+        chosen = choose_drag(drag_option)
     return Experiment(
         ball,
         setup.pendulum or bodies.PAPER_PENDULUM,
         setup.support or bodies.PAPER_SUPPORT,
         setup.air,
         bodies.GRAVITY,
-        drag if "drag" in effects else 0.0,
+        chosen,
     )
 
 

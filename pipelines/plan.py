@@ -192,6 +192,10 @@ def plan_command(
         str,
         typer.Option(help="variable, constant, a number, or a law in v (m/s).", metavar="LAW"),
     ] = "variable",
+    drag: Annotated[
+        str | None,
+        typer.Option(help="Drag coefficient, or a curve: smooth, soccer, basketball.", metavar="C"),
+    ] = None,
     setup: Annotated[Path | None, typer.Option(help="Setup file (TOML).")] = None,
     json_to: Annotated[
         str | None, typer.Option("--json", help="Results as JSON; - for stdout.", metavar="FILE")
@@ -204,7 +208,7 @@ def plan_command(
     known = setup_or_default(setup)
     struck = choose_ball(known, ball)
     law, _ = choose_cor(struck, cor)
-    experiment = experiment_of(known, struck)
+    experiment = experiment_of(known, struck, drag)
     planned = plan(experiment, parse_quantity(distance, "m"), cor=law, scatter=scatter_of(known))
     if plot is not None:
         _draw(plot, experiment, law, planned)

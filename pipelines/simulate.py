@@ -13,6 +13,7 @@ from physics.bodies import Ball
 from physics.contact_batch import contact_outcomes
 from physics.contact_outcome import ContactOutcome
 from physics.domain import require_positive
+from physics.drag_curves import DragCurve
 from physics.energy import lost_by_pendulum
 from physics.flight import Flight, fly
 from physics.forces import Acceleration
@@ -321,7 +322,9 @@ def _warnings(
             f" where the law of restitution of the {ball.name} was fitted: extrapolated"
         )
     reynolds = air.reynolds(highest_speed, ball.diameter)
-    if reynolds > 1.5e5:
+    if isinstance(experiment.drag_coefficient, DragCurve):
+        notes += experiment.drag_coefficient.notes(0.3 * reynolds, reynolds)
+    elif reynolds > 1.5e5:
         notes.append(
             f"at Re = {reynolds:.2g} the drag coefficient may fall (drag crisis);"
             " it is taken as constant here"
@@ -347,6 +350,10 @@ def simulate_command(
         list[str] | None,
         typer.Option(help="Add an effect of the catalogue: magnus:spin=10.", metavar="ID:NAME=X"),
     ] = None,
+    drag: Annotated[
+        str | None,
+        typer.Option(help="Drag coefficient, or a curve: smooth, soccer, basketball.", metavar="C"),
+    ] = None,
     setup: Annotated[Path | None, typer.Option(help="Setup file (TOML).")] = None,
     json_to: Annotated[
         str | None, typer.Option("--json", help="Results as JSON; - for stdout.", metavar="FILE")
@@ -359,7 +366,7 @@ def simulate_command(
     known = setup_or_default(setup)
     struck: Ball = choose_ball(known, ball)
     law, _ = choose_cor(struck, cor)
-    experiment = experiment_of(known, struck)
+    experiment = experiment_of(known, struck, drag)
     result = simulate(
         experiment,
         backswing=None if backswing is None else angle_of(backswing),

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from physics.air import PAPER_AIR
 from physics.arrays import FloatArray
 from physics.bodies import BALLS, PAPER_PENDULUM, Ball
-from physics.drag_curves import DRAG_CURVES, SOCCER_LIFT
+from physics.drag_curves import DRAG_CURVES, SOCCER_LIFT, SUBCRITICAL_DRAG
 from physics.energy import lost_by_pendulum, lost_by_pendulum_approximate
 from physics.flight import Flight, fly
 from physics.forward import (
@@ -96,7 +96,7 @@ def _paper_flight(ball: Ball, speed: float, kind: str) -> tuple[Experiment, Flig
 def _figure_11(axes: Axes, ball: Ball) -> None:
     experiment, flight = _paper_flight(ball, float(measured_speeds(ball.name)[3]), "variable")
     speed = np.linalg.norm(flight.velocity, axis=1)
-    share = 0.5 * experiment.air.density * ball.area * experiment.drag_coefficient
+    share = 0.5 * experiment.air.density * ball.area * SUBCRITICAL_DRAG
     axes.plot(flight.time, share * speed * flight.velocity[:, 0], color=BLUE, label="drag, x")
     axes.plot(flight.time, share * speed * flight.velocity[:, 1], color=ORANGE, label="drag, y")
     axes.axhline(ball.mass * experiment.gravity, color=GRAY, label="weight")

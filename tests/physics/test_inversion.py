@@ -9,10 +9,12 @@ from metrology import DomainError
 from physics.air import PAPER_AIR
 from physics.bodies import BALLS, BASKETBALL, JOKKU, PAPER_PENDULUM, PAPER_SUPPORT
 from physics.closed_form import Launch, land
+from physics.energy import lost_by_pendulum, lost_by_range
 from physics.impact import impact
 from physics.inversion import (
     RangeInputs,
     cor_from_range,
+    impact_speed_from_range,
     monte_carlo_cor,
     propagate_cor,
     sensitivities,
@@ -64,6 +66,8 @@ def test_inverting_a_simulated_flight_returns_e(
     )
     found = cor_from_range(dataclasses.replace(inputs, distance=float(landing.distance)))
     assert float(found) == pytest.approx(e, abs=1e-6)
+    there = dataclasses.replace(inputs, distance=float(landing.distance))
+    assert float(impact_speed_from_range(there, e)) == pytest.approx(speed, rel=1e-6)
 
 
 def test_linear_propagation_and_monte_carlo_agree() -> None:
@@ -122,6 +126,14 @@ def test_ten_thousand_inversions_are_one_call() -> None:
 def test_bad_input_is_an_error_never_a_nan(bad: dict[str, float]) -> None:
     with pytest.raises(DomainError):
         cor_from_range(dataclasses.replace(_inputs("jokku", 1.8, 3.2), **bad))
+
+
+def test_the_loss_from_the_range_is_the_loss_from_the_speeds() -> None:
+    inputs = _inputs("jokku", 1.8, 3.2144)
+    e = float(cor_from_range(inputs))
+    after = impact(PAPER_PENDULUM.mass_at_contact, JOKKU.mass, e, 3.2144)
+    wanted = lost_by_pendulum(PAPER_PENDULUM, 3.2144, after.speed_after)
+    assert lost_by_range(PAPER_PENDULUM, inputs, e) == pytest.approx(wanted, rel=1e-9)
 
 
 def test_unknown_input_is_named() -> None:

@@ -116,6 +116,17 @@ def test_effects_of_the_catalogue_act() -> None:
     assert (gained - before) * (speed - 2.5) > 0.0
 
 
+def test_a_drag_curve_is_followed_along_the_flight() -> None:
+    free = _values("--backswing", "120", "--drag", "0")
+    curve = _values("--backswing", "120", "--drag", "soccer")
+    level = _values("--backswing", "120", "--drag", "0.5")
+    assert free["landing_distance"]["value"] > curve["landing_distance"]["value"] + 0.05
+    assert curve["landing_distance"]["value"] == pytest.approx(
+        level["landing_distance"]["value"], abs=2e-3
+    )
+    assert free["closed_form_difference"]["value"] == pytest.approx(0.0, abs=1e-9)
+
+
 def test_a_setup_file_sets_ball_air_scatter_and_model(tmp_path: Path) -> None:
     setup = tmp_path / "lab.toml"
     setup.write_text(
@@ -171,6 +182,8 @@ def test_beyond_the_fitted_speeds_it_warns() -> None:
         ["--impact-speed", "3", "--effect", "telekinesis"],
         ["--impact-speed", "3", "--effect", "camera_roll:roll=1"],
         ["--impact-speed", "3", "--plot", "x.pdf"],
+        ["--impact-speed", "3", "--drag", "velvet"],
+        ["--impact-speed", "3", "--drag", "-1"],
     ],
 )
 def test_bad_usage_is_refused_with_a_reason(arguments: list[str]) -> None:
