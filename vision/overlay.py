@@ -96,7 +96,7 @@ def overlay_still(
     tracks : Tracks
     marks : OverlayMarks, optional
     frame : int, optional
-        Which frame; if not given, the last one with the ball, so that its whole path shows.
+        Which frame; if not given, the last one with the ball in view, so that its whole path shows.
 
     Raises
     ------
@@ -104,11 +104,17 @@ def overlay_still(
         If the clip has no such frame.
     """
     if frame is None:
-        frame = int(tracks.ball.frame[-1]) if len(tracks.ball) else 0
+        frame = _last_in_view(clip, tracks)
     painter = OverlayPainter(clip.info.width, clip.info.height, tracks, marks or OverlayMarks())
     for index, picture in clip.colour_frames(frame, frame + 1):
         return painter.paint(index, picture)
     raise UsageError(f"{clip.info.path} has no frame {frame}")
+
+
+def _last_in_view(clip: Clip, tracks: Tracks) -> int:
+    x, y = tracks.ball.centre_px.T
+    inside = (x > 0) & (x < clip.info.width - 1) & (y > 0) & (y < clip.info.height - 1)
+    return int(tracks.ball.frame[inside][-1]) if inside.any() else 0
 
 
 def png_bytes(image: NDArray[np.uint8]) -> bytes:

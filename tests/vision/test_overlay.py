@@ -88,8 +88,8 @@ def test_the_video_has_every_frame_and_even_sizes(clip, tracks, tmp_path):
     assert overlay.info.codec == "h264"
     assert overlay.info.width % 2 == overlay.info.height % 2 == 0
     assert told == list(range(1, COUNT + 1))
-    still = cv2.cvtColor(overlay_still(clip, tracks, OverlayMarks(captions=("a", "b", "c")), frame=5),
-                         cv2.COLOR_BGR2GRAY)  # fmt: skip
+    image = overlay_still(clip, tracks, OverlayMarks(captions=("a", "b", "c")), frame=5)
+    still = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
     assert np.abs(list(overlay.frames())[5].gray.astype(int) - still).mean() < 4
 
 

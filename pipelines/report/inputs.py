@@ -1,0 +1,162 @@
+"""What a report is made of: quantities, checks, warnings, and the curves behind them.
+
+Positions and times are SI: x from the ball's centre at rest, y up from the floor, time from the
+first frame.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metrology import Quantity
+
+__all__ = ["Check", "Curve", "GapRecord", "Moment", "PathRecord", "ReportInput", "SpeedRecord"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Moment:
+    """An instant with its standard uncertainty, s."""
+
+    time_s: float
+    std_s: float
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A fitted line to be drawn: two arrays of the same length and what it is."""
+
+    x: FloatArray
+    y: FloatArray
+    label: str
+
+
+@dataclass(frozen=True)
+class GapRecord:
+    """Distance between the pendulum's face and the ball around contact.
+
+    Attributes
+    ----------
+    time_s, gap_m, gap_std_m : (N,) arrays
+        Measured gap; negative where ball and face overlap (the ball is squashed).
+    onset, release : Moment or None
+        Start and end of contact.
+    fits : tuple of Curve
+        The closing and the opening branch.
+    """
+
+    time_s: FloatArray
+    gap_m: FloatArray
+    gap_std_m: FloatArray
+    onset: Moment | None = None
+    release: Moment | None = None
+    fits: tuple[Curve, ...] = ()
+
+
+@dataclass(frozen=True)
+class SpeedRecord:
+    """Speed of one body.
+
+    Attributes
+    ----------
+    label : str
+        "ball" or "pendulum".
+    time_s, speed, speed_std : (N,) arrays
+        Speed frame by frame, m/s.
+    fits : tuple of Curve
+        Speed after the fitted motion.
+    """
+
+    label: str
+    time_s: FloatArray
+    speed: FloatArray
+    speed_std: FloatArray
+    fits: tuple[Curve, ...] = ()
+
+
+@dataclass(frozen=True)
+class PathRecord:
+    """The ball's path on the wall and what the fit leaves of it.
+
+    Attributes
+    ----------
+    time_s, x_m, y_m, x_std_m, y_std_m : (N,) arrays
+        Centres with standard uncertainties.
+    fits : tuple of Curve
+        Fitted path (x, y).
+    landing : (2,) tuple of float or None
+        Where the ball's centre is at landing, m.
+    landing_std_m : float or None
+        Standard uncertainty of the landing distance, m.
+    residual_time_s, residual_x_m, residual_y_m, residual_std_m : (M,) arrays
+        Measured minus fitted, for the frames that entered the fit.
+    """
+
+    time_s: FloatArray
+    x_m: FloatArray
+    y_m: FloatArray
+    x_std_m: FloatArray
+    y_std_m: FloatArray
+    fits: tuple[Curve, ...] = ()
+    landing: tuple[float, float] | None = None
+    landing_std_m: float | None = None
+    residual_time_s: FloatArray | None = None
+    residual_x_m: FloatArray | None = None
+    residual_y_m: FloatArray | None = None
+    residual_std_m: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class Check:
+    """A test that the measurement put itself to.
+
+    Attributes
+    ----------
+    name : str
+        What is tested ("gravity").
+    passed : bool or None
+        None where it could not be made.
+    statement : str
+        The outcome in a sentence, with its numbers.
+    """
+
+    name: str
+    passed: bool | None
+    statement: str
+
+
+@dataclass(frozen=True)
+class ReportInput:
+    """Everything on the page.
+
+    Attributes
+    ----------
+    title : str
+        Heading, usually the clip's name.
+    facts : tuple of (str, str)
+        Clip and set-up: what and its value, in order.
+    quantities : tuple of Quantity
+        In the order of the results table.
+    checks : tuple of Check
+    warnings : tuple of str
+    gap : GapRecord or None
+    speeds : tuple of SpeedRecord
+    path : PathRecord or None
+    still_png : bytes or None
+        A frame with its overlay.
+    version : str
+        Of the software.
+    """
+
+    title: str
+    facts: tuple[tuple[str, str], ...]
+    quantities: tuple[Quantity, ...]
+    checks: tuple[Check, ...] = ()
+    warnings: tuple[str, ...] = ()
+    gap: GapRecord | None = None
+    speeds: tuple[SpeedRecord, ...] = ()
+    path: PathRecord | None = None
+    still_png: bytes | None = None
+    version: str = ""

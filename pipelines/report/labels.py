@@ -1,0 +1,30 @@
+"""What the quantities of the results table are called on paper."""
+
+__all__ = ["quantity_label"]
+
+_LABELS = {
+    "contact_frames": "contact frames",
+    "contact_time": "contact time Δt",
+    "contact_start": "contact begins",
+    "contact_end": "contact ends",
+    "pendulum_speed_before": "pendulum speed before",
+    "pendulum_speed_after": "pendulum speed after",
+    "ball_speed": "ball speed at release",
+    "launch_angle": "launch angle",
+    "landing_distance": "landing distance, corrected",
+    "landing_distance_on_wall": "landing distance as read on the wall",
+    "landing_time": "landing time",
+    "cor_speeds": "COR from the speeds (Eq. 2)",
+    "cor_launch": "COR from the launch (Eqs 9–10)",
+    "cor_range": "COR from the range (Eq. 17)",
+    "external_impulse": "external impulse",
+    "energy_loss": "energy loss",
+    "backswing_angle": "back-swing angle",
+    "ball_plane_offset": "ball plane in front of the wall",
+    "camera_distance": "camera to wall",
+}
+
+
+def quantity_label(name: str) -> str:
+    """Label of a quantity; names without one are spelled out."""
+    return _LABELS.get(name, name.replace("_", " "))

@@ -1,0 +1,106 @@
+"""The report as one HTML page that needs nothing beside it: no file, no script, no network."""
+
+import base64
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+from jinja2 import Environment, StrictUndefined
+
+from metrology import Contribution, Quantity, write_text_whole
+from metrology.formatting import format_pair, format_unit
+from pipelines.report.inputs import ReportInput
+from pipelines.report.labels import quantity_label
+from pipelines.report.plots import panel_svg, panels_of
+
+__all__ = ["report_html", "write_report"]
+
+
+@dataclass(frozen=True)
+class _BudgetLine:
+    source: str
+    std: str
+    share: float
+
+
+@dataclass(frozen=True)
+class _Row:
+    label: str
+    value: str
+    std: str
+    interval: str
+    unit: str
+    reason: str
+    relative: str
+    budget: tuple[_BudgetLine, ...]
+
+
+def write_report(path: Path, report: ReportInput) -> None:
+    """Write the page, whole or not at all.
+
+    Raises
+    ------
+    UsageError
+        If its folder does not exist or can't be written to.
+    """
+    write_text_whole(path, report_html(report))
+
+
+def report_html(report: ReportInput) -> str:
+    """Make the page; every text in it is escaped.
+
+    Parameters
+    ----------
+    report : ReportInput
+
+    Returns
+    -------
+    str
+        HTML with its pictures inside.
+    """
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    source = files("pipelines.report").joinpath("page.html.j2").read_text(encoding="utf-8")
+    plots = [
+        (panel[0], _data_uri("image/svg+xml", panel_svg(panel).encode()))
+        for panel in panels_of(report)
+    ]
+    still = None if report.still_png is None else _data_uri("image/png", report.still_png)
+    return environment.from_string(source).render(
+        report=report,
+        rows=[_row(quantity) for quantity in report.quantities],
+        plots=plots,
+        still=still,
+    )
+
+
+def _row(quantity: Quantity) -> _Row:
+    label, unit = quantity_label(quantity.name), format_unit(quantity.unit)
+    if quantity.value is None:
+        return _Row(label, "", "", "", unit, quantity.reason or "not measured", "", ())
+    value, std = format_pair(quantity.value, quantity.std)
+    interval = relative = ""
+    if quantity.std:
+        # k = 2: about 95 % where the budget's lines add up to a normal distribution (GUM, annex G).
+        low, high = (
+            format_pair(quantity.value + k * quantity.std, quantity.std)[0] for k in (-2, 2)
+        )
+        interval = f"{low} to {high}"
+        if quantity.value:
+            relative = f"{100 * quantity.std / abs(quantity.value):.2g} %"
+    budget = tuple(_budget_line(line, quantity.std) for line in _largest_first(quantity.budget))
+    return _Row(label, value, std or "", interval, unit, "", relative, budget)
+
+
+def _largest_first(budget: tuple[Contribution, ...]) -> list[Contribution]:
+    return sorted(budget, key=lambda line: -abs(line.std))
+
+
+def _budget_line(line: Contribution, total: float | None) -> _BudgetLine:
+    share = 100.0 * (line.std / total) ** 2 if total else 0.0
+    return _BudgetLine(line.source, f"{abs(line.std):.2g}", share)
+
+
+def _data_uri(kind: str, content: bytes) -> str:
+    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"

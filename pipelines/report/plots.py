@@ -1,0 +1,183 @@
+"""Plots of one measurement: gap around contact, speeds, path on the wall, residuals."""
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from metrology import UsageError, written_whole
+from pipelines.report.inputs import GapRecord, Moment, PathRecord, ReportInput, SpeedRecord
+
+__all__ = ["Panel", "panel_svg", "panels_of", "write_plot"]
+
+# Told apart with any colour vision (Okabe and Ito 2008).
+BLUE, ORANGE, GREEN, PINK, GRAY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#555555"
+
+STYLE: Any = {
+    "font.size": 9,
+    "axes.titlesize": 10,
+    "axes.titlelocation": "left",
+    "axes.grid": True,
+    "grid.color": "#e2e2e2",
+    "grid.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.edgecolor": "none",
+    "legend.framealpha": 0.85,
+    "legend.fontsize": 8,
+    "svg.hashsalt": "impact-vision",
+}
+
+Panel = tuple[str, Callable[[Axes], None]]
+_POINTS: dict[str, Any] = {"fmt": "o", "ms": 2.6, "lw": 0, "elinewidth": 0.7, "capsize": 0}
+
+
+def panels_of(report: ReportInput) -> tuple[Panel, ...]:
+    """Titles and drawing functions of the plots that the measurement has data for."""
+    panels: list[Panel] = []
+    if report.gap is not None and len(report.gap.time_s):
+        gap = report.gap
+        panels.append(("Gap between pendulum face and ball", lambda axes: _draw_gap(axes, gap)))
+    if report.speeds:
+        panels.append(("Speeds", lambda axes: _draw_speeds(axes, report.speeds, report.gap)))
+    if report.path is not None and len(report.path.x_m):
+        path = report.path
+        panels.append(("Path of the ball's centre", lambda axes: _draw_path(axes, path)))
+        if path.residual_time_s is not None and len(path.residual_time_s):
+            panels.append(("Residuals of the fitted flight", lambda axes: _draw_left(axes, path)))
+    return tuple(panels)
+
+
+def panel_svg(panel: Panel, width: float = 6.2, height: float = 3.1) -> str:
+    """Draw one panel as an SVG document; sizes in inches."""
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        _fill(figure.subplots(), panel)
+        buffer = io.StringIO()
+        figure.savefig(buffer, format="svg", metadata={"Date": None})
+    return buffer.getvalue()
+
+
+def write_plot(path: Path, report: ReportInput) -> None:
+    """Write all panels into one picture (``--plot``).
+
+    Raises
+    ------
+    UsageError
+        If the file is neither .png nor .svg, or there is nothing to draw.
+    """
+    if path.suffix.lower() not in (".png", ".svg"):
+        raise UsageError(
+            f"a plot is a .png or .svg file, not {path.name}", hint="Try --plot results.png."
+        )
+    panels = panels_of(report)
+    if not panels:
+        raise UsageError(
+            "there is nothing to plot: neither ball nor pendulum was followed in the clip",
+            hint="Leave --plot out, or point at the ball with --ball-at X,Y.",
+        )
+    columns = 2 if len(panels) > 1 else 1
+    rows = -(-len(panels) // columns)
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(5.6 * columns, 3.3 * rows), dpi=130, layout="constrained")
+        figure.suptitle(report.title, fontsize=11)
+        grid = figure.subplots(rows, columns, squeeze=False).ravel()
+        for axes, panel in zip(grid, panels, strict=False):
+            _fill(axes, panel)
+        for axes in grid[len(panels) :]:
+            axes.set_axis_off()
+        dated: dict[str, Any] = {"Date": None} if path.suffix.lower() == ".svg" else {}
+        with written_whole(path) as temporary:
+            figure.savefig(temporary, metadata=dated)
+
+
+def _fill(axes: Axes, panel: Panel) -> None:
+    title, draw = panel
+    axes.set_title(title)
+    draw(axes)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend()
+
+
+def _draw_gap(axes: Axes, gap: GapRecord) -> None:
+    axes.axhline(0.0, color=GRAY, lw=0.8)
+    axes.errorbar(
+        1e3 * gap.time_s, 1e3 * gap.gap_m, 1e3 * gap.gap_std_m, color=BLUE, label="measured",
+        **_POINTS,
+    )  # fmt: skip
+    for number, fit in enumerate(gap.fits):
+        axes.plot(
+            1e3 * fit.x, 1e3 * fit.y, color=(ORANGE, GREEN)[number % 2], lw=1, label=fit.label
+        )
+    _draw_moments(axes, gap)
+    reach = 1e3 * np.nanmax(np.abs(gap.gap_m))
+    axes.set_ylim(bottom=max(axes.get_ylim()[0], -1.1 * reach))
+    axes.set(xlabel="time / ms", ylabel="gap / mm")
+
+
+def _draw_moments(axes: Axes, gap: GapRecord | None) -> None:
+    """The time in contact as a band, its uncertain ends (k = 2) darker."""
+    if gap is None:
+        return
+    if gap.onset is not None and gap.release is not None:
+        axes.axvspan(
+            1e3 * gap.onset.time_s, 1e3 * gap.release.time_s, color=PINK, alpha=0.15, lw=0,
+            label="in contact",
+        )  # fmt: skip
+    for moment in (gap.onset, gap.release):
+        if isinstance(moment, Moment):
+            low, high = moment.time_s - 2 * moment.std_s, moment.time_s + 2 * moment.std_s
+            axes.axvspan(1e3 * low, 1e3 * high, color=PINK, alpha=0.45, lw=0)
+
+
+def _draw_speeds(axes: Axes, speeds: tuple[SpeedRecord, ...], gap: GapRecord | None) -> None:
+    for number, record in enumerate(speeds):
+        colour = (BLUE, ORANGE)[number % 2]
+        axes.errorbar(
+            1e3 * record.time_s, record.speed, record.speed_std, color=colour, alpha=0.55,
+            label=f"{record.label}, frame by frame", **_POINTS,
+        )  # fmt: skip
+        for fit in record.fits:
+            axes.plot(1e3 * fit.x, fit.y, color=colour, lw=1.4, label=fit.label, zorder=4)
+    _draw_moments(axes, gap)
+    axes.set(xlabel="time / ms", ylabel="speed / (m/s)")
+    axes.set_ylim(bottom=0.0)
+
+
+def _draw_path(axes: Axes, path: PathRecord) -> None:
+    axes.errorbar(
+        path.x_m, path.y_m, path.y_std_m, path.x_std_m, color=BLUE, label="measured", **_POINTS
+    )
+    for number, fit in enumerate(path.fits):
+        axes.plot(fit.x, fit.y, color=(ORANGE, GREEN)[number % 2], lw=1, label=fit.label, zorder=4)
+    if path.landing is not None:
+        x, y = path.landing
+        spread = None if path.landing_std_m is None else 2 * path.landing_std_m
+        axes.errorbar(
+            [x], [y], xerr=spread, color=PINK, marker="X", ms=8, lw=0, elinewidth=1.5,
+            label="landing (k = 2)",
+        )  # fmt: skip
+    axes.axhline(0.0, color=GRAY, lw=0.8)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set(xlabel="x from the ball's rest / m", ylabel="height of the centre / m")
+
+
+def _draw_left(axes: Axes, path: PathRecord) -> None:
+    assert path.residual_time_s is not None
+    axes.axhline(0.0, color=GRAY, lw=0.8)
+    time = 1e3 * path.residual_time_s
+    if path.residual_std_m is not None:
+        band = 2e3 * path.residual_std_m
+        axes.fill_between(time, -band, band, color=GRAY, alpha=0.15, lw=0, label="±2 std expected")
+    for residual, colour, label in (
+        (path.residual_x_m, BLUE, "along the wall"),
+        (path.residual_y_m, ORANGE, "upwards"),
+    ):
+        if residual is not None:
+            axes.plot(time, 1e3 * residual, ".", ms=4, color=colour, label=label)
+    axes.set(xlabel="time / ms", ylabel="measured − fitted / mm")
