@@ -42,7 +42,7 @@ class Actor(Protocol):
         ...
 
 
-@dataclass
+@dataclass(eq=False)
 class SolidActor:
     """A box or prism.
 
@@ -115,7 +115,7 @@ class SolidActor:
         return self._middle(len(self.vertices) // 2)
 
 
-@dataclass
+@dataclass(eq=False)
 class RoundActor:
     """A ball.
 
@@ -127,12 +127,15 @@ class RoundActor:
     camera : Camera
     shaded_by : list of (centre (3,), radius)
         Spheres that stand for what may throw a shadow on it.
+    struck : bool
+        Whether it is the ball that the pendulum meets.
     """
 
     poses: list[BallPose]
     scene: Scene
     camera: Camera
     shaded_by: list[tuple[FloatArray, float]]
+    struck: bool = False
 
     def __post_init__(self) -> None:
         lens = self.camera.lens

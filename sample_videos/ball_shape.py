@@ -19,7 +19,7 @@ FloatArray = NDArray[np.float64]
 CLIP_SAMPLES = 4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BallPose:
     """A ball in one sub-exposure.
 

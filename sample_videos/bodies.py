@@ -12,7 +12,7 @@ __all__ = ["Solid", "box", "face_coverage", "outline", "outline_coverage", "pris
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solid:
     """A convex body that is its own mirror image through its middle.
 

@@ -21,7 +21,7 @@ from sample_videos.rig import (
 )
 from sample_videos.scene import LooseBall, Scene
 from sample_videos.sensor import developed, flicker_gain, vignette
-from sample_videos.stage import build_stage
+from sample_videos.stage import Panorama, build_stage
 
 __all__ = ["Film"]
 
@@ -51,6 +51,8 @@ class Film:
         self._phase = float(rng.uniform(0.0, 2.0 * np.pi))
         self._sway = _sway(scene, rng)
         self._stage = build_stage(scene, scene.camera) if scene.shake.still else None
+        margin = 2 + int(np.ceil(np.abs(self._sway).max()))
+        self._panorama = None if scene.shake.still else Panorama(scene, margin)
         self._pendulum, self._pivot = pendulum_solids(scene), pivot(scene)
 
     def camera(self, frame: int) -> Camera:
@@ -60,7 +62,7 @@ class Film:
             return camera
         right, down = self._sway[frame]
         lens = camera.lens
-        turn = rotation_matrix([down / lens.fy, -right / lens.fx, 0.0])
+        turn = rotation_matrix([-down / lens.fy, right / lens.fx, 0.0])
         return Camera(lens, turn @ camera.rotation, camera.position)
 
     def row_times(self, frame: int) -> FloatArray:
@@ -86,9 +88,26 @@ class Film:
     def light(self, frame: int) -> NDArray[np.float32]:
         """Light (H, W, 3) on the sensor before the optics blur it, not mirrored."""
         camera = self.camera(frame)
-        stage = self._stage or build_stage(self.scene, camera)
+        stage = self._stage if self._panorama is None else self._panorama.stage(camera)
+        if stage is None:
+            raise AssertionError("a film has either a stage or a panorama")
         canvas = Canvas(camera, self._grid, stage, self.scene.room.lighting.lamps)
         return exposed(canvas, self._actors(frame, camera))
+
+    def ball_coverage(self, frame: int) -> FloatArray:
+        """Share of each pixel that the ball covers on the mean over the exposure, (H, W)."""
+        camera = self.camera(frame)
+        total = np.zeros(self._grid.xy.shape[1:])
+        struck = [
+            actor
+            for actor in self._actors(frame, camera)
+            if isinstance(actor, RoundActor) and actor.struck
+        ]
+        for actor in struck:
+            for part, window in enumerate(actor.windows):
+                cover, _ = actor.layer(part, window, self._grid.crop(window))
+                total[window.slices] += cover / len(actor.windows)
+        return total
 
     def frames(self) -> Iterator[NDArray[np.uint8]]:
         """All frames that are not dropped, in order."""
@@ -191,7 +210,7 @@ class Film:
             )
             for i in range(count)
         ]
-        return RoundActor(poses, self.scene, camera, shaded_by)
+        return RoundActor(poses, self.scene, camera, shaded_by, struck=True)
 
     def _row_of(self, centres: FloatArray, camera: Camera) -> int:
         v = camera.project(centres)[:, 1]

@@ -37,6 +37,7 @@ def default_scene(
     reach: float = 2.62,
     view: View = "landing",
     distance: float | None = None,
+    foot: tuple[float, float] | None = None,
     plane: float = 0.45,
     pendulum: Pendulum = PAPER_PENDULUM,
     support: Support = PAPER_SUPPORT,
@@ -55,6 +56,8 @@ def default_scene(
         all, from aside, turned and rolled, through a strong lens.
     distance : float, optional
         Camera to wall, m.
+    foot : (2,) tuple, optional
+        Where the axis of a camera square to the wall meets it, x and y, m.
     seed : int
         Small offsets of grid, camera and clock are drawn from it, as no lab has round numbers.
     """
@@ -78,9 +81,14 @@ def default_scene(
     turn = rng.normal(0.0, 0.002, 3)
     lens = Lens.centred(width, height, focal, k1=-0.015)
     position = [middle + rng.normal(0, 0.01), low + 0.5 * tall, far]
+    if foot is not None:
+        position[:2] = foot
+        widest = 2.0 * max(right - foot[0], foot[0] - left)
+        lens = Lens.centred(width, height, (width - 1) * sight / widest, k1=-0.015)
+        turn *= 0.0
     yaw, pitch, roll = turn
     if view == "oblique":
-        lens = replace(lens, k1=-0.21, k2=0.05, fx=0.86 * focal, fy=0.86 * focal)
+        lens = replace(lens, k1=-0.21, k2=0.05, fx=0.86 * lens.fx, fy=0.86 * lens.fy)
         position[0] += 0.2
         yaw, pitch, roll = yaw - 0.045, pitch - 0.03, roll - 0.012
     camera = Camera.facing_wall(lens, position, yaw=yaw, pitch=pitch, roll=roll)

@@ -1,6 +1,6 @@
 """The still part of the picture: wall, floor, bracket and support under each lamp."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -14,13 +14,15 @@ from sample_videos.rig import standing_solids
 from sample_videos.scene import Lamp, Scene
 from sample_videos.textures import floor_reflectance, mottle, wall_reflectance
 
-__all__ = ["Stage", "build_stage", "into_camera", "window_of"]
+__all__ = ["Panorama", "Stage", "build_stage", "face_lights", "into_camera", "window_of"]
 
 FloatArray = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
 FINE = 3
 MARGIN_PX = 2
+FARTHEST = 50.0
+"""m; a sight line that meets nothing ends here."""
 
 
 @dataclass(frozen=True)
@@ -62,16 +64,16 @@ def _finer(lens: Lens, times: int) -> Lens:
     return lens.resized(lens.width * times, lens.height * times)
 
 
-def _surfaces(camera: Camera, lens: Lens) -> tuple[FloatArray, NDArray[np.bool_]]:
+def _surfaces(camera: Camera, grid: PixelGrid) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Where the sight lines meet wall or floor (3, H, W), and which meet the floor (H, W)."""
-    xy = PixelGrid.of_lens(lens).xy
+    xy = grid.xy
     ray = np.tensordot(camera.rotation.T, np.stack([*xy, np.ones_like(xy[0])]), axes=1)
     start = camera.position
     with np.errstate(divide="ignore", invalid="ignore"):
         to_wall = np.where(ray[2] < 0, -start[2] / ray[2], np.inf)
         to_floor = np.where(ray[1] < 0, -start[1] / ray[1], np.inf)
-    reach = np.nan_to_num(np.minimum(to_wall, to_floor), nan=50.0, posinf=50.0)
-    points = start[:, np.newaxis, np.newaxis] + ray * np.minimum(reach, 50.0)
+    reach = np.nan_to_num(np.minimum(to_wall, to_floor), nan=FARTHEST, posinf=FARTHEST)
+    points = start[:, np.newaxis, np.newaxis] + ray * np.minimum(reach, FARTHEST)
     return points, to_floor < to_wall
 
 
@@ -82,29 +84,88 @@ def _normals(on_floor: NDArray[np.bool_]) -> FloatArray:
 
 def build_stage(scene: Scene, camera: Camera) -> Stage:
     """Render the still things as `camera` sees them."""
-    lens = camera.lens
-    points, on_floor = _surfaces(camera, lens)
-    normals = _normals(on_floor)
+    grid = PixelGrid.of_lens(camera.lens)
+    layers = _layers(scene, camera, grid)
+    lights = tuple(_shrunk(layer, camera.lens) for layer in layers)
+    return Stage(lights, *_places(scene, camera, grid))
+
+
+class Panorama:
+    """The still things a little beyond the picture's edges, for a camera that turns.
+
+    Parameters
+    ----------
+    scene : Scene
+    margin : int
+        By how many pixels the view may move.
+    """
+
+    def __init__(self, scene: Scene, margin: int) -> None:
+        self._scene = scene
+        lens = scene.camera.lens
+        self._grid = PixelGrid.of_lens(lens)
+        self._wide = replace(
+            lens,
+            width=lens.width + 2 * margin,
+            height=lens.height + 2 * margin,
+            cx=lens.cx + margin,
+            cy=lens.cy + margin,
+        )
+        camera = Camera(self._wide, scene.camera.rotation, scene.camera.position)
+        layers = _layers(scene, camera, PixelGrid.of_lens(self._wide))
+        # averaged over a pixel at every fine place, so that looking up one place is enough
+        self._layers = [
+            cv2.blur(np.moveaxis(layer[::-1], 0, -1).astype(np.float32), (FINE, FINE))
+            for layer in layers
+        ]
+
+    def stage(self, camera: Camera) -> Stage:
+        """What the scene's camera sees once it has turned to `camera`'s attitude."""
+        x, y = self._grid.xy
+        turned = np.stack([x, y, np.ones_like(x)], axis=-1) @ (
+            camera.rotation @ self._scene.camera.rotation.T
+        )
+        px = self._wide.to_pixels(self._wide.distort(turned[..., :2] / turned[..., 2:]))
+        where = ((px + 0.5) * FINE - 0.5).astype(np.float32)
+        lights = tuple(
+            np.asarray(
+                cv2.remap(layer, where[..., 0], where[..., 1], cv2.INTER_LINEAR), dtype=np.float32
+            )
+            for layer in self._layers
+        )
+        return Stage(lights, *_places(self._scene, camera, self._grid))
+
+
+def _layers(scene: Scene, camera: Camera, coarse: PixelGrid) -> list[FloatArray]:
+    """Light (3, H, W) of the still things on a finer grid: from everywhere, then from each lamp."""
+    lighting = scene.room.lighting
+    points, _ = _surfaces(camera, coarse)
     solids = standing_solids(scene)
-    shades = [_standing_shade(points, solids, lamp) for lamp in scene.room.lighting.lamps]
-    fine_points, fine_floor = _surfaces(camera, _finer(lens, FINE))
-    paint = _paint(scene, fine_points, fine_floor)
-    fine_normals = _normals(fine_floor)
-    layers = [paint * np.reshape(scene.room.lighting.ambient, (3, 1, 1))]
-    patches = 1.0 + scene.room.lighting.unevenness * mottle(
+    grid = PixelGrid.of_lens(_finer(camera.lens, FINE))
+    fine_points, on_floor = _surfaces(camera, grid)
+    normals = _normals(on_floor)
+    paint = _paint(scene, fine_points, on_floor)
+    layers = [paint * np.reshape(lighting.ambient, (3, 1, 1))]
+    patches = 1.0 + lighting.unevenness * mottle(
         fine_points[0] + fine_points[2], fine_points[1] - fine_points[2], 0.6, scene.seed + 9
     )
-    for lamp, shade in zip(scene.room.lighting.lamps, shades, strict=True):
-        size = fine_floor.shape[::-1]
-        lit = lamp_light(fine_points, fine_normals, lamp) * patches
-        lit *= 1.0 - cv2.resize(shade, size, interpolation=cv2.INTER_LINEAR)
+    for lamp in lighting.lamps:
+        shade = _standing_shade(points, solids, lamp)
+        lit = lamp_light(fine_points, normals, lamp) * patches
+        lit *= 1.0 - cv2.resize(shade, on_floor.shape[::-1], interpolation=cv2.INTER_LINEAR)
         layers.append(paint * lit * np.reshape(lamp.colour, (3, 1, 1)))
-    grid = PixelGrid.of_lens(_finer(lens, FINE))
     for solid in solids:
         _draw(solid, scene, camera, grid, layers)
-        _mark(solid, camera, points, normals)
-    lights = tuple(_shrunk(layer, lens) for layer in layers)
-    return Stage(lights, points, normals)
+    return layers
+
+
+def _places(scene: Scene, camera: Camera, grid: PixelGrid) -> tuple[FloatArray, FloatArray]:
+    """Where the pixels' sight lines end, and the normals there, both (3, H, W)."""
+    points, on_floor = _surfaces(camera, grid)
+    normals = _normals(on_floor)
+    for solid in standing_solids(scene):
+        _mark(solid, camera, grid, points, normals)
+    return points, normals
 
 
 def _shrunk(layer: FloatArray, lens: Lens) -> Float32:
@@ -166,13 +227,15 @@ def face_lights(vertices: FloatArray, face: tuple[int, ...], scene: Scene) -> li
     return [sky, *lamps]
 
 
-def _mark(solid: Solid, camera: Camera, points: FloatArray, normals: FloatArray) -> None:
+def _mark(
+    solid: Solid, camera: Camera, grid: PixelGrid, points: FloatArray, normals: FloatArray
+) -> None:
     """Pixels whose centre is on the solid get its place, so that shadows fall on it."""
     lens = camera.lens
     window = window_of(camera.project(solid.vertices), lens.width, lens.height)
     if window.empty:
         return
-    crop = PixelGrid.of_lens(lens).crop(window)
+    crop = grid.crop(window)
     vertices = into_camera(solid.vertices, camera)
     for face in solid.faces:
         on_face = face_coverage(vertices, face, crop) > 0.5

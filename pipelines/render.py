@@ -1,0 +1,245 @@
+"""`vision render`: a synthetic clip of the experiment, with the truth beside it."""
+
+import math
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Literal, cast
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from metrology import UsageError, parse_quantity
+from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT
+from pipelines.model_options import angle_of, choose_ball, experiment_of, setup_or_default
+from pipelines.setup_file import Setup
+from sample_videos import Encoding, Physics, Scene, Shot, Truth, render_clip, strike
+from sample_videos.encode import SUFFIXES
+from sample_videos.presets import View, default_scene
+from sample_videos.truth import truth_path
+
+__all__ = ["RenderOptions", "parse_size", "planned_scene", "render_command"]
+
+FACE_FRICTION = 0.08
+LIFT = 0.25
+FRAMES_AFTER_LANDING = 14
+NOISE = {"none": 0.0, "low": 0.5, "good": 1.0, "high": 2.5, "dim": 4.0}
+VIEWS = ("landing", "impact", "oblique")
+
+
+@dataclass(frozen=True)
+class RenderOptions:
+    """What the command line adds to a setup. SI; None takes the setup's or the default.
+
+    Attributes
+    ----------
+    backswing : float
+        rad.
+    size : (2,) tuple of int
+        px.
+    noise : float
+        Multiplies the noise of a well lit sensor; 0 is a perfect one.
+    readout : float
+        Rolling shutter from first to last row, s.
+    """
+
+    backswing: float = math.radians(120.0)
+    ball: str | None = None
+    size: tuple[int, int] = (432, 240)
+    frames: int | None = None
+    seed: int = 1
+    fps: float | None = None
+    shutter: float | None = None
+    readout: float = 0.0
+    container_fps: float = 30.0
+    bitrate: float | None = None
+    codec: str = "h264"
+    view: str = "landing"
+    noise: float = 1.0
+    mirrored: bool = False
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """Width and height from ``432x240``.
+
+    Raises
+    ------
+    UsageError
+        If it is no size, or one that can't be filmed.
+    """
+    found = re.fullmatch(r"\s*(\d{1,5})\s*[x×]\s*(\d{1,5})\s*", text)
+    if found is None:
+        raise UsageError(f"--size {text!r} is no picture size", hint="Write it as 432x240.")
+    width, height = int(found[1]), int(found[2])
+    if not (32 <= width <= 4096 and 32 <= height <= 4096):
+        raise UsageError(
+            f"a picture of {width} x {height} px can't be rendered",
+            hint="Between 32 and 4096 px each way.",
+        )
+    return width, height
+
+
+def planned_scene(setup: Setup, options: RenderOptions) -> tuple[Scene, Shot]:
+    """Scene and stroke that a setup and options describe.
+
+    Raises
+    ------
+    UsageError
+        For options that can't be, DomainError for physics that can't.
+    """
+    if options.view not in VIEWS:
+        raise UsageError(f"there is no view {options.view!r}", hint=f"One of {', '.join(VIEWS)}.")
+    if options.codec not in SUFFIXES:
+        raise UsageError(
+            f"there is no codec {options.codec!r}", hint=f"One of {', '.join(SUFFIXES)}."
+        )
+    scene = _scene(setup, options, 2.6)
+    shot = strike(scene, _physics(setup, options))
+    landing = float(shot.flight.landing_position[0])
+    # the stroke does not depend on the camera, so that it may be placed once the landing is known
+    scene = _scene(setup, options, landing)
+    span = shot.landing_time - scene.shutter.first
+    count = math.ceil(span * scene.shutter.fps) + FRAMES_AFTER_LANDING
+    return replace(scene, frames=options.frames or count), shot
+
+
+def _physics(setup: Setup, options: RenderOptions) -> Physics:
+    experiment = experiment_of(setup, choose_ball(setup, options.ball))
+    return Physics(
+        options.backswing,
+        gravity=experiment.gravity,
+        air=experiment.air,
+        drag_coefficient=experiment.drag_coefficient,
+        lift_coefficient=LIFT,
+        face_friction=FACE_FRICTION,
+    )
+
+
+def _scene(setup: Setup, options: RenderOptions, reach: float) -> Scene:
+    camera, wall = setup.camera, setup.wall
+    distance = camera.distance_to_wall
+    plane = wall.ball_plane_offset
+    foot = camera.principal_point_on_wall
+    scene = default_scene(
+        ball=choose_ball(setup, options.ball),
+        size=options.size,
+        reach=reach,
+        view=cast(View, options.view),
+        distance=None if distance is None else distance[0],
+        foot=None if foot is None else (foot[0][0], foot[1][0]),
+        plane=0.45 if plane is None else plane[0],
+        pendulum=setup.pendulum or PAPER_PENDULUM,
+        support=setup.support or PAPER_SUPPORT,
+        seed=options.seed,
+    )
+    fps = options.fps or camera.capture_fps or scene.shutter.fps
+    exposure = options.shutter or camera.shutter or min(scene.shutter.exposure, 0.6 / fps)
+    first = scene.shutter.first * scene.shutter.fps / fps
+    painted = replace(scene.room.wall, pitch=wall.grid or scene.room.wall.pitch)
+    if wall.fine_grid is not None:
+        painted = replace(painted, fine_pitch=wall.fine_grid)
+    codec = cast(Literal["h264", "mjpeg", "ffv1", "png"], options.codec)
+    rate = options.bitrate or scene.encoding.bitrate
+    sensor = scene.sensor
+    if options.noise == 0.0:
+        sensor = replace(sensor, full_well=0.0)
+    else:
+        well = sensor.full_well / options.noise**2
+        sensor = replace(sensor, full_well=well, read_noise=sensor.read_noise / options.noise)
+    return replace(
+        scene,
+        shutter=replace(
+            scene.shutter, fps=fps, exposure=exposure, readout=options.readout, first=first
+        ),
+        encoding=Encoding(codec, rate, options.container_fps),
+        room=replace(scene.room, wall=painted),
+        sensor=sensor,
+        mirrored=options.mirrored,
+    )
+
+
+def _filmed(scene: Scene, shot: Shot, out: Path, quiet: bool) -> Truth:
+    console = Console(stderr=True)
+    columns = (TextColumn("rendering"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    hidden = quiet or not console.is_terminal
+    with Progress(*columns, console=console, transient=True, disable=hidden) as bar:
+        task = bar.add_task("", total=scene.frames)
+        return render_clip(
+            scene, shot, out, progress=lambda done, _: bar.update(task, completed=done)
+        )
+
+
+def render_command(
+    out: Annotated[
+        Path,
+        typer.Option("--out", "-o", help="The clip to write; its name ends as the codec wants."),
+    ],
+    setup: Annotated[Path | None, typer.Option(help="Setup file (TOML).")] = None,
+    ball: Annotated[
+        str | None, typer.Option(help="A preset, or a ball of the setup file.", metavar="NAME")
+    ] = None,
+    backswing: Annotated[
+        str, typer.Option(help="Back-swing angle, such as '90 deg'.", metavar="ANGLE")
+    ] = "120 deg",
+    size: Annotated[str, typer.Option(help="Picture size, px.", metavar="WxH")] = "432x240",
+    frames: Annotated[
+        int | None, typer.Option(help="Default: until shortly after landing.", min=1)
+    ] = None,
+    seed: Annotated[int, typer.Option(help="The same seed gives the same clip.", min=0)] = 1,
+    fps: Annotated[
+        str | None, typer.Option(help="Capture rate; default 600 fps.", metavar="RATE")
+    ] = None,
+    shutter: Annotated[
+        str | None, typer.Option(help="Exposure time, such as '1/2000 s'.", metavar="TIME")
+    ] = None,
+    readout: Annotated[
+        str, typer.Option(help="Rolling shutter, first row to last.", metavar="TIME")
+    ] = "0 s",
+    container_fps: Annotated[float, typer.Option(help="Rate that the file claims.")] = 30.0,
+    bitrate: Annotated[
+        float | None, typer.Option(help="kbit/s of played time.", metavar="KBIT")
+    ] = None,
+    codec: Annotated[str, typer.Option(help="h264, mjpeg, ffv1 (lossless) or png.")] = "h264",
+    view: Annotated[str, typer.Option(help="landing, impact or oblique.")] = "landing",
+    noise: Annotated[str, typer.Option(help="none, low, good, high, dim.")] = "good",
+    mirrored: Annotated[bool, typer.Option(help="The ball is struck to the left.")] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing.")] = False,
+) -> None:
+    """Render a synthetic clip with its truth file.
+
+    Example: vision render --setup lab.toml --backswing "90 deg" --seed 7 -o clip.mp4
+    """
+    if noise not in NOISE:
+        raise UsageError(f"--noise {noise!r} is not known", hint=f"One of {', '.join(NOISE)}.")
+    if bitrate is not None and not bitrate > 0:
+        raise UsageError(f"--bitrate {bitrate:g} is not above zero")
+    options = RenderOptions(
+        backswing=angle_of(backswing),
+        ball=ball,
+        size=parse_size(size),
+        frames=frames,
+        seed=seed,
+        fps=None if fps is None else _positive("--fps", fps, "fps"),
+        shutter=None if shutter is None else _positive("--shutter", shutter, "s"),
+        readout=parse_quantity(readout, "s"),
+        container_fps=container_fps,
+        bitrate=None if bitrate is None else 1000.0 * bitrate,
+        codec=codec,
+        view=view,
+        noise=NOISE[noise],
+        mirrored=mirrored,
+    )
+    if not out.absolute().parent.is_dir():
+        raise UsageError(f"can't write {out}: there is no folder {out.parent}")
+    scene, shot = planned_scene(setup_or_default(setup), options)
+    _filmed(scene, shot, out, quiet)
+    if not quiet:
+        typer.echo(f"{out}\n{truth_path(out)}")
+
+
+def _positive(name: str, text: str, unit: str) -> float:
+    value = float(text) if re.fullmatch(r"[0-9.]+", text) else parse_quantity(text, unit)
+    if not value > 0.0:
+        raise UsageError(f"{name} {text} is not above zero")
+    return value

@@ -1,0 +1,101 @@
+"""Make the clips that ship with the package: ``python -m sample_videos.make_clips [FOLDER]``."""
+
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from metrology import write_text_whole
+from physics.bodies import BALLS
+from sample_videos.presets import default_scene, staged
+from sample_videos.render import render_clip
+from sample_videos.scene import Scene
+
+__all__ = ["CLIPS", "FOLDER", "Sample", "make_clip"]
+
+FOLDER = Path(__file__).parent / "clips"
+
+TAPE_STD = 0.003
+"""m; how far off the tape is at random."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One clip that ships.
+
+    Attributes
+    ----------
+    reach : float
+        About where the ball lands, m.
+    kilobytes : float
+        About how large the file may get.
+    """
+
+    name: str
+    ball: str
+    backswing_deg: float
+    size: tuple[int, int]
+    reach: float
+    seed: int
+    kilobytes: float
+
+
+CLIPS = (
+    Sample("jokku_120", "jokku", 119.9, (640, 360), 2.60, 5, 520.0),
+    Sample("basketball_60", "basketball", 60.2, (432, 240), 1.33, 3, 480.0),
+    Sample("jokku_90_small", "jokku", 90.1, (208, 116), 1.94, 4, 330.0),
+)
+
+
+def make_clip(sample: Sample, folder: Path) -> Path:
+    """Render one clip with its truth and the setup that a lab would write down."""
+    scene = default_scene(
+        ball=BALLS[sample.ball], size=sample.size, reach=sample.reach, seed=sample.seed
+    )
+    sensor = replace(scene.sensor, full_well=16000.0, read_noise=22.0)
+    scene, shot = staged(sample.backswing_deg, replace(scene, sensor=sensor))
+    seconds = scene.frames / scene.encoding.container_fps
+    rate = 8000.0 * sample.kilobytes / seconds
+    scene = replace(scene, encoding=replace(scene.encoding, bitrate=rate))
+    path = folder / f"{sample.name}.mp4"
+    render_clip(scene, shot, path)
+    write_text_whole(folder / f"{sample.name}.toml", _setup(scene))
+    return path
+
+
+def _setup(scene: Scene) -> str:
+    """What the lab knows: nominal rate, distances by tape."""
+    rng = np.random.default_rng([scene.seed, 31])
+    camera = scene.camera
+    foot = camera.axis_foot
+    lengths = [camera.position[2], foot[0], foot[1], scene.room.plane]
+    far, x, y, plane = (f"{v + rng.normal(0, TAPE_STD):.3f} +- 0.005 m" for v in lengths)
+    return f"""# What a lab would write down; the truth is beside it, in .truth.json.
+[camera]
+capture_fps = {scene.shutter.fps:g}
+distance_to_wall = "{far}"
+principal_point_on_wall = ["{x}", "{y}"]
+shutter = "{scene.shutter.exposure:g} s"
+
+[wall]
+grid = "{1000 * scene.room.wall.pitch:g} mm"
+fine_grid = "{1000 * scene.room.wall.fine_pitch:g} mm"
+ball_plane_offset = "{plane}"
+
+[ball]
+preset = "{scene.ball.name}"
+"""
+
+
+def main(arguments: list[str]) -> None:
+    """Make all clips into the folder named, by default that of the package."""
+    folder = Path(arguments[0]) if arguments else FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    for sample in CLIPS:
+        path = make_clip(sample, folder)
+        print(f"{path}: {path.stat().st_size / 1000:.0f} kB")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
