@@ -171,20 +171,25 @@ def simulate_contact(
     start = np.array(
         [ball.launch_angle, impact_speed / pendulum.length, 0.0, scene.rest_height, 0.0, 0.0, 0.0]
     )
+    return _history(scene, law, impact_speed, _phases(scene, law, start), samples)
+
+
+def _phases(scene: ContactScene, law: HuntCrossley, state: FloatArray) -> list[Path]:
+    """The motion on the support, off it, perhaps on it again, until the face lets go."""
     phases: list[Path] = []
-    resting, since, state = True, 0.0, start
+    resting, since = True, 0.0
     while not phases or (phases[-1].ended_by == 1 and len(phases) < MOST_PHASES):
         phases.append(_phase(scene, law, state, since, resting=resting))
         since, state = phases[-1].end, phases[-1].state.copy()
-        if resting is False:
+        if not resting:
             state[3], state[5] = scene.rest_height, 0.0
         resting = not resting
     if phases[-1].ended_by != 0:
         raise DomainError(
-            f"a ball struck at {impact_speed:.3g} m/s is not released within {LONGEST:g} s",
+            f"the ball is not released by the face within {LONGEST:g} s",
             hint="A very slow impact or a very small coefficient of restitution can't be followed.",
         )
-    return _history(scene, law, impact_speed, phases, samples)
+    return phases
 
 
 def _phase(

@@ -134,14 +134,18 @@ def fit_cor(
 def compare_cor_fits(
     speed: FloatArray, cor: FloatArray, std: FloatArray | None = None
 ) -> tuple[CorFit, ...]:
-    """All laws that the number of points allows, the preferred (lowest AICc, then BIC) first."""
+    """All laws that the number of points allows, the preferred first.
+
+    Preferred by the corrected Akaike criterion; by BIC where there are too few points for it.
+    """
     fits = []
     for model, parameters in (("exponential", 3), ("power", 1), ("constant", 1)):
         if len(speed) >= parameters:
             fits.append(fit_cor(speed, cor, std, model=model))
     if not fits:
         raise TooLittleDataError("no points, no law of restitution")
-    return tuple(sorted(fits, key=lambda fit: (fit.aicc, fit.bic)))
+    enough = all(math.isfinite(fit.aicc) for fit in fits)
+    return tuple(sorted(fits, key=lambda fit: fit.aicc if enough else fit.bic))
 
 
 def fit_rational(backswing_deg: FloatArray, speed: FloatArray) -> CorFit:

@@ -8,7 +8,7 @@ import numpy as np
 from metrology import DomainError
 from physics.arrays import FloatArray
 from physics.domain import require_finite, require_positive
-from physics.events import Event, follow_until
+from physics.events import Event, Path, follow_until
 from physics.forces import Acceleration, SpinRate, total_acceleration
 
 __all__ = ["Flight", "fly"]
@@ -99,8 +99,21 @@ def fly(
     require_positive("the longest flight", longest, "s")
     if start[1] < floor:
         raise DomainError(f"a flight can't start below the floor ({start[1]:.3f} < {floor:.3f} m)")
-    spinning = spin_rate is not None
+    path = _path(start, forces, spin_rate, floor, longest, tolerance)
+    time = np.linspace(0.0, path.end, samples)
+    states = path.at(time).T
+    states[-1] = path.state
+    return Flight(time, states[:, :3], states[:, 3:6], states[:, 6:])
 
+
+def _path(
+    start: FloatArray,
+    forces: Sequence[Acceleration],
+    spin_rate: SpinRate | None,
+    floor: float,
+    longest: float,
+    tolerance: float,
+) -> Path:
     def rates(time: float, state: FloatArray) -> FloatArray:
         x, y, z, vx, vy, vz, wx, wy, wz = state.tolist()
         place, move, turn = (x, y, z), (vx, vy, vz), (wx, wy, wz)
@@ -125,8 +138,4 @@ def fly(
             f"the ball has not landed after {longest:g} s",
             hint="Is there gravity, and is the wind or lift of a believable size?",
         )
-    time = np.linspace(0.0, path.end, samples)
-    states = path.at(time).T
-    states[-1] = path.state
-    turn = states[:, 6:] if spinning else np.broadcast_to(start[6:], (samples, 3))
-    return Flight(time, states[:, :3], states[:, 3:6], np.array(turn))
+    return path

@@ -145,29 +145,47 @@ def plan_distance(
     speed = speed_for_distance(distance, lands, slowest, fastest * (1.0 - 1e-9))
     backswing = backswing_for_speed(pendulum, speed, ball.launch_angle, experiment.gravity)
 
-    here = np.array([speed])
-    step = 1e-3 * speed
-    by_speed = float(np.diff(lands(np.array([speed - step, speed + step])))[0]) / (2.0 * step)
-    by_cor = float((lands(here, 1e-3) - lands(here, -1e-3))[0]) / 2e-3
-    by_angle = float((lands(here, 0.0, 1e-3) - lands(here, 0.0, -1e-3))[0]) / 2e-3
+    slopes = _slopes(lands, speed)
     weight = pendulum.mass * experiment.gravity * pendulum.com
-    speed_by_angle = weight * math.sin(backswing) * pendulum.length**2 / (pendulum.inertia * speed)
+    by_angle = weight * math.sin(backswing) * pendulum.length**2 / (pendulum.inertia * speed)
+    return _with_scatter(distance, speed, backswing, slopes, by_angle, scatter)
 
-    own = (
-        by_speed * speed_by_angle * scatter.backswing,
-        by_cor * scatter.cor,
-        by_angle * scatter.launch_angle,
+
+def _slopes(
+    lands: Callable[[FloatArray, float, float], FloatArray], speed: float
+) -> tuple[float, float, float]:
+    """Change of the distance with speed, with e and with the launch angle."""
+    here, step = np.array([speed]), 1e-3
+    by_speed = np.diff(lands(speed + speed * np.array([-step, step]), 0.0, 0.0))[0] / speed
+    by_cor = (lands(here, step, 0.0) - lands(here, -step, 0.0))[0]
+    by_angle = (lands(here, 0.0, step) - lands(here, 0.0, -step))[0]
+    return (
+        float(by_speed) / (2.0 * step),
+        float(by_cor) / (2.0 * step),
+        float(by_angle) / (2.0 * step),
     )
+
+
+def _with_scatter(
+    distance: float,
+    speed: float,
+    backswing: float,
+    slopes: tuple[float, float, float],
+    speed_by_backswing: float,
+    scatter: PlanScatter,
+) -> Plan:
+    by_speed, by_cor, by_angle = slopes
     shared = (by_cor * scatter.cor_law, by_angle * scatter.launch_angle_law)
-    distance_std = math.hypot(*own, *shared)
-    speed_std = math.hypot(*own[1:], *shared) / by_speed
-    backswing_std = math.hypot(speed_std / max(speed_by_angle, 1e-9), scatter.backswing)
+    own = (by_cor * scatter.cor, by_angle * scatter.launch_angle)
+    swung = speed_by_backswing * scatter.backswing
+    distance_std = math.hypot(by_speed * swung, *own, *shared)
+    speed_std = math.hypot(*own, *shared) / by_speed
     return Plan(
         distance,
         speed,
         backswing,
-        math.hypot(speed_std, speed_by_angle * scatter.backswing),
-        backswing_std,
+        math.hypot(speed_std, swung),
+        math.hypot(speed_std / max(speed_by_backswing, 1e-9), scatter.backswing),
         distance_std,
         (distance - 1.96 * distance_std, distance + 1.96 * distance_std),
     )

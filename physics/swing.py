@@ -10,7 +10,7 @@ from metrology import DomainError
 from physics.arrays import FloatArray, FloatOrArray
 from physics.bodies import GRAVITY, Pendulum
 from physics.domain import require_angle, require_non_negative, require_positive
-from physics.events import Event, follow_until
+from physics.events import Event, Path, follow_until
 
 __all__ = [
     "Bearing",
@@ -196,6 +196,22 @@ def swing(
             hint="Friction holds it, or it stands upright on its pivot.",
         )
 
+    path = _approach(pendulum, start, contact_angle, losses, torque, gravity)
+    time = np.linspace(0.0, path.end, samples)
+    states = path.at(time)
+    return Swing(time, states[0], states[1], float(path.state[1]) * pendulum.length)
+
+
+def _approach(
+    pendulum: Pendulum,
+    start: float,
+    contact_angle: float,
+    losses: Bearing,
+    torque: Callable[[float, float], float] | None,
+    gravity: float,
+) -> Path:
+    weight = pendulum.mass * gravity * pendulum.com
+
     def rates(_: float, state: FloatArray) -> list[float]:
         phi, omega = float(state[0]), float(state[1])
         # until it moves, friction acts against the coming motion
@@ -221,9 +237,7 @@ def swing(
     )
     if path.ended_by != 0:
         raise DomainError(
-            f"let go at {math.degrees(backswing):.1f} deg, the pendulum stops before the ball",
+            f"let go at {math.degrees(-start):.1f} deg, the pendulum stops before the ball",
             hint="The back-swing is too small for the friction given.",
         )
-    time = np.linspace(0.0, path.end, samples)
-    states = path.at(time)
-    return Swing(time, states[0], states[1], float(path.state[1]) * pendulum.length)
+    return path

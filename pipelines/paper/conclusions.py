@@ -8,13 +8,21 @@ import numpy as np
 
 from physics.air import PAPER_AIR
 from physics.bodies import BALLS, PAPER_PENDULUM, PAPER_SUPPORT
+from physics.cor_fit import CorFit, compare_cor_fits
 from physics.inversion import RangeInputs, cor_from_range, sensitivities
 from physics.swing import backswing_for_speed, frictionless_speed
 from pipelines.model_plots import BLUE, ORANGE, saved_figure
 from pipelines.paper import printed
-from pipelines.paper.speeds import measured_speeds
+from pipelines.paper.speeds import EFFECTIVE_MASS, measured_speeds
 
-__all__ = ["Conclusion", "SwingCheck", "conclusions", "draw_sensitivities", "swing_checks"]
+__all__ = [
+    "Conclusion",
+    "SwingCheck",
+    "conclusions",
+    "draw_sensitivities",
+    "implied_fits",
+    "swing_checks",
+]
 
 _INPUTS = (
     "impact_speed",
@@ -131,6 +139,18 @@ def swing_checks() -> tuple[SwingCheck, ...]:
                 SwingCheck(name, angle, float(speed), limit, degrees, degrees - angle > READING_STD)
             )
     return tuple(found)
+
+
+def implied_fits(name: str) -> tuple[CorFit, ...]:
+    """Laws of restitution fitted to the four e that Table 6 implies, the preferred first.
+
+    The uncertainty is that of the table's last digit.
+    """
+    ball, speeds = BALLS[name], measured_speeds(name)
+    share = EFFECTIVE_MASS * ball.mass / (EFFECTIVE_MASS + ball.mass) * speeds
+    impulse = np.array([float(text) for text in printed.TABLE_6[name]["variable"]])
+    std = np.asarray(1e-4 / math.sqrt(12.0) / share)
+    return compare_cor_fits(speeds, np.asarray(impulse / share - 1.0), std)
 
 
 def draw_sensitivities(path: Path) -> None:

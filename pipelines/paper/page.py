@@ -15,7 +15,12 @@ from metrology import UsageError, write_text_whole
 from physics.bodies import BALLS
 from pipelines.paper.audit import audit
 from pipelines.paper.cells import Cell
-from pipelines.paper.conclusions import conclusions, draw_sensitivities, swing_checks
+from pipelines.paper.conclusions import (
+    conclusions,
+    draw_sensitivities,
+    implied_fits,
+    swing_checks,
+)
 from pipelines.paper.figures import draw_figures
 from pipelines.paper.speeds import measured_speeds
 from pipelines.paper.table5 import ALLOWANCE, contact_candidate, investigate
@@ -114,11 +119,25 @@ def _swing_section() -> str:
     return _table(header, rows)
 
 
+def _fits_section() -> str:
+    rows = []
+    for name in BALLS:
+        for fit in implied_fits(name):
+            values = ", ".join(
+                f"{p.name} {p.value:.4f} ({p.low:.4f} to {p.high:.4f})" for p in fit.parameters
+            )
+            rows.append(
+                (name, fit.model, values, str(fit.dof), f"{fit.chi2:.3g}", f"{fit.bic:.4g}")
+            )
+    return _table(("ball", "law", "parameters (95 %)", "dof", "χ²", "BIC"), rows)
+
+
 def sections() -> dict[str, str]:
     """All generated parts by the name in their markers."""
     return {
         "launch": _launch_section(),
         "conclusions": _conclusions_section(),
+        "fits": _fits_section(),
         "swing": _swing_section(),
         "table-5": _candidates_section(),
         "audit": _audit_section(audit()),
