@@ -12,6 +12,7 @@ from typing import Any
 import av
 import numpy as np
 from av.error import FFmpegError
+from av.stream import Disposition
 from numpy.typing import NDArray
 
 from metrology import ClipError
@@ -124,7 +125,7 @@ class VideoFile:
         """Decode from the beginning; damaged packets are left out and counted in `damaged`."""
         self.damaged = 0
         times = self.packets.times
-        index, zero, last = 0, None, -np.inf
+        index, zero, last, size = 0, None, -np.inf, None
         with self._opened() as (container, stream):
             for frame in self._decoded(container, stream):
                 if self._by_order or frame.pts is None:
@@ -135,6 +136,13 @@ class VideoFile:
                     tick = float(frame.time_base or stream.time_base)
                     first = times.stamps[0] if len(times.stamps) else frame.pts
                     time = float(times.seconds[place]) if known else (frame.pts - int(first)) * tick
+                size = size or (frame.width, frame.height)
+                if (frame.width, frame.height) != size:
+                    raise ClipError(
+                        f"the pictures of {self.path} change size at frame {index}, from "
+                        f"{size[0]}×{size[1]} to {frame.width}×{frame.height} px",
+                        hint="Cut the recording there and measure the parts.",
+                    )
                 zero = time if zero is None else zero
                 if time <= last:
                     time = last + (times.interval_s if np.isfinite(times.interval_s) else 0.0)
@@ -215,16 +223,19 @@ class VideoFile:
     @contextmanager
     def _opened(self) -> Iterator[tuple[Any, Any]]:
         try:
-            container = av.open(str(self.path))
+            # An absolute name is never taken for a protocol; a playlist must not reach the network.
+            name = str(self.path.resolve())
+            container = av.open(name, options={"protocol_whitelist": "file"})
         except FFmpegError as problem:
             raise _unreadable(self.path, problem) from problem
         try:
-            if not container.streams.video:
+            stream = _moving_pictures(container)
+            if stream is None:
                 raise ClipError(
                     f"{self.path} holds {_contents(container)} and no video",
                     hint="Give the file with the pictures.",
                 )
-            yield container, container.streams.video[0]
+            yield container, stream
         finally:
             container.close()
 
@@ -235,13 +246,26 @@ def _declared_duration(container: Any, stream: Any) -> float | None:
     return None if container.duration is None else float(container.duration) / av.time_base
 
 
+def _moving_pictures(container: Any) -> Any | None:
+    """The video stream with the largest pictures, cover art aside."""
+    streams = [
+        stream
+        for stream in container.streams.video
+        if not stream.disposition & Disposition.attached_pic
+    ]
+    return max(streams, key=lambda stream: stream.width * stream.height, default=None)
+
+
 def _contents(container: Any) -> str:
     kinds = sorted({str(stream.type) for stream in container.streams})
     return " and ".join(kinds) if kinds else "nothing"
 
 
 def _unreadable(path: Path, problem: FFmpegError) -> ClipError:
-    head = path.read_bytes()[:64] if path.is_file() else b""
+    head = b""
+    if os.access(path, os.R_OK):
+        with path.open("rb") as file:
+            head = file.read(12)
     if head[4:8] in (b"ftyp", b"mdat", b"wide", b"moov", b"free", b"skip"):
         return ClipError(
             f"{path} is cut off: its index (moov) is missing or broken",

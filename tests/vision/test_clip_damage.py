@@ -120,3 +120,37 @@ def test_nothing_decodable(tmp_path):
     start = data.index(b"\xff\xd8")
     path.write_bytes(data[:start] + bytes(len(data) - start))
     refusal(path)
+
+
+def test_a_container_under_another_ones_name_is_read(tmp_path):
+    path = write_clip(tmp_path / "a.avi", moving_disc(5))
+    assert Clip.open(path.rename(tmp_path / "a.mp4")).info.frames == 5
+
+
+def test_names_that_look_like_protocols_are_files(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = write_clip(tmp_path / "a.mp4", moving_disc(3))
+    path.rename(tmp_path / "trial 1: jokku.mp4")
+    assert Clip.open("trial 1: jokku.mp4").info.frames == 3
+
+
+def test_a_playlist_under_a_video_name_does_not_reach_out(tmp_path):
+    path = tmp_path / "list.mp4"
+    path.write_text("#EXTM3U\n#EXTINF:10,\nhttp://127.0.0.1:9/clip.ts\n#EXT-X-ENDLIST\n")
+    refusal(path)
+
+
+def test_pictures_that_change_size_are_refused_where_they_do(tmp_path):
+    parts = []
+    for number, size in enumerate(((160, 120), (96, 64))):
+        images = [scene(30, 30, size=size)] * 4
+        parts.append(
+            write_clip(
+                tmp_path / f"{number}.mjpeg", images, codec="mjpeg", pix_fmt="yuvj420p",
+                full_range=True,
+            ).read_bytes()
+        )  # fmt: skip
+    path = tmp_path / "joined.mjpeg"
+    path.write_bytes(b"".join(parts))
+    with pytest.raises(ClipError, match="change size at frame 4, from 160×120 to 96×64"):
+        list(Clip.open(path).frames())
