@@ -156,7 +156,7 @@ def second_effect_share(hypothesis: Hypothesis) -> float:
     """Share of the gain that a further effect must add before it is more than an imperfect law."""
     if hypothesis.has_unnamed:
         return 0.15
-    return 0.07 if LOOSE_LAWS.intersection(hypothesis.ids) else 0.025
+    return 0.07 if LOOSE_LAWS.intersection(hypothesis.ids) else 0.008
 
 
 def with_gain(hypothesis: Hypothesis, base_objective: float) -> Hypothesis:

@@ -104,7 +104,8 @@ def scan(forward: Forward, fit: Fit, candidates: Sequence[Candidate]) -> Scan:
     kept = own_prior < 1e15
     own_pull = np.where(kept, -fit.nuisance * np.where(kept, own_prior, 0.0), 0.0)
     shared_pull = np.zeros(shared.shape[-1])
-    shared_pull[: fit.law_offsets.size] = (-fit.law_offsets * law_prior).reshape(-1)
+    if fit.law_offsets.size:
+        shared_pull[: fit.law_offsets.size] = (-fit.law_offsets * law_prior).reshape(-1)
     system = Linearised(base.residual, base.own, shared, base.prior, prior)
     matrix, vector, _, _ = reduce(system, own_pull, shared_pull)
     if held:

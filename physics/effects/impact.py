@@ -55,10 +55,15 @@ def change_restitution(contact: Contact, outcome: Outcome, change: Number) -> Ou
 
 
 def turn_launch(outcome: Outcome, angle: Number) -> Outcome:
-    """Outcome with the ball's velocity turned by `angle` (rad, positive up), about its start."""
+    """Outcome with push and velocity turned by `angle` (rad, positive up).
+
+    The way during contact turns with the push; its small vertical part is left as it is.
+    """
     cosine, sine = np.cos(angle), np.sin(angle)
     return replace(
         outcome,
+        x=cosine * outcome.x,
+        y=outcome.y + sine * outcome.x,
         vx=cosine * outcome.vx - sine * outcome.vy,
         vy=sine * outcome.vx + cosine * outcome.vy,
     )
@@ -185,8 +190,23 @@ class ContactDisplacement(Effect):
     separating: str = "more frames during contact (higher capture rate)"
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
-        """Stretch the way, at unchanged velocity."""
-        return replace(outcome, x=outcome.x * (1.0 + values["relative_change"]))
+        """Stretch the way, at unchanged velocity; a softer ball also stays longer in contact."""
+        change = values["relative_change"]
+        stretched = replace(outcome, x=outcome.x * (1.0 + change))
+        if self.form == "way alone":
+            return stretched
+        # Released later by the share, at the mean of the pendulum's speeds during contact.
+        longer = change * outcome.contact_time
+        mean_rate = 0.5 * (contact.omega + outcome.pendulum_speed / contact.length)
+        rise = 0.5 * (contact.angle + outcome.pendulum_angle)
+        pull = contact.gravity * longer
+        return replace(
+            stretched,
+            y=outcome.y + change * outcome.x * np.tan(rise) - 0.5 * pull * outcome.contact_time,
+            vy=outcome.vy - pull,
+            contact_time=outcome.contact_time + longer,
+            pendulum_angle=outcome.pendulum_angle + mean_rate * longer,
+        )
 
 
 @dataclass(frozen=True)
@@ -207,6 +227,11 @@ class PivotRecoil(Effect):
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
         """Take the same share from both bodies."""
         kept = 1.0 - values["lost_share"]
+        if self.form == "pendulum alone":
+            lost = contact.impact_speed - outcome.pendulum_speed
+            return replace(
+                outcome, pendulum_speed=outcome.pendulum_speed - values["lost_share"] * lost
+            )
         return replace(
             outcome,
             vx=outcome.vx * kept,
@@ -233,6 +258,9 @@ class SupportRecoil(Effect):
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
         """Add vertical speed."""
+        if self.form == "whole velocity":
+            kept = 1.0 - values["vertical_share"]
+            return replace(outcome, vx=outcome.vx * kept, vy=outcome.vy * kept)
         reference: Number = contact.impact_speed
         if self.form == "of vertical speed":
             reference = outcome.vy
