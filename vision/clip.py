@@ -24,6 +24,9 @@ from vision.video_file import VideoFile
 __all__ = ["Clip", "ClipInfo", "Fields", "Frame"]
 
 
+FloatArray = NDArray[np.float64]
+
+
 class _Picture(Protocol):
     @property
     def index(self) -> int: ...
@@ -49,6 +52,7 @@ class Clip:
         self._source = source
         self._upright = upright
         self._damage: tuple[str, ...] = ()
+        self._read_times: FloatArray | None = None
         self.info = info
 
     @classmethod
@@ -100,6 +104,30 @@ class Clip:
         """What is odd about the file, with the damage met while decoding so far."""
         return self.info.warnings + self._damage
 
+    def capture_times(self, capture_fps: float) -> FloatArray:
+        """Times of all frames on the camera's clock.
+
+        Taken from the packets' stamps; once the clip has been read to its end, from the frames that
+        came out of it. Where frames were dropped or the rate varies, these are not evenly spaced.
+
+        Parameters
+        ----------
+        capture_fps : float
+            Frames (fields, where they are separated) per second of the camera.
+
+        Returns
+        -------
+        (frames,) array
+            s, 0 at the first frame.
+        """
+        times = self._read_times
+        if times is None:
+            times = self._source.times_s
+            if self.info.interlaced:
+                half = 1.0 / self.info.container_fps
+                times = np.stack([times, times + half], axis=1).ravel()
+        return times * (self.info.container_fps / capture_fps)
+
     def frames(self, start: int = 0, stop: int | None = None) -> Iterator[Frame]:
         """Give the frames from `start` up to, not including, `stop`, in order.
 
@@ -137,8 +165,8 @@ class Clip:
         self, start: int, stop: int | None
     ) -> Iterator[tuple[int, float, _Picture, bool | None]]:
         weave = self.info.weave
-        half = 0.5 * (2.0 / self.info.container_fps) if weave != "progressive" else 0.0
-        count = 0
+        half = 1.0 / self.info.container_fps
+        times: list[float] = []
         for picture in self._source.pictures():
             fields = (
                 (None,) if weave == "progressive" else (weave != "top_first", weave == "top_first")
@@ -147,13 +175,14 @@ class Clip:
                 index = picture.index * len(fields) + part
                 if stop is not None and index >= stop:
                     return
+                times.append(picture.time_s + part * half)
                 if index >= start:
-                    yield index, picture.time_s + part * half, picture, bottom
-            count = (picture.index + 1) * len(fields)
-        self._reached_end(count)
+                    yield index, times[-1], picture, bottom
+        self._reached_end(np.array(times))
 
-    def _reached_end(self, count: int) -> None:
-        expected = self.info.frames
+    def _reached_end(self, times: FloatArray) -> None:
+        self._read_times = times
+        count, expected = len(times), self.info.frames
         damaged = getattr(self._source, "damaged", 0)
         if damaged or count < expected:
             lost = max(damaged, expected - count)

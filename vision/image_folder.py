@@ -104,6 +104,11 @@ class ImageFolder:
             variable_rate=False,
         )
 
+    @property
+    def times_s(self) -> NDArray[np.float64]:
+        """Numbers of the images, as times."""
+        return np.arange(len(self._paths), dtype=np.float64)
+
     def pictures(self) -> Iterator[ImageFrame]:
         """Give the images in order."""
         for index, path in enumerate(self._paths):

@@ -150,6 +150,11 @@ class VideoFile:
                 yield VideoPicture(index, time - zero, frame)
                 index += 1
 
+    @property
+    def times_s(self) -> NDArray[np.float64]:
+        """Time of every picture after its packet's stamp, s, 0 at the first."""
+        return self.packets.times.seconds
+
     def sha256(self) -> str:
         """Digest of the file."""
         with self.path.open("rb") as file:

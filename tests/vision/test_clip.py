@@ -250,3 +250,16 @@ def test_memory_stays_flat_over_ten_seconds_of_1080p(tmp_path):
     assert int(printed[0]) == 18_000
     print(f"peak resident memory {float(printed[1]):.0f} MB")
     assert float(printed[1]) < 500.0
+
+
+def test_capture_times_keep_gaps_and_need_no_decoding(tmp_path):
+    stamps = [0, 1, 2, 3, 6, 7, 8]
+    path = write_clip(tmp_path / "gap.mp4", moving_disc(7), stamps=stamps)
+    clip = Clip.open(path)
+    before = clip.capture_times(600.0)
+    assert before == pytest.approx(np.array(stamps) / 600)
+    list(clip.frames())
+    assert clip.capture_times(600.0) == pytest.approx(before)
+    for index in range(3):
+        cv2.imwrite(str(tmp_path / f"{index}.png"), scene(20, 20))
+    assert Clip.open(tmp_path).capture_times(600.0) == pytest.approx(np.arange(3) / 600)

@@ -105,6 +105,8 @@ def test_damage_in_the_middle_is_left_out_and_told(tmp_path, capfd):
     assert clip.info.frames == len(frames)
     assert "could not be decoded" in " ".join(clip.warnings)
     # Frames after the damage still have their own times.
+    assert clip.capture_times(600.0)[-1] == pytest.approx(39 / 600)
+    assert len(clip.capture_times(600.0)) == len(frames)
     last = frames[-1]
     assert last.time_s == pytest.approx(39 / 30)
     assert np.abs(last.gray.astype(int) - images[39]).mean() < 3

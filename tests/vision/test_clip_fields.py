@@ -72,3 +72,11 @@ def test_a_ramp_survives_separation():
     for bottom in (False, True):
         field = separate_field(ramp, bottom)
         assert np.array_equal(field[1:-1], ramp[1:-1])
+
+
+def test_capture_times_count_fields(tmp_path):
+    path = write_clip(tmp_path / "i.mp4", woven(moving_disc(40, 2.0)), options=LOSSLESS)
+    clip = Clip.open(path)
+    assert clip.capture_times(600.0) == pytest.approx(np.arange(40) / 600)
+    list(clip.frames())
+    assert clip.capture_times(600.0) == pytest.approx(np.arange(40) / 600)
