@@ -53,7 +53,12 @@ class Candidate:
 
 def start_values(candidate: Candidate, model: Model) -> dict[str, float]:
     """Parameter values that leave the model as it is: what it holds already, else neutral."""
-    held = {name: v for e, values in model.entries if e.id == candidate.id != "unnamed" for name, v in values.items()}
+    held = {
+        name: v
+        for e, values in model.entries
+        if e.id == candidate.id != "unnamed"
+        for name, v in values.items()
+    }
     values = candidate.effect.neutral | dict(candidate.shape)
     return values | {k: float(v) for k, v in held.items() if k in values}
 
@@ -88,7 +93,9 @@ def _adapted_grid(p: Parameter, forward: Forward) -> Parameter:
         used = records.ball_used[..., 1]
         ys = records.position[..., 1][used]
         low, high = (float(ys.min()), float(ys.max())) if ys.size else (0.0, 1.0)
-        return replace(p, grid=_spread_grid(low - 0.1 * half, high + 0.1 * half, 4), scale=0.1 * half)
+        return replace(
+            p, grid=_spread_grid(low - 0.1 * half, high + 0.1 * half, 4), scale=0.1 * half
+        )
     if p.name == "reach" and p.unit == "m":
         return replace(p, grid=(0.07 * half, 0.2 * half), scale=0.07 * half, lower=0.01 * half)
     if p.name == "strength" and p.unit == "N":
@@ -128,7 +135,9 @@ def candidates_for(
     return tuple(found)
 
 
-def steps_of(candidate: Candidate, values: dict[str, float]) -> list[tuple[Parameter, float, dict[str, float]]]:
+def steps_of(
+    candidate: Candidate, values: dict[str, float]
+) -> list[tuple[Parameter, float, dict[str, float]]]:
     """One small step of each strength, inwards where a bound is near."""
     moves = []
     for p in candidate.effect.strengths:
@@ -137,4 +146,3 @@ def steps_of(candidate: Candidate, values: dict[str, float]) -> list[tuple[Param
             step = -step
         moves.append((p, step, values | {p.name: values[p.name] + step}))
     return moves
-

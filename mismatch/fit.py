@@ -240,7 +240,9 @@ def reduce(
     b = own_t @ system.shared
     # A tiny ridge relative to each diagonal keeps directions that no row sees out of the way.
     diagonal = np.einsum("tqq->tq", a)
-    inverse = np.linalg.inv(a + np.einsum("tq,qr->tqr", 1e-12 * diagonal + 1e-12, np.eye(a.shape[1])))
+    inverse = np.linalg.inv(
+        a + np.einsum("tq,qr->tqr", 1e-12 * diagonal + 1e-12, np.eye(a.shape[1]))
+    )
     g = np.einsum("tmq,tm->tq", system.own, system.residual) + own_pull
     h = np.einsum("tmn,tm->n", system.shared, system.residual) + shared_pull
     c = np.einsum("tmn,tmk->nk", system.shared, system.shared, optimize=True)
@@ -324,9 +326,7 @@ def fit_model(
         system = linearise(forward, model, nuisance, laws, free)
         shared_prior = system.shared_prior.copy()
         shared_prior[n_laws:] += holds
-        system = Linearised(
-            system.residual, system.own, system.shared, system.prior, shared_prior
-        )
+        system = Linearised(system.residual, system.own, system.shared, system.prior, shared_prior)
         pull = np.concatenate([-laws.reshape(-1), -(values(model) - anchors)]) * shared_prior
         kept = own_prior < 1e15
         own_pull = np.where(kept, -nuisance * own_prior, 0.0)

@@ -110,7 +110,9 @@ class Forward:
         flown = ball_since >= gap[..., None]
         # Between onset and release the ball is shown on a straight line; those rows are not fitted.
         share = np.clip(ball_since / gap[..., None], 0.0, 1.0)
-        released = np.stack([np.asarray(v) + np.zeros(shape) for v in (outcome.x, outcome.y, outcome.z)])
+        released = np.stack(
+            [np.asarray(v) + np.zeros(shape) for v in (outcome.x, outcome.y, outcome.z)]
+        )
         ball = np.where(flown, ball_state[:3], resting + share * (released[..., None] - resting))
         velocity = np.where(flown, ball_state[3:], 0.0)
         before = path.at(np.maximum(fall[..., None] + swing_since, 0.0))

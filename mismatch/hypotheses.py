@@ -13,7 +13,13 @@ from mismatch.scan import Scan
 from physics.arrays import FloatArray
 from physics.effects import Effect
 
-__all__ = ["Hypothesis", "fit_hypothesis", "group_tolerance", "null_threshold", "second_effect_share"]
+__all__ = [
+    "Hypothesis",
+    "fit_hypothesis",
+    "group_tolerance",
+    "null_threshold",
+    "second_effect_share",
+]
 
 MEMBER_FINE = 9.0
 """Chi-square that each further effect must pay, ln n for a few thousand rows (BIC)."""

@@ -93,10 +93,7 @@ def lane_terms(models: Iterable[Model]) -> tuple[Term, ...]:
         Term(
             effects[key],
             slice(run[0][0], run[-1][0] + 1),
-            {
-                name: np.array([values[name] for _, values in run])[:, None]
-                for name in run[0][1]
-            },
+            {name: np.array([values[name] for _, values in run])[:, None] for name in run[0][1]},
         )
         for key, parts in runs.items()
         for run in parts

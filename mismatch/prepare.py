@@ -119,7 +119,9 @@ def _find_clocks(forward: Forward, model: Model) -> FloatArray:
         series = []
         for axis in range(2):
             used = records.ball_used[trial, :, axis]
-            series.append((records.ball_time[trial, used], records.position[trial, used, axis], axis))
+            series.append(
+                (records.ball_time[trial, used], records.position[trial, used, axis], axis)
+            )
         used = records.pendulum_used[trial]
         series.append((records.pendulum_time[trial, used], records.pendulum_angle[trial, used], 3))
         series = [one for one in series if one[0].size]
@@ -237,9 +239,15 @@ def prepare(campaign: Campaign, baseline: Baseline) -> Prepared:
     if mode == "swing":
         # A step of a twentieth of a radian's time of the small swing.
         body = baseline.pendulum
-        rate = 10.0 if body is None else np.sqrt(body.mass * baseline.gravity * body.com / body.inertia)
+        rate = (
+            10.0
+            if body is None
+            else np.sqrt(body.mass * baseline.gravity * body.com / body.inertia)
+        )
         steps = int(np.clip(float(swing_span.max()) * rate / 0.08, 32, 3000))
-    forward = Forward(baseline, records, mode, ball_span * 1.3, swing_span * 1.02, steps, _centre(records))
+    forward = Forward(
+        baseline, records, mode, ball_span * 1.3, swing_span * 1.02, steps, _centre(records)
+    )
     if mode == "impact":
         clocks = _find_clocks(forward, model)
         records, forward = _cut_contact(forward, clocks, model)

@@ -114,7 +114,10 @@ def scan(forward: Forward, fit: Fit, candidates: Sequence[Candidate]) -> Scan:
         scale = np.where(diagonal > 1e-200, 1.0 / np.sqrt(np.maximum(diagonal, 1e-200)), 0.0)
         scaled = a * scale[:, None] * scale + 1e-9 * np.eye(held)
         middle = np.linalg.solve(scaled, b * scale[:, None]) * scale[:, None]
-        matrix, vector = matrix[held:, held:] - b.T @ middle, vector[held:] - middle.T @ vector[:held]
+        matrix, vector = (
+            matrix[held:, held:] - b.T @ middle,
+            vector[held:] - middle.T @ vector[:held],
+        )
     # Columns that the rest explains fully carry rounding noise alone.
     alone = np.einsum("tmn,tmn->n", shared[..., held:], shared[..., held:])
     weak = np.diag(matrix) < 1e-7 * alone + 1e-30

@@ -116,7 +116,9 @@ class Magnet(Effect):
 
     id: str = "unnamed"
     statement: str = "A force towards a point, within a short reach of it."
-    law: str = r"\mathbf F = F_0\,\frac{\mathbf q}{w} e^{-q^2/2w^2},\ \mathbf q = \mathbf r_0 - \mathbf r"
+    law: str = (
+        r"\mathbf F = F_0\,\frac{\mathbf q}{w} e^{-q^2/2w^2},\ \mathbf q = \mathbf r_0 - \mathbf r"
+    )
     source: str = SOURCE
     phase: Phase = "flight"
     parameters: tuple[Parameter, ...] = (

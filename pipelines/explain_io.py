@@ -48,7 +48,9 @@ def _read(path: Path, needed: tuple[str, ...]) -> pd.DataFrame:
     return table
 
 
-def _tidied(table: pd.DataFrame, value_columns: list[str], what: str) -> tuple[pd.DataFrame, list[str]]:
+def _tidied(
+    table: pd.DataFrame, value_columns: list[str], what: str
+) -> tuple[pd.DataFrame, list[str]]:
     """Drop rows without a time or any value, and rows given twice; put each trial in order."""
     notes = []
     count = len(table)
@@ -60,7 +62,9 @@ def _tidied(table: pd.DataFrame, value_columns: list[str], what: str) -> tuple[p
     if int(doubled.sum()):
         notes.append(f"{what}: {int(doubled.sum())} rows repeat a time of their trial; left out")
         table = table[~doubled]
-    backwards = table.groupby("trial", sort=False)["t_s"].apply(lambda t: bool((t.diff() < 0).any()))
+    backwards = table.groupby("trial", sort=False)["t_s"].apply(
+        lambda t: bool((t.diff() < 0).any())
+    )
     if bool(backwards.any()):
         names = ", ".join(str(name) for name in backwards[backwards].index[:4])
         notes.append(f"{what}: the clock runs backwards in trial {names}; rows were sorted by time")
@@ -216,7 +220,8 @@ def _ball_model(name: str, setup: Setup, struck: bool) -> BallModel:
     mass = ball.mass
     if mass is None:
         raise SetupError(
-            f"the ball {name or ball.name!r} has no mass", hint='Add mass = "0.353 kg" to its table.'
+            f"the ball {name or ball.name!r} has no mass",
+            hint='Add mass = "0.353 kg" to its table.',
         )
     table = _contact_table(ball, setup) if struck and ball.launch_angle is not None else None
     return BallModel(name, mass, ball.diameter, ball.launch_angle, table)

@@ -1,0 +1,352 @@
+"""From a campaign and a baseline to a verdict."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from metrology import TooLittleDataError
+from mismatch.baseline import Baseline
+from mismatch.campaign import Campaign
+from mismatch.held_out import hold_out
+from mismatch.hypotheses import Hypothesis
+from mismatch.locate import locate, scan_windows
+from mismatch.naming import Naming, name_effects
+from mismatch.prepare import Prepared, prepare
+from mismatch.spectrum import whiteness
+from mismatch.verdict import Alternative, NamedEffect, ParameterValue, Remainder, Verdict
+from physics.arrays import FloatArray
+from physics.effects import CATALOGUE, Effect
+
+__all__ = ["Explained", "Options", "explain", "explain_in_full"]
+
+WEIGHT_SCALE = 2.6
+"""Chi-square units per factor e in the odds of two answers: two would be Gaussian to the letter."""
+
+LEAST_ROWS = 12
+
+
+@dataclass(frozen=True)
+class Options:
+    """How to explain.
+
+    Attributes
+    ----------
+    hold_out : tuple of str
+        Trials to keep out of the fit that is shown on data kept aside; the engine's own choice if
+        empty.
+    effects : tuple of Effect
+        A user's own, which take part like any other.
+    most_effects : int
+        Largest set that is named.
+    """
+
+    hold_out: tuple[str, ...] = ()
+    effects: tuple[Effect, ...] = ()
+    most_effects: int = 3
+
+
+@dataclass(frozen=True)
+class Explained:
+    """A verdict with what it rests on, for plots and reports."""
+
+    verdict: Verdict
+    prepared: Prepared
+    naming: Naming
+
+
+def explain(
+    campaign: Campaign, setup_model: Baseline, *, options: Options | None = None
+) -> Verdict:
+    """Find where a campaign and a baseline differ, and name what was left out.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        What was recorded.
+    setup_model : Baseline
+        What the lab believes.
+    options : Options, optional
+        Held-out trials, a user's own effects.
+
+    Returns
+    -------
+    Verdict
+
+    Raises
+    ------
+    TooLittleDataError
+        If there are too few samples to fit even the baseline.
+    """
+    return explain_in_full(campaign, setup_model, options=options).verdict
+
+
+def explain_in_full(
+    campaign: Campaign, setup_model: Baseline, *, options: Options | None = None
+) -> Explained:
+    """As `explain`, with the fits behind the verdict."""
+    chosen = options or Options()
+    prepared = prepare(campaign, setup_model)
+    _require_enough(campaign)
+    catalogue = [effect for forms in CATALOGUE.values() for effect in forms]
+    effects = (*catalogue, *chosen.effects)
+    naming = name_effects(prepared.forward, prepared.fit, effects, most=chosen.most_effects)
+    held = _held_mask(campaign, chosen.hold_out)
+    verdict = _verdict(campaign, prepared, naming, held)
+    return Explained(verdict, prepared, naming)
+
+
+def _require_enough(campaign: Campaign) -> None:
+    rows = sum(trial.samples for trial in campaign.trials)
+    if rows < LEAST_ROWS:
+        raise TooLittleDataError(
+            f"{rows} samples in {len(campaign.trials)} trials are too little to tell anything",
+            hint=f"At least {LEAST_ROWS} samples are needed, better two trials of thirty each.",
+        )
+
+
+def _held_mask(campaign: Campaign, names: Sequence[str]) -> np.ndarray | None:
+    if not names:
+        return None
+    known = {trial.name for trial in campaign.trials}
+    unknown = [name for name in names if name not in known]
+    if unknown:
+        raise TooLittleDataError(
+            f"there is no trial {', '.join(unknown)} to hold out",
+            hint=f"Trials: {', '.join(sorted(known)[:20])}.",
+        )
+    return np.array([trial.name in names for trial in campaign.trials])
+
+
+def _verdict(
+    campaign: Campaign, prepared: Prepared, naming: Naming, held: np.ndarray | None
+) -> Verdict:
+    forward, base, best = prepared.forward, prepared.fit, naming.best
+    rivals = naming.rivals()
+    groups = _groups(best, rivals)
+    location = locate(forward, base, best)
+    remainder = _remainder(prepared, best)
+    effects = _named(naming)
+    kind = "no_mismatch"
+    if best is not None:
+        kind = "ambiguous" if groups else "explained"
+    elif location is not None and not remainder.white:
+        kind = "unexplained"
+    kept = None
+    if best is not None:
+        kept = hold_out(forward, base, best, held)
+        if kept is not None:
+            names = tuple(campaign.trials[int(i)].name for i in kept.trials)
+            kept = replace(kept, trials=names)
+    return Verdict(
+        kind,  # type: ignore[arg-type]
+        ("gravity", *prepared.model.ids),
+        _reduced(prepared, base.chi2, base.count),
+        location if kind != "no_mismatch" else None,
+        effects,
+        _alternatives(naming),
+        groups,
+        _next_measurement(best, rivals, groups),
+        kept,
+        remainder,
+        (*campaign.notes, *_noise_notes(prepared)),
+    )
+
+
+def _reduced(prepared: Prepared, chi2: float, count: int) -> float:
+    inflation = prepared.noise.inflation
+    used = prepared.forward.records.used
+    s = prepared.forward.records.ball_time.shape[1]
+    share = [used[:, k * s : (k + 1) * s].sum() for k in range(3)] + [used[:, 3 * s :].sum()]
+    mean = float(np.average(inflation, weights=np.maximum(share, 1e-9)))
+    return float(chi2 * mean / max(count - base_parameters(prepared), 1))
+
+
+def base_parameters(prepared: Prepared) -> int:
+    """How many trial-to-trial values the data alone determine (those without a prior)."""
+    per_trial = {"impact": 1, "flight": 4, "swing": 2}[prepared.forward.mode]
+    return per_trial * prepared.forward.records.trials
+
+
+def _groups(best: Hypothesis | None, rivals: Sequence[Hypothesis]) -> tuple[tuple[str, ...], ...]:
+    """Ids that may stand for each other, one group for each member that has rivals."""
+    if best is None:
+        return ()
+    groups: list[list[str]] = [[one] for one in best.ids]
+    for rival in rivals:
+        theirs = list(rival.ids)
+        left = [one for one in best.ids]
+        for one in list(left):
+            if one in theirs:
+                left.remove(one)
+                theirs.remove(one)
+        for mine, other in zip(left, theirs, strict=False):
+            place = best.ids.index(mine)
+            if other not in groups[place]:
+                groups[place].append(other)
+    return tuple(tuple(group) for group in groups if len(group) > 1)
+
+
+def _weights(naming: Naming) -> FloatArray:
+    """Relative weights of every tried answer; one per set of ids and only allowed ones count."""
+    best: dict[tuple[str, ...], float] = {}
+    for h in naming.tried:
+        key = tuple(sorted(h.ids))
+        if h.allowed and h.worth > best.get(key, -np.inf):
+            best[key] = h.worth
+    top = max(best.values(), default=0.0)
+    return np.array(
+        [
+            np.exp((h.worth - top) / WEIGHT_SCALE)
+            if h.allowed and best[tuple(sorted(h.ids))] == h.worth
+            else 0.0
+            for h in naming.tried
+        ]
+    )
+
+
+def _named(naming: Naming) -> tuple[NamedEffect, ...]:
+    best = naming.best
+    if best is None:
+        return ()
+    weights = _weights(naming)
+    total = max(float(weights.sum()), 1e-300)
+    # At the threshold the odds against chance are those of its false-alarm rate.
+    real = 1.0 / (1.0 + np.exp(-(best.worth - naming.threshold + 6.0) / WEIGHT_SCALE))
+    named = []
+    for member in best.members:
+        share = sum(
+            float(w) for w, h in zip(weights, naming.tried, strict=True) if member.id in h.ids
+        )
+        parameters = []
+        for index, item in enumerate(best.fit.free):
+            if best.fit.model.entries[item.entry][0] is member.effect:
+                value, std = best.fit.value(index)
+                p = item.parameter
+                parameters.append(ParameterValue(p.name, value, std, p.unit))
+        statement = member.effect.statement
+        if member.id == "unnamed":
+            statement = _law_in_words(member.effect, parameters)
+        probability = min(0.999, real * share / total)
+        named.append(
+            NamedEffect(member.id, statement, probability, tuple(parameters), member.effect.form)
+        )
+    order = sorted(range(len(named)), key=lambda i: -_own_gain(best, i))
+    return tuple(named[i] for i in order)
+
+
+def _own_gain(best: Hypothesis, index: int) -> float:
+    """How many sigma the strongest strength of a member is from neutral."""
+    effect = best.members[index].effect
+    sizes = [0.0]
+    for k, item in enumerate(best.fit.free):
+        if best.fit.model.entries[item.entry][0] is effect and not item.parameter.is_shape:
+            value, std = best.fit.value(k)
+            sizes.append(abs(value - item.parameter.neutral) / max(std, 1e-300))
+    return max(sizes)
+
+
+def _law_in_words(effect: Effect, parameters: Sequence[ParameterValue]) -> str:
+    numbers = ", ".join(
+        f"{p.name} = {p.value:.4g} {p.unit if p.unit != '1' else ''}".rstrip() for p in parameters
+    )
+    where = effect.form.replace("_", " ")
+    return f"No known effect fits. {effect.statement} Direction: {where}. Law: {effect.law}, {numbers}."
+
+
+def _alternatives(naming: Naming) -> tuple[Alternative, ...]:
+    best = naming.best
+    if best is None:
+        return ()
+    rows = []
+    seen = {tuple(sorted(best.ids))}
+    for h in naming.tried:
+        key = tuple(sorted(h.ids))
+        if key in seen:
+            continue
+        seen.add(key)
+        behind = best.worth - h.worth
+        if not h.allowed:
+            why = "its parameters leave what nature allows"
+        elif len(h.members) > len(best.members) and behind < 60.0:
+            why = "the further effect explains no more than chance or an imperfect law would"
+        elif h in naming.rivals():
+            why = "not excluded: the data can't tell it apart"
+        else:
+            why = f"fits worse by {best.gain - h.gain:.1f} in chi-square"
+        rows.append(Alternative(h.ids, why, behind))
+    return tuple(rows[:8])
+
+
+def _next_measurement(
+    best: Hypothesis | None,
+    rivals: Sequence[Hypothesis],
+    groups: tuple[tuple[str, ...], ...],
+) -> str | None:
+    if best is None or not groups:
+        return None
+    grouped = {one for group in groups for one in group}
+    texts = []
+    for h in (best, *rivals):
+        for member in h.members:
+            text = member.effect.separating
+            if member.id in grouped and text and text not in texts:
+                texts.append(text)
+    return "; or ".join(texts[:3]) or None
+
+
+def _remainder(prepared: Prepared, best: Hypothesis | None) -> Remainder:
+    forward = prepared.forward
+    fit = prepared.fit if best is None else best.fit
+    records = forward.records
+    s = records.ball_time.shape[1]
+    used = records.used
+    pieces: list[tuple[FloatArray, FloatArray]] = []
+    for trial in range(records.trials):
+        for k in range(4):
+            at = slice(k * s, (k + 1) * s) if k < 3 else slice(3 * s, None)
+            mask = used[trial, at]
+            time = records.ball_time[trial] if k < 3 else records.pendulum_time[trial]
+            pieces.append((time[mask], fit.residual[trial, at][mask]))
+    probability = whiteness(pieces)
+    reduced = _reduced(prepared, fit.chi2, fit.count)
+    correlated = bool((prepared.noise.inflation > 1.0).any())
+    scanned = scan_windows(forward, fit)
+    spread = 4.0 * np.sqrt(2.0 / max(fit.count, 1)) * (2.0 if correlated else 1.0)
+    white = bool(reduced < 1.0 + spread) and not scanned.significant
+    if not correlated:
+        white = white and probability > 1e-3
+    subject = "The baseline's residuals" if best is None else "What remains after the best model"
+    if white:
+        told = f"{subject} cannot be told from noise (chi2 per degree of freedom {reduced:.2f})."
+    else:
+        told = (
+            f"{subject} still holds structure (chi2 per degree of freedom {reduced:.2f},"
+            f" whiteness p = {probability:.1g})."
+        )
+    return Remainder(white, told)
+
+
+def _noise_notes(prepared: Prepared) -> tuple[str, ...]:
+    notes = []
+    noise, base = prepared.noise, prepared.forward.baseline
+    used = prepared.forward.records.ball_used.any(axis=(0, 1))
+    position = float(np.sqrt(np.mean(noise.sigma[:, :3][:, used] ** 2))) if used.any() else None
+    for what, claim, found, unit in (
+        ("positions", base.position_noise, position, "m"),
+        ("angles", base.angle_noise, float(np.mean(noise.sigma[:, 3])), "rad"),
+    ):
+        if claim is not None and found is not None and not 0.85 < found / claim < 1.18:
+            notes.append(
+                f"the noise of the {what} is {found:.2g} {unit}, not {claim:.2g} as claimed"
+            )
+    if (noise.inflation > 1.5).any():
+        worst = float(noise.inflation.max())
+        notes.append(
+            f"neighbouring samples share errors: slow quantities are {np.sqrt(worst):.1f} times less"
+            " certain than white noise would leave them"
+        )
+    count = int(noise.outliers.sum())
+    if count:
+        notes.append(f"{count} samples are outliers and were left out")
+    return tuple(notes)

@@ -1,0 +1,75 @@
+"""The proof on data kept aside: fit on some trials, predict the others."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mismatch.fit import Fit, Free, fit_model, free_parameters
+from mismatch.forward import Forward
+from mismatch.hypotheses import Hypothesis
+from mismatch.verdict import HeldOut
+from physics.arrays import FloatArray
+
+__all__ = ["choose_held_out", "hold_out"]
+
+DRAWS = 1000
+
+
+def choose_held_out(forward: Forward) -> np.ndarray:
+    """(T,) mask of every third trial of each ball and back-swing, at least one trial left to fit."""
+    records = forward.records
+    held = np.zeros(records.trials, dtype=bool)
+    held[2::3] = True
+    if records.trials == 2:
+        held[1] = True
+    return held
+
+
+def _errors(
+    forward: Forward, model_fit: Fit, free: Sequence[Free], held: np.ndarray
+) -> tuple[FloatArray, FloatArray]:
+    """Squared error sums and counts per held-out trial, after training on the others."""
+    train = type(forward)(**{**vars(forward), "records": forward.records.chosen(~held)})
+    trained = fit_model(
+        train, model_fit.model, free, (model_fit.nuisance, model_fit.law_offsets), rounds=5
+    )
+    test = type(forward)(**{**vars(forward), "records": forward.records.chosen(held)})
+    # The trained parameters and law offsets stay; only what belongs to the trial itself is refitted.
+    fitted = fit_model(test, trained.model, (), (model_fit.nuisance, trained.law_offsets), rounds=4)
+    weights = test.records.weights
+    errors = np.where(weights > 0.0, fitted.residual / np.where(weights > 0.0, weights, 1.0), 0.0)
+    s3 = 3 * forward.records.ball_time.shape[1]
+    part = slice(0, s3) if forward.mode != "swing" else slice(s3, None)
+    return (errors[:, part] ** 2).sum(axis=1)[held], (weights[:, part] > 0.0).sum(axis=1)[held]
+
+
+def hold_out(
+    forward: Forward, base: Fit, best: Hypothesis, held: np.ndarray | None = None
+) -> HeldOut | None:
+    """Held-out error of baseline and best model, with a bootstrap interval of their ratio.
+
+    Returns
+    -------
+    HeldOut or None
+        None with fewer than two trials, or none kept aside.
+    """
+    records = forward.records
+    mask = choose_held_out(forward) if held is None else held
+    if not mask.any() or mask.all():
+        return None
+    free = free_parameters(best.fit.model, [m.effect for m in best.members])
+    before, count = _errors(forward, base, (), mask)
+    after, _ = _errors(forward, best.fit, free, mask)
+    rng = np.random.default_rng(11)
+    picks = rng.integers(0, before.size, (DRAWS, before.size))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.sqrt(before[picks].sum(axis=1) / np.maximum(after[picks].sum(axis=1), 1e-300))
+    total = max(float(count.sum()), 1.0)
+    low, high = np.quantile(ratio, [0.025, 0.975])
+    return HeldOut(
+        tuple(str(index) for index in np.flatnonzero(mask)),
+        float(np.sqrt(before.sum() / total)),
+        float(np.sqrt(after.sum() / total)),
+        (float(low), float(high)),
+        "rad" if forward.mode == "swing" else "m",
+    )  # fmt: skip
