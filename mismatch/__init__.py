@@ -1,6 +1,6 @@
-"""Where simulation and recording differ, what was left out, and how much better the new model is."""
+"""Where simulation and recording differ, what was left out, and how the new model does."""
 
-from mismatch.baseline import Baseline, BallModel, ContactTable, Scatter
+from mismatch.baseline import BallModel, Baseline, ContactTable, Scatter
 from mismatch.campaign import Campaign, Trial
 from mismatch.explain import Explained, Options, explain, explain_in_full
 from mismatch.verdict import Verdict

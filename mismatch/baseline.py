@@ -11,7 +11,7 @@ from metrology import SetupError
 from physics.arrays import FloatArray
 from physics.bodies import GRAVITY, Pendulum
 
-__all__ = ["Baseline", "BallModel", "ContactTable", "Scatter"]
+__all__ = ["BallModel", "Baseline", "ContactTable", "Scatter"]
 
 COLUMNS = (
     "cor",
@@ -153,5 +153,6 @@ class Baseline:
             return self.balls[""]
         raise SetupError(
             f"the setup does not describe the ball {name!r}",
-            hint=f"Add a table [balls.{name}] with mass and diameter; known: {', '.join(self.balls)}.",
+            hint=f"Add a table [balls.{name}] with mass and diameter; known: "
+            + ", ".join(self.balls),
         )

@@ -46,7 +46,7 @@ class Trial:
             if times.size > 1 and np.any(np.diff(times) <= 0.0):
                 raise UsageError(
                     f"trial {self.name}: the {name}'s clock does not run forward",
-                    hint="Times must increase within a trial; is a row doubled, or are two trials mixed?",
+                    hint="Times must increase within a trial; are two trials mixed?",
                 )
 
     @property

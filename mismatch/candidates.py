@@ -46,7 +46,7 @@ class Candidate:
 
     @property
     def fine(self) -> float:
-        """What the freedom of the law costs in chi-square: shapes tried and strengths beyond one."""
+        """What the law's freedom costs in chi-square: its shapes, and strengths beyond one."""
         strengths = len(self.effect.strengths)
         return 2.0 * (strengths - 1) + 1.5 * len(self.effect.shapes)
 
@@ -75,7 +75,7 @@ def _spread_grid(low: float, high: float, count: int) -> tuple[float, ...]:
 def _adapted_grid(p: Parameter, forward: Forward) -> Parameter:
     records = forward.records
     span = float(np.median(forward.flight_time))
-    x0, y0, half = forward.centre
+    x0, _, half = forward.centre
     if p.name == "instant":
         first, last = -0.22, float(forward.flight_time.max())
         if forward.mode != "impact":
@@ -120,7 +120,7 @@ def _admissible(effect: Effect, forward: Forward, model: Model) -> bool:
 def candidates_for(
     forward: Forward, model: Model, effects: Iterable[Effect], *, unnamed: bool = True
 ) -> tuple[Candidate, ...]:
-    """Every admissible effect at every start value of its shape, the model's own effects included."""
+    """Every admissible effect at every start value of its shape, the model's own included."""
     laws: Sequence[Effect] = unnamed_laws(forward.mode) if unnamed else ()
     found = []
     for effect in (*effects, *laws):

@@ -6,7 +6,7 @@ import numpy as np
 
 from physics.arrays import FloatArray
 
-__all__ = ["Trajectory", "crossing", "integrate"]
+__all__ = ["Rates", "Trajectory", "crossing", "integrate"]
 
 Rates = Callable[[FloatArray, FloatArray], FloatArray]
 """(time, state of shape (c, ...)) → rates of the same shape."""
@@ -111,11 +111,12 @@ def crossing(path: Trajectory, level: FloatArray) -> FloatArray:
     step = np.broadcast_to(path.step, first.shape)
 
     def node(grid: FloatArray, index: np.ndarray) -> FloatArray:
-        return np.take_along_axis(grid[:, 0], index[None], axis=0)[0]
+        picked: FloatArray = np.take_along_axis(grid[:, 0], index[None], axis=0)[0]
+        return picked
 
     below, over = node(path.states, first - 1), node(path.states, first)
     fraction = np.clip((level - below) / np.where(over > below, over - below, 1.0), 0.0, 1.0)
-    time = (first - 1 + fraction) * step
+    time: FloatArray = (first - 1 + fraction) * step
     for _ in range(4):
         value, rate = path.at(time[..., None])[:2, ..., 0]
         time = time - (value - level) / np.where(np.abs(rate) > 1e-9, rate, 1.0)

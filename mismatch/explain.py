@@ -175,7 +175,7 @@ def _groups(best: Hypothesis | None, rivals: Sequence[Hypothesis]) -> tuple[tupl
     groups: list[list[str]] = [[one] for one in best.ids]
     for rival in rivals:
         theirs = list(rival.ids)
-        left = [one for one in best.ids]
+        left = list(best.ids)
         for one in list(left):
             if one in theirs:
                 left.remove(one)
@@ -251,7 +251,8 @@ def _law_in_words(effect: Effect, parameters: Sequence[ParameterValue]) -> str:
         f"{p.name} = {p.value:.4g} {p.unit if p.unit != '1' else ''}".rstrip() for p in parameters
     )
     where = effect.form.replace("_", " ")
-    return f"No known effect fits. {effect.statement} Direction: {where}. Law: {effect.law}, {numbers}."
+    law = f"{effect.law}, {numbers}"
+    return f"No known effect fits. {effect.statement} Direction: {where}. Law: {law}."
 
 
 def _alternatives(naming: Naming) -> tuple[Alternative, ...]:
@@ -343,8 +344,8 @@ def _noise_notes(prepared: Prepared) -> tuple[str, ...]:
     if (noise.inflation > 1.5).any():
         worst = float(noise.inflation.max())
         notes.append(
-            f"neighbouring samples share errors: slow quantities are {np.sqrt(worst):.1f} times less"
-            " certain than white noise would leave them"
+            f"neighbouring samples share errors: slow quantities are {np.sqrt(worst):.1f} times"
+            " less certain than white noise would leave them"
         )
     count = int(noise.outliers.sum())
     if count:

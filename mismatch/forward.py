@@ -6,19 +6,19 @@ stacked per trial as in `Records`: x, y, z of all ball rows, then the pendulum's
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, TypeVar
 
 import numpy as np
 
 from mismatch.baseline import COLUMNS, Baseline
-from mismatch.dynamics import Trajectory, crossing, integrate
+from mismatch.dynamics import Rates, Trajectory, crossing, integrate
 from mismatch.model import Model, Term, lane_terms
 from mismatch.records import Records
 from physics.arrays import FloatArray
 from physics.effects import Contact, Flight, Outcome, Swing, View
 from physics.effects.impact import change_restitution, turn_launch
 
-__all__ = ["Forward", "Mode", "NUISANCES"]
+__all__ = ["NUISANCES", "Forward", "Mode"]
 
 Mode: TypeAlias = Literal["impact", "flight", "swing"]
 
@@ -168,7 +168,7 @@ class Forward:
         height = self.baseline.rest_height or 0.0
         return np.broadcast_to(height + 0.5 * self.records.diameter, shape)
 
-    def _swing_rates(self, terms: Sequence[Term], stiffer: FloatArray | float = 1.0):
+    def _swing_rates(self, terms: Sequence[Term], stiffer: FloatArray | float = 1.0) -> Rates:
         body, gravity = self._pendulum(), self.baseline.gravity
         order = self.records.order
         acting = [t for t in terms if "torque" in t.effect.hooks]
@@ -252,7 +252,8 @@ class Forward:
             for term in acting:
                 at = term.lanes
                 flight = Flight(
-                    time, *now[:, at], records.mass, records.diameter, base.air_density,
+                    time, now[0, at], now[1, at], now[2, at], now[3, at], now[4, at], now[5, at],
+                    records.mass, records.diameter, base.air_density,
                     base.air_viscosity, base.gravity, drag[at], spin[at], speed, records.order,
                 )  # fmt: skip
                 for axis, force in enumerate(term.effect.force(term.values, flight)):
@@ -297,7 +298,9 @@ class Forward:
             here = (rest[0][at] if rest[0].shape[0] > 1 else rest[0], rest[1][at])
             if "image" in term.effect.hooks:
                 time = times[0][at] if times[0].ndim == 3 else times[0]
-                view = View(time, *ball[:, at], *velocity[:, at], 0.0, 0.0, *here, *self.centre)
+                x, y, z = ball[:, at]
+                vx, vy, vz = velocity[:, at]
+                view = View(time, x, y, z, vx, vy, vz, 0.0, 0.0, *here, *self.centre)
                 for axis, seen in enumerate(term.effect.image(values, view)):
                     ball[axis, at] = seen
             if "angle" in term.effect.hooks:
@@ -308,6 +311,9 @@ class Forward:
                 phi[at] = term.effect.angle(values, view)
         stacked = np.concatenate([ball[0], ball[1], ball[2], phi], axis=-1)
         return np.where(np.isfinite(stacked), np.clip(stacked, -OUTSIDE, OUTSIDE), OUTSIDE)
+
+
+State = TypeVar("State", Contact, Outcome)
 
 
 @dataclass(frozen=True)
@@ -328,7 +334,7 @@ def _lane_values(terms: Sequence[Term], effect_id: str, name: str, lanes: int) -
     return column
 
 
-def _cut(state: Contact | Outcome, lanes: slice):
+def _cut(state: State, lanes: slice) -> State:
     return type(state)(
         **{
             name: value[lanes] if np.ndim(value) == 2 else value

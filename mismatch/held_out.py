@@ -16,7 +16,7 @@ DRAWS = 1000
 
 
 def choose_held_out(forward: Forward) -> np.ndarray:
-    """(T,) mask of every third trial of each ball and back-swing, at least one trial left to fit."""
+    """(T,) mask of every third trial of each ball and back-swing, at least one left to fit."""
     records = forward.records
     held = np.zeros(records.trials, dtype=bool)
     held[2::3] = True
@@ -34,7 +34,7 @@ def _errors(
         train, model_fit.model, free, (model_fit.nuisance, model_fit.law_offsets), rounds=5
     )
     test = type(forward)(**{**vars(forward), "records": forward.records.chosen(held)})
-    # The trained parameters and law offsets stay; only what belongs to the trial itself is refitted.
+    # Trained parameters and law offsets stay; only what belongs to the trial is refitted.
     fitted = fit_model(test, trained.model, (), (model_fit.nuisance, trained.law_offsets), rounds=4)
     weights = test.records.weights
     errors = np.where(weights > 0.0, fitted.residual / np.where(weights > 0.0, weights, 1.0), 0.0)
@@ -53,7 +53,6 @@ def hold_out(
     HeldOut or None
         None with fewer than two trials, or none kept aside.
     """
-    records = forward.records
     mask = choose_held_out(forward) if held is None else held
     if not mask.any() or mask.all():
         return None

@@ -116,8 +116,7 @@ def fit_hypothesis(
 
 
 def null_threshold(scan: Scan, false_alarms: float = 0.003, seed: int = 20240229) -> float:
-    """Worth that the luckiest candidate exceeds in a share `false_alarms` of campaigns in which
-    nothing is missing.
+    """Worth that the luckiest candidate exceeds by chance in a share of blameless campaigns.
 
     A parametric bootstrap: without a mismatch the score of all candidates is Gaussian with the
     information as its covariance, so drawing scores stands for drawing campaigns.

@@ -64,7 +64,7 @@ def scan_windows(forward: Forward, fit: Fit, bins: int = 24, draws: int = 400) -
     s = ball.shape[1]
     used = forward.records.used
     rng = np.random.default_rng(7)
-    sums, low, high = [], [], []
+    sums = []
     for channel in range(4):
         time = swing if channel == 3 else ball
         at = slice(channel * s, (channel + 1) * s) if channel < 3 else slice(3 * s, None)
@@ -79,7 +79,7 @@ def scan_windows(forward: Forward, fit: Fit, bins: int = 24, draws: int = 400) -
         np.add.at(table, (rows[mask], place[mask]), fit.residual[:, at][mask])
         np.add.at(count, (rows[mask], place[mask]), 1.0)
         sums.append((channel, table / np.sqrt(np.maximum(count, 1.0)), edges))
-    best = (0.0, 0, 0, 0, np.zeros(1))
+    best: tuple[float, int, int, int, FloatArray] = (0.0, 0, 0, 0, np.zeros(1))
     null = np.zeros(draws)
     for channel, table, edges in sums:
         score, i, j = _largest(table.sum(axis=0)[None] / np.sqrt(table.shape[0]))
@@ -89,11 +89,11 @@ def scan_windows(forward: Forward, fit: Fit, bins: int = 24, draws: int = 400) -
         noise = rng.standard_normal((draws, bins)) * spread
         null = np.maximum(null, _largest(noise)[0])
     level = float(np.quantile(null, 0.99)) if sums else np.inf
-    score0, channel, i, j, edges = best
+    score0, where, first, last, edges = best
     if edges.size < 2:
         return Scanned(0.0, False, 0.0, 0.0, "x")
-    low_t, high_t = float(edges[i]), float(edges[j])
-    return Scanned(score0, score0 > level, low_t, high_t, CHANNELS[channel])
+    low_t, high_t = float(edges[first]), float(edges[last])
+    return Scanned(score0, score0 > level, low_t, high_t, CHANNELS[where])
 
 
 def _largest(bins: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -132,7 +132,8 @@ def _force_along(
     base = forward.baseline
     gap = _release(forward, fit)
     flight = Flight(
-        ball - gap, *place, *velocity, records.mass[:, None], records.diameter[:, None],
+        ball - gap, place[0], place[1], place[2], velocity[0], velocity[1], velocity[2],
+        records.mass[:, None], records.diameter[:, None],
         base.air_density, base.air_viscosity, base.gravity,
         fit.model.value("drag", "drag_coefficient", 0.0), fit.model.value("magnus", "spin", 0.0),
         forward._nominal_speed()[:, None], records.order[:, None],

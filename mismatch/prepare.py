@@ -21,7 +21,7 @@ from physics.effects import CATALOGUE
 __all__ = ["Prepared", "baseline_model", "prepare"]
 
 GUARD_SAMPLES = 1.6
-"""Rows this many samples around onset and release are left out: there the model is no straight line."""
+"""Rows this many samples around onset and release are left out: the model bends there."""
 
 
 STRAY = 5.0
@@ -93,7 +93,8 @@ def _centre(records: Records) -> tuple[float, float, float]:
 
 
 def _span(time: FloatArray) -> FloatArray:
-    return np.maximum(time.max(axis=1) - time.min(axis=1), 1e-3)
+    span: FloatArray = np.maximum(time.max(axis=1) - time.min(axis=1), 1e-3)
+    return span
 
 
 def _interval(time: FloatArray) -> FloatArray:
@@ -110,7 +111,8 @@ def _find_clocks(forward: Forward, model: Model) -> FloatArray:
     table = replace(
         records, ball_time=grid, pendulum_time=grid,
         position=np.zeros((*grid.shape, 3)), pendulum_angle=np.zeros(grid.shape),
-        ball_used=np.ones((*grid.shape, 3), dtype=bool), pendulum_used=np.ones(grid.shape, dtype=bool),
+        ball_used=np.ones((*grid.shape, 3), dtype=bool),
+        pendulum_used=np.ones(grid.shape, dtype=bool),
     )  # fmt: skip
     nominal = replace(forward, records=table).predict([model], np.zeros((1, records.trials, 4)))[0]
     nominal = nominal.reshape(records.trials, 4, dense.size)
@@ -264,7 +266,7 @@ def prepare(campaign: Campaign, baseline: Baseline) -> Prepared:
     forward = replace(forward, records=records)
     if records.count < records.trials * nuisance.shape[1] + 3:
         raise TooLittleDataError(
-            f"{records.count} usable samples in {records.trials} trials are too few to fit anything",
+            f"{records.count} usable samples in {records.trials} trials are too few for any fit",
             hint=f"At least {nuisance.shape[1] + 4} samples in each trial are needed.",
         )
     fit = fit_model(forward, model, (), (nuisance, laws))

@@ -64,7 +64,7 @@ class Scan:
         return True
 
     def gains(self) -> FloatArray:
-        """(candidates,) chi-square taken away by each alone; −inf where nature forbids the value."""
+        """(candidates,) chi-square taken away by each alone; −inf where nature forbids it."""
         result = np.full(len(self.candidates), -np.inf)
         for index in range(len(self.candidates)):
             gain, values = self.gain(index)
@@ -88,7 +88,7 @@ def scan(forward: Forward, fit: Fit, candidates: Sequence[Candidate]) -> Scan:
             sizes.append(step)
             starts.append(values[parameter.name])
         columns.append(tuple(mine))
-    free = [f for f in fit.free]
+    free = list(fit.free)
     base = linearise(forward, fit.model, fit.nuisance, fit.law_offsets, free)
     held = base.shared.shape[-1]
     blocks = [base.shared]

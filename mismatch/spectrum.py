@@ -1,8 +1,8 @@
 """White or not: the spectrum of what a smooth curve leaves over.
 
-Tracking noise is not white: neighbouring frames share errors. What matters for slow physics is the
-noise at low frequency, so the spectrum of a record's residual about a polynomial is fitted with white
-noise plus a first-order autoregression (Whittle's likelihood on the cosine transform).
+Tracking noise is not white: neighbouring frames share errors. What matters for slow physics is
+the noise at low frequency, so the spectrum of a record's residual about a polynomial is fitted
+with white noise plus a first-order autoregression (Whittle's likelihood on the cosine transform).
 """
 
 from dataclasses import dataclass

@@ -173,7 +173,10 @@ class Notch(Effect):
     phase: Phase = "swing"
     parameters: tuple[Parameter, ...] = (
         _strength(unit="N m", scale=0.3),
-        Parameter("place", "rad", 0.1, -3.2, 3.2, grid=(-1.6, -1.2, -0.9, -0.7, -0.5, -0.35, -0.2, -0.1, 0.0, 0.1, 0.25, 0.4, 0.6)),
+        Parameter(
+            "place", "rad", 0.1, -3.2, 3.2,
+            grid=(-1.6, -1.2, -0.9, -0.7, -0.5, -0.35, -0.2, -0.1, 0.0, 0.1, 0.25, 0.4, 0.6),
+        ),
         Parameter("reach", "rad", 0.03, 0.005, 1.0, grid=(0.03, 0.08)),
     )  # fmt: skip
     form: str = "angle"

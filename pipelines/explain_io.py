@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from metrology import SetupError, UsageError
-from mismatch.baseline import Baseline, BallModel, ContactTable, Scatter
+from mismatch.baseline import BallModel, Baseline, ContactTable, Scatter
 from mismatch.campaign import Campaign, Trial
 from physics import bodies
 from physics.arrays import FloatArray

@@ -27,14 +27,15 @@ img{max-width:100%}h1{font-size:1.6rem}</style></head><body>
 {% for p in e.parameters %}<tr><td>{{ p.name }}</td><td>{{ "%.5g"|format(p.value) }}</td>
 <td>{{ "%.2g"|format(p.std) }}</td><td>{{ p.unit }}</td></tr>{% endfor %}</table>{% endfor %}
 {% endif %}
-{% for group in v.indistinguishable %}<p>The data can't tell apart: <b>{{ group|join(", ") }}</b>.</p>
-{% endfor %}
+{% for group in v.indistinguishable %}
+<p>The data can't tell apart: <b>{{ group|join(", ") }}</b>.</p>{% endfor %}
 {% if v.next_measurement %}<p>What would settle it: {{ v.next_measurement }}.</p>{% endif %}
 {% if v.held_out %}<h2>On data kept aside</h2>
 <p>Trials {{ v.held_out.trials|join(", ") }}: root-mean-square error
 {{ "%.3g"|format(v.held_out.rmse_before) }} {{ v.held_out.unit }} before,
-{{ "%.3g"|format(v.held_out.rmse_after) }} {{ v.held_out.unit }} after; ratio
-{{ "%.3g"|format(v.held_out.ratio_95[0]) }} to {{ "%.3g"|format(v.held_out.ratio_95[1]) }} (95 %).</p>
+{{ "%.3g"|format(v.held_out.rmse_after) }} {{ v.held_out.unit }} after;
+ratio {{ "%.3g"|format(v.held_out.ratio_95[0]) }} to
+{{ "%.3g"|format(v.held_out.ratio_95[1]) }} (95 %).</p>
 {% endif %}
 <h2>What remains</h2><p>{{ v.remainder.statement }}</p>
 <img alt="residuals before and after, and the missing force" src="data:image/png;base64,{{ png }}">
