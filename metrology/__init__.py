@@ -1,4 +1,4 @@
-"""The ground every room stands on: the error tree, quantities with uncertainty, unit strings, whole files."""
+"""The ground every room stands on: error tree, quantities, unit strings, whole files."""
 
 from metrology.errors import (
     CalibrationError,

@@ -13,7 +13,8 @@
         ├── CalibrationError       4  no grid, wrong pitch, too few views, camera moved
         └── TooLittleDataError     4  too few trials or points to tell
 
-Every error carries a message that says what is wrong and where, and a hint that says what would help.
+Every error carries a message that says what is wrong and where, and a hint that says what would
+help.
 """
 
 from typing import ClassVar

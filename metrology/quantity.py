@@ -1,4 +1,4 @@
-"""A measured quantity: value, combined standard uncertainty, unit, and the budget behind it (GUM, JCGM 100)."""
+"""A measured quantity: value, standard uncertainty, unit, and its budget (GUM, JCGM 100)."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Unit strings, parsed only where a person types one: ``50mm``, ``0.55 m``, ``600 fps``, ``8.5 deg``."""
+"""Unit strings, parsed only where a person types one: ``50mm``, ``600 fps``, ``8.5 deg``."""
 
 import math
 import re
