@@ -196,7 +196,9 @@ def calibrate_contacts(
     body = scene.pendulum.inertial_mass
     reduced = body * scene.ball.mass / (body + scene.ball.mass)
     aimed_cor, aimed_time = cor.copy(), contact_time.copy()
-    missed, steps = np.inf, COARSE_STEPS
+    # friction that grips is stiff: the explicit steps must be shorter
+    finer = 4 if friction > 0.0 or scene.support.friction > 0.0 else 1
+    missed, steps = np.inf, COARSE_STEPS * finer
     for _ in range(rounds):
         law = HuntCrossley(
             np.asarray(stiffness_for_time(reduced, impact_speed, aimed_time, exponent)),
@@ -208,10 +210,10 @@ def calibrate_contacts(
         cor_miss = np.asarray(outcome.cor) / cor
         time_miss = np.asarray(outcome.contact_time) / contact_time
         missed = float(np.max(np.abs([cor_miss - 1.0, time_miss - 1.0])))
-        if missed < tolerance and steps == STEPS:
+        if missed < tolerance and steps == STEPS * finer:
             return law, outcome
         if missed < COARSE_TOLERANCE:
-            steps = STEPS
+            steps = STEPS * finer
         aimed_cor, aimed_time = aimed_cor / cor_miss, aimed_time / time_miss
     raise DomainError(
         f"no contact law gives these coefficients of restitution and contact times"

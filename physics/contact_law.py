@@ -31,7 +31,7 @@ __all__ = [
     "stiffness_for_time",
 ]
 
-SLIP_SCALE = 2e-3
+SLIP_SCALE = 0.02
 """m/s: slip at which regularised Coulomb friction has reached tanh(1) = 76 % of its full size."""
 
 State = Sequence[Number]
@@ -143,12 +143,14 @@ class ContactScene:
         push = law.force(compression, rate)
         ball, body = self.ball, self.pendulum
         rub: Number = 0.0
+        # the face rubs on the flattened patch, nearer to the centre than the radius
+        reach = ball.radius - np.maximum(compression, 0.0)
         if law.friction > 0.0:
-            slip = vx * sine - vy * cosine + ball.radius * spin + omega * body.face_offset
+            slip = vx * sine - vy * cosine + reach * spin + omega * body.face_offset
             rub = -law.friction * push * np.tanh(slip / SLIP_SCALE)
         accel_x = (push * cosine + rub * sine) / ball.mass
         accel_y = (push * sine - rub * cosine) / ball.mass - self.gravity
-        torque = ball.radius * rub
+        torque = reach * rub
         reaction = np.where(resting, np.maximum(-accel_y, 0.0), 0.0)
         if self.support.friction > 0.0:
             drag = (

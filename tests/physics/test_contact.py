@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 from scipy.special import beta
 
 from metrology import DomainError
@@ -161,6 +162,31 @@ def test_a_foreign_simulators_contacts_follow_from_the_physics_alone() -> None:
         ):
             theirs = np.array([row[key] for row in rows])
             np.testing.assert_allclose(getattr(out, field), theirs, atol=near, err_msg=field)
+
+
+def test_one_friction_explains_a_foreign_balls_spin_and_direction() -> None:
+    """The friction that gives a ray-traced clip's spin also gives its launch, to a tenth."""
+    truth = json.loads((shared_folder("rendered") / "jokku_120" / "truth.json").read_text())
+
+    def strike(friction: float) -> ContactOutcome:
+        return contact_outcomes(
+            PAPER_PENDULUM,
+            JOKKU,
+            PAPER_SUPPORT,
+            np.array([truth["v_M0"]]),
+            cor=truth["COR"],
+            contact_time=truth["contact"]["dt_s"],
+            friction=friction,
+        ).at(0)
+
+    friction = brentq(
+        lambda mu: float(strike(mu).ball_spin) - truth["spin_rad_s"], 0.02, 0.4, xtol=2e-3
+    )
+    found = strike(float(friction))
+    assert math.degrees(float(found.launch_angle)) == pytest.approx(truth["launch_deg"], abs=0.15)
+    assert found.ball_vx == pytest.approx(truth["v_B"][0], abs=0.01)
+    smooth = math.degrees(float(strike(0.0).launch_angle))
+    assert abs(smooth - truth["launch_deg"]) > 1.0
 
 
 def test_dimensions_scale() -> None:
