@@ -1,4 +1,4 @@
-"""The ball, frame by frame: from a rough path to sub-pixel outlines of one shape."""
+"""The ball, frame by frame: from a rough path to a fitted outline in each frame that shows it."""
 
 from dataclasses import dataclass
 
@@ -8,29 +8,19 @@ from numpy.typing import NDArray
 from vision.circles import find_circles
 from vision.edge_profile import EdgeProfile
 from vision.linking import Path
-from vision.outline import OutlineFit, OutlineShape, RingPixels, fit_outline
+from vision.cutout import TYPICAL_GAMMA, ring_pixels, ring_widths
+from vision.outline import OutlineFit, OutlineShape, fit_outline
 from vision.scene import Scene
 
-__all__ = ["BallFits", "Occluder", "follow_ball", "refine_ball"]
+__all__ = ["SMALL_RADIUS", "BallFits", "follow_ball"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-# Edges mix light before the camera's transfer curve is applied (ITU-R BT.709 and sRGB are both near this).
-_GAMMA = 2.2
-_SPREADS = (0.35, 0.6, 0.9, 1.3, 1.8)
 _LEAST_CONTRAST = 0.35
 # Balls smaller than this are too few pixels for the outline model; the circle of their edges is used.
 SMALL_RADIUS = 6.0
 _VOTED_STD = 0.15
-
-
-class Occluder:
-    """Where another thing may stand before the ball: nothing, unless a subclass knows better."""
-
-    def hides(self, frame: int, x: FloatArray, y: FloatArray) -> NDArray[np.bool_]:
-        """Whether pixels (x, y) of a frame show something else than ball or background."""
-        return np.zeros(x.shape, dtype=bool)
 
 
 @dataclass(frozen=True)
@@ -57,11 +47,6 @@ class BallFits:
     def radius(self) -> FloatArray:
         """Radii (N,), px."""
         return np.array([fit.shape.radius for fit in self.fits])
-
-
-def ring_widths(radius: float) -> tuple[float, float]:
-    """How far inside and outside the outline pixels are used, px."""
-    return float(np.clip(0.2 * radius, 2.2, 6.0)), float(np.clip(0.2 * radius, 2.5, 4.0))
 
 
 def follow_ball(scene: Scene, path: Path) -> BallFits:
@@ -120,7 +105,8 @@ def _search(
         centre, size = start, radius
         for profile, wide in zip(profiles, (1.6, 1.0), strict=True):
             inner, outer = ring_widths(radius)
-            pixels = _pixels(scene, index, picture, centre, radius + wide * outer + 4.0, None)
+            reach = radius + wide * outer + 4.0
+            pixels = ring_pixels(scene, index, picture, centre, reach, TYPICAL_GAMMA)
             if pixels is None:
                 fit = None
                 break
@@ -186,6 +172,8 @@ def _voted_fit(
         1.0,
         float(circles.coverage[best]),
         True,
+        np.zeros((5, 5)),
+        np.zeros(5),
     )
 
 
@@ -239,162 +227,3 @@ def _extend(
             found[frame] = fit
             missed = 0
         frame += direction
-
-
-def _pixels(
-    scene: Scene,
-    index: int,
-    picture: NDArray[np.float32],
-    centre: FloatArray,
-    reach: float,
-    occluder: Occluder | None,
-) -> RingPixels | None:
-    """Cut the pixels around out of frame and background, in linear light."""
-    height, width = picture.shape
-    left, top = max(0, int(centre[0] - reach)), max(0, int(centre[1] - reach))
-    right, bottom = min(width, int(centre[0] + reach) + 2), min(height, int(centre[1] + reach) + 2)
-    if right - left < 5 or bottom - top < 5:
-        return None
-    window = (slice(top, bottom), slice(left, right))
-    gray = picture[window].astype(np.float64).ravel()
-    background = scene.expected(index, window).astype(np.float64).ravel()
-    noise = scene.background.noise[window].astype(np.float64).ravel()
-    rows, columns = np.mgrid[top:bottom, left:right]
-    x, y = columns.ravel().astype(np.float64), rows.ravel().astype(np.float64)
-    hidden = occluder.hides(index, x, y) if occluder is not None else np.zeros(x.shape, dtype=bool)
-    usable = ~hidden & (gray < 254.5)
-    slope = _GAMMA * np.clip(gray / 255.0, 0.05, 1.0) ** (_GAMMA - 1.0)
-    return RingPixels(x, y, _linear(gray), _linear(background), noise * slope, usable)
-
-
-def _linear(gray: FloatArray) -> FloatArray:
-    return np.asarray(255.0 * np.clip(gray / 255.0, 0.0, 1.0) ** _GAMMA)
-
-
-def refine_ball(
-    scene: Scene,
-    rough: BallFits,
-    duty: float,
-    occluder: Occluder | None = None,
-) -> BallFits:
-    """Fit again with one shape for the whole clip, the exposure's smear, and what hides the ball known.
-
-    Parameters
-    ----------
-    scene : Scene
-        Footage with its static scene.
-    rough : BallFits
-        Fits with free radius.
-    duty : float
-        Exposure time over frame interval.
-    occluder : Occluder, optional
-        What may stand before the ball.
-
-    Returns
-    -------
-    BallFits
-        With the centre free and the shape common to all frames.
-    """
-    velocity = _velocity(rough)
-    typical = float(np.median(rough.radius))
-    if typical < SMALL_RADIUS:
-        return rough
-    most_smear = min(duty * float(np.max(np.hypot(velocity[:, 0], velocity[:, 1]))), 2 * typical)
-    spread = _best_spread(scene, rough, velocity * duty, typical, most_smear)
-    profile = EdgeProfile(typical, spread, most_smear)
-    free = 5 if typical > 12.0 else 3
-    shaped = _fit_all(scene, rough, velocity * duty, profile, free, None, occluder)
-    if not shaped.fits:
-        return rough
-    common = _common_shape(shaped)
-    shapes = np.column_stack(
-        [np.interp(rough.frame, shaped.frame, common[:, column]) for column in range(3)]
-    )
-    return _fit_all(scene, rough, velocity * duty, profile, 2, shapes, occluder)
-
-
-def _velocity(fits: BallFits) -> FloatArray:
-    if len(fits.frame) < 3:
-        return np.zeros((len(fits.frame), 2))
-    return np.column_stack(
-        [np.gradient(fits.centre[:, axis], fits.frame.astype(np.float64)) for axis in (0, 1)]
-    )
-
-
-def _best_spread(
-    scene: Scene, rough: BallFits, smear: FloatArray, radius: float, most_smear: float
-) -> float:
-    """Choose the point spread whose edges fit best."""
-    chosen = np.unique(np.linspace(0, len(rough.frame) - 1, 9).astype(int))
-    part = BallFits(rough.frame[chosen], tuple(rough.fits[i] for i in chosen))
-    misfits = []
-    for spread in _SPREADS:
-        profile = EdgeProfile(radius, spread, most_smear)
-        fits = _fit_all(scene, part, smear[chosen], profile, 3, None, None)
-        misfits.append(np.median([fit.misfit for fit in fits.fits]) if fits.fits else np.inf)
-    return _SPREADS[int(np.argmin(misfits))]
-
-
-def _fit_all(
-    scene: Scene,
-    rough: BallFits,
-    smear: FloatArray,
-    profile: EdgeProfile,
-    free: int,
-    shapes: FloatArray | None,
-    occluder: Occluder | None,
-) -> BallFits:
-    radius = float(np.median(rough.radius))
-    inner, outer = ring_widths(radius)
-    frames, fits = [], []
-    for place, (index, picture) in enumerate(scene.pictures(rough.frame)):
-        start = rough.fits[place].centre
-        pixels = _pixels(scene, index, picture, start, radius + outer + 4.0, occluder)
-        if pixels is None:
-            continue
-        shape = (
-            OutlineShape(radius, np.zeros(2))
-            if shapes is None
-            else OutlineShape(float(shapes[place, 0]), shapes[place, 1:])
-        )
-        fit = fit_outline(
-            pixels,
-            profile,
-            start,
-            shape,
-            smear=smear[place],
-            free=free,
-            radius_std=0.1 * radius,
-            inner=inner,
-            outer=outer,
-        )
-        if fit is not None and np.hypot(*(fit.centre - start)) < 0.5 * radius:
-            frames.append(index)
-            fits.append(fit)
-    return BallFits(np.array(frames, dtype=np.int64), tuple(fits))
-
-
-def _common_shape(fits: BallFits) -> FloatArray:
-    """Shape along the track: a plane over the picture for radius and ellipse, robustly fitted."""
-    values = np.array([[fit.shape.radius, *fit.shape.ellipse] for fit in fits.fits])
-    centre = fits.centre
-    middle = centre.mean(axis=0)
-    span = max(float(np.ptp(centre, axis=0).max()), 1.0)
-    place = (centre - middle) / span
-    design = np.column_stack([np.ones(len(place)), place])
-    if span < 4.0 * float(np.median(values[:, 0])):
-        design = design[:, :1]
-    return np.column_stack([_robust_plane(design, values[:, i]) for i in range(3)])
-
-
-def _robust_plane(design: FloatArray, value: FloatArray) -> FloatArray:
-    weight = np.ones(len(value))
-    ridge = 1e-6 * np.eye(design.shape[1]) * len(value)
-    fitted = np.full(len(value), np.median(value))
-    for _ in range(8):
-        weighted = design * weight[:, None]
-        fitted = design @ np.linalg.solve(weighted.T @ design + ridge, weighted.T @ value)
-        gap = np.abs(value - fitted)
-        scale = max(1.4826 * float(np.median(gap)), 1e-6)
-        weight = 1.0 / (1.0 + (gap / (2.0 * scale)) ** 2)
-    return np.asarray(fitted)

@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology import NotFoundError
-from vision.ball import BallFits, follow_ball, refine_ball
+from vision.ball import BallFits, follow_ball
 from vision.choice import Choice, choose_ball
 from vision.circles import find_circles
 from vision.footage import Footage
 from vision.linking import Path, link_circles
 from vision.pendulum import MassPoses, find_mass, follow_mass
+from vision.refine import refine_ball
 from vision.rest import Rest, find_rest
 from vision.scene import Scene
 from vision.tracks import PendulumTrack, Track, Tracks
@@ -30,8 +31,6 @@ _LOOKS = 80
 _LOOKS_PER_SECOND = 60.0
 _MOST_LOOKS = 1500
 _MOST_CLOSER = 150
-# Exposure over frame interval where nothing is known about the shutter.
-_DUTY = 0.5
 
 
 def follow(
@@ -82,7 +81,7 @@ def follow(
     if rest is not None and not choice.struck:
         mass = _mass(scene, rest, rough, mass_at)
     _tell(progress, 0.8)
-    fits = refine_ball(scene, rough, _DUTY)
+    fits = refine_ball(scene, rough)
     _tell(progress, 1.0)
     return Tracks(
         ball=_track(fits, capture_fps),

@@ -140,6 +140,7 @@ def _best_chain(nodes: _Nodes, alive: NDArray[np.bool_], steps: int) -> IntArray
         (np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.int64))
     ] * count
     links: list[tuple[int, int, int]] = []
+    continued: dict[int, NDArray[np.bool_]] = {}
     best_link, best_score = -1, -np.inf
     for step in range(steps):
         before = [members[earlier] for earlier in range(max(0, step - _REACH), step)]
@@ -149,7 +150,7 @@ def _best_chain(nodes: _Nodes, alive: NDArray[np.bool_], steps: int) -> IntArray
         targets = members[step]
         if len(targets) == 0:
             continue
-        velocity, score, previous = _links(nodes, targets, sources, incoming)
+        velocity, score, previous = _links(nodes, targets, sources, incoming, continued)
         identity = np.arange(score.size).reshape(score.shape) + len(links)
         links += list(
             zip(
@@ -175,7 +176,11 @@ def _best_chain(nodes: _Nodes, alive: NDArray[np.bool_], steps: int) -> IntArray
 
 
 def _links(
-    nodes: _Nodes, targets: IntArray, sources: IntArray, incoming: list[_Incoming]
+    nodes: _Nodes,
+    targets: IntArray,
+    sources: IntArray,
+    incoming: list[_Incoming],
+    continued: dict[int, NDArray[np.bool_]],
 ) -> tuple[FloatArray, FloatArray, IntArray]:
     """Score the links from each source to each target, each with the best link that led to it.
 
@@ -201,7 +206,8 @@ def _links(
         turned = (velocity[:, index, None] - arrived[None]) * elapsed[index]
         bend = (turned[..., 0] ** 2 + turned[..., 1] ** 2) / allowed[:, index, None] ** 2
         alike = ratio[:, index] < 0.25
-        goes_on = np.any(bend[alike] < 0.25, axis=0) if np.any(alike) else np.zeros(len(reached), bool)
+        goes_on = np.any(bend[alike] < 0.25, axis=0) | continued.get(int(source), False)
+        continued[int(source)] = goes_on
         cap = _COLLISION_PRICE + 0.02 * distance[:, index, None] / radius[:, None]
         price = np.where((bend > 1.0) & goes_on[None], np.inf, np.minimum(0.3 * bend, cap))
         total = reached[None] - price

@@ -27,6 +27,7 @@ BoolArray = NDArray[np.bool_]
 _SHADOW_PRIOR = 0.3
 _SHADING_PRIOR = 255.0
 _SMALL_RADIUS = 10.0
+_OFFSET_SCALES = 2.0
 _BASIS = 3
 
 
@@ -92,6 +93,10 @@ class OutlineFit:
         Part of the sectors whose edge stands out from the noise, 0 to 1.
     converged : bool
         Whether the last step was small.
+    normal : (5, 5) array
+        Normal matrix of all five parameters (x, y, radius, ellipse) at the solution, 1/px².
+    pull : (5,) array
+        What each of them is still pulled by there, 1/px.
     """
 
     centre: FloatArray
@@ -101,6 +106,8 @@ class OutlineFit:
     misfit: float
     contrast: float
     converged: bool
+    normal: FloatArray
+    pull: FloatArray
 
 
 @dataclass(frozen=True)
@@ -167,12 +174,11 @@ def fit_outline(
     ring = _ring(pixels, parameters, inner, outer)
     if ring is None:
         return None
-    sector_scale = np.ones(len(ring.index))
     converged = False
     last = 1e9
     for _ in range(iterations):
         state = _linearise(pixels, ring, profile, parameters, smear, priors)
-        normal, gradient, sector_scale, _ = _reduced(state, ring, sector_scale, free)
+        normal, gradient, _ = _reduced(state, ring, free, last < 0.3)
         pull = gradient.sum(axis=0)
         if free > 2:
             pull[2] -= held[2] * (parameters[2] - shape.radius)
@@ -189,12 +195,10 @@ def fit_outline(
             fresh = _ring(pixels, parameters, inner, outer)
             if fresh is None:
                 return None
-            if len(fresh.index) != len(ring.index):
-                sector_scale = np.ones(len(fresh.index))
             ring = fresh
         last = length
     state = _linearise(pixels, ring, profile, parameters, smear, priors)
-    return _summary(state, ring, sector_scale, parameters, free, converged or last < 0.05, held)
+    return _summary(state, ring, parameters, free, converged or last < 0.05, held)
 
 
 def _priors(radius: float) -> FloatArray:
@@ -275,10 +279,13 @@ def _linearise(
 
 
 def _reduced(
-    state: _Linearised, ring: _Ring, scale: FloatArray, free: int
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Normal equations of the outline alone: sectors' linear parts projected out, misfits down-weighted."""
-    basis, jacobian, residual = state.basis, state.jacobian[:, :, :free], state.residual
+    state: _Linearised, ring: _Ring, free: int, settled: bool
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Normal equations of the outline alone, sectors' linear parts projected out, misfits down-weighted.
+
+    Returns the normal matrix, each sector's weighted pull, and each sector's information by noise alone.
+    """
+    basis, jacobian, residual = state.basis, state.jacobian[:, :, : max(free, 3)], state.residual
     transposed = basis.transpose(0, 2, 1)
     gram = transposed @ basis + 1e-6 * np.eye(_BASIS)
     projected = jacobian - basis @ np.linalg.solve(gram, transposed @ jacobian)
@@ -289,23 +296,37 @@ def _reduced(
     own = np.sqrt(np.sum(residual**2, axis=1) / np.maximum(sizes - _BASIS, 1.0))
     seen = sizes > 0
     typical = max(float(np.median(own[seen])), 0.5)
-    # Mean square of the sector against what is usual in this frame: Student weights with few degrees.
-    scale = np.where(seen, 1.0 / np.sqrt(typical**2 * (1 + (own / typical) ** 2) / 2.0), 0.0)
-    weight = scale**2
-    normal = np.tensordot(weight, information, axes=1)
-    return normal, weight[:, None] * score, scale, information
+    weight = np.where(seen, (2.0 / (1.0 + (own / typical) ** 2)) ** 2 / typical**2, 0.0)
+    if settled:
+        weight = weight * _offset_weight(score[:, 2], information[:, 2, 2], seen)
+    normal = np.tensordot(weight, information[:, :free, :free], axes=1)
+    return normal, weight[:, None] * score[:, :free], information[:, :free, :free]
+
+
+def _offset_weight(pull: FloatArray, information: FloatArray, seen: BoolArray) -> FloatArray:
+    """Weight of sectors by how far their own edge lies off the common outline.
+
+    A panel's edge just inside a white ball before a white wall is sharper than the outline itself; it
+    is told by its offset.
+    """
+    offset = pull / np.maximum(information, 1e-9)
+    outward = offset[seen & (offset > 0)]
+    every = float(np.median(np.abs(offset[seen])))
+    scale = max(1.4826 * min(every, float(np.median(outward)) if len(outward) > 3 else every), 0.03)
+    inward = (offset < 0).astype(np.float64)
+    return np.asarray(1.0 / (1.0 + (offset / (_OFFSET_SCALES * scale)) ** 2) ** (1.0 + inward))
 
 
 def _summary(
     state: _Linearised,
     ring: _Ring,
-    scale: FloatArray,
     parameters: FloatArray,
     free: int,
     converged: bool,
     held: FloatArray,
 ) -> OutlineFit:
-    normal, score, scale, information = _reduced(state, ring, scale, free)
+    whole, pulls, every = _reduced(state, ring, 5, True)
+    normal, score, information = whole[:free, :free], pulls[:, :free], every[:, :free, :free]
     inverse = np.linalg.inv(normal + np.diag(held) + 1e-9 * np.trace(normal) * np.eye(free))
     seen = ring.weight.sum(axis=1) > 0
     count = int(np.count_nonzero(seen))
@@ -325,4 +346,6 @@ def _summary(
         misfit,
         contrast,
         converged,
+        whole,
+        pulls.sum(axis=0),
     )
