@@ -197,7 +197,7 @@ def calibrate_contacts(
     reduced = body * scene.ball.mass / (body + scene.ball.mass)
     aimed_cor, aimed_time = cor.copy(), contact_time.copy()
     # friction that grips is stiff: the explicit steps must be shorter
-    finer = 4 if friction > 0.0 or scene.support.friction > 0.0 else 1
+    finer = 2 if friction > 0.0 or scene.support.friction > 0.0 else 1
     missed, steps = np.inf, COARSE_STEPS * finer
     for _ in range(rounds):
         law = HuntCrossley(
