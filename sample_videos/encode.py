@@ -64,7 +64,7 @@ def _write_video(frames: Iterable[Picture], path: Path, encoding: Encoding) -> N
                 stream.height, stream.width = picture.shape[:2]
                 stream.pix_fmt = pixel
                 stream.thread_count = 1
-                if encoding.codec != "ffv1":
+                if encoding.codec != "ffv1" and encoding.rate_factor is None:
                     stream.bit_rate = int(encoding.bitrate)
                 if encoding.codec == "h264":
                     if picture.shape[0] % 2 or picture.shape[1] % 2:
@@ -73,21 +73,25 @@ def _write_video(frames: Iterable[Picture], path: Path, encoding: Encoding) -> N
                             hint="Give an even width and height.",
                         )
                     stream.options = {"preset": "medium", "profile": "high"}
+                    if encoding.rate_factor is not None:
+                        stream.options |= {"crf": f"{encoding.rate_factor:g}"}
                     stream.codec_context.colorspace = 5
                     stream.codec_context.color_range = 1
-            frame = av.VideoFrame.from_ndarray(picture, format="bgr24")
-            if encoding.codec == "h264":
-                frame = frame.reformat(
-                    format=pixel, dst_colorspace="ITU601", dst_color_range="MPEG"
-                )
-            else:
-                frame = frame.reformat(format=pixel)
+            frame = _converted(picture, encoding.codec)
             frame.pts = index
             frame.time_base = 1 / rate
             container.mux(stream.encode(frame))
         if stream is None:
             raise UsageError("a clip of no frames can't be written")
         container.mux(stream.encode(None))
+
+
+def _converted(picture: Picture, codec: str) -> av.VideoFrame:
+    if codec == "h264":
+        # the scaler in FFmpeg cuts luma off where this one rounds: half a gray level on the mean
+        planes = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2YUV_I420), dtype=np.uint8)
+        return av.VideoFrame.from_ndarray(planes, format="yuv420p")
+    return av.VideoFrame.from_ndarray(picture, format="bgr24").reformat(format=FORMATS[codec])
 
 
 def _write_folder(frames: Iterable[Picture], path: Path) -> None:

@@ -18,7 +18,7 @@ View = Literal["landing", "impact", "oblique"]
 
 LOOKS = {
     "jokku": BallLook(),
-    "basketball": BallLook("basketball", (0.62, 0.26, 0.085), (0.03, 0.025, 0.025), gloss=0.06),
+    "basketball": BallLook("basketball", (0.68, 0.24, 0.055), (0.03, 0.025, 0.025), gloss=0.06),
 }
 
 SIDE_M = 0.28

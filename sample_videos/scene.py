@@ -46,10 +46,10 @@ class Wall:
     line_width: float = 0.002
     contrast: float = 0.72
     fine_pitch: float = 0.01
-    fine_width: float = 0.0006
-    fine_contrast: float = 0.35
+    fine_width: float = 0.0009
+    fine_contrast: float = 0.42
     origin: tuple[float, float] = (0.0, 0.0)
-    colour: Colour = (0.84, 0.85, 0.82)
+    colour: Colour = (0.85, 0.85, 0.83)
 
 
 @dataclass(frozen=True)
@@ -67,10 +67,10 @@ class Lighting:
     """All light: lamps, the light from everywhere, and the mains' flicker (relative depth)."""
 
     lamps: tuple[Lamp, ...] = (
-        Lamp((-1.6, 2.6, 3.2), 0.11, 0.5, (1.0, 0.97, 0.9)),
-        Lamp((2.9, 2.3, 3.6), 0.16, 0.17, (0.94, 0.97, 1.0)),
+        Lamp((-1.0, 2.9, 4.0), 0.09, 0.62, (1.0, 0.98, 0.94)),
+        Lamp((3.1, 2.4, 3.9), 0.14, 0.2, (0.97, 0.98, 1.0)),
     )
-    ambient: Colour = (0.27, 0.28, 0.29)
+    ambient: Colour = (0.24, 0.245, 0.25)
     unevenness: float = 0.05
     flicker: float = 0.03
     flicker_hz: float = 100.0
@@ -224,6 +224,8 @@ class Encoding:
         "h264", "mjpeg", lossless "ffv1", or "png" for a folder of pictures.
     bitrate : float
         bit/s of played time.
+    rate_factor : float or None
+        H.264 at constant quality (x264's CRF) instead of at a bitrate.
     container_fps : float
         The rate that the file claims.
     dropped : tuple of int
@@ -232,6 +234,7 @@ class Encoding:
 
     codec: Literal["h264", "mjpeg", "ffv1", "png"] = "h264"
     bitrate: float = 1.2e6
+    rate_factor: float | None = None
     container_fps: float = 30.0
     dropped: tuple[int, ...] = ()
 

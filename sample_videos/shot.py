@@ -14,7 +14,7 @@ from physics.bodies import GRAVITY
 from physics.contact import ContactHistory, simulate_contact
 from physics.drag_curves import SUBCRITICAL_DRAG
 from physics.flight import Flight, fly
-from physics.forces import Acceleration, Drag, Gravity, Magnus
+from physics.forces import Acceleration, CoefficientCurve, Drag, Gravity, Magnus
 from physics.swing import Bearing, Swing, swing
 from sample_videos.motion import Curve, Piece, SampledMotion
 from sample_videos.scene import Scene
@@ -38,8 +38,9 @@ class Physics:
     gravity : float
         m/s².
     air : Air
-    drag_coefficient, lift_coefficient : float
-        The lift is that of a spinning ball, Magnus force; 0 leaves it out.
+    drag_coefficient : float or curve
+    lift_coefficient : float
+        Of the Magnus force on a spinning ball; 0 leaves it out.
     face_friction : float
         Coulomb coefficient between face and ball; it makes the ball spin.
     bearing : Bearing
@@ -55,7 +56,7 @@ class Physics:
     backswing: float
     gravity: float = GRAVITY
     air: Air = PAPER_AIR
-    drag_coefficient: float = SUBCRITICAL_DRAG
+    drag_coefficient: float | CoefficientCurve = SUBCRITICAL_DRAG
     lift_coefficient: float = 0.0
     face_friction: float = 0.0
     bearing: Bearing = NO_LOSS

@@ -58,7 +58,7 @@ def wall_reflectance(
             light *= 1.0 - contrast * _lines(from_x, step_x, pitch, width)
             light *= 1.0 - contrast * _lines(from_y, step_y, pitch, width)
     light *= 1.0 + 0.012 * mottle(x, y, 0.02, seed) + 0.02 * mottle(x, y, 0.35, seed + 1)
-    warm = 0.02 * mottle(x, y, 0.5, seed + 2)
+    warm = 0.012 * mottle(x, y, 0.5, seed + 2)
     tint = np.stack([1.0 + warm, np.ones_like(warm), 1.0 - warm])
     return np.asarray(np.reshape(wall.colour, (3,) + (1,) * x.ndim) * tint * light)
 
@@ -67,7 +67,7 @@ def floor_reflectance(
     x: FloatArray, z: FloatArray, colour: tuple[float, float, float], seed: int
 ) -> FloatArray:
     """Reflectance (3, ...) of the floor at x, z (m)."""
-    grain = 0.07 * mottle(x, z * 0.4, 0.03, seed + 3) + 0.07 * mottle(x, z, 0.16, seed + 4)
+    grain = 0.1 * mottle(x, z, 0.015, seed + 3) + 0.06 * mottle(x, z, 0.1, seed + 4)
     return np.asarray(np.reshape(colour, (3,) + (1,) * x.ndim) * np.clip(1.0 + grain, 0.5, 1.6))
 
 

@@ -289,7 +289,11 @@ def _physics(shot: Shot) -> dict[str, Any]:
         "gravity": physics.gravity,
         "air_density": physics.air.density,
         "air_viscosity": physics.air.viscosity,
-        "drag_coefficient": physics.drag_coefficient,
+        "drag_coefficient": (
+            physics.drag_coefficient
+            if isinstance(physics.drag_coefficient, float)
+            else repr(physics.drag_coefficient)
+        ),
         "lift_coefficient": physics.lift_coefficient,
         "face_friction": physics.face_friction,
         "further_forces": [repr(force) for force in physics.forces or ()],
