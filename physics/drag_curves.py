@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -166,6 +167,11 @@ def drag_curve(surface: str) -> DragCurve:
         ) from None
 
 
+@cache
+def _through(places: tuple[float, ...], values: tuple[float, ...]) -> PchipInterpolator:
+    return PchipInterpolator(places, values)
+
+
 @dataclass(frozen=True)
 class LiftTable:
     """C_L(Sp) of a spinning ball, monotone cubic between tabulated points and level beyond them.
@@ -193,7 +199,7 @@ class LiftTable:
         """C_L at `spin_parameter`; `reynolds` is accepted for laws that depend on it."""
         top = self.spin_parameter[-1]
         sp: FloatArray = np.minimum(np.asarray(spin_parameter, dtype=np.float64), top)
-        value = PchipInterpolator(self.spin_parameter, self.lift)(sp)
+        value = _through(self.spin_parameter, self.lift)(sp)
         return float(value) if np.ndim(value) == 0 else np.asarray(value)
 
     def covers(self, spin_parameter: float) -> bool:

@@ -48,7 +48,9 @@ def saved_figure(path: Path, width: float = 6.4, height: float = 3.6) -> Iterato
             figure.savefig(temporary, metadata=metadata)
 
 
-def draw_flights(path: Path, experiment: Experiment, impulsive: Flight, turned: Flight) -> None:
+def draw_flights(
+    path: Path, experiment: Experiment, impulsive: Flight, turned: Flight | None
+) -> None:
     """The ball's path by the paper's launch and by the contact followed in time."""
     with saved_figure(path) as figure:
         axes = figure.subplots()
@@ -57,6 +59,8 @@ def draw_flights(path: Path, experiment: Experiment, impulsive: Flight, turned: 
             (impulsive, BLUE, "launched along the contact angle (steps a to e)"),
             (turned, ORANGE, "contact followed in time"),
         ):
+            if flight is None:
+                continue
             x, y = flight.position[:, 0], flight.position[:, 1]
             axes.plot(x, y, color=colour, label=label)
             axes.plot(x[-1], y[-1], "o", color=colour, ms=4)

@@ -39,6 +39,10 @@ UNITS = {
 }
 
 
+SMALLEST_COR = 1e-3
+"""What a shifted coefficient of restitution is kept above."""
+
+
 @dataclass(frozen=True)
 class Shift:
     """One draw of what repeats imperfectly."""
@@ -76,7 +80,7 @@ def strike_inputs(
     speed = 0.0 if impact_speed is None else impact_speed
     if released is not None:
         speed = speed_with_losses(moved, released, effects)
-    e = min(float(law(speed)) + shift.cor, 1.0)
+    e = min(max(float(law(speed)) + shift.cor, SMALLEST_COR), 1.0)
     return Strike(moved, released, speed, e, float(ball.contact_time(speed)) + shift.contact_time)
 
 
@@ -97,19 +101,17 @@ def followed_contacts(strikes: list[Strike]) -> ContactOutcome:
 
 def strike_numbers(
     strike: Strike,
-    turned: ContactOutcome,
+    turned: ContactOutcome | None,
     effects: tuple[AddedEffect, ...],
     *,
     samples: int = 2,
-) -> tuple[dict[str, float], Flight, Flight]:
+) -> tuple[dict[str, float], Flight, Flight | None]:
     """One strike's numbers, the flight from the paper's launch and from the contact in time."""
     moved, speed, e, time = strike.experiment, strike.speed, strike.cor, strike.contact_time
     carried = alter_outcome(moved, speed, e, _paper_outcome(moved, speed, e, time), effects)
     flight = _fly(moved, carried, effects, samples)
     after = float(carried.pendulum_speed_after)
     closed = float(closed_form_landing(moved, impulsive_launch(moved, speed, e, time)).distance)
-    turned = alter_outcome(moved, speed, e, turned, effects)
-    turned_flight = _fly(moved, turned, effects, samples)
     distance = float(flight.landing_position[0])
     values: dict[str, float] = {}
     if strike.backswing is not None:
@@ -129,6 +131,12 @@ def strike_numbers(
         "landing_distance": distance,
         "landing_distance_closed_form": closed,
         "closed_form_difference": closed - distance,
+    }
+    if turned is None:
+        return values, flight, None
+    turned = alter_outcome(moved, speed, e, turned, effects)
+    turned_flight = _fly(moved, turned, effects, samples)
+    values |= {
         "ball_speed_contact_model": float(turned.ball_speed),
         "launch_angle_contact_model": math.degrees(float(turned.launch_angle)),
         "flight_time_contact_model": turned_flight.landing_time,

@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from metrology import Contribution, Quantity, UsageError, parse_quantity
+from metrology import Contribution, DomainError, Quantity, UsageError, parse_quantity
 from physics.bodies import Ball
+from physics.contact_outcome import ContactOutcome
 from physics.domain import require_positive
 from physics.drag_curves import DragCurve
 from physics.flight import Flight
@@ -51,14 +52,14 @@ class Simulation:
     warnings : tuple of str
     flight : Flight
         The numerical path by the paper's launch, with all forces.
-    contact_flight : Flight
-        The path from the time-resolved contact.
+    contact_flight : Flight or None
+        The path from the time-resolved contact; None where that contact can't be followed.
     """
 
     quantities: tuple[Quantity, ...]
     warnings: tuple[str, ...]
     flight: Flight
-    contact_flight: Flight
+    contact_flight: Flight | None
 
 
 def simulate(
@@ -106,15 +107,27 @@ def simulate(
     sources = _sources(PlanScatter() if scatter is None else scatter, backswing is not None)
     shifts = [Shift()] + [shift for _, both in sources for shift in both]
     strikes = [strike_inputs(experiment, backswing, impact_speed, law, effects, s) for s in shifts]
-    turned = followed_contacts(strikes)
-    runs = [strike_numbers(s, turned.at(i), effects)[0] for i, s in enumerate(strikes)]
-    best, flight, contact_flight = strike_numbers(strikes[0], turned.at(0), effects, samples=201)
-    quantities = tuple(
+    turned: list[ContactOutcome | None] = [None] * len(strikes)
+    why = ""
+    try:
+        followed = followed_contacts(strikes)
+        turned = [followed.at(i) for i in range(len(strikes))]
+    except DomainError as problem:
+        why = problem.message
+    runs = [strike_numbers(s, t, effects)[0] for s, t in zip(strikes, turned, strict=True)]
+    best, flight, contact_flight = strike_numbers(strikes[0], turned[0], effects, samples=201)
+    quantities = [
         Quantity.measured(name, value, UNITS[name], _budget(name, runs, sources))
         for name, value in best.items()
-    )
+    ]
+    if contact_flight is None:
+        quantities += [
+            Quantity.missing(n, unit, why)
+            for n, unit in UNITS.items()
+            if n not in best and "model" in n
+        ]
     warnings = _warnings(experiment, best["impact_speed"], law, best["ball_speed"])
-    return Simulation(quantities, warnings, flight, contact_flight)
+    return Simulation(tuple(quantities), warnings, flight, contact_flight)
 
 
 def _sources(scatter: PlanScatter, by_backswing: bool) -> list[tuple[str, tuple[Shift, Shift]]]:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from metrology import UsageError
 from physics.air import PAPER_AIR
 from physics.arrays import FloatArray
 from physics.bodies import BALLS, PAPER_PENDULUM, Ball
@@ -300,8 +301,16 @@ def draw_figures(folder: Path, only: tuple[str, ...] = ()) -> tuple[Path, ...]:
     -------
     tuple of Path
         Files written.
+
+    Raises
+    ------
+    UsageError
+        If the folder can't be made.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise UsageError(f"can't make the folder {folder}: {problem.strerror}") from problem
     files = []
     for number, (painter, balls) in FIGURES.items():
         if only and number not in only:

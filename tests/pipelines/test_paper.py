@@ -162,6 +162,12 @@ def test_figures_are_drawn(tmp_path: Path) -> None:
     assert [f.read_bytes()[:4] for f in files] == [b"\x89PNG"] * 2
 
 
+def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UsageError, match="folder"):
+        draw_figures(tmp_path / "file" / "figures", only=("05",))
+
+
 def test_the_docs_page_holds_what_the_code_says(cells: tuple[Cell, ...]) -> None:
     page = (Path(__file__).parents[2] / "docs" / "model.md").read_text(encoding="utf-8")
     assert filled(page, sections()) == page

@@ -165,6 +165,16 @@ def test_beyond_the_fitted_speeds_it_warns() -> None:
     assert not any("extrapolated" in warning for warning in known)
 
 
+def test_a_contact_that_cannot_be_followed_leaves_a_reason(tmp_path: Path) -> None:
+    picture = tmp_path / "slow.png"
+    values = _values("--impact-speed", "0.02", "--plot", str(picture))
+    assert values["landing_distance"]["value"] > 0.0
+    missing: dict[str, object] = dict(values["landing_distance_contact_model"])
+    assert missing["value"] is None
+    assert "contact law" in str(missing["reason"])
+    assert picture.exists()
+
+
 @pytest.mark.parametrize(
     "arguments",
     [
