@@ -34,6 +34,7 @@ class Shelf:
 
     cache: Path
     seed: int
+    version: str
 
     @property
     def campaigns(self) -> Path:
@@ -45,7 +46,7 @@ class Shelf:
 
     @property
     def answers(self) -> Path:
-        return self.cache / f"answers-{GENERATOR}-{self.seed}-{engine_version(ROOT)}"
+        return self.cache / f"answers-{GENERATOR}-{self.seed}-{self.version}"
 
     def campaign(self, number: int) -> Path:
         return self.campaigns / f"{number:04d}"
@@ -118,7 +119,7 @@ def main() -> None:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     options = _options()
-    shelf = Shelf(options.cache, options.seed)
+    shelf = Shelf(options.cache, options.seed, engine_version(ROOT))
     for folder in (shelf.campaigns, shelf.keys, shelf.answers):
         folder.mkdir(parents=True, exist_ok=True)
     numbers = list(range(options.first, options.first + options.campaigns))

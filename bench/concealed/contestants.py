@@ -5,18 +5,22 @@ import json
 import time
 from pathlib import Path
 
+import typer
+from typer.testing import CliRunner
+
 from bench.concealed.answer import Answer, answer_from_json
+from pipelines.explain import explain_command
 
 __all__ = ["engine_answer", "engine_version"]
 
-SOURCES = ("physics", "mismatch", "pipelines")
+SOURCES = ("physics/**/*.py", "mismatch/**/*.py", "pipelines/explain*.py", "pipelines/setup*.py")
 
 
 def engine_version(root: Path) -> str:
     """Digest of the sources an answer depends on."""
     digest = hashlib.sha256()
-    for room in SOURCES:
-        for path in sorted((root / room).rglob("*.py")):
+    for pattern in SOURCES:
+        for path in sorted(root.glob(pattern)):
             digest.update(path.relative_to(root).as_posix().encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()[:12]
@@ -24,12 +28,11 @@ def engine_version(root: Path) -> str:
 
 def engine_answer(folder: Path, output: Path) -> Answer:
     """Run `vision explain` on a folder's files; the JSON it wrote stays in `output`."""
-    from pipelines.cli import app
-    from typer.testing import CliRunner
-
-    command = ["explain", "--setup", str(folder / "setup.toml"), "--json", str(output), "--quiet"]
+    app = typer.Typer()
+    app.command()(explain_command)
+    command = ["--setup", str(folder / "setup.toml"), "--json", str(output), "--quiet"]
     if (folder / "ball.csv").exists():
-        command.insert(1, str(folder / "ball.csv"))
+        command.insert(0, str(folder / "ball.csv"))
     if (folder / "pendulum.csv").exists():
         command += ["--pendulum", str(folder / "pendulum.csv")]
     output.unlink(missing_ok=True)

@@ -23,6 +23,10 @@ MEASUREMENT = frozenset(
 )
 
 
+# A turn or a stretch about another centre is the same one and a shift, exactly.
+SHIFTED = frozenset(["camera_roll", "length_scale", "parallax"])
+
+
 @dataclass(frozen=True)
 class Judgement:
     """One campaign's answer, judged.
@@ -64,6 +68,8 @@ class Judgement:
 def _companions(truth: frozenset[str], answer: Answer) -> frozenset[str]:
     """Ids that may stand in the answer: the truth and what a declared group puts beside it."""
     allowed = set(truth)
+    if truth & SHIFTED:
+        allowed.add("origin_offset")
     for group in answer.groups:
         if group & truth:
             allowed |= group

@@ -45,6 +45,11 @@ def test_a_second_name_spoils_a_right_one():
     assert not judgement.right
 
 
+def test_a_turn_about_another_centre_is_a_turn_and_a_shift():
+    assert judge(key(hidden("camera_roll")), said("camera_roll", "origin_offset")).right
+    assert not judge(key(hidden("drag")), said("drag", "origin_offset")).right
+
+
 def test_pairs_need_both():
     pair = key(hidden("drag"), hidden("bearing_friction", phase="swing"), kind="pair")
     assert judge(pair, said("bearing_friction", "drag")).right
