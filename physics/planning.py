@@ -142,13 +142,34 @@ def plan_distance(
 
     slowest = 0.05
     fastest = frictionless_speed(pendulum, math.pi, ball.launch_angle, experiment.gravity)
-    speed = speed_for_distance(distance, lands, slowest, fastest * (1.0 - 1e-9))
+    fastest = _fastest_valid(law, slowest, fastest * (1.0 - 1e-9))
+    speed = speed_for_distance(distance, lands, slowest, fastest)
     backswing = backswing_for_speed(pendulum, speed, ball.launch_angle, experiment.gravity)
 
     slopes = _slopes(lands, speed)
     weight = pendulum.mass * experiment.gravity * pendulum.com
     by_angle = weight * math.sin(backswing) * pendulum.length**2 / (pendulum.inertia * speed)
     return _with_scatter(distance, speed, backswing, slopes, by_angle, scatter)
+
+
+def _fastest_valid(law: CorLaw, slowest: float, fastest: float) -> float:
+    """Highest speed up to `fastest` at which the law gives a coefficient of restitution."""
+
+    def valid(speed: float) -> bool:
+        try:
+            law(speed)
+        except DomainError:
+            return False
+        return True
+
+    if valid(fastest):
+        return fastest
+    law(slowest)
+    low, high = slowest, fastest
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if valid(middle) else (low, middle)
+    return low
 
 
 def _slopes(

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from metrology import Contribution, Quantity, parse_quantity
+from metrology import Contribution, DomainError, Quantity, parse_quantity
 from physics.arrays import FloatArray
 from physics.forward import (
     Experiment,
@@ -30,6 +30,9 @@ from pipelines.model_options import (
 from pipelines.model_plots import draw_plan
 
 __all__ = ["Planning", "plan", "plan_command"]
+
+
+_CONTACT_ANGLE = ("backswing_angle_contact_model", "deg")
 
 
 @dataclass(frozen=True)
@@ -92,7 +95,10 @@ def plan(
     constant = ConstantCor(float(law(0.0)))
     if not isinstance(law, ConstantCor):
         quantities += _alternative(experiment, distance, constant, scatter)
-    quantities += _by_contact_model(experiment, distance, law, found)
+    try:
+        quantities += _by_contact_model(experiment, distance, law, found)
+    except DomainError as problem:
+        quantities.append(Quantity.missing(*_CONTACT_ANGLE, problem.message))
     return Planning(tuple(quantities), _warnings(experiment, found, law), found)
 
 
@@ -120,7 +126,7 @@ def _by_contact_model(
     experiment: Experiment, distance: float, law: CorLaw, found: Plan
 ) -> list[Quantity]:
     """Angle and speed when the contact is followed in time instead of taken as instantaneous."""
-    name, unit = "backswing_angle_contact_model", "deg"
+    name, unit = _CONTACT_ANGLE
     angle, gravity = experiment.ball.launch_angle, experiment.gravity
     fastest = frictionless_speed(experiment.pendulum, math.pi, angle, gravity)
 

@@ -58,6 +58,20 @@ def test_a_given_number_for_the_cor_is_used() -> None:
     assert low["quantities"][name]["value"] > high["quantities"][name]["value"]
 
 
+def test_a_law_that_ends_somewhere_is_planned_with_as_far_as_it_goes() -> None:
+    result = runner.invoke(app, ["--distance", "0.8", "--cor", "1 - 0.3*v", "--json", "-"])
+    speed = json.loads(result.stdout)["quantities"]["impact_speed"]["value"]
+    assert 1.0 < speed < 3.3
+
+
+def test_a_contact_that_cannot_be_followed_leaves_a_reason() -> None:
+    result = runner.invoke(app, ["--distance", "1m", "--cor", "0.02", "--json", "-"])
+    quantities = json.loads(result.stdout)["quantities"]
+    assert quantities["impact_speed"]["value"] > 1.0
+    assert quantities["backswing_angle_contact_model"]["value"] is None
+    assert quantities["backswing_angle_contact_model"]["reason"]
+
+
 def test_a_picture_of_the_plan(tmp_path: Path) -> None:
     picture = tmp_path / "plan.svg"
     result = runner.invoke(app, ["--distance", "2", "--plot", str(picture), "--quiet"])
