@@ -195,13 +195,14 @@ def _figure_22(axes: Axes, ball: Ball) -> None:
             _, flight = _paper_flight(ball, float(speed), kind)
             style = "-" if kind == "variable" else "--"
             x, y = flight.position[:, 0], flight.position[:, 1] - ball.radius
-            axes.plot(x, y, style, color=_COLOURS[kind], lw=1.0)
+            first = f"steps a to e, {kind}" if speed == measured_speeds(ball.name)[0] else None
+            axes.plot(x, y, style, color=_COLOURS[kind], lw=1.0, label=first)
         row = _numbers(printed.TABLE_5[ball.name][kind])
         axes.plot(row, np.zeros(4), "|", color=_COLOURS[kind], ms=10, label=f"printed, {kind}")
     measured = _numbers(printed.TABLE_5[ball.name]["experiment"])
     axes.plot(measured, np.zeros(4), "ko", ms=4, label="printed, experiment")
-    axes.set(xlabel="x (m)", ylabel="height above the floor (m)")
-    axes.legend()
+    axes.set(xlabel="x (m)", ylabel="height above the floor (m)", ylim=(-0.02, 0.62))
+    axes.legend(loc="upper right", fontsize=8)
 
 
 def _figure_23(axes: Axes, ball: Ball) -> None:
