@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.shared_data import shared_folder
 from tests.vision.written_clips import HEIGHT, moving_disc, scene, woven, write_clip
 from vision.clip import Clip
 from vision.fields import separate_field
@@ -35,6 +36,15 @@ def test_woven_fields_are_found_and_separated(tmp_path, bottom_first):
     # A wrong order or half-line offset would be 1 px or 2 px in every second frame.
     assert np.abs(found - true).max() < 0.15
     assert frames[0].gray.shape[0] == HEIGHT
+
+
+@pytest.mark.parametrize("name", ["jokku_90_small", "basketball_120_dim"])
+def test_fields_are_seen_through_codec_noise_and_flicker(tmp_path, name):
+    whole = Clip.open(shared_folder("rendered") / name / "clip.mp4")
+    assert whole.info.weave == "progressive"
+    fields = [frame.gray for frame in whole.frames(0, 180)]
+    path = write_clip(tmp_path / "i.mp4", woven(fields, bottom_first=True), options={"crf": "20"})
+    assert Clip.open(path).info.weave == "bottom_first"
 
 
 def test_progressive_pictures_are_left_alone(tmp_path):
