@@ -2,19 +2,25 @@
 
 import math
 import re
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal, cast
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from calib.camera import Camera, rotation_matrix
 from metrology import UsageError, parse_quantity
+from physics import effects as catalogue
 from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT
+from physics.forward import Experiment
+from pipelines.model_effects import AddedEffect, added_effects, speed_with_losses
 from pipelines.model_options import angle_of, choose_ball, experiment_of, setup_or_default
 from pipelines.setup_file import Setup
-from sample_videos import Encoding, Physics, Scene, Shot, Truth, render_clip, strike
+from sample_videos import Encoding, Physics, Scene, Shake, Shot, Truth, render_clip, strike
 from sample_videos.encode import SUFFIXES
 from sample_videos.presets import View, default_scene
 from sample_videos.truth import truth_path
@@ -42,6 +48,14 @@ class RenderOptions:
         Multiplies the noise of a well lit sensor; 0 is a perfect one.
     readout : float
         Rolling shutter from first to last row, s.
+    effects : tuple of str
+        Effects of the catalogue, as `parse_effect` reads them.
+    dropped : tuple of int
+        Captured frames that never reach the file.
+    shake : float
+        Tremor of a hand-held camera, px.
+    roll : float
+        Clockwise roll of the camera, rad.
     """
 
     backswing: float = math.radians(120.0)
@@ -58,6 +72,10 @@ class RenderOptions:
     view: str = "landing"
     noise: float = 1.0
     mirrored: bool = False
+    effects: tuple[str, ...] = ()
+    dropped: tuple[int, ...] = ()
+    shake: float = 0.0
+    roll: float = 0.0
 
 
 def parse_size(text: str) -> tuple[int, int]:
@@ -106,14 +124,45 @@ def planned_scene(setup: Setup, options: RenderOptions) -> tuple[Scene, Shot]:
 
 def _physics(setup: Setup, options: RenderOptions) -> Physics:
     experiment = experiment_of(setup, choose_ball(setup, options.ball))
+    effects = added_effects(setup, options.effects)
+    if contact := [added.effect.id for added in effects if added.alters_contact]:
+        raise UsageError(
+            f"the effect {contact[0]!r} changes what a contact hands over: there is no film of that",
+            hint="Set the ball's cor, or use an effect of the swing or the flight.",
+        )
+    speed = speed_with_losses(experiment, options.backswing, effects)
+    spin = sum(added.values.get("spin", 0.0) for added in effects)
+    backswing = options.backswing
+    for added in effects:
+        if "start" in added.effect.hooks:
+            backswing = float(np.asarray(added.effect.start(added.values, backswing)))
     return Physics(
-        options.backswing,
+        backswing,
         gravity=experiment.gravity,
         air=experiment.air,
         drag_coefficient=experiment.drag_coefficient,
         lift_coefficient=LIFT,
         face_friction=FACE_FRICTION,
+        forces=tuple(a.acceleration(experiment, speed, spin) for a in effects if a.flies),
+        torque=_torque(experiment, effects),
     )
+
+
+def _torque(
+    experiment: Experiment, effects: tuple[AddedEffect, ...]
+) -> Callable[[float, float], float] | None:
+    braking = [added for added in effects if "torque" in added.effect.hooks]
+    if not braking:
+        return None
+    body = experiment.pendulum
+
+    def torque(phi: float, omega: float) -> float:
+        state = catalogue.Swing(
+            phi, omega, body.inertia, body.mass, body.com, body.length, experiment.gravity
+        )
+        return float(sum(np.asarray(b.effect.torque(b.values, state)) for b in braking))
+
+    return torque
 
 
 def _scene(setup: Setup, options: RenderOptions, reach: float) -> Scene:
@@ -152,11 +201,20 @@ def _scene(setup: Setup, options: RenderOptions, reach: float) -> Scene:
         shutter=replace(
             scene.shutter, fps=fps, exposure=exposure, readout=options.readout, first=first
         ),
-        encoding=Encoding(codec, rate, options.container_fps),
+        encoding=Encoding(
+            codec, rate, container_fps=options.container_fps, dropped=options.dropped
+        ),
+        shake=Shake(amplitude=options.shake),
+        camera=_rolled(scene.camera, options.roll),
         room=replace(scene.room, wall=painted),
         sensor=sensor,
         mirrored=options.mirrored,
     )
+
+
+def _rolled(camera: Camera, roll: float) -> Camera:
+    turn = rotation_matrix([0.0, 0.0, -roll])
+    return replace(camera, rotation=turn @ camera.rotation)
 
 
 def _filmed(scene: Scene, shot: Shot, out: Path, quiet: bool) -> Truth:
@@ -203,6 +261,15 @@ def render_command(
     codec: Annotated[str, typer.Option(help="h264, mjpeg, ffv1 (lossless) or png.")] = "h264",
     view: Annotated[str, typer.Option(help="landing, impact or oblique.")] = "landing",
     noise: Annotated[str, typer.Option(help="none, low, good, high, dim.")] = "good",
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(help="Add an effect of the catalogue: magnus:spin=10.", metavar="ID:NAME=X"),
+    ] = None,
+    drop: Annotated[
+        list[int] | None, typer.Option(help="A captured frame that is lost; repeat it.", min=0)
+    ] = None,
+    shake: Annotated[float, typer.Option(help="Tremor of a hand-held camera, px.", min=0.0)] = 0.0,
+    roll: Annotated[str, typer.Option(help="Clockwise roll of the camera.")] = "0 deg",
     mirrored: Annotated[bool, typer.Option(help="The ball is struck to the left.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing.")] = False,
 ) -> None:
@@ -229,6 +296,10 @@ def render_command(
         view=view,
         noise=NOISE[noise],
         mirrored=mirrored,
+        effects=tuple(effect or ()),
+        dropped=tuple(drop or ()),
+        shake=shake,
+        roll=angle_of(roll),
     )
     if not out.absolute().parent.is_dir():
         raise UsageError(f"can't write {out}: there is no folder {out.parent}")

@@ -18,7 +18,7 @@ __all__ = ["CLIPS", "FOLDER", "Sample", "make_clip"]
 
 FOLDER = Path(__file__).parent / "clips"
 
-RATE_FACTORS = (10.0, 12.0, 13.0, 14.0, 15.0, 16.0, 17.0, 18.0, 20.0, 22.0, 24.0, 26.0, 28.0)
+RATE_FACTORS = (12.0, 14.0, 15.0, 16.0, 17.0, 18.0, 20.0, 22.0, 24.0, 26.0, 28.0)
 
 TAPE_STD = 0.003
 """m; how far off the tape is at random."""
@@ -57,8 +57,7 @@ def make_clip(sample: Sample, folder: Path) -> Path:
     scene = default_scene(
         ball=BALLS[sample.ball], size=sample.size, reach=sample.reach, seed=sample.seed
     )
-    sensor = replace(scene.sensor, full_well=16000.0, read_noise=22.0)
-    scene, shot = staged(sample.backswing_deg, replace(scene, sensor=sensor))
+    scene, shot = staged(sample.backswing_deg, scene)
     frames, truth = render_frames(scene, shot)
     pictures = list(frames)
     path = folder / f"{sample.name}.mp4"

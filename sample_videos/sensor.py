@@ -12,7 +12,7 @@ __all__ = ["developed", "flicker_gain", "vignette"]
 FloatArray = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
-WHITE = 1.05
+WHITE = 1.22
 """Light at full scale with gain 1."""
 
 

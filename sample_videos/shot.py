@@ -1,6 +1,6 @@
 """One stroke from the physics: swing, contact, flight and bounces, as a motion to be filmed."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -47,8 +47,11 @@ class Physics:
         Losses of the swing.
     cor, contact_time : float or None
         What this contact returns (1, s); None takes the ball's laws.
-    forces : tuple of Acceleration or None
-        All that acts in flight, instead of the above.
+    forces : tuple of Acceleration
+        What acts in flight besides gravity, drag and lift.
+    torque : callable or None
+        What acts on the pendulum besides gravity and bearing, on its way to the ball: N m from its
+        angle (rad) and rate (rad/s).
     floor_cor : float
         Coefficient of restitution of ball and floor, after landing.
     """
@@ -62,7 +65,8 @@ class Physics:
     bearing: Bearing = NO_LOSS
     cor: float | None = None
     contact_time: float | None = None
-    forces: tuple[Acceleration, ...] | None = None
+    forces: tuple[Acceleration, ...] = ()
+    torque: Callable[[float, float], float] | None = None
     floor_cor: float = 0.7
 
 
@@ -112,6 +116,7 @@ def strike(scene: Scene, physics: Physics) -> Shot:
         physics.backswing,
         scene.contact_angle,
         bearing=physics.bearing,
+        torque=physics.torque,
         gravity=physics.gravity,
         samples=801,
     )
@@ -141,15 +146,13 @@ def strike(scene: Scene, physics: Physics) -> Shot:
 
 
 def _forces(scene: Scene, physics: Physics) -> Sequence[Acceleration]:
-    if physics.forces is not None:
-        return physics.forces
     forces: list[Acceleration] = [
         Gravity(physics.gravity),
         Drag(scene.ball, physics.air, physics.drag_coefficient),
     ]
     if physics.lift_coefficient:
         forces.append(Magnus(scene.ball, physics.air, physics.lift_coefficient))
-    return forces
+    return [*forces, *physics.forces]
 
 
 def _motion(

@@ -296,7 +296,7 @@ def _physics(shot: Shot) -> dict[str, Any]:
         ),
         "lift_coefficient": physics.lift_coefficient,
         "face_friction": physics.face_friction,
-        "further_forces": [repr(force) for force in physics.forces or ()],
+        "further_forces": len(physics.forces),
         "spin_at_release": float(out.ball_spin),
         "release_m": [float(out.ball_x), float(out.ball_y)],
         "release_velocity": [float(out.ball_vx), float(out.ball_vy)],

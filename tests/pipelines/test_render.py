@@ -61,6 +61,26 @@ def test_rest_pendulum_and_landing_are_all_in_view(view: str, ball: str) -> None
     assert scene.frame_time(scene.frames - 1) > shot.landing_time
 
 
+def test_effects_of_the_catalogue_enter_the_motion() -> None:
+    plain = planned_scene(Setup(), RenderOptions())[1]
+    spun = planned_scene(Setup(), RenderOptions(effects=("magnus:spin=40",)))[1]
+    braked = planned_scene(Setup(), RenderOptions(effects=("bearing_friction:dry_torque=0.5",)))[1]
+    assert abs(spun.landing_time - plain.landing_time) > 0.01
+    assert float(braked.contact.outcome.impact_speed) < float(plain.contact.outcome.impact_speed)
+
+
+def test_faults_of_the_recording_are_options(tmp_path: Path) -> None:
+    out = tmp_path / "a.mkv"
+    options = ["--codec", "ffv1", "--drop", "1", "--shake", "1.5", "--roll", "2 deg"]
+    result = run("-o", str(out), *SMALL, *options, "--quiet")
+    assert result.exit_code == 0, result.output
+    truth = json.loads((tmp_path / "a.truth.json").read_text())
+    assert len(truth["frames"]["time_s"]) == 2
+    turned = np.array(truth["camera"]["rotation_world_to_camera"])
+    assert math.degrees(math.atan2(-turned[0, 1], turned[0, 0])) == pytest.approx(2.0, abs=0.5)
+    assert truth["shake"]["amplitude"] == 1.5
+
+
 def test_a_principal_point_in_the_setup_places_the_camera() -> None:
     setup = parse_setup(
         '[camera]\nprincipal_point_on_wall = ["1.10 m", "0.60 m"]\ndistance_to_wall = "4 m"\n'
@@ -84,6 +104,8 @@ def test_a_principal_point_in_the_setup_places_the_camera() -> None:
         ["--ball", "melon"],
         ["--backswing", "1 parsec"],
         ["--backswing", "200 deg"],
+        ["--effect", "moonlight"],
+        ["--effect", "oblique_impact"],
     ],
 )
 def test_what_can_not_be_is_refused_and_nothing_is_written(
