@@ -127,7 +127,7 @@ def _physics(setup: Setup, options: RenderOptions) -> Physics:
     effects = added_effects(setup, options.effects)
     if contact := [added.effect.id for added in effects if added.alters_contact]:
         raise UsageError(
-            f"the effect {contact[0]!r} changes what a contact hands over: there is no film of that",
+            f"the effect {contact[0]!r} changes what a contact hands over: no film shows that",
             hint="Set the ball's cor, or use an effect of the swing or the flight.",
         )
     speed = speed_with_losses(experiment, options.backswing, effects)
