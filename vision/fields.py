@@ -28,6 +28,9 @@ _ENOUGH_PIXELS = 6000
 _ENOUGH_LOOKS = 6
 _FEWEST_LOOKS = 3
 _AGREEING = 0.6
+# Whole pictures taken for fields cost more than the other way round: the sum must be clear.
+_CLEAR = 1.5
+_CLEAR_LOOK = 0.5
 # Fewer moving pixels than this in one look are noise.
 _LEAST_PIXELS = 20
 _NOISE_FACTOR = 6.0
@@ -72,15 +75,15 @@ class _Evidence:
     to_next: float
     to_last: float
 
-    def verdict(self) -> Weave:
+    def verdict(self, clear: float) -> Weave:
         """Judge by mean squares, in which the scene's own texture adds the same to all three.
 
         With h the change in half an interval, woven fields leave h² within a picture and to the
-        nearer neighbour, 9 h² to the farther; whole pictures leave 0 within and 4 h² to both. So the
-        step from near to far is compared with the step from within to near.
+        nearer neighbour, 9 h² to the farther; whole pictures leave 0 within and 4 h² to both. So
+        the step from near to far has to be `clear` times that from within to near.
         """
         near, far = sorted((self.to_next, self.to_last))
-        if far < 1.25 * near or far - near < 0.5 * (near - self.within):
+        if far < 1.25 * near or far - near < clear * (near - self.within):
             return "progressive"
         return "top_first" if self.to_next < self.to_last else "bottom_first"
 
@@ -140,8 +143,8 @@ class CombingDetector:
             sum(look.to_next for look in seen),
             sum(look.to_last for look in seen),
         )
-        weave = total.verdict()
-        agreeing = sum(look.verdict() == weave for look in seen)
+        weave = total.verdict(_CLEAR)
+        agreeing = sum(look.verdict(_CLEAR_LOOK) == weave for look in seen)
         if len(seen) < _FEWEST_LOOKS or agreeing < _AGREEING * len(seen):
             return "progressive"
         return weave
