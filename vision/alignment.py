@@ -1,10 +1,11 @@
-"""Where the camera looked in each frame, and how bright the light was: frames registered on the static scene.
+"""Where the camera looked in each frame, and how bright the light was, from the static scene.
 
-A gain, a shift and a small roll are fitted together by least squares on the pixels where the scene has
-structure (Lucas and Kanade 1981); what moves in front is rejected by its residual.
+A gain, a shift and a small roll are fitted together by least squares on the pixels where the scene
+has structure (Lucas and Kanade 1981); what moves in front is rejected by its residual.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -185,8 +186,8 @@ def _structured_points(
     rows, columns = [], []
     row_edges = np.linspace(3, height - 3, _TILES + 1).astype(int)
     column_edges = np.linspace(3, width - 3, _TILES + 1).astype(int)
-    for top, bottom in zip(row_edges[:-1], row_edges[1:], strict=True):
-        for left, right in zip(column_edges[:-1], column_edges[1:], strict=True):
+    for top, bottom in pairwise(row_edges):
+        for left, right in pairwise(column_edges):
             tile = gradient[top:bottom, left:right]
             if tile.size < _POINTS_PER_TILE:
                 continue

@@ -1,8 +1,9 @@
-"""A pivot from the arc that something swings on: a circle fitted to points by geometric least squares."""
+"""A pivot from the arc that something swings on: a circle fitted by geometric least squares."""
 
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.optimize
 from numpy.typing import NDArray
 
 __all__ = ["Arc", "fit_arc"]
@@ -35,15 +36,16 @@ class Arc:
     span_rad: float
 
 
-def fit_arc(points: FloatArray, start: FloatArray | None = None) -> Arc | None:
-    """Fit a circle.
+def fit_arc(points: FloatArray, turns: FloatArray | None = None) -> Arc | None:
+    """Fit a circle, helped where known by how far the body turned on the way.
 
     Parameters
     ----------
     points : (N, 2) array
         Points, px.
-    start : (2,) array, optional
-        First guess of the centre.
+    turns : (N,) array, optional
+        Turn of the body at each point, rad, from +x towards +y: on a short arc it tells the radius
+        better than the bend of the arc does.
 
     Returns
     -------
@@ -52,33 +54,45 @@ def fit_arc(points: FloatArray, start: FloatArray | None = None) -> Arc | None:
     """
     if len(points) < 5:
         return None
-    centre = _algebraic(points) if start is None else start
-    if centre is None:
+    start = _algebraic(points)
+    if start is None:
         return None
-    radius = float(np.median(np.hypot(*(points - centre).T)))
-    parameters = np.array([*centre, radius])
-    weight = np.ones(len(points))
-    for _ in range(40):
-        offset = points - parameters[:2]
-        distance = np.hypot(offset[:, 0], offset[:, 1])
-        residual = distance - parameters[2]
-        scatter = max(1.4826 * float(np.median(np.abs(residual))), 1e-4)
-        weight = 1.0 / (1.0 + (residual / (3.0 * scatter)) ** 2) ** 2
-        design = np.column_stack([-offset / distance[:, None], -np.ones(len(points))])
-        weighted = design * weight[:, None]
-        normal = weighted.T @ design
-        step = -np.linalg.solve(normal + 1e-9 * np.trace(normal) * np.eye(3), weighted.T @ residual)
-        length = float(np.hypot(step[0], step[1]))
-        step *= min(1.0, 0.5 * parameters[2] / max(length, 1e-9))
-        parameters = parameters + step
-        if not np.all(np.isfinite(parameters)) or parameters[2] > 1e5:
-            return None
-        if length < 1e-4:
-            break
-    offset = points - parameters[:2]
-    angle = np.unwrap(np.arctan2(offset[:, 0], offset[:, 1]))
-    covariance = np.linalg.pinv(normal) * scatter**2
-    return Arc(parameters[:2], float(parameters[2]), covariance, scatter, float(np.ptp(angle)))
+    radius = float(np.median(np.hypot(*(points - start).T)))
+    state = np.array([*start, radius, 0.0])
+    scatter, turn_scatter = 0.1, 0.01
+    angle = _angles(points, start)
+    if turns is not None:
+        state[3] = float(np.median(turns - angle))
+
+    def residuals(state: FloatArray) -> FloatArray:
+        offset = points - state[:2]
+        radial = (np.hypot(offset[:, 0], offset[:, 1]) - state[2]) / scatter
+        if turns is None:
+            return np.append(radial, 1e-3 * state[3])
+        turned = turns - _angles(points, state[:2]) - state[3]
+        return np.concatenate([radial, np.arctan2(np.sin(turned), np.cos(turned)) / turn_scatter])
+
+    for _ in range(4):
+        solution = scipy.optimize.least_squares(residuals, state, loss="soft_l1", max_nfev=60)
+        state = solution.x
+        offset = points - state[:2]
+        radial = np.hypot(offset[:, 0], offset[:, 1]) - state[2]
+        scatter = max(1.4826 * float(np.median(np.abs(radial))), 0.01)
+        if turns is not None:
+            turned = turns - _angles(points, state[:2]) - state[3]
+            turn_scatter = max(1.4826 * float(np.median(np.abs(turned))), 1e-3)
+    if not np.all(np.isfinite(state)) or state[2] > 1e5:
+        return None
+    slopes = np.asarray(solution.jac, dtype=np.float64)
+    covariance = np.asarray(np.linalg.pinv(slopes.T @ slopes)[:3, :3], dtype=np.float64)
+    span = float(np.ptp(np.unwrap(_angles(points, state[:2]))))
+    return Arc(state[:2], float(state[2]), covariance, scatter, span)
+
+
+def _angles(points: FloatArray, centre: FloatArray) -> FloatArray:
+    """Direction of each point from the centre, rad, from +x towards +y."""
+    offset = points - centre
+    return np.asarray(np.arctan2(offset[:, 1], offset[:, 0]))
 
 
 def _algebraic(points: FloatArray) -> FloatArray | None:

@@ -1,6 +1,7 @@
-"""The static scene: what the camera sees when nothing moves, its noise, and each frame's brightness."""
+"""The static scene: what is seen when nothing moves, its noise, and each frame's brightness."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -16,7 +17,8 @@ FloatImage = NDArray[np.float32]
 _LEVEL_BINS = 16
 _EPOCHS = 5
 _BRIGHTNESS_PIXELS = 4000
-# Rounding to whole gray levels and the codec's quantiser leave about this much where a clip looks noise-free.
+# Rounding to whole gray levels and the codec's quantiser leave about this much where a clip looks
+# noise-free.
 _NOISE_FLOOR = 0.6
 # Residual unsteadiness of a registered picture: edges of the scene are that much less certain.
 _JITTER_PX = 0.06
@@ -74,8 +76,10 @@ def brightness(frame: FloatImage, image: FloatImage, noise: float) -> float:
 def estimate_background(frames: list[FloatImage]) -> Background:
     """Estimate the static scene from frames spread over the clip.
 
-    Brightness is equalised first, so that mains flicker does not blur the medians. The clip is cut into
-    epochs with a median each. A pixel takes what most epochs agree on; where something lay still for most
+    Brightness is equalised first, so that mains flicker does not blur the medians. The clip is cut
+    into
+    epochs with a median each. A pixel takes what most epochs agree on; where something lay still
+    for most
     of the clip, so that they agree on the wrong thing, the epoch without its outline is taken
     (`vision.ghosts`).
 
@@ -119,19 +123,18 @@ def _quartile_width(count: int) -> float:
 
 
 def _noise_by_level(image: FloatImage, spread: FloatImage) -> FloatImage:
-    """Turn each pixel's own spread, which moving things inflate, into a smooth law of brightness."""
+    """Turn each pixel's own spread, which moving things inflate, into a law of brightness."""
     flat, values = image.ravel(), spread.ravel()
     edges = np.quantile(flat[::7], np.linspace(0.0, 1.0, _LEVEL_BINS + 1))
     centres, levels = [], []
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         inside = (flat >= low) & (flat <= high)
         if np.count_nonzero(inside) >= 30:
             centres.append(0.5 * (low + high))
             levels.append(float(np.median(values[inside])))
     law = np.interp(flat, centres, levels) if centres else np.full(flat.shape, 1.0)
-    steepness = cv2.magnitude(
-        cv2.Scharr(image, cv2.CV_32F, 1, 0) / 32.0, cv2.Scharr(image, cv2.CV_32F, 0, 1) / 32.0
-    )
+    across = cv2.Scharr(image, cv2.CV_32F, 1, 0, scale=1 / 32)
+    steepness = np.hypot(across, cv2.Scharr(image, cv2.CV_32F, 0, 1, scale=1 / 32))
     unsteady = (_JITTER_PX * steepness) ** 2
     noise = np.sqrt(law.reshape(image.shape) ** 2 + _NOISE_FLOOR**2 + unsteady)
     return np.asarray(noise, dtype=np.float32)

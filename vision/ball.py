@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.circles import find_circles
+from vision.cutout import TYPICAL_GAMMA, ring_pixels, ring_widths
 from vision.edge_profile import EdgeProfile
 from vision.linking import Path
-from vision.cutout import TYPICAL_GAMMA, ring_pixels, ring_widths
 from vision.outline import OutlineFit, OutlineShape, fit_outline
 from vision.scene import Scene
 
@@ -18,7 +18,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _LEAST_CONTRAST = 0.35
-# Balls smaller than this are too few pixels for the outline model; the circle of their edges is used.
+# Balls smaller than this are too few pixels for the outline model; the circle of their edges is
+# used.
 SMALL_RADIUS = 6.0
 _VOTED_STD = 0.15
 
@@ -206,10 +207,7 @@ def _extend(
     missed = 0
     frame = (max(found) if direction > 0 else min(found)) + direction
     while 0 <= frame < scene.count and missed < 4:
-        if direction > 0:
-            known = sorted(found)[-4:]
-        else:
-            known = sorted(found)[:4]
+        known = sorted(found)[-4:] if direction > 0 else sorted(found)[:4]
         times = np.array(known, dtype=np.float64)
         centres = np.array([found[index].centre for index in known])
         slope = (centres[-1] - centres[0]) / (times[-1] - times[0])

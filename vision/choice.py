@@ -53,7 +53,7 @@ def trimmed(path: Path) -> Path:
 
 
 def choose_ball(paths: list[Path], at: tuple[float, float, int | None] | None) -> Choice | None:
-    """Choose the ball: clear all around, far-travelled, long in view; or the one that the user points at.
+    """Choose the ball: clear all around, far-travelled, long in view; or what the user points at.
 
     Of several alike, it is the one that lay still and was met by another.
 

@@ -1,8 +1,9 @@
-"""Round things among what moved: circles voted for by the edges of the difference to the static scene.
+"""Round things among what moved: circles voted for by the edges that the static scene lacks.
 
-Each edge pixel of the difference image votes for the centres that lie a radius away along its gradient,
-on both sides, since a panelled ball is brighter than the wall here and darker there. The vote is taken at
-several picture scales, so that one short list of radii covers balls of 5 to 200 pixels.
+Each edge pixel of the difference image votes for the centres that lie a radius away along its
+gradient,
+on both sides, since a panelled ball is brighter than the wall here and darker there. The vote is
+taken at several picture scales, so that one short list of radii covers balls of 5 to 200 pixels.
 """
 
 from dataclasses import dataclass
@@ -81,7 +82,8 @@ def find_circles(
     noise : (H, W) float32 array
         Standard deviation of a pixel of their difference, gray levels.
     radii : tuple of float, optional
-        Smallest and largest radius wanted, px; by default 2.5 px to a quarter of the picture height.
+        Smallest and largest radius wanted, px; by default 2.5 px to a quarter of the picture
+        height.
     most : int
         How many candidates to return at most.
     least_coverage : float
@@ -120,8 +122,8 @@ def _blobs(normalised: FloatImage, low: float, high: float) -> list[_Circle]:
     height, width = normalised.shape
     scale = 2 if min(height, width) >= 240 else 1
     level = _shrunk(normalised, scale)
-    mask = (np.abs(level) > 5.0 / scale).astype(np.uint8)
-    mask = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    above = (np.abs(level) > 5.0 / scale).astype(np.uint8)
+    mask = cv2.morphologyEx(above, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     count, labels, boxes, centres = cv2.connectedComponentsWithStats(mask)
     found = []
     for label in range(1, count):
@@ -176,8 +178,8 @@ def _shrunk(image: FloatImage, scale: int) -> FloatImage:
 def _edges(level: FloatImage, threshold: float) -> _Edges:
     """Edge pixels, thinned along their gradient; unit noise gives unit steepness."""
     smooth = cv2.GaussianBlur(level, (0, 0), 0.8)
-    gx = cv2.Scharr(smooth, cv2.CV_32F, 1, 0) / 10.0
-    gy = cv2.Scharr(smooth, cv2.CV_32F, 0, 1) / 10.0
+    gx = cv2.Scharr(smooth, cv2.CV_32F, 1, 0, scale=0.1)
+    gy = cv2.Scharr(smooth, cv2.CV_32F, 0, 1, scale=0.1)
     steepness = cv2.magnitude(gx, gy)
     steepness[:1], steepness[-1:], steepness[:, :1], steepness[:, -1:] = 0, 0, 0, 0
     rows, columns = np.nonzero(steepness > threshold)

@@ -1,6 +1,7 @@
 """The pixels around a ball, cut out of frame and background and turned into linear light.
 
-An edge pixel mixes light from ball and background before the camera's transfer curve bends it: mixed in
+An edge pixel mixes light from ball and background before the camera's transfer curve bends it:
+mixed in
 gray levels as they are, the edge of a dark ball before a bright wall would lie too far inside.
 """
 
@@ -79,9 +80,7 @@ def ring_pixels(
     if hidden is not None:
         usable &= ~hidden(x, y)
     slope = gamma * np.clip(gray / 255.0, 0.05, 1.0) ** (gamma - 1.0)
-    return RingPixels(
-        x, y, _linear(gray, gamma), _linear(background, gamma), noise * slope, usable
-    )
+    return RingPixels(x, y, _linear(gray, gamma), _linear(background, gamma), noise * slope, usable)
 
 
 def _linear(gray: FloatArray, gamma: float) -> FloatArray:

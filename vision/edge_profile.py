@@ -1,7 +1,8 @@
-"""How a ball's edge looks across the outline: point spread, exposure smear and the shading of a sphere.
+"""How a ball's edge looks across the outline: point spread, exposure smear, a sphere's shading.
 
 Two profiles over the distance from the outline: how much of the pixel the ball covers, and the same
-weighted with n_z, the part of the sphere's normal towards the camera, after which the light on a sphere
+weighted with n_z, the part of the sphere's normal towards the camera, after which the light on a
+sphere
 falls off near its limb. Both are blurred by a Gaussian point spread, the pixel's own size and the
 exposure's smear along the outline's normal.
 """
@@ -81,7 +82,7 @@ def _kernel(spread: float, smear: float) -> FloatArray:
     kernel = np.exp(-0.5 * (axis / max(spread, _STEP)) ** 2)
     for width in (1.0, smear):
         if width > _STEP:
-            half = int(round(0.5 * width / _STEP))
+            half = round(0.5 * width / _STEP)
             box = np.ones(2 * half + 1)
             box[0] = box[-1] = 0.5
             kernel = np.convolve(kernel, box, mode="same")

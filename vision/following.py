@@ -1,4 +1,4 @@
-"""From a clip to tracks without a click: the static scene, what moved before it, the ball, the pendulum."""
+"""From a clip to tracks without a click: static scene, what moved before it, ball, pendulum."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -81,16 +81,44 @@ def follow(
     if rest is not None and not choice.struck:
         mass = _mass(scene, rest, rough, mass_at)
     _tell(progress, 0.8)
-    fits = refine_ball(scene, rough)
+    fits = refine_ball(scene, rough, None if mass is None else mass.hides)
     _tell(progress, 1.0)
     return Tracks(
         ball=_track(fits, capture_fps),
         pendulum=None if mass is None or rest is None else _pendulum(mass, rest, capture_fps),
         background=scene.background.image,
         rest_frames=None if rest is None else (rest.first, rest.last),
-        others=tuple(_path_track(path, capture_fps) for path in choice.others),
-        warnings=tuple(_warnings(choice, rest, mass)),
+        others=_others(scene, choice, capture_fps),
+        warnings=tuple(_warnings(choice, rest, mass) + _camera_warnings(scene)),
+        shift_px=scene.shifts(),
     )
+
+
+def _others(scene: Scene, choice: Choice, fps: float) -> tuple[Track, ...]:
+    """What else is round and moves; the one that struck the ball as finely as the ball itself."""
+    tracks = []
+    for place, path in enumerate(choice.others):
+        fits = follow_ball(scene, path) if choice.struck and place == 0 else None
+        if fits is not None and len(fits.frame) >= 5:
+            tracks.append(_track(refine_ball(scene, fits), fps))
+        else:
+            tracks.append(_path_track(path, fps))
+    return tuple(tracks)
+
+
+def _camera_warnings(scene: Scene) -> list[str]:
+    shifts = scene.shifts()
+    if shifts is None:
+        return []
+    step = np.hypot(*np.diff(shifts, axis=0).T)
+    usual = float(np.median(step))
+    worst = int(np.argmax(step))
+    if step[worst] > max(1.5, 8.0 * usual):
+        return [
+            f"The camera was bumped between frames {worst} and {worst + 1} "
+            f"(by {step[worst]:.1f} px); the frames are registered on the scene."
+        ]
+    return ["The camera moved (hand-held?); all frames are registered on the still scene."]
 
 
 def _tell(progress: Callable[[float], None] | None, part: float) -> None:
@@ -99,7 +127,7 @@ def _tell(progress: Callable[[float], None] | None, part: float) -> None:
 
 
 def _looks(scene: Scene, fps: float) -> IntArray:
-    """Frames to look for round things in: an even sample, as dense as things in free fall ask for."""
+    """Frames to look for round things in: an even sample, as dense as free fall asks for."""
     count = min(scene.count, max(_LOOKS, int(scene.count * _LOOKS_PER_SECOND / fps)), _MOST_LOOKS)
     return np.unique(np.linspace(0, scene.count - 1, count).astype(np.int64))
 
@@ -121,7 +149,7 @@ def _paths(scene: Scene, looks: IntArray) -> list[Path]:
 
 
 def _meetings(paths: list[Path], looks: IntArray) -> IntArray:
-    """Frames around moments in which two like things meet: only a closer look tells who is who after."""
+    """Frames around moments in which two like things meet: a closer look tells who is who."""
     stride = int(np.median(np.diff(looks))) if len(looks) > 1 else 1
     if stride <= 1:
         return np.zeros(0, dtype=np.int64)
@@ -154,8 +182,8 @@ def _no_ball(ball_at: Point | None) -> NotFoundError:
         )
     return NotFoundError(
         "no ball found: nothing round moves before a still background",
-        hint="Check that the ball moves in the clip and is at least 5 pixels across, or point at it with "
-        "--ball-at X,Y,FRAME.",
+        hint="Check that the ball moves in the clip and is at least 5 pixels across, "
+        "or point at it with --ball-at X,Y,FRAME.",
     )
 
 
@@ -235,7 +263,8 @@ def _warnings(choice: Choice, rest: Rest | None, mass: MassPoses | None) -> list
     said = []
     if choice.struck:
         said.append(
-            "Several balls move; the one that lay still and was struck is measured, the others are listed."
+            "Several balls move; the one that lay still and was struck is measured, "
+            "the others are listed."
         )
     elif choice.others:
         said.append(

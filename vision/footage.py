@@ -21,8 +21,8 @@ _HELD_BYTES = 160_000_000
 class Footage:
     """Gray frames of one clip for the several looks that tracking takes.
 
-    Short clips are decoded once and held. Of longer ones only an even sample is held, so that memory
-    stays flat in the length of the clip, and each look decodes again what it needs.
+    Short clips are decoded once and held. Of longer ones only an even sample is held, so that
+    memory stays flat in the length of the clip, and each look decodes again what it needs.
 
     Parameters
     ----------

@@ -1,8 +1,9 @@
 """Things that lay still for so long that they look like background, told from what they hid.
 
-A ball that rests for most of the clip is what most frames show at that place. Two states of a region, with
-and without the thing, are told apart by the region's own outline: only with the thing does the picture
-have a step along it. The same holds for the shadow that left with it.
+A ball that rests for most of the clip is what most frames show at that place. Two states of a
+region, with
+and without the thing, are told apart by the region's own outline: only with the thing does the
+picture have a step along it. The same holds for the shadow that left with it.
 """
 
 import cv2
@@ -17,9 +18,7 @@ _DIFFERENT = 6.0
 _SMALLEST = 12
 
 
-def without_ghosts(
-    epochs: list[FloatImage], usual: FloatImage, noise: FloatImage
-) -> FloatImage:
+def without_ghosts(epochs: list[FloatImage], usual: FloatImage, noise: FloatImage) -> FloatImage:
     """Replace regions of the usual picture that show something that was not always there.
 
     Parameters

@@ -1,7 +1,9 @@
-"""Circle candidates of many frames joined into paths: the best smooth chains, found by dynamic programming.
+"""Circle candidates of many frames joined into paths: the best smooth chains there are.
 
-The state is a pair of candidates, so that each has a velocity; a change of velocity costs, up to the price
-of a collision, and so does a change of radius. The best chain is taken out, then the next.
+Found by dynamic programming. The state is a pair of candidates, so that each has a velocity; a
+change
+of velocity costs, up to the price of a collision, and so does a change of radius. The best chain
+is taken out, then the next.
 """
 
 from dataclasses import dataclass
@@ -166,12 +168,13 @@ def _best_chain(nodes: _Nodes, alive: NDArray[np.bool_], steps: int) -> IntArray
         if score.flat[top] > best_score:
             best_score, best_link = float(score.flat[top]), int(identity.flat[top])
     chain: list[int] = []
-    while best_link >= 0:
-        source, node, previous_link = links[best_link]
-        chain.append(node)
+    link = best_link
+    while link >= 0:
+        first, second, previous_link = links[link]
+        chain.append(second)
         if previous_link < 0:
-            chain.append(source)
-        best_link = previous_link
+            chain.append(first)
+        link = previous_link
     return np.array(chain[::-1], dtype=np.int64)
 
 

@@ -4,11 +4,16 @@ In a ring of pixels about the outline, each a mixture of background and ball,
 
     I = k·(1 − G₀(ρ))·B + A·G₀(ρ) + C·G₁(ρ),
 
-B is the known background (so that grid lines behind the ball pull nothing), G₀ the covered part of the
-pixel and G₁ the same times the sphere's shading (`vision.edge_profile`). k (a shadow behind the ball), A
-and C (whatever colour and shading the ball has there) are free in each sector of the outline, so that
-neither panels nor light bias it; they are eliminated (variable projection, Golub and Pereyra 1973) and
-only the outline's few parameters are iterated. Sectors that the model does not describe lose weight.
+B is the known background (so that grid lines behind the ball pull nothing), G₀ the covered part of
+the
+pixel and G₁ the same times the sphere's shading (`vision.edge_profile`). k (a shadow behind the
+ball), A
+and C (whatever colour and shading the ball has there) are free in each sector of the outline, so
+that
+neither panels nor light bias it; they are eliminated (variable projection, Golub and Pereyra 1973)
+and
+only the outline's few parameters are iterated. Sectors that the model does not describe lose
+weight.
 """
 
 from dataclasses import dataclass
@@ -23,7 +28,8 @@ __all__ = ["OutlineFit", "OutlineShape", "RingPixels", "fit_outline"]
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-# Prior widths of the sector's k (about 1) in units of itself, and of A and C in units of full scale.
+# Prior widths of the sector's k (about 1) in units of itself, and of A and C in units of full
+# scale.
 _SHADOW_PRIOR = 0.3
 _SHADING_PRIOR = 255.0
 _SMALL_RADIUS = 10.0
@@ -202,7 +208,7 @@ def fit_outline(
 
 
 def _priors(radius: float) -> FloatArray:
-    """Prior information on a sector's k, A and C: a small ball has too few pixels to leave them free."""
+    """Prior information on a sector's k, A and C: a small ball has too few pixels to free them."""
     small = min(1.0, radius / _SMALL_RADIUS)
     return np.array(
         [
@@ -281,9 +287,10 @@ def _linearise(
 def _reduced(
     state: _Linearised, ring: _Ring, free: int, settled: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Normal equations of the outline alone, sectors' linear parts projected out, misfits down-weighted.
+    """Normal equations of the outline alone: linear parts projected out, misfits down-weighted.
 
-    Returns the normal matrix, each sector's weighted pull, and each sector's information by noise alone.
+    Returns the normal matrix, each sector's weighted pull, and each sector's information by noise
+    alone.
     """
     basis, jacobian, residual = state.basis, state.jacobian[:, :, : max(free, 3)], state.residual
     transposed = basis.transpose(0, 2, 1)
@@ -306,8 +313,8 @@ def _reduced(
 def _offset_weight(pull: FloatArray, information: FloatArray, seen: BoolArray) -> FloatArray:
     """Weight of sectors by how far their own edge lies off the common outline.
 
-    A panel's edge just inside a white ball before a white wall is sharper than the outline itself; it
-    is told by its offset.
+    A panel's edge just inside a white ball before a white wall is sharper than the outline itself;
+    it is told by its offset.
     """
     offset = pull / np.maximum(information, 1e-9)
     outward = offset[seen & (offset > 0)]

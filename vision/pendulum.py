@@ -1,4 +1,4 @@
-"""The pendulum mass: found behind the ball as it is struck, then followed as a rigid patch on its arc."""
+"""The pendulum mass: found behind the ball about to be struck, then followed on its arc."""
 
 from dataclasses import dataclass, replace
 
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from vision.arc import Arc, fit_arc
 from vision.ball import BallFits
+from vision.cutout import Hides
 from vision.rest import Rest
 from vision.rigid import Patch, Pose, register, warped
 from vision.scene import Scene
@@ -18,6 +19,9 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _LOST_AFTER = 4
+_LOOK_BACK = 40
+# Opacity above which a pixel belongs to the mass; low, so that its soft edge counts.
+_SOLID = 0.1
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,30 @@ class MassPoses:
     def anchor(self) -> FloatArray:
         """Anchors (N, 2), px."""
         return np.array([pose.anchor for pose in self.poses])
+
+    def hides(self, index: int) -> Hides | None:
+        """Where the mass stands in a frame, as something that may hide the ball."""
+        place = int(np.searchsorted(self.frame, index))
+        if place >= len(self.frame) or self.frame[place] != index:
+            return None
+        pose = self.poses[place]
+        left, top = int(np.floor(self.patch.x.min())) - 1, int(np.floor(self.patch.y.min())) - 1
+        columns = np.rint(self.patch.x - left).astype(np.int64)
+        rows = np.rint(self.patch.y - top).astype(np.int64)
+        solid = np.zeros((rows.max() + 2, columns.max() + 2), dtype=bool)
+        solid[rows, columns] = self.patch.opacity > _SOLID
+        cosine, sine = np.cos(pose.turn), np.sin(pose.turn)
+
+        def inside(x: FloatArray, y: FloatArray) -> NDArray[np.bool_]:
+            dx, dy = x - pose.anchor[0], y - pose.anchor[1]
+            column = np.rint(cosine * dx + sine * dy - left).astype(np.int64)
+            row = np.rint(-sine * dx + cosine * dy - top).astype(np.int64)
+            within = (column >= 0) & (row >= 0) & (column < solid.shape[1]) & (row < solid.shape[0])
+            hidden = np.zeros(x.shape, dtype=bool)
+            hidden[within] = solid[row[within], column[within]]
+            return hidden
+
+        return inside
 
     def face_lead(self, rest: Rest) -> tuple[float, float]:
         """How far the striking face leads the line from pivot to anchor at the ball's height.
@@ -123,16 +151,21 @@ def find_mass(
     -------
     reference frame, Patch, Pose, or None
     """
-    for before in (3, 5, 2, 8, 1, 12):
-        index = rest.last - before
-        if index < 0:
-            continue
+    best: tuple[int, Patch, Pose] | None = None
+    best_gap = -np.inf
+    # Late enough to be near the ball, early enough to be seen free of it.
+    for index in range(rest.last - 1, max(rest.last - _LOOK_BACK, -1), -2):
         picture = scene.picture(index)
         found = _component_behind(scene, index, picture, rest, radius, at)
-        if found is not None:
-            patch, anchor = found
-            return index, patch, Pose(anchor, 0.0, np.zeros((3, 3)), 1.0, 1.0)
-    return None
+        if found is None:
+            continue
+        patch, anchor, gap = found
+        if gap > best_gap:
+            best_gap = gap
+            best = index, patch, Pose(anchor, 0.0, np.zeros((3, 3)), 1.0, 1.0)
+        if gap > max(3.0, 0.1 * radius):
+            break
+    return best
 
 
 def _component_behind(
@@ -142,7 +175,7 @@ def _component_behind(
     rest: Rest,
     radius: float,
     at: tuple[float, float] | None,
-) -> tuple[Patch, FloatArray] | None:
+) -> tuple[Patch, FloatArray, float] | None:
     difference = scene.difference(index, picture)
     moved = np.abs(cv2.GaussianBlur(difference, (0, 0), 0.7)) > 5.0 * scene.background.noise
     height, width = moved.shape
@@ -170,7 +203,7 @@ def _component_behind(
         return None
     member = labels == best
     anchor = np.array([columns[member].mean(), rows[member].mean()])
-    near = cv2.dilate(member.astype(np.uint8), _disc(max(3, int(0.25 * radius)))) > 0
+    near = cv2.dilate(member.astype(np.uint8), _disc(3)) > 0
     opacity = cv2.GaussianBlur((moved & near).astype(np.float32), (0, 0), 0.8)
     region = near & (np.hypot(offset_x, offset_y) > radius + 1.0)
     gain = scene.views[index].gain
@@ -180,7 +213,8 @@ def _component_behind(
         (picture[region] / gain).astype(np.float64),
         opacity[region].astype(np.float64),
     )
-    return patch, anchor
+    clear = float(np.hypot(offset_x[member], offset_y[member]).min()) - radius
+    return patch, anchor, clear
 
 
 def _disc(radius: int) -> NDArray[np.uint8]:
@@ -191,7 +225,7 @@ def _disc(radius: int) -> NDArray[np.uint8]:
 def follow_mass(
     scene: Scene, reference: int, patch: Patch, start: Pose, rest: Rest, ball: BallFits
 ) -> MassPoses | None:
-    """Follow the mass to both ends of the clip, learn its look from many frames, and follow it again.
+    """Follow the mass to both ends of the clip, learn its look, and follow it again.
 
     Parameters
     ----------
@@ -224,7 +258,10 @@ def follow_mass(
     order = np.array(sorted(poses), dtype=np.int64)
     if len(order) < 6:
         return None
-    arc = fit_arc(np.array([poses[int(index)].anchor for index in order]))
+    arc = fit_arc(
+        np.array([poses[int(index)].anchor for index in order]),
+        np.array([poses[int(index)].turn for index in order]),
+    )
     if arc is None:
         return None
     return MassPoses(order, tuple(poses[int(index)] for index in order), better, arc, reference)
@@ -296,14 +333,21 @@ class _Tracker:
         while 0 <= index < self._scene.count and missed < _LOST_AFTER:
             guess = _predicted(poses, index, direction)
             pose = self.locate(patch, index, guess, 0.02)
-            limit = 3.0 * float(np.median(usual)) + 3.0
-            if pose is None or pose.misfit > limit:
+            limit = 2.5 * float(np.median(usual)) + 1.0
+            if pose is None or pose.misfit > limit or _leapt(pose, guess):
                 missed += 1
             else:
                 poses[index] = pose
                 usual.append(pose.misfit)
                 missed = 0
             index += direction
+
+
+def _leapt(pose: Pose, guess: Pose) -> bool:
+    """Whether a pose lies off the prediction by more than any blow between two frames explains."""
+    return (
+        float(np.hypot(*(pose.anchor - guess.anchor))) > 1.5 or abs(pose.turn - guess.turn) > 0.06
+    )
 
 
 def _predicted(poses: dict[int, Pose], index: int, direction: int) -> Pose:

@@ -1,4 +1,4 @@
-"""The ball's outlines fitted again, all of one shape, with the camera's optics learnt from the clip."""
+"""The ball's outlines fitted again, all of one shape, with the optics learnt from the clip."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -21,6 +21,8 @@ _DUTIES = (0.1, 0.35, 0.6, 0.85)
 _TRIAL_FRAMES = 9
 _SHAPE_FRAMES = 48
 _SHAPE_STEPS = 4
+# Frames between the positions compared: errors of neighbours are alike, as the ball looks alike.
+_LAG = 4
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class Optics:
 def refine_ball(
     scene: Scene, rough: BallFits, hides: Callable[[int], Hides | None] | None = None
 ) -> BallFits:
-    """Fit again with one shape for the whole clip, and point spread, smear and transfer curve known.
+    """Fit again with one shape for the whole clip, and point spread and smear known.
 
     Parameters
     ----------
@@ -59,7 +61,8 @@ def refine_ball(
     Returns
     -------
     BallFits
-        With the centre free and the shape common to all frames. Balls of a few pixels stay as they are.
+        With the centre free and the shape common to all frames. Balls of a few pixels stay as they
+        are.
     """
     typical = float(np.median(rough.radius))
     if typical < SMALL_RADIUS or len(rough.frame) < 5:
@@ -119,9 +122,7 @@ class _Refiner:
             misfits.append(float(np.median([fit.misfit for fit in fits])) if fits else np.inf)
         self.optics = replace(before, **{name: _lowest(np.array(values), np.array(misfits))})
 
-    def fit(
-        self, places: NDArray[np.int64], free: int, shape: "_CommonShape | None"
-    ) -> BallFits:
+    def fit(self, places: NDArray[np.int64], free: int, shape: "_CommonShape | None") -> BallFits:
         """Fit the outlines at these places of the rough track."""
         optics, radius = self.optics, self._radius
         smear = self._velocity * optics.duty
@@ -134,9 +135,7 @@ class _Refiner:
             start = self._rough.fits[place].centre
             hidden = None if self._hides is None else self._hides(index)
             reach = radius + outer + 2.0
-            pixels = ring_pixels(
-                self._scene, index, picture, start, reach, optics.gamma, hidden
-            )
+            pixels = ring_pixels(self._scene, index, picture, start, reach, optics.gamma, hidden)
             if pixels is None:
                 continue
             known = OutlineShape(radius, np.zeros(2)) if shape is None else shape.at(start)
@@ -176,13 +175,14 @@ def _lowest(values: FloatArray, misfits: FloatArray) -> float:
 class _CommonShape:
     """One shape for the whole clip: how a sphere's outline widens away from the picture's centre.
 
-    A sphere of constant depth appears as an ellipse whose tangential axis is constant while the radial one
+    A sphere of constant depth appears as an ellipse whose tangential axis is constant while the
+    radial one
     grows as 1/cos of the angle off the axis; a lens' distortion adds terms of the same form. So
 
         r = r₀ + κᵣ ρ² + gₓ x + g_y y,   a + i b = κₑ ρ² exp(2iψ),
 
-    with ρ, ψ the polar coordinates about the picture's centre and g for a camera that looks askance: five
-    numbers for all frames.
+    with ρ, ψ the polar coordinates about the picture's centre and g for a camera that looks
+    askance: five numbers for all frames.
     """
 
     def __init__(self, radius: float, shape: tuple[int, int]) -> None:
@@ -206,7 +206,7 @@ class _CommonShape:
         return OutlineShape(float(shape[0]), shape[1:])
 
     def improve(self, fits: BallFits) -> None:
-        """One Gauss–Newton step on the outlines of many frames together, their centres eliminated."""
+        """One Gauss–Newton step on the outlines of many frames, their centres eliminated."""
         radius = self.values[0]
         # A sphere 45 degrees off the axis at the picture's corner is the most that is expected.
         widths = np.array([np.inf, 0.25, 0.1, 0.1, 0.25]) * radius
@@ -215,14 +215,14 @@ class _CommonShape:
         steps = [self._single(fit) for fit in fits.fits]
         sizes = np.array([step[2] for step in steps])
         usual = max(float(np.median(np.abs(sizes))), 1e-6)
-        for (information, gradient, size) in steps:
+        for information, gradient, size in steps:
             weight = 1.0 / (1.0 + (size / (3.0 * usual)) ** 2)
             normal += weight * information
             pull += weight * gradient
         self.values = self.values + np.linalg.solve(normal + 1e-9 * np.eye(len(pull)), pull)
 
     def _single(self, fit: OutlineFit) -> tuple[FloatArray, FloatArray, float]:
-        """Information and pull of one frame on the common numbers, and how far off it is by itself."""
+        """Information and pull of one frame on the common numbers, and how far off it is."""
         cross = fit.normal[2:, :2] @ np.linalg.inv(fit.normal[:2, :2] + 1e-9 * np.eye(2))
         information = fit.normal[2:, 2:] - cross @ fit.normal[:2, 2:]
         gradient = fit.pull[2:] - cross @ fit.pull[:2]
@@ -234,18 +234,20 @@ class _CommonShape:
 def _calibrated(fits: BallFits) -> BallFits:
     """Scale all covariances so that they account for the scatter about smooth motion.
 
-    Third differences of consecutive positions vanish for motion under a constant force; for independent
-    errors of variance σ² their variance is 20 σ².
+    Third differences of evenly spaced positions vanish for motion under a constant force; for
+    independent errors of variance σ² their variance is 20 σ².
     """
+    lag = _LAG if len(fits.frame) > 40 else 1
     if len(fits.frame) < 12:
         return fits
-    run = (np.diff(fits.frame, 3) == 0) & (fits.frame[3:] - fits.frame[:-3] == 3)
+    run = fits.frame[3 * lag :] - fits.frame[: -3 * lag] == 3 * lag
     if np.count_nonzero(run) < 8:
         return fits
-    third = np.diff(fits.centre, 3, axis=0)[run]
-    variance = np.array([np.diag(fit.covariance)[:2] for fit in fits.fits])
+    x, variance = fits.centre, np.array([np.diag(fit.covariance)[:2] for fit in fits.fits])
+    parts = [slice(k * lag, len(x) - (3 - k) * lag) for k in range(4)]
+    third = (x[parts[3]] - 3 * x[parts[2]] + 3 * x[parts[1]] - x[parts[0]])[run]
     expected = (
-        variance[:-3] + 9 * variance[1:-2] + 9 * variance[2:-1] + variance[3:]
+        variance[parts[3]] + 9 * variance[parts[2]] + 9 * variance[parts[1]] + variance[parts[0]]
     )[run]
     # 0.455 is the median of a squared unit normal.
     ratio = float(np.median(third**2 / np.maximum(expected, 1e-12))) / 0.455

@@ -1,4 +1,4 @@
-"""A rigid thing followed by its own look: a patch registered in each frame against the known background.
+"""A rigid thing followed by its look: a patch registered against the known background.
 
 The patch is a layer: its look T and its opacity α in the patch's own coordinates. A frame shows
 α·T + (1 − α)·B where the patch lies; B is the known background there, so that grid lines sliding by

@@ -18,7 +18,8 @@ Window = tuple[slice, slice]
 _WHOLE: Window = (slice(None), slice(None))
 
 _SAMPLES = 64
-# A camera whose pictures wander by less than this (95th percentile) stands on a tripod; codecs do as much.
+# A camera whose pictures wander by less than this (95th percentile) stands on a tripod; codecs do
+# as much.
 _UNSTEADY_PX = 0.25
 
 
@@ -113,7 +114,11 @@ class Scene:
         """Picture minus static scene, all of it or a window (rows, columns)."""
         return np.asarray(picture[window] - self.expected(index, window))
 
-    def frame_shift(self, index: int) -> NDArray[np.float64]:
-        """Shift of the scene in a frame's own pixels, px."""
-        view = self.views.get(index)
-        return np.zeros(2) if view is None else view.shift_px
+    def shifts(self) -> NDArray[np.float64] | None:
+        """Shift of the scene in every frame (F, 2), px; None for a camera that stands still."""
+        if not self.hand_held:
+            return None
+        missing = np.setdiff1d(np.arange(self.count), np.array(sorted(self.views), dtype=np.int64))
+        for _ in self.pictures(missing):
+            pass
+        return np.array([self.views[index].shift_px for index in range(self.count)])

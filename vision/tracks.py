@@ -1,4 +1,4 @@
-"""What the vision room hands on: where the ball and the pendulum were, frame by frame, in pixels."""
+"""What the vision room hands on: where ball and pendulum were, frame by frame, in pixels."""
 
 from dataclasses import dataclass, replace
 from typing import Literal, Self
@@ -75,8 +75,8 @@ class PendulumTrack:
     arm_px : float
         Distance from the pivot to the mass centre, px.
     face_lead_px : float
-        How far the striking face leads the line from pivot to mass centre, px, measured at the height of
-        the ball's centre in frames where the face is seen free of the ball.
+        How far the striking face leads the line from pivot to mass centre, px, measured at the
+        height of the ball's centre in frames where the face is seen free of the ball.
     face_lead_std_px : float
         Its standard uncertainty, px.
     """
@@ -104,11 +104,15 @@ class Tracks:
     background : (H, W) float32 array
         The static scene without the moving things, gray levels.
     rest_frames : (2,) tuple of int or None
-        First and last frame in which the ball lies still before it is struck; None if it never does.
+        First and last frame in which the ball lies still before it is struck; None if it never
+        does.
     others : tuple of Track
         Other ball-like things that moved or lie about (a struck puck's striker, a second ball).
     warnings : tuple of str
         What the user should know, in whole sentences.
+    shift_px : (F, 2) array or None
+        Hand-held camera: where the scene's points lie in each frame of the clip, relative to the
+        scene (all positions above are the scene's); None for a camera that stands still.
     """
 
     ball: Track
@@ -117,3 +121,4 @@ class Tracks:
     rest_frames: tuple[int, int] | None
     others: tuple[Track, ...] = ()
     warnings: tuple[str, ...] = ()
+    shift_px: FloatArray | None = None
