@@ -179,19 +179,19 @@ def side_by_side(folder: Path) -> tuple[int, list[Score]]:
     return len(flight.frames), scores
 
 
-def markdown(results: dict[str, tuple[int, list[Score]]]) -> str:
-    """The table of the benchmarks page."""
-    lines = [
-        "| clip (frames in flight) | tracker | RMS error / px | found | frames/s |",
-        "|---|---|---|---|---|",
-    ]
-    for clip, (count, scores) in results.items():
-        for score in scores:
-            rms = "–" if np.isnan(score.rms_px) else f"{score.rms_px:.3f}"
-            lines.append(
-                f"| {clip} ({count}) | {score.tracker} | {rms} | {100 * score.found:.0f} % "
-                f"| {score.per_second:.0f} |"
-            )
+HEADER = """| clip (frames in flight) | tracker | RMS error / px | found | frames/s |
+|---|---|---|---|---|"""
+
+
+def rows(clip: str, count: int, scores: list[Score]) -> str:
+    """One clip's rows of the table."""
+    lines = []
+    for score in scores:
+        rms = "–" if np.isnan(score.rms_px) else f"{score.rms_px:.3f}"
+        lines.append(
+            f"| {clip} ({count}) | {score.tracker} | {rms} | {100 * score.found:.0f} % "
+            f"| {score.per_second:.0f} |"
+        )
     return "\n".join(lines)
 
 
@@ -201,8 +201,9 @@ def main() -> None:
     parser.add_argument("folder", type=Path, nargs="+")
     arguments = parser.parse_args()
     trackpy.quiet()
-    results = {folder.name: side_by_side(folder) for folder in arguments.folder}
-    print(markdown(results))
+    print(HEADER)
+    for folder in arguments.folder:
+        print(rows(folder.name, *side_by_side(folder)), flush=True)
 
 
 if __name__ == "__main__":
