@@ -95,6 +95,10 @@ def _converted(picture: Picture, codec: str) -> av.VideoFrame:
 
 
 def _write_folder(frames: Iterable[Picture], path: Path) -> None:
+    if path.exists():
+        raise UsageError(
+            f"the folder {path} exists", hint="Name one that does not, or remove it first."
+        )
     try:
         temporary = Path(mkdtemp(prefix=f".{path.name}-", dir=path.parent))
     except OSError as problem:
@@ -108,10 +112,6 @@ def _write_folder(frames: Iterable[Picture], path: Path) -> None:
             cv2.imwrite(str(temporary / f"{count - 1:06d}.png"), picture)
         if count == 0:
             raise UsageError("a clip of no frames can't be written")
-        if path.exists():
-            raise UsageError(
-                f"the folder {path} exists", hint="Name one that does not, or remove it first."
-            )
         temporary.chmod(0o755)
         temporary.replace(path)
     finally:

@@ -134,6 +134,9 @@ def test_odd_sizes_and_places_that_are_not_there_are_refused(tmp_path: Path) -> 
     with pytest.raises(UsageError, match="can't hold"):
         write_clip(odd, tmp_path / "a.mp4", Encoding())
     picture = np.zeros((54, 96, 3), np.uint8)
+    (tmp_path / "there").mkdir()
+    with pytest.raises(UsageError, match="exists"):
+        write_clip(iter([picture]), tmp_path / "there", Encoding(codec="png"))
     for name, codec in (("no/a.mp4", "h264"), ("no/b", "png")):
         with pytest.raises(UsageError, match="can't write"):
             write_clip(iter([picture]), tmp_path / name, Encoding(codec=codec))
