@@ -22,7 +22,7 @@ FloatArray = NDArray[np.float64]
 SQUARE_TO_WALL: FloatArray = np.diag([1.0, -1.0, -1.0])
 """Rotation of a camera that looks straight at the wall, its rows along the picture's rows."""
 
-OUTLINE_POINTS = 48
+OUTLINE_POINTS = 24
 INVERSION_STEPS = 40
 
 
@@ -342,7 +342,7 @@ class Camera:
         outline_px = np.asarray(outline_px, dtype=np.float64)
         height = np.broadcast_to(np.asarray(z, dtype=np.float64), outline_px.shape[:-1])
         xy = self.to_plane(outline_px, height)
-        for _ in range(4):
+        for _ in range(2):
             centre = np.concatenate([xy, height[..., np.newaxis]], axis=-1)
             shift = self.sphere_outline(centre, radius)[0] - self.project(centre)
             xy = self.to_plane(outline_px - shift, height)

@@ -1,0 +1,328 @@
+"""Camera, lens and ball plane from the grid and whatever else is known, in one weighted fit.
+
+Seen square on, a grid does not tell focal length from distance: only their ratio, the scale of the
+wall, is determined. A broad prior on the focal length keeps the fit finite, and the covariance
+carries the trade-off; tape, ball diameter or free fall then narrow exactly the combination they
+determine.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.calibration import Calibration, DepthEstimate, Source
+from calib.camera import Lens
+from calib.evidence import Evidence, Known
+from calib.grid import WallGrid
+from metrology import CalibrationError
+
+__all__ = ["LensPrior", "calibrate"]
+
+FloatArray = NDArray[np.float64]
+Residuals = Callable[[Calibration], FloatArray]
+
+# A lens nobody knows: 24° to 100° of view, its distortion anything from a fish-eye to a telephoto,
+# its principal point within a few per cent of the middle.
+FOCAL_OVER_WIDTH, LOG_FOCAL_STD = 1.25, 0.5
+PRINCIPAL_STD = 0.01
+K1_STD, K2_STD = 0.3, 0.1
+DEPTH_SHARE, DEPTH_SHARE_STD = 0.1, 0.1
+DEPTH_SOURCES = {
+    "ball plane offset by tape": ("ball_plane_offset",),
+    "ball diameter": ("outlines",),
+    "free fall": ("fall",),
+}
+ALWAYS = ("grid lines", "lens not known beforehand", "lens calibration", "ball plane guessed")
+DISAGREE_AT = 3.0
+MOST_STEPS = 40
+STEPS: FloatArray = np.array(
+    [1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4, 1e-4, 1e-2, 1e-2, 1e-4, 1e-4, 1e-4]
+)
+"""Steps of finite differences, in the units of the parameters."""
+FALL_POINTS = 24
+
+
+@dataclass(frozen=True)
+class LensPrior:
+    """A lens known beforehand.
+
+    Attributes
+    ----------
+    lens : Lens
+        Its parameters, at the size of the clip's picture.
+    std : (5,) array
+        Standard uncertainties of log focal length, principal point (x, y, px), k1, k2.
+    """
+
+    lens: Lens
+    std: FloatArray
+
+
+def calibrate(
+    grid: WallGrid, evidence: Evidence | None = None, *, lens: LensPrior | None = None
+) -> Calibration:
+    """Fit camera, lens and ball plane.
+
+    Parameters
+    ----------
+    grid : WallGrid
+        The measured grid.
+    evidence : Evidence, optional
+        Tape, ball, free fall.
+    lens : LensPrior, optional
+        Lens known beforehand; without it the lens comes from the grid's straight lines.
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    CalibrationError
+        If no camera fits the grid.
+    """
+    evidence = evidence or Evidence()
+    start = _start(grid, evidence, lens)
+    blocks = _blocks(grid, evidence, lens)
+    fitted, sources = _fit(start, blocks)
+    nodes = blocks["grid lines"](fitted)
+    chi2 = float(nodes @ nodes / max(len(nodes) - 10, 1))
+    if not np.isfinite(chi2) or chi2 > 100.0:
+        raise CalibrationError(
+            f"no camera explains where the grid's lines are (chi² {chi2:.0f} per degree)",
+            hint="Is the wall flat, and the lens free of extreme distortion? Give a lens.toml.",
+        )
+    present = [n for n, keys in DEPTH_SOURCES.items() if getattr(evidence, keys[0]) is not None]
+    estimates = tuple(_alone(name, fitted, blocks) for name in present)
+    if chi2 > 1.0:
+        sources = tuple(
+            Source(s.name, s.covariance * (chi2 if s.name == "grid lines" else 1.0))
+            for s in sources
+        )
+    return Calibration(
+        lens=fitted.grid_camera.lens,
+        orientation=fitted.grid_camera.rotation,
+        vector=np.concatenate([np.zeros(3), fitted.vector[3:]]),
+        sources=sources,
+        rest_px=fitted.rest_px,
+        rest_xy=fitted.rest_xy,
+        ball_radius=fitted.ball_radius,
+        depth_estimates=estimates,
+        depth_known=bool(present),
+        chi2_per_dof=chi2,
+        warnings=grid.warnings + _disagreement(fitted, blocks, estimates),
+    )
+
+
+def _start(grid: WallGrid, evidence: Evidence, lens: LensPrior | None) -> Calibration:
+    width, height = grid.size
+    guess = lens.lens if lens else Lens.centred(width, height, FOCAL_OVER_WIDTH * width)
+    wall = np.c_[grid.wall_m, np.zeros(len(grid.nodes))]
+    best: tuple[float, FloatArray, FloatArray] | None = None
+    _, turns, shifts, errors = cv2.solvePnPGeneric(
+        wall, grid.points_px, guess.matrix, guess.coefficients, flags=cv2.SOLVEPNP_IPPE
+    )
+    for turn, shift, error in zip(turns, shifts, errors, strict=True):
+        rotation = np.asarray(cv2.Rodrigues(turn)[0], dtype=np.float64)
+        position = -rotation.T @ np.asarray(shift, dtype=np.float64).ravel()
+        if position[2] > 0.0 and (best is None or float(error[0]) < best[0]):
+            best = (float(error[0]), rotation, position)
+    if best is None:
+        raise CalibrationError(
+            "the grid is seen mirrored", hint="Un-mirror the clip, or film the wall directly."
+        )
+    x, y, distance = best[2]
+    depth = (
+        evidence.ball_plane_offset.value if evidence.ball_plane_offset else DEPTH_SHARE * distance
+    )
+    values = [x, y, np.log(distance), np.log(guess.fx), guess.cx, guess.cy, guess.k1, guess.k2]
+    return Calibration(
+        lens=guess,
+        orientation=best[1],
+        vector=np.array([0.0, 0.0, 0.0, *values, depth]),
+        sources=(),
+        rest_px=evidence.rest_px,
+        rest_xy=np.array([0.0, evidence.rest_height]),
+        ball_radius=evidence.ball_radius,
+    )
+
+
+def _blocks(grid: WallGrid, evidence: Evidence, lens: LensPrior | None) -> dict[str, Residuals]:
+    """Whitened residuals by source; each source is independent of the others."""
+    wall = np.c_[grid.wall_m, np.zeros(len(grid.nodes))]
+    whiten = np.linalg.inv(np.linalg.cholesky(grid.covariance_px2))
+
+    def nodes(c: Calibration) -> FloatArray:
+        error = c.grid_camera.project(wall) - grid.points_px
+        whitened = np.einsum("nij,nj->ni", whiten, error).ravel()
+        return np.asarray(np.nan_to_num(whitened, nan=1e3))
+
+    blocks: dict[str, Residuals] = {"grid lines": nodes}
+    if lens is None:
+        width, height = grid.size
+        centre = [np.log(FOCAL_OVER_WIDTH * width), (width - 1) / 2, (height - 1) / 2, 0.0, 0.0]
+        spread = [LOG_FOCAL_STD, PRINCIPAL_STD * width, PRINCIPAL_STD * width, K1_STD, K2_STD]
+        name = "lens not known beforehand"
+    else:
+        known = lens.lens
+        centre = [np.log(known.fx), known.cx, known.cy, known.k1, known.k2]
+        spread, name = list(lens.std), "lens calibration"
+    blocks[name] = lambda c: (c.vector[6:11] - np.array(centre)) / np.array(spread)
+    _add_tape(blocks, evidence)
+    _add_ball(blocks, evidence)
+    blocks["ball plane guessed"] = lambda c: np.array(
+        [(c.vector[11] / c.camera_distance - DEPTH_SHARE) / DEPTH_SHARE_STD]
+    )
+    return blocks
+
+
+def _add_tape(blocks: dict[str, Residuals], evidence: Evidence) -> None:
+    def add(name: str, known: Known | None, value: Callable[[Calibration], float]) -> None:
+        if known is not None:
+            blocks[name] = lambda c: np.array([(value(c) - known.value) / known.std])
+
+    add("camera distance by tape", evidence.camera_distance, lambda c: c.camera_distance)
+    add("camera place by tape, x", evidence.camera_x, lambda c: c.vector[3] + c.origin[0])
+    add("camera place by tape, y", evidence.camera_y, lambda c: c.vector[4] + c.origin[1])
+    add("axis foot by tape, x", evidence.axis_foot_x, lambda c: c.camera.axis_foot[0])
+    add("axis foot by tape, y", evidence.axis_foot_y, lambda c: c.camera.axis_foot[1])
+    add("ball plane offset by tape", evidence.ball_plane_offset, lambda c: c.vector[11])
+
+
+def _add_ball(blocks: dict[str, Residuals], evidence: Evidence) -> None:
+    outlines, fall = evidence.outlines, evidence.fall
+    if outlines is not None:
+        radius = 0.5 * outlines.diameter.value
+        weight = outlines.std_px**-2
+        relative = outlines.diameter.std / outlines.diameter.value
+        common = np.hypot(outlines.common_std_px, relative * np.median(outlines.radius_px))
+        std = np.hypot(weight.sum() ** -0.5, common)
+        chosen = np.unique(np.linspace(0, len(weight) - 1, 25).astype(int))
+        share = weight[chosen] / weight[chosen].sum()
+
+        def size(c: Calibration) -> FloatArray:
+            camera = c.grid_camera
+            px = outlines.centre_px[chosen]
+            xy = camera.sphere_on_plane(px, radius, c.vector[11])
+            centre = np.c_[xy, np.full(len(xy), c.vector[11])]
+            seen = camera.sphere_outline(centre, radius)[1]
+            return np.array([share @ (seen - outlines.radius_px[chosen]) / std])
+
+        blocks["ball diameter"] = size
+    if fall is not None:
+        blocks["free fall"] = lambda c: np.array([_fall_misfit(c, evidence)])
+
+
+def _fall_misfit(c: Calibration, evidence: Evidence) -> float:
+    fall = evidence.fall
+    assert fall is not None
+    # Means over short runs in time change the acceleration only to fourth order
+    runs = np.array_split(np.arange(len(fall.time_s)), min(FALL_POINTS, len(fall.time_s)))
+    time = np.array([fall.time_s[run].mean() for run in runs])
+    time -= time.mean()
+    px = np.array([fall.centre_px[run].mean(axis=0) for run in runs])
+    y = c.position(px)[0][:, 1]
+    noise = np.array([np.sqrt((fall.std_px[run] ** 2).mean() / len(run)) for run in runs])
+    std = noise * (c.camera_distance - c.vector[11]) / np.exp(c.vector[6])
+    design = np.stack([np.ones_like(time), time, -0.5 * time**2], axis=1) / std[:, np.newaxis]
+    normal = np.linalg.inv(design.T @ design)
+    acceleration = float((normal @ design.T @ (y / std))[2])
+    spread = np.hypot(np.sqrt(normal[2, 2]), fall.acceleration.std)
+    return float((acceleration - fall.acceleration.value) / spread)
+
+
+def _fit(
+    start: Calibration, blocks: dict[str, Residuals]
+) -> tuple[Calibration, tuple[Source, ...]]:
+    """Gauss–Newton with step halving, and the share of each block in the covariance."""
+
+    def residuals(c: Calibration) -> FloatArray:
+        return np.concatenate([block(c) for block in blocks.values()])
+
+    current, value = start, residuals(start)
+    for _ in range(MOST_STEPS):
+        jacobian = _jacobian(residuals, current)
+        normal = jacobian.T @ jacobian
+        step = np.asarray(-np.linalg.solve(normal, jacobian.T @ value), dtype=np.float64)
+        moved, there = _halved(residuals, current, step, float(value @ value))
+        # The gain in chi² that was still to be had, against the unit that matters
+        settled = float(step @ normal @ step) < 1e-6
+        current, value = moved, there
+        if settled:
+            break
+    jacobian = _jacobian(residuals, current)
+    scaled = jacobian * STEPS
+    covariance = STEPS[:, np.newaxis] * np.linalg.inv(scaled.T @ scaled) * STEPS
+    sources, at = [], 0
+    for name, block in blocks.items():
+        length = len(block(current))
+        rows = jacobian[at : at + length]
+        at += length
+        sources.append(Source(name, covariance @ (rows.T @ rows) @ covariance))
+    return current, tuple(sources)
+
+
+def _jacobian(residuals: Callable[[Calibration], FloatArray], at: Calibration) -> FloatArray:
+    columns = []
+    for index, size in enumerate(STEPS):
+        step = np.zeros(len(STEPS))
+        step[index] = size
+        ahead = residuals(at.with_parameters(at.vector + step))
+        behind = residuals(at.with_parameters(at.vector - step))
+        columns.append((ahead - behind) / (2.0 * size))
+    return np.stack(columns, axis=1)
+
+
+def _halved(
+    residuals: Callable[[Calibration], FloatArray],
+    current: Calibration,
+    step: FloatArray,
+    before: float,
+) -> tuple[Calibration, FloatArray]:
+    for halving in range(8):
+        moved = current.with_parameters(current.vector + step / 2.0**halving)
+        there = residuals(moved)
+        if np.isfinite(there).all() and float(there @ there) <= before:
+            return moved, there
+    return current, residuals(current)
+
+
+def _alone(name: str, fitted: Calibration, blocks: dict[str, Residuals]) -> DepthEstimate:
+    """Ball plane offset with only one of the inputs that tell it."""
+    kept = {n: block for n, block in blocks.items() if n == name or n not in DEPTH_SOURCES}
+    alone, sources = _fit(fitted, kept)
+    variance = sum(float(s.covariance[11, 11]) for s in sources)
+    return DepthEstimate(name, alone.ball_plane_offset, float(np.sqrt(variance)))
+
+
+def _total(c: Calibration, blocks: dict[str, Residuals]) -> float:
+    return float(sum(float(np.sum(block(c) ** 2)) for block in blocks.values()))
+
+
+def _disagreement(
+    fitted: Calibration, blocks: dict[str, Residuals], estimates: tuple[DepthEstimate, ...]
+) -> tuple[str, ...]:
+    """Say so if the inputs contradict each other, and which is the likeliest to be wrong."""
+    inputs = [name for name in blocks if name not in ALWAYS]
+    strain = sum(float(np.sum(blocks[name](fitted) ** 2)) for name in inputs)
+    if len(inputs) < 2 or strain < DISAGREE_AT**2 / 2.0:
+        return ()
+    whole = _total(fitted, blocks)
+    relief = {}
+    for name in inputs:
+        kept = {other: block for other, block in blocks.items() if other != name}
+        relief[name] = whole - _total(_fit(fitted, kept)[0], kept)
+    suspects = sorted(relief, key=lambda name: relief[name], reverse=True)
+    if relief[suspects[0]] < DISAGREE_AT**2:
+        return ()
+    alike = [name for name in suspects if relief[name] > 0.7 * relief[suspects[0]]]
+    listed = ", ".join(f"{e.source} {1e3 * e.value:.0f} ± {1e3 * e.std:.0f} mm" for e in estimates)
+    listed = f" (ball plane in front of the wall: {listed})" if listed else ""
+    if len(alike) == 1:
+        likeliest = f"the likeliest wrong input is: {alike[0]}"
+    else:
+        likeliest = f"one of these is wrong, or the pitch of the grid: {', '.join(alike)}"
+    return (f"the inputs contradict each other{listed}; {likeliest}",)

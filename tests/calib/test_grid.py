@@ -1,0 +1,134 @@
+"""The wall grid: found unaided, labelled right, honest about noise, refused where it is none."""
+
+import json
+
+import numpy as np
+import pytest
+
+from calib.camera import Camera, Lens
+from calib.grid import WallGrid, find_wall_grid
+from metrology import CalibrationError
+from tests.calib.synthetic import line_grid, rendered, some_camera
+from tests.shared_data import shared_folder
+
+
+def labelling_error(grid: WallGrid, camera: Camera) -> tuple[float, np.ndarray]:
+    """Wrong labels (a common offset is free), and normalised position errors."""
+    true = camera.to_plane(grid.points_px) / grid.pitch_m
+    offset = np.round(np.median(true - grid.nodes, axis=0))
+    wrong = float(np.abs(np.round(true) - grid.nodes - offset).max())
+    wall = np.c_[(grid.nodes + offset) * grid.pitch_m, np.zeros(len(true))]
+    std = np.sqrt(np.einsum("nii->ni", grid.covariance_px2))
+    return wrong, (grid.points_px - camera.project(wall)) / std
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_found_at_any_pose_with_the_experiment_in_front(seed: int) -> None:
+    camera = some_camera(np.random.default_rng(seed), (432, 240))
+    grid = find_wall_grid(rendered(camera, seed=seed, samples=3))
+    wrong, normalised = labelling_error(grid, camera)
+    assert wrong == 0.0
+    assert len(grid.nodes) > 80
+    assert 0.4 < np.sqrt((normalised**2).mean()) < 1.8
+    assert np.abs(normalised.mean(axis=0)).max() < 0.3
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+def test_found_at_forty_poses() -> None:
+    rng = np.random.default_rng(11)
+    for seed in range(40):
+        camera = some_camera(rng)
+        grid = find_wall_grid(rendered(camera, seed=seed, samples=3))
+        assert labelling_error(grid, camera)[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("clip", "tolerance"), [("basketball_60_wide", 0.3), ("jokku_90_small", 0.2)]
+)
+def test_found_in_ray_traced_frames(clip: str, tolerance: float) -> None:
+    folder = shared_folder("rendered") / clip
+    truth = json.loads((folder / "truth.json").read_text())
+    av = pytest.importorskip("av")
+    with av.open(str(folder / "clip.mp4")) as container:
+        frames = [f.to_ndarray(format="gray") for f in container.decode(video=0)]
+    grid = find_wall_grid(np.median(frames[::8], axis=0))
+    camera = true_camera(truth["camera"])
+    true = (camera.to_plane(grid.points_px) - [truth["grid"]["gx"], truth["grid"]["gy"]]) / 0.05
+    offset = np.round(np.median(true - grid.nodes, axis=0))
+    assert (np.round(true) == grid.nodes + offset).all()
+    wall = (grid.nodes + offset) * 0.05 + [truth["grid"]["gx"], truth["grid"]["gy"]]
+    error = grid.points_px - camera.project(np.c_[wall, np.zeros(len(wall))])
+    assert np.sqrt((error**2).mean()) < tolerance
+    assert np.abs(error.mean(axis=0)).max() < 0.05
+
+
+def true_camera(c: dict) -> Camera:
+    lens = Lens(c["W"], c["H"], c["F_px"], c["F_px"], c["u0"], c["v0"], c["k1"], c["k2"])
+    flip = np.array([1.0, 1.0, -1.0])
+    axes = [np.array(c["right"]), -np.array(c["up"]), np.array(c["forward"])]
+    return Camera(lens, np.array([axis * flip for axis in axes]), np.array(c["location"]) * flip)
+
+
+@pytest.fixture(scope="module")
+def square_camera() -> Camera:
+    return Camera.facing_wall(Lens.centred(432, 240, 520.0), [0.9, 0.5, 2.5], yaw=0.05)
+
+
+def test_bright_lines_on_a_dark_wall(square_camera: Camera) -> None:
+    picture = rendered(square_camera, lambda xy: 1.2 - line_grid(xy, fine=None), shadow=False)
+    grid = find_wall_grid(picture, fine_pitch_m=None)
+    assert not grid.dark
+    true = square_camera.to_plane(grid.points_px) / 0.05
+    assert np.abs(true - np.round(true)).max() < 0.2
+
+
+def test_the_origin_is_the_users(square_camera: Camera) -> None:
+    grid = find_wall_grid(rendered(square_camera))
+    moved = grid.with_origin(grid.points_px[7], (1.0, 0.5), snap=True)
+    assert moved.wall_m[7] == pytest.approx([1.0, 0.5])
+    assert moved.to_wall(grid.points_px[7]) == pytest.approx([1.0, 0.5], abs=0.006)
+
+
+def stripes(xy: np.ndarray) -> np.ndarray:
+    return line_grid(np.stack([xy[..., 0], np.full(xy.shape[:-1], 0.025)], axis=-1), fine=None)
+
+
+def chessboard(xy: np.ndarray) -> np.ndarray:
+    return 0.2 + 0.8 * (np.floor(xy / 0.06).sum(axis=-1) % 2)
+
+
+def bricks(xy: np.ndarray) -> np.ndarray:
+    row = np.floor(xy[..., 1] / 0.07)
+    along = (xy[..., 0] + 0.06 * (row % 2)) / 0.12
+    joint = (np.abs(along - np.round(along)) < 0.05) | (xy[..., 1] / 0.07 - row < 0.1)
+    return np.where(joint, 1.0, 0.5)
+
+
+def oblongs(xy: np.ndarray) -> np.ndarray:
+    return line_grid(xy * [1.0, 0.6], fine=None)
+
+
+@pytest.mark.parametrize(
+    ("wall", "reason"),
+    [
+        (lambda xy: np.ones(xy.shape[:-1]), "no grid"),
+        (stripes, "one direction"),
+        (chessboard, "chessboard"),
+        (bricks, "bricks|squares"),
+        (oblongs, "squares"),
+    ],
+)
+def test_what_is_no_grid_is_refused_with_the_reason(
+    wall: object, reason: str, square_camera: Camera
+) -> None:
+    with pytest.raises(CalibrationError, match=reason) as refusal:
+        find_wall_grid(rendered(square_camera, wall))
+    assert refusal.value.hint
+
+
+def test_gradations_that_contradict_the_stated_pitch_are_reported() -> None:
+    camera = Camera.facing_wall(Lens.centred(640, 360, 760.0), [0.4, 0.3, 1.2])
+    grid = find_wall_grid(rendered(camera, shadow=False), pitch_m=0.1, fine_pitch_m=0.01)
+    assert grid.fine_ratio == 5
+    assert "check the pitch" in grid.warnings[0]
