@@ -19,7 +19,7 @@ from calib.pose import LensPrior
 from calib.pose import calibrate as fit_scene
 from metrology import CalibrationError
 
-__all__ = ["Estimate", "Input", "SceneCalibration", "assembled", "calibrate"]
+__all__ = ["Estimate", "Input", "SceneCalibration", "calibrate", "fitted"]
 
 FloatArray = NDArray[np.float64]
 ValueStd = tuple[float, float]
@@ -30,7 +30,7 @@ OUTLINE_STD_PX = 0.1
 # What refocusing and another crop do to a lens calibrated on another day: log f, share of the
 # width, share of the width, k1, k2
 LENS_STD = (0.005, 0.002, 0.002, 0.01, 0.01)
-LEAST_SHARE = 1e-4
+LEAST_SHARE = 1e-3
 DEPTH, LOG_DISTANCE = 11, 5
 SHORT_NAMES = {
     "ball plane offset by tape": "tape",
@@ -82,6 +82,10 @@ class SceneCalibration:
         The fitted camera with its covariance by source.
     grid : WallGrid
         The grid it was fitted to.
+    evidence : Evidence
+        What else it was fitted to.
+    lens : LensPrior or None
+        Lens known beforehand.
     ball_plane_offset : Estimate
         Ball plane in front of the wall.
     camera_distance : Estimate
@@ -96,6 +100,8 @@ class SceneCalibration:
 
     fit: Calibration
     grid: WallGrid
+    evidence: Evidence
+    lens: LensPrior | None
     ball_plane_offset: Estimate
     camera_distance: Estimate
     inputs: tuple[Input, ...]
@@ -219,40 +225,37 @@ def calibrate(
     if ball_diameter is not None and ball_outline is not None:
         outlines = BallOutlines(*ball_outline, Known(*ball_diameter), OUTLINE_STD_PX)
     foot_x, foot_y = (None, None) if foot is None or rest_px is None else foot
-    fit = fit_scene(
-        grid,
-        Evidence(
-            rest_px=None if rest_px is None else np.asarray(rest_px, dtype=np.float64),
-            rest_height=rest_height or 0.0,
-            ball_radius=None if ball_diameter is None else 0.5 * ball_diameter[0],
-            camera_distance=_known(distance),
-            axis_foot_x=_known(foot_x),
-            axis_foot_y=None if rest_height is None else _known(foot_y),
-            ball_plane_offset=_known(ball_plane_offset),
-            outlines=outlines,
-        ),
-        lens=_lens_prior(lens),
+    evidence = Evidence(
+        rest_px=None if rest_px is None else np.asarray(rest_px, dtype=np.float64),
+        rest_height=rest_height or 0.0,
+        ball_radius=None if ball_diameter is None else 0.5 * ball_diameter[0],
+        camera_distance=_known(distance),
+        axis_foot_x=_known(foot_x),
+        axis_foot_y=None if rest_height is None else _known(foot_y),
+        ball_plane_offset=_known(ball_plane_offset),
+        outlines=outlines,
     )
-    return assembled(replace(fit, rest_px=None, rest_xy=None), grid, fit.warnings)
+    return fitted(grid, evidence, _lens_prior(lens))
 
 
-def assembled(fit: Calibration, grid: WallGrid, warnings: tuple[str, ...]) -> SceneCalibration:
-    """Split a fit's covariance into independent inputs, and check that it makes sense.
+def fitted(grid: WallGrid, evidence: Evidence, lens: LensPrior | None) -> SceneCalibration:
+    """Fit the scene and split its covariance into independent inputs.
 
     Parameters
     ----------
-    fit : Calibration
-        In the grid's frame.
     grid : WallGrid
-        The grid it was fitted to.
-    warnings : tuple of str
-        To be handed on.
+        The grid on the wall.
+    evidence : Evidence
+        Whatever else is known.
+    lens : LensPrior or None
+        Lens known beforehand.
 
     Raises
     ------
     CalibrationError
-        If the ball plane is behind the wall or behind the camera.
+        If no camera fits the grid, or the ball plane is behind the wall or behind the camera.
     """
+    fit = replace(fit_scene(grid, evidence, lens=lens), rest_px=None, rest_xy=None)
     std = np.sqrt(np.diag(fit.covariance))
     depth, distance = fit.ball_plane_offset, fit.camera_distance
     if not -2.0 * std[DEPTH] < depth < distance:
@@ -266,13 +269,15 @@ def assembled(fit: Calibration, grid: WallGrid, warnings: tuple[str, ...]) -> Sc
     return SceneCalibration(
         fit=fit,
         grid=grid,
+        evidence=evidence,
+        lens=lens,
         ball_plane_offset=Estimate(depth, float(std[DEPTH]), _best_source(fit, DEPTH)),
         camera_distance=Estimate(
             distance, float(distance * std[LOG_DISTANCE]), _best_source(fit, LOG_DISTANCE)
         ),
         inputs=_inputs(fit),
         reprojection_rms_px=float(np.sqrt((error**2).sum(axis=1).mean())),
-        warnings=warnings,
+        warnings=fit.warnings,
     )
 
 
