@@ -128,7 +128,9 @@ class Aligner:
         guess = start if start is not None else View(1.0, np.zeros(2), 0.0, 0.0)
         found = self._refine(frame, guess)
         if start is None and found[1] > 3.0:
-            jump, _ = cv2.phaseCorrelate(self._smooth, cv2.GaussianBlur(frame, (0, 0), 1.0))
+            # On copies: the transform works in place.
+            smooth = cv2.GaussianBlur(frame, (0, 0), 1.0)
+            jump, _ = cv2.phaseCorrelate(self._smooth.copy(), smooth)
             again = self._refine(frame, View(1.0, np.array(jump, dtype=np.float64), 0.0, 0.0))
             found = min(found, again, key=lambda pair: pair[1])
         return found[0]
@@ -149,7 +151,7 @@ class Aligner:
             y = (rows + shift[1] + roll * (columns - x0)).astype(np.float32)
             inside = (x > 1) & (y > 1) & (x < width - 2) & (y < height - 2)
             if np.count_nonzero(inside) < 40:
-                break
+                return View(float(gain), shift, float(roll), std), np.inf
             seen = _sample_smoothed(frame, x, y)
             residual = (seen - gain * expected).astype(np.float64)
             spread = 1.4826 * float(np.median(np.abs(residual[inside])))
@@ -166,7 +168,9 @@ class Aligner:
             std = float(scale * np.sqrt(max(inverse[1, 1] + inverse[2, 2], 0.0) / 2))
             if np.hypot(*delta) < 2e-3:
                 break
-        return View(float(gain), shift, float(roll), std), scale / self._noise
+        # The median alone would be content with half of the scene's lines matching.
+        quality = float(np.quantile(np.abs(residual[inside]), 0.8)) / (1.28 * self._noise)
+        return View(float(gain), shift, float(roll), std), quality
 
 
 def _sample_smoothed(frame: FloatImage, x: FloatImage, y: FloatImage) -> FloatImage:

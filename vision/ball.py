@@ -119,6 +119,8 @@ def _search(
                 smear=np.zeros(2),
                 free=3,
                 radius_std=0.1 * radius,
+                iterations=6,
+                tolerance=0.05,
                 inner=wide * inner,
                 outer=wide * outer,
             )

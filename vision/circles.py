@@ -6,6 +6,7 @@ on both sides, since a panelled ball is brighter than the wall here and darker t
 taken at several picture scales, so that one short list of radii covers balls of 5 to 200 pixels.
 """
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -111,6 +112,7 @@ def find_circles(
             break
     if radii is None:
         found += _blobs(normalised, low, high)
+    found = sorted(found, key=_rank)[: 3 * most]
     weighed = [
         (*circle[:4], circle[4] * _substance(circle, picture, expected, noise)) for circle in found
     ]
@@ -238,7 +240,7 @@ def _voted(
     best = support.max(axis=0)
     crest = (best > 0.3) & (best == cv2.dilate(best, np.ones((3, 3), np.uint8)))
     peak_rows, peak_columns = np.nonzero(crest)
-    order = np.argsort(-best[peak_rows, peak_columns])[: 2 * most]
+    order = np.argsort(-best[peak_rows, peak_columns])[:most]
     peak_rows, peak_columns = peak_rows[order], peak_columns[order]
     peak_radii = radii[support[:, peak_rows, peak_columns].argmax(axis=0)]
     for row, column, radius in zip(peak_rows, peak_columns, peak_radii, strict=True):
@@ -304,6 +306,10 @@ def _distinct(found: list[_Circle], most: int) -> Circles:
             break
     table = np.array(kept, dtype=np.float64).reshape(-1, 5)
     return Circles(table[:, :2], table[:, 2], table[:, 3], table[:, 4])
+
+
+def _rank(circle: _Circle) -> float:
+    return -circle[3] * math.log1p(circle[4]) * math.sqrt(circle[2])
 
 
 def _same(circle: _Circle, other: _Circle) -> bool:

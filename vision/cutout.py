@@ -22,7 +22,6 @@ Hides = Callable[[FloatArray, FloatArray], BoolArray]
 
 # Exponent that sRGB and ITU-R BT.709 come to over the brighter half of their range.
 TYPICAL_GAMMA = 1.85
-_SATURATED = 254.5
 
 
 def ring_widths(radius: float) -> tuple[float, float]:
@@ -76,7 +75,7 @@ def ring_pixels(
     gray = picture[window].ravel()[near].astype(np.float64)
     background = scene.expected(index, window).ravel()[near].astype(np.float64)
     noise = scene.background.noise[window].ravel()[near].astype(np.float64)
-    usable = gray < _SATURATED
+    usable = np.ones(x.shape, dtype=bool)
     if hidden is not None:
         usable &= ~hidden(x, y)
     slope = gamma * np.clip(gray / 255.0, 0.05, 1.0) ** (gamma - 1.0)

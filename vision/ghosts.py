@@ -35,18 +35,27 @@ def without_ghosts(epochs: list[FloatImage], usual: FloatImage, noise: FloatImag
     (H, W) float32 array
     """
     clean = usual.copy()
-    for epoch in epochs:
+    code = np.zeros(usual.shape, dtype=np.uint8)
+    kernel = np.ones((3, 3), np.uint8)
+    for bit, epoch in enumerate(epochs):
         differs = (np.abs(epoch - usual) > _DIFFERENT * noise).astype(np.uint8)
-        differs = cv2.morphologyEx(differs, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
-        count, labels, boxes, _ = cv2.connectedComponentsWithStats(differs)
+        code |= cv2.morphologyEx(differs, cv2.MORPH_OPEN, kernel) << bit
+    # Pixels that differ in the same epochs belong together: the ball that left, apart from the mass
+    # that swung into its place.
+    values, counts = np.unique(code, return_counts=True)
+    for value in values[(values > 0) & (counts >= _SMALLEST)]:
+        count, labels, boxes, _ = cv2.connectedComponentsWithStats((code == value).astype(np.uint8))
         for label in range(1, count):
             if boxes[label, cv2.CC_STAT_AREA] < _SMALLEST:
                 continue
             window = _window(boxes[label], usual.shape)
             region = (labels[window] == label).astype(np.uint8)
-            if _step_along(epoch[window], region) < 0.5 * _step_along(clean[window], region):
+            others = [epochs[bit][window] for bit in range(len(epochs)) if value >> bit & 1]
+            steps = [_step_along(other, region) for other in others]
+            best = int(np.argmin(steps))
+            if steps[best] < 0.5 * _step_along(usual[window], region):
                 wide = cv2.dilate(region, np.ones((7, 7), np.uint8)) > 0
-                clean[window][wide] = epoch[window][wide]
+                clean[window][wide] = others[best][wide]
     return clean
 
 

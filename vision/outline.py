@@ -143,6 +143,7 @@ def fit_outline(
     inner: float = 6.0,
     outer: float = 4.0,
     iterations: int = 8,
+    tolerance: float = 4e-3,
 ) -> OutlineFit | None:
     """Fit a ball's outline.
 
@@ -166,6 +167,8 @@ def fit_outline(
         How far the ring reaches inside and outside the outline, px.
     iterations : int
         Steps at most.
+    tolerance : float
+        A step shorter than this is the last, px.
 
     Returns
     -------
@@ -194,7 +197,7 @@ def fit_outline(
         length = float(np.hypot(step[0], step[1]))
         step *= min(1.0, limit / max(length, 1e-12))
         parameters[:free] += step
-        if length < 2e-3 and last < 2e-2:
+        if length < tolerance:
             converged = True
             break
         if length > 0.3:
@@ -302,12 +305,17 @@ def _reduced(
     sizes = ring.weight.sum(axis=1)
     own = np.sqrt(np.sum(residual**2, axis=1) / np.maximum(sizes - _BASIS, 1.0))
     seen = sizes > 0
-    typical = max(float(np.median(own[seen])), 0.5)
+    typical = max(_middle(own[seen]), 0.5)
     weight = np.where(seen, (2.0 / (1.0 + (own / typical) ** 2)) ** 2 / typical**2, 0.0)
     if settled:
         weight = weight * _offset_weight(score[:, 2], information[:, 2, 2], seen)
     normal = np.tensordot(weight, information[:, :free, :free], axes=1)
     return normal, weight[:, None] * score[:, :free], information[:, :free, :free]
+
+
+def _middle(values: FloatArray) -> float:
+    """Upper median of a few values, without the ceremony that makes `numpy.median` slow on them."""
+    return float(np.sort(values)[len(values) // 2])
 
 
 def _offset_weight(pull: FloatArray, information: FloatArray, seen: BoolArray) -> FloatArray:
@@ -318,8 +326,8 @@ def _offset_weight(pull: FloatArray, information: FloatArray, seen: BoolArray) -
     """
     offset = pull / np.maximum(information, 1e-9)
     outward = offset[seen & (offset > 0)]
-    every = float(np.median(np.abs(offset[seen])))
-    scale = max(1.4826 * min(every, float(np.median(outward)) if len(outward) > 3 else every), 0.03)
+    every = _middle(np.abs(offset[seen]))
+    scale = max(1.4826 * min(every, _middle(outward) if len(outward) > 3 else every), 0.03)
     inward = (offset < 0).astype(np.float64)
     return np.asarray(1.0 / (1.0 + (offset / (_OFFSET_SCALES * scale)) ** 2) ** (1.0 + inward))
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from vision.arc import Arc, fit_arc
 from vision.ball import BallFits
-from vision.cutout import Hides
+from vision.cutout import TYPICAL_GAMMA, Hides
 from vision.rest import Rest
 from vision.rigid import Patch, Pose, register, warped
 from vision.scene import Scene
@@ -204,7 +204,7 @@ def _component_behind(
     member = labels == best
     anchor = np.array([columns[member].mean(), rows[member].mean()])
     near = cv2.dilate(member.astype(np.uint8), _disc(3)) > 0
-    opacity = cv2.GaussianBlur((moved & near).astype(np.float32), (0, 0), 0.8)
+    opacity = _opacity(picture, scene.expected(index), member) * near
     region = near & (np.hypot(offset_x, offset_y) > radius + 1.0)
     gain = scene.views[index].gain
     patch = Patch(
@@ -215,6 +215,18 @@ def _component_behind(
     )
     clear = float(np.hypot(offset_x[member], offset_y[member]).min()) - radius
     return patch, anchor, clear
+
+
+def _opacity(
+    picture: NDArray[np.float32], expected: NDArray[np.float32], member: NDArray[np.bool_]
+) -> NDArray[np.float32]:
+    """How much of each pixel the thing covers: all of it inside, at its edge by the mixture of light."""
+    light = np.abs((picture / 255.0) ** TYPICAL_GAMMA - (expected / 255.0) ** TYPICAL_GAMMA)
+    inside = cv2.erode(member.astype(np.uint8), _disc(1)) > 0
+    usual = float(np.median(light[inside if np.any(inside) else member]))
+    inside = cv2.erode(member.astype(np.uint8), _disc(2)) > 0
+    part = np.clip(light / max(usual, 1e-6), 0.0, 1.0)
+    return np.where(inside, np.float32(1.0), part).astype(np.float32)
 
 
 def _disc(radius: int) -> NDArray[np.uint8]:

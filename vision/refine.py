@@ -19,8 +19,8 @@ FloatArray = NDArray[np.float64]
 _SPREADS = (0.25, 0.45, 0.7, 1.0, 1.5)
 _DUTIES = (0.1, 0.35, 0.6, 0.85)
 _TRIAL_FRAMES = 9
-_SHAPE_FRAMES = 48
-_SHAPE_STEPS = 4
+_SHAPE_FRAMES = 40
+_SHAPE_STEPS = 3
 # Frames between the positions compared: errors of neighbours are alike, as the ball looks alike.
 _LAG = 4
 
