@@ -212,7 +212,7 @@ class Calibration:
         """What each input of the calibration adds to the uncertainty of a scalar quantity."""
         slope = self.gradient(function)
         return tuple(
-            Contribution(s.name, float(max(0.0, slope @ s.covariance @ slope) ** 0.5))
+            Contribution(s.name, float(np.sqrt(max(0.0, float(slope @ s.covariance @ slope)))))
             for s in self.sources
         )
 

@@ -36,7 +36,7 @@ DEPTH_SOURCES = {
     "free fall": ("fall",),
 }
 ALWAYS = ("grid lines", "lens not known beforehand", "lens calibration", "ball plane guessed")
-DISAGREE_AT = 3.0
+DISAGREE_AT = 3.5
 MOST_STEPS = 40
 STEPS: FloatArray = np.array(
     [1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4, 1e-4, 1e-2, 1e-2, 1e-4, 1e-4, 1e-4]
@@ -318,11 +318,11 @@ def _disagreement(
     suspects = sorted(relief, key=lambda name: relief[name], reverse=True)
     if relief[suspects[0]] < DISAGREE_AT**2:
         return ()
-    alike = [name for name in suspects if relief[name] > 0.7 * relief[suspects[0]]]
+    alike = [name for name in suspects if relief[name] > 0.9 * relief[suspects[0]]]
     listed = ", ".join(f"{e.source} {1e3 * e.value:.0f} ± {1e3 * e.std:.0f} mm" for e in estimates)
     listed = f" (ball plane in front of the wall: {listed})" if listed else ""
     if len(alike) == 1:
-        likeliest = f"the likeliest wrong input is: {alike[0]}"
+        likeliest = f"the likeliest wrong input is: {alike[0]} (or the pitch of the grid)"
     else:
         likeliest = f"one of these is wrong, or the pitch of the grid: {', '.join(alike)}"
     return (f"the inputs contradict each other{listed}; {likeliest}",)

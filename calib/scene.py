@@ -30,6 +30,8 @@ OUTLINE_STD_PX = 0.1
 # What refocusing and another crop do to a lens calibrated on another day: log f, share of the
 # width, share of the width, k1, k2
 LENS_STD = (0.005, 0.002, 0.002, 0.01, 0.01)
+# A ball nearer to the camera than to the wall is not what a measurement against a wall looks like
+FAR_OUT = 0.5
 LEAST_SHARE = 1e-3
 DEPTH, LOG_DISTANCE = 11, 5
 SHORT_NAMES = {
@@ -147,19 +149,19 @@ class SceneCalibration:
             x, y on the ball plane, m.
         """
         if radius_m == 0.0:
-            return self.camera.to_plane(outline_px, self.ball_plane_offset.value)
-        return self.camera.sphere_on_plane(outline_px, radius_m, self.ball_plane_offset.value)
+            return self.camera.to_plane(outline_px, self.fit.ball_plane_offset)
+        return self.camera.sphere_on_plane(outline_px, radius_m, self.fit.ball_plane_offset)
 
     def ball_centre_px(self, outline_px: ArrayLike, radius_m: float) -> FloatArray:
         """Projection of the ball's centre (..., 2), px, from its outline's centroid (..., 2)."""
         xy = self.on_ball_plane(outline_px, radius_m)
-        depth = np.full((*xy.shape[:-1], 1), self.ball_plane_offset.value)
+        depth = np.full((*xy.shape[:-1], 1), self.fit.ball_plane_offset)
         return self.camera.project(np.concatenate([xy, depth], axis=-1))
 
     def jacobian(self, px: ArrayLike) -> FloatArray:
         """Derivative of x, y on the ball plane by the pixel, (..., 2, 2), m/px."""
         px = np.asarray(px, dtype=np.float64)
-        depth = self.ball_plane_offset.value
+        depth = self.fit.ball_plane_offset
         columns = [
             self.camera.to_plane(px + 0.5 * e, depth) - self.camera.to_plane(px - 0.5 * e, depth)
             for e in np.eye(2)
@@ -264,6 +266,12 @@ def fitted(grid: WallGrid, evidence: Evidence, lens: LensPrior | None) -> SceneC
             f"the camera {distance:.2f} m: no such scene",
             hint="Likeliest wrong: the pitch of the grid, or the diameter of the ball.",
         )
+    warnings = fit.warnings
+    if depth - 2.0 * std[DEPTH] > FAR_OUT * distance:
+        warnings += (
+            f"the ball plane comes out {depth:.2f} m in front of the wall, {distance - depth:.2f} m "
+            "from the camera: check the pitch of the grid and the diameter of the ball",
+        )
     wall = np.c_[grid.wall_m, np.zeros(len(grid.nodes))]
     error = fit.grid_camera.project(wall) - grid.points_px
     return SceneCalibration(
@@ -277,7 +285,7 @@ def fitted(grid: WallGrid, evidence: Evidence, lens: LensPrior | None) -> SceneC
         ),
         inputs=_inputs(fit),
         reprojection_rms_px=float(np.sqrt((error**2).sum(axis=1).mean())),
-        warnings=fit.warnings,
+        warnings=warnings,
     )
 
 

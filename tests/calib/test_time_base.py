@@ -1,0 +1,52 @@
+"""Capture rate from things in view that keep time."""
+
+import numpy as np
+import pytest
+
+from calib.time_base import rate_from_blinking, rate_from_fall
+from metrology import CalibrationError
+
+
+def blinking(fps: float, hz: float, seed: int, noise: float = 8.0) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    time = (np.arange(300) + rng.uniform()) / fps
+    return 80 + 60 * (np.sin(2 * np.pi * hz * time) > 0.3) + rng.normal(0, noise, 300)
+
+
+@pytest.mark.parametrize("fps", [600.0, 585.0, 480.0])
+def test_a_blinking_light_gives_the_rate(fps: float) -> None:
+    found = rate_from_blinking(blinking(fps, 31.0, 1), 31.0, nominal_fps=600.0)
+    assert abs(found.fps - fps) < 4.0 * found.std + 0.02
+    assert found.std < 1.0
+
+
+def test_its_uncertainty_is_its_scatter() -> None:
+    rng = np.random.default_rng(0)
+    time = np.arange(300) / 600.0
+    found = []
+    for _ in range(60):
+        light = 50 * np.sin(2 * np.pi * 31 * time + rng.uniform(0, 6)) + rng.normal(0, 20, 300)
+        found.append(rate_from_blinking(light, 31.0, nominal_fps=600.0))
+    scatter = np.std([f.fps for f in found])
+    assert np.mean([f.std for f in found]) == pytest.approx(scatter, rel=0.3)
+
+
+def test_what_does_not_blink_is_refused() -> None:
+    noise = np.random.default_rng(2).normal(100, 5, 300)
+    with pytest.raises(CalibrationError, match="nothing there blinks"):
+        rate_from_blinking(noise, 31.0, nominal_fps=600.0)
+    with pytest.raises(CalibrationError, match="too fast"):
+        rate_from_blinking(noise, 300.0, nominal_fps=600.0)
+    with pytest.raises(CalibrationError, match="fewer than three"):
+        rate_from_blinking(noise, 2.0, nominal_fps=600.0)
+
+
+def test_free_fall_gives_the_rate() -> None:
+    rng = np.random.default_rng(3)
+    n = np.arange(200)
+    t = n / 240.0
+    y = 1.0 + 2.0 * t - 4.903 * t**2 + rng.normal(0, 0.001, 200)
+    found = rate_from_fall(y, np.full(200, 0.001), n, acceleration=9.806)
+    assert abs(found.fps - 240.0) < 4.0 * found.std
+    with pytest.raises(CalibrationError, match="fall"):
+        rate_from_fall(0 * y, np.full(200, 0.001), n, acceleration=9.806)
