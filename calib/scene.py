@@ -270,7 +270,8 @@ def fitted(grid: WallGrid, evidence: Evidence, lens: LensPrior | None) -> SceneC
     if depth - 2.0 * std[DEPTH] > FAR_OUT * distance:
         warnings += (
             f"the ball plane comes out {depth:.2f} m in front of the wall, "
-            f"{distance - depth:.2f} m from the camera: check the pitch of the grid and the diameter of the ball",
+            f"{distance - depth:.2f} m from the camera: check the pitch of the grid and the "
+            "diameter of the ball",
         )
     wall = np.c_[grid.wall_m, np.zeros(len(grid.nodes))]
     error = fit.grid_camera.project(wall) - grid.points_px
