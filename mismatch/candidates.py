@@ -8,12 +8,22 @@ import numpy as np
 
 from mismatch.forward import Forward
 from mismatch.model import Model
-from mismatch.unnamed import unnamed_laws
+from mismatch.unnamed import Bump, Magnet, unnamed_laws
 from physics.effects import Effect, Parameter
 
 __all__ = ["Candidate", "candidates_for", "start_values", "steps_of"]
 
 MOST_SHAPES = 64
+
+TORQUES = frozenset({"N m", "N m s", "N m s^2"})
+
+PAPER_TORQUE = 26.8
+"""N m, m g d of the paper's pendulum, which the catalogue's scales of torques are made for."""
+
+NEED_TWO_AXES = frozenset(
+    {"lens_distortion", "camera_roll", "rolling_shutter", "parallax", "magnus", "asymmetric_wake"}
+)
+"""Ids that show in one coordinate only together with another."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +108,10 @@ def _adapted_grid(p: Parameter, forward: Forward) -> Parameter:
         )
     if p.name == "reach" and p.unit == "m":
         return replace(p, grid=(0.07 * half, 0.2 * half), scale=0.07 * half, lower=0.01 * half)
+    if p.unit in TORQUES and forward.baseline.pendulum is not None:
+        body = forward.baseline.pendulum
+        size = body.mass * forward.baseline.gravity * body.com / PAPER_TORQUE
+        return replace(p, scale=p.scale * size, lower=p.lower * size, upper=p.upper * size)
     if p.name == "strength" and p.unit == "N":
         weight = float(np.median(records.mass)) * forward.baseline.gravity
         return replace(p, scale=0.02 * weight, lower=-300.0 * weight, upper=300.0 * weight)
@@ -109,6 +123,13 @@ def _admissible(effect: Effect, forward: Forward, model: Model) -> bool:
     if any(need not in model.ids for need in effect.requires):
         return False
     if effect.requires == ("drag",) and model.value("drag", "drag_coefficient", 0.0) <= 0.0:
+        return False
+    axes = int(forward.records.ball_used.any(axis=(0, 1)).sum())
+    if effect.id in NEED_TWO_AXES and axes < 2:
+        return False
+    if isinstance(effect, Magnet | Bump) and not forward.records.ball_used[..., 0].any():
+        return False
+    if effect.form == "three axes" and axes < 3:
         return False
     if forward.mode == "swing":
         return bool(hooks & {"torque", "clock", "angle"})

@@ -80,7 +80,7 @@ def _shortlist(
     if not ranked:
         return []
     top = ranked[0][0]
-    return [item for item in ranked[:most] if item[0] > min(share * top, top - 16.0)]
+    return [item for item in ranked[:most] if item[0] > min(share * abs(top), top - 16.0)]
 
 
 def name_effects(
@@ -117,7 +117,8 @@ def name_effects(
     tried: list[Hypothesis] = []
     if not ranked or ranked[0][0] < 0.6 * threshold:
         return Naming(None, (), threshold, first)
-    for _, index, values in _shortlist(ranked, MOST_SINGLES, 0.4):
+    share = -np.inf if forward.mode == "swing" else 0.4
+    for _, index, values in _shortlist(ranked, MOST_SINGLES, share):
         tried.append(fit_hypothesis(forward, base, [candidates[index]], [values]))
     best = _leader(tried)
     if best is None or best.worth / inflation < threshold:
@@ -125,8 +126,9 @@ def name_effects(
     for size in range(2, most + 1):
         grown = _grow(forward, base, effects, tried, size, threshold * inflation)
         tried.extend(grown)
-        larger = _leader(grown)
-        if larger is None or not _worth_it(larger, best, threshold * inflation):
+        worthy = [h for h in grown if _worth_it(h, best, threshold * inflation)]
+        larger = _leader(worthy)
+        if larger is None:
             break
         best = larger
     return Naming(best, _sorted(tried), threshold, first)
@@ -134,13 +136,22 @@ def name_effects(
 
 def _worth_it(larger: Hypothesis, smaller: Hypothesis, threshold: float) -> bool:
     more = larger.worth - smaller.worth
-    share = second_effect_share(smaller)
+    added = [one for one in larger.ids if one not in smaller.ids]
+    share = max(second_effect_share(smaller, one) for one in (added or [""]))
     return more > max(threshold, share * smaller.gain)
 
 
 def _leader(hypotheses: Sequence[Hypothesis]) -> Hypothesis | None:
     allowed = [h for h in hypotheses if h.allowed]
-    return max(allowed, key=lambda h: h.worth, default=None)
+    best = max(allowed, key=lambda h: h.worth, default=None)
+    if best is None or not best.has_unnamed:
+        return best
+    # What has a name and fits as well goes first; the rest stays in its group.
+    known = [h for h in allowed if not h.has_unnamed and len(h.members) <= len(best.members)]
+    second = max(known, key=lambda h: h.worth, default=None)
+    if second is not None and second.worth >= best.worth - group_tolerance(best):
+        return second
+    return best
 
 
 def _sorted(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
@@ -156,26 +167,32 @@ def _grow(
     threshold: float,
 ) -> list[Hypothesis]:
     """Sets one larger than the best ones so far."""
-    seeds = [h for h in _sorted(tried) if len(h.members) == size - 1 and h.allowed]
+    # A law without a name is for what nothing else explains, never for the rest of it.
+    seeds = [
+        h for h in _sorted(tried)
+        if len(h.members) == size - 1 and h.allowed and not h.has_unnamed
+    ]  # fmt: skip
     if not seeds:
         return []
     least = min(0.35 * seeds[0].worth, seeds[0].worth - group_tolerance(seeds[0]))
+    leader = _leader([h for h in tried if len(h.members) == size - 1])
     grown: dict[frozenset[tuple[str, str, str]], Hypothesis] = {}
     for number, seed in enumerate(_one_per_id(seeds, 6 if size == 2 else 3)):
         if seed.worth < least:
             continue
-        pool = candidates_for(forward, seed.fit.model, effects)
+        pool = candidates_for(forward, seed.fit.model, effects, unnamed=False)
         keys = {member.key for member in seed.members}
         ids = {member.id for member in seed.members} - {"unnamed"}
         pool = tuple(c for c in pool if c.key not in keys and c.id not in ids)
         scored = scan(forward, seed.fit, pool)
         ranked = _best_by_law(scored, 1.0)
         if not ranked or ranked[0][0] < max(threshold, second_effect_share(seed) * seed.gain):
-            if number == 0:
+            if number == 0 and seed is leader and ranked and ranked[0][0] < threshold:
                 # The best smaller set leaves nothing to explain: a larger one would be idle.
                 break
             continue
-        for _, index, values in _shortlist(ranked, 5, 0.75):
+        share = -np.inf if forward.mode == "swing" else 0.6
+        for _, index, values in _shortlist(ranked, 6, share):
             law = frozenset(keys | {pool[index].key})
             if law in grown:
                 continue

@@ -10,13 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mismatch.records import Records
-from mismatch.spectrum import Spectrum, fit_spectrum
+from mismatch.spectrum import LEAST, Spectrum, fit_spectrum
 from physics.arrays import FloatArray
 
 __all__ = ["Noise", "estimate_noise"]
 
 STRETCH = 36
 OUTLIER = 4.8
+SMOOTH = 2.0
+"""Variance about a polynomial over the local one up to which what is left counts as noise."""
+
 UNKNOWN_SIGMA = 1e-3
 """m or rad, where too few rows are left to tell."""
 
@@ -132,7 +135,18 @@ def _spectrum(
         for segment in np.unique(segments[trial][used[trial]]):
             rows = used[trial] & (segments[trial] == segment)
             pieces.append((time[trial, rows], value[trial, rows] / sigma[trial]))
-    return fit_spectrum(pieces)
+    # A swing over many periods, or a path through something local, is no polynomial as a whole.
+    while pieces and max(piece[0].size for piece in pieces) >= 2 * LEAST:
+        found = fit_spectrum(pieces)
+        if found is None or found.variance < SMOOTH:
+            return found
+        halves: list[tuple[FloatArray, FloatArray]] = []
+        for t, v in pieces:
+            count = 2 if t.size >= 2 * LEAST else 1
+            parts = zip(np.array_split(t, count), np.array_split(v, count), strict=True)
+            halves.extend(parts)
+        pieces = halves
+    return None
 
 
 def estimate_noise(

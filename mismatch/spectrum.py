@@ -14,7 +14,7 @@ from scipy.stats import f as fisher
 
 from physics.arrays import FloatArray
 
-__all__ = ["Spectrum", "fit_spectrum", "whiteness"]
+__all__ = ["LEAST", "Spectrum", "fit_spectrum", "whiteness"]
 
 DEGREE = 6
 LEAST = 24

@@ -203,8 +203,8 @@ class Verdict:
         if self.held_out is not None:
             h = self.held_out
             lines.append(
-                f"Trials kept out of the fit are predicted to {h.rmse_after:.3g} {h.unit} instead"
-                f" of {h.rmse_before:.3g} {h.unit} (ratio {h.ratio_95[0]:.3g} to {h.ratio_95[1]:.3g})."
+                f"Trials kept out of the fit: error {h.rmse_after:.3g} {h.unit} instead of"
+                f" {h.rmse_before:.3g} {h.unit} (ratio {h.ratio_95[0]:.3g} to {h.ratio_95[1]:.3g})."
             )
         lines.append(self.remainder.statement)
         lines.extend(f"Note: {note}" for note in self.notes)

@@ -25,17 +25,23 @@ __all__ = [
     "turn_launch",
 ]
 
+PARTING_SHARE = 0.12
+"""Hunt–Crossley contacts with exponents of 1 to 1.6 lie between 0.06 and 0.17."""
+
 REFERENCE_SPEED = 2.5
 """m/s, where the slope of a velocity-dependent COR adds nothing (middle of the paper's range)."""
 
 
 def add_normal_speeds(
-    contact: Contact, outcome: Outcome, ball: Number, pendulum: Number
+    contact: Contact, outcome: Outcome, ball: Number, pendulum: Number, early: float = 0.5
 ) -> Outcome:
-    """Add to the ball's speed along the contact normal and to the pendulum's speed, m/s."""
+    """Add to the ball's speed along the contact normal and to the pendulum's speed, m/s.
+
+    `early` is the share of the contact time for which the added speed has acted at release: half of
+    it where every moment of the contact is changed alike.
+    """
     normal = 0.5 * (contact.angle + outcome.pendulum_angle)
-    # A speed gained evenly over the contact is also half a contact time's worth of way.
-    way = 0.5 * outcome.contact_time
+    way = early * outcome.contact_time
     return replace(
         outcome,
         vx=outcome.vx + ball * np.cos(normal),
@@ -48,10 +54,13 @@ def add_normal_speeds(
 
 
 def change_restitution(contact: Contact, outcome: Outcome, change: Number) -> Outcome:
-    """Outcome with the coefficient of restitution changed by `change`, everything else alike."""
+    """Outcome with the coefficient of restitution changed by `change`, everything else alike.
+
+    Dissipation acts late, when the bodies part, so the way hardly changes.
+    """
     heavy, light = contact.inertial_mass, contact.ball_mass
     share = change * contact.impact_speed / (heavy + light)
-    return add_normal_speeds(contact, outcome, heavy * share, -light * share)
+    return add_normal_speeds(contact, outcome, heavy * share, -light * share, PARTING_SHARE)
 
 
 def turn_launch(outcome: Outcome, angle: Number) -> Outcome:
@@ -139,7 +148,16 @@ class ObliqueImpact(Effect):
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
         """Turn the impulse."""
         ratio = np.clip(2.0 * values["offset"] / contact.diameter, -0.9, 0.9)
-        return turn_launch(outcome, -np.arcsin(ratio))
+        turned = turn_launch(outcome, -np.arcsin(ratio))
+        if self.form != "smooth face":
+            return turned
+        # A smooth face pushes along the turned normal only: cos for the approach, cos for the push.
+        kept = 1.0 - np.square(ratio)
+        lost = (contact.impact_speed - outcome.pendulum_speed) * np.square(ratio)
+        return replace(
+            turned, vx=turned.vx * kept, vy=turned.vy * kept,
+            pendulum_speed=outcome.pendulum_speed + lost,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -267,6 +285,8 @@ class SupportRecoil(Effect):
         elif self.form == "constant":
             reference = 1.0
         gained = values["vertical_share"] * reference
+        if self.form == "kick at release":
+            return replace(outcome, vy=outcome.vy + gained)
         return replace(
             outcome, vy=outcome.vy + gained, y=outcome.y + 0.5 * gained * outcome.contact_time
         )

@@ -8,6 +8,8 @@ from physics.arrays import FloatArray, Number, Vector
 from physics.effects.base import Effect, Parameter, Phase, Values, View
 
 __all__ = [
+    "PITCH",
+    "PIVOT",
     "CameraRoll",
     "DroppedFrames",
     "LengthScale",
@@ -18,6 +20,11 @@ __all__ = [
     "TimeBase",
 ]
 
+PIVOT = (
+    Parameter("pivot_x", "m", 0.5, -20.0, 20.0, grid=(0.5, 1.1), meaning="optical axis"),
+    Parameter("pivot_y", "m", 0.3, -20.0, 20.0, grid=(0.6,), meaning="optical axis"),
+)
+PITCH = Parameter("pitch", "rad", 0.005, -0.5, 0.5, meaning="turned about the x axis")
 PLUMB = "a plumb line in view"
 RULER = "a ruler in the ball's plane, at two places in view"
 CLOCK = "a clock of known rate in view (a blinking LED)"
@@ -88,23 +95,30 @@ class CameraRoll(Effect):
     confusable: tuple[str, ...] = ("oblique_impact", "effective_mass", "support_recoil")
     separating: str = PLUMB
 
-    def _pivot(self, view: View) -> tuple[Number, Number]:
+    def _pivot(self, values: Values, view: View) -> tuple[Number, Number]:
         if self.form == "about the start":
             return view.rest_x, view.rest_y
-        if self.form == "about the view":
-            return view.centre_x, view.centre_y
+        if self.form == "about a point":
+            return values["pivot_x"], values["pivot_y"]
         return 0.0, 0.0
 
     def image(self, values: Values, view: View) -> Vector:
         """Turn the picture."""
+        if self.form == "three axes":
+            roll, pitch = values["roll"], values["pitch"]
+            return (
+                view.x - roll * view.y,
+                view.y + roll * view.x - pitch * view.z,
+                view.z + pitch * view.y,
+            )
         cosine, sine = np.cos(values["roll"]), np.sin(values["roll"])
-        x0, y0 = self._pivot(view)
+        x0, y0 = self._pivot(values, view)
         dx, dy = view.x - x0, view.y - y0
         return x0 + cosine * dx - sine * dy, y0 + sine * dx + cosine * dy, view.z
 
     def angle(self, values: Values, view: View) -> Number:
         """The pendulum's angle turns with the picture, unless it was read against the picture."""
-        if self.form in ("ball only", "about the start"):
+        if self.form in ("ball only", "about the start", "about a point"):
             return view.phi
         return view.phi + values["roll"]
 

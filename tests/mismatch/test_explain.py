@@ -1,0 +1,130 @@
+"""The engine on campaigns whose truth is known."""
+
+import math
+
+import numpy as np
+import pytest
+from tests.mismatch.synthetic import struck_campaign, thrown_campaign
+
+from metrology import TooLittleDataError
+from mismatch import Campaign, Options, Trial, explain
+from mismatch.prepare import prepare
+from physics.effects import CATALOGUE, Effect, Parameter
+
+
+def of(name: str) -> Effect:
+    return CATALOGUE[name][0]
+
+
+def named(verdict) -> set[str]:
+    return {effect.id for effect in verdict.effects}
+
+
+def with_groups(verdict) -> set[str]:
+    return named(verdict) | {one for group in verdict.indistinguishable for one in group}
+
+
+@pytest.fixture(scope="module")
+def blameless():
+    return struck_campaign(seed=3)
+
+
+def test_nothing_is_named_where_nothing_is_missing(blameless):
+    verdict = explain(*blameless)
+    assert verdict.verdict == "no_mismatch"
+    assert verdict.effects == ()
+    assert verdict.location is None
+    assert verdict.remainder.white
+    assert 0.9 < verdict.baseline_chi2_per_dof < 1.1
+
+
+def test_the_refitted_baseline_fits_to_the_noise_and_finds_the_clocks(blameless):
+    campaign, baseline = blameless
+    prepared = prepare(campaign, baseline)
+    assert prepared.fit.chi2 / prepared.fit.count == pytest.approx(1.0, abs=0.06)
+    assert np.all(np.abs(prepared.fit.nuisance[:, 0] - 0.24) < 2e-3)
+    assert prepared.noise.sigma[:, 0] == pytest.approx(1e-3, rel=0.1)
+    assert np.all(prepared.noise.inflation == 1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("magnus", {"spin": 6.0}),
+        ("velocity_dependent_cor", {"slope": -0.03}),
+        ("time_base", {"rate_error": 0.01}),
+    ],
+)
+def test_a_strong_effect_is_named_with_its_strength(name, values):
+    verdict = explain(*struck_campaign((of(name), values), seed=5))
+    assert named(verdict) == {name}
+    (parameter, truth), *_ = values.items()
+    found = next(p for p in verdict.effects[0].parameters if p.name == parameter)
+    assert abs(found.value - truth) < 4.0 * found.std
+    assert verdict.effects[0].probability > 0.5
+    assert verdict.held_out is not None
+    assert verdict.held_out.rmse_after < verdict.held_out.rmse_before
+
+
+def test_two_effects_are_both_named():
+    verdict = explain(
+        *struck_campaign(
+            (of("magnus"), {"spin": 8.0}), (of("bearing_friction"), {"dry_torque": 0.3}), seed=6
+        )
+    )
+    assert {"magnus", "bearing_friction"} <= with_groups(verdict)
+    assert len(verdict.effects) == 2
+
+
+def test_time_and_length_of_free_flights_are_one_group_with_a_measurement():
+    verdict = explain(*thrown_campaign(scale=1.03))
+    assert verdict.verdict == "ambiguous"
+    group = next(g for g in verdict.indistinguishable if "time_base" in g)
+    assert "length_scale" in group
+    assert verdict.next_measurement
+
+
+def test_a_users_effect_takes_part():
+    class Tug(Effect):
+        def force(self, values, flight):
+            nothing = np.zeros_like(np.asarray(flight.vx))
+            push = values["pull"] * np.exp(-(((flight.time - 0.1) / 0.02) ** 2))
+            return nothing, nothing - push, nothing
+
+    tug = Tug(
+        "string_tug", "A string tugs at the ball.", "F", "own", "flight",
+        (Parameter("pull", "N", 0.1, -50.0, 50.0),),
+    )  # fmt: skip
+    campaign, baseline = struck_campaign((tug, {"pull": 1.0}), seed=8)
+    verdict = explain(campaign, baseline, options=Options(effects=(tug,)))
+    assert named(verdict) == {"string_tug"}
+    assert verdict.location is not None
+    assert verdict.location.t_start_s == pytest.approx(
+        0.1 - 0.02 * math.sqrt(2.3) + 0.015, abs=0.02
+    )
+
+
+def test_an_effect_that_returns_nan_is_never_named():
+    class Broken(Effect):
+        def force(self, values, flight):
+            bad = np.full(np.shape(flight.vx), np.nan) * values["k"]
+            return bad, bad, bad
+
+    broken = Broken("broken", "", "", "", "flight", (Parameter("k", "N", 1.0, -9.0, 9.0),))
+    campaign, baseline = struck_campaign(seed=3)
+    verdict = explain(campaign, baseline, options=Options(effects=(broken,)))
+    assert "broken" not in with_groups(verdict)
+
+
+def test_three_points_are_too_little():
+    _, baseline = thrown_campaign()
+    time = np.array([0.0, 0.1, 0.2])
+    trial = Trial("a", time, np.zeros((3, 3)), np.zeros(0), np.zeros(0))
+    with pytest.raises(TooLittleDataError, match="too"):
+        explain(Campaign((trial,)), baseline)
+
+
+def test_held_out_trials_must_exist(blameless):
+    campaign, baseline = blameless
+    with pytest.raises(TooLittleDataError, match="99"):
+        explain(campaign, baseline, options=Options(hold_out=("99",)))

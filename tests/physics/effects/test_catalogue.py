@@ -1,0 +1,122 @@
+"""Every effect is whole: documented, neutral where it says so, and right in a case worked by hand."""
+
+import numpy as np
+import pytest
+
+from metrology import UsageError
+from physics.effects import (
+    CATALOGUE,
+    Contact,
+    Effect,
+    Flight,
+    Outcome,
+    Swing,
+    View,
+    catalogue_with,
+    effect_named,
+)
+
+CONTRACT = (
+    "drag drag_crisis density_lapse magnus spin_decay wind buoyancy asymmetric_wake"
+    " velocity_dependent_cor effective_mass oblique_impact support_friction contact_displacement"
+    " pivot_recoil support_recoil bearing_friction viscous_damping pendulum_drag backswing_offset"
+    " time_base length_scale camera_roll parallax lens_distortion rolling_shutter origin_offset"
+    " dropped_frames"
+).split()
+ALL = [effect for forms in CATALOGUE.values() for effect in forms]
+
+FLIGHT = Flight(0.1, 0.5, 0.4, 0.0, 3.0, 4.0, 0.0, 0.35, 0.2, 1.2, 1.8e-5, 9.81, 0.5, 10.0)
+SWING = Swing(0.3, 4.0, 1.6, 6.0, 0.45, 0.55, 9.81)
+CONTACT = Contact(6.0, 0.15, 0.55, 1.6, 0.35, 0.2, 0.72, 9.81)
+OUTCOME = Outcome(0.015, 2.9, 0.2, 0.04, 0.42, 0.0, 5.2, 0.8, 0.0)
+VIEW = View(0.1, 0.5, 0.3, 0.0, 3.0, -1.0, 0.0, 0.2, 4.0, 0.0, 0.41, 1.0, 0.3, 1.0)
+
+
+def test_every_id_of_the_contract_is_there():
+    assert set(CONTRACT) == set(CATALOGUE)
+
+
+@pytest.mark.parametrize("effect", ALL, ids=lambda e: f"{e.id}-{e.form}")
+def test_an_effect_is_documented_and_bounded(effect: Effect):
+    assert effect.statement.endswith(".")
+    assert effect.law
+    assert effect.source
+    assert effect.separating
+    assert effect.hooks
+    for p in effect.parameters:
+        assert p.lower < p.upper
+        assert p.scale > 0.0
+        assert p.lower <= p.neutral <= p.upper or p.is_shape
+
+
+@pytest.mark.parametrize("effect", ALL, ids=lambda e: f"{e.id}-{e.form}")
+def test_a_neutral_effect_changes_nothing(effect: Effect):
+    values = effect.neutral
+    if "force" in effect.hooks:
+        assert np.allclose(effect.force(values, FLIGHT), 0.0)
+    if "torque" in effect.hooks:
+        assert effect.torque(values, SWING) == pytest.approx(0.0)
+    if "start" in effect.hooks:
+        assert effect.start(values, 1.0) == 1.0
+    if "contact" in effect.hooks:
+        after = effect.contact(values, CONTACT, OUTCOME)
+        assert vars(after) == pytest.approx(vars(OUTCOME))
+    if "clock" in effect.hooks:
+        assert effect.clock(values, 0.2) == pytest.approx(0.2)
+    if "image" in effect.hooks:
+        assert effect.image(values, VIEW) == pytest.approx((0.5, 0.3, 0.0))
+    if "angle" in effect.hooks:
+        assert effect.angle(values, VIEW) == pytest.approx(0.2)
+
+
+def test_drag_by_hand():
+    fx, fy, fz = effect_named("drag").force({"drag_coefficient": 0.5}, FLIGHT)
+    size = 0.5 * 1.2 * 0.5 * np.pi * 0.01 * 25.0
+    assert (fx, fy, fz) == pytest.approx((-0.6 * size, -0.8 * size, 0.0))
+
+
+def test_back_spin_lifts_and_does_no_work():
+    fx, fy, _ = effect_named("magnus").force({"spin": 10.0}, FLIGHT)
+    assert fx * 3.0 + fy * 4.0 == pytest.approx(0.0)
+    assert fy > 0.0
+
+
+def test_buoyancy_is_the_weight_of_the_air():
+    _, fy, _ = effect_named("buoyancy").force({"fraction": 1.0}, FLIGHT)
+    assert fy == pytest.approx(1.2 * np.pi / 6.0 * 0.008 * 9.81)
+
+
+def test_wind_as_fast_as_the_ball_leaves_the_drag_of_the_rest():
+    flight = Flight(0.0, 0.0, 1.0, 0.0, 3.0, 0.0, 0.0, 0.35, 0.2, 1.2, 1.8e-5, 9.81, 0.5)
+    drag = effect_named("drag").force({"drag_coefficient": 0.5}, flight)[0]
+    wind = effect_named("wind").force({"wind_x": 3.0}, flight)[0]
+    assert drag + wind == pytest.approx(0.0)
+
+
+def test_more_restitution_keeps_the_momentum():
+    after = effect_named("velocity_dependent_cor").contact({"slope": 0.02}, CONTACT, OUTCOME)
+    normal = 0.5 * (CONTACT.angle + OUTCOME.pendulum_angle)
+    ball = 0.35 * ((after.vx - 5.2) * np.cos(normal) + (after.vy - 0.8) * np.sin(normal))
+    pendulum = CONTACT.inertial_mass * (after.pendulum_speed - 2.9)
+    assert ball + pendulum == pytest.approx(0.0, abs=1e-12)
+    assert ball > 0.0
+
+
+def test_a_faster_camera_has_seen_less_time():
+    assert effect_named("time_base").clock({"rate_error": 0.25}, 1.0) == pytest.approx(0.8)
+
+
+def test_a_turned_camera_keeps_distances():
+    x, y, _ = effect_named("camera_roll").image({"roll": 0.1}, VIEW)
+    assert np.hypot(x, y) == pytest.approx(np.hypot(0.5, 0.3))
+
+
+def test_a_users_effect_joins_and_a_wrong_name_is_refused():
+    class Own(Effect):
+        def torque(self, values, swing):
+            return 0.0
+
+    own = Own("own", "It is mine.", "F", "me", "swing", ())
+    assert catalogue_with([own])["own"] == (own,)
+    with pytest.raises(UsageError, match="magnuss"):
+        effect_named("magnuss")
