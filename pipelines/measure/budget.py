@@ -1,0 +1,114 @@
+"""Systematic uncertainty: every input moved by itself, everything after it done again (GUM 5.1)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.calibration import Calibration
+from metrology import Contribution
+from physics.bodies import Pendulum
+from pipelines.measure.inputs import HEIGHT_STD_M, Inputs
+from vision.capture_rate import CaptureRate
+
+__all__ = ["Scene", "merged", "systematic_budget"]
+
+FloatArray = NDArray[np.float64]
+
+INERTIA_SHARE, MASS_SHARE = 0.01, 0.003
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything that may be off for the whole clip at once.
+
+    Attributes
+    ----------
+    inputs : Inputs
+    rate : CaptureRate
+    calibration : Calibration or None
+        None where the ball's own size is the scale.
+    scale : float
+        Factor on lengths where there is no calibration.
+    """
+
+    inputs: Inputs
+    rate: CaptureRate
+    calibration: Calibration | None
+    scale: float = 1.0
+
+
+def systematic_budget(
+    scene: Scene, values: Callable[[Scene], FloatArray], scale_std: float
+) -> dict[str, FloatArray]:
+    """Contribution of each input to each value.
+
+    Parameters
+    ----------
+    scene : Scene
+        Best estimate.
+    values : callable
+        Does the chain again for a scene; (Q,).
+    scale_std : float
+        Relative uncertainty of the ball's own size as a scale, where there is no calibration.
+
+    Returns
+    -------
+    dict
+        Source in words to (Q,) one-sigma contributions, NaN where a value is missing.
+    """
+    base = values(scene)
+    table: dict[str, FloatArray] = {}
+    for source, moved in _moved(scene, scale_std):
+        table[source] = np.abs(values(moved) - base)
+    if scene.calibration is not None:
+        calibration = scene.calibration
+        slope = _slope(calibration, base, lambda c: values(replace(scene, calibration=c)))
+        for part in calibration.sources:
+            spread = ((slope @ part.covariance) * slope).sum(axis=1)
+            table[part.name] = np.sqrt(np.maximum(spread, 0.0))
+    return table
+
+
+def _slope(
+    calibration: Calibration, base: FloatArray, values: Callable[[Calibration], FloatArray]
+) -> FloatArray:
+    """Derivative of the values by the parameters of the calibration, (Q, P), one-sided."""
+    std = np.sqrt(np.maximum(np.diag(calibration.covariance), 0.0))
+    slope = np.zeros((len(base), len(std)))
+    for index, spread in enumerate(std):
+        if spread <= 0:
+            continue
+        step = np.zeros(len(std))
+        step[index] = 0.3 * spread
+        ahead = values(calibration.with_parameters(calibration.vector + step))
+        slope[:, index] = (ahead - base) / step[index]
+    return slope
+
+
+def _moved(scene: Scene, scale_std: float) -> list[tuple[str, Scene]]:
+    inputs, rate = scene.inputs, scene.rate
+    moved = [("capture rate", replace(scene, rate=replace(rate, fps=rate.fps + rate.std)))]
+    body = inputs.pendulum
+    heavier: Pendulum = replace(body, inertia=body.inertia * (1 + INERTIA_SHARE))
+    moved.append(
+        ("inertia of the pendulum", replace(scene, inputs=replace(inputs, pendulum=heavier)))
+    )
+    if inputs.fall is not None:
+        higher = replace(inputs, fall=inputs.fall + HEIGHT_STD_M)
+        moved.append(("height of the support", replace(scene, inputs=higher)))
+    if inputs.ball is not None and inputs.ball.mass is not None:
+        ball = replace(inputs.ball, mass=inputs.ball.mass * (1 + MASS_SHARE))
+        moved.append(("mass of the ball", replace(scene, inputs=replace(inputs, ball=ball))))
+    if scene.calibration is None:
+        moved.append(("ball diameter", replace(scene, scale=scene.scale * (1 + scale_std))))
+    return moved
+
+
+def merged(table: dict[str, FloatArray], index: int, noise: float) -> tuple[Contribution, ...]:
+    """Budget of one value, largest first, from the table and the noise of the tracks."""
+    lines = [Contribution("noise of the tracks", noise)]
+    lines += [Contribution(name, float(column[index])) for name, column in table.items()]
+    kept = [line for line in lines if np.isfinite(line.std) and line.std > 0]
+    return tuple(sorted(kept, key=lambda line: -line.std))

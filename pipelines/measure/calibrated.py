@@ -1,0 +1,74 @@
+"""The calibration of a clip from its own pictures and what the lab wrote down."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from calib.calibration import Calibration
+from calib.evidence import BallOutlines, Evidence, Known
+from calib.grid import WallGrid, find_wall_grid
+from calib.pose import calibrate
+from pipelines.measure.inputs import DIAMETER_SHARE, Inputs
+from vision.tracks import Track, Tracks
+
+__all__ = ["calibrate_clip"]
+
+_RADIUS_COMMON_STD_PX = 0.08
+
+
+def calibrate_clip(tracks: Tracks, inputs: Inputs) -> tuple[Calibration, WallGrid]:
+    """Find the wall grid behind the scene and fit camera and ball plane to all that is known.
+
+    Raises
+    ------
+    CalibrationError
+        If there is no grid, or it contradicts what is known.
+    """
+    grid = find_wall_grid(
+        tracks.background, pitch_m=inputs.grid_pitch, fine_pitch_m=inputs.fine_pitch
+    )
+    return calibrate(grid, _evidence(tracks, inputs)), grid
+
+
+def _known(pair: tuple[float, float] | None) -> Known | None:
+    return None if pair is None else Known(*pair)
+
+
+def _evidence(tracks: Tracks, inputs: Inputs) -> Evidence:
+    camera, wall = inputs.setup.camera, inputs.setup.wall
+    foot = camera.principal_point_on_wall
+    ball = tracks.ball
+    evidence = Evidence(
+        camera_distance=_known(camera.distance_to_wall),
+        axis_foot_x=None if foot is None else _known(foot[0]),
+        axis_foot_y=None if foot is None else _known(foot[1]),
+        ball_plane_offset=_known(wall.ball_plane_offset),
+    )
+    if inputs.ball is not None:
+        radius = 0.5 * inputs.ball.diameter
+        evidence = replace(evidence, ball_radius=radius, outlines=_outlines(ball, tracks, inputs))
+        if inputs.fall is not None:
+            evidence = replace(evidence, rest_height=inputs.fall + radius)
+    if tracks.rest_frames is not None:
+        first, last = tracks.rest_frames
+        still = (ball.frame >= first) & (ball.frame <= last)
+        if still.any():
+            evidence = replace(evidence, rest_px=np.median(ball.centre_px[still], axis=0))
+    return evidence
+
+
+def _outlines(ball: Track, tracks: Tracks, inputs: Inputs) -> BallOutlines | None:
+    assert inputs.ball is not None
+    after = -1 if tracks.rest_frames is None else tracks.rest_frames[1]
+    # the ball is squashed in the first hundredths of a second after its rest
+    round_again = ball.frame > after + (0.03 / np.median(np.diff(ball.time_s)))
+    good = ball.where(round_again & (ball.quality >= np.median(ball.quality) * 0.5))
+    if len(good) < 3:
+        return None
+    return BallOutlines(
+        good.centre_px,
+        good.radius_px,
+        good.radius_std_px,
+        Known(inputs.ball.diameter, DIAMETER_SHARE * inputs.ball.diameter),
+        _RADIUS_COMMON_STD_PX,
+    )

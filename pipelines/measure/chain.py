@@ -1,0 +1,174 @@
+"""From a clip to a measurement, unattended."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.calibration import Calibration
+from metrology import CalibrationError, MeasurementError
+from pipelines.measure.budget import Scene, systematic_budget
+from pipelines.measure.calibrated import calibrate_clip
+from pipelines.measure.derived import DERIVED, derived_values, random_covariance
+from pipelines.measure.impact import find_impact
+from pipelines.measure.inputs import DIAMETER_SHARE, Inputs, gather_inputs
+from pipelines.measure.metres import BallScale, CameraMapping, MetricTracks, tracks_in_metres
+from pipelines.measure.results import Evaluated, quantities_of
+from pipelines.measurement import Measurement
+from pipelines.setup_file import Setup
+from vision.capture_rate import choose_capture_rate
+from vision.clip import Clip
+from vision.following import follow
+from vision.tracks import Tracks
+
+__all__ = ["MeasureOptions", "measure_clip"]
+
+FloatArray = NDArray[np.float64]
+Point = tuple[float, float] | tuple[float, float, int]
+
+_RADIUS_STD_PX = 0.1
+
+
+@dataclass(frozen=True)
+class MeasureOptions:
+    """What the user said on the command line."""
+
+    setup: Setup = field(default_factory=Setup)
+    fps: float | None = None
+    ball: str | None = None
+    wall_grid: str | None = None
+    ball_at: Point | None = None
+    mass_at: Point | None = None
+
+
+def measure_clip(
+    path: Path,
+    options: MeasureOptions | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> Measurement:
+    """Measure one clip.
+
+    Parameters
+    ----------
+    path : Path
+        Video file or folder of pictures.
+    options : MeasureOptions, optional
+        Setup and overrides.
+    progress : callable, optional
+        Called with the step's name and the part of it that is done.
+
+    Returns
+    -------
+    Measurement
+        Quantities that can't be measured carry their reason.
+
+    Raises
+    ------
+    ClipError, NotFoundError
+        If the clip can't be read, or nothing in it moves.
+    """
+    options = options or MeasureOptions()
+    tell = progress or (lambda _step, _part: None)
+    inputs = gather_inputs(options.setup, options.ball, options.wall_grid)
+    clip = Clip.open(path)
+    rate = choose_capture_rate(clip.info, options.fps, options.setup.camera.capture_fps)
+    tracks = follow(
+        clip,
+        rate.fps,
+        ball_at=options.ball_at,
+        mass_at=options.mass_at,
+        progress=lambda part: tell("following ball and pendulum", part),
+    )
+    tell("calibrating", 0.0)
+    calibration, refusal = _calibrated(tracks, inputs)
+    tell("calibrating", 1.0)
+    warnings = [*clip.warnings, *tracks.warnings, *inputs.assumed]
+    if rate.notice:
+        warnings.insert(0, rate.notice)
+    if calibration is not None:
+        warnings += calibration.warnings
+    else:
+        warnings.append(f"no calibration from the wall: {refusal}")
+    evaluated = _evaluate(Scene(inputs, rate, calibration), clip, tracks, tell)
+    quantities, gravity, checks, more = quantities_of(evaluated, clip.info, tracks, refusal)
+    return Measurement(
+        info=clip.info,
+        rate=rate,
+        quantities=quantities,
+        gravity=gravity,
+        checks=checks,
+        warnings=tuple(dict.fromkeys([*warnings, *more])),
+        tracks=tracks,
+        calibration=calibration,
+        impact=evaluated.impact,
+    )
+
+
+def _calibrated(tracks: Tracks, inputs: Inputs) -> tuple[Calibration | None, str]:
+    try:
+        return calibrate_clip(tracks, inputs)[0], ""
+    except CalibrationError as problem:
+        return None, problem.message
+
+
+def _evaluate(
+    scene: Scene, clip: Clip, tracks: Tracks, tell: Callable[[str, float], None]
+) -> Evaluated:
+    nothing = Evaluated(scene, None, None, np.zeros(0), np.zeros((0, 0)), {}, "")
+    try:
+        metric = _in_metres(scene, clip, tracks)
+        impact = find_impact(metric, scene.inputs)
+    except MeasurementError as problem:
+        return replace(nothing, refusal=problem.message)
+    started = None
+    if impact.contact is not None:
+        started = (impact.contact.onset_s, impact.contact.release_s)
+    steps = 0
+
+    def values(moved: Scene) -> FloatArray:
+        nonlocal steps
+        steps += 1
+        tell("propagating uncertainty", min(1.0, steps / 30))
+        times = None
+        if started is not None:
+            share = scene.rate.fps / moved.rate.fps
+            times = (started[0] * share, started[1] * share)
+        try:
+            again = find_impact(_in_metres(moved, clip, tracks), moved.inputs, times)
+            return derived_values(again, moved.inputs)
+        except MeasurementError:
+            return np.full(len(DERIVED), np.nan)
+
+    return Evaluated(
+        scene,
+        metric,
+        impact,
+        derived_values(impact, scene.inputs),
+        random_covariance(impact, scene.inputs),
+        systematic_budget(scene, values, _scale_std(scene, tracks)),
+        "",
+    )
+
+
+def _in_metres(scene: Scene, clip: Clip, tracks: Tracks) -> MetricTracks:
+    times = clip.capture_times(scene.rate.fps)
+    if scene.calibration is not None:
+        return tracks_in_metres(tracks, CameraMapping(scene.calibration), times)
+    ball = tracks.ball
+    diameter = 1.0 if scene.inputs.ball is None else scene.inputs.ball.diameter
+    still = slice(None)
+    if tracks.rest_frames is not None:
+        first, last = tracks.rest_frames
+        still = slice(*np.searchsorted(ball.frame, [first, last + 1]))
+    radius = float(np.median(ball.radius_px))
+    rest = np.median(ball.centre_px[still], axis=0)
+    scale = BallScale(scene.scale * diameter / (2 * radius), rest)
+    return tracks_in_metres(tracks, scale, times)
+
+
+def _scale_std(scene: Scene, tracks: Tracks) -> float:
+    if scene.inputs.ball is None:
+        return np.inf
+    return float(np.hypot(DIAMETER_SHARE, _RADIUS_STD_PX / np.median(tracks.ball.radius_px)))

@@ -1,0 +1,340 @@
+"""The commands that measure clips: demo, measure, contact-time, launch, landing, cor."""
+
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+import sample_videos
+from metrology import (
+    ImpactVisionError,
+    MeasurementError,
+    UsageError,
+    parse_quantity,
+    write_text_whole,
+)
+from metrology.formatting import format_quantity
+from pipelines.measure.chain import MeasureOptions, measure_clip
+from pipelines.measure.output import (
+    measurement_as_json,
+    measurements_as_csv,
+    results_table,
+    tracks_as_csv,
+)
+from pipelines.measure.pictures import overlay_marks, report_input
+from pipelines.measurement import QUANTITY_UNITS, Measurement
+from pipelines.report import quantity_label, write_plot, write_report
+from pipelines.setup_file import Setup, load_setup
+from vision.clip import Clip
+from vision.overlay import write_overlay
+
+__all__ = [
+    "contact_time_command",
+    "cor_command",
+    "demo_command",
+    "landing_command",
+    "launch_command",
+    "measure_command",
+]
+
+ClipArgument = Annotated[Path, typer.Argument(metavar="CLIP", help="Video or folder of pictures.")]
+ClipsArgument = Annotated[list[Path], typer.Argument(metavar="CLIP...", help="Videos to measure.")]
+SetupOption = Annotated[Path | None, typer.Option("--setup", help="What the lab knows (TOML).")]
+FpsOption = Annotated[str | None, typer.Option("--fps", help="Capture rate, such as 600.")]
+BallOption = Annotated[
+    str | None, typer.Option("--ball", help="jokku, basketball, or a diameter such as 220mm.")
+]
+GridOption = Annotated[
+    str | None, typer.Option("--wall-grid", help="Side of the wall's squares, such as 50mm.")
+]
+BallAtOption = Annotated[
+    str | None, typer.Option("--ball-at", metavar="X,Y[,FRAME]", help="A point on the ball, px.")
+]
+MassAtOption = Annotated[
+    str | None, typer.Option("--mass-at", metavar="X,Y[,FRAME]", help="A point on the mass, px.")
+]
+CsvOption = Annotated[Path | None, typer.Option("--csv", help="Write results as CSV.")]
+JsonOption = Annotated[str | None, typer.Option("--json", help="Write JSON; - for stdout.")]
+TracksOption = Annotated[Path | None, typer.Option("--tracks", help="Write the tracks as CSV.")]
+OverlayOption = Annotated[Path | None, typer.Option("--overlay", help="Write an overlay video.")]
+PlotOption = Annotated[Path | None, typer.Option("--plot", help="Write plots (.png or .svg).")]
+ReportOption = Annotated[
+    Path | None,
+    typer.Option("--report", help="Write a one-page HTML report; prints the budgets, too."),
+]
+QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No table, no warnings.")]
+
+CONTACT = ("contact_frames", "contact_time", "contact_start", "contact_end")
+LAUNCH = ("ball_speed", "launch_angle", "pendulum_speed_before", "pendulum_speed_after")
+LANDING = (
+    "landing_distance",
+    "landing_distance_on_wall",
+    "landing_time",
+    "ball_plane_offset",
+    "camera_distance",
+)
+COR = ("cor_speeds", "cor_launch", "cor_range", "cor", "external_impulse", "energy_loss")
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """Where results go."""
+
+    csv: Path | None = None
+    json: str | None = None
+    tracks: Path | None = None
+    overlay: Path | None = None
+    plot: Path | None = None
+    report: Path | None = None
+    quiet: bool = False
+
+
+def measure_command(
+    clips: ClipsArgument,
+    setup: SetupOption = None,
+    fps: FpsOption = None,
+    ball: BallOption = None,
+    wall_grid: GridOption = None,
+    ball_at: BallAtOption = None,
+    mass_at: MassAtOption = None,
+    csv: CsvOption = None,
+    json: JsonOption = None,
+    tracks: TracksOption = None,
+    overlay: OverlayOption = None,
+    plot: PlotOption = None,
+    report: ReportOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Measure contact, launch, landing and COR in one pass over each clip.
+
+    Example: vision measure clip.mp4 --ball jokku --fps 600 --report clip.html
+    """
+    wanted = _Wanted(csv, json, tracks, overlay, plot, report, quiet)
+    options = _options(setup, fps, ball, wall_grid, ball_at, mass_at)
+    if len(clips) > 1 and (tracks or overlay or plot or report or json):
+        raise UsageError(
+            "--tracks, --overlay, --plot, --report and --json take one clip at a time",
+            hint="Several clips go into one --csv.",
+        )
+    _several(clips, options, wanted, tuple(QUANTITY_UNITS))
+
+
+def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # type: ignore[no-untyped-def]
+    """Command for one group of quantities; they differ in nothing else."""
+
+    def command(
+        clip: ClipArgument,
+        setup: SetupOption = None,
+        fps: FpsOption = None,
+        ball: BallOption = None,
+        wall_grid: GridOption = None,
+        ball_at: BallAtOption = None,
+        mass_at: MassAtOption = None,
+        csv: CsvOption = None,
+        json: JsonOption = None,
+        tracks: TracksOption = None,
+        overlay: OverlayOption = None,
+        plot: PlotOption = None,
+        report: ReportOption = None,
+        quiet: QuietOption = False,
+    ) -> None:
+        wanted = _Wanted(csv, json, tracks, overlay, plot, report, quiet)
+        options = _options(setup, fps, ball, wall_grid, ball_at, mass_at)
+        measured = _one(clip, options, wanted, names)
+        quantity = measured.quantity(needed)
+        if not quantity.known:
+            raise MeasurementError(
+                f"{quantity_label(needed)} can't be measured from {clip}: {quantity.reason}"
+            )
+
+    command.__doc__ = f"{summary}\n\nExample: {example}"
+    return command
+
+
+contact_time_command = _make(
+    CONTACT,
+    "contact_time",
+    "How long mass and ball touch: frames counted, and the time between frames.",
+    "vision contact-time clip.mp4 --fps 600",
+)
+launch_command = _make(
+    LAUNCH,
+    "ball_speed",
+    "Launch angle and speed of the ball, speed of the pendulum before and after.",
+    "vision launch clip.mp4 --ball jokku",
+)
+landing_command = _make(
+    LANDING,
+    "landing_distance",
+    "Where the ball lands, as read on the wall and corrected for projection.",
+    "vision landing clip.mp4 --wall-grid 50mm --ball jokku",
+)
+cor_command = _make(
+    (*COR, "pendulum_speed_before", "ball_speed"),
+    "cor",
+    "Coefficient of restitution by three roads, with their agreement.",
+    "vision cor clip.mp4 --ball jokku --setup setup.toml",
+)
+
+
+def demo_command(
+    out: Annotated[Path, typer.Option("--out", help="Folder to write to.")] = Path("vision-demo"),
+) -> None:
+    """Measure the sample clip that ships with the package, end to end.
+
+    Example: vision demo
+    """
+    folder = Path(sample_videos.__file__).parent / "clips"
+    clip = folder / "jokku_120.mp4"
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise UsageError(f"can't make the folder {out}: {problem.strerror}") from problem
+    wanted = _Wanted(
+        csv=out / "results.csv",
+        json=str(out / "results.json"),
+        tracks=out / "tracks.csv",
+        overlay=out / "overlay.mp4",
+        plot=out / "plots.png",
+        report=out / "report.html",
+    )
+    options = MeasureOptions(setup=load_setup(clip.with_suffix(".toml")))
+    _one(clip, options, wanted, tuple(QUANTITY_UNITS), budgets=False)
+    Console().print(f"report, overlay, plots and CSV are in {out}/", highlight=False)
+
+
+def _options(
+    setup: Path | None,
+    fps: str | None,
+    ball: str | None,
+    wall_grid: str | None,
+    ball_at: str | None,
+    mass_at: str | None,
+) -> MeasureOptions:
+    return MeasureOptions(
+        setup=Setup() if setup is None else load_setup(setup),
+        fps=None if fps is None else _rate(fps),
+        ball=ball,
+        wall_grid=wall_grid,
+        ball_at=_point("--ball-at", ball_at),
+        mass_at=_point("--mass-at", mass_at),
+    )
+
+
+def _rate(text: str) -> float:
+    rate = parse_quantity(text, "1/s")
+    if rate <= 0:
+        raise UsageError(f"--fps {text} is no capture rate", hint="Give it as 600 or '600 fps'.")
+    return rate
+
+
+def _point(option: str, text: str | None) -> tuple[float, float] | tuple[float, float, int] | None:
+    if text is None:
+        return None
+    try:
+        parts = [float(part) for part in text.split(",")]
+    except ValueError:
+        parts = []
+    if len(parts) not in (2, 3) or not all(math.isfinite(part) for part in parts):
+        raise UsageError(
+            f"{option} {text!r} is not X,Y or X,Y,FRAME", hint=f"As in {option} 120,88"
+        )
+    if len(parts) == 2:
+        return parts[0], parts[1]
+    return parts[0], parts[1], int(parts[2])
+
+
+def _several(
+    clips: Sequence[Path], options: MeasureOptions, wanted: _Wanted, names: tuple[str, ...]
+) -> None:
+    """Measure all clips; one that fails is told and does not take the others with it."""
+    if len(clips) == 1:
+        measured = _one(clips[0], options, wanted, names)
+        if not any(item.known for item in measured.quantities):
+            raise MeasurementError(f"nothing can be measured from {clips[0]}")
+        return
+    done: list[Measurement] = []
+    failures: list[ImpactVisionError] = []
+    for clip in clips:
+        try:
+            done.append(_one(clip, options, _Wanted(quiet=wanted.quiet), names))
+        except ImpactVisionError as problem:
+            failures.append(problem)
+            Console(stderr=True).print(f"vision: {problem}", markup=False, highlight=False)
+    if wanted.csv is not None and done:
+        write_text_whole(wanted.csv, measurements_as_csv(done, names))
+    if failures:
+        raise type(failures[0])(f"{len(failures)} of {len(clips)} clips could not be measured")
+
+
+def _one(
+    clip: Path,
+    options: MeasureOptions,
+    wanted: _Wanted,
+    names: tuple[str, ...],
+    *,
+    budgets: bool = True,
+) -> Measurement:
+    errors = Console(stderr=True)
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+        console=errors,
+        transient=True,
+        disable=wanted.quiet or not errors.is_terminal,
+    ) as bar:
+        task = bar.add_task("reading", total=1.0)
+        measured = measure_clip(
+            clip,
+            options,
+            lambda step, part: bar.update(task, description=step, completed=part),
+        )
+        bar.update(task, description="writing", completed=0.5)
+        _write(measured, clip, wanted, names)
+    if wanted.json == "-":
+        sys.stdout.write(measurement_as_json(measured, names) + "\n")
+    elif not wanted.quiet:
+        Console().print(results_table(measured, names))
+        if wanted.report is not None and budgets:
+            _print_budgets(measured, names)
+    if not wanted.quiet:
+        for warning in measured.warnings:
+            errors.print(f"warning: {warning}", markup=False, highlight=False, soft_wrap=True)
+    return measured
+
+
+def _write(measured: Measurement, clip: Path, wanted: _Wanted, names: tuple[str, ...]) -> None:
+    if wanted.csv is not None:
+        write_text_whole(wanted.csv, measurements_as_csv([measured], names))
+    if wanted.json not in (None, "-"):
+        write_text_whole(Path(str(wanted.json)), measurement_as_json(measured, names) + "\n")
+    if wanted.tracks is not None:
+        write_text_whole(wanted.tracks, tracks_as_csv(measured))
+    if wanted.overlay is not None:
+        write_overlay(wanted.overlay, Clip.open(clip), measured.tracks, overlay_marks(measured))
+    if wanted.plot is not None:
+        write_plot(wanted.plot, report_input(measured, None))
+    if wanted.report is not None:
+        write_report(wanted.report, report_input(measured, Clip.open(clip)))
+
+
+def _print_budgets(measured: Measurement, names: tuple[str, ...]) -> None:
+    console = Console()
+    console.print("uncertainty budgets (one standard uncertainty each)", highlight=False)
+    for item in measured.quantities:
+        if item.name not in names or not item.known:
+            continue
+        lines = ", ".join(f"{line.source} {line.std:.2g}" for line in item.budget[:4])
+        console.print(
+            f"  {quantity_label(item.name)}: {format_quantity(item)} = {lines}",
+            highlight=False,
+            markup=False,
+            soft_wrap=True,
+        )

@@ -1,0 +1,224 @@
+"""When mass and ball touch, between frames (Fig. 13).
+
+Before and after contact the gap between face and ball follows from free swing, rest and flight,
+each fitted on its own side only. What the gap leaves open is how far the face leads the bar; the
+way the ball moves while it is pushed tells that: a longer contact rounds the corner between rest
+and flight.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from metrology import NotFoundError
+from pipelines.measure.flight_fit import FlightFit
+from pipelines.measure.pulse import contact_pulse
+from pipelines.measure.swing_fit import SwingFit
+
+__all__ = [
+    "ContactFit",
+    "ImpactView",
+    "arm_along_bar",
+    "face_speeds",
+    "fit_contact",
+    "gap_after",
+    "gap_before",
+    "touch_times",
+]
+
+FloatArray = NDArray[np.float64]
+
+# Inflated balls lie between a linear spring and Hertz's 3/2 (Cross, Am. J. Phys. 67, 222, 1999).
+EXPONENT, EXPONENT_STD = 1.3, 0.12
+# Share of the compression by which the middle of the visible outline lags the centre of mass.
+OUTLINE_LAG_STD = 0.05
+
+
+@dataclass(frozen=True)
+class ImpactView:
+    """What is known on each side of the contact, in the ball plane, x towards the flight, m and s.
+
+    Attributes
+    ----------
+    before, after : SwingFit
+        The free swing on each side.
+    flight : FlightFit
+        The flight after release.
+    rest, rest_std : (2,) arrays
+        Ball's centre at rest.
+    pivot : (2,) array
+        Pivot of the pendulum.
+    radius : float
+        Ball's radius.
+    time_s, position_m, std_m : (M,), (M, 2), (M,) arrays
+        Ball's outline in the frames around contact.
+    lead, lead_std : float
+        How far the face leads the line from pivot to mass, as seen.
+    """
+
+    before: SwingFit
+    after: SwingFit
+    flight: FlightFit
+    rest: FloatArray
+    rest_std: FloatArray
+    pivot: FloatArray
+    radius: float
+    time_s: FloatArray
+    position_m: FloatArray
+    std_m: FloatArray
+    lead: float
+    lead_std: float
+
+
+@dataclass(frozen=True)
+class ContactFit:
+    """The contact.
+
+    Attributes
+    ----------
+    onset_s, release_s : float
+        First and last touch, s from the first frame.
+    lead, lead_std : float
+        Fitted lead of the face, m.
+    exponent : float
+        Exponent of the contact law that the fit preferred.
+    residuals : (M,) array
+        Standardised residuals of the ball's path through the contact.
+    """
+
+    onset_s: float
+    release_s: float
+    lead: float
+    lead_std: float
+    exponent: float
+    residuals: FloatArray
+
+
+def gap_before(view: ImpactView, time_s: FloatArray, angle: FloatArray | None = None) -> FloatArray:
+    """Distance from the bar's line to the resting ball's surface along the face normal, m."""
+    phi = view.before.angles(time_s) if angle is None else angle
+    return _reach(view.rest - view.pivot, phi) - view.radius
+
+
+def gap_after(view: ImpactView, time_s: FloatArray, angle: FloatArray | None = None) -> FloatArray:
+    """The same to the flying ball, m."""
+    phi = view.after.angles(time_s) if angle is None else angle
+    return _reach(view.flight.states(time_s)[:, :2] - view.pivot, phi) - view.radius
+
+
+def _reach(arm: FloatArray, phi: FloatArray) -> FloatArray:
+    normal = np.stack([np.cos(phi), np.sin(phi)], axis=-1)
+    return np.asarray((arm * normal).sum(axis=-1))
+
+
+def fit_contact(view: ImpactView, around_s: float) -> ContactFit:
+    """Fit onset and release.
+
+    Parameters
+    ----------
+    view : ImpactView
+        Both sides of the contact.
+    around_s : float
+        A time near the contact, s.
+
+    Raises
+    ------
+    NotFoundError
+        If face and ball never meet, or never part.
+    """
+
+    def residuals(values: FloatArray) -> FloatArray:
+        lead, exponent, lag = values
+        onset, release = _touch(view, lead, around_s)
+        left = _path_residuals(view, onset, release, exponent, lag)
+        priors = [
+            (lead - view.lead) / view.lead_std,
+            (exponent - EXPONENT) / EXPONENT_STD,
+            lag / OUTLINE_LAG_STD,
+        ]
+        return np.concatenate([left, priors])
+
+    start = np.array([view.lead, EXPONENT, 0.0])
+    best = least_squares(
+        residuals,
+        start,
+        loss="soft_l1",
+        f_scale=2.0,
+        diff_step=[1e-3, 1e-3, 1e-3],
+        x_scale=[0.01, 0.1, 0.2],
+        bounds=([-np.inf, 1.0, -1.0], [np.inf, 1.6, 1.0]),
+    )
+    left = _path_residuals(view, *_touch(view, best.x[0], around_s), best.x[1], best.x[2])
+    widened = max(1.0, float(np.mean(np.minimum(left**2, 9.0))))
+    jacobian = np.asarray(best.jac, dtype=np.float64)
+    information = jacobian.T @ jacobian / widened
+    covariance = np.linalg.pinv(information, hermitian=True)
+    onset, release = _touch(view, best.x[0], around_s)
+    return ContactFit(onset, release, best.x[0], float(np.sqrt(covariance[0, 0])), best.x[1], left)
+
+
+def touch_times(view: ImpactView, lead: float, around_s: float) -> tuple[float, float]:
+    """Onset and release for a given lead of the face, s."""
+    return _touch(view, lead, around_s)
+
+
+def face_speeds(view: ImpactView, onset: float, release: float) -> tuple[float, float]:
+    """Approach speed at onset and parting speed at release, along the face normal, m/s (Eq. 2)."""
+    phi, omega = view.before.state(onset)
+    approach = omega * arm_along_bar(view.rest - view.pivot, phi)
+    phi, omega = view.after.state(release)
+    state = view.flight.states(np.array([release]))[0]
+    normal = np.array([np.cos(phi), np.sin(phi)])
+    parting = float(state[2:] @ normal) - omega * arm_along_bar(state[:2] - view.pivot, phi)
+    return approach, parting
+
+
+def arm_along_bar(arm: FloatArray, phi: float) -> float:
+    """Distance from the pivot to the point of contact, along the bar, m."""
+    return float(arm[0] * np.sin(phi) - arm[1] * np.cos(phi))
+
+
+def _touch(view: ImpactView, lead: float, around_s: float) -> tuple[float, float]:
+    grid = around_s + np.linspace(-0.06, 0.06, 121)
+    onset = _crossing(grid, gap_before(view, grid) - lead, falling=True)
+    release = _crossing(grid, gap_after(view, grid) - lead, falling=False)
+    if onset is None or release is None:
+        raise NotFoundError(
+            "the mass and the ball never meet along their paths",
+            hint="Check --ball-at and --mass-at, or film square to the plane of the swing.",
+        )
+    return onset, max(release, onset + 1e-4)
+
+
+def _crossing(time_s: FloatArray, gap: FloatArray, *, falling: bool) -> float | None:
+    signed = gap if falling else -gap
+    places = np.flatnonzero((signed[:-1] > 0) & (signed[1:] <= 0))
+    if len(places) == 0:
+        return None
+    place = int(places[0])
+    lo, hi = max(place - 2, 0), min(place + 4, len(gap))
+    curve = np.polynomial.Polynomial.fit(gap[lo:hi], time_s[lo:hi], 3)
+    return float(curve(0.0))
+
+
+def _path_residuals(
+    view: ImpactView, onset: float, release: float, exponent: float, lag: float
+) -> FloatArray:
+    duration = release - onset
+    state = view.flight.states(np.array([release]))[0]
+    normal = state[:2] - view.rest
+    normal = normal / np.hypot(*normal)
+    speed = float(state[2:] @ normal)
+    approach, parting = face_speeds(view, onset, release)
+    cor = float(np.clip(parting / approach, 0.05, 0.999)) if approach > 0 else 0.8
+    pulse = contact_pulse(float(exponent), cor)
+    phase = np.clip((view.time_s - onset) / duration, 0.0, 1.0)
+    path = np.interp(phase, pulse.phase, pulse.path) * speed * duration
+    lagging = np.interp(phase, pulse.phase, pulse.compression) * approach * duration * lag
+    flying = view.time_s > release
+    moved = (view.position_m - view.rest) @ normal
+    if np.any(flying):
+        path[flying] = (view.flight.states(view.time_s[flying])[:, :2] - view.rest) @ normal
+    return np.asarray((moved - path - lagging) / view.std_m)

@@ -1,0 +1,84 @@
+"""Every flight contains g: a free fall that is off means a wrong capture rate or a wrong scale."""
+
+import math
+from dataclasses import replace
+
+from metrology import Contribution, Quantity
+from pipelines.measure.budget import Scene
+from pipelines.report import Check
+
+__all__ = ["gravity_check"]
+
+_COMMON_RATES = (
+    24,
+    25,
+    29.97,
+    30,
+    50,
+    60,
+    100,
+    119.88,
+    120,
+    200,
+    240,
+    300,
+    480,
+    500,
+    600,
+    960,
+    1000,
+)
+_SIGMAS = 3.0
+
+
+def gravity_check(found: Quantity, scene: Scene) -> tuple[Quantity, Check | None]:
+    """Compare the free-fall acceleration with gravity; say what would explain a difference.
+
+    Parameters
+    ----------
+    found : Quantity
+        Acceleration fitted to the flight.
+    scene : Scene
+        What rate and scale were used.
+
+    Returns
+    -------
+    quantity : Quantity
+        Named ``gravity_check``.
+    check : Check or None
+        None where gravity could not be fitted.
+    """
+    quantity = replace(found, name="gravity_check")
+    if quantity.value is None or quantity.std is None:
+        return quantity, None
+    # an unseen slow spin lifts the ball as if gravity were less; it is not in the scale or the rate
+    quantity = Quantity.measured(
+        "gravity_check",
+        quantity.value,
+        quantity.unit,
+        (*quantity.budget, Contribution("lift of an unseen spin", scene.inputs.lift_std)),
+    )
+    assert quantity.value is not None
+    assert quantity.std is not None
+    gravity = scene.inputs.gravity
+    text = f"free fall gives {quantity.value:.2f} ± {quantity.std:.2f} m/s²"
+    if abs(quantity.value - gravity) <= _SIGMAS * quantity.std:
+        return quantity, Check("gravity", True, f"{text}: rate and scale agree with gravity")
+    return quantity, Check("gravity", False, f"{text}, not {gravity:.2f}. {_why(quantity, scene)}")
+
+
+def _why(quantity: Quantity, scene: Scene) -> str:
+    assert quantity.value is not None
+    assert quantity.std is not None
+    gravity = scene.inputs.gravity
+    if quantity.value <= 0:
+        return "The ball does not fall: is the picture upside down, or this not a flight?"
+    ratio = gravity / quantity.value
+    rate = scene.rate.fps * math.sqrt(ratio)
+    doubt = 0.5 * quantity.std / quantity.value
+    near = [other for other in _COMMON_RATES if abs(other / rate - 1) < max(3 * doubt, 0.02)]
+    named = f" ({near[0]:g} fps, with --fps {near[0]:g}?)" if near else ""
+    return (
+        f"A capture rate of {rate:.1f} fps instead of {scene.rate.fps:g} would explain it{named},"
+        f" or lengths that are {1 / ratio:.3f} times too long"
+    )

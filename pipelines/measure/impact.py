@@ -1,0 +1,196 @@
+"""Both sides of the contact and the contact between them, from tracks in metres."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metrology import MeasurementError, NotFoundError
+from pipelines.measure.contact_fit import ContactFit, ImpactView, fit_contact
+from pipelines.measure.flight_fit import FlightFit, FlightPriors, fit_flight
+from pipelines.measure.inputs import GRAVITY_STD, STIFFNESS_SHARE, Inputs
+from pipelines.measure.metres import MetricTracks
+from pipelines.measure.swing_fit import fit_swing
+
+__all__ = ["Impact", "departure", "find_impact"]
+
+FloatArray = NDArray[np.float64]
+
+LONGEST_CONTACT_S = 0.025
+SWING_STRETCH_S = 0.12
+_ROUNDS = 3
+_FACE_DEPTH_SHARE = 0.15
+
+
+@dataclass(frozen=True)
+class Impact:
+    """A strike in the ball plane.
+
+    Attributes
+    ----------
+    tracks : MetricTracks
+        What it was fitted to.
+    flight : FlightFit
+        After release.
+    free_flight : FlightFit
+        The same with gravity left to the data.
+    view, contact : ImpactView and ContactFit, or None
+        None where there is no pendulum, or it can't be followed on both sides; `reason` says why.
+    reason : str
+    last_flight_s : float
+        Last frame of the flight that is in view, s.
+    """
+
+    tracks: MetricTracks
+    flight: FlightFit
+    free_flight: FlightFit
+    view: ImpactView | None
+    contact: ContactFit | None
+    reason: str
+    last_flight_s: float
+
+
+def departure(tracks: MetricTracks) -> float:
+    """Time at which the ball has visibly left its rest, s.
+
+    Raises
+    ------
+    NotFoundError
+        If it never does.
+    """
+    std = np.sqrt(np.trace(tracks.ball_cov_m2, axis1=1, axis2=2))
+    moved = np.hypot(*(tracks.ball_m - tracks.rest_m).T)
+    away = moved > np.maximum(6.0 * std, 6.0 * float(np.hypot(*tracks.rest_std_m)))
+    sustained = away & np.append(away[1:], away[-1]) & np.append(away[2:], [away[-1]] * 2)
+    places = np.flatnonzero(sustained)
+    if len(places) == 0:
+        raise NotFoundError(
+            "the ball never leaves its rest in this clip",
+            hint="Film the strike itself, or point at the ball with --ball-at X,Y.",
+        )
+    return float(tracks.ball_time_s[places[0]])
+
+
+def find_impact(
+    tracks: MetricTracks, inputs: Inputs, started: tuple[float, float] | None = None
+) -> Impact:
+    """Fit swing, flight and contact, each on its own frames; the events settle in a few rounds.
+
+    Parameters
+    ----------
+    tracks : MetricTracks
+        Ball plane.
+    inputs : Inputs
+        Forces and bodies.
+    started : (2,) tuple of float, optional
+        Onset and release to start from, s.
+
+    Raises
+    ------
+    NotFoundError, TooLittleDataError
+        If the ball never leaves, or is not seen long enough after it left.
+    """
+    left = departure(tracks)
+    onset, release = started or (left - 0.008, left + LONGEST_CONTACT_S)
+    landed = _landing_or_end(tracks, inputs, left)
+    view: ImpactView | None = None
+    contact: ContactFit | None = None
+    reason = "no pendulum mass is found in the clip"
+    flight = _flight(tracks, inputs, release, landed, free=False)
+    for _ in range(_ROUNDS if started is None else 1):
+        if tracks.pivot_m is None:
+            break
+        try:
+            view = _view(tracks, inputs, flight, onset, release)
+            contact = fit_contact(view, 0.5 * (onset + release))
+        except MeasurementError as problem:
+            view, contact, reason = None, None, problem.message
+            break
+        onset, release = contact.onset_s, contact.release_s
+        flight = _flight(tracks, inputs, release, landed, free=False)
+        view = replace(view, flight=flight)
+    if contact is None:
+        release = _corner(tracks, flight)
+    free = _flight(tracks, inputs, release, landed, free=True)
+    return Impact(tracks, flight, free, view, contact, reason, float(flight.time_s[-1]))
+
+
+def _flight(
+    tracks: MetricTracks, inputs: Inputs, release: float, landed: float, *, free: bool
+) -> FlightFit:
+    frame_s = float(np.median(np.diff(tracks.ball_time_s)))
+    used = (tracks.ball_time_s > release + 1.5 * frame_s) & (tracks.ball_time_s < landed)
+    drag, drag_std = inputs.drag_per_metre
+    gravity_std = np.inf if free else GRAVITY_STD
+    return fit_flight(
+        tracks.ball_time_s[used],
+        tracks.ball_m[used],
+        tracks.ball_cov_m2[used],
+        release,
+        FlightPriors(inputs.gravity, gravity_std, drag, drag_std, 0.0, inputs.lift_std),
+    )
+
+
+def _landing_or_end(tracks: MetricTracks, inputs: Inputs, left: float) -> float:
+    """Time before which the ball surely flies: not yet fallen to the floor, nor bounced."""
+    time, height = tracks.ball_time_s, tracks.ball_m[:, 1]
+    after = time > left + LONGEST_CONTACT_S
+    if inputs.fall is not None:
+        floor = tracks.rest_m[1] - inputs.fall
+        landed = np.flatnonzero(after & (height <= floor + 0.004))
+        return float(time[landed[0]]) if len(landed) else float(time[-1]) + 1e-9
+    highest = int(np.argmax(np.where(after, height, -np.inf)))
+    lowest = highest + int(np.argmin(height[highest:]))
+    rises = height[lowest:] - height[lowest] > 0.01
+    return float(time[lowest]) if rises.any() else float(time[-1]) + 1e-9
+
+
+def _corner(tracks: MetricTracks, flight: FlightFit) -> float:
+    """Where the flight's line meets the place of rest: the middle of an unseen contact, s."""
+    state = flight.states(np.array([flight.reference_s]))[0]
+    velocity = state[2:]
+    back = float((tracks.rest_m - state[:2]) @ velocity / (velocity @ velocity))
+    return flight.reference_s + back
+
+
+def _view(
+    tracks: MetricTracks, inputs: Inputs, flight: FlightFit, onset: float, release: float
+) -> ImpactView:
+    assert tracks.pivot_m is not None
+    time = tracks.swing_time_s
+    stiffness = inputs.pendulum_stiffness
+    spread = STIFFNESS_SHARE * stiffness
+    before = (time < onset) & (time > onset - SWING_STRETCH_S)
+    after = (time > release) & (time < release + SWING_STRETCH_S)
+    radius = tracks.radius_m if inputs.ball is None else 0.5 * inputs.ball.diameter
+    near = (tracks.ball_time_s > onset - 0.01) & (tracks.ball_time_s < release + 0.01)
+    reach = float(np.hypot(*(tracks.rest_m - tracks.pivot_m)))
+    return ImpactView(
+        before=fit_swing(
+            time[before],
+            tracks.swing_rad[before],
+            tracks.swing_std_rad[before],
+            onset,
+            stiffness,
+            spread,
+        ),
+        after=fit_swing(
+            time[after],
+            tracks.swing_rad[after],
+            tracks.swing_std_rad[after],
+            release,
+            stiffness,
+            spread,
+        ),
+        flight=flight,
+        rest=tracks.rest_m,
+        rest_std=tracks.rest_std_m,
+        pivot=tracks.pivot_m,
+        radius=radius,
+        time_s=tracks.ball_time_s[near],
+        position_m=tracks.ball_m[near],
+        std_m=np.sqrt(0.5 * np.trace(tracks.ball_cov_m2[near], axis1=1, axis2=2)),
+        lead=tracks.lead_m,
+        # the face is seen at another depth than the ball's centre
+        lead_std=float(np.hypot(tracks.lead_std_m, _FACE_DEPTH_SHARE * 0.1 * reach)),
+    )

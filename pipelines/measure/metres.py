@@ -1,0 +1,191 @@
+"""Tracks from pixels to metres in the ball plane, with x in the direction of flight."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.calibration import Calibration
+from metrology import NotFoundError
+from vision.tracks import Tracks
+
+__all__ = ["BallScale", "CameraMapping", "MetricTracks", "PlaneMapping", "tracks_in_metres"]
+
+FloatArray = NDArray[np.float64]
+
+_LEAST_LEAD_STD_PX = 1.0
+
+
+class PlaneMapping(Protocol):
+    """Pixels to metres in the ball plane."""
+
+    def ball(self, px: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Ball centres (N, 2) and covariances (N, 2, 2) from outline centres and theirs."""
+
+    def point(self, px: FloatArray) -> FloatArray:
+        """Points (..., 2) of the ball plane behind pixels."""
+
+
+@dataclass(frozen=True)
+class CameraMapping:
+    """Through the calibrated camera."""
+
+    calibration: Calibration
+
+    def ball(self, px: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Ball centres and covariances."""
+        return self.calibration.position(px, covariance)
+
+    def point(self, px: FloatArray) -> FloatArray:
+        """Points of the ball plane behind pixels."""
+        c = self.calibration
+        return np.asarray(c.grid_camera.to_plane(px, c.ball_plane_offset) + c.origin)
+
+
+@dataclass(frozen=True)
+class BallScale:
+    """By the ball's own size alone, for a camera square to the plane of flight.
+
+    Attributes
+    ----------
+    metres_per_px : float
+        Scale in the ball plane.
+    rest_px : (2,) array
+        Where x = y = 0.
+    """
+
+    metres_per_px: float
+    rest_px: FloatArray
+
+    def ball(self, px: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Ball centres and covariances."""
+        return self.point(px), covariance * self.metres_per_px**2
+
+    def point(self, px: FloatArray) -> FloatArray:
+        """Points of the ball plane behind pixels."""
+        return np.asarray((px - self.rest_px) * self.metres_per_px * np.array([1.0, -1.0]))
+
+
+@dataclass(frozen=True)
+class MetricTracks:
+    """What the physics is fitted to: ball plane, m, x along the flight, y up, s.
+
+    Attributes
+    ----------
+    ball_frame, ball_time_s, ball_m, ball_cov_m2 : arrays
+        Per frame: (N,), (N,), (N, 2), (N, 2, 2).
+    rest_m, rest_std_m : (2,) arrays
+        Ball at rest.
+    pivot_m : (2,) array or None
+        Pivot; None without a pendulum.
+    swing_time_s, swing_rad, swing_std_rad : (M,) arrays
+        Pendulum angle, 0 straight down, positive forward.
+    lead_m, lead_std_m : float
+        Striking face ahead of the bar's line.
+    radius_m : float
+        Apparent radius of the ball.
+    direction : float
+        +1 where the ball flies to the right in the picture, −1 to the left.
+    """
+
+    ball_frame: NDArray[np.int64]
+    ball_time_s: FloatArray
+    ball_m: FloatArray
+    ball_cov_m2: FloatArray
+    rest_m: FloatArray
+    rest_std_m: FloatArray
+    pivot_m: FloatArray | None
+    swing_time_s: FloatArray
+    swing_rad: FloatArray
+    swing_std_rad: FloatArray
+    lead_m: float
+    lead_std_m: float
+    radius_m: float
+    direction: float
+
+
+def flight_direction(tracks: Tracks) -> float:
+    """+1 where the ball flies to the right in the picture, −1 to the left."""
+    x = tracks.ball.centre_px[:, 0]
+    return 1.0 if x[-1] >= x[0] else -1.0
+
+
+def tracks_in_metres(tracks: Tracks, mapping: PlaneMapping, time_s: FloatArray) -> MetricTracks:
+    """Map tracks into the ball plane.
+
+    Parameters
+    ----------
+    tracks : Tracks
+        In pixels.
+    mapping : PlaneMapping
+        Pixels to metres.
+    time_s : (F,) array
+        Mid-exposure time of every frame of the clip, s.
+
+    Raises
+    ------
+    NotFoundError
+        If the ball never lies still before it is struck.
+    """
+    if tracks.rest_frames is None:
+        raise NotFoundError(
+            "the ball is never at rest in the clip, so there is no strike to measure",
+            hint="Start the clip before the ball is struck, or point at the ball with --ball-at.",
+        )
+    direction = flight_direction(tracks)
+    flip = np.array([direction, 1.0])
+    ball = tracks.ball
+    position, covariance = mapping.ball(ball.centre_px, ball.covariance_px2)
+    still = (ball.frame >= tracks.rest_frames[0]) & (ball.frame <= tracks.rest_frames[1])
+    std = np.sqrt(np.diagonal(covariance[still], axis1=1, axis2=2)).mean(axis=0)
+    scatter = position[still].std(axis=0) if still.sum() > 3 else std
+    pivot, angle, angle_std, lead, lead_std = _pendulum(tracks, mapping, direction)
+    pendulum = tracks.pendulum
+    return MetricTracks(
+        ball_frame=ball.frame,
+        ball_time_s=time_s[ball.frame],
+        ball_m=position * flip,
+        ball_cov_m2=covariance * np.outer(flip, flip),
+        rest_m=np.median(position[still], axis=0) * flip,
+        # what a still ball's centre is off by does not average away over its frames
+        rest_std_m=np.maximum(std, scatter),
+        pivot_m=pivot,
+        swing_time_s=np.zeros(0) if pendulum is None else time_s[pendulum.track.frame],
+        swing_rad=angle,
+        swing_std_rad=angle_std,
+        lead_m=lead,
+        lead_std_m=lead_std,
+        radius_m=_apparent_radius(tracks, mapping),
+        direction=direction,
+    )
+
+
+def _apparent_radius(tracks: Tracks, mapping: PlaneMapping) -> float:
+    centre = np.median(tracks.ball.centre_px, axis=0)
+    reach = np.array([float(np.median(tracks.ball.radius_px)), 0.0])
+    across = mapping.point(centre + reach) - mapping.point(centre - reach)
+    return 0.5 * float(np.hypot(*across))
+
+
+def _pendulum(
+    tracks: Tracks, mapping: PlaneMapping, direction: float
+) -> tuple[FloatArray | None, FloatArray, FloatArray, float, float]:
+    pendulum = tracks.pendulum
+    if pendulum is None:
+        return None, np.zeros(0), np.zeros(0), 0.0, 1.0
+    turn = pendulum.angle_rad
+    outward = np.stack([direction * np.sin(turn), np.cos(turn)], axis=-1)
+    pivot = mapping.point(pendulum.pivot_px)
+    arm = (mapping.point(pendulum.pivot_px + pendulum.arm_px * outward) - pivot) * np.array(
+        [direction, 1.0]
+    )
+    scale = float(np.median(np.hypot(*arm.T))) / pendulum.arm_px
+    lead_std = max(pendulum.face_lead_std_px, _LEAST_LEAD_STD_PX)
+    return (
+        pivot * np.array([direction, 1.0]),
+        np.arctan2(arm[:, 0], -arm[:, 1]),
+        pendulum.angle_std_rad,
+        pendulum.face_lead_px * scale,
+        lead_std * scale,
+    )

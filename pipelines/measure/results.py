@@ -1,0 +1,235 @@
+"""Evaluated chain to the quantities of the contract, each with its budget or its reason."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from metrology import Contribution, Quantity
+from pipelines.measure.budget import Scene, merged
+from pipelines.measure.derived import DERIVED
+from pipelines.measure.fusion import fused_cor
+from pipelines.measure.gravity import gravity_check
+from pipelines.measure.impact import Impact
+from pipelines.measure.metres import MetricTracks
+from pipelines.measurement import QUANTITY_UNITS
+from pipelines.report import Check
+from vision.clip_info import ClipInfo
+from vision.tracks import Tracks
+
+__all__ = ["Evaluated", "quantities_of"]
+
+FloatArray = NDArray[np.float64]
+
+_NEEDS_METRES = {"m", "m/s", "N s", "J"}
+_LANDING = ("landing_distance", "landing_time", "landing_distance_on_wall", "cor_range")
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """The chain's values with their uncertainty, before they become quantities.
+
+    Attributes
+    ----------
+    scene : Scene
+    metric : MetricTracks or None
+    impact : Impact or None
+    values : (Q,) array
+        In the order of `DERIVED`.
+    random : (Q, Q) array
+        Their covariance from the noise of the tracks.
+    systematic : dict
+        Source to (Q,) contributions.
+    refusal : str
+        Why there is no impact.
+    """
+
+    scene: Scene
+    metric: MetricTracks | None
+    impact: Impact | None
+    values: FloatArray
+    random: FloatArray
+    systematic: dict[str, FloatArray]
+    refusal: str
+
+
+def quantities_of(
+    evaluated: Evaluated, info: ClipInfo, tracks: Tracks, no_grid: str
+) -> tuple[tuple[Quantity, ...], Quantity, tuple[Check, ...], list[str]]:
+    """Quantities in the contract's order, the gravity self-check, checks and warnings."""
+    reasons = _reasons(evaluated, no_grid)
+    found: dict[str, Quantity] = {}
+    for index, (name, unit) in enumerate(DERIVED.items()):
+        found[name] = _quantity(evaluated, index, name, unit, reasons)
+    found["contact_frames"] = _contact_frames(evaluated, tracks, reasons)
+    found |= _geometry(evaluated, found, no_grid)
+    found["backswing_angle"] = _backswing(evaluated)
+    cor, agreement = fused_cor(evaluated.values, evaluated.random, evaluated.systematic, found)
+    found["cor"] = cor
+    gravity, gravity_note = gravity_check(found["gravity"], evaluated.scene)
+    checks = [item for item in (agreement, gravity_note) if item is not None]
+    warnings = [item.statement for item in checks if item.passed is False]
+    ordered = tuple(found[name] for name in QUANTITY_UNITS)
+    return ordered, gravity, tuple(checks), warnings
+
+
+def _quantity(
+    evaluated: Evaluated, index: int, name: str, unit: str, reasons: dict[str, str]
+) -> Quantity:
+    if name in reasons:
+        return Quantity.missing(name, unit, reasons[name])
+    if evaluated.impact is None or not np.isfinite(evaluated.values[index]):
+        return Quantity.missing(name, unit, evaluated.refusal or _unknown(evaluated, name))
+    noise = math.sqrt(max(float(evaluated.random[index, index]), 0.0))
+    budget = merged(evaluated.systematic, index, noise)
+    return Quantity.measured(name, float(evaluated.values[index]), unit, budget)
+
+
+def _unknown(evaluated: Evaluated, name: str) -> str:
+    inputs = evaluated.scene.inputs
+    if name in ("cor_launch", "external_impulse") and (
+        inputs.ball is None or inputs.ball.mass is None
+    ):
+        return "the mass of the ball is not known; give --ball jokku or a setup file"
+    if name in _LANDING and inputs.fall is None:
+        return "the height of the support is not known; give [support] height in a setup file"
+    if evaluated.impact is not None and evaluated.impact.contact is None:
+        return evaluated.impact.reason
+    return "it could not be determined from this clip"
+
+
+def _reasons(evaluated: Evaluated, no_grid: str) -> dict[str, str]:
+    """Quantities that must not be given although a number could be computed."""
+    reasons: dict[str, str] = {}
+    scene, impact = evaluated.scene, evaluated.impact
+    if scene.calibration is None:
+        landing = f"the wall's grid is needed: {no_grid}"
+        reasons |= dict.fromkeys(_LANDING, landing)
+        if scene.inputs.ball is None:
+            text = f"neither a wall grid nor the ball's diameter gives a scale ({no_grid})"
+            wanted = [name for name, unit in DERIVED.items() if unit in _NEEDS_METRES]
+            reasons |= dict.fromkeys([*wanted, "gravity", "launch_angle"], text)
+    if impact is not None and evaluated.metric is not None:
+        landed = evaluated.values[list(DERIVED).index("landing_time")]
+        frame_s = 1.0 / scene.rate.fps
+        if np.isfinite(landed) and impact.last_flight_s < landed - 4.0 * frame_s:
+            text = (
+                f"the ball leaves the picture at {impact.last_flight_s:.3f} s,"
+                f" {landed - impact.last_flight_s:.3f} s before it lands"
+            )
+            reasons |= dict.fromkeys(_LANDING, text)
+    return reasons
+
+
+def _contact_frames(evaluated: Evaluated, tracks: Tracks, reasons: dict[str, str]) -> Quantity:
+    """Frames whose mid-exposure lies within the contact (Fig. 13), with that count's spread."""
+    impact = evaluated.impact
+    if impact is None or impact.contact is None:
+        reason = evaluated.refusal if impact is None else impact.reason
+        return Quantity.missing("contact_frames", "1", reason)
+    names = list(DERIVED)
+    start, end = names.index("contact_start"), names.index("contact_end")
+    onset, release = evaluated.values[start], evaluated.values[end]
+    frame_s = 1.0 / evaluated.scene.rate.fps
+    times = np.arange(math.floor(onset / frame_s) - 6, math.ceil(release / frame_s) + 7) * frame_s
+    std = [
+        max(
+            math.sqrt(
+                evaluated.random[index, index]
+                + sum(
+                    float(column[index]) ** 2
+                    for name, column in evaluated.systematic.items()
+                    if name != "capture rate"
+                )
+            ),
+            1e-6,
+        )
+        for index in (start, end)
+    ]
+    touching = norm.cdf((times - onset) / std[0]) * norm.cdf((release - times) / std[1])
+    count = int(np.sum((times >= onset) & (times <= release)))
+    spread = math.sqrt(float(np.sum(touching * (1 - touching))) + (touching.sum() - count) ** 2)
+    return Quantity.measured(
+        "contact_frames", count, "1", (Contribution("onset and release between frames", spread),)
+    )
+
+
+def _geometry(
+    evaluated: Evaluated, found: dict[str, Quantity], no_grid: str
+) -> dict[str, Quantity]:
+    calibration = evaluated.scene.calibration
+    names = ("ball_plane_offset", "camera_distance")
+    if calibration is None:
+        missing = {name: Quantity.missing(name, "m", no_grid) for name in names}
+        wall = Quantity.missing("landing_distance_on_wall", "m", no_grid)
+        return missing | {"landing_distance_on_wall": wall}
+    out = {
+        "ball_plane_offset": Quantity.measured(
+            names[0],
+            calibration.ball_plane_offset,
+            "m",
+            calibration.budget(lambda c: c.ball_plane_offset),
+        ),
+        "camera_distance": Quantity.measured(
+            names[1],
+            calibration.camera_distance,
+            "m",
+            calibration.budget(lambda c: c.camera_distance),
+        ),
+    }
+    landing = found["landing_distance"]
+    if landing.value is None:
+        wall = Quantity.missing("landing_distance_on_wall", "m", str(landing.reason))
+        return out | {"landing_distance_on_wall": wall}
+    return out | {"landing_distance_on_wall": _on_wall(evaluated, landing)}
+
+
+def _on_wall(evaluated: Evaluated, landing: Quantity) -> Quantity:
+    """Reading of the landing point against that of the rest, both seen through the camera."""
+    calibration, impact = evaluated.scene.calibration, evaluated.impact
+    assert calibration is not None
+    assert impact is not None
+    assert landing.value is not None
+    rest = impact.tracks.rest_m
+    direction = impact.tracks.direction
+    height = evaluated.values[list(DERIVED).index("landing_height")]
+    depth = calibration.ball_plane_offset
+    spots = np.array(
+        [
+            [direction * rest[0], rest[1], depth],
+            [direction * (rest[0] + landing.value), height, depth],
+        ]
+    )
+    seen = calibration.on_wall(calibration.camera.project(spots))
+    reading = direction * float(seen[1, 0] - seen[0, 0])
+    enlarged = reading / landing.value
+    geometry = {"ball plane offset by tape", "ball diameter", "distance to the wall by tape"}
+    budget = tuple(
+        replace(line, std=line.std * enlarged)
+        for line in landing.budget
+        # depth and distance move the corrected value, not what is read on the wall
+        if line.source not in geometry
+    )
+    return Quantity.measured("landing_distance_on_wall", reading, "m", budget)
+
+
+def _backswing(evaluated: Evaluated) -> Quantity:
+    """Angle at which the pendulum is let go, where that is in view."""
+    metric = evaluated.metric
+    if metric is None or len(metric.swing_rad) < 8:
+        return Quantity.missing(
+            "backswing_angle", "deg", "the pendulum is not in view before the strike"
+        )
+    first = slice(0, 8)
+    rate = float(np.polyfit(metric.swing_time_s[first], metric.swing_rad[first], 1)[0])
+    if abs(rate) > 0.3:
+        return Quantity.missing(
+            "backswing_angle", "deg", "the pendulum is already swinging when it comes into view"
+        )
+    angle = -math.degrees(float(np.median(metric.swing_rad[first])))
+    std = math.degrees(float(np.median(metric.swing_std_rad[first])))
+    return Quantity.measured(
+        "backswing_angle", angle, "deg", (Contribution("noise of the tracks", std),)
+    )
