@@ -7,8 +7,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calib.calibration import Calibration
-from calib.evidence import FreeFall, Known
-from calib.scene import SceneCalibration, fitted
+from calib.evidence import Evidence, FreeFall, Known
+from calib.grid import WallGrid
+from calib.plausibility import plausible
+from calib.pose import LensPrior, calibrate
 from metrology import CalibrationError
 
 __all__ = ["with_free_fall"]
@@ -22,18 +24,25 @@ PATH_POINTS = 9
 
 
 def with_free_fall(
-    calibration: SceneCalibration,
+    calibration: Calibration,
+    grid: WallGrid,
+    evidence: Evidence,
     apparent_gravity: tuple[float, float],
     true_gravity: float,
     *,
     px: ArrayLike | None = None,
-) -> SceneCalibration:
+    lens: LensPrior | None = None,
+) -> Calibration:
     """Fit a calibration anew with a measured free fall as a further input.
 
     Parameters
     ----------
-    calibration : SceneCalibration
+    calibration : Calibration
         The calibration, as fitted, that the fall was measured with.
+    grid : WallGrid
+        The grid it was fitted to.
+    evidence : Evidence
+        What else it was fitted to.
     apparent_gravity : (value, std)
         Acceleration of free fall that the flight shows with this calibration, drag taken off, m/s²;
         the standard uncertainty holds the noise of the track and twice the relative uncertainty of
@@ -42,10 +51,12 @@ def with_free_fall(
         Local gravity, m/s².
     px : (N, 2) array, optional
         Where in the picture the ball flew; the middle of the picture if not given.
+    lens : LensPrior, optional
+        Lens known beforehand, as in the first fit.
 
     Returns
     -------
-    SceneCalibration
+    Calibration
         With a further warning if the fall contradicts the calibration.
 
     Raises
@@ -62,14 +73,14 @@ def with_free_fall(
         )
     time, path = _path(calibration, value, px)
     fall = FreeFall(path, time, np.full(len(time), 1e-4), Known(true_gravity, std))
-    fused = fitted(calibration.grid, replace(calibration.evidence, fall=fall), calibration.lens)
+    fused = plausible(calibrate(grid, replace(evidence, fall=fall), lens=lens))
 
     def log_acceleration(c: Calibration) -> float:
         y = c.position(path)[0][:, 1]
         return math.log(-2.0 * float(np.polyfit(time, y, 2)[0]))
 
-    slope = calibration.fit.gradient(log_acceleration)
-    prior = float(slope @ calibration.fit.covariance @ slope)
+    slope = calibration.gradient(log_acceleration)
+    prior = float(slope @ calibration.covariance @ slope)
     wanted = math.log(true_gravity / value)
     if abs(wanted) < DISAGREE_AT * math.hypot(math.sqrt(max(prior, 0.0)), std / value):
         return fused
@@ -78,14 +89,13 @@ def with_free_fall(
 
 
 def _path(
-    calibration: SceneCalibration, gravity: float, px: ArrayLike | None
+    calibration: Calibration, gravity: float, px: ArrayLike | None
 ) -> tuple[FloatArray, FloatArray]:
     """A throw that shows the given acceleration, where the ball flew: times and outline centres."""
-    width, height = calibration.grid.size
+    width, height = calibration.lens.width, calibration.lens.height
     if px is None:
         px = np.array([[0.5 * width, 0.35 * height], [0.5 * width, 0.65 * height]])
-    radius = calibration.fit.ball_radius or 0.0
-    seen = calibration.on_ball_plane(px, radius)
+    seen = calibration.position(px)[0]
     low, high = seen.min(axis=0), seen.max(axis=0)
     reach = math.sqrt(2.0 * (high[1] - low[1]) / gravity)
     time = np.linspace(-reach, reach, PATH_POINTS)
@@ -93,17 +103,17 @@ def _path(
         [
             0.5 * (low[0] + high[0]) + 0.5 * (high[0] - low[0]) * time / reach,
             high[1] - 0.5 * gravity * time**2,
-            np.full(PATH_POINTS, calibration.ball_plane_offset.value),
+            np.full(PATH_POINTS, calibration.ball_plane_offset),
         ],
         axis=-1,
     )
-    if radius == 0.0:
+    if calibration.ball_radius is None:
         return time, calibration.camera.project(centre)
-    return time, calibration.camera.sphere_outline(centre, radius)[0]
+    return time, calibration.camera.sphere_outline(centre, calibration.ball_radius)[0]
 
 
 def _contradiction(
-    calibration: SceneCalibration,
+    calibration: Calibration,
     slope: FloatArray,
     wanted: float,
     apparent: tuple[float, float],
@@ -111,7 +121,7 @@ def _contradiction(
 ) -> str:
     """Say what disagrees, and which input would have to be off by the fewest uncertainties."""
     candidates = [(abs(wanted) / PITCH_STD, "the pitch of the grid")]
-    for source in calibration.fit.sources:
+    for source in calibration.sources:
         effect = math.sqrt(max(0.0, float(slope @ source.covariance @ slope)))
         if effect > 0.0:
             candidates.append((abs(wanted) / effect, source.name))

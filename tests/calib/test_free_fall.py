@@ -1,0 +1,176 @@
+"""A fall as a further input, and scenes that can not be."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from calib.calibration import Calibration
+from calib.camera import Camera, Lens
+from calib.evidence import BallOutlines, Evidence, Known
+from calib.free_fall import with_free_fall
+from calib.grid import WallGrid
+from calib.grid_phase import GridMap
+from calib.plausibility import plausible
+from calib.pose import LensPrior, calibrate
+from metrology import CalibrationError
+
+FloatArray = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+SIZE = (640, 360)
+DISTANCE, DEPTH, RADIUS = 3.6, 0.5, 0.1229
+TAPE = 0.005
+GRAVITY = 9.806
+
+
+@dataclass(frozen=True)
+class Scene:
+    camera: Camera
+    grid: WallGrid
+    flight: FloatArray
+    flight_px: FloatArray
+    outlines: BallOutlines
+
+    @property
+    def taped(self) -> Evidence:
+        return Evidence(
+            ball_radius=RADIUS,
+            camera_distance=Known(DISTANCE, TAPE),
+            ball_plane_offset=Known(DEPTH, TAPE),
+        )
+
+    @property
+    def untaped(self) -> Evidence:
+        return Evidence(ball_radius=RADIUS, outlines=self.outlines)
+
+
+def make_scene(*, pitch: float = 0.05, noise: float = 0.03, seed: int = 0) -> Scene:
+    """A nearly square view of a wall, its nodes 0.03 px noisy, and a throw across the picture."""
+    rng = np.random.default_rng(seed)
+    lens = Lens.centred(*SIZE, 900.0, k1=-0.1)
+    camera = Camera.facing_wall(lens, [1.0, 0.6, DISTANCE], yaw=0.01, pitch=-0.02, roll=0.02)
+    nodes = np.stack(np.meshgrid(np.arange(-10, 50), np.arange(-10, 40)), axis=-1).reshape(-1, 2)
+    px = camera.project(np.c_[0.05 * nodes, np.zeros(len(nodes))])
+    inside = ((px > 2.0) & (px < np.array(SIZE) - 3.0)).all(axis=1)
+    count = int(inside.sum())
+    grid = WallGrid(
+        size=SIZE,
+        pitch_m=pitch,
+        nodes=nodes[inside],
+        points_px=px[inside] + rng.normal(0.0, noise, (count, 2)),
+        covariance_px2=np.broadcast_to(noise**2 * np.eye(2), (count, 2, 2)),
+        residual_px=np.zeros((count, 2)),
+        map=GridMap(np.zeros(2), np.ones(2), np.zeros(10)),
+        area=np.ones(SIZE[::-1], dtype=bool),
+        dark=True,
+        fine_ratio=5,
+        origin_m=np.zeros(2),
+    )
+    time = np.linspace(0.0, 0.42, 40)
+    flight = np.c_[
+        0.15 + 3.4 * time, 0.45 + 1.6 * time - 0.5 * GRAVITY * time**2, np.full(40, DEPTH)
+    ]
+    flight_px, radius_px = camera.sphere_outline(flight, RADIUS)
+    std = np.full(40, 0.02)
+    outlines = BallOutlines(flight_px, radius_px, std, Known(2 * RADIUS, 0.0005), 0.1)
+    return Scene(camera, grid, flight, flight_px, outlines)
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return make_scene()
+
+
+@pytest.fixture(scope="module")
+def untaped(scene: Scene) -> Calibration:
+    return calibrate(scene.grid, scene.untaped)
+
+
+def length_error(c: Calibration, scene: Scene) -> float:
+    """Relative error of the length of the flight."""
+    found = np.diff(c.position(scene.flight_px[[0, -1]])[0][:, 0])[0]
+    return float(found / (scene.flight[-1, 0] - scene.flight[0, 0]) - 1.0)
+
+
+def seen_gravity(c: Calibration, scene: Scene) -> float:
+    time = np.linspace(0.0, 0.42, 40)
+    return float(-2.0 * np.polyfit(time, c.position(scene.flight_px)[0][:, 1], 2)[0])
+
+
+def scale_std(c: Calibration, scene: Scene) -> float:
+    slope = c.gradient(lambda moved: length_error(moved, scene))
+    return float(np.sqrt(slope @ c.covariance @ slope))
+
+
+@pytest.mark.parametrize("where", ["flight", "middle of the picture"])
+def test_a_fall_narrows_the_scale_where_nothing_is_taped(
+    untaped: Calibration, scene: Scene, where: str
+) -> None:
+    before = scale_std(untaped, scene)
+    assert before > 0.003
+    fused = with_free_fall(
+        untaped,
+        scene.grid,
+        scene.untaped,
+        (seen_gravity(untaped, scene), 0.01),
+        GRAVITY,
+        px=scene.flight_px if where == "flight" else None,
+    )
+    after = scale_std(fused, scene)
+    assert after < 0.5 * before
+    assert abs(length_error(fused, scene)) < max(2.0 * after, 0.001)
+    assert "free fall" in {source.name for source in fused.sources}
+    assert fused.warnings == untaped.warnings
+
+
+def test_a_fall_measured_too_fast_pulls_the_scale(untaped: Calibration, scene: Scene) -> None:
+    apparent = 1.01 * seen_gravity(untaped, scene)
+    fused = with_free_fall(
+        untaped, scene.grid, scene.untaped, (apparent, 0.005), GRAVITY, px=scene.flight_px
+    )
+    assert length_error(fused, scene) == pytest.approx(-0.01, abs=0.002)
+
+
+def test_a_fall_that_contradicts_the_tape_is_told(scene: Scene) -> None:
+    evidence = replace(scene.taped, ball_plane_offset=Known(DEPTH - 0.15, TAPE))
+    wrong = calibrate(scene.grid, evidence)
+    assert wrong.warnings == ()
+    fused = with_free_fall(
+        wrong,
+        scene.grid,
+        evidence,
+        (seen_gravity(wrong, scene), 0.01),
+        GRAVITY,
+        px=scene.flight_px,
+    )
+    told = fused.warnings[-1]
+    assert "instead of 9.81" in told
+    assert "too long" in told
+    assert "pitch of the grid" in told
+    assert "capture rate" in told
+
+
+def test_a_fall_that_agrees_is_silent(scene: Scene) -> None:
+    taped = calibrate(scene.grid, scene.taped)
+    fused = with_free_fall(
+        taped, scene.grid, scene.taped, (seen_gravity(taped, scene), 0.01), GRAVITY
+    )
+    assert fused.warnings == ()
+    assert scale_std(fused, scene) < scale_std(taped, scene)
+
+
+def test_a_fall_upwards_is_refused(untaped: Calibration, scene: Scene) -> None:
+    with pytest.raises(CalibrationError, match="tells no scale"):
+        with_free_fall(untaped, scene.grid, scene.untaped, (-0.2, 0.1), GRAVITY)
+
+
+def test_a_wrong_pitch_shows_in_the_ball() -> None:
+    def of_pitch(pitch: float) -> Calibration:
+        scene = make_scene(pitch=pitch)
+        lens = LensPrior(scene.camera.lens, np.array([0.005, 1.0, 1.0, 0.01, 0.01]))
+        return plausible(calibrate(scene.grid, scene.untaped, lens=lens))
+
+    with pytest.raises(CalibrationError, match="in front of the wall"):
+        of_pitch(0.025)
+    assert any("check the pitch" in w for w in of_pitch(0.1).warnings)
+    assert of_pitch(0.05).warnings == ()
