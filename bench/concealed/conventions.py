@@ -18,6 +18,11 @@ def _drag(hidden: Hidden, setup: Mapping[str, Any]) -> float:
     return float(known) + hidden.amplitude
 
 
+def _above_centre(hidden: Hidden, setup: Mapping[str, Any]) -> float:
+    # A face that meets the ball below its centre sends it up, which is positive here.
+    return -hidden.amplitude
+
+
 def _gap(hidden: Hidden, setup: Mapping[str, Any]) -> float:
     return hidden.amplitude / float(setup["camera"]["capture_fps"])
 
@@ -31,8 +36,7 @@ PARAMETERS: dict[str, tuple[str, Callable[[Hidden, Mapping[str, Any]], float]]] 
     "buoyancy": ("fraction", _plain),
     "asymmetric_wake": ("side_coefficient", _plain),
     "velocity_dependent_cor": ("slope", _plain),
-    "effective_mass": ("relative_error", _plain),
-    "oblique_impact": ("offset", _plain),
+    "oblique_impact": ("offset", _above_centre),
     "pivot_recoil_shared": ("lost_share", _plain),
     "support_recoil_up": ("vertical_share", _plain),
     "bearing_friction": ("dry_torque", _plain),

@@ -17,7 +17,7 @@ from bench.concealed.throws import draw_throws, perform_throws, throws_visibilit
 __all__ = ["GENERATOR", "KINDS", "draw_campaign", "level_of"]
 
 # Raised whenever campaigns of the same seed change, so that caches of old ones are not used.
-GENERATOR = 2
+GENERATOR = 3
 
 # Fifty campaigns in a row hold every kind in the wanted proportion.
 KINDS = tuple(["null"] * 13 + ["single"] * 20 + ["pair"] * 6 + ["twins"] * 2 + ["outside"] * 9)

@@ -167,7 +167,10 @@ def _after_losses(shots: Shots, contact: Contact, touch_speed: Array) -> Contact
     release[:, 1] -= shots.pivot_loss * (touch_speed - release[:, 1])
     release[:, 1] *= 1 - shots.shared_loss
     release[:, 4:6] *= ((1 - shots.support_loss) * (1 - shots.shared_loss))[:, None]
-    release[:, 5] += shots.support_kick * contact.impact_speed
+    # The kick is spread over the contact: half of it has already moved the ball at release.
+    kick = shots.support_kick * contact.impact_speed
+    release[:, 3] += 0.5 * kick * contact.release_time
+    release[:, 5] += kick
     return Contact(contact.path, contact.release_time, release, contact.impact_speed, contact.cor)
 
 
