@@ -1,13 +1,14 @@
-"""Lens from pictures of a chessboard or ChArUco board: intrinsics, distortion, and how good they are."""
+"""Lens from pictures of a chessboard or ChArUco board, and how good it is."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.camera import Lens
+from calib.camera import Lens, rotation_matrix
 from metrology import CalibrationError
 
 __all__ = ["Board", "BoardView", "LensCalibration", "calibrate_lens", "find_board"]
@@ -20,6 +21,7 @@ LEAST_TILT_SPREAD = np.radians(8.0)
 LEAST_COVERAGE = 0.35
 OUTLIER_AT = 4.0
 FOLDS = 6
+VIEWS_FOR_SHAPE = 10
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,7 @@ class LensCalibration:
     std : dict of str to float
         Standard uncertainty of each parameter, by its name in `Lens`.
     held_out_rms_px : float
-        Reprojection error in views that took no part in the fit.
+        Reprojection error in views that took no part in the fit, as far out as that fit reaches.
     rms_px : float
         Reprojection error in the views of the fit.
     used, dropped : tuple of str
@@ -213,7 +215,7 @@ def calibrate_lens(views: Sequence[BoardView | None]) -> LensCalibration:
     return LensCalibration(
         lens=fit.lens,
         std=fit.std,
-        held_out_rms_px=_held_out(kept),
+        held_out_rms_px=_held_out(kept, fit),
         rms_px=fit.rms,
         used=tuple(view.name for view in kept),
         dropped=tuple(view.name for view in dropped),
@@ -229,35 +231,46 @@ class _Fit:
     rms: float
     view_rms: FloatArray
     turns: FloatArray
+    shifts: FloatArray
+    corners: FloatArray | None
 
 
 def _fit(views: Sequence[BoardView]) -> _Fit:
-    width, height = views[0].size
-    rms, matrix, distortion, turns, _, deviations, _, per_view = cv2.calibrateCameraExtended(
-        [view.board_m.astype(np.float32) for view in views],
-        [view.points_px.astype(np.float32) for view in views],
-        (width, height),
-        None,  # type: ignore[arg-type]
-        None,  # type: ignore[arg-type]
+    """Lens, poses and, where all views show the whole board, the board's true shape.
+
+    Printed boards are rarely flat: their corners are fitted along with the lens (Strobl and
+    Hirzinger, "More accurate pinhole camera calibration with imperfect planar target", ICCV 2011).
+    """
+    board = views[0].board_m
+    whole = all(np.array_equal(view.board_m, board) for view in views)
+    columns = int(np.sum(board[:, 1] == board[0, 1]))
+    fixed = columns - 1 if whole and len(views) >= VIEWS_FOR_SHAPE else -1
+    unset: Any = None
+    rms, matrix, distortion, turns, shifts, shape, deviations, _, _, per_view = (
+        cv2.calibrateCameraROExtended(
+            [view.board_m.astype(np.float32) for view in views],
+            [view.points_px.astype(np.float32)[:, np.newaxis] for view in views],
+            views[0].size,
+            fixed,
+            unset,
+            unset,
+        )
     )
     k1, k2, p1, p2, k3 = (float(value) for value in np.ravel(distortion)[:5])
-    lens = Lens(
-        width,
-        height,
-        float(matrix[0, 0]),
-        float(matrix[1, 1]),
-        float(matrix[0, 2]),
-        float(matrix[1, 2]),
-        k1,
-        k2,
-        p1,
-        p2,
-        k3,
-    )
+    fx, fy, cx, cy = (float(matrix[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    lens = Lens(*views[0].size, fx, fy, cx, cy, k1, k2, p1, p2, k3)
     names = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
     std = dict(zip(names, (float(s) for s in np.ravel(deviations)[:9]), strict=True))
-    rotations = np.array([cv2.Rodrigues(turn)[0] for turn in turns], dtype=np.float64)
-    return _Fit(lens, std, float(rms), np.ravel(per_view).astype(np.float64), rotations)
+    corners = np.reshape(shape, (-1, 3)).astype(np.float64) if fixed > 0 else None
+    return _Fit(
+        lens=lens,
+        std=std,
+        rms=float(rms),
+        view_rms=np.ravel(per_view).astype(np.float64),
+        turns=np.array([np.ravel(turn) for turn in turns], dtype=np.float64),
+        shifts=np.array([np.ravel(shift) for shift in shifts], dtype=np.float64),
+        corners=corners,
+    )
 
 
 def _outlier_limit(rms: FloatArray) -> float:
@@ -266,9 +279,9 @@ def _outlier_limit(rms: FloatArray) -> float:
     return middle + OUTLIER_AT * max(spread, 0.1 * middle)
 
 
-def _tilt_spread(rotations: FloatArray) -> float:
+def _tilt_spread(turns: FloatArray) -> float:
     """Largest angle between the boards' normals, rad."""
-    normals = rotations[:, :, 2]
+    normals = np.array([rotation_matrix(turn)[:, 2] for turn in turns])
     return float(np.arccos(np.clip(normals @ normals.T, -1.0, 1.0)).max())
 
 
@@ -282,19 +295,27 @@ def _coverage(views: Sequence[BoardView]) -> float:
     return float(covered.mean())
 
 
-def _held_out(views: Sequence[BoardView]) -> float:
-    """Reprojection error of views not used in the fit, root mean square over all corners, px."""
-    total, count = 0.0, 0
+def _held_out(views: Sequence[BoardView], whole: _Fit) -> float:
+    """Reprojection error of views not used in the fit, root mean square over all corners, px.
+
+    The pose of a held-out view is its own; only lens and board come from the others. Corners farther
+    out than any corner of the fit are left out: a polynomial says nothing there.
+    """
+    squares: list[float] = []
     folds = min(FOLDS, len(views) // 2)
     for fold in range(folds):
-        fit = _fit([view for i, view in enumerate(views) if i % folds != fold])
-        for view in views[fold::folds]:
-            _, turn, shift = cv2.solvePnP(
-                view.board_m, view.points_px, fit.lens.matrix, fit.lens.coefficients
+        training = [view for i, view in enumerate(views) if i % folds != fold]
+        fit = _fit(training)
+        centre = [fit.lens.cx, fit.lens.cy]
+        reach = max(np.linalg.norm(v.points_px - centre, axis=1).max() for v in training)
+        lens = (fit.lens.matrix, fit.lens.coefficients)
+        for index in range(fold, len(views), folds):
+            view = views[index]
+            board = view.board_m if fit.corners is None else fit.corners
+            turn, shift = cv2.solvePnPRefineLM(
+                board, view.points_px, *lens, whole.turns[index].copy(), whole.shifts[index].copy()
             )
-            seen = cv2.projectPoints(
-                view.board_m, turn, shift, fit.lens.matrix, fit.lens.coefficients
-            )[0]
-            total += float(((seen[:, 0] - view.points_px) ** 2).sum())
-            count += len(view.points_px)
-    return float(np.sqrt(total / count))
+            seen = np.asarray(cv2.projectPoints(board, turn, shift, *lens)[0])[:, 0]
+            within = np.linalg.norm(view.points_px - centre, axis=1) <= reach
+            squares += list(((seen - view.points_px) ** 2).sum(axis=1)[within])
+    return float(np.sqrt(np.mean(squares)))

@@ -1,4 +1,4 @@
-"""The capture rate, checked against something in view that keeps time: a blinking light, free fall."""
+"""The capture rate, checked against what keeps time in view: a blinking light, free fall."""
 
 from dataclasses import dataclass
 
@@ -51,7 +51,7 @@ def rate_from_blinking(
     signal = np.asarray(brightness, dtype=np.float64)
     if blink_hz > nominal_fps / 2.5:
         raise CalibrationError(
-            f"a light of {blink_hz:g} Hz blinks too fast for about {nominal_fps:g} frames per second",
+            f"a light of {blink_hz:g} Hz blinks too fast for about {nominal_fps:g} fps",
             hint="Use a light that blinks at less than two fifths of the capture rate.",
         )
     count = len(signal)
@@ -60,8 +60,8 @@ def rate_from_blinking(
             "the clip holds fewer than three blinks",
             hint="Film longer, or use a light that blinks faster.",
         )
-    time = np.arange(count) - 0.5 * (count - 1)
-    signal = signal - np.polynomial.Polynomial.fit(time, signal, 1)(time)
+    time = np.arange(count, dtype=np.float64) - 0.5 * (count - 1)
+    signal = np.asarray(signal - np.polynomial.Polynomial.fit(time, signal, 1)(time))
     expected = blink_hz / nominal_fps
     trial = np.arange(expected / 1.34, expected * 1.5, 0.1 / count)
     power = np.array([_sine_power(signal, time, f) for f in trial])

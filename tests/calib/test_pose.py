@@ -1,4 +1,4 @@
-"""Camera, lens and ball plane from the grid and other evidence, with an uncertainty that is true."""
+"""Camera, lens and ball plane from the grid and other evidence, honestly uncertain."""
 
 from dataclasses import replace
 
