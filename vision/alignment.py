@@ -127,7 +127,7 @@ class Aligner:
         """
         guess = start if start is not None else View(1.0, np.zeros(2), 0.0, 0.0)
         found = self._refine(frame, guess)
-        if start is None and found[1] > 3.0:
+        if start is None and found[1] > 1.7:
             # On copies: the transform works in place.
             smooth = cv2.GaussianBlur(frame, (0, 0), 1.0)
             jump, _ = cv2.phaseCorrelate(self._smooth.copy(), smooth)

@@ -12,7 +12,8 @@ from vision.choice import Choice, choose_ball
 from vision.circles import find_circles
 from vision.footage import Footage
 from vision.linking import Path, link_circles
-from vision.pendulum import MassPoses, find_mass, follow_mass
+from vision.mass import MassPoses
+from vision.pendulum import find_mass, follow_mass
 from vision.refine import refine_ball
 from vision.rest import Rest, find_rest
 from vision.scene import Scene

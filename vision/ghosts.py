@@ -39,7 +39,8 @@ def without_ghosts(epochs: list[FloatImage], usual: FloatImage, noise: FloatImag
     kernel = np.ones((3, 3), np.uint8)
     for bit, epoch in enumerate(epochs):
         differs = (np.abs(epoch - usual) > _DIFFERENT * noise).astype(np.uint8)
-        code |= cv2.morphologyEx(differs, cv2.MORPH_OPEN, kernel) << bit
+        opened = cv2.morphologyEx(differs, cv2.MORPH_OPEN, kernel)
+        code |= np.where(opened > 0, np.uint8(1 << bit), np.uint8(0))
     # Pixels that differ in the same epochs belong together: the ball that left, apart from the mass
     # that swung into its place.
     values, counts = np.unique(code, return_counts=True)

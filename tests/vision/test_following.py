@@ -1,0 +1,114 @@
+import csv
+
+import numpy as np
+import pytest
+
+from metrology import NotFoundError
+from tests.shared_data import shared_folder
+from tests.vision.painted import PaintedClip, exposed, struck_ball, wall, with_ball
+from vision.clip import Clip
+from vision.following import follow
+from vision.tracks import Track, Tracks
+
+
+@pytest.fixture(scope="module")
+def struck() -> tuple[Tracks, np.ndarray, np.ndarray]:
+    clip, centres, angles = struck_ball()
+    return follow(clip, 600.0), centres, angles  # type: ignore[arg-type]
+
+
+def test_the_struck_ball_is_followed_to_a_tenth_of_a_pixel(
+    struck: tuple[Tracks, np.ndarray, np.ndarray],
+) -> None:
+    tracks, centres, _ = struck
+    flight = tracks.ball.frame > 42
+    error = tracks.ball.centre_px[flight] - centres[tracks.ball.frame[flight]]
+    assert flight.sum() > 25
+    assert np.sqrt(np.mean(error**2)) < 0.1
+
+
+def test_the_ball_is_found_at_rest_too(struck: tuple[Tracks, np.ndarray, np.ndarray]) -> None:
+    tracks, centres, _ = struck
+    assert tracks.rest_frames is not None
+    assert tracks.rest_frames[0] <= 2
+    assert 36 <= tracks.rest_frames[1] <= 41
+    early = tracks.ball.frame < 30
+    assert np.abs(tracks.ball.centre_px[early].mean(axis=0) - centres[0]).max() < 0.15
+
+
+def test_the_pendulum_swings_about_its_pivot(struck: tuple[Tracks, np.ndarray, np.ndarray]) -> None:
+    tracks, _, angles = struck
+    pendulum = tracks.pendulum
+    assert pendulum is not None
+    assert pendulum.pivot_px == pytest.approx([60.0, 12.0], abs=2.5)
+    near = np.abs(pendulum.track.frame - 40) < 20
+    gap = pendulum.angle_rad[near] - angles[pendulum.track.frame[near]]
+    assert np.std(gap) < 0.004
+    assert pendulum.face_lead_px == pytest.approx(8.0, abs=0.7)
+
+
+def test_flicker_is_no_obstacle() -> None:
+    clip, centres, _ = struck_ball(70, noise=3.0, flicker=0.15)
+    ball = follow(clip, 600.0).ball  # type: ignore[arg-type]
+    flight = ball.frame > 42
+    error = ball.centre_px[flight] - centres[ball.frame[flight]]
+    assert np.sqrt(np.mean(error**2)) < 0.15
+
+
+def test_an_empty_scene_says_that_nothing_moves() -> None:
+    still = PaintedClip([exposed(wall(80, 120), 1.5, seed) for seed in range(20)])
+    with pytest.raises(NotFoundError, match="no ball found") as refused:
+        follow(still, 600.0)  # type: ignore[arg-type]
+    assert refused.value.hint is not None
+    assert "--ball-at" in refused.value.hint
+
+
+def test_pointing_beside_everything_is_refused() -> None:
+    clip, _, _ = struck_ball(60)
+    with pytest.raises(NotFoundError, match="nothing round passes"):
+        follow(clip, 600.0, ball_at=(230.0, 5.0))  # type: ignore[arg-type]
+
+
+def test_pointing_chooses_the_other_ball() -> None:
+    scene = wall(100, 200)
+    pictures = []
+    for index in range(40):
+        light = with_ball(scene, (20.0 + 4 * index, 30.0), 10.0)
+        pictures.append(exposed(with_ball(light, (185.0 - 3 * index, 72.0), 9.0), 1.5, index))
+    ball = follow(PaintedClip(pictures), 600.0, ball_at=(125.0, 72.0, 20)).ball  # type: ignore[arg-type]
+    assert abs(np.median(ball.centre_px[:, 1]) - 72.0) < 1.0
+
+
+def _truth(name: str, thing: str | None = None) -> np.ndarray:
+    with (shared_folder("clips") / "truth" / f"{name}.csv").open() as file:
+        rows = [row for row in csv.DictReader(file) if thing is None or row["object"] == thing]
+    return np.array([[float(row[key]) for key in ("frame", "x_px", "y_px")] for row in rows])
+
+
+def _rms(track: Track, truth: np.ndarray) -> float:
+    known = np.isin(truth[:, 0], track.frame)
+    assert known.mean() > 0.9
+    places = np.searchsorted(track.frame, truth[known, 0].astype(int))
+    gap = track.centre_px[places] - truth[known, 1:]
+    return float(np.sqrt(np.mean(np.sum(gap**2, axis=1))))
+
+
+@pytest.mark.parametrize(
+    ("file", "fps"),
+    [
+        ("projectile_A_canon240.mp4", 240.0),
+        ("projectile_B_canon240.mp4", 240.0),
+        ("balltoss_480p30.mov", 29.97),
+    ],
+)
+def test_real_balls_are_followed_without_a_click(file: str, fps: float) -> None:
+    tracks = follow(Clip.open(shared_folder("clips") / file), fps)
+    assert _rms(tracks.ball, _truth(file.split(".")[0])) < 1.0
+
+
+def test_both_real_pucks_are_followed_and_the_struck_one_is_told() -> None:
+    name = "puck_collision_A_canon240"
+    tracks = follow(Clip.open(shared_folder("clips") / f"{name}.mp4"), 240.0)
+    assert _rms(tracks.ball, _truth(name, "target")) < 1.0
+    assert _rms(tracks.others[0], _truth(name, "striker")) < 1.0
+    assert any("struck" in warning for warning in tracks.warnings)
