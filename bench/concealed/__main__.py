@@ -99,6 +99,9 @@ def _options() -> argparse.Namespace:
         "--real", type=Path, default=ROOT.parent / "shared" / "realdata", help="real recordings"
     )
     parser.add_argument("--no-real", action="store_true", help="leave the real recordings out")
+    parser.add_argument(
+        "--answers", type=Path, help="score the answers in this folder, and only those"
+    )
     parser.add_argument("--kind", help="only campaigns of this kind (reads the keys first)")
     parser.add_argument("--draw-only", action="store_true")
     parser.add_argument(
@@ -115,6 +118,10 @@ def _foreign(options: argparse.Namespace, shelf: Shelf) -> list[tuple[Path, Path
     return [(folder, options.foreign / folder.name / "answer.json") for folder in folders]
 
 
+def _foreign_answer(folder: Path) -> str:
+    return f"foreign-{folder.name}.json"
+
+
 def main() -> None:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
@@ -124,14 +131,18 @@ def main() -> None:
         folder.mkdir(parents=True, exist_ok=True)
     numbers = list(range(options.first, options.first + options.campaigns))
     foreign = _foreign(options, shelf)
+    answers_in = options.answers or shelf.answers
     with ProcessPoolExecutor(options.jobs) as pool:
         list(pool.map(_draw, [(shelf, n) for n in numbers], chunksize=4))
         if options.draw_only:
             return
         if options.kind:
             numbers = [n for n in numbers if _key(shelf, n).kind == options.kind]
-        tasks = [(shelf.campaign(n), shelf.answers / f"{n:04d}.json") for n in numbers]
-        tasks += [(f, shelf.answers / f"foreign-{f.name}.json") for f, _ in foreign]
+        if options.answers:
+            numbers = [n for n in numbers if (options.answers / f"{n:04d}.json").exists()]
+            foreign = [f for f in foreign if (options.answers / _foreign_answer(f[0])).exists()]
+        tasks = [(shelf.campaign(n), answers_in / f"{n:04d}.json") for n in numbers]
+        tasks += [(f, answers_in / _foreign_answer(f)) for f, _ in foreign]
         answers = list(pool.map(_answer, tasks))
         said = {
             name: list(pool.map(_peer_answer, [(name, shelf.campaign(n)) for n in numbers]))

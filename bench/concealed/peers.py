@@ -1,7 +1,7 @@
 """What others' methods say of the same files: sparse regression, Gaussian-process discrepancy.
 
-None of them knows of contacts, swings, cameras or confounding; what they find in the free flights
-is put into the words of the catalogue where it has any.
+Regression and Gaussian process know nothing of contacts, swings, cameras or confounding; what they
+find in the free flights is put into the words of the catalogue where it has any.
 """
 
 import time
@@ -13,6 +13,7 @@ import numpy as np
 
 from bench.concealed.answer import Answer, Named
 from bench.concealed.flights import GRAVITY, FreeFlight, baseline_residual, free_flights, smoothed
+from bench.concealed.lowest_bic import lowest_bic
 from bench.concealed.shots import Array
 from metrology import UsageError
 
@@ -155,5 +156,6 @@ PEERS: dict[str, Callable[[Path], Answer]] = {
     "pysindy, ensemble": _timed(_ensemble),
     "pysindy, weak form": _timed(_weak),
     "Gaussian-process discrepancy": _timed(_gaussian_process),
+    "plain lowest BIC": lowest_bic,
 }
 """Each peer takes a campaign folder and gives an answer."""
