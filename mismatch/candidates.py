@@ -132,7 +132,7 @@ def _admissible(effect: Effect, forward: Forward, model: Model) -> bool:
     if effect.form == "three axes" and axes < 3:
         return False
     if forward.mode == "swing":
-        return bool(hooks & {"torque", "clock", "angle"})
+        return "torque" in hooks or effect.id == "time_base"
     if forward.mode == "flight":
         return bool(hooks & {"force", "clock", "image"})
     return True

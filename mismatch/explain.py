@@ -13,6 +13,7 @@ from mismatch.hypotheses import Hypothesis
 from mismatch.locate import locate, scan_windows
 from mismatch.naming import Naming, name_effects
 from mismatch.prepare import Prepared, prepare
+from mismatch.sanity import refuse_nonsense
 from mismatch.spectrum import whiteness
 from mismatch.verdict import Alternative, NamedEffect, ParameterValue, Remainder, Verdict
 from physics.arrays import FloatArray
@@ -88,6 +89,7 @@ def explain_in_full(
     chosen = options or Options()
     prepared = prepare(campaign, setup_model)
     _require_enough(campaign)
+    refuse_nonsense(campaign, prepared)
     catalogue = [effect for forms in CATALOGUE.values() for effect in forms]
     effects = (*catalogue, *chosen.effects)
     naming = name_effects(prepared.forward, prepared.fit, effects, most=chosen.most_effects)

@@ -16,7 +16,7 @@ from mismatch.model import Model, Term, lane_terms
 from mismatch.records import Records
 from physics.arrays import FloatArray
 from physics.effects import Contact, Flight, Outcome, Swing, View
-from physics.effects.impact import change_restitution, turn_launch
+from physics.effects.impact import add_normal_speeds, change_restitution, turn_launch
 
 __all__ = ["NUISANCES", "Forward", "Mode"]
 
@@ -215,8 +215,18 @@ class Forward:
         outcome = change_restitution(contact, outcome, nuisance[..., 2])
         outcome = turn_launch(outcome, nuisance[..., 3])
         for term in terms:
+            at = term.lanes
+            if "torque" in term.effect.hooks:
+                # While they touch, a torque on the pendulum brakes ball and pendulum together.
+                swing = Swing(
+                    angle[at], rate[at], body.inertia, body.mass, body.com, body.length,
+                    self.baseline.gravity, records.order,
+                )  # fmt: skip
+                both = body.inertia / body.length + records.mass * body.length
+                slowed = term.effect.torque(term.values, swing) * gap[at] / both
+                part = add_normal_speeds(_cut(contact, at), _cut(outcome, at), slowed, slowed)
+                outcome = _paste(outcome, part, at)
             if "contact" in term.effect.hooks:
-                at = term.lanes
                 part = term.effect.contact(term.values, _cut(contact, at), _cut(outcome, at))
                 outcome = _paste(outcome, part, at)
         return outcome

@@ -141,10 +141,10 @@ def fit_ever_longer(
     longest = float(since.max())
     blank = np.zeros((records.trials, 3 * records.ball_time.shape[1]), dtype=bool)
     fit = fit_model(forward, model, free, point, rounds=0)
-    for share in (0.12, 0.25, 0.5, 1.0):
+    for share, rounds in ((0.12, 6), (0.35, 6), (1.0, 10)):
         early = np.concatenate([blank, since <= share * longest], axis=1)
         part = replace(forward, records=records.keeping(early))
-        fit = fit_model(part, model, free, point, rounds=12)
+        fit = fit_model(part, model, free, point, rounds=rounds)
         model, point = fit.model, (fit.nuisance, fit.law_offsets)
     return fit
 
@@ -186,9 +186,11 @@ def group_tolerance(best: Hypothesis) -> float:
     """How much less worth another answer may have and still not be told apart.
 
     Seven chi-square units are odds of thirty to one; in strong cases one and a half per cent of the
-    gain, since no law is known better than that.
+    gain, since no law is known better than that, but no more than a part of what is left over.
     """
-    return max(7.0, 0.015 * best.gain)
+    count = best.fit.count
+    left = max(best.fit.chi2 - count, 0.0) + np.sqrt(2.0 * count)
+    return float(max(7.0, min(0.015 * best.gain, 0.25 * left)))
 
 
 PLACES = frozenset({"contact_displacement", "origin_offset", "length_scale", "parallax"})

@@ -61,12 +61,17 @@ class Naming:
         )
 
 
-def _best_by_law(scored: Scan, inflation: float) -> list[tuple[float, int, FloatArray]]:
-    """Best shape of every law: (worth, candidate, strengths), best first."""
+def _best_by_law(
+    scored: Scan, inflation: float, anywhere: bool = False
+) -> list[tuple[float, int, FloatArray]]:
+    """Best shape of every law: (worth, candidate, strengths), best first.
+
+    Free swings are scored `anywhere`: far from the answer the sign of an estimate says nothing.
+    """
     best: dict[tuple[str, str, str], tuple[float, int, FloatArray]] = {}
     for index, candidate in enumerate(scored.candidates):
         gain, values = scored.gain(index)
-        if not scored.allowed(index, values):
+        if not anywhere and not scored.allowed(index, values):
             continue
         worth = gain / inflation - candidate.fine
         if candidate.key not in best or worth > best[candidate.key][0]:
@@ -113,11 +118,12 @@ def name_effects(
     candidates = candidates_for(forward, base.model, effects)
     first = scan(forward, base, candidates)
     threshold = null_threshold(first)
-    ranked = _best_by_law(first, inflation)
+    swinging = forward.mode == "swing"
+    ranked = _best_by_law(first, inflation, swinging)
     tried: list[Hypothesis] = []
     if not ranked or ranked[0][0] < 0.6 * threshold:
         return Naming(None, (), threshold, first)
-    share = -np.inf if forward.mode == "swing" else 0.4
+    share = -np.inf if swinging else 0.4
     for _, index, values in _shortlist(ranked, MOST_SINGLES, share):
         tried.append(fit_hypothesis(forward, base, [candidates[index]], [values]))
     best = _leader(tried)
@@ -138,7 +144,11 @@ def _worth_it(larger: Hypothesis, smaller: Hypothesis, threshold: float) -> bool
     more = larger.worth - smaller.worth
     added = [one for one in larger.ids if one not in smaller.ids]
     share = max(second_effect_share(smaller, one) for one in (added or [""]))
-    return more > max(threshold, share * smaller.gain)
+    if more > max(threshold, share * smaller.gain):
+        return True
+    # Against a baseline that runs away any share is small; then what is left over counts.
+    left = smaller.fit.chi2 - smaller.fit.count
+    return left > 0.5 * smaller.fit.count and more > max(threshold, 0.5 * left)
 
 
 def _leader(hypotheses: Sequence[Hypothesis]) -> Hypothesis | None:
@@ -185,8 +195,9 @@ def _grow(
         ids = {member.id for member in seed.members} - {"unnamed"}
         pool = tuple(c for c in pool if c.key not in keys and c.id not in ids)
         scored = scan(forward, seed.fit, pool)
-        ranked = _best_by_law(scored, 1.0)
-        if not ranked or ranked[0][0] < max(threshold, second_effect_share(seed) * seed.gain):
+        ranked = _best_by_law(scored, 1.0, forward.mode == "swing")
+        enough = max(threshold, second_effect_share(seed) * seed.gain)
+        if forward.mode != "swing" and (not ranked or ranked[0][0] < enough):
             if number == 0 and seed is leader and ranked and ranked[0][0] < threshold:
                 # The best smaller set leaves nothing to explain: a larger one would be idle.
                 break

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mismatch.baseline import Baseline, BallModel, ContactTable
+from mismatch.baseline import BallModel, Baseline, ContactTable
 from mismatch.campaign import Campaign, Trial
 from mismatch.forward import Forward
 from mismatch.model import Model

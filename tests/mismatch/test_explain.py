@@ -1,15 +1,16 @@
 """The engine on campaigns whose truth is known."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.mismatch.synthetic import struck_campaign, thrown_campaign
 
-from metrology import TooLittleDataError
+from metrology import TooLittleDataError, UsageError
 from mismatch import Campaign, Options, Trial, explain
 from mismatch.prepare import prepare
 from physics.effects import CATALOGUE, Effect, Parameter
+from tests.mismatch.synthetic import struck_campaign, thrown_campaign
 
 
 def of(name: str) -> Effect:
@@ -69,7 +70,10 @@ def test_a_strong_effect_is_named_with_its_strength(name, values):
 def test_two_effects_are_both_named():
     verdict = explain(
         *struck_campaign(
-            (of("magnus"), {"spin": 8.0}), (of("bearing_friction"), {"dry_torque": 0.3}), seed=6
+            (of("magnus"), {"spin": 8.0}),
+            (of("bearing_friction"), {"dry_torque": 0.3}),
+            seed=6,
+            trials=6,
         )
     )
     assert {"magnus", "bearing_friction"} <= with_groups(verdict)
@@ -128,3 +132,19 @@ def test_held_out_trials_must_exist(blameless):
     campaign, baseline = blameless
     with pytest.raises(TooLittleDataError, match="99"):
         explain(campaign, baseline, options=Options(hold_out=("99",)))
+
+
+def test_millimetres_and_swapped_columns_are_refused(blameless):
+    campaign, baseline = blameless
+    wide = tuple(replace(t, position=1000.0 * t.position) for t in campaign.trials)
+    with pytest.raises(UsageError, match="metres"):
+        explain(Campaign(wide), baseline)
+    swapped = tuple(replace(t, position=t.position[:, [1, 0, 2]]) for t in campaign.trials)
+    with pytest.raises(UsageError, match="swapped"):
+        explain(Campaign(swapped), baseline)
+
+
+def test_a_fall_in_millimetres_is_refused():
+    campaign, baseline = thrown_campaign(scale=1000.0)
+    with pytest.raises(UsageError, match="thousandths"):
+        explain(campaign, baseline)

@@ -1,4 +1,4 @@
-"""Every effect is whole: documented, neutral where it says so, and right in a case worked by hand."""
+"""Every effect is whole: documented, neutral where it says so, right in cases done by hand."""
 
 import numpy as np
 import pytest
@@ -16,13 +16,35 @@ from physics.effects import (
     effect_named,
 )
 
-CONTRACT = (
-    "drag drag_crisis density_lapse magnus spin_decay wind buoyancy asymmetric_wake"
-    " velocity_dependent_cor effective_mass oblique_impact support_friction contact_displacement"
-    " pivot_recoil support_recoil bearing_friction viscous_damping pendulum_drag backswing_offset"
-    " time_base length_scale camera_roll parallax lens_distortion rolling_shutter origin_offset"
-    " dropped_frames"
-).split()
+CONTRACT = [
+    "drag",
+    "drag_crisis",
+    "density_lapse",
+    "magnus",
+    "spin_decay",
+    "wind",
+    "buoyancy",
+    "asymmetric_wake",
+    "velocity_dependent_cor",
+    "effective_mass",
+    "oblique_impact",
+    "support_friction",
+    "contact_displacement",
+    "pivot_recoil",
+    "support_recoil",
+    "bearing_friction",
+    "viscous_damping",
+    "pendulum_drag",
+    "backswing_offset",
+    "time_base",
+    "length_scale",
+    "camera_roll",
+    "parallax",
+    "lens_distortion",
+    "rolling_shutter",
+    "origin_offset",
+    "dropped_frames",
+]
 ALL = [effect for forms in CATALOGUE.values() for effect in forms]
 
 FLIGHT = Flight(0.1, 0.5, 0.4, 0.0, 3.0, 4.0, 0.0, 0.35, 0.2, 1.2, 1.8e-5, 9.81, 0.5, 10.0)

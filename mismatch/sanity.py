@@ -1,0 +1,100 @@
+"""Data that no physics explains: wrong units, swapped columns, another experiment."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from metrology import UsageError
+from mismatch.campaign import Campaign
+from mismatch.fit import spread_laws
+from mismatch.forward import Forward
+from mismatch.prepare import Prepared, prepare
+from physics.arrays import FloatArray
+
+__all__ = ["refuse_nonsense"]
+
+FAR_OFF = 30.0
+"""Factor between recorded and expected size beyond which only a unit can be wrong."""
+
+SUSPICIOUS = 0.05
+SWAP_GAIN = 0.1
+ANOTHER_EXPERIMENT = 0.35
+
+
+def refuse_nonsense(campaign: Campaign, prepared: Prepared) -> None:
+    """Refuse data whose units or columns can't be what they are said to be.
+
+    Raises
+    ------
+    UsageError
+        With what is wrong and what would help.
+    """
+    forward, fit = prepared.forward, prepared.fit
+    if forward.mode == "swing" or not forward.records.ball_used.any():
+        return
+    if forward.mode == "flight":
+        _refuse_fall(forward)
+        return
+    records = forward.records
+    predicted = forward.predict(
+        [fit.model], spread_laws(forward, fit.nuisance, fit.law_offsets)[None]
+    )[0]
+    s = records.ball_time.shape[1]
+    both = records.ball_used[..., 0] & records.ball_used[..., 1]
+    if not both.any():
+        return
+    x, y = records.position[..., 0][both], records.position[..., 1][both]
+    px, py = predicted[:, :s][both], predicted[:, s : 2 * s][both]
+    ratio = _spread(x, y) / max(_spread(px, py), 1e-9)
+    if ratio > FAR_OFF or ratio < 1.0 / FAR_OFF:
+        raise UsageError(
+            f"the recorded positions spread {ratio:.3g} times as far as the setup expects",
+            hint="Positions are in metres; were they written in millimetres or pixels?",
+        )
+    straight = _misfit(x - px, y - py)
+    size = _spread(px, py)
+    if straight > SUSPICIOUS * size and _fits_swapped(campaign, prepared):
+        raise UsageError(
+            "the columns x_m and y_m look swapped: the other way round they fit the setup",
+            hint="x_m runs along the wall, y_m up from the floor.",
+        )
+    if straight > ANOTHER_EXPERIMENT * size:
+        raise UsageError(
+            f"the setup contradicts the data: positions miss by {straight:.2g} m at a spread"
+            f" of {size:.2g} m",
+            hint="Check back-swing angles, ball names, pendulum and support in the setup.",
+        )
+
+
+def _fits_swapped(campaign: Campaign, prepared: Prepared) -> bool:
+    """Whether the campaign fits far better with x and y exchanged."""
+    trials = tuple(replace(t, position=t.position[:, [1, 0, 2]]) for t in campaign.trials)
+    other = prepare(Campaign(trials), prepared.forward.baseline)
+    return other.fit.chi2 / other.fit.count < SWAP_GAIN * prepared.fit.chi2 / prepared.fit.count
+
+
+def _spread(x: FloatArray, y: FloatArray) -> float:
+    return float(np.hypot(np.ptp(x), np.ptp(y)))
+
+
+def _misfit(dx: FloatArray, dy: FloatArray) -> float:
+    return float(np.median(np.hypot(dx, dy)))
+
+
+def _refuse_fall(forward: Forward) -> None:
+    """Free flights fall with about g, whatever else acts; not with a thousand times that."""
+    records = forward.records
+    found = []
+    for trial in range(records.trials):
+        used = records.ball_used[trial, :, 1]
+        time, height = records.ball_time[trial, used], records.position[trial, used, 1]
+        if time.size >= 6:
+            found.append(-2.0 * float(np.polyfit(time - time.mean(), height, 2)[0]))
+    if not found or not records.ball_used[..., 1].any():
+        return
+    ratio = float(np.median(found)) / forward.baseline.gravity
+    if abs(ratio) > FAR_OFF:
+        raise UsageError(
+            f"the balls fall with {ratio:.3g} g",
+            hint="Positions are in metres and times in seconds; is one of them in thousandths?",
+        )
