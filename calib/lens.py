@@ -298,8 +298,8 @@ def _coverage(views: Sequence[BoardView]) -> float:
 def _held_out(views: Sequence[BoardView], whole: _Fit) -> float:
     """Reprojection error of views not used in the fit, root mean square over all corners, px.
 
-    The pose of a held-out view is its own; only lens and board come from the others. Corners farther
-    out than any corner of the fit are left out: a polynomial says nothing there.
+    The pose of a held-out view is its own; only lens and board come from the others. Corners
+    farther out than three views of the fit reach are left out: a polynomial says nothing there.
     """
     squares: list[float] = []
     folds = min(FOLDS, len(views) // 2)
@@ -307,7 +307,7 @@ def _held_out(views: Sequence[BoardView], whole: _Fit) -> float:
         training = [view for i, view in enumerate(views) if i % folds != fold]
         fit = _fit(training)
         centre = [fit.lens.cx, fit.lens.cy]
-        reach = max(np.linalg.norm(v.points_px - centre, axis=1).max() for v in training)
+        reach = sorted(np.linalg.norm(v.points_px - centre, axis=1).max() for v in training)[-3]
         lens = (fit.lens.matrix, fit.lens.coefficients)
         for index in range(fold, len(views), folds):
             view = views[index]
