@@ -1,4 +1,4 @@
-"""The pendulum mass as it was followed: its poses, what it hides, and where its striking face is."""
+"""The pendulum mass as it was followed: its poses, what it hides, and its striking face."""
 
 from dataclasses import dataclass
 
