@@ -17,7 +17,7 @@ from bench.concealed.throws import draw_throws, perform_throws, throws_visibilit
 __all__ = ["GENERATOR", "KINDS", "draw_campaign", "level_of"]
 
 # Raised whenever campaigns of the same seed change, so that caches of old ones are not used.
-GENERATOR = 3
+GENERATOR = 4
 
 # Fifty campaigns in a row hold every kind in the wanted proportion.
 KINDS = tuple(["null"] * 13 + ["single"] * 20 + ["pair"] * 6 + ["twins"] * 2 + ["outside"] * 9)
@@ -55,12 +55,15 @@ def _wanted(rng: np.random.Generator, level: str) -> float:
 
 def _scaled(rng: np.random.Generator, design: Design, recipe: Recipe, target: float) -> Strength:
     """The amplitude at which the baseline misses by `target`, within the recipe's limit."""
-    sign = int(rng.choice(recipe.signs))
+    sign, limit = int(rng.choice(recipe.signs)), recipe.limit
+    if recipe.name == "drag" and sign < 0:
+        # Less drag than the baseline holds, but not less than none.
+        limit = 0.9 * (design.lab.drag_coefficient or 0.0)
     strength = Strength(recipe, sign * recipe.unit, _constants(rng, recipe, design))
     for _ in range(2):
         found = visibility(design, [strength]).matrix[0, 0]
         size = abs(strength.amplitude) * np.sqrt(target / max(found, 1e-9))
-        strength = replace(strength, amplitude=sign * float(min(size, recipe.limit)))
+        strength = replace(strength, amplitude=sign * float(min(size, limit)))
     return strength
 
 

@@ -103,15 +103,19 @@ def _local_spans(key: Key) -> list[tuple[float, float, float]]:
 
 
 def local_start_error(key: Key, answer: Answer) -> float | None:
-    """Error of a local effect's start (s after first touch) as a fraction of the flight."""
+    """Error of a local effect's start (s after first touch) as a fraction of the flight.
+
+    What is bound to a place starts at another time in each trial: any time between them is right.
+    """
     spans = _local_spans(key)
     if not spans or not any(hidden.local for hidden in key.effects):
         return None
     if answer.t_start is None:
         return float("inf")
-    spans.sort()
-    start, _, flight = spans[len(spans) // 2]
-    return abs(answer.t_start - start) / flight
+    starts = [start for start, _, _ in spans]
+    flight = sorted(duration for _, _, duration in spans)[len(spans) // 2]
+    outside = max(min(starts) - answer.t_start, answer.t_start - max(starts), 0.0)
+    return outside / flight
 
 
 def judge(key: Key, answer: Answer) -> Judgement:
