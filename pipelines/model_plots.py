@@ -18,7 +18,7 @@ from physics.forward import Experiment
 __all__ = ["BLUE", "GRAY", "ORANGE", "draw_flights", "draw_plan", "saved_figure"]
 
 BLUE, ORANGE, GRAY = "#1f6fb4", "#d95f02", "#666666"
-_STYLE = {
+_STYLE: Any = {
     "font.size": 9,
     "axes.grid": True,
     "grid.color": "#dddddd",

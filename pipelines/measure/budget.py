@@ -17,6 +17,8 @@ __all__ = ["Scene", "merged", "systematic_budget"]
 FloatArray = NDArray[np.float64]
 
 INERTIA_SHARE, MASS_SHARE = 0.01, 0.003
+ARM_SHARE_STD, AFTER_SHARE_STD = 0.007, 0.01
+"""A mass 6 cm thick seen from 4 m: its near side is enlarged by that much."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +97,10 @@ def _moved(scene: Scene, scale_std: float) -> list[tuple[str, Scene]]:
     moved.append(
         ("inertia of the pendulum", replace(scene, inputs=replace(inputs, pendulum=heavier)))
     )
+    nearer = replace(inputs, arm_share=inputs.arm_share * (1 + ARM_SHARE_STD))
+    moved.append(("depth of the mass' visible side", replace(scene, inputs=nearer)))
+    ringing = replace(inputs, after_share=inputs.after_share * (1 + AFTER_SHARE_STD))
+    moved.append(("pendulum just after contact", replace(scene, inputs=ringing)))
     if inputs.fall is not None:
         higher = replace(inputs, fall=inputs.fall + HEIGHT_STD_M)
         moved.append(("height of the support", replace(scene, inputs=higher)))

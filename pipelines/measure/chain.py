@@ -81,6 +81,7 @@ def measure_clip(
         mass_at=options.mass_at,
         progress=lambda part: tell("following ball and pendulum", part),
     )
+    tracks = _timed(tracks, clip.capture_times(rate.fps))
     tell("calibrating", 0.0)
     calibration, refusal = _calibrated(tracks, inputs)
     tell("calibrating", 1.0)
@@ -104,6 +105,16 @@ def measure_clip(
         calibration=calibration,
         impact=evaluated.impact,
     )
+
+
+def _timed(tracks: Tracks, time_s: FloatArray) -> Tracks:
+    """The tracks on the camera's own clock: dropped frames and variable rates leave gaps."""
+    ball = replace(tracks.ball, time_s=time_s[tracks.ball.frame])
+    pendulum = tracks.pendulum
+    if pendulum is not None:
+        mass = replace(pendulum.track, time_s=time_s[pendulum.track.frame])
+        pendulum = replace(pendulum, track=mass)
+    return replace(tracks, ball=ball, pendulum=pendulum)
 
 
 def _calibrated(tracks: Tracks, inputs: Inputs) -> tuple[Calibration | None, str]:

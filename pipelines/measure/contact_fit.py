@@ -6,6 +6,7 @@ way the ball moves while it is pushed tells that: a longer contact rounds the co
 and flight.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,7 @@ from scipy.optimize import least_squares
 
 from metrology import NotFoundError
 from pipelines.measure.flight_fit import FlightFit
-from pipelines.measure.pulse import contact_pulse
+from pipelines.measure.pulse import ContactPulse, contact_pulse
 from pipelines.measure.swing_fit import SwingFit
 
 __all__ = [
@@ -33,7 +34,9 @@ FloatArray = NDArray[np.float64]
 # Inflated balls lie between a linear spring and Hertz's 3/2 (Cross, Am. J. Phys. 67, 222, 1999).
 EXPONENT, EXPONENT_STD = 1.3, 0.12
 # Share of the compression by which the middle of the visible outline lags the centre of mass.
-OUTLINE_LAG_STD = 0.05
+OUTLINE_LAG_STD = 0.08
+# Between the COR of the speeds and that of a contact head-on.
+COR_STD = 0.05
 
 
 @dataclass(frozen=True)
@@ -54,6 +57,8 @@ class ImpactView:
         Ball's radius.
     time_s, position_m, std_m : (M,), (M, 2), (M,) arrays
         Ball's outline in the frames around contact.
+    swing_time_s, swing_rad, swing_std_rad : (K,) arrays
+        Pendulum's angle in the frames around contact.
     lead, lead_std : float
         How far the face leads the line from pivot to mass, as seen.
     """
@@ -68,6 +73,9 @@ class ImpactView:
     time_s: FloatArray
     position_m: FloatArray
     std_m: FloatArray
+    swing_time_s: FloatArray
+    swing_rad: FloatArray
+    swing_std_rad: FloatArray
     lead: float
     lead_std: float
 
@@ -209,16 +217,35 @@ def _path_residuals(
     duration = release - onset
     state = view.flight.states(np.array([release]))[0]
     normal = state[:2] - view.rest
-    normal = normal / np.hypot(*normal)
+    way = float(np.hypot(*normal))
+    normal = normal / way
     speed = float(state[2:] @ normal)
+    # the impulse's centroid puts the way gone at release at v Δt / (1 + e)
+    cor = float(np.clip(speed * duration / way - 1.0, 0.2, 0.999))
     approach, parting = face_speeds(view, onset, release)
-    cor = float(np.clip(parting / approach, 0.05, 0.999)) if approach > 0 else 0.8
     pulse = contact_pulse(float(exponent), cor)
     phase = np.clip((view.time_s - onset) / duration, 0.0, 1.0)
     path = np.interp(phase, pulse.phase, pulse.path) * speed * duration
+    path += np.maximum(view.time_s - release, 0.0) * speed
     lagging = np.interp(phase, pulse.phase, pulse.compression) * approach * duration * lag
-    flying = view.time_s > release
     moved = (view.position_m - view.rest) @ normal
-    if np.any(flying):
-        path[flying] = (view.flight.states(view.time_s[flying])[:, :2] - view.rest) @ normal
-    return np.asarray((moved - path - lagging) / view.std_m)
+    held = _pendulum_held_back(view, onset, release, pulse)
+    by_speeds = (parting / approach - (speed * duration / way - 1.0)) / COR_STD
+    return np.concatenate([(moved - path - lagging) / view.std_m, held, [by_speeds]])
+
+
+def _pendulum_held_back(
+    view: ImpactView, onset: float, release: float, pulse: ContactPulse
+) -> FloatArray:
+    """How far the pendulum stays behind its free swing: the ball's path by the mass ratio.
+
+    Unlike the ball's outline, the mass keeps its shape.
+    """
+    duration = release - onset
+    slowed = view.before.state(release)[1] - view.after.state(release)[1]
+    phase = np.clip((view.swing_time_s - onset) / duration, 0.0, 1.0)
+    path = np.interp(phase, pulse.phase, pulse.path) * duration
+    path += np.maximum(view.swing_time_s - release, 0.0)
+    behind = view.before.angles(view.swing_time_s) - view.swing_rad
+    std = view.swing_std_rad * math.sqrt(view.before.fitted.chi2_per_dof)
+    return np.asarray((behind - slowed * path) / std)

@@ -139,7 +139,9 @@ def _add_restitution(
     onset, release = contact
     phi_before, omega_before = view.before.state(onset)
     phi_after, omega_after = view.after.state(release)
-    arm = arm_along_bar(rest - view.pivot, phi_before)
+    omega_after *= inputs.after_share
+    share = inputs.arm_share
+    arm = share * arm_along_bar(rest - view.pivot, phi_before)
     body = inputs.pendulum
     out["pendulum_speed_before"] = omega_before * arm
     out["pendulum_speed_after"] = omega_after * arm
@@ -148,7 +150,7 @@ def _add_restitution(
     spent = (omega_before**2 - omega_after**2) * true_rate**2
     out["energy_loss"] = 0.5 * body.inertia * spent
     state = flight.states(np.array([release]))[0]
-    out["cor_speeds"] = _cor(state, omega_after, omega_before, phi_after, view, arm)
+    out["cor_speeds"] = _cor(state, omega_after, omega_before, phi_after, view, arm, share)
     mass = None if inputs.ball is None else inputs.ball.mass
     if mass is None:
         return
@@ -163,12 +165,14 @@ def _add_restitution(
         lost = inputs.gravity * weight * (release - onset)
         return float(omega_before - (carried + lost) / body.inertia)
 
-    out["cor_launch"] = _cor(state, turned(state), omega_before, phi_after, view, arm)
+    out["cor_launch"] = _cor(state, turned(state), omega_before, phi_after, view, arm, share)
     distance = out["landing_distance"]
     if np.isfinite(distance) and inputs.fall is not None:
         launched = _launch_that_reaches(flight, state, rest, distance, inputs)
         if launched is not None:
-            out["cor_range"] = _cor(launched, turned(launched), omega_before, phi_after, view, arm)
+            out["cor_range"] = _cor(
+                launched, turned(launched), omega_before, phi_after, view, arm, share
+            )
 
 
 def _cor(
@@ -178,10 +182,12 @@ def _cor(
     phi: float,
     view: ImpactView,
     arm: float,
+    share: float,
 ) -> float:
     """Parting over approach speed along the face's normal (Eq. 2), at the point of contact."""
     normal = np.array([np.cos(phi), np.sin(phi)])
-    parting = float(state[2:] @ normal) - omega_after * arm_along_bar(state[:2] - view.pivot, phi)
+    reach = share * arm_along_bar(state[:2] - view.pivot, phi)
+    parting = float(state[2:] @ normal) - omega_after * reach
     return parting / (omega_before * arm)
 
 
@@ -190,14 +196,14 @@ def _launch_that_reaches(
 ) -> FloatArray | None:
     """Release state with the measured direction whose flight lands at `distance` (Eqs 13-17).
 
-    Drag from the ball's data and no lift: what Eq. 17 assumes.
+    The forces in the air are those that this flight shows, where Eq. 17 knows only drag.
     """
-    drag, _ = inputs.drag_per_metre
+    forces = flight.fitted.values[4:]
     fall = inputs.fall
     assert fall is not None
 
     def miss(share: float) -> float:
-        values = np.concatenate([state[:2], state[2:] * share, [drag, 0.0, inputs.gravity]])
+        values = np.concatenate([state[:2], state[2:] * share, forces])
         landed = flight.falls_to(float(rest[1]) - fall, values)
         if landed is None:
             return -distance

@@ -125,7 +125,7 @@ def fit_flight(
     def residuals(values: FloatArray) -> FloatArray:
         return ((_flown(values, elapsed)[:, :2] - position_m) / std).ravel()
 
-    fitted = fit(residuals, start, start, spread)
+    fitted = fit(residuals, start, start, spread, channels=2)
     left = position_m - _flown(fitted.values, elapsed)[:, :2]
     return FlightFit(reference_s, fitted, time_s, left)
 
@@ -140,7 +140,8 @@ def _flown(values: FloatArray, elapsed: FloatArray) -> FloatArray:
 
 
 def _march(values: FloatArray, elapsed: FloatArray, side: float) -> FloatArray:
-    drag, lift, gravity = (float(value) for value in values[4:])
+    # a search may try forces that would blow the path up
+    drag, lift, gravity = (float(v) for v in np.clip(values[4:], [-1, -5, -99], [1, 5, 99]))
 
     def acceleration(vx: float, vy: float) -> tuple[float, float]:
         resist = drag * (vx * vx + vy * vy) ** 0.5

@@ -13,8 +13,8 @@ __all__ = ["ROADS", "fused_cor"]
 FloatArray = NDArray[np.float64]
 
 ROADS = ("cor_speeds", "cor_launch", "cor_range")
-MODEL_STD = 0.004
-"""What the rigid balance of Eqs 8-10 leaves out (a ball that slides and spins on the face)."""
+MODEL_STD = {"cor_speeds": 0.002, "cor_launch": 0.004, "cor_range": 0.004}
+"""What each road leaves out: the rigid balance of Eqs 8-10 knows no ball that slides and spins."""
 
 
 def fused_cor(
@@ -41,7 +41,7 @@ def fused_cor(
     for column in systematic.values():
         share = np.nan_to_num(column[at])
         covariance += np.outer(share, share)
-    covariance += np.diag([0.0 if road == "cor_speeds" else MODEL_STD**2 for road in roads])
+    covariance += np.diag([MODEL_STD[road] ** 2 for road in roads])
     covariance += 1e-8 * np.eye(len(at))
     weight = np.linalg.solve(covariance, np.ones(len(at)))
     weight /= weight.sum()

@@ -17,9 +17,11 @@ __all__ = ["Impact", "departure", "find_impact"]
 FloatArray = NDArray[np.float64]
 
 LONGEST_CONTACT_S = 0.025
-SWING_STRETCH_S = 0.12
+SWING_STRETCH_S = 0.08
 _ROUNDS = 3
-_FACE_DEPTH_SHARE = 0.15
+FACE_DEPTH_SHARE = 0.02
+"""Of the arm: parallax of a face seen off its plane by half the thickness of the mass."""
+IMPACT_ANGLE_STD = np.radians(0.4)
 
 
 @dataclass(frozen=True)
@@ -163,8 +165,9 @@ def _view(
     before = (time < onset) & (time > onset - SWING_STRETCH_S)
     after = (time > release) & (time < release + SWING_STRETCH_S)
     radius = tracks.radius_m if inputs.ball is None else 0.5 * inputs.ball.diameter
-    near = (tracks.ball_time_s > onset - 0.01) & (tracks.ball_time_s < release + 0.01)
-    reach = float(np.hypot(*(tracks.rest_m - tracks.pivot_m)))
+    near = (tracks.ball_time_s > onset - 0.01) & (tracks.ball_time_s < release + 0.005)
+    swinging = (time > onset - 0.01) & (time < release + 0.005)
+    lead, lead_std = _lead(tracks, inputs, radius)
     return ImpactView(
         before=fit_swing(
             time[before],
@@ -190,7 +193,25 @@ def _view(
         time_s=tracks.ball_time_s[near],
         position_m=tracks.ball_m[near],
         std_m=np.sqrt(0.5 * np.trace(tracks.ball_cov_m2[near], axis1=1, axis2=2)),
-        lead=tracks.lead_m,
-        # the face is seen at another depth than the ball's centre
-        lead_std=float(np.hypot(tracks.lead_std_m, _FACE_DEPTH_SHARE * 0.1 * reach)),
+        swing_time_s=time[swinging],
+        swing_rad=tracks.swing_rad[swinging],
+        swing_std_rad=tracks.swing_std_rad[swinging],
+        lead=lead,
+        lead_std=lead_std,
     )
+
+
+def _lead(tracks: MetricTracks, inputs: Inputs, radius: float) -> tuple[float, float]:
+    """Lead of the face before contact is looked at: as seen, and from the impact angle."""
+    assert tracks.pivot_m is not None
+    arm = tracks.rest_m - tracks.pivot_m
+    reach = float(np.hypot(*arm))
+    # the face is seen at another depth than the ball's centre
+    seen_std = float(np.hypot(tracks.lead_std_m, FACE_DEPTH_SHARE * reach))
+    if inputs.ball is None or inputs.ball.launch_angle is None:
+        return tracks.lead_m, seen_std
+    angle = inputs.ball.launch_angle
+    written = float(arm[0] * np.cos(angle) + arm[1] * np.sin(angle)) - radius
+    weights = np.array([seen_std, IMPACT_ANGLE_STD * reach]) ** -2.0
+    mean = float(weights @ [tracks.lead_m, written] / weights.sum())
+    return mean, float(weights.sum() ** -0.5)

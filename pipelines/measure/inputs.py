@@ -43,6 +43,10 @@ class Inputs:
         m.
     assumed : tuple of str
         What was taken from the paper because nobody said otherwise.
+    arm_share : float
+        Factor on the pendulum's arm: its visible side is nearer to the camera than the ball plane.
+    after_share : float
+        Factor on the pendulum's rate after contact, while the bar rings and the ball is in the way.
     """
 
     setup: Setup
@@ -54,6 +58,8 @@ class Inputs:
     grid_pitch: float
     fine_pitch: float
     assumed: tuple[str, ...]
+    arm_share: float = 1.0
+    after_share: float = 1.0
 
     @property
     def pendulum_stiffness(self) -> float:

@@ -24,6 +24,8 @@ __all__ = ["Evaluated", "quantities_of"]
 FloatArray = NDArray[np.float64]
 
 _NEEDS_METRES = {"m", "m/s", "N s", "J"}
+LONGEST_GAP_S = 0.03
+"""Time before landing for which a ball lost near the floor may be carried on along its flight."""
 _LANDING = ("landing_distance", "landing_time", "landing_distance_on_wall", "cor_range")
 
 
@@ -113,14 +115,29 @@ def _reasons(evaluated: Evaluated, no_grid: str) -> dict[str, str]:
             reasons |= dict.fromkeys([*wanted, "gravity", "launch_angle"], text)
     if impact is not None and evaluated.metric is not None:
         landed = evaluated.values[list(DERIVED).index("landing_time")]
-        frame_s = 1.0 / scene.rate.fps
-        if np.isfinite(landed) and impact.last_flight_s < landed - 4.0 * frame_s:
+        if np.isfinite(landed) and not _landing_in_view(evaluated, float(landed)):
             text = (
                 f"the ball leaves the picture at {impact.last_flight_s:.3f} s,"
                 f" {landed - impact.last_flight_s:.3f} s before it lands"
             )
             reasons |= dict.fromkeys(_LANDING, text)
     return reasons
+
+
+def _landing_in_view(evaluated: Evaluated, landed: float) -> bool:
+    """Whether the ball is followed to its landing, or nearly, at a place inside the picture."""
+    impact, calibration = evaluated.impact, evaluated.scene.calibration
+    assert impact is not None
+    frame_s = 1.0 / evaluated.scene.rate.fps
+    if landed - impact.last_flight_s <= 2.0 * frame_s:
+        return True
+    if landed - impact.last_flight_s > LONGEST_GAP_S or calibration is None:
+        return False
+    x, y = impact.flight.states(np.array([landed]))[0, :2]
+    spot = np.array([impact.tracks.direction * x, y, calibration.ball_plane_offset])
+    u, v = calibration.camera.project(spot)
+    lens = calibration.lens
+    return bool(0 <= u <= lens.width - 1 and 0 <= v <= lens.height - 1)
 
 
 def _contact_frames(evaluated: Evaluated, tracks: Tracks, reasons: dict[str, str]) -> Quantity:
