@@ -17,6 +17,8 @@ BINS = 32
 COARSER = (2, 3, 4, 5, 6, 8, 10)
 SIGNIFICANT = 5.0
 """A line of the spectrum must stand this far above the median of its surroundings."""
+CLEAR = 3.0
+"""The same for the wave itself, which local coherence has vouched for already."""
 FAINTEST = 0.03
 FAINTEST_ALIASED = 0.15
 ALIAS_FREE = 6.0
@@ -115,9 +117,9 @@ def _coarsest(values: FloatArray, coordinate: FloatArray, faintest: float) -> tu
 
     reference = height(1.0, 2.0)[0]
 
-    def seen(frequency: float, tolerance: float = 0.8) -> bool:
+    def seen(frequency: float, tolerance: float = 0.8, clear: float = SIGNIFICANT) -> bool:
         peak, floor = height(frequency, tolerance)
-        return peak > SIGNIFICANT * floor and peak > faintest * reference
+        return peak > clear * floor and peak > faintest * reference
 
     best = 1
     for multiple in COARSER:
@@ -127,7 +129,7 @@ def _coarsest(values: FloatArray, coordinate: FloatArray, faintest: float) -> tu
         share = np.mean([seen(j / multiple) for j in parts])
         if seen(1 / multiple) and share >= 0.75:
             best = multiple
-    return best, seen(1.0, 2.0)
+    return best, seen(1.0, 2.0, CLEAR)
 
 
 def folded(values: FloatArray, grid: FloatArray, bins: int = 20) -> tuple[FloatArray, FloatArray]:
