@@ -127,12 +127,13 @@ class Aligner:
         """
         guess = start if start is not None else View(1.0, np.zeros(2), 0.0, 0.0)
         found = self._refine(frame, guess)
-        if start is None and found[1] > 1.7:
+        if found[1] > 1.7:
             # On copies: the transform works in place.
             smooth = cv2.GaussianBlur(frame, (0, 0), 1.0)
             jump, _ = cv2.phaseCorrelate(self._smooth.copy(), smooth)
             again = self._refine(frame, View(1.0, np.array(jump, dtype=np.float64), 0.0, 0.0))
-            found = min(found, again, key=lambda pair: pair[1])
+            # A wall's grid repeats: of two fits about as good, the nearer is right.
+            found = again if again[1] < 0.7 * found[1] else found
         return found[0]
 
     def _refine(self, frame: FloatImage, guess: View) -> tuple[View, float]:

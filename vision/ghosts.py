@@ -54,7 +54,7 @@ def without_ghosts(epochs: list[FloatImage], usual: FloatImage, noise: FloatImag
             others = [epochs[bit][window] for bit in range(len(epochs)) if value >> bit & 1]
             steps = [_step_along(other, region) for other in others]
             best = int(np.argmin(steps))
-            if steps[best] < 0.5 * _step_along(usual[window], region):
+            if steps[best] < 0.7 * _step_along(usual[window], region):
                 wide = cv2.dilate(region, np.ones((7, 7), np.uint8)) > 0
                 clean[window][wide] = others[best][wide]
     return clean
