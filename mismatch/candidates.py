@@ -122,7 +122,7 @@ def _admissible(effect: Effect, forward: Forward, model: Model) -> bool:
     hooks = effect.hooks
     if any(need not in model.ids for need in effect.requires):
         return False
-    if effect.requires == ("drag",) and model.value("drag", "drag_coefficient", 0.0) <= 0.0:
+    if "drag" in effect.requires and model.value("drag", "drag_coefficient", 0.0) <= 0.0:
         return False
     axes = int(forward.records.ball_used.any(axis=(0, 1)).sum())
     if effect.id in NEED_TWO_AXES and axes < 2:

@@ -74,13 +74,11 @@ class Forward:
         (K, T, 3S + P) array
         """
         terms = lane_terms(models)
-        if self.mode == "impact":
-            ball, velocity, phi, omega, times = self._struck(terms, nuisance)
-        elif self.mode == "flight":
-            ball, velocity, phi, omega, times = self._thrown(terms, nuisance)
-        else:
-            ball, velocity, phi, omega, times = self._released(terms, nuisance)
-        return self._seen(terms, ball, velocity, phi, omega, times)
+        paths = {"impact": self._struck, "flight": self._thrown, "swing": self._released}
+        # A step too far may run off to infinity; the fit sees it as a bad step and halves it.
+        with np.errstate(over="ignore", invalid="ignore"):
+            ball, velocity, phi, omega, times = paths[self.mode](terms, nuisance)
+            return self._seen(terms, ball, velocity, phi, omega, times)
 
     def _struck(
         self, terms: Sequence[Term], nuisance: FloatArray

@@ -2,20 +2,22 @@
 
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from metrology import UsageError, write_text_whole
-from mismatch import Explained, Options, Verdict, explain_in_full
+from mismatch import Campaign, Explained, Options, Verdict, explain_in_full
+from pipelines.explain_clips import campaign_from_clips
 from pipelines.explain_io import baseline_from_setup, load_campaign, load_effects
 from pipelines.explain_model import improved_setup
 from pipelines.explain_plots import draw_explained
 from pipelines.explain_report import write_explain_report
 from pipelines.setup_file import Setup, load_setup
 
-__all__ = ["explain_command", "explain_files", "explain_files_in_full"]
+__all__ = ["explain_clips", "explain_command", "explain_files", "explain_files_in_full"]
 
 
 def explain_files(
@@ -61,7 +63,32 @@ def explain_files_in_full(
 ) -> Explained:
     """As `explain_files`, with the fits that plots and reports need."""
     known = setup if isinstance(setup, Setup) else load_setup(setup)
-    campaign = load_campaign(ball, pendulum, known)
+    return _explained(load_campaign(ball, pendulum, known), known, hold_out, effects_file)
+
+
+def explain_clips(
+    clips: Sequence[Path],
+    setup: Path | Setup,
+    hold_out: tuple[str, ...] | None = None,
+    effects_file: Path | None = None,
+) -> Explained:
+    """Measure clips and explain them as one campaign, one trial a clip.
+
+    Raises
+    ------
+    ClipError, NotFoundError
+        If a clip can't be read or measured.
+    """
+    known = setup if isinstance(setup, Setup) else load_setup(setup)
+    return _explained(campaign_from_clips(clips, known), known, hold_out, effects_file)
+
+
+def _explained(
+    campaign: Campaign,
+    known: Setup,
+    hold_out: tuple[str, ...] | None,
+    effects_file: Path | None,
+) -> Explained:
     baseline = baseline_from_setup(known, campaign)
     own = () if effects_file is None else load_effects(effects_file)
     return explain_in_full(
@@ -100,7 +127,10 @@ def explain_command(
         )
     ball = _ball_file(inputs or [])
     held = tuple(name.strip() for name in hold_out.split(",")) if hold_out else None
-    explained = explain_files_in_full(ball, pendulum, setup, held, effects)
+    if inputs and ball is None:
+        explained = explain_clips(inputs, setup, held, effects)
+    else:
+        explained = explain_files_in_full(ball, pendulum, setup, held, effects)
     text = json.dumps(explained.verdict.to_json(), indent=1, allow_nan=False)
     if json_file == "-":
         sys.stdout.write(text + "\n")
@@ -127,7 +157,4 @@ def _ball_file(inputs: list[Path]) -> Path | None:
             "explain takes one ball file, or clips, not both and not several tables",
             hint="Put all trials into one file with a column `trial`.",
         )
-    raise UsageError(
-        "explain reads tables here; measure the clips first",
-        hint="vision measure CLIP... --tracks BALL.csv, then vision explain BALL.csv --setup ...",
-    )
+    return None

@@ -64,6 +64,7 @@ class DragCrisis(Effect):
     )
     confusable: tuple[str, ...] = ("drag", "wind", "unnamed")
     separating: str = "launch speeds on both sides of the critical speed"
+    requires: tuple[str, ...] = ("drag",)
 
     def force(self, values: Values, flight: Flight) -> Vector:
         """What the lower coefficient gives back."""
