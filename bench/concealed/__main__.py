@@ -19,13 +19,12 @@ from bench.concealed.draw import GENERATOR, draw_campaign
 from bench.concealed.foreign import convert_all
 from bench.concealed.foreign_keys import foreign_key
 from bench.concealed.peers import PEERS
-from bench.concealed.report import Scored, proof_text
+from bench.concealed.report import WHOLE_PROOF, Scored, proof_text
 from bench.concealed.score import judge
 from bench.realdata.table import real_rows, real_table
 from metrology import write_text_whole
 
 ROOT = Path(__file__).parents[2]
-WHOLE_PROOF = 400
 
 
 @dataclass(frozen=True)

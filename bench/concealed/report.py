@@ -12,7 +12,14 @@ from bench.concealed.conventions import true_parameter
 from bench.concealed.score import MIMICKED, Judgement
 from bench.concealed.statistics import Proportion, calibration_error
 
-__all__ = ["Scored", "proof_text"]
+__all__ = ["WHOLE_PROOF", "Scored", "proof_text"]
+
+
+WHOLE_PROOF = 400
+PARTIAL = (
+    f"**A part of the proof: fewer than the {WHOLE_PROOF} campaigns that it needs were scored, so "
+    "the intervals are wide.**"
+)
 
 
 @dataclass(frozen=True)
@@ -272,6 +279,7 @@ def proof_text(
         "refitted baseline: Δχ² below 10, to 100, above. Shares come with counts and 95 % Wilson "
         "intervals.",
         "",
+        *([PARTIAL, ""] if len(own) < WHOLE_PROOF else []),
         *_table(("", "at least", "aim", "measured"), _main_rows(own)),
         f"Declared groups hold {np.median(sizes):.0f} ids in the median, {max(sizes)} at most."
         if sizes
