@@ -37,7 +37,8 @@ class Choice:
 
 def trimmed(path: Path) -> Path:
     """Leave out candidates whose radius is not that of the clearest ones."""
-    worth = path.coverage**2 * np.log1p(path.sharpness)
+    # a panel or a highlight inside the ball is round too: what counts is the length of edge seen
+    worth = path.coverage**2 * np.log1p(path.sharpness) * path.radius_px**2
     order = np.argsort(np.log(path.radius_px))
     half = np.searchsorted(np.cumsum(worth[order]), 0.5 * worth.sum())
     typical = path.radius_px[order[min(half, len(order) - 1)]]

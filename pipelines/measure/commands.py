@@ -191,7 +191,7 @@ def demo_command(
     Example: vision demo
     """
     folder = Path(sample_videos.__file__).parent / "clips"
-    clip = folder / "jokku_120.mp4"
+    clip = folder / "basketball_60.mp4"
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
