@@ -7,11 +7,12 @@ import numpy as np
 from calib.calibration import Calibration
 from calib.evidence import BallOutlines, Evidence, Known
 from calib.grid import WallGrid, find_wall_grid
+from calib.plausibility import plausible
 from calib.pose import calibrate
 from pipelines.measure.inputs import DIAMETER_SHARE, Inputs
 from vision.tracks import Track, Tracks
 
-__all__ = ["calibrate_clip"]
+__all__ = ["calibrate_clip", "scene_evidence"]
 
 _RADIUS_COMMON_STD_PX = 0.08
 
@@ -27,14 +28,15 @@ def calibrate_clip(tracks: Tracks, inputs: Inputs) -> tuple[Calibration, WallGri
     grid = find_wall_grid(
         tracks.background, pitch_m=inputs.grid_pitch, fine_pitch_m=inputs.fine_pitch
     )
-    return calibrate(grid, _evidence(tracks, inputs)), grid
+    return plausible(calibrate(grid, scene_evidence(tracks, inputs))), grid
 
 
 def _known(pair: tuple[float, float] | None) -> Known | None:
     return None if pair is None else Known(*pair)
 
 
-def _evidence(tracks: Tracks, inputs: Inputs) -> Evidence:
+def scene_evidence(tracks: Tracks, inputs: Inputs) -> Evidence:
+    """What is known of the scene besides its grid."""
     camera, wall = inputs.setup.camera, inputs.setup.wall
     foot = camera.principal_point_on_wall
     ball = tracks.ball

@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.calibration import Calibration
+from calib.free_fall import with_free_fall
+from calib.grid import WallGrid
 from metrology import CalibrationError, MeasurementError
 from pipelines.measure.budget import Scene, systematic_budget
-from pipelines.measure.calibrated import calibrate_clip
+from pipelines.measure.calibrated import calibrate_clip, scene_evidence
 from pipelines.measure.derived import DERIVED, derived_values, random_covariance
 from pipelines.measure.impact import find_impact
 from pipelines.measure.inputs import DIAMETER_SHARE, Inputs, gather_inputs
@@ -18,7 +20,7 @@ from pipelines.measure.metres import BallScale, CameraMapping, MetricTracks, tra
 from pipelines.measure.results import Evaluated, quantities_of
 from pipelines.measurement import Measurement
 from pipelines.setup_file import Setup
-from vision.capture_rate import choose_capture_rate
+from vision.capture_rate import CaptureRate, choose_capture_rate
 from vision.clip import Clip
 from vision.following import follow
 from vision.tracks import Tracks
@@ -83,7 +85,7 @@ def measure_clip(
     )
     tracks = _timed(tracks, clip.capture_times(rate.fps))
     tell("calibrating", 0.0)
-    calibration, refusal = _calibrated(tracks, inputs)
+    calibration, refusal = _calibrated(tracks, inputs, rate, clip)
     tell("calibrating", 1.0)
     warnings = [*clip.warnings, *tracks.warnings, *inputs.assumed]
     if rate.notice:
@@ -117,11 +119,44 @@ def _timed(tracks: Tracks, time_s: FloatArray) -> Tracks:
     return replace(tracks, ball=ball, pendulum=pendulum)
 
 
-def _calibrated(tracks: Tracks, inputs: Inputs) -> tuple[Calibration | None, str]:
+def _calibrated(
+    tracks: Tracks, inputs: Inputs, rate: CaptureRate, clip: Clip
+) -> tuple[Calibration | None, str]:
     try:
-        return calibrate_clip(tracks, inputs)[0], ""
+        calibration, grid = calibrate_clip(tracks, inputs)
     except CalibrationError as problem:
         return None, problem.message
+    camera, wall = inputs.setup.camera, inputs.setup.wall
+    taped = camera.distance_to_wall is not None and wall.ball_plane_offset is not None
+    if taped or rate.source == "assumed":
+        return calibration, ""
+    return _weighed_by_fall(calibration, grid, tracks, Scene(inputs, rate, calibration), clip), ""
+
+
+def _weighed_by_fall(
+    calibration: Calibration, grid: WallGrid, tracks: Tracks, scene: Scene, clip: Clip
+) -> Calibration:
+    """Where nothing is taped, the flight's own free fall tells the scale of the ball plane.
+
+    A fall that contradicts the rest is left to the self-check by gravity.
+    """
+    try:
+        free = find_impact(_in_metres(scene, clip, tracks), scene.inputs).free_flight
+        gravity = float(free.fitted.values[6])
+        by_rate = 2.0 * gravity * scene.rate.std / scene.rate.fps
+        std = float(np.hypot(np.sqrt(free.fitted.covariance[6, 6]), by_rate))
+        flying = np.isin(clip.capture_times(scene.rate.fps)[tracks.ball.frame], free.time_s)
+        fused = with_free_fall(
+            calibration,
+            grid,
+            scene_evidence(tracks, scene.inputs),
+            (gravity, std),
+            scene.inputs.gravity,
+            px=tracks.ball.centre_px[flying],
+        )
+    except MeasurementError:
+        return calibration
+    return calibration if set(fused.warnings) - set(calibration.warnings) else fused
 
 
 def _evaluate(
@@ -172,7 +207,8 @@ def _in_metres(scene: Scene, clip: Clip, tracks: Tracks) -> MetricTracks:
     still = slice(None)
     if tracks.rest_frames is not None:
         first, last = tracks.rest_frames
-        still = slice(*np.searchsorted(ball.frame, [first, last + 1]))
+        first_row, end_row = np.searchsorted(ball.frame, [first, last + 1])
+        still = slice(first_row, max(end_row, first_row + 1))
     radius = float(np.median(ball.radius_px))
     rest = np.median(ball.centre_px[still], axis=0)
     scale = BallScale(scene.scale * diameter / (2 * radius), rest)

@@ -138,6 +138,11 @@ def tracks_in_metres(tracks: Tracks, mapping: PlaneMapping, time_s: FloatArray) 
     ball = tracks.ball
     position, covariance = mapping.ball(ball.centre_px, ball.covariance_px2)
     still = (ball.frame >= tracks.rest_frames[0]) & (ball.frame <= tracks.rest_frames[1])
+    if not still.any():
+        raise NotFoundError(
+            "the ball is not seen clearly while it lies still",
+            hint="Point at it with --ball-at X,Y, or film against a background it stands out from.",
+        )
     std = np.sqrt(np.diagonal(covariance[still], axis1=1, axis2=2)).mean(axis=0)
     scatter = position[still].std(axis=0) if still.sum() > 3 else std
     pivot, angle, angle_std, lead, lead_std = _pendulum(tracks, mapping, direction)
