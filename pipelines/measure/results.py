@@ -10,6 +10,7 @@ from scipy.stats import norm
 from metrology import Contribution, Quantity
 from pipelines.measure.budget import Scene, merged
 from pipelines.measure.derived import DERIVED
+from pipelines.measure.discs import disc_contact
 from pipelines.measure.fusion import fused_cor
 from pipelines.measure.gravity import gravity_check
 from pipelines.measure.impact import Impact
@@ -66,6 +67,7 @@ def quantities_of(
     for index, (name, unit) in enumerate(DERIVED.items()):
         found[name] = _quantity(evaluated, index, name, unit, reasons)
     found["contact_frames"] = _contact_frames(evaluated, tracks, reasons)
+    found |= _met_by_another(evaluated, tracks)
     found |= _geometry(evaluated, found, no_grid)
     found["backswing_angle"] = _backswing(evaluated)
     cor, agreement = fused_cor(evaluated.values, evaluated.random, evaluated.systematic, found)
@@ -171,6 +173,25 @@ def _contact_frames(evaluated: Evaluated, tracks: Tracks, reasons: dict[str, str
     return Quantity.measured(
         "contact_frames", count, "1", (Contribution("onset and release between frames", spread),)
     )
+
+
+def _met_by_another(evaluated: Evaluated, tracks: Tracks) -> dict[str, Quantity]:
+    """Contact with a second ball or puck instead of a pendulum."""
+    met = disc_contact(tracks)
+    if met is None:
+        return {}
+    clock = met.time_s * evaluated.scene.rate.std / evaluated.scene.rate.fps
+    budget = (Contribution("noise of the tracks", met.std_s), Contribution("capture rate", clock))
+    short = (
+        f"the contact is too short for this frame rate: at most {met.longest_s:.2g} s;"
+        " film at a higher rate"
+    )
+    return {
+        "contact_start": Quantity.measured("contact_start", met.time_s, "s", budget),
+        "contact_end": Quantity.missing("contact_end", "s", short),
+        "contact_time": Quantity.missing("contact_time", "s", short),
+        "contact_frames": Quantity.missing("contact_frames", "1", short),
+    }
 
 
 def _geometry(
