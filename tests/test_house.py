@@ -1,0 +1,113 @@
+"""The house: arrows between rooms, size and face of modules, the commands of the README."""
+
+import ast
+import subprocess
+import sys
+import tomllib
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+ROOMS = ("metrology", "physics", "vision", "calib", "mismatch", "sample_videos", "pipelines")
+# What each room may import of ours.
+MAY_IMPORT = {
+    "metrology": set(),
+    "physics": {"metrology"},
+    "vision": {"metrology"},
+    "calib": {"metrology", "vision"},
+    "mismatch": {"metrology", "physics"},
+    "sample_videos": {"metrology", "physics", "vision", "calib"},
+    "pipelines": set(ROOMS),
+}
+LONGEST_MODULE = 400
+MODULES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
+
+
+def _imported_rooms(tree: ast.Module) -> set[str]:
+    names: set[str] = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names |= {alias.name.partition(".")[0] for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names.add(node.module.partition(".")[0])
+    return names & set(ROOMS)
+
+
+def _assigned_names(tree: ast.Module) -> set[str]:
+    return {
+        target.id
+        for node in tree.body
+        if isinstance(node, ast.Assign | ast.AnnAssign)
+        for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
+        if isinstance(target, ast.Name)
+    }
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_room_imports_only_rooms_below_it(room: str) -> None:
+    for path in (ROOT / room).rglob("*.py"):
+        rooms = _imported_rooms(ast.parse(path.read_text(encoding="utf-8"))) - {room}
+        assert rooms <= MAY_IMPORT[room], f"{path.relative_to(ROOT)} imports {rooms}"
+
+
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_every_module_has_a_docstring_a_public_face_and_fits(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    tree = ast.parse(text)
+    assert len(text.splitlines()) < LONGEST_MODULE
+    assert ast.get_docstring(tree)
+    if len(tree.body) > 1:
+        assert "__all__" in _assigned_names(tree)
+
+
+def test_every_room_is_packaged_typed_and_under_the_import_contract() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    packaged = project["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
+    assert sorted(packaged) == sorted(ROOMS)
+    assert sorted(project["tool"]["importlinter"]["root_packages"]) == sorted(ROOMS)
+    for room in ROOMS:
+        assert (ROOT / room / "py.typed").is_file(), room
+
+
+def test_the_version_is_the_same_everywhere() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    assert version("impact-vision") == project["version"]
+    changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert f"\n## {project['version']}\n" in changelog
+    told = subprocess.run(
+        [sys.executable, "-c", "from pipelines.cli import app; app()", "--version"],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=ROOT,
+    )
+    assert told.stdout.strip() == f"vision {project['version']}"
+
+
+def _setup_commands() -> list[str]:
+    lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
+    return [line for line in lines if line.startswith("python3 -m venv ")]
+
+
+def test_the_readme_has_two_setup_commands_and_ci_runs_the_second() -> None:
+    demo, tests = _setup_commands()
+    assert demo.endswith("&& .venv/bin/vision demo")
+    assert ".venv/bin/pytest" in tests
+    ci = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    wanted = ci.split('grep -F "', 1)[1].split('"', 1)[0]
+    assert [line for line in _setup_commands() if wanted in line] == [tests]
+
+
+def test_links_and_pictures_of_the_readme_exist() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    targets = [part.partition(")")[0] for part in text.split("](")[1:]]
+    assert targets
+    assert [target for target in targets if not (ROOT / target).is_file()] == []
+
+
+def test_every_fragment_of_the_changelog_is_assembled() -> None:
+    changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    for fragment in (ROOT / "changelog.d").glob("*.md"):
+        assert fragment.read_text(encoding="utf-8").strip() in changelog, fragment.name
