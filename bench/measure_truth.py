@@ -1,0 +1,141 @@
+"""Clips with their truth, as the benchmark of the measuring chain wants them."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipelines.measure.chain import MeasureOptions
+from pipelines.setup_file import CameraSetup, Setup, WallSetup, load_setup
+
+FloatArray = NDArray[np.float64]
+SHIPPED = Path(__file__).parents[1] / "sample_videos" / "clips"
+LEAST_WIDTH = 432
+GOOD_LIGHT = 0.9
+
+
+@dataclass(frozen=True)
+class Case:
+    """A clip with its truth: quantities, centre of the ball in flight, and how it was filmed."""
+
+    name: str
+    path: Path
+    options: MeasureOptions
+    fps: float
+    truth: dict[str, float]
+    centre_px: FloatArray
+    good: bool
+
+
+def cases(rendered: Path | None) -> list[Case]:
+    """The clips of a folder of rendered ones, if there is one, and those shipped."""
+    folders = [] if rendered is None else sorted(rendered.glob("*/truth.json"))
+    return [
+        *(ray_traced(path.parent) for path in folders),
+        *(shipped(path) for path in sorted(SHIPPED.glob("*.truth.json"))),
+    ]
+
+
+def ray_traced(folder: Path) -> Case:
+    """A clip of another renderer; its truth file has names of its own."""
+    truth = json.loads((folder / "truth.json").read_text())
+    lab = json.loads((folder / "setup.json").read_text())
+    tape = lab["tape_uncertainty_m"]
+    setup = Setup(
+        camera=CameraSetup(float(lab["camera_nominal_fps"]), (lab["camera_to_wall_m"], tape)),
+        wall=WallSetup(
+            lab["grid_pitch_m"], lab["gradations_m"], (lab["ball_plane_to_wall_m"], tape)
+        ),
+    )
+    rows = truth["frames"]
+    time_s = np.array(rows["t_mid"])
+    return Case(
+        name=folder.name,
+        path=folder / "clip.mp4",
+        options=MeasureOptions(setup=setup, ball=truth["ball"]),
+        fps=truth["fps_true"],
+        truth=true_quantities(truth, lab),
+        centre_px=in_flight(
+            np.c_[rows["u_px"], rows["v_px"]],
+            np.array(rows["r_px"]),
+            time_s,
+            (truth["contact"]["t_off_s"], truth["flight"]["t_land_s"]),
+            (truth["camera"]["W"], truth["camera"]["H"]),
+        ),
+        good=truth["camera"]["W"] >= LEAST_WIDTH and truth["sensor"]["light"] >= GOOD_LIGHT,
+    )
+
+
+def true_quantities(truth: dict[str, Any], lab: dict[str, Any]) -> dict[str, float]:
+    """Quantities of the contract; times on the clip's clock, 0 at the first frame."""
+    contact, flight = truth["contact"], truth["flight"]
+    started = contact["frame_on"] / truth["fps_true"]
+    inertia = lab["pendulum"]["inertia_kg_m2"]
+    return {
+        "contact_frames": contact["frames_in_contact_at_mid_exposure"],
+        "contact_time": contact["dt_s"],
+        "contact_start": started,
+        "contact_end": started + contact["dt_s"],
+        "pendulum_speed_before": truth["v_M0"],
+        "pendulum_speed_after": truth["v_M"],
+        "ball_speed": truth["v_B_speed"],
+        "launch_angle": truth["launch_deg"],
+        "landing_distance": flight["x_land_m"],
+        "landing_distance_on_wall": truth["apparent_wall"]["displacement_x"],
+        "landing_time": started + flight["t_land_s"],
+        **dict.fromkeys(("cor_speeds", "cor_launch", "cor_range", "cor"), truth["COR"]),
+        "external_impulse": lab["ball"]["mass_kg"] * truth["v_B_speed"],
+        "energy_loss": 0.5 * inertia * (truth["omega0"] ** 2 - truth["omega1"] ** 2),
+        "backswing_angle": truth["backswing_deg_true"],
+        "ball_plane_offset": abs(truth["ball_plane_z"]),
+        "camera_distance": abs(truth["camera"]["location"][2]),
+        "gravity_check": flight["g"],
+    }
+
+
+def shipped(truth_path: Path) -> Case:
+    """A clip that comes with the package."""
+    truth = json.loads(truth_path.read_text())
+    name = truth_path.name.removesuffix(".truth.json")
+    quantities = {key: line["value"] for key, line in truth["quantities"].items()}
+    known = {key: float(value) for key, value in quantities.items() if value is not None}
+    known |= {"cor": known["cor_speeds"], "gravity_check": truth["physics"]["gravity"]}
+    pendulum = truth["bodies"]["pendulum"]
+    before, after = known["pendulum_speed_before"], known["pendulum_speed_after"]
+    # The truth file has the loss of pendulum and ball together.
+    known["energy_loss"] = (
+        0.5 * pendulum["inertia"] * (before**2 - after**2) / pendulum["length"] ** 2
+    )
+    rows, events, camera = truth["frames"], truth["events_s"], truth["camera"]
+    return Case(
+        name=f"{name} (shipped)",
+        path=truth_path.with_name(f"{name}.mp4"),
+        options=MeasureOptions(setup=load_setup(truth_path.with_name(f"{name}.toml"))),
+        fps=truth["shutter"]["fps"],
+        truth=known,
+        centre_px=in_flight(
+            np.array(rows["ball_px"]),
+            np.array(rows["radius_px"]),
+            np.array(rows["time_s"]),
+            (events["contact_end"], events["landing"]),
+            (camera["width"], camera["height"]),
+        ),
+        good=camera["width"] >= LEAST_WIDTH,
+    )
+
+
+def in_flight(
+    centre: FloatArray,
+    radius: FloatArray,
+    time_s: FloatArray,
+    flight_s: tuple[float, float],
+    size: tuple[int, int],
+) -> FloatArray:
+    """The projected centres, NaN where the ball isn't flying wholly in view."""
+    margin = radius[:, None] + 2.0
+    seen = ((centre > margin) & (centre < np.array(size) - 1.0 - margin)).all(axis=1)
+    flying = (time_s > flight_s[0]) & (time_s < flight_s[1])
+    return np.where((seen & flying)[:, None], centre, np.nan)
