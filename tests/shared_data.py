@@ -7,7 +7,7 @@ import pytest
 
 
 def shared_folder(name: str) -> Path:
-    """Folder of recordings beside the checkout (or in $IMPACT_VISION_SHARED); skips where there is none."""
+    """Folder of recordings beside the checkout, or in $IMPACT_VISION_SHARED; else skip."""
     root = Path(os.environ.get("IMPACT_VISION_SHARED", Path(__file__).parents[2] / "shared"))
     folder = root / name
     if not folder.is_dir():
