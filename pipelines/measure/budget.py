@@ -107,7 +107,7 @@ def _moved(scene: Scene, scale_std: float) -> list[tuple[str, Scene]]:
     if inputs.ball is not None and inputs.ball.mass is not None:
         ball = replace(inputs.ball, mass=inputs.ball.mass * (1 + MASS_SHARE))
         moved.append(("mass of the ball", replace(scene, inputs=replace(inputs, ball=ball))))
-    if scene.calibration is None:
+    if scene.calibration is None and np.isfinite(scale_std):
         moved.append(("ball diameter", replace(scene, scale=scene.scale * (1 + scale_std))))
     return moved
 
