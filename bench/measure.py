@@ -25,6 +25,7 @@ from vision.clip import Clip
 
 FloatArray = NDArray[np.float64]
 COVERAGE = 1.96
+FAR = 3.0
 SPEED_WIDTH = 640
 
 
@@ -247,7 +248,26 @@ def summary(outcomes: list[Outcome]) -> str:
         )
         lines.append("| " + " | ".join(cells) + " |")
     lines += [contact_line(good, hard), coverage_line(good, hard), speed_line(good)]
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines) + f"\n\n{shortfalls(outcomes)}\n"
+
+
+def shortfalls(outcomes: list[Outcome]) -> str:
+    """Clips whose contact isn't measured, and quantities far outside what they claim."""
+    mute = [
+        f"{one.case.name} ({one.measurement.quantity('contact_time').reason})"
+        for one in outcomes
+        if not one.measurement.quantity("contact_time").known
+    ]
+    far = [
+        f"{item.name} of {one.case.name} ({(item.value - true) / item.std:+.1f})"
+        for one in outcomes
+        for item, true in one.scored()
+        if item.value is not None and item.std and abs(item.value - true) > FAR * item.std
+    ]
+    return (
+        f"No contact measured: {'; '.join(mute) or 'none'}.\n\n"
+        f"Further off than {FAR:g} standard uncertainties (z): {'; '.join(far) or 'none'}."
+    )
 
 
 def contact_line(good: list[Outcome], hard: list[Outcome]) -> str:
