@@ -60,8 +60,8 @@ SECTIONS = (
         "Error of the ball's outline in flight and of the pendulum's mass near the contact; beside "
         "it the median Cramér–Rao bound. χ is error over stated uncertainty, 1 when honest. At "
         "least 0.10 px, aim 0.04 px at 432×240 and up in good light (`basketball_60_wide`, "
-        "`jokku_120`). Real clips, marked by somebody else: `projectile` and `balltoss` within 1 px; "
-        "`pendulum_bag_wall` followed through all its swings, without a target in px.",
+        "`jokku_120`). Real clips, marked by somebody else: `projectile` and `balltoss` within "
+        "1 px; `pendulum_bag_wall` followed through all its swings, without a target in px.",
         ("bench.tracking", "--rendered", *RENDERED, "--clips", "{shared}/clips"),
     ),
     Section(
