@@ -17,6 +17,8 @@ __all__ = ["Impact", "departure", "find_impact"]
 FloatArray = NDArray[np.float64]
 
 LONGEST_CONTACT_S = 0.025
+UNSEEN_HALF_CONTACT_S, UNSEEN_HALF_CONTACT_STD_S = 0.006, 0.003
+"""Middle to end of a contact nobody sees: inflated balls stay on for 10 to 20 ms."""
 SWING_STRETCH_S = 0.08
 _ROUNDS = 3
 FACE_DEPTH_SHARE = 0.02
@@ -111,17 +113,27 @@ def find_impact(
         onset, release = contact.onset_s, contact.release_s
         flight = _flight(tracks, inputs, release, landed, free=False)
         view = replace(view, flight=flight)
+    since = release
     if contact is None:
-        release = _corner(tracks, flight)
-    free = _flight(tracks, inputs, release, landed, free=True)
+        # the corner of rest and flight is the middle of the push; release comes half a contact on
+        release = _corner(tracks, flight) + UNSEEN_HALF_CONTACT_S
+        flight = _flight(tracks, inputs, release, landed, free=False, since=since)
+    free = _flight(tracks, inputs, release, landed, free=True, since=since)
     return Impact(tracks, flight, free, view, contact, reason, float(flight.time_s[-1]))
 
 
 def _flight(
-    tracks: MetricTracks, inputs: Inputs, release: float, landed: float, *, free: bool
+    tracks: MetricTracks,
+    inputs: Inputs,
+    release: float,
+    landed: float,
+    *,
+    free: bool,
+    since: float | None = None,
 ) -> FlightFit:
     frame_s = float(np.median(np.diff(tracks.ball_time_s)))
-    used = (tracks.ball_time_s > release + 1.5 * frame_s) & (tracks.ball_time_s < landed)
+    begin = release if since is None else since
+    used = (tracks.ball_time_s > begin + 1.5 * frame_s) & (tracks.ball_time_s < landed)
     drag, drag_std = inputs.drag_per_metre
     gravity_std = np.inf if free else GRAVITY_STD
     return fit_flight(

@@ -13,7 +13,7 @@ from pipelines.measure.derived import DERIVED
 from pipelines.measure.discs import disc_contact
 from pipelines.measure.fusion import fused_cor
 from pipelines.measure.gravity import gravity_check
-from pipelines.measure.impact import Impact
+from pipelines.measure.impact import UNSEEN_HALF_CONTACT_STD_S, Impact
 from pipelines.measure.metres import MetricTracks
 from pipelines.measurement import QUANTITY_UNITS
 from pipelines.report import Check
@@ -88,7 +88,20 @@ def _quantity(
         return Quantity.missing(name, unit, evaluated.refusal or _unknown(evaluated, name))
     noise = math.sqrt(max(float(evaluated.random[index, index]), 0.0))
     budget = merged(evaluated.systematic, index, noise)
+    if evaluated.impact.contact is None and name in ("ball_speed", "launch_angle"):
+        budget = (*budget, _moment_of_release(evaluated, name))
     return Quantity.measured(name, float(evaluated.values[index]), unit, budget)
+
+
+def _moment_of_release(evaluated: Evaluated, name: str) -> Contribution:
+    """What an unseen end of the contact adds: gravity turns and slows the ball meanwhile."""
+    assert evaluated.impact is not None
+    flight = evaluated.impact.flight
+    states = flight.states(flight.reference_s + np.array([0.0, UNSEEN_HALF_CONTACT_STD_S]))
+    speeds = np.hypot(states[:, 2], states[:, 3])
+    angles = np.degrees(np.arctan2(states[:, 3], states[:, 2]))
+    change = speeds[1] - speeds[0] if name == "ball_speed" else angles[1] - angles[0]
+    return Contribution("moment of release", abs(float(change)))
 
 
 def _unknown(evaluated: Evaluated, name: str) -> str:
