@@ -5,6 +5,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from calib.calibration import Calibration
 from metrology import NotFoundError
@@ -15,6 +16,7 @@ __all__ = ["BallScale", "CameraMapping", "MetricTracks", "PlaneMapping", "tracks
 FloatArray = NDArray[np.float64]
 
 _LEAST_LEAD_STD_PX = 1.0
+BEND_SHARE = 0.003
 
 
 class PlaneMapping(Protocol):
@@ -179,18 +181,46 @@ def _pendulum(
     pendulum = tracks.pendulum
     if pendulum is None:
         return None, np.zeros(0), np.zeros(0), 0.0, 1.0
-    turn = pendulum.angle_rad
-    outward = np.stack([direction * np.sin(turn), np.cos(turn)], axis=-1)
-    pivot = mapping.point(pendulum.pivot_px)
-    arm = (mapping.point(pendulum.pivot_px + pendulum.arm_px * outward) - pivot) * np.array(
-        [direction, 1.0]
-    )
+    flip = np.array([direction, 1.0])
+    mass = mapping.point(pendulum.track.centre_px) * flip
+    pivot = mapping.point(pendulum.pivot_px) * flip
+    if _bends(mapping, pendulum.pivot_px, pendulum.track.centre_px):
+        # a lens that bends lines bends the arc: its centre has to be found in metres
+        pivot = _centre_of_arc(mass)
+    else:
+        turn = pendulum.angle_rad
+        outward = np.stack([direction * np.sin(turn), np.cos(turn)], axis=-1)
+        mass = mapping.point(pendulum.pivot_px + pendulum.arm_px * outward) * flip
+    arm = mass - pivot
     scale = float(np.median(np.hypot(*arm.T))) / pendulum.arm_px
     lead_std = max(pendulum.face_lead_std_px, _LEAST_LEAD_STD_PX)
     return (
-        pivot * np.array([direction, 1.0]),
+        pivot,
         np.arctan2(arm[:, 0], -arm[:, 1]),
         pendulum.angle_std_rad,
         pendulum.face_lead_px * scale,
         lead_std * scale,
     )
+
+
+def _bends(mapping: PlaneMapping, pivot_px: FloatArray, mass_px: FloatArray) -> bool:
+    """Whether the straight arm of the picture is bent or unevenly divided in metres."""
+    ends = mapping.point(np.stack([pivot_px, np.median(mass_px, axis=0)]))
+    middle = mapping.point(0.5 * (pivot_px + np.median(mass_px, axis=0)))
+    off = float(np.hypot(*(middle - ends.mean(axis=0))))
+    return off > BEND_SHARE * float(np.hypot(*(ends[1] - ends[0])))
+
+
+def _centre_of_arc(points: FloatArray) -> FloatArray:
+    """Centre of the circle through (N, 2) points: algebraic start, then geometric, robust."""
+    middle = points.mean(axis=0)
+    near = points - middle
+    design = np.column_stack([2 * near, np.ones(len(near))])
+    start = np.linalg.lstsq(design, (near**2).sum(axis=1), rcond=None)[0]
+    radius = float(np.sqrt(max(start[2] + start[:2] @ start[:2], 1e-12)))
+
+    def misfit(values: FloatArray) -> FloatArray:
+        return np.asarray(np.hypot(*(near - values[:2]).T) - values[2])
+
+    best = least_squares(misfit, [*start[:2], radius], loss="soft_l1", f_scale=1e-3)
+    return np.asarray(best.x[:2] + middle)
