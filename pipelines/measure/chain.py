@@ -14,6 +14,7 @@ from metrology import CalibrationError, MeasurementError
 from pipelines.measure.budget import Scene, systematic_budget
 from pipelines.measure.calibrated import calibrate_clip, scene_evidence
 from pipelines.measure.derived import DERIVED, derived_values, random_covariance
+from pipelines.measure.gravity import contradicts_gravity
 from pipelines.measure.impact import find_impact
 from pipelines.measure.inputs import DIAMETER_SHARE, Inputs, gather_inputs
 from pipelines.measure.metres import BallScale, CameraMapping, MetricTracks, tracks_in_metres
@@ -143,6 +144,8 @@ def _weighed_by_fall(
     try:
         free = find_impact(_in_metres(scene, clip, tracks), scene.inputs).free_flight
         gravity = float(free.fitted.values[6])
+        if contradicts_gravity(gravity, scene.inputs.gravity):
+            return calibration
         by_rate = 2.0 * gravity * scene.rate.std / scene.rate.fps
         std = float(np.hypot(np.sqrt(free.fitted.covariance[6, 6]), by_rate))
         flying = np.isin(clip.capture_times(scene.rate.fps)[tracks.ball.frame], free.time_s)

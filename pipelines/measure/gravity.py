@@ -7,7 +7,7 @@ from metrology import Quantity
 from pipelines.measure.budget import Scene
 from pipelines.report import Check
 
-__all__ = ["gravity_check"]
+__all__ = ["contradicts_gravity", "gravity_check"]
 
 _COMMON_RATES = (
     24,
@@ -29,6 +29,13 @@ _COMMON_RATES = (
     1000,
 )
 _SIGMAS = 3.0
+BEYOND_REPAIR = 0.3
+"""Share by which a fall may miss gravity before rate or scale must be plainly wrong."""
+
+
+def contradicts_gravity(value: float, gravity: float) -> bool:
+    """Whether a free fall (m/s²) is so far off that nothing in metres and seconds can be right."""
+    return abs(value / gravity - 1.0) > BEYOND_REPAIR
 
 
 def gravity_check(found: Quantity, scene: Scene) -> tuple[Quantity, Check | None]:

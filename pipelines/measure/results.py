@@ -12,7 +12,7 @@ from pipelines.measure.budget import Scene, merged
 from pipelines.measure.derived import DERIVED
 from pipelines.measure.discs import disc_contact
 from pipelines.measure.fusion import fused_cor
-from pipelines.measure.gravity import gravity_check
+from pipelines.measure.gravity import contradicts_gravity, gravity_check
 from pipelines.measure.impact import UNSEEN_HALF_CONTACT_STD_S, Impact
 from pipelines.measure.metres import MetricTracks
 from pipelines.measurement import QUANTITY_UNITS
@@ -75,8 +75,25 @@ def quantities_of(
     gravity, gravity_note = gravity_check(found["gravity"], evaluated.scene)
     checks = [item for item in (agreement, gravity_note) if item is not None]
     warnings = [item.statement for item in checks if item.passed is False]
+    found = _withheld(found, gravity, gravity_note, evaluated)
     ordered = tuple(found[name] for name in QUANTITY_UNITS)
     return ordered, gravity, tuple(checks), warnings
+
+
+def _withheld(
+    found: dict[str, Quantity], gravity: Quantity, check: Check | None, evaluated: Evaluated
+) -> dict[str, Quantity]:
+    """Nothing in metres or seconds where the fall says that rate or scale is plainly wrong."""
+    if check is None or check.passed is not False or gravity.value is None:
+        return found
+    if not contradicts_gravity(gravity.value, evaluated.scene.inputs.gravity):
+        return found
+    return {
+        name: Quantity.missing(name, item.unit, check.statement)
+        if item.unit not in ("1", "deg")
+        else item
+        for name, item in found.items()
+    }
 
 
 def _quantity(

@@ -109,6 +109,18 @@ def test_bad_input_is_told(arguments: list[str], code: int, said: str) -> None:
     assert "Traceback" not in result.output
 
 
+@pytest.mark.parametrize(
+    "options",
+    [["--fps", "30"], ["--wall-grid", "100mm", "--setup", str(CLIPS / "basketball_60.toml")]],
+    ids=["wrong rate", "wrong pitch"],
+)
+def test_what_gravity_contradicts_is_withheld(options: list[str]) -> None:
+    clip = str(CLIPS / "basketball_60.mp4")
+    result = CliRunner().invoke(app, ["landing", clip, "--ball", "basketball", *options])
+    assert result.exit_code == 4
+    assert "free fall gives" in result.output
+
+
 def test_a_text_under_a_videos_name_is_refused(tmp_path: Path) -> None:
     clip = tmp_path / "notes.mp4"
     clip.write_text("not a video", encoding="utf-8")
