@@ -139,6 +139,8 @@ def _flown(values: FloatArray, elapsed: FloatArray) -> FloatArray:
     return states
 
 
+# a path that a search drives to infinity is worth nothing, and says so by NaN
+@np.errstate(over="ignore", invalid="ignore")
 def _march(values: FloatArray, elapsed: FloatArray, side: float) -> FloatArray:
     # a search may try forces that would blow the path up
     drag, lift, gravity = (float(v) for v in np.clip(values[4:], [-1, -5, -99], [1, 5, 99]))
