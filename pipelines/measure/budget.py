@@ -19,6 +19,9 @@ FloatArray = NDArray[np.float64]
 INERTIA_SHARE, MASS_SHARE = 0.01, 0.003
 ARM_SHARE_STD, AFTER_SHARE_STD = 0.007, 0.01
 """A mass 6 cm thick seen from 4 m: its near side is enlarged by that much."""
+_STEP_SIGMAS = 0.3
+_LEAST_AXIS = 1e-12
+"""Of the correlation's largest: below lies rounding, not knowledge."""
 
 
 @dataclass(frozen=True)
@@ -65,28 +68,40 @@ def systematic_budget(
     for source, moved in _moved(scene, scale_std):
         table[source] = np.abs(values(moved) - base)
     if scene.calibration is not None:
-        calibration = scene.calibration
-        slope = _slope(calibration, base, lambda c: values(replace(scene, calibration=c)))
-        for part in calibration.sources:
-            spread = ((slope @ part.covariance) * slope).sum(axis=1)
-            table[part.name] = np.sqrt(np.maximum(spread, 0.0))
+        table |= _by_calibration(
+            scene.calibration, base, lambda c: values(replace(scene, calibration=c))
+        )
     return table
 
 
-def _slope(
+def _by_calibration(
     calibration: Calibration, base: FloatArray, values: Callable[[Calibration], FloatArray]
-) -> FloatArray:
-    """Derivative of the values by the parameters of the calibration, (Q, P), one-sided."""
+) -> dict[str, FloatArray]:
+    """Contribution of each source of the calibration, by steps along its principal axes.
+
+    Distance, focal length and depth may each be open by a third while the scale of the ball plane
+    is known to a thousandth: only steps that keep to that correlation stay where the chain is
+    linear.
+    """
     std = np.sqrt(np.maximum(np.diag(calibration.covariance), 0.0))
-    slope = np.zeros((len(base), len(std)))
-    for index, spread in enumerate(std):
-        if spread <= 0:
-            continue
+    free = std > 0
+    scaled = calibration.covariance[np.ix_(free, free)] / np.outer(std[free], std[free])
+    lengths, axes = np.linalg.eigh(scaled)
+    kept = lengths > _LEAST_AXIS
+    axes, lengths = axes[:, kept], np.sqrt(lengths[kept])
+    slope = np.zeros((len(base), len(lengths)))
+    for index, (axis, length) in enumerate(zip(axes.T, lengths, strict=True)):
         step = np.zeros(len(std))
-        step[index] = 0.3 * spread
-        ahead = values(calibration.with_parameters(calibration.vector + step))
-        slope[:, index] = (ahead - base) / step[index]
-    return slope
+        step[free] = _STEP_SIGMAS * length * std[free] * axis
+        slope[:, index] = (
+            values(calibration.with_parameters(calibration.vector + step)) - base
+        ) / (_STEP_SIGMAS * length)
+    table = {}
+    for part in calibration.sources:
+        share = part.covariance[np.ix_(free, free)] / np.outer(std[free], std[free])
+        spread = ((slope @ (axes.T @ share @ axes)) * slope).sum(axis=1)
+        table[part.name] = np.sqrt(np.maximum(spread, 0.0))
+    return table
 
 
 def _moved(scene: Scene, scale_std: float) -> list[tuple[str, Scene]]:
