@@ -13,7 +13,8 @@ from vision.circles import find_circles
 from vision.footage import Footage
 from vision.linking import Path, link_circles
 from vision.mass import MassPoses
-from vision.pendulum import find_mass, follow_mass
+from vision.mass_search import find_mass
+from vision.pendulum import follow_mass
 from vision.refine import refine_ball
 from vision.rest import Rest, find_rest
 from vision.scene import Scene
@@ -190,10 +191,8 @@ def _no_ball(ball_at: Point | None) -> NotFoundError:
 
 def _mass(scene: Scene, rest: Rest, ball: BallFits, mass_at: Point | None) -> MassPoses | None:
     at = None if mass_at is None else (float(mass_at[0]), float(mass_at[1]))
-    found = find_mass(scene, rest, float(np.median(ball.radius)), at)
-    if found is None:
-        return None
-    return follow_mass(scene, *found, rest, ball)
+    candidates = find_mass(scene, rest, float(np.median(ball.radius)), at)
+    return follow_mass(scene, candidates, rest, ball)
 
 
 def _track(fits: BallFits, fps: float) -> Track:

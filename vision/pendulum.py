@@ -1,6 +1,6 @@
-"""The pendulum mass: found behind the ball about to be struck, then followed on its arc."""
+"""The pendulum mass followed on its arc: which piece of what moved it is, and where it went."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -8,137 +8,37 @@ from numpy.typing import NDArray
 
 from vision.arc import fit_arc
 from vision.ball import BallFits
-from vision.cutout import TYPICAL_GAMMA
 from vision.mass import MassPoses
+from vision.mass_search import MassCandidate
 from vision.rest import Rest
 from vision.rigid import Patch, Pose, register, warped
 from vision.scene import Scene
 
-__all__ = ["find_mass", "follow_mass"]
+__all__ = ["follow_mass"]
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
-FloatImage = NDArray[np.float32]
 
 _LOST_AFTER = 4
-_LOOK_BACK = 40
-
-
-def find_mass(
-    scene: Scene, rest: Rest, radius: float, at: tuple[float, float] | None = None
-) -> tuple[int, Patch, Pose] | None:
-    """Find what is about to strike the ball: what moved, stands behind it, and nearly touches it.
-
-    Parameters
-    ----------
-    scene : Scene
-        Footage with its static scene.
-    rest : Rest
-        The ball before it is struck.
-    radius : float
-        Ball radius, px.
-    at : tuple of float, optional
-        A point on the mass just before contact, px, where the user gave one.
-
-    Returns
-    -------
-    reference frame, Patch, Pose, or None
-    """
-    best: tuple[int, Patch, Pose] | None = None
-    best_gap = -np.inf
-    # Late enough to be near the ball, early enough to be seen free of it.
-    for index in range(rest.last - 1, max(rest.last - _LOOK_BACK, -1), -2):
-        picture = scene.picture(index)
-        found = _component_behind(scene, index, picture, rest, radius, at)
-        if found is None:
-            continue
-        patch, anchor, gap = found
-        if gap > best_gap:
-            best_gap = gap
-            best = index, patch, Pose(anchor, 0.0, np.zeros((3, 3)), 1.0, 1.0)
-        if gap > max(3.0, 0.1 * radius):
-            break
-    return best
-
-
-def _component_behind(
-    scene: Scene,
-    index: int,
-    picture: NDArray[np.float32],
-    rest: Rest,
-    radius: float,
-    at: tuple[float, float] | None,
-) -> tuple[Patch, FloatArray, float] | None:
-    difference = scene.difference(index, picture)
-    moved = np.abs(cv2.GaussianBlur(difference, (0, 0), 0.7)) > 5.0 * scene.background.noise
-    height, width = moved.shape
-    rows, columns = np.mgrid[0:height, 0:width]
-    offset_x, offset_y = columns - rest.centre_px[0], rows - rest.centre_px[1]
-    along = offset_x * rest.direction[0] + offset_y * rest.direction[1]
-    across = -offset_x * rest.direction[1] + offset_y * rest.direction[0]
-    moved &= np.hypot(offset_x, offset_y) > radius + 1.5
-    moved &= (along < 0) & (along > -4.0 * radius) & (np.abs(across) < 2.2 * radius)
-    thick = cv2.morphologyEx(
-        moved.astype(np.uint8), cv2.MORPH_OPEN, _disc(max(1, int(0.15 * radius)))
-    )
-    count, labels = cv2.connectedComponents(thick)
-    rear = rest.centre_px - rest.direction * (radius + 1.0)
-    target = rear if at is None else np.array(at)
-    best, best_gap = 0, np.inf
-    for label in range(1, count):
-        member = labels == label
-        if np.count_nonzero(member) < max(12.0, 0.15 * radius**2):
-            continue
-        gap = float(np.hypot(columns[member] - target[0], rows[member] - target[1]).min())
-        if gap < best_gap:
-            best, best_gap = label, gap
-    if best == 0 or best_gap > 1.5 * radius:
-        return None
-    member = labels == best
-    anchor = np.array([columns[member].mean(), rows[member].mean()])
-    near = cv2.dilate(member.astype(np.uint8), _disc(3)) > 0
-    opacity = _opacity(picture, scene.expected(index), moved & near, member)
-    region = near & (np.hypot(offset_x, offset_y) > radius + 1.0)
-    gain = scene.views[index].gain
-    patch = Patch(
-        columns[region] - anchor[0],
-        rows[region] - anchor[1],
-        (picture[region] / gain).astype(np.float64),
-        opacity[region].astype(np.float64),
-    )
-    clear = float(np.hypot(offset_x[member], offset_y[member]).min()) - radius
-    return patch, anchor, clear
-
-
-def _opacity(
-    picture: FloatImage, expected: FloatImage, moved: BoolArray, thick: BoolArray
-) -> FloatImage:
-    """How much of each pixel the thing covers: all inside, at its edge by the mixture of light."""
-    light = np.abs((picture / 255.0) ** TYPICAL_GAMMA - (expected / 255.0) ** TYPICAL_GAMMA)
-    core = cv2.erode(moved.astype(np.uint8), _disc(1))
-    rim = (cv2.dilate(core, _disc(2)) > 0) & (core == 0)
-    usual = float(np.median(light[thick]))
-    part = np.clip(light / max(usual, 1e-6), 0.0, 1.0) * rim
-    return np.where(core > 0, np.float32(1.0), part).astype(np.float32)
-
-
-def _disc(radius: int) -> NDArray[np.uint8]:
-    size = 2 * radius + 1
-    return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)), dtype=np.uint8)
+_FEWEST = 6
+_TRIAL_FRAMES = 14
+_LEAST_ADVANCE_PX = 1.0
+# A candidate that fits at most so much worse than the best one may be as rigid.
+_AS_RIGID = 2.0
+# Of those that lie on an arc about as well, the largest shows the whole of it.
+_AS_ROUND = 1.3
 
 
 def follow_mass(
-    scene: Scene, reference: int, patch: Patch, start: Pose, rest: Rest, ball: BallFits
+    scene: Scene, candidates: tuple[MassCandidate, ...], rest: Rest, ball: BallFits
 ) -> MassPoses | None:
-    """Follow the mass to both ends of the clip, learn its look, and follow it again.
+    """Follow each candidate through the clip, and keep the one that moves as one rigid thing.
 
     Parameters
     ----------
     scene : Scene
         Footage with its static scene.
-    reference, patch, start
-        What `find_mass` returned.
+    candidates : tuple of MassCandidate
+        What `find_mass` returned, largest first.
     rest : Rest
         The ball before it is struck.
     ball : BallFits
@@ -147,22 +47,77 @@ def follow_mass(
     Returns
     -------
     MassPoses or None
-        None if it can't be followed, or not on an arc.
+        None if none can be followed on an arc.
     """
     tracker = _Tracker(scene, ball)
-    first = tracker.follow(patch, start, reference, rest)
-    if len(first) < 6:
+    tried = [(piece, _trial(tracker, piece, rest)) for piece in candidates]
+    sound = [(piece, trial) for piece, trial in tried if trial is not None]
+    if not sound:
         return None
-    better = _averaged(scene, patch, first, reference, ball)
-    poses = dict(first)
+    limit = _AS_RIGID * min(trial.misfit for _, trial in sound)
+    followed = [
+        _followed(scene, tracker, piece, trial, rest, ball)
+        for piece, trial in sound
+        if trial.misfit <= limit
+    ]
+    rated = [(one, _off_arc(one, rest)) for one in followed if one is not None]
+    best = min((off for _, off in rated), default=np.inf)
+    return next((one for one, off in rated if off <= _AS_ROUND * best), None)
+
+
+def _off_arc(mass: MassPoses, rest: Rest) -> float:
+    """How badly the swing towards the ball lies on an arc: scatter about it, over its frames."""
+    before = mass.frame <= rest.last
+    turns = np.array([pose.turn for pose in mass.poses])
+    arc = fit_arc(mass.anchor[before], turns[before])
+    return np.inf if arc is None else arc.scatter_px / float(np.sqrt(np.count_nonzero(before)))
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """A candidate followed over the frames just before contact."""
+
+    poses: dict[int, Pose]
+    misfit: float
+
+
+def _trial(tracker: "_Tracker", piece: MassCandidate, rest: Rest) -> _Trial | None:
+    start = Pose(piece.anchor, 0.0, np.zeros((3, 3)), 1.0, 1.0)
+    own = tracker.locate(piece.patch, piece.frame, start, 0.01)
+    poses = {piece.frame: own if own is not None else start}
+    tracker.extend(piece.patch, poses, -1, rest, _TRIAL_FRAMES)
+    if len(poses) < _FEWEST:
+        return None
+    steps = np.array([poses[index].anchor for index in sorted(poses)])
+    advance = float((steps[-1] - steps[0]) @ rest.direction)
+    if advance < _LEAST_ADVANCE_PX:
+        return None
+    others = [pose.misfit for index, pose in poses.items() if index != piece.frame]
+    return _Trial(poses, float(np.median(others)))
+
+
+def _followed(
+    scene: Scene,
+    tracker: "_Tracker",
+    piece: MassCandidate,
+    trial: _Trial,
+    rest: Rest,
+    ball: BallFits,
+) -> MassPoses | None:
+    """Follow to both ends of the clip, learn the look on the way, and follow again."""
+    first = dict(trial.poses)
+    for direction in (-1, 1):
+        tracker.extend(piece.patch, first, direction, rest, scene.count)
+    if len(first) < _FEWEST:
+        return None
+    better = _averaged(scene, piece.patch, first, piece.frame, ball)
+    poses = {}
     for index in sorted(first):
-        pose = tracker.locate(better, index, poses[index], 0.02)
-        if pose is None:
-            del poses[index]
-        else:
+        pose = tracker.locate(better, index, first[index], 0.02)
+        if pose is not None:
             poses[index] = pose
     order = np.array(sorted(poses), dtype=np.int64)
-    if len(order) < 6:
+    if len(order) < _FEWEST:
         return None
     arc = fit_arc(
         np.array([poses[int(index)].anchor for index in order]),
@@ -170,7 +125,8 @@ def follow_mass(
     )
     if arc is None:
         return None
-    return MassPoses(order, tuple(poses[int(index)] for index in order), better, arc, reference)
+    found = tuple(poses[int(index)] for index in order)
+    return MassPoses(order, found, better, arc, piece.frame)
 
 
 class _Tracker:
@@ -205,19 +161,19 @@ class _Tracker:
             hidden=self._hidden(index),
         )
 
-    def follow(self, patch: Patch, start: Pose, reference: int, rest: Rest) -> dict[int, Pose]:
-        """From the reference frame to both ends."""
-        own = self.locate(patch, reference, start, 0.01)
-        poses = {reference: own if own is not None else start}
-        for direction in (-1, 1):
-            first = self._first_step(
-                patch, poses[reference], reference + direction, direction, rest
-            )
+    def extend(
+        self, patch: Patch, poses: dict[int, Pose], direction: int, rest: Rest, frames: int
+    ) -> None:
+        """Go on from the last known frame in one direction, for so many frames at most."""
+        end = max(poses) if direction > 0 else min(poses)
+        if len(poses) < 2 or not _beside(poses, end, -direction):
+            first = self._first_step(patch, poses[end], end + direction, direction, rest)
             if first is None:
-                continue
-            poses[reference + direction] = first
-            self._walk(patch, poses, reference + 2 * direction, direction)
-        return poses
+                return
+            end += direction
+            poses[end] = first
+            frames -= 1
+        self._walk(patch, poses, end + direction, direction, frames)
 
     def _first_step(
         self, patch: Patch, start: Pose, index: int, direction: int, rest: Rest
@@ -233,10 +189,13 @@ class _Tracker:
                 tried.append(pose)
         return min(tried, key=lambda pose: pose.misfit) if tried else None
 
-    def _walk(self, patch: Patch, poses: dict[int, Pose], index: int, direction: int) -> None:
+    def _walk(
+        self, patch: Patch, poses: dict[int, Pose], index: int, direction: int, frames: int
+    ) -> None:
         missed = 0
+        stop = index + direction * frames
         usual = [poses[known].misfit for known in poses]
-        while 0 <= index < self._scene.count and missed < _LOST_AFTER:
+        while 0 <= index < self._scene.count and index != stop and missed < _LOST_AFTER:
             guess = _predicted(poses, index, direction)
             pose = self.locate(patch, index, guess, 0.02)
             limit = 2.5 * float(np.median(usual)) + 1.0
@@ -247,6 +206,11 @@ class _Tracker:
                 usual.append(pose.misfit)
                 missed = 0
             index += direction
+
+
+def _beside(poses: dict[int, Pose], index: int, direction: int) -> bool:
+    """Whether a neighbour towards `direction` is known, so that there is a speed to go on with."""
+    return any(index + direction * step in poses for step in range(1, _LOST_AFTER + 1))
 
 
 def _leapt(pose: Pose, guess: Pose) -> bool:
