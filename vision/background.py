@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import cv2
 import numpy as np
@@ -10,13 +11,14 @@ from numpy.typing import NDArray
 
 from vision.ghosts import without_ghosts
 
-__all__ = ["Background", "brightness", "estimate_background"]
+__all__ = ["Background", "LightMeter", "brightness", "estimate_background"]
 
 FloatImage = NDArray[np.float32]
 
 _LEVEL_BINS = 16
 _EPOCHS = 5
 _BRIGHTNESS_PIXELS = 4000
+_FEWEST_LIT = 50
 # Rounding to whole gray levels and the codec's quantiser leave about this much where a clip looks
 # noise-free.
 _NOISE_FLOOR = 0.6
@@ -40,6 +42,42 @@ class Background:
     noise: FloatImage
 
 
+class LightMeter:
+    """Tells how much brighter a frame is than the scene, things in front ignored.
+
+    Parameters
+    ----------
+    image : (H, W) float32 array
+        The static scene, gray levels.
+    noise : float
+        Standard deviation of a pixel, gray levels.
+    """
+
+    def __init__(self, image: FloatImage, noise: float) -> None:
+        self._step = max(1, int(np.sqrt(image.size / _BRIGHTNESS_PIXELS)))
+        expected = image[:: self._step, :: self._step].ravel()
+        lit = expected > max(8.0, 0.25 * float(np.median(expected)))
+        self._places = np.nonzero(lit)[0]
+        self._expected = expected[lit].astype(np.float32)
+        self._near = np.float32(3.0 * noise + 1.0)
+
+    def gain(self, frame: NDArray[Any], scale: float = 1.0) -> float:
+        """Gain of one frame, 1 where both match; `scale` brings its gray levels to 0 to 255."""
+        if len(self._places) < _FEWEST_LIT:
+            return 1.0
+        seen = frame[:: self._step, :: self._step].ravel()[self._places] * np.float32(scale)
+        expected = self._expected
+        ratio = seen / expected
+        gain = float(np.partition(ratio, len(ratio) // 2)[len(ratio) // 2])
+        for _ in range(2):
+            inlier = np.abs(seen - np.float32(gain) * expected) < self._near
+            if np.count_nonzero(inlier) < _FEWEST_LIT:
+                break
+            known = expected * inlier
+            gain = float(np.dot(seen, known) / np.dot(expected, known))
+        return gain
+
+
 def brightness(frame: FloatImage, image: FloatImage, noise: float) -> float:
     """Estimate how much brighter `frame` is than the background `image`, things in front ignored.
 
@@ -55,22 +93,7 @@ def brightness(frame: FloatImage, image: FloatImage, noise: float) -> float:
     float
         The gain: 1 where both are equally bright.
     """
-    step = max(1, int(np.sqrt(frame.size / _BRIGHTNESS_PIXELS)))
-    seen = frame[::step, ::step].ravel().astype(np.float32)
-    expected = image[::step, ::step].ravel()
-    lit = expected > max(8.0, 0.25 * float(np.median(expected)))
-    if np.count_nonzero(lit) < 50:
-        return 1.0
-    seen, expected = seen[lit], expected[lit]
-    gain = float(np.median(seen / expected))
-    for _ in range(2):
-        inlier = np.abs(seen - gain * expected) < 3.0 * noise + 1.0
-        if np.count_nonzero(inlier) < 50:
-            break
-        gain = float(
-            np.dot(seen[inlier], expected[inlier]) / np.dot(expected[inlier], expected[inlier])
-        )
-    return gain
+    return LightMeter(image, noise).gain(frame)
 
 
 def estimate_background(frames: list[FloatImage]) -> Background:

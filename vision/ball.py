@@ -1,27 +1,31 @@
 """The ball, frame by frame: from a rough path to a fitted outline in each frame that shows it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.circles import find_circles
-from vision.cutout import TYPICAL_GAMMA, ring_pixels, ring_widths
+from vision.cutout import Wanted, cut_out, ring_widths
 from vision.edge_profile import EdgeProfile
 from vision.linking import Path
-from vision.outline import OutlineFit, OutlineShape, fit_outline
+from vision.outline import FitRules, Start, fit_outlines
+from vision.outline_fits import OutlineFits, nothing_found
 from vision.scene import Scene
+from vision.voted import voted_outlines
 
 __all__ = ["SMALL_RADIUS", "BallFits", "follow_ball"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
 
 _LEAST_CONTRAST = 0.35
 # Balls smaller than this are too few pixels for the outline model; the circle of their edges is
 # used.
 SMALL_RADIUS = 6.0
-_VOTED_STD = 0.15
+_LOST_AFTER = 4
+_AHEAD = 8
+_SAME_START = 0.05
 
 
 @dataclass(frozen=True)
@@ -32,22 +36,29 @@ class BallFits:
     ----------
     frame : (N,) int array
         Frame indices.
-    fits : tuple of OutlineFit
-        One per frame, in scene coordinates.
+    fits : OutlineFits
+        One row per frame, in scene coordinates.
     """
 
     frame: IntArray
-    fits: tuple[OutlineFit, ...]
+    fits: OutlineFits
+
+    def __len__(self) -> int:
+        return len(self.frame)
 
     @property
     def centre(self) -> FloatArray:
         """Centres (N, 2), px."""
-        return np.array([fit.centre for fit in self.fits]).reshape(-1, 2)
+        return self.fits.centre
 
     @property
     def radius(self) -> FloatArray:
         """Radii (N,), px."""
-        return np.array([fit.shape.radius for fit in self.fits])
+        return self.fits.radius
+
+    def at(self, places: IntArray | BoolArray) -> "BallFits":
+        """Some of the rows."""
+        return BallFits(self.frame[places], self.fits.at(places))
 
 
 def follow_ball(scene: Scene, path: Path) -> BallFits:
@@ -65,168 +76,147 @@ def follow_ball(scene: Scene, path: Path) -> BallFits:
     BallFits
         With radius free; for later refinement.
     """
-    radius = path.radius
-    profile = EdgeProfile(radius, max(0.6, 0.12 * radius), 0.0)
-    sharp = EdgeProfile(radius, 0.6, 0.0)
-    first, last = int(path.frame[0]), int(path.frame[-1])
-    inside = np.arange(first, last + 1)
+    search = _Search(scene, path.radius)
+    inside = np.arange(int(path.frame[0]), int(path.frame[-1]) + 1)
     guess = np.column_stack(
         [np.interp(inside, path.frame, path.centre_px[:, axis]) for axis in (0, 1)]
     )
-    found: dict[int, OutlineFit] = {}
-    for (index, picture), start in zip(scene.pictures(inside), guess, strict=True):
-        fit = _search(scene, index, picture, start, radius, (profile, sharp))
-        if fit is None and np.any(np.abs(path.frame - index) <= 1):
-            # A ball too smeared for the outline model is still where its circle was found.
-            fit = _voted_fit(scene, index, picture, start, radius)
-        if fit is not None:
-            found[index] = fit
-    found = _plausible(found, radius)
+    near_look = np.isin(inside, np.add.outer(path.frame, (-1, 0, 1)))
+    fits = search.run(inside, guess, near_look)
+    found = BallFits(inside, fits).at(fits.found)
+    table = _Table(scene.count, found.at(_plausible(found, path.radius)))
     for direction in (-1, 1):
-        _extend(scene, found, radius, (profile, sharp), direction)
-    order = sorted(found)
-    return BallFits(np.array(order, dtype=np.int64), tuple(found[index] for index in order))
+        _extend(scene, search, table, direction)
+    return table.rows()
 
 
-def _search(
-    scene: Scene,
-    index: int,
-    picture: NDArray[np.float32],
-    start: FloatArray,
-    radius: float,
-    profiles: tuple[EdgeProfile, EdgeProfile],
-) -> OutlineFit | None:
-    """Fit coarse, then fine; where the start was too far off, vote for the circle nearby first."""
-    if radius < SMALL_RADIUS:
-        return _voted_fit(scene, index, picture, start, radius)
-    for attempt in range(2):
-        if attempt == 1:
-            voted = _voted_fit(scene, index, picture, start, radius)
-            if voted is None:
-                return None
-            start = voted.centre
-        fit: OutlineFit | None = None
-        centre, size = start, radius
-        for profile, wide in zip(profiles, (1.6, 1.0), strict=True):
-            inner, outer = ring_widths(radius)
-            reach = radius + wide * outer + 4.0
-            pixels = ring_pixels(scene, index, picture, centre, reach, TYPICAL_GAMMA)
-            if pixels is None:
-                fit = None
-                break
-            fit = fit_outline(
-                pixels,
-                profile,
-                centre,
-                OutlineShape(size, np.zeros(2)),
-                smear=np.zeros(2),
-                free=3,
-                radius_std=0.1 * radius,
-                iterations=6,
-                tolerance=0.05,
-                inner=wide * inner,
-                outer=wide * outer,
-            )
-            if fit is None:
-                break
-            centre, size = (
-                fit.centre,
-                float(np.clip(fit.shape.radius, 0.85 * radius, 1.15 * radius)),
-            )
-        if fit is not None and _believable(fit, radius, start):
-            return fit
-    return None
+class _Search:
+    """Fits coarse, then fine; where a start was too far off, votes for the circle nearby first."""
+
+    def __init__(self, scene: Scene, radius: float) -> None:
+        self._scene = scene
+        self.radius = radius
+        inner, outer = ring_widths(radius)
+        self._coarse = EdgeProfile(radius, max(0.6, 0.12 * radius), 0.0)
+        self._sharp = EdgeProfile(radius, 0.6, 0.0)
+        self._fine_rules = FitRules(3, 0.1 * radius, inner, outer, 6, 0.05)
+        self._coarse_rules = replace(
+            self._fine_rules, inner=1.6 * inner, outer=1.6 * outer, iterations=6, tolerance=0.05
+        )
+        self._reach = radius + 1.6 * outer + min(6.0, 0.4 * radius) + 2.0
+
+    def run(self, frame: IntArray, guess: FloatArray, trusted: BoolArray) -> OutlineFits:
+        """Outlines near the guesses; a trusted guess stands for itself where nothing fits."""
+        if self.radius < SMALL_RADIUS:
+            return voted_outlines(self._scene, frame, guess, self.radius)
+        fits = self._fitted(frame, guess)
+        lost = np.nonzero(~fits.found)[0]
+        if len(lost):
+            voted = voted_outlines(self._scene, frame[lost], guess[lost], self.radius)
+            again = self._fitted(frame[lost], voted.centre)
+            again.found[:] &= voted.found
+            # A ball too smeared for the outline model is still where its circle was found.
+            stays = trusted[lost] & ~again.found
+            again.put(stays, voted.at(stays))
+            fits.put(lost, again)
+        return fits
+
+    def _fitted(self, frame: IntArray, guess: FloatArray) -> OutlineFits:
+        fits = nothing_found(len(frame))
+        radius = self.radius
+        for places, pieces in cut_out(self._scene, Wanted(frame, guess, self._reach)):
+            start = _round_start(guess[places], radius)
+            coarse = fit_outlines(pieces, self._coarse, start, self._coarse_rules)
+            centre = np.where(coarse.found[:, None], coarse.centre, guess[places])
+            size = np.where(coarse.found, coarse.radius, radius)
+            better = _round_start(centre, np.clip(size, 0.85 * radius, 1.15 * radius))
+            fine = fit_outlines(pieces, self._sharp, better, self._fine_rules)
+            fine.found[:] &= coarse.found & self._believable(fine, guess[places])
+            fits.put(np.arange(places.start, places.stop), fine)
+        return fits
+
+    def _believable(self, fits: OutlineFits, guess: FloatArray) -> BoolArray:
+        swollen = np.abs(np.log(np.maximum(fits.radius, 0.1) / self.radius))
+        moved = np.hypot(*(fits.centre - guess).T)
+        clear = fits.contrast >= _LEAST_CONTRAST
+        return np.asarray(clear & (swollen < 0.2) & (moved < 0.8 * self.radius))
 
 
-def _believable(fit: OutlineFit, radius: float, start: FloatArray) -> bool:
-    swollen = abs(np.log(max(fit.shape.radius, 0.1) / radius))
-    moved = float(np.hypot(*(fit.centre - start)))
-    return fit.contrast >= _LEAST_CONTRAST and swollen < 0.2 and moved < 0.8 * radius
+def _round_start(centre: FloatArray, radius: float | FloatArray) -> Start:
+    shape = np.zeros((len(centre), 3))
+    shape[:, 0] = radius
+    return Start(centre, shape, np.zeros((len(centre), 2)))
 
 
-def _voted_fit(
-    scene: Scene, index: int, picture: NDArray[np.float32], start: FloatArray, radius: float
-) -> OutlineFit | None:
-    """The circle of edges nearest the start: all that a ball of a few pixels allows."""
-    reach = int(np.ceil(2.5 * radius + 6))
-    height, width = picture.shape
-    left, top = max(0, int(start[0]) - reach), max(0, int(start[1]) - reach)
-    right, bottom = min(width, int(start[0]) + reach + 1), min(height, int(start[1]) + reach + 1)
-    if right - left < 16 or bottom - top < 16:
-        return None
-    window = (slice(top, bottom), slice(left, right))
-    circles = find_circles(
-        np.ascontiguousarray(picture[window]),
-        scene.expected(index, window),
-        np.ascontiguousarray(scene.background.noise[window]),
-        radii=(0.75 * radius, 1.3 * radius),
-        most=4,
-        least_coverage=0.5,
-    )
-    if len(circles) == 0:
-        return None
-    centres = circles.centre_px + np.array([left, top])
-    gap = np.hypot(*(centres - start).T)
-    clear = circles.coverage * np.log1p(circles.sharpness) / (1.0 + (gap / radius) ** 2)
-    best = int(np.argmax(clear))
-    std = max(_VOTED_STD, 0.03 * radius) * max(1.0, 30.0 / float(circles.sharpness[best]))
-    return OutlineFit(
-        centres[best],
-        OutlineShape(float(circles.radius_px[best]), np.zeros(2)),
-        np.diag([std**2, std**2, std**2]),
-        np.diag([std**2, std**2, std**2]) / 9.0,
-        1.0,
-        float(circles.coverage[best]),
-        True,
-        np.zeros((5, 5)),
-        np.zeros(5),
-    )
+def _plausible(found: BallFits, radius: float) -> BoolArray:
+    """Leave out fits that leap off the path of their neighbours and back."""
+    count = len(found)
+    if count < 5:
+        return np.ones(count, dtype=bool)
+    places = np.arange(count)[:, None] + np.array([-3, -2, -1, 1, 2, 3])
+    known = (places >= 0) & (places < count)
+    near = found.centre[np.clip(places, 0, count - 1)]
+    near[~known] = np.nan
+    expected = np.nanmedian(near, axis=1)
+    span = np.nanmax(np.abs(near - expected[:, None]), axis=1)
+    near_by = np.abs(found.centre - expected) <= 2.0 * span + 0.5 * radius + 1.0
+    return np.asarray(np.all(near_by, axis=1))
 
 
-def _plausible(found: dict[int, OutlineFit], radius: float) -> dict[int, OutlineFit]:
-    """Drop fits that leap off the path of their neighbours and back."""
-    order = np.array(sorted(found))
-    if len(order) < 5:
-        return found
-    centre = np.array([found[int(index)].centre for index in order])
-    kept = {}
-    for place, index in enumerate(order):
-        near = [j for j in range(max(0, place - 3), min(len(order), place + 4)) if j != place]
-        expected = np.median(centre[near], axis=0)
-        span = np.abs(centre[near] - expected).max(axis=0)
-        if np.all(np.abs(centre[place] - expected) <= 2.0 * span + 0.5 * radius + 1.0):
-            kept[int(index)] = found[int(index)]
-    return kept
+class _Table:
+    """Fits by frame index, found or not yet."""
+
+    def __init__(self, count: int, known: BallFits) -> None:
+        self.fits = nothing_found(count)
+        self.fits.put(known.frame, known.fits)
+
+    def known(self, direction: int, most: int) -> IntArray:
+        """The outermost known frames in one direction, in time order."""
+        known = np.nonzero(self.fits.found)[0]
+        return known[-most:] if direction > 0 else known[:most]
+
+    def rows(self) -> BallFits:
+        """What is known, in time order."""
+        known = np.nonzero(self.fits.found)[0]
+        return BallFits(known, self.fits.at(known))
 
 
-def _extend(
-    scene: Scene,
-    found: dict[int, OutlineFit],
-    radius: float,
-    profiles: tuple[EdgeProfile, EdgeProfile],
-    direction: int,
-) -> None:
-    """Go on from one end, each frame predicted from the last few, until the ball is lost."""
-    if len(found) < 2:
+def _extend(scene: Scene, search: _Search, table: _Table, direction: int) -> None:
+    """Go on from one end until the ball is lost, a few frames predicted at a time."""
+    known = table.known(direction, 2)
+    if len(known) < 2:
         return
-    missed = 0
-    frame = (max(found) if direction > 0 else min(found)) + direction
-    while 0 <= frame < scene.count and missed < 4:
-        known = sorted(found)[-4:] if direction > 0 else sorted(found)[:4]
-        times = np.array(known, dtype=np.float64)
-        centres = np.array([found[index].centre for index in known])
-        slope = (centres[-1] - centres[0]) / (times[-1] - times[0])
-        near = centres[-1] if direction > 0 else centres[0]
-        near_time = times[-1] if direction > 0 else times[0]
-        start = near + slope * (frame - near_time)
-        height, width = scene.shape
-        if not (0 <= start[0] < width and 0 <= start[1] < height):
-            break
-        picture = scene.picture(frame)
-        fit = _search(scene, frame, picture, start, radius, profiles)
-        if fit is None or np.hypot(*(fit.centre - start)) > 0.4 * radius + 0.3 * np.hypot(*slope):
-            missed += 1
-        else:
-            found[frame] = fit
+    missed, frame = 0, int(known[-1 if direction > 0 else 0]) + direction
+    while 0 <= frame < scene.count and missed < _LOST_AFTER:
+        block = frame + direction * np.arange(_AHEAD if missed == 0 else 1)
+        block = block[(block >= 0) & (block < scene.count)]
+        guess = np.array([_predicted(table, direction, int(index))[0] for index in block])
+        inside = np.all((guess >= 0) & (guess < [scene.shape[1], scene.shape[0]]), axis=1)
+        if not inside[0]:
+            return
+        block, guess = block[inside], guess[inside]
+        order = np.argsort(block)
+        fits = search.run(block[order], guess[order], np.zeros(len(block), dtype=bool))
+        for row, index in enumerate(block.tolist()):
+            start, speed = _predicted(table, direction, index)
+            if row and np.hypot(*(guess[row] - start)) > _SAME_START * search.radius:
+                # Predicted from too far back: once more, from its neighbours.
+                break
+            fit = fits.at(np.argsort(order)[row : row + 1])
+            away = float(np.hypot(*(fit.centre[0] - start)))
+            frame = index + direction
+            if not fit.found[0] or away > 0.4 * search.radius + 0.3 * speed:
+                missed += 1
+                break
+            table.fits.put(np.array([index]), fit)
             missed = 0
-        frame += direction
+
+
+def _predicted(table: _Table, direction: int, index: int) -> tuple[FloatArray, float]:
+    """Where the last few frames lead, and the speed there, px per frame."""
+    known = table.known(direction, 4)
+    time = (known - index).astype(np.float64)
+    centre = table.fits.centre[known]
+    slope = (centre[-1] - centre[0]) / (time[-1] - time[0])
+    end = -1 if direction > 0 else 0
+    return centre[end] - slope * time[end], float(np.hypot(*slope))

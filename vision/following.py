@@ -196,16 +196,16 @@ def _mass(scene: Scene, rest: Rest, ball: BallFits, mass_at: Point | None) -> Ma
 
 
 def _track(fits: BallFits, fps: float) -> Track:
-    covariance = np.array([fit.covariance[:2, :2] for fit in fits.fits])
+    covariance = fits.fits.covariance
     return Track(
         frame=fits.frame,
         time_s=fits.frame / fps,
         centre_px=fits.centre,
         covariance_px2=covariance,
-        bound_px2=np.array([fit.bound[:2, :2] for fit in fits.fits]),
+        bound_px2=fits.fits.bound,
         radius_px=fits.radius,
         radius_std_px=np.sqrt(0.5 * np.trace(covariance, axis1=1, axis2=2)),
-        quality=np.array([fit.contrast for fit in fits.fits]),
+        quality=fits.fits.contrast,
     )
 
 

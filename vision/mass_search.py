@@ -1,8 +1,8 @@
 """The pendulum mass before it strikes: what moved, stands behind the ball and nearly touches it.
 
 What moved is often the mass together with its shadow, or with the bar. Thresholds from the noise up
-to the strongest change peel one from the other; which of the pieces moves as one rigid thing is told
-by following them.
+to the strongest change peel one from the other; which of the pieces moves as one rigid thing is
+told by following them.
 """
 
 from collections.abc import Iterator

@@ -1,26 +1,29 @@
 """The ball's outlines fitted again, all of one shape, with the optics learnt from the clip."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vision.ball import SMALL_RADIUS, BallFits
-from vision.cutout import TYPICAL_GAMMA, Hides, ring_pixels, ring_widths
+from vision.cutout import Cutouts, Hides, Wanted, cut_out, ring_widths
 from vision.edge_profile import EdgeProfile
-from vision.outline import OutlineFit, OutlineShape, fit_outline
+from vision.outline import FitRules, Start, fit_outlines
+from vision.outline_fits import OutlineFits, nothing_found
 from vision.scene import Scene
 
 __all__ = ["Optics", "refine_ball"]
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 _SPREADS = (0.25, 0.45, 0.7, 1.0, 1.5)
 _DUTIES = (0.1, 0.35, 0.6, 0.85)
 _TRIAL_FRAMES = 9
 _SHAPE_FRAMES = 40
 _SHAPE_STEPS = 3
+_TOLERANCE = 5e-3
 # Frames between the positions compared: errors of neighbours are alike, as the ball looks alike.
 _LAG = 4
 
@@ -33,14 +36,11 @@ class Optics:
     ----------
     spread : float
         Standard deviation of the point spread, px.
-    gamma : float
-        Exponent of the transfer curve from gray level to light.
     duty : float
         Exposure time over frame interval.
     """
 
     spread: float
-    gamma: float
     duty: float
 
 
@@ -74,7 +74,7 @@ def refine_ball(
         shaped = refiner.fit(_evenly(refiner.clear, _SHAPE_FRAMES), 2, shape)
         if len(shaped.frame) < 3:
             return _calibrated(rough)
-        shape.improve(shaped)
+        shape.improve(shaped.fits)
     refined = refiner.fit(np.arange(len(rough.frame)), 2, shape)
     # Where the model does not hold (a sharpened picture, a puck with a rim), the plain fits may
     # scatter less; the clip itself says so.
@@ -105,12 +105,13 @@ class _Refiner:
         self._velocity = np.column_stack(
             [np.gradient(rough.centre[:, axis], rough.frame.astype(np.float64)) for axis in (0, 1)]
         )
-        self.optics = Optics(0.6, TYPICAL_GAMMA, 0.5)
-        contrast = np.array([fit.contrast for fit in rough.fits])
+        self.optics = Optics(0.6, 0.5)
+        contrast = rough.fits.contrast
         near = np.abs(rough.radius / radius - 1.0) < 0.1
         self.clear = np.nonzero((contrast >= np.median(contrast) - 0.05) & near)[0]
         if len(self.clear) < 3:
             self.clear = np.arange(len(rough.frame))
+        self._kept: tuple[IntArray, list[tuple[slice, Cutouts]]] | None = None
 
     def learn_optics(self) -> None:
         """Take the optics under which a few outlines fit best, one property after another."""
@@ -125,50 +126,50 @@ class _Refiner:
             if values:
                 self._learn(name, values, trial)
 
-    def _learn(self, name: str, values: tuple[float, ...], trial: NDArray[np.int64]) -> None:
+    def _learn(self, name: str, values: tuple[float, ...], trial: IntArray) -> None:
         before = self.optics
         misfits = []
         for value in values:
             self.optics = replace(before, **{name: value})
             fits = self.fit(trial, 3, None).fits
-            misfits.append(float(np.median([fit.misfit for fit in fits])) if fits else np.inf)
+            misfits.append(float(np.median(fits.misfit)) if len(fits) else np.inf)
         self.optics = replace(before, **{name: _lowest(np.array(values), np.array(misfits))})
 
-    def fit(self, places: NDArray[np.int64], free: int, shape: "_CommonShape | None") -> BallFits:
+    def _pieces(self, places: IntArray) -> Iterable[tuple[slice, Cutouts]]:
+        """Cut-outs of these places; those of the last few asked for are kept."""
+        if self._kept is not None and np.array_equal(self._kept[0], places):
+            return self._kept[1]
+        reach = self._radius + ring_widths(self._radius)[1] + min(4.0, 0.4 * self._radius) + 1.0
+        rough = self._rough
+        wanted = Wanted(rough.frame[places], rough.centre[places], reach, self._hides)
+        pieces = cut_out(self._scene, wanted)
+        if len(places) > _SHAPE_FRAMES:
+            return pieces
+        self._kept = (places, list(pieces))
+        return self._kept[1]
+
+    def fit(self, places: IntArray, free: int, shape: "_CommonShape | None") -> BallFits:
         """Fit the outlines at these places of the rough track."""
         optics, radius = self.optics, self._radius
-        smear = self._velocity * optics.duty
-        longest = min(float(np.hypot(*smear[places].T).max(initial=0.0)), 2.0 * radius)
+        centre, smear = self._rough.centre[places], self._velocity[places] * optics.duty
+        longest = min(float(np.hypot(*smear.T).max(initial=0.0)), 2.0 * radius)
         profile = EdgeProfile(radius, optics.spread, longest)
         inner, outer = ring_widths(radius)
-        frames, fits = [], []
-        pictures = self._scene.pictures(self._rough.frame[places])
-        for place, (index, picture) in zip(places, pictures, strict=True):
-            start = self._rough.fits[place].centre
-            hidden = None if self._hides is None else self._hides(index)
-            reach = radius + outer + 2.0
-            pixels = ring_pixels(self._scene, index, picture, start, reach, optics.gamma, hidden)
-            if pixels is None:
-                continue
-            known = OutlineShape(radius, np.zeros(2)) if shape is None else shape.at(start)
-            fit = fit_outline(
-                pixels,
-                profile,
-                start,
-                known,
-                smear=smear[place],
-                free=free,
-                radius_std=0.1 * radius,
-                inner=inner,
-                outer=outer,
-            )
-            if fit is not None and np.hypot(*(fit.centre - start)) < 0.4 * radius:
-                frames.append(index)
-                fits.append(fit)
-        return BallFits(np.array(frames, dtype=np.int64), tuple(fits))
+        rules = FitRules(
+            free, 0.1 * radius, inner, outer, shape_pull=shape is not None, tolerance=_TOLERANCE
+        )
+        known = np.tile([radius, 0.0, 0.0], (len(places), 1)) if shape is None else shape.at(centre)
+        start = Start(centre, known, smear)
+        fits = nothing_found(len(places))
+        for part, pieces in self._pieces(places):
+            rows = np.arange(part.start, part.stop)
+            fits.put(rows, fit_outlines(pieces, profile, start.at(part), rules))
+        near = np.hypot(*(fits.centre - centre).T) < 0.4 * radius
+        kept = fits.found & near
+        return BallFits(self._rough.frame[places[kept]], fits.at(kept))
 
 
-def _evenly(places: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+def _evenly(places: IntArray, count: int) -> IntArray:
     chosen = np.unique(np.linspace(0, len(places) - 1, min(count, len(places))).astype(int))
     return np.asarray(places[chosen])
 
@@ -188,8 +189,8 @@ class _CommonShape:
     """One shape for the whole clip: how a sphere's outline widens away from the picture's centre.
 
     A sphere of constant depth appears as an ellipse whose tangential axis is constant while the
-    radial one
-    grows as 1/cos of the angle off the axis; a lens' distortion adds terms of the same form. So
+    radial one grows as 1/cos of the angle off the axis; a lens' distortion adds terms of the same
+    form. So
 
         r = r₀ + κᵣ ρ² + gₓ x + g_y y,   a + i b = κₑ ρ² exp(2iψ),
 
@@ -203,44 +204,35 @@ class _CommonShape:
         self.values = np.array([radius, 0.0, 0.0, 0.0, 0.0])
 
     def _design(self, centre: FloatArray) -> FloatArray:
-        x, y = (centre - self._centre) / self._scale
-        return np.array(
-            [
-                [1.0, x * x + y * y, x, y, 0.0],
-                [0.0, 0.0, 0.0, 0.0, x * x - y * y],
-                [0.0, 0.0, 0.0, 0.0, 2 * x * y],
-            ]
-        )
+        x, y = ((centre - self._centre) / self._scale).T
+        design = np.zeros((len(centre), 3, 5))
+        design[:, 0] = np.column_stack([np.ones_like(x), x * x + y * y, x, y, np.zeros_like(x)])
+        design[:, 1, 4] = x * x - y * y
+        design[:, 2, 4] = 2 * x * y
+        return design
 
-    def at(self, centre: FloatArray) -> OutlineShape:
-        """Shape of the outline where the ball is."""
-        shape = self._design(centre) @ self.values
-        return OutlineShape(float(shape[0]), shape[1:])
+    def at(self, centre: FloatArray) -> FloatArray:
+        """Shape (N, 3) of the outline where the ball is: radius, ellipse a and b, px."""
+        return np.asarray(self._design(centre) @ self.values)
 
-    def improve(self, fits: BallFits) -> None:
+    def improve(self, fits: OutlineFits) -> None:
         """One Gauss–Newton step on the outlines of many frames, their centres eliminated."""
         radius = self.values[0]
         # A sphere 45 degrees off the axis at the picture's corner is the most that is expected.
         widths = np.array([np.inf, 0.25, 0.1, 0.1, 0.25]) * radius
-        normal = np.diag(widths**-2.0)
-        pull = -normal @ self.values
-        steps = [self._single(fit) for fit in fits.fits]
-        sizes = np.array([step[2] for step in steps])
-        usual = max(float(np.median(np.abs(sizes))), 1e-6)
-        for information, gradient, size in steps:
-            weight = 1.0 / (1.0 + (size / (3.0 * usual)) ** 2)
-            normal += weight * information
-            pull += weight * gradient
-        self.values = self.values + np.linalg.solve(normal + 1e-9 * np.eye(len(pull)), pull)
-
-    def _single(self, fit: OutlineFit) -> tuple[FloatArray, FloatArray, float]:
-        """Information and pull of one frame on the common numbers, and how far off it is."""
-        cross = fit.normal[2:, :2] @ np.linalg.inv(fit.normal[:2, :2] + 1e-9 * np.eye(2))
-        information = fit.normal[2:, 2:] - cross @ fit.normal[:2, 2:]
-        gradient = fit.pull[2:] - cross @ fit.pull[:2]
-        design = self._design(fit.centre)
-        size = float(gradient[0] / max(information[0, 0], 1e-9))
-        return design.T @ information @ design, design.T @ gradient, size
+        held = np.diag(widths**-2.0)
+        middle = np.linalg.inv(fits.normal[:, :2, :2] + 1e-9 * np.eye(2))
+        cross = fits.normal[:, 2:, :2] @ middle
+        information = fits.normal[:, 2:, 2:] - cross @ fits.normal[:, :2, 2:]
+        pull = fits.pull[:, 2:] - np.einsum("nij,nj->ni", cross, fits.pull[:, :2])
+        # How far off each frame's own radius is: those that are far off count less.
+        size = pull[:, 0] / np.maximum(information[:, 0, 0], 1e-9)
+        usual = max(float(np.median(np.abs(size))), 1e-6)
+        weight = 1.0 / (1.0 + (size / (3.0 * usual)) ** 2)
+        design = self._design(fits.centre)
+        normal = held + np.einsum("n,nki,nkl,nlj->ij", weight, design, information, design)
+        total = np.einsum("n,nki,nk->i", weight, design, pull) - held @ self.values
+        self.values = self.values + np.linalg.solve(normal + 1e-9 * np.eye(5), total)
 
 
 def _calibrated(fits: BallFits) -> BallFits:
@@ -255,7 +247,7 @@ def _calibrated(fits: BallFits) -> BallFits:
     run = fits.frame[3 * lag :] - fits.frame[: -3 * lag] == 3 * lag
     if np.count_nonzero(run) < 8:
         return fits
-    x, variance = fits.centre, np.array([np.diag(fit.covariance)[:2] for fit in fits.fits])
+    x, variance = fits.centre, np.diagonal(fits.fits.covariance, axis1=1, axis2=2)
     parts = [slice(k * lag, len(x) - (3 - k) * lag) for k in range(4)]
     third = (x[parts[3]] - 3 * x[parts[2]] + 3 * x[parts[1]] - x[parts[0]])[run]
     expected = (
@@ -264,8 +256,4 @@ def _calibrated(fits: BallFits) -> BallFits:
     # 0.455 is the median of a squared unit normal.
     ratio = float(np.median(third**2 / np.maximum(expected, 1e-12))) / 0.455
     factor = float(np.clip(ratio, 0.05, 20.0))
-    return BallFits(fits.frame, tuple(_scaled(fit, factor) for fit in fits.fits))
-
-
-def _scaled(fit: OutlineFit, factor: float) -> OutlineFit:
-    return replace(fit, covariance=fit.covariance * factor)
+    return BallFits(fits.frame, replace(fits.fits, covariance=fits.fits.covariance * factor))

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.alignment import Aligner, View, warp_to_scene
-from vision.background import Background, brightness, estimate_background
+from vision.background import LightMeter, estimate_background
 from vision.footage import Footage, GrayFrame
 
-__all__ = ["Scene"]
+__all__ = ["Scene", "Window"]
 
 FloatImage = NDArray[np.float32]
 IntArray = NDArray[np.int64]
@@ -65,6 +65,7 @@ class Scene:
         self.noise = float(np.median(self.background.noise))
         self.views: dict[int, View] = {}
         self._aligner = Aligner(self.background.image, self.noise)
+        self._meter = LightMeter(self.background.image, self.noise)
 
     @property
     def count(self) -> int:
@@ -76,22 +77,17 @@ class Scene:
         """Height and width, px."""
         return self._footage.shape
 
-    def replace_background(self, background: Background) -> None:
-        """Go on with a better picture of the static scene."""
-        self.background = background
-        self._aligner = Aligner(background.image, self.noise)
-
     def _gray(self, frame: GrayFrame) -> FloatImage:
         return np.asarray(frame.astype(np.float32) * self._full_scale)
 
-    def view(self, index: int, frame: FloatImage) -> View:
-        """How a frame sees the scene; registered once."""
+    def view(self, index: int, frame: GrayFrame) -> View:
+        """How a frame, as it was stored, sees the scene; registered once."""
         known = self.views.get(index)
         if known is None:
             if self.hand_held:
-                known = self._aligner.view(frame, self.views.get(index - 1))
+                known = self._aligner.view(self._gray(frame), self.views.get(index - 1))
             else:
-                gain = brightness(frame, self.background.image, self.noise)
+                gain = self._meter.gain(frame, float(self._full_scale))
                 known = View(gain, np.zeros(2), 0.0, 0.0)
             self.views[index] = known
         return known
@@ -99,8 +95,20 @@ class Scene:
     def pictures(self, wanted: IntArray) -> Iterator[tuple[int, FloatImage]]:
         """Give frames as the reference camera would have seen them, 0 to 255."""
         for index, frame in self._footage.frames(wanted):
-            gray = self._gray(frame)
-            yield index, warp_to_scene(gray, self.view(index, gray))
+            yield index, warp_to_scene(self._gray(frame), self.view(index, frame))
+
+    def windows(
+        self, wanted: IntArray, windows: list[Window]
+    ) -> Iterator[tuple[int, FloatImage | NDArray[np.uint8]]]:
+        """Give a window (rows, columns) of each of these frames, 0 to 255."""
+        for (index, frame), window in zip(self._footage.frames(wanted), windows, strict=True):
+            view = self.view(index, frame)
+            if not view.still:
+                yield index, warp_to_scene(self._gray(frame), view)[window]
+            elif frame.dtype == np.uint8:
+                yield index, frame[window].astype(np.uint8, copy=False)
+            else:
+                yield index, self._gray(frame[window])
 
     def picture(self, index: int) -> FloatImage:
         """One such frame."""
