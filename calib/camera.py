@@ -313,7 +313,9 @@ class Camera:
         towards = sight / distance[..., np.newaxis]
         # The visible rim is the circle in which the cone of tangents touches the sphere
         rim_centre = centre - towards * (radius**2 / distance)[..., np.newaxis]
-        rim_radius = radius * np.sqrt(1.0 - (radius / distance) ** 2)
+        # a camera inside the sphere sees no outline
+        with np.errstate(invalid="ignore"):
+            rim_radius = radius * np.sqrt(1.0 - (radius / distance) ** 2)
         across = np.cross(towards, self.rotation[1])
         across /= np.linalg.norm(across, axis=-1, keepdims=True)
         along = np.cross(towards, across)

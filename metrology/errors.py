@@ -51,6 +51,11 @@ class ImpactVisionError(Exception):
         self.message = message
         self.hint = hint
 
+    @property
+    def in_one_line(self) -> str:
+        """What is wrong and what would help, as the reason of a missing quantity."""
+        return self.message if self.hint is None else f"{self.message}. {self.hint}"
+
     def __str__(self) -> str:
         return self.message if self.hint is None else f"{self.message}\n{self.hint}"
 

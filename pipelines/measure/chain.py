@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from calib.calibration import Calibration
 from calib.free_fall import with_free_fall
 from calib.grid import WallGrid
+from calib.plausibility import ContradictionError
 from metrology import CalibrationError, MeasurementError
 from pipelines.measure.budget import Scene, systematic_budget
 from pipelines.measure.calibrated import calibrate_clip, scene_evidence
@@ -18,7 +19,7 @@ from pipelines.measure.gravity import contradicts_gravity
 from pipelines.measure.impact import find_impact
 from pipelines.measure.inputs import DIAMETER_SHARE, Inputs, gather_inputs
 from pipelines.measure.metres import BallScale, CameraMapping, MetricTracks, tracks_in_metres
-from pipelines.measure.results import Evaluated, quantities_of
+from pipelines.measure.results import Evaluated, NoScale, quantities_of
 from pipelines.measurement import Measurement
 from pipelines.setup_file import Setup
 from vision.capture_rate import CaptureRate, choose_capture_rate
@@ -94,7 +95,7 @@ def measure_clip(
     if calibration is not None:
         warnings += calibration.warnings
     else:
-        warnings.append(f"no calibration from the wall: {refusal}")
+        warnings.append(f"no calibration from the wall: {refusal.reason}")
     evaluated = _evaluate(Scene(inputs, rate, calibration), clip, tracks, tell)
     quantities, gravity, checks, more = quantities_of(evaluated, clip.info, tracks, refusal)
     return Measurement(
@@ -122,16 +123,30 @@ def _timed(tracks: Tracks, time_s: FloatArray) -> Tracks:
 
 def _calibrated(
     tracks: Tracks, inputs: Inputs, rate: CaptureRate, clip: Clip
-) -> tuple[Calibration | None, str]:
+) -> tuple[Calibration | None, NoScale]:
     try:
         calibration, grid = calibrate_clip(tracks, inputs)
+    except ContradictionError as problem:
+        return None, NoScale(f"{problem.message}; {_sizes(inputs)}", contradicts=True)
     except CalibrationError as problem:
-        return None, problem.message
+        return None, NoScale(problem.in_one_line)
     camera, wall = inputs.setup.camera, inputs.setup.wall
     taped = camera.distance_to_wall is not None and wall.ball_plane_offset is not None
     if taped or rate.source == "assumed":
-        return calibration, ""
-    return _weighed_by_fall(calibration, grid, tracks, Scene(inputs, rate, calibration), clip), ""
+        return calibration, NoScale()
+    weighed = _weighed_by_fall(calibration, grid, tracks, Scene(inputs, rate, calibration), clip)
+    return weighed, NoScale()
+
+
+def _sizes(inputs: Inputs) -> str:
+    """What can't all be right, with the options that would put it right."""
+    squares = f"squares of {1e3 * inputs.grid_pitch:g} mm"
+    if inputs.ball is None:
+        return f"{squares} and the taped distances contradict each other: check --wall-grid"
+    return (
+        f"{squares} and a ball of {1e3 * inputs.ball.diameter:g} mm"
+        " contradict each other: check --wall-grid and --ball, and that the ball was followed"
+    )
 
 
 def _weighed_by_fall(
@@ -170,7 +185,7 @@ def _evaluate(
         metric = _in_metres(scene, clip, tracks)
         impact = find_impact(metric, scene.inputs)
     except MeasurementError as problem:
-        return replace(nothing, refusal=problem.message)
+        return replace(nothing, refusal=problem.in_one_line)
     started = None
     if impact.contact is not None:
         started = (impact.contact.onset_s, impact.contact.release_s)

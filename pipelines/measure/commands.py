@@ -257,7 +257,8 @@ def _several(
     if len(clips) == 1:
         measured = _one(clips[0], options, wanted, names)
         if not any(item.known for item in measured.quantities):
-            raise MeasurementError(f"nothing can be measured from {clips[0]}")
+            reason = measured.quantity("ball_speed").reason
+            raise MeasurementError(f"nothing can be measured from {clips[0]}: {reason}")
         return
     done: list[Measurement] = []
     failures: list[ImpactVisionError] = []

@@ -29,13 +29,18 @@ _COMMON_RATES = (
     1000,
 )
 _SIGMAS = 3.0
+_PLAIN_SIGMAS = 5.0
+_BEYOND_AIR = 0.1
+"""Share of gravity that spin or drag could hide; what is plainly beyond it, they can't."""
+_UNTOLD = 0.1
 BEYOND_REPAIR = 0.3
 """Share by which a fall may miss gravity before rate or scale must be plainly wrong."""
 
 
-def contradicts_gravity(value: float, gravity: float) -> bool:
+def contradicts_gravity(value: float, gravity: float, std: float = math.inf) -> bool:
     """Whether a free fall (m/s²) is so far off that nothing in metres and seconds can be right."""
-    return abs(value / gravity - 1.0) > BEYOND_REPAIR
+    off = abs(value / gravity - 1.0)
+    return off > BEYOND_REPAIR or (off > _BEYOND_AIR and off * gravity > _PLAIN_SIGMAS * std)
 
 
 def gravity_check(found: Quantity, scene: Scene) -> tuple[Quantity, Check | None]:
@@ -74,8 +79,14 @@ def _why(quantity: Quantity, scene: Scene) -> str:
     ratio = gravity / quantity.value
     rate = scene.rate.fps * math.sqrt(ratio)
     doubt = 0.5 * quantity.std / quantity.value
+    if doubt > _UNTOLD:
+        return (
+            f"Another capture rate than {scene.rate.fps:g} fps, or another scale, would explain it;"
+            " the flight in view is too short to say which"
+        )
     near = [other for other in _COMMON_RATES if abs(other / rate - 1) < max(3 * doubt, 0.02)]
-    named = f" ({near[0]:g} fps, with --fps {near[0]:g}?)" if near else ""
+    nearest = min(near, key=lambda other: abs(other - rate), default=None)
+    named = "" if nearest is None else f" ({nearest:g} fps, with --fps {nearest:g}?)"
     return (
         f"A capture rate of {rate:.1f} fps instead of {scene.rate.fps:g} would explain it{named},"
         f" or lengths that are {1 / ratio:.3f} times too long"

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from metrology import MeasurementError, NotFoundError
 from pipelines.measure.contact_fit import ContactFit, ImpactView, fit_contact
 from pipelines.measure.flight_fit import FlightFit, FlightPriors, fit_flight
+from pipelines.measure.flight_span import LONGEST_CONTACT_S, flight_end
 from pipelines.measure.inputs import GRAVITY_STD, STIFFNESS_SHARE, Inputs
 from pipelines.measure.metres import MetricTracks
 from pipelines.measure.swing_fit import fit_swing
@@ -16,11 +17,11 @@ __all__ = ["Impact", "departure", "find_impact"]
 
 FloatArray = NDArray[np.float64]
 
-LONGEST_CONTACT_S = 0.025
 UNSEEN_HALF_CONTACT_S, UNSEEN_HALF_CONTACT_STD_S = 0.006, 0.003
 """Middle to end of a contact nobody sees: inflated balls stay on for 10 to 20 ms."""
 SWING_STRETCH_S = 0.08
 _ROUNDS = 3
+STRAY_RADII = 0.15
 FACE_DEPTH_SHARE = 0.02
 """Of the arm: parallax of a face seen off its plane by half the thickness of the mass."""
 IMPACT_ANGLE_STD = np.radians(0.4)
@@ -96,10 +97,10 @@ def find_impact(
     """
     left = departure(tracks)
     onset, release = started or (left - 0.008, left + LONGEST_CONTACT_S)
-    landed = _landing_or_end(tracks, inputs, left)
+    landed = flight_end(tracks, inputs, left)
     view: ImpactView | None = None
     contact: ContactFit | None = None
-    reason = "no pendulum mass is found in the clip"
+    reason = "no pendulum mass is found in the clip; point at it with --mass-at X,Y"
     flight = _flight(tracks, inputs, release, landed, free=False)
     for _ in range(_ROUNDS if started is None else 1):
         if tracks.pivot_m is None:
@@ -108,7 +109,7 @@ def find_impact(
             view = _view(tracks, inputs, flight, onset, release)
             contact = fit_contact(view, 0.5 * (onset + release))
         except MeasurementError as problem:
-            view, contact, reason = None, None, problem.message
+            view, contact, reason = None, None, problem.in_one_line
             break
         onset, release = contact.onset_s, contact.release_s
         flight = _flight(tracks, inputs, release, landed, free=False)
@@ -119,7 +120,18 @@ def find_impact(
         release = _corner(tracks, flight) + UNSEEN_HALF_CONTACT_S
         flight = _flight(tracks, inputs, release, landed, free=False, since=since)
     free = _flight(tracks, inputs, release, landed, free=True, since=since)
+    _require_flight(free, tracks)
     return Impact(tracks, flight, free, view, contact, reason, float(flight.time_s[-1]))
+
+
+def _require_flight(free: FlightFit, tracks: MetricTracks) -> None:
+    """Refuse what does not move like a ball in the air: a pendulum, a hand, a rolling ball."""
+    off = float(np.median(np.hypot(*free.residual_m.T)))
+    if off > STRAY_RADII * tracks.radius_m:
+        raise NotFoundError(
+            f"what was followed does not fly: its path is {100 * off:.1f} cm off any flight",
+            hint="Point at the ball with --ball-at X,Y, and check the capture rate (--fps).",
+        )
 
 
 def _flight(
@@ -143,20 +155,6 @@ def _flight(
         release,
         FlightPriors(inputs.gravity, gravity_std, drag, drag_std, 0.0, inputs.lift_std),
     )
-
-
-def _landing_or_end(tracks: MetricTracks, inputs: Inputs, left: float) -> float:
-    """Time before which the ball surely flies: not yet fallen to the floor, nor bounced."""
-    time, height = tracks.ball_time_s, tracks.ball_m[:, 1]
-    after = time > left + LONGEST_CONTACT_S
-    if inputs.fall is not None:
-        floor = tracks.rest_m[1] - inputs.fall
-        landed = np.flatnonzero(after & (height <= floor + 0.004))
-        return float(time[landed[0]]) if len(landed) else float(time[-1]) + 1e-9
-    highest = int(np.argmax(np.where(after, height, -np.inf)))
-    lowest = highest + int(np.argmin(height[highest:]))
-    rises = height[lowest:] - height[lowest] > 0.01
-    return float(time[lowest]) if rises.any() else float(time[-1]) + 1e-9
 
 
 def _corner(tracks: MetricTracks, flight: FlightFit) -> float:

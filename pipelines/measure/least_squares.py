@@ -6,12 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from metrology import TooLittleDataError
+
 __all__ = ["Fitted", "fit"]
 
 FloatArray = NDArray[np.float64]
 
 _SOFT_FROM = 2.5
 _MOST_STEPS = 12
+_MOST_HALVINGS = 12
 
 
 @dataclass(frozen=True)
@@ -61,24 +64,47 @@ def fit(
     Returns
     -------
     Fitted
+
+    Raises
+    ------
+    TooLittleDataError
+        If the residuals are no numbers at the start: the motion is nothing like the model.
     """
     values = np.asarray(start, dtype=float)
     centre = values if prior is None else np.asarray(prior, dtype=float)
     precision = np.zeros((len(values), len(values)))
     if prior_std is not None:
         precision = np.diag(1.0 / np.asarray(prior_std, float) ** 2)
+
+    def cost(at: FloatArray, misfit: FloatArray) -> float:
+        soft = _SOFT_FROM**2 * (np.sqrt(1.0 + (misfit / _SOFT_FROM) ** 2) - 1.0)
+        total = float(soft.sum() + 0.5 * (at - centre) @ precision @ (at - centre))
+        return total if np.isfinite(total) else np.inf
+
+    left = residuals(values)
     for _ in range(_MOST_STEPS):
-        left = residuals(values)
         jacobian = _jacobian(residuals, values)
         weight = 1.0 / np.sqrt(1.0 + (left / _SOFT_FROM) ** 2)
         normal = jacobian.T @ (weight[:, np.newaxis] * jacobian) + precision
+        if not np.isfinite(normal).all():
+            raise TooLittleDataError(
+                "the motion followed is not one that this model can fit",
+                hint="Check the capture rate (--fps), and that ball and mass were followed.",
+            )
         downhill = jacobian.T @ (weight * left) + precision @ (values - centre)
         step = -np.linalg.lstsq(normal, downhill, rcond=None)[0]
-        values = values + step
         # the gain in chi² still to be had, against the unit that matters
-        if float(step @ normal @ step) < 1e-4:
+        settled = float(step @ normal @ step) < 1e-4
+        for _ in range(_MOST_HALVINGS):
+            moved = residuals(values + step)
+            if settled or cost(values + step, moved) <= cost(values, left):
+                values, left = values + step, moved
+                break
+            step = 0.5 * step
+        else:
             break
-    left = residuals(values)
+        if settled:
+            break
     count = len(left)
     spread = 1.4826 * float(np.median(np.abs(left))) if count else 1.0
     chi2 = max(spread**2, 1.0) * count / max(count - len(values), 1) * _correlation(left, channels)

@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 
 from calib.calibration import Calibration
 from metrology import NotFoundError
-from vision.tracks import Tracks
+from vision.tracks import Track, Tracks
 
 __all__ = ["BallScale", "CameraMapping", "MetricTracks", "PlaneMapping", "tracks_in_metres"]
 
@@ -17,6 +17,7 @@ FloatArray = NDArray[np.float64]
 
 _LEAST_LEAD_STD_PX = 1.0
 BEND_SHARE = 0.003
+CREEP_SHARE = 0.25
 
 
 class PlaneMapping(Protocol):
@@ -145,6 +146,11 @@ def tracks_in_metres(tracks: Tracks, mapping: PlaneMapping, time_s: FloatArray) 
             "the ball is not seen clearly while it lies still",
             hint="Point at it with --ball-at X,Y, or film against a background it stands out from.",
         )
+    if _creeps(ball, still):
+        raise NotFoundError(
+            "what was followed moves from the first frame on, so there is no strike to measure",
+            hint="Start the clip before the ball is struck, or point at the ball with --ball-at.",
+        )
     std = np.sqrt(np.diagonal(covariance[still], axis1=1, axis2=2)).mean(axis=0)
     scatter = position[still].std(axis=0) if still.sum() > 3 else std
     pivot, angle, angle_std, lead, lead_std = _pendulum(tracks, mapping, direction)
@@ -166,6 +172,17 @@ def tracks_in_metres(tracks: Tracks, mapping: PlaneMapping, time_s: FloatArray) 
         radius_m=_apparent_radius(tracks, mapping),
         direction=direction,
     )
+
+
+def _creeps(ball: Track, still: NDArray[np.bool_]) -> bool:
+    """Whether the ball moves while it is said to lie still: a pendulum or a ball in flight."""
+    if still.sum() < 2 or still.all():
+        return False
+    step = np.hypot(*(np.diff(ball.centre_px, axis=0) / np.diff(ball.frame)[:, np.newaxis]).T)
+    resting = still[1:] & still[:-1]
+    noise = float(np.sqrt(np.median(np.trace(ball.covariance_px2, axis1=1, axis2=2))))
+    speed = float(np.median(step[resting]))
+    return speed > CREEP_SHARE * float(np.median(step[~resting])) and speed > 3.0 * noise
 
 
 def _apparent_radius(tracks: Tracks, mapping: PlaneMapping) -> float:

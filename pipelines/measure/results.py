@@ -20,7 +20,7 @@ from pipelines.report import Check
 from vision.clip_info import ClipInfo
 from vision.tracks import Tracks
 
-__all__ = ["Evaluated", "quantities_of"]
+__all__ = ["Evaluated", "NoScale", "quantities_of"]
 
 FloatArray = NDArray[np.float64]
 
@@ -58,8 +58,24 @@ class Evaluated:
     refusal: str
 
 
+@dataclass(frozen=True)
+class NoScale:
+    """Why the wall gives no scale.
+
+    Attributes
+    ----------
+    reason : str
+        Empty where it does.
+    contradicts : bool
+        There is a grid, but it contradicts the ball's size: then neither can be trusted.
+    """
+
+    reason: str = ""
+    contradicts: bool = False
+
+
 def quantities_of(
-    evaluated: Evaluated, info: ClipInfo, tracks: Tracks, no_grid: str
+    evaluated: Evaluated, info: ClipInfo, tracks: Tracks, no_grid: NoScale
 ) -> tuple[tuple[Quantity, ...], Quantity, tuple[Check, ...], list[str]]:
     """Quantities in the contract's order, the gravity self-check, checks and warnings."""
     reasons = _reasons(evaluated, no_grid)
@@ -68,7 +84,7 @@ def quantities_of(
         found[name] = _quantity(evaluated, index, name, unit, reasons)
     found["contact_frames"] = _contact_frames(evaluated, tracks, reasons)
     found |= _met_by_another(evaluated, tracks)
-    found |= _geometry(evaluated, found, no_grid)
+    found |= _geometry(evaluated, found, no_grid.reason)
     found["backswing_angle"] = _backswing(evaluated)
     cor, agreement = fused_cor(evaluated.values, evaluated.random, evaluated.systematic, found)
     found["cor"] = cor
@@ -83,15 +99,17 @@ def quantities_of(
 def _withheld(
     found: dict[str, Quantity], gravity: Quantity, check: Check | None, evaluated: Evaluated
 ) -> dict[str, Quantity]:
-    """Nothing in metres or seconds where the fall says that rate or scale is plainly wrong."""
+    """Nothing that hangs on rate or scale where the fall says that one is plainly wrong."""
     if check is None or check.passed is not False or gravity.value is None:
         return found
-    if not contradicts_gravity(gravity.value, evaluated.scene.inputs.gravity):
+    scene = evaluated.scene
+    std = math.inf if gravity.std is None else gravity.std
+    if not contradicts_gravity(gravity.value, scene.inputs.gravity, std):
         return found
+    known = () if scene.calibration is None else scene.calibration.warnings
+    reason = "; ".join((check.statement, *known))
     return {
-        name: Quantity.missing(name, item.unit, check.statement)
-        if item.unit not in ("1", "deg")
-        else item
+        name: Quantity.missing(name, item.unit, reason) if name != "backswing_angle" else item
         for name, item in found.items()
     }
 
@@ -134,17 +152,19 @@ def _unknown(evaluated: Evaluated, name: str) -> str:
     return "it could not be determined from this clip"
 
 
-def _reasons(evaluated: Evaluated, no_grid: str) -> dict[str, str]:
+def _reasons(evaluated: Evaluated, no_grid: NoScale) -> dict[str, str]:
     """Quantities that must not be given although a number could be computed."""
     reasons: dict[str, str] = {}
     scene, impact = evaluated.scene, evaluated.impact
     if scene.calibration is None:
-        landing = f"the wall's grid is needed: {no_grid}"
+        landing = f"the wall's grid is needed: {no_grid.reason}"
         reasons |= dict.fromkeys(_LANDING, landing)
+        wanted = [name for name, unit in DERIVED.items() if unit in _NEEDS_METRES]
         if scene.inputs.ball is None:
-            text = f"neither a wall grid nor the ball's diameter gives a scale ({no_grid})"
-            wanted = [name for name, unit in DERIVED.items() if unit in _NEEDS_METRES]
+            text = f"neither a wall grid nor the ball's diameter gives a scale ({no_grid.reason})"
             reasons |= dict.fromkeys([*wanted, "gravity", "launch_angle"], text)
+        elif no_grid.contradicts and impact is not None:
+            reasons |= dict.fromkeys([*wanted, *_LANDING], no_grid.reason)
     if impact is not None and evaluated.metric is not None:
         landed = evaluated.values[list(DERIVED).index("landing_time")]
         if np.isfinite(landed) and not _landing_in_view(evaluated, float(landed)):

@@ -72,7 +72,7 @@ def fit_swing(
     if len(time_s) < LEAST_FRAMES:
         raise TooLittleDataError(
             f"the pendulum is seen in only {len(time_s)} frames on one side of the contact",
-            hint="Film with the mass in view for at least five frames before and after contact.",
+            hint="Film the mass for five frames on each side of the contact, or at a higher rate.",
         )
     slope, offset = np.polyfit(time_s - reference_s, angle_rad, 1)
     scale = np.maximum(std_rad, 0.3 * float(np.median(std_rad)))
