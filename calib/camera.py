@@ -1,19 +1,17 @@
-"""The camera: lens with Brown distortion, pose, and what a sphere looks like through it.
+"""The camera: a lens, its pose, and what a sphere looks like through it.
 
 World frame: x right along the wall, y up, z out of the wall towards the camera, in metres; the
 wall is z = 0. Camera frame: X right, Y down, Z forward. Pixel centres are integers, (0, 0) is the
 centre of the top-left pixel, y points down.
-
-The distortion is the polynomial of D. C. Brown, *Close-range camera calibration*, Photogrammetric
-Engineering 37 (1971) 855–866, with the coefficients in OpenCV's order and sign.
 """
 
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from calib.lens_model import Lens
 
 __all__ = ["SQUARE_TO_WALL", "Camera", "Lens", "rotation_matrix"]
 
@@ -23,7 +21,6 @@ SQUARE_TO_WALL: FloatArray = np.diag([1.0, -1.0, -1.0])
 """Rotation of a camera that looks straight at the wall, its rows along the picture's rows."""
 
 OUTLINE_POINTS = 24
-INVERSION_STEPS = 40
 
 
 def rotation_matrix(vector: ArrayLike) -> FloatArray:
@@ -37,159 +34,6 @@ def rotation_matrix(vector: ArrayLike) -> FloatArray:
         + np.sinc(angle / np.pi) * cross
         + 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2 * cross @ cross
     )
-
-
-@dataclass(frozen=True)
-class Lens:
-    """Intrinsics and distortion of a camera.
-
-    Attributes
-    ----------
-    width, height : int
-        Picture size, px.
-    fx, fy : float
-        Focal length along both axes, px.
-    cx, cy : float
-        Principal point, px.
-    k1, k2, k3 : float
-        Radial distortion coefficients.
-    p1, p2 : float
-        Decentring (tangential) distortion coefficients.
-    """
-
-    width: int
-    height: int
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    k1: float = 0.0
-    k2: float = 0.0
-    p1: float = 0.0
-    p2: float = 0.0
-    k3: float = 0.0
-
-    @classmethod
-    def centred(
-        cls, width: int, height: int, focal: float, *, k1: float = 0.0, k2: float = 0.0
-    ) -> Self:
-        """Lens with square pixels and its principal point in the middle of the picture."""
-        return cls(width, height, focal, focal, (width - 1) / 2, (height - 1) / 2, k1, k2)
-
-    @property
-    def matrix(self) -> FloatArray:
-        """Camera matrix as OpenCV takes it, (3, 3)."""
-        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
-
-    @property
-    def coefficients(self) -> FloatArray:
-        """Distortion coefficients in OpenCV's order (k1, k2, p1, p2, k3), (5,)."""
-        return np.array([self.k1, self.k2, self.p1, self.p2, self.k3])
-
-    def resized(self, width: int, height: int) -> Self:
-        """The same lens with the picture resampled to another size."""
-        sx, sy = width / self.width, height / self.height
-        return replace(
-            self,
-            width=width,
-            height=height,
-            fx=self.fx * sx,
-            fy=self.fy * sy,
-            cx=(self.cx + 0.5) * sx - 0.5,
-            cy=(self.cy + 0.5) * sy - 0.5,
-        )
-
-    @cached_property
-    def fold(self) -> float:
-        """Undistorted radius at which the distortion polynomial turns back; inf where it does not.
-
-        Beyond it the polynomial maps two directions to one pixel and means nothing.
-        """
-        # In s = 1/r^2 the polynomial's slope has leading coefficient 1, whatever coefficients are 0
-        roots = np.roots([1.0, 3.0 * self.k1, 5.0 * self.k2, 7.0 * self.k3])
-        real = roots[np.abs(roots.imag) < 1e-9 * (1e-9 + np.abs(roots))].real
-        largest = float(real.max(initial=0.0))
-        return 1.0 / float(np.sqrt(largest)) if largest > 1e-12 else float("inf")
-
-    def distort(self, xy: ArrayLike) -> FloatArray:
-        """Where the lens puts a direction.
-
-        Parameters
-        ----------
-        xy : (..., 2) array
-            Undistorted normalised coordinates X/Z, Y/Z.
-
-        Returns
-        -------
-        (..., 2) array
-            Distorted normalised coordinates; NaN beyond the fold of the polynomial.
-        """
-        xy = np.asarray(xy, dtype=np.float64)
-        x, y = xy[..., 0], xy[..., 1]
-        r2 = x * x + y * y
-        radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
-        radial = np.where(r2 < self.fold**2, radial, np.nan)
-        dx, dy = self._decentring(x, y, r2)
-        return np.stack([x * radial + dx, y * radial + dy], axis=-1)
-
-    def undistort(self, xy: ArrayLike) -> FloatArray:
-        """Invert `distort`; NaN where no direction leads to the given place.
-
-        Parameters
-        ----------
-        xy : (..., 2) array
-            Distorted normalised coordinates.
-
-        Returns
-        -------
-        (..., 2) array
-            Undistorted normalised coordinates.
-        """
-        given = np.asarray(xy, dtype=np.float64)
-        found = self._undo_radial(given)
-        if self.p1 == 0.0 and self.p2 == 0.0:
-            return found
-        for _ in range(INVERSION_STEPS):
-            x, y = found[..., 0], found[..., 1]
-            offset = np.stack(self._decentring(x, y, x * x + y * y), axis=-1)
-            before, found = found, self._undo_radial(given - offset)
-            if not np.any(np.abs(found - before) > 1e-13):
-                break
-        return found
-
-    def to_pixels(self, xy: ArrayLike) -> FloatArray:
-        """Distorted normalised coordinates (..., 2) to px."""
-        return np.asarray(np.asarray(xy) * [self.fx, self.fy] + [self.cx, self.cy])
-
-    def from_pixels(self, px: ArrayLike) -> FloatArray:
-        """Px (..., 2) to distorted normalised coordinates."""
-        return np.asarray((np.asarray(px) - [self.cx, self.cy]) / [self.fx, self.fy])
-
-    def _decentring(
-        self, x: FloatArray, y: FloatArray, r2: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        return (
-            2.0 * self.p1 * x * y + self.p2 * (r2 + 2.0 * x * x),
-            self.p1 * (r2 + 2.0 * y * y) + 2.0 * self.p2 * x * y,
-        )
-
-    def _undo_radial(self, xy: FloatArray) -> FloatArray:
-        if self.k1 == 0.0 and self.k2 == 0.0 and self.k3 == 0.0:
-            return xy
-        distorted = np.hypot(xy[..., 0], xy[..., 1])
-        limit = min(self.fold, 1e6)
-        radius = np.minimum(distorted, limit)
-        residual = np.zeros_like(distorted)
-        for _ in range(INVERSION_STEPS):
-            r2 = radius * radius
-            residual = radius * (1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))) - distorted
-            if not np.any(np.abs(residual) > 1e-14 * (1.0 + distorted)):
-                break
-            slope = 1.0 + r2 * (3.0 * self.k1 + r2 * (5.0 * self.k2 + 7.0 * r2 * self.k3))
-            radius = np.clip(radius - residual / np.maximum(slope, 1e-9), 0.0, limit)
-        ratio = np.where(distorted > 0.0, radius / np.where(distorted > 0.0, distorted, 1.0), 1.0)
-        ratio = np.where(np.abs(residual) < 1e-9 * (1.0 + distorted), ratio, np.nan)
-        return xy * ratio[..., np.newaxis]
 
 
 @dataclass(frozen=True, eq=False)

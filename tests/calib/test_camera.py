@@ -17,11 +17,18 @@ lenses = st.builds(
     st.floats(-0.003, 0.003),
     st.floats(-0.003, 0.003),
 )
+rational_lenses = st.builds(
+    lambda k1, k2, k4, k5: Lens(640, 360, 500.0, 505.0, 310.0, 185.0, k1, k2, 1e-3, 0, 0, k4, k5),
+    st.floats(-0.2, 0.3),
+    st.floats(-0.1, 0.05),
+    st.floats(0.1, 0.6),
+    st.floats(-0.05, 0.1),
+)
 cameras = st.builds(
     lambda lens, x, y, z, yaw, pitch, roll: Camera.facing_wall(
         lens, [x, y, z], yaw=yaw, pitch=pitch, roll=roll
     ),
-    lenses,
+    st.one_of(lenses, rational_lenses),
     st.floats(-1, 2),
     st.floats(0, 1.5),
     st.floats(2, 6),
@@ -55,7 +62,7 @@ def test_projection_agrees_with_opencv(camera: Camera) -> None:
 
 
 @settings(deadline=None, max_examples=40)
-@given(lenses)
+@given(st.one_of(lenses, rational_lenses))
 def test_undistort_inverts_distort_within_the_fold(lens: Lens) -> None:
     xy = lens.from_pixels(pixels)
     back = lens.distort(lens.undistort(xy))
@@ -71,6 +78,14 @@ def test_the_fold_is_where_distortion_turns_back() -> None:
     assert np.isnan(lens.distort([outside, 0.0])).all()
     assert np.isnan(lens.undistort([0.9, 0.0])).all()
     assert Lens.centred(640, 360, 500.0, k1=0.1).fold == float("inf")
+
+
+def test_the_fold_of_a_ratio_is_its_pole_or_where_it_turns_back() -> None:
+    pole = Lens(640, 360, 500.0, 500.0, 320.0, 180.0, k4=-0.25)
+    assert pole.fold == pytest.approx(2.0)
+    turns = Lens(640, 360, 500.0, 500.0, 320.0, 180.0, k4=1.0)
+    # r / (1 + r²) is largest at 1
+    assert turns.fold == pytest.approx(1.0)
 
 
 def test_rays_are_unit_and_turn_with_the_camera() -> None:
