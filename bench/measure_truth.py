@@ -103,12 +103,6 @@ def shipped(truth_path: Path) -> Case:
     quantities = {key: line["value"] for key, line in truth["quantities"].items()}
     known = {key: float(value) for key, value in quantities.items() if value is not None}
     known |= {"cor": known["cor_speeds"], "gravity_check": truth["physics"]["gravity"]}
-    pendulum = truth["bodies"]["pendulum"]
-    before, after = known["pendulum_speed_before"], known["pendulum_speed_after"]
-    # The truth file has the loss of pendulum and ball together.
-    known["energy_loss"] = (
-        0.5 * pendulum["inertia"] * (before**2 - after**2) / pendulum["length"] ** 2
-    )
     rows, events, camera = truth["frames"], truth["events_s"], truth["camera"]
     return Case(
         name=f"{name} (shipped)",

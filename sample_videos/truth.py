@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from calib.camera import Camera
 from metrology import write_text_whole
+from physics.energy import lost_by_pendulum
 from sample_videos.film import Film
 from sample_videos.rig import pivot, rest_centre, swing_rotation
 from sample_videos.scene import Scene
@@ -181,14 +182,6 @@ def _quantities(
     wall_reach = float(on_wall[1, 0] - on_wall[0, 0])
     speed = float(out.ball_speed)
     before, after = float(out.impact_speed), float(out.pendulum_speed_after)
-    inertia = scene.pendulum.inertial_mass
-    spin = 0.5 * ball.inertia_factor * ball.mass * (ball.radius * float(out.ball_spin)) ** 2
-    loss = 0.5 * inertia * (before**2 - after**2) - 0.5 * ball.mass * speed**2 - spin
-    body, g = scene.pendulum, shot.physics.gravity
-    loss += (
-        body.mass * g * body.com * float(np.cos(out.pendulum_angle) - np.cos(scene.contact_angle))
-    )
-    loss -= ball.mass * g * float(out.ball_y - rest[1])
     return {
         "contact_frames": (float(np.count_nonzero(touching)), "1"),
         "contact_time": (shot.contact_time, "s"),
@@ -205,7 +198,7 @@ def _quantities(
         "cor_launch": (float(out.cor), "1"),
         "cor_range": (float(out.cor) if in_view else None, "1"),
         "external_impulse": (ball.mass * speed, "N s"),
-        "energy_loss": (loss, "J"),
+        "energy_loss": (float(lost_by_pendulum(scene.pendulum, before, after)), "J"),
         "backswing_angle": (float(np.degrees(shot.physics.backswing)), "deg"),
         "ball_plane_offset": (scene.room.plane, "m"),
         "camera_distance": (float(camera.position[2]), "m"),
@@ -262,7 +255,7 @@ def _plain(truth: Truth) -> dict[str, Any]:
         },
     }
     if truth.shot is not None:
-        described["physics"] = _physics(truth.shot)
+        described["physics"] = _physics(scene, truth.shot)
     described["frames"] = {
         "time_s": _rounded(frames.time, 9),
         "ball_m": _rounded(frames.ball_m, 7),
@@ -282,7 +275,17 @@ def _rounded(values: FloatArray, digits: int) -> list[Any]:
     return [None if not np.all(np.isfinite(row)) else row.tolist() for row in np.asarray(shown)]
 
 
-def _physics(shot: Shot) -> dict[str, Any]:
+def _dissipated(scene: Scene, shot: Shot) -> float:
+    """Energy that neither body has after the contact, J: less than what the pendulum loses."""
+    out, ball, body, g = shot.contact.outcome, scene.ball, scene.pendulum, shot.physics.gravity
+    lost = lost_by_pendulum(body, out.impact_speed, out.pendulum_speed_after)
+    spin = 0.5 * ball.inertia_factor * ball.mass * (ball.radius * float(out.ball_spin)) ** 2
+    lifted = body.mass * body.com * (np.cos(scene.contact_angle) - np.cos(out.pendulum_angle))
+    lifted += ball.mass * (out.ball_y - rest_centre(scene)[1])
+    return float(lost - 0.5 * ball.mass * out.ball_speed**2 - spin - g * lifted)
+
+
+def _physics(scene: Scene, shot: Shot) -> dict[str, Any]:
     physics, out = shot.physics, shot.contact.outcome
     return {
         "backswing_deg": float(np.degrees(physics.backswing)),
@@ -304,4 +307,5 @@ def _physics(shot: Shot) -> dict[str, Any]:
         "landing_m": shot.flight.landing_position.tolist(),
         "landing_velocity": shot.flight.landing_velocity.tolist(),
         "greatest_compression_m": float(shot.contact.compression.max()),
+        "energy_dissipated": _dissipated(scene, shot),
     }
