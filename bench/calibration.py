@@ -77,7 +77,10 @@ def chessboard_row(shared: Path) -> Row:
     paths = sorted((shared / "clips" / "gopro_chessboard").glob("*.jpg"))
     images = [(p.stem, cv2.imread(str(p), cv2.IMREAD_GRAYSCALE)) for p in paths]
     found = calibrate_lens([find_board(image, Board(8, 6), name) for name, image in images])
-    note = f"{found.held_out_rms_px:.3f} px, {len(found.used)} views"
+    note = (
+        f"{found.held_out_rms_px:.3f} px, {len(found.used)} of {len(paths)} views, every corner of "
+        f"them ({found.model}); left out: {', '.join(found.dropped) or 'none'}"
+    )
     return ("`gopro_chessboard`: held-out reprojection RMS", "0.52 px", "0.35 px", note)
 
 

@@ -2,6 +2,7 @@
 
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import cv2
 import matplotlib
@@ -10,12 +11,12 @@ from matplotlib.figure import Figure
 
 from calib.camera import Lens
 from calib.lens import Board, LensCalibration
-from calib.pose import LensPrior
+from calib.lens_fit import NAMES
+from calib.lens_prior import FLOOR, LensPrior
 from metrology import SetupError, write_text_whole, written_whole
 
 __all__ = ["lens_toml", "read_lens", "write_board", "write_lens"]
 
-NAMES = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 A4_M = (0.297, 0.210)
 
 
@@ -28,7 +29,13 @@ def lens_toml(calibration: LensCalibration) -> str:
     lines += [f"{name} = {calibration.std.get(name, 0.0)!r}" for name in NAMES]
     lines += [
         "",
+        "[prior]",
+        "# what it all amounts to in log focal length, principal point x and y (px), k1 and k2",
+        f"std = {calibration.prior.std.tolist()!r}",
+        f"correlation = {np.round(calibration.prior.related, 9).tolist()!r}",
+        "",
         "[quality]",
+        f'model = "{calibration.model}"',
         f"held_out_rms_px = {calibration.held_out_rms_px!r}",
         f"views = {len(calibration.used)}",
         f"coverage = {calibration.coverage!r}",
@@ -78,22 +85,32 @@ def read_lens(path: Path, *, width: int | None = None, height: int | None = None
         int(numbers["height"]),
         *(float(numbers.get(name, 0.0)) for name in NAMES),
     )
-    std = {name: float(table.get("std", {}).get(name, 0.0)) for name in NAMES}
-    scale = 1.0
-    if width is not None and height is not None:
-        if abs(width / height - lens.width / lens.height) > 0.01 * width / height:
+    prior = _prior(lens, table, path)
+    if width is None or height is None:
+        return prior
+    if abs(width / height - lens.width / lens.height) > 0.01 * width / height:
+        raise SetupError(
+            f"the lens was calibrated at {lens.width}×{lens.height} px, the clip has "
+            f"{width}×{height}: another shape",
+            hint="Calibrate in the mode the clip is filmed in: other modes crop the sensor.",
+        )
+    return prior.resized(width, height)
+
+
+def _prior(lens: Lens, table: dict[str, Any], path: Path) -> LensPrior:
+    """Uncertainty as the file has it: with correlations, or of each parameter by itself."""
+    given = table.get("prior", {})
+    if "std" in given and "correlation" in given:
+        std, related = (np.asarray(given[key], dtype=float) for key in ("std", "correlation"))
+        if std.shape != (5,) or related.shape != (5, 5):
             raise SetupError(
-                f"the lens was calibrated at {lens.width}×{lens.height} px, the clip has "
-                f"{width}×{height}: another shape",
-                hint="Calibrate in the mode the clip is filmed in: other modes crop the sensor.",
+                f"the table [prior] of {path} needs 5 and 5 × 5 numbers",
+                hint="Write it anew with `vision calibrate lens`.",
             )
-        scale = width / lens.width
-        lens = lens.resized(width, height)
-    floor = np.array([1e-4, 0.05, 0.05, 1e-4, 1e-4])
-    spread = np.array(
-        [std["fx"] * scale / lens.fx, std["cx"] * scale, std["cy"] * scale, std["k1"], std["k2"]]
-    )
-    return LensPrior(lens, np.maximum(spread, floor))
+        return LensPrior(lens, np.maximum(std, FLOOR), related)
+    own = {name: float(table.get("std", {}).get(name, 0.0)) for name in NAMES}
+    spread = [own["fx"] / lens.fx, own["cx"], own["cy"], own["k1"], own["k2"]]
+    return LensPrior(lens, np.maximum(np.array(spread), FLOOR))
 
 
 def write_board(path: Path, board: Board) -> None:

@@ -7,7 +7,6 @@ determine.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -17,6 +16,7 @@ from calib.calibration import Calibration, DepthEstimate, Source
 from calib.camera import Lens
 from calib.evidence import Evidence, Known
 from calib.grid import WallGrid
+from calib.lens_prior import LensPrior
 from metrology import CalibrationError
 
 __all__ = ["LensPrior", "calibrate"]
@@ -43,22 +43,6 @@ STEPS: FloatArray = np.array(
 )
 """Steps of finite differences, in the units of the parameters."""
 FALL_POINTS = 24
-
-
-@dataclass(frozen=True)
-class LensPrior:
-    """A lens known beforehand.
-
-    Attributes
-    ----------
-    lens : Lens
-        Its parameters, at the size of the clip's picture.
-    std : (5,) array
-        Standard uncertainties of log focal length, principal point (x, y, px), k1, k2.
-    """
-
-    lens: Lens
-    std: FloatArray
 
 
 def calibrate(
@@ -165,12 +149,12 @@ def _blocks(grid: WallGrid, evidence: Evidence, lens: LensPrior | None) -> dict[
         width, height = grid.size
         centre = [np.log(FOCAL_OVER_WIDTH * width), (width - 1) / 2, (height - 1) / 2, 0.0, 0.0]
         spread = [LOG_FOCAL_STD, PRINCIPAL_STD * width, PRINCIPAL_STD * width, K1_STD, K2_STD]
-        name = "lens not known beforehand"
+        name, known_to = "lens not known beforehand", np.diag(1.0 / np.array(spread))
     else:
         known = lens.lens
         centre = [np.log(known.fx), known.cx, known.cy, known.k1, known.k2]
-        spread, name = list(lens.std), "lens calibration"
-    blocks[name] = lambda c: (c.vector[6:11] - np.array(centre)) / np.array(spread)
+        name, known_to = "lens calibration", np.linalg.inv(np.linalg.cholesky(lens.covariance))
+    blocks[name] = lambda c: known_to @ (c.vector[6:11] - np.array(centre))
     _add_tape(blocks, evidence)
     _add_ball(blocks, evidence)
     blocks["ball plane guessed"] = lambda c: np.array(
