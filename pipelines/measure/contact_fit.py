@@ -7,15 +7,16 @@ and flight.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from metrology import NotFoundError
 from pipelines.measure.flight_fit import FlightFit
 from pipelines.measure.pulse import ContactPulse, contact_pulse
+from pipelines.measure.slow_errors import slow_error_whitening
 from pipelines.measure.swing_fit import SwingFit
 
 __all__ = [
@@ -35,6 +36,10 @@ FloatArray = NDArray[np.float64]
 EXPONENT, EXPONENT_STD = 1.3, 0.12
 # Share of the compression by which the middle of the visible outline lags the centre of mass.
 OUTLINE_LAG_STD = 0.08
+# What is tried: leads in standard uncertainties of what was known, exponents in the law's range.
+_LEADS = np.linspace(-3.0, 3.0, 19)
+_EXPONENTS = np.linspace(1.1, 1.5, 4)
+_SOFT_FROM = 2.0
 # Between the COR of the speeds and that of a contact head-on.
 COR_STD = 0.05
 
@@ -136,40 +141,75 @@ def fit_contact(view: ImpactView, around_s: float) -> ContactFit:
     NotFoundError
         If face and ball never meet, or never part.
     """
-
-    def residuals(values: FloatArray) -> FloatArray:
-        lead, exponent, lag = values
-        onset, release = _touch(view, lead, around_s)
-        left = _path_residuals(view, onset, release, exponent, lag)
-        priors = [
-            (lead - view.lead) / view.lead_std,
-            (exponent - EXPONENT) / EXPONENT_STD,
-            lag / OUTLINE_LAG_STD,
-        ]
-        return np.concatenate([left, priors])
-
-    start = np.array([view.lead, EXPONENT, 0.0])
-    best = least_squares(
-        residuals,
-        start,
-        loss="soft_l1",
-        f_scale=2.0,
-        diff_step=[1e-3, 1e-3, 1e-3],
-        x_scale=[0.01, 0.1, 0.2],
-        bounds=([-np.inf, 1.0, -1.0], [np.inf, 1.6, 1.0]),
+    leads = view.lead + view.lead_std * _LEADS
+    whitening = _Whitening(
+        slow_error_whitening(view.time_s, offset=True),
+        slow_error_whitening(view.swing_time_s, offset=True),
     )
-    left = _path_residuals(view, *_touch(view, best.x[0], around_s), best.x[1], best.x[2])
+    tried = [_tried(view, whitening, float(lead), around_s) for lead in leads]
+    if all(one is None for one in tried):
+        raise NotFoundError(
+            "the mass and the ball never meet along their paths",
+            hint="Check --ball-at and --mass-at, or film square to the plane of the swing.",
+        )
+    likely = min((one for one in tried if one is not None), key=lambda one: one.cost(1.0))
+    left = likely.left
     widened = max(1.0, float(np.mean(np.minimum(left**2, 9.0))))
-    jacobian = np.asarray(best.jac, dtype=np.float64)
-    information = jacobian.T @ jacobian / widened
-    covariance = np.linalg.pinv(information, hermitian=True)
-    onset, release = _touch(view, best.x[0], around_s)
-    return ContactFit(onset, release, best.x[0], float(np.sqrt(covariance[0, 0])), best.x[1], left)
+    cost = np.array([np.inf if one is None else one.cost(widened) for one in tried])
+    cost += _LEADS**2
+    share = np.exp(-0.5 * (cost - cost.min()))
+    share /= share.sum()
+    lead = float(share @ leads)
+    std = float(np.sqrt(share @ (leads - lead) ** 2))
+    found = _tried(view, whitening, lead, around_s) or likely
+    return ContactFit(found.onset_s, found.release_s, lead, std, found.exponent, found.left)
+
+
+@dataclass(frozen=True)
+class _Whitening:
+    """What turns standardised residuals of ball and mass into independent ones."""
+
+    ball: Callable[[FloatArray], FloatArray]
+    mass: Callable[[FloatArray], FloatArray]
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """A lead of the face with the contact it implies, and how well that fits."""
+
+    onset_s: float
+    release_s: float
+    exponent: float
+    left: FloatArray
+    priors: float
+
+    def cost(self, widened: float) -> float:
+        """Robust sum of squares, residuals over the root of `widened`, and the priors."""
+        soft = _SOFT_FROM**2 * 2.0 * (np.sqrt(1.0 + self.left**2 / _SOFT_FROM**2) - 1.0)
+        return float(soft.sum()) / widened + self.priors
+
+
+def _tried(view: ImpactView, whitening: _Whitening, lead: float, around_s: float) -> _Tried | None:
+    """The best of a few exponents, with the outline's lag solved for."""
+    touch = _touch(view, lead, around_s)
+    if touch is None:
+        return None
+    onset, release = touch
+    ends = _Ends.of(view, onset, release)
+    best: _Tried | None = None
+    for exponent in _EXPONENTS:
+        left, per_lag = _path_residuals(view, whitening, ends, float(exponent))
+        lag = float(per_lag @ left) / (float(per_lag @ per_lag) + OUTLINE_LAG_STD**-2)
+        priors = ((exponent - EXPONENT) / EXPONENT_STD) ** 2 + (lag / OUTLINE_LAG_STD) ** 2
+        one = _Tried(onset, release, float(exponent), left - lag * per_lag, float(priors))
+        if best is None or one.cost(1.0) < best.cost(1.0):
+            best = one
+    return best
 
 
 def touch_times(view: ImpactView, lead: float, around_s: float) -> tuple[float, float]:
-    """Onset and release for a given lead of the face, s."""
-    return _touch(view, lead, around_s)
+    """Onset and release for a given lead of the face, s; NaN where they never meet."""
+    return _touch(view, lead, around_s) or (math.nan, math.nan)
 
 
 def face_speeds(view: ImpactView, onset: float, release: float) -> tuple[float, float]:
@@ -188,15 +228,12 @@ def arm_along_bar(arm: FloatArray, phi: float) -> float:
     return float(arm[0] * np.sin(phi) - arm[1] * np.cos(phi))
 
 
-def _touch(view: ImpactView, lead: float, around_s: float) -> tuple[float, float]:
+def _touch(view: ImpactView, lead: float, around_s: float) -> tuple[float, float] | None:
     grid = around_s + np.linspace(-0.06, 0.06, 121)
     onset = _crossing(grid, gap_before(view, grid) - lead, falling=True)
     release = _crossing(grid, gap_after(view, grid) - lead, falling=False)
     if onset is None or release is None:
-        raise NotFoundError(
-            "the mass and the ball never meet along their paths",
-            hint="Check --ball-at and --mass-at, or film square to the plane of the swing.",
-        )
+        return None
     return onset, max(release, onset + 1e-4)
 
 
@@ -211,27 +248,57 @@ def _crossing(time_s: FloatArray, gap: FloatArray, *, falling: bool) -> float | 
     return float(curve(0.0))
 
 
+@dataclass(frozen=True)
+class _Ends:
+    """Motion at both ends of a contact that lasts from onset to release."""
+
+    onset_s: float
+    duration: float
+    normal: FloatArray
+    speed: float
+    cor: float
+    approach: float
+    by_speeds: float
+
+    @classmethod
+    def of(cls, view: ImpactView, onset: float, release: float) -> "_Ends":
+        duration = release - onset
+        state = view.flight.states(np.array([release]))[0]
+        normal = state[:2] - view.rest
+        way = float(np.hypot(*normal))
+        speed = float(state[2:] @ normal) / way
+        # the impulse's centroid puts the way gone at release at v Δt / (1 + e)
+        cor = speed * duration / way - 1.0
+        approach, parting = face_speeds(view, onset, release)
+        by_speeds = (parting / approach - cor) / COR_STD
+        return cls(
+            onset,
+            duration,
+            normal / way,
+            speed,
+            float(np.clip(cor, 0.2, 0.999)),
+            approach,
+            by_speeds,
+        )
+
+
 def _path_residuals(
-    view: ImpactView, onset: float, release: float, exponent: float, lag: float
-) -> FloatArray:
-    duration = release - onset
-    state = view.flight.states(np.array([release]))[0]
-    normal = state[:2] - view.rest
-    way = float(np.hypot(*normal))
-    normal = normal / way
-    speed = float(state[2:] @ normal)
-    # the impulse's centroid puts the way gone at release at v Δt / (1 + e)
-    cor = float(np.clip(speed * duration / way - 1.0, 0.2, 0.999))
-    approach, parting = face_speeds(view, onset, release)
-    pulse = contact_pulse(float(exponent), cor)
-    phase = np.clip((view.time_s - onset) / duration, 0.0, 1.0)
-    path = np.interp(phase, pulse.phase, pulse.path) * speed * duration
-    path += np.maximum(view.time_s - release, 0.0) * speed
-    lagging = np.interp(phase, pulse.phase, pulse.compression) * approach * duration * lag
-    moved = (view.position_m - view.rest) @ normal
-    held = _pendulum_held_back(view, onset, release, pulse)
-    by_speeds = (parting / approach - (speed * duration / way - 1.0)) / COR_STD
-    return np.concatenate([(moved - path - lagging) / view.std_m, held, [by_speeds]])
+    view: ImpactView, whitening: _Whitening, ends: _Ends, exponent: float
+) -> tuple[FloatArray, FloatArray]:
+    """Whitened residuals of ball, pendulum and COR, and what one unit of outline lag adds."""
+    release = ends.onset_s + ends.duration
+    pulse = contact_pulse(exponent, ends.cor)
+    phase = np.clip((view.time_s - ends.onset_s) / ends.duration, 0.0, 1.0)
+    path = np.interp(phase, pulse.phase, pulse.path) * ends.duration
+    path += np.maximum(view.time_s - release, 0.0)
+    lagging = np.interp(phase, pulse.phase, pulse.compression) * ends.approach * ends.duration
+    moved = (view.position_m - view.rest) @ ends.normal
+    ball = whitening.ball((moved - path * ends.speed) / view.std_m)
+    held = whitening.mass(_pendulum_held_back(view, ends.onset_s, release, pulse))
+    left = np.concatenate([ball, held, [ends.by_speeds]])
+    per_lag = np.zeros(len(left))
+    per_lag[: len(phase)] = whitening.ball(lagging / view.std_m)
+    return left, per_lag
 
 
 def _pendulum_held_back(

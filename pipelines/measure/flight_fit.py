@@ -1,6 +1,5 @@
 """The flight: gravity, drag and a little lift fitted to the path after release (Eqs 11-12)."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,6 +7,7 @@ from numpy.typing import NDArray
 
 from metrology import TooLittleDataError
 from pipelines.measure.least_squares import Fitted, fit
+from pipelines.measure.slow_errors import slow_error_whitening
 
 __all__ = ["FlightFit", "FlightPriors", "fit_flight"]
 
@@ -15,10 +15,6 @@ FloatArray = NDArray[np.float64]
 
 _STEP_S = 0.03
 LEAST_FRAMES = 6
-# What biases an outline (shading, a shadow's edge, the scene behind) changes as slowly as the ball
-# moves across it, and grows with what leaves the outline uncertain in a single frame.
-_SLOW_MODES = 4
-_SLOW_OVER_RANDOM = 1.5
 
 
 @dataclass(frozen=True)
@@ -127,7 +123,7 @@ def fit_flight(
         [np.inf] * 4 + [priors.drag_std, priors.lift_std, priors.gravity_std], dtype=float
     )
 
-    whiten = _slow_errors(elapsed)
+    whiten = slow_error_whitening(elapsed)
 
     def residuals(values: FloatArray) -> FloatArray:
         return whiten((_flown(values, elapsed)[:, :2] - position_m) / std).ravel()
@@ -135,19 +131,6 @@ def fit_flight(
     fitted = fit(residuals, start, start, spread, channels=2)
     left = position_m - _flown(fitted.values, elapsed)[:, :2]
     return FlightFit(reference_s, fitted, time_s, left)
-
-
-def _slow_errors(time_s: FloatArray) -> Callable[[FloatArray], FloatArray]:
-    """Whiten standardised residuals (N, 2) for errors that change slowly along the flight.
-
-    The errors are cosines over the flight, so that the covariance is the unit matrix plus one of
-    low rank, Ψ Ψᵀ = U s² Uᵀ, whose inverse root is I − U (1 − 1 / √(1 + s²)) Uᵀ.
-    """
-    phase = (time_s - time_s[0]) / max(float(np.ptp(time_s)), 1e-9)
-    modes = np.cos(np.pi * phase[:, np.newaxis] * np.arange(1, _SLOW_MODES + 1))
-    axes, size, _ = np.linalg.svd(_SLOW_OVER_RANDOM * modes, full_matrices=False)
-    shrink = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
-    return lambda left: left - axes @ (shrink[:, np.newaxis] * (axes.T @ left))
 
 
 def _flown(values: FloatArray, elapsed: FloatArray) -> FloatArray:

@@ -22,9 +22,14 @@ UNSEEN_HALF_CONTACT_S, UNSEEN_HALF_CONTACT_STD_S = 0.006, 0.003
 SWING_STRETCH_S = 0.08
 _ROUNDS = 3
 STRAY_RADII = 0.15
-FACE_DEPTH_SHARE = 0.02
-"""Of the arm: parallax of a face seen off its plane by half the thickness of the mass."""
+UNSEEN_SLANT = 0.25
+"""Slope of a line of sight from a camera of which nothing is known but that it sees the strike."""
+STEEL, THICKNESS_SHARE = 7850.0, 0.3
+"""kg/m³; how far the thickness of a mass may be from that of a cube of steel as heavy."""
 IMPACT_ANGLE_STD = np.radians(0.4)
+PIVOT_SHARE = 0.15
+"""Of half the thickness of the mass: its sides turn to the camera as it swings, which moves the
+centre of its arc."""
 
 
 @dataclass(frozen=True)
@@ -216,12 +221,31 @@ def _lead(tracks: MetricTracks, inputs: Inputs, radius: float) -> tuple[float, f
     assert tracks.pivot_m is not None
     arm = tracks.rest_m - tracks.pivot_m
     reach = float(np.hypot(*arm))
-    # the face is seen at another depth than the ball's centre
-    seen_std = float(np.hypot(tracks.lead_std_m, FACE_DEPTH_SHARE * reach))
+    ahead, ahead_std = _edge_before_face(tracks, inputs)
+    seen, seen_std = tracks.lead_m - ahead, float(np.hypot(tracks.lead_std_m, ahead_std))
     if inputs.ball is None or inputs.ball.launch_angle is None:
-        return tracks.lead_m, seen_std
+        return seen, seen_std
     angle = inputs.ball.launch_angle
     written = float(arm[0] * np.cos(angle) + arm[1] * np.sin(angle)) - radius
-    weights = np.array([seen_std, IMPACT_ANGLE_STD * reach]) ** -2.0
-    mean = float(weights @ [tracks.lead_m, written] / weights.sum())
+    pivot_std = PIVOT_SHARE * _half_thickness(inputs)
+    weights = np.array([seen_std, float(np.hypot(IMPACT_ANGLE_STD * reach, pivot_std))]) ** -2.0
+    mean = float(weights @ [seen, written] / weights.sum())
     return mean, float(weights.sum() ** -0.5)
+
+
+def _edge_before_face(tracks: MetricTracks, inputs: Inputs) -> tuple[float, float]:
+    """How far the foremost edge seen lies ahead of the middle of the face, m, and its uncertainty.
+
+    From a camera off to one side, the near or the far edge of a thick mass stands out ahead of
+    where the face meets the ball.
+    """
+    half = _half_thickness(inputs)
+    if tracks.face_slant is None:
+        return 0.0, UNSEEN_SLANT * half
+    ahead = abs(tracks.face_slant) * half
+    return ahead, THICKNESS_SHARE * ahead
+
+
+def _half_thickness(inputs: Inputs) -> float:
+    """Half the thickness of the mass, m, were it a cube of steel."""
+    return float(0.5 * (inputs.pendulum.mass / STEEL) ** (1.0 / 3.0))

@@ -15,7 +15,7 @@ __all__ = ["BallScale", "CameraMapping", "MetricTracks", "PlaneMapping", "tracks
 
 FloatArray = NDArray[np.float64]
 
-_LEAST_LEAD_STD_PX = 1.0
+_LEAST_LEAD_STD_PX = 0.5
 BEND_SHARE = 0.003
 CREEP_SHARE = 0.25
 
@@ -28,6 +28,9 @@ class PlaneMapping(Protocol):
 
     def point(self, px: FloatArray) -> FloatArray:
         """Points (..., 2) of the ball plane behind pixels."""
+
+    def slant(self, point: FloatArray) -> float | None:
+        """Horizontal slope of the line of sight to a point of the ball plane; None if unknown."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,12 @@ class CameraMapping:
         """Points of the ball plane behind pixels."""
         c = self.calibration
         return np.asarray(c.grid_camera.to_plane(px, c.ball_plane_offset) + c.origin)
+
+    def slant(self, point: FloatArray) -> float | None:
+        """Horizontal slope of the line of sight to a point of the ball plane."""
+        c = self.calibration
+        foot = c.grid_camera.position[0] + c.origin[0]
+        return float((point[0] - foot) / (c.camera_distance - c.ball_plane_offset))
 
 
 @dataclass(frozen=True)
@@ -69,6 +78,10 @@ class BallScale:
         """Points of the ball plane behind pixels."""
         return np.asarray((px - self.rest_px) * self.metres_per_px * np.array([1.0, -1.0]))
 
+    def slant(self, point: FloatArray) -> float | None:
+        """Nothing tells where such a camera stands."""
+        return None
+
 
 @dataclass(frozen=True)
 class MetricTracks:
@@ -85,7 +98,10 @@ class MetricTracks:
     swing_time_s, swing_rad, swing_std_rad : (M,) arrays
         Pendulum angle, 0 straight down, positive forward.
     lead_m, lead_std_m : float
-        Striking face ahead of the bar's line.
+        Foremost edge of the mass ahead of the bar's line, as seen.
+    face_slant : float or None
+        Horizontal slope of the line of sight to the striking face: what the mass' thickness adds to
+        its foremost edge, per thickness in front of or behind the ball plane.
     radius_m : float
         Apparent radius of the ball.
     direction : float
@@ -104,6 +120,7 @@ class MetricTracks:
     swing_std_rad: FloatArray
     lead_m: float
     lead_std_m: float
+    face_slant: float | None
     radius_m: float
     direction: float
 
@@ -155,12 +172,14 @@ def tracks_in_metres(tracks: Tracks, mapping: PlaneMapping, time_s: FloatArray) 
     scatter = position[still].std(axis=0) if still.sum() > 3 else std
     pivot, angle, angle_std, lead, lead_std = _pendulum(tracks, mapping, direction)
     pendulum = tracks.pendulum
+    rest = np.median(position[still], axis=0)
+    radius = _apparent_radius(tracks, mapping)
     return MetricTracks(
         ball_frame=ball.frame,
         ball_time_s=time_s[ball.frame],
         ball_m=position * flip,
         ball_cov_m2=covariance * np.outer(flip, flip),
-        rest_m=np.median(position[still], axis=0) * flip,
+        rest_m=rest * flip,
         # what a still ball's centre is off by does not average away over its frames
         rest_std_m=np.maximum(std, scatter),
         pivot_m=pivot,
@@ -169,7 +188,8 @@ def tracks_in_metres(tracks: Tracks, mapping: PlaneMapping, time_s: FloatArray) 
         swing_std_rad=angle_std,
         lead_m=lead,
         lead_std_m=lead_std,
-        radius_m=_apparent_radius(tracks, mapping),
+        face_slant=mapping.slant(rest - np.array([direction * radius, 0.0])),
+        radius_m=radius,
         direction=direction,
     )
 
