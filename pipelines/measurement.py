@@ -47,6 +47,8 @@ class Measurement:
     rate : CaptureRate
     quantities : tuple of Quantity
         In the order of `QUANTITY_UNITS`; those that can't be measured say why.
+    beside : tuple of Quantity
+        The ball's speed the paper's ways: per frame (Fig. 18), and from the pendulum (Eq. 7).
     gravity : Quantity
         Free-fall acceleration of the flight: the self-check of rate and scale.
     checks : tuple of Check
@@ -62,6 +64,7 @@ class Measurement:
     info: ClipInfo
     rate: CaptureRate
     quantities: tuple[Quantity, ...]
+    beside: tuple[Quantity, ...]
     gravity: Quantity
     checks: tuple[Check, ...]
     warnings: tuple[str, ...]

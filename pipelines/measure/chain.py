@@ -19,7 +19,7 @@ from pipelines.measure.gravity import contradicts_gravity
 from pipelines.measure.impact import find_impact
 from pipelines.measure.inputs import DIAMETER_SHARE, Inputs, gather_inputs
 from pipelines.measure.metres import BallScale, CameraMapping, MetricTracks, tracks_in_metres
-from pipelines.measure.results import Evaluated, NoScale, quantities_of
+from pipelines.measure.results import Evaluated, NoScale, results_of
 from pipelines.measurement import Measurement
 from pipelines.setup_file import Setup
 from vision.capture_rate import CaptureRate, choose_capture_rate
@@ -97,14 +97,15 @@ def measure_clip(
     else:
         warnings.append(f"no calibration from the wall: {refusal.reason}")
     evaluated = _evaluate(Scene(inputs, rate, calibration), clip, tracks, tell)
-    quantities, gravity, checks, more = quantities_of(evaluated, clip.info, tracks, refusal)
+    results = results_of(evaluated, tracks, refusal)
     return Measurement(
         info=clip.info,
         rate=rate,
-        quantities=quantities,
-        gravity=gravity,
-        checks=checks,
-        warnings=tuple(dict.fromkeys([*warnings, *more])),
+        quantities=results.quantities,
+        beside=results.beside,
+        gravity=results.gravity,
+        checks=results.checks,
+        warnings=tuple(dict.fromkeys([*warnings, *results.warnings])),
         tracks=tracks,
         calibration=calibration,
         impact=evaluated.impact,

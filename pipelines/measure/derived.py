@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from pipelines.measure.beside import BESIDE, gravity_share, speed_by_pendulum, speed_per_frame
 from pipelines.measure.contact_fit import ContactFit, ImpactView, arm_along_bar, touch_times
 from pipelines.measure.flight_fit import FlightFit
 from pipelines.measure.impact import Impact
@@ -32,6 +33,8 @@ DERIVED: dict[str, str] = {
     "energy_loss": "J",
     "gravity": "m/s^2",
     "landing_height": "m",
+    **BESIDE,
+    "eq7_by_gravity": "m/s",
 }
 """Name and unit of each derived value, in the order of the vectors below."""
 
@@ -76,6 +79,8 @@ def random_covariance(impact: Impact, inputs: Inputs) -> FloatArray:
     gravity = list(DERIVED).index("gravity")
     total[gravity, :] = total[:, gravity] = 0.0
     total[gravity, gravity] = free
+    frames = list(DERIVED).index("ball_speed_per_frame")
+    total[frames, frames] = speed_per_frame(impact.tracks, impact.flight)[1] ** 2
     return total
 
 
@@ -120,6 +125,7 @@ def _evaluate(impact: Impact, inputs: Inputs, step: tuple[str, FloatArray] | Non
             out["landing_distance"] = float(at[0] - rest[0])
             out["landing_height"] = float(at[1])
     out["gravity"] = float(impact.free_flight.fitted.values[6])
+    out["ball_speed_per_frame"] = speed_per_frame(impact.tracks, impact.flight)[0]
     mass = None if inputs.ball is None else inputs.ball.mass
     if mass is not None:
         out["external_impulse"] = mass * out["ball_speed"]
@@ -154,6 +160,11 @@ def _add_restitution(
     mass = None if inputs.ball is None else inputs.ball.mass
     if mass is None:
         return
+    slowed = out["pendulum_speed_before"], out["pendulum_speed_after"]
+    out["ball_speed_eq7"] = speed_by_pendulum(body, mass, *slowed)
+    out["eq7_by_gravity"] = gravity_share(
+        body, mass, 0.5 * (phi_before + phi_after), arm, (inputs.gravity, release - onset)
+    )
 
     def turned(launched: FloatArray) -> float:
         reach = launched[:2] - view.pivot

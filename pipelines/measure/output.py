@@ -55,6 +55,7 @@ def measurement_as_json(measured: Measurement, names: Sequence[str] | None = Non
             "gravity_check": _as_json(measured.gravity),
         },
         "quantities": {item.name: _as_json(item) for item in kept},
+        "beside": {item.name: _as_json(item) for item in _beside(measured, names)},
         "checks": [
             {"name": item.name, "passed": item.passed, "statement": item.statement}
             for item in measured.checks
@@ -63,6 +64,11 @@ def measurement_as_json(measured: Measurement, names: Sequence[str] | None = Non
         "software": {"version": software_version()},
     }
     return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+
+
+def _beside(measured: Measurement, names: Sequence[str] | None) -> tuple[Quantity, ...]:
+    """The ball's speed the paper's ways, where its speed is asked for."""
+    return measured.beside if names is None or "launch_angle" in names else ()
 
 
 def _as_json(quantity: Quantity) -> dict[str, Any]:
@@ -132,8 +138,9 @@ def results_table(measured: Measurement, names: Sequence[str] | None = None) -> 
     table = Table(title=Path(measured.info.path).name, title_justify="left")
     table.add_column("quantity")
     table.add_column("value ± standard uncertainty", overflow="fold")
-    for item in measured.quantities:
-        if names is None or item.name in names:
+    beside = [item for item in _beside(measured, names) if item.known]
+    for item in (*measured.quantities, *beside):
+        if names is None or item.name in names or item in beside:
             shown = format_quantity(item) if item.known else f"– {item.reason}"
             table.add_row(quantity_label(item.name), shown)
     return table

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology.formatting import format_quantity
-from pipelines.measure.contact_fit import gap_after, gap_before
+from pipelines.measure.contact_fit import arm_along_bar, gap_after, gap_before
 from pipelines.measure.impact import Impact
 from pipelines.measure.output import software_version
 from pipelines.measurement import Measurement
@@ -27,6 +27,7 @@ __all__ = ["overlay_marks", "report_input"]
 
 FloatArray = NDArray[np.float64]
 
+_PENDULUM_STRETCH_S = 0.08
 _CAPTIONS = ("contact_time", "ball_speed", "launch_angle", "landing_distance", "cor")
 
 
@@ -72,7 +73,7 @@ def report_input(measured: Measurement, clip: Clip | None) -> ReportInput:
     base = ReportInput(
         title=f"Measurement of {Path(info.path).name}",
         facts=facts,
-        quantities=(*measured.quantities, measured.gravity),
+        quantities=(*measured.quantities, *measured.beside, measured.gravity),
         checks=measured.checks,
         warnings=measured.warnings,
         version=software_version(),
@@ -85,10 +86,11 @@ def report_input(measured: Measurement, clip: Clip | None) -> ReportInput:
         measured.calibration is None and measured.quantity("ball_speed").value is None
     ):
         return base
-    return replace(base, gap=_gap(impact), speeds=_speeds(impact), path=_path(measured, impact))
+    gap, path = _gap(measured, impact), _path(measured, impact)
+    return replace(base, gap=gap, speeds=_speeds(impact), path=path)
 
 
-def _gap(impact: Impact) -> GapRecord | None:
+def _gap(measured: Measurement, impact: Impact) -> GapRecord | None:
     view, contact, tracks = impact.view, impact.contact, impact.tracks
     if view is None or contact is None:
         return None
@@ -108,17 +110,42 @@ def _gap(impact: Impact) -> GapRecord | None:
         Curve(before, gap_before(view, before) - contact.lead, "closing"),
         Curve(after, gap_after(view, after) - contact.lead, "opening"),
     )
-    moments = [Moment(contact.onset_s, 0.0), Moment(contact.release_s, 0.0)]
+    moments = [
+        Moment(at, measured.quantity(name).std or 0.0)
+        for at, name in ((contact.onset_s, "contact_start"), (contact.release_s, "contact_end"))
+    ]
     return GapRecord(common, gap, spread, moments[0], moments[1], fits)
 
 
 def _speeds(impact: Impact) -> tuple[SpeedRecord, ...]:
     tracks = impact.tracks
-    records = [_frame_speed("ball", tracks.ball_time_s, tracks.ball_m, tracks.ball_cov_m2)]
+    ball = _frame_speed("ball", tracks.ball_time_s, tracks.ball_m, tracks.ball_cov_m2)
     flown = impact.flight.time_s
     states = impact.flight.states(flown)
     curve = Curve(flown, np.hypot(states[:, 2], states[:, 3]), "fitted flight")
-    return (replace(records[0], fits=(curve,)),)
+    return (replace(ball, fits=(curve,)), *_pendulum_speed(impact))
+
+
+def _pendulum_speed(impact: Impact) -> tuple[SpeedRecord, ...]:
+    """The pendulum's, at the point of contact; nothing is fitted across the event."""
+    view, contact, tracks = impact.view, impact.contact, impact.tracks
+    if view is None or contact is None:
+        return ()
+    arm = arm_along_bar(tracks.rest_m - view.pivot, view.before.state(contact.onset_s)[0])
+    near = np.abs(tracks.swing_time_s - contact.onset_s) < _PENDULUM_STRETCH_S
+    time, angle = tracks.swing_time_s[near], tracks.swing_rad[near]
+    step = np.diff(time)
+    std = arm * np.hypot(tracks.swing_std_rad[near][1:], tracks.swing_std_rad[near][:-1]) / step
+    sides = (
+        (view.before, time[time < contact.onset_s], "swing before"),
+        (view.after, time[time > contact.release_s], "swing after"),
+    )
+    fits = tuple(
+        Curve(at, arm * np.array([swing.state(float(t))[1] for t in at]), label)
+        for swing, at, label in sides
+    )
+    middle = 0.5 * (time[1:] + time[:-1])
+    return (SpeedRecord("pendulum", middle, arm * np.diff(angle) / step, std, fits),)
 
 
 def _frame_speed(

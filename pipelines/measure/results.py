@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm
 
 from metrology import Contribution, Quantity
+from pipelines.measure.beside import BESIDE, speeds_agree
 from pipelines.measure.budget import Scene, merged
 from pipelines.measure.derived import DERIVED
 from pipelines.measure.discs import disc_contact
@@ -17,10 +18,9 @@ from pipelines.measure.impact import UNSEEN_HALF_CONTACT_STD_S, Impact
 from pipelines.measure.metres import MetricTracks
 from pipelines.measurement import QUANTITY_UNITS
 from pipelines.report import Check
-from vision.clip_info import ClipInfo
 from vision.tracks import Tracks
 
-__all__ = ["Evaluated", "NoScale", "quantities_of"]
+__all__ = ["Evaluated", "NoScale", "Results", "results_of"]
 
 FloatArray = NDArray[np.float64]
 
@@ -74,10 +74,19 @@ class NoScale:
     contradicts: bool = False
 
 
-def quantities_of(
-    evaluated: Evaluated, info: ClipInfo, tracks: Tracks, no_grid: NoScale
-) -> tuple[tuple[Quantity, ...], Quantity, tuple[Check, ...], list[str]]:
-    """Quantities in the contract's order, the gravity self-check, checks and warnings."""
+@dataclass(frozen=True)
+class Results:
+    """What is told of a clip; attributes as in `Measurement`."""
+
+    quantities: tuple[Quantity, ...]
+    beside: tuple[Quantity, ...]
+    gravity: Quantity
+    checks: tuple[Check, ...]
+    warnings: tuple[str, ...]
+
+
+def results_of(evaluated: Evaluated, tracks: Tracks, no_grid: NoScale) -> Results:
+    """Quantities in the contract's order, what stands beside them, checks and warnings."""
     reasons = _reasons(evaluated, no_grid)
     found: dict[str, Quantity] = {}
     for index, (name, unit) in enumerate(DERIVED.items()):
@@ -89,11 +98,15 @@ def quantities_of(
     cor, agreement = fused_cor(evaluated.values, evaluated.random, evaluated.systematic, found)
     found["cor"] = cor
     gravity, gravity_note = gravity_check(found["gravity"], evaluated.scene)
-    checks = [item for item in (agreement, gravity_note) if item is not None]
-    warnings = [item.statement for item in checks if item.passed is False]
+    checks = [one for one in (agreement, speeds_agree(found), gravity_note) if one is not None]
     found = _withheld(found, gravity, gravity_note, evaluated)
-    ordered = tuple(found[name] for name in QUANTITY_UNITS)
-    return ordered, gravity, tuple(checks), warnings
+    return Results(
+        tuple(found[name] for name in QUANTITY_UNITS),
+        tuple(found[name] for name in BESIDE),
+        gravity,
+        tuple(checks),
+        tuple(item.statement for item in checks if item.passed is False),
+    )
 
 
 def _withheld(

@@ -17,11 +17,15 @@ _LABELS = {
     "cor_speeds": "COR from the speeds (Eq. 2)",
     "cor_launch": "COR from the launch (Eqs 9–10)",
     "cor_range": "COR from the range (Eq. 17)",
-    "external_impulse": "external impulse",
-    "energy_loss": "energy loss",
+    "cor": "COR, the three roads together",
+    "external_impulse": "external impulse on the ball",
+    "energy_loss": "energy the pendulum loses (Eq. 18)",
     "backswing_angle": "back-swing angle",
     "ball_plane_offset": "ball plane in front of the wall",
     "camera_distance": "camera to wall",
+    "gravity_check": "free fall of the flight",
+    "ball_speed_per_frame": "ball speed by displacement per frame (Fig. 18)",
+    "ball_speed_eq7": "ball speed from the pendulum (Eq. 7)",
 }
 
 

@@ -69,6 +69,18 @@ def test_the_sample_clip_is_measured(measured: Path, name: str, within: float) -
     assert abs(quantity["value"] - truth()[name]) < 4 * quantity["std"]
 
 
+def test_the_papers_ways_to_the_balls_speed_stand_beside_it(measured: Path) -> None:
+    document = json.loads((measured / "r.json").read_text(encoding="utf-8"))
+    beside = document["beside"]
+    frames, pendulum = beside["ball_speed_per_frame"], beside["ball_speed_eq7"]
+    assert abs(frames["value"] - truth()["ball_speed"]) < 3 * frames["std"]
+    # Eq. 7 lets all of the pendulum's change of speed act on the ball, its weight's share too
+    assert pendulum["value"] > truth()["ball_speed"]
+    check = next(item for item in document["checks"] if "paper's ways" in item["name"])
+    assert check["passed"] is True
+    assert "Eq. 7" in check["statement"]
+
+
 def test_json_and_csv_are_the_contracts(measured: Path) -> None:
     document = json.loads((measured / "r.json").read_text(encoding="utf-8"))
     assert {"clip", "time_base", "quantities", "warnings", "software"} <= set(document)
