@@ -10,14 +10,22 @@ import typer
 
 from metrology import UsageError, write_text_whole
 from mismatch import Campaign, Explained, Options, Verdict, explain_in_full
+from mismatch.trial_table_explain import TableExplained
 from pipelines.explain_clips import campaign_from_clips
 from pipelines.explain_io import baseline_from_setup, load_campaign, load_effects
 from pipelines.explain_model import improved_setup
 from pipelines.explain_plots import draw_explained
 from pipelines.explain_report import write_explain_report
+from pipelines.explain_tables import explain_trial_table, is_trial_table
 from pipelines.setup_file import Setup, load_setup
 
-__all__ = ["explain_clips", "explain_command", "explain_files", "explain_files_in_full"]
+__all__ = [
+    "explain_clips",
+    "explain_command",
+    "explain_files",
+    "explain_files_in_full",
+    "explain_table_file",
+]
 
 
 def explain_files(
@@ -83,6 +91,26 @@ def explain_clips(
     return _explained(campaign_from_clips(clips, known), known, hold_out, effects_file)
 
 
+def explain_table_file(
+    table: Path,
+    setup: Path | Setup,
+    hold_out: tuple[str, ...] | None = None,
+    effects_file: Path | None = None,
+) -> TableExplained:
+    """Explain a table with a few numbers per trial.
+
+    Raises
+    ------
+    UsageError
+        For a table or setup that can't be used.
+    TooLittleDataError
+        If there are too few trials.
+    """
+    known = setup if isinstance(setup, Setup) else load_setup(setup)
+    own = () if effects_file is None else load_effects(effects_file)
+    return explain_trial_table(table, known, hold_out or (), own)
+
+
 def _explained(
     campaign: Campaign,
     known: Setup,
@@ -99,7 +127,9 @@ def _explained(
 def explain_command(
     inputs: Annotated[
         list[Path] | None,
-        typer.Argument(help="BALL.csv, or clips.", metavar="[BALL.csv | CLIP...]"),
+        typer.Argument(
+            help="BALL.csv, a table of trials, or clips.", metavar="[BALL.csv | CLIP...]"
+        ),
     ] = None,
     setup: Annotated[Path | None, typer.Option(help="What the lab knows (TOML).")] = None,
     pendulum: Annotated[Path | None, typer.Option(help="The pendulum's samples (CSV).")] = None,
@@ -127,8 +157,16 @@ def explain_command(
         )
     ball = _ball_file(inputs or [])
     held = tuple(name.strip() for name in hold_out.split(",")) if hold_out else None
+    explained: Explained | TableExplained
     if inputs and ball is None:
         explained = explain_clips(inputs, setup, held, effects)
+    elif ball is not None and is_trial_table(ball):
+        if pendulum is not None:
+            raise UsageError(
+                f"{ball} holds numbers of whole trials; a pendulum's samples don't go with them",
+                hint="Leave --pendulum away.",
+            )
+        explained = explain_table_file(ball, setup, held, effects)
     else:
         explained = explain_files_in_full(ball, pendulum, setup, held, effects)
     text = json.dumps(explained.verdict.to_json(), indent=1, allow_nan=False)

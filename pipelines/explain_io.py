@@ -2,7 +2,7 @@
 
 import importlib.util
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from physics.contact_batch import contact_outcomes
 from physics.effects import CATALOGUE, Effect
 from pipelines.setup_file import BallSetup, Setup
 
-__all__ = ["baseline_from_setup", "load_campaign", "load_effects"]
+__all__ = ["baseline_for_balls", "baseline_from_setup", "load_campaign", "load_effects"]
 
 BALL_COLUMNS = frozenset(
     {"trial", "backswing_deg", "ball", "t_s", "x_m", "y_m", "z_m", "x_m_std", "y_m_std", "z_m_std"}
@@ -165,6 +165,17 @@ def baseline_from_setup(setup: Setup, campaign: Campaign) -> Baseline:
         trial.backswing is not None for trial in campaign.trials if trial.ball_time.size
     )
     named = {trial.ball or "" for trial in campaign.trials if trial.ball_time.size}
+    return baseline_for_balls(setup, named, struck)
+
+
+def baseline_for_balls(setup: Setup, named: Iterable[str], struck: bool) -> Baseline:
+    """As `baseline_from_setup`, for balls by name; `struck` by the pendulum, or thrown.
+
+    Raises
+    ------
+    SetupError
+        As there.
+    """
     balls = {name: _ball_model(name, setup, struck) for name in sorted(named)}
     known = {f.name for f in fields(Scatter)}
     scatter = {

@@ -12,6 +12,8 @@ from mismatch import Explained
 from mismatch.fit import Fit
 from mismatch.forward import Forward
 from mismatch.latent import missing_force
+from mismatch.trial_table_explain import TableExplained
+from pipelines.explain_table_plots import figure_of_table
 
 __all__ = ["draw_explained", "figure_of"]
 
@@ -45,8 +47,10 @@ def _binned(forward: Forward, fit: Fit, channel: int, axis: Axes, colour: str, n
     )  # fmt: skip
 
 
-def figure_of(explained: Explained) -> Figure:
-    """Residuals by channel, and the missing force by direction."""
+def figure_of(explained: Explained | TableExplained) -> Figure:
+    """Residuals by channel, and the missing force by direction; of a table, by impact speed."""
+    if isinstance(explained, TableExplained):
+        return figure_of_table(explained)
     forward, base = explained.prepared.forward, explained.prepared.fit
     best = explained.naming.best
     channels = [k for k in range(3) if forward.records.ball_used[..., k].any()]
@@ -86,7 +90,7 @@ def figure_of(explained: Explained) -> Figure:
     return figure
 
 
-def draw_explained(explained: Explained, path: Path) -> None:
+def draw_explained(explained: Explained | TableExplained, path: Path) -> None:
     """Write the figure as PNG or SVG."""
     figure = figure_of(explained)
     with written_whole(path) as part:

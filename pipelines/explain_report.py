@@ -8,6 +8,7 @@ from jinja2 import Environment
 
 from metrology import write_text_whole
 from mismatch import Explained
+from mismatch.trial_table_explain import TableExplained
 from pipelines.explain_plots import figure_of
 
 __all__ = ["explain_report_html", "write_explain_report"]
@@ -48,7 +49,7 @@ ratio {{ "%.3g"|format(v.held_out.ratio_95[0]) }} to
 """
 
 
-def explain_report_html(explained: Explained) -> str:
+def explain_report_html(explained: Explained | TableExplained) -> str:
     """The page as text."""
     buffer = io.BytesIO()
     figure_of(explained).savefig(buffer, format="png", dpi=110)
@@ -60,6 +61,6 @@ def explain_report_html(explained: Explained) -> str:
     )
 
 
-def write_explain_report(explained: Explained, path: Path) -> None:
+def write_explain_report(explained: Explained | TableExplained, path: Path) -> None:
     """Write the page."""
     write_text_whole(path, explain_report_html(explained))
