@@ -14,7 +14,8 @@ from vision.tracks import Track, Tracks
 
 __all__ = ["calibrate_clip", "scene_evidence"]
 
-_RADIUS_COMMON_STD_PX = 0.08
+# What biases an outline biases it in every frame; it is larger where one frame tells less of it.
+_RADIUS_COMMON_STD_PX, _RADIUS_COMMON_OVER_RANDOM = 0.05, 4.0
 
 
 def calibrate_clip(tracks: Tracks, inputs: Inputs) -> tuple[Calibration, WallGrid]:
@@ -67,10 +68,11 @@ def _outlines(ball: Track, tracks: Tracks, inputs: Inputs) -> BallOutlines | Non
     good = ball.where(round_again & (ball.quality >= np.median(ball.quality) * 0.5))
     if len(good) < 3:
         return None
+    usual = float(np.median(good.radius_std_px))
     return BallOutlines(
         good.centre_px,
         good.radius_px,
         good.radius_std_px,
         Known(inputs.ball.diameter, DIAMETER_SHARE * inputs.ball.diameter),
-        _RADIUS_COMMON_STD_PX,
+        float(np.hypot(_RADIUS_COMMON_STD_PX, _RADIUS_COMMON_OVER_RANDOM * usual)),
     )
