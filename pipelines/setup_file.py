@@ -260,7 +260,12 @@ def _ball(name: str, table: BallTable) -> BallSetup:
         if (value := getattr(table, key)) is not None
     }
     if table.cor is not None:
-        given["cor"] = parse_cor_law(table.cor)
+        try:
+            given["cor"] = parse_cor_law(table.cor)
+        except UsageError as problem:
+            raise SetupError(
+                f"ball {name!r}, cor: {problem.message}", hint=problem.hint
+            ) from problem
     return replace(base, contact_outcome=table.contact_outcome, **given)
 
 
