@@ -11,7 +11,7 @@ import typer
 from metrology import UsageError, write_text_whole
 from mismatch import Campaign, Explained, Options, Verdict, explain_in_full
 from mismatch.trial_table_explain import TableExplained
-from pipelines.explain_clips import campaign_from_clips
+from pipelines.explain_clips import campaign_from_clips, clip_facts
 from pipelines.explain_io import baseline_from_setup, load_campaign, load_effects
 from pipelines.explain_model import improved_setup
 from pipelines.explain_plots import draw_explained
@@ -20,6 +20,7 @@ from pipelines.explain_tables import explain_trial_table, is_trial_table
 from pipelines.setup_file import Setup, load_setup
 
 __all__ = [
+    "explain_campaign",
     "explain_clips",
     "explain_command",
     "explain_files",
@@ -71,7 +72,7 @@ def explain_files_in_full(
 ) -> Explained:
     """As `explain_files`, with the fits that plots and reports need."""
     known = setup if isinstance(setup, Setup) else load_setup(setup)
-    return _explained(load_campaign(ball, pendulum, known), known, hold_out, effects_file)
+    return explain_campaign(load_campaign(ball, pendulum, known), known, hold_out, effects_file)
 
 
 def explain_clips(
@@ -79,16 +80,32 @@ def explain_clips(
     setup: Path | Setup,
     hold_out: tuple[str, ...] | None = None,
     effects_file: Path | None = None,
+    trials: Path | None = None,
 ) -> Explained:
     """Measure clips and explain them as one campaign, one trial a clip.
 
+    Parameters
+    ----------
+    clips : sequence of Path
+        One strike each; what can't be measured is left out and noted.
+    setup : Path or Setup
+        What the lab knows.
+    hold_out : tuple of str, optional
+        Names of clips (without ending) to keep out of the fit.
+    effects_file : Path, optional
+        A Python file with a user's own effects.
+    trials : Path, optional
+        A table of the clips with their back-swings and balls.
+
     Raises
     ------
-    ClipError, NotFoundError
-        If a clip can't be read or measured.
+    ClipError, MeasurementError
+        If no clip can be read and measured.
     """
     known = setup if isinstance(setup, Setup) else load_setup(setup)
-    return _explained(campaign_from_clips(clips, known), known, hold_out, effects_file)
+    facts = None if trials is None else clip_facts(trials)
+    campaign = campaign_from_clips(clips, known, facts)
+    return explain_campaign(campaign, known, hold_out, effects_file)
 
 
 def explain_table_file(
@@ -111,12 +128,13 @@ def explain_table_file(
     return explain_trial_table(table, known, hold_out or (), own)
 
 
-def _explained(
+def explain_campaign(
     campaign: Campaign,
     known: Setup,
-    hold_out: tuple[str, ...] | None,
-    effects_file: Path | None,
+    hold_out: tuple[str, ...] | None = None,
+    effects_file: Path | None = None,
 ) -> Explained:
+    """Explain a campaign that has been read or measured already."""
     baseline = baseline_from_setup(known, campaign)
     own = () if effects_file is None else load_effects(effects_file)
     return explain_in_full(
@@ -133,6 +151,10 @@ def explain_command(
     ] = None,
     setup: Annotated[Path | None, typer.Option(help="What the lab knows (TOML).")] = None,
     pendulum: Annotated[Path | None, typer.Option(help="The pendulum's samples (CSV).")] = None,
+    trials: Annotated[
+        Path | None,
+        typer.Option(help="Clips only: a table clip,backswing_deg,ball of what was written down."),
+    ] = None,
     hold_out: Annotated[
         str | None, typer.Option(help="Trials to keep out of the fit, separated by commas.")
     ] = None,
@@ -159,7 +181,7 @@ def explain_command(
     held = tuple(name.strip() for name in hold_out.split(",")) if hold_out else None
     explained: Explained | TableExplained
     if inputs and ball is None:
-        explained = explain_clips(inputs, setup, held, effects)
+        explained = explain_clips(inputs, setup, held, effects, trials)
     elif ball is not None and is_trial_table(ball):
         if pendulum is not None:
             raise UsageError(

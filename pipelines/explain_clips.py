@@ -1,73 +1,177 @@
 """Clips as a campaign: the measuring chain, its tracks in metres, one trial a clip."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
-from metrology import NotFoundError
+from metrology import ClipError, MeasurementError, NotFoundError, UsageError
 from mismatch.campaign import Campaign, Trial
 from physics.bodies import GRAVITY, Pendulum
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measurement import Measurement
 from pipelines.setup_file import Setup
 
-__all__ = ["campaign_from_clips", "trial_of"]
+__all__ = ["ClipFacts", "campaign_from_clips", "clip_facts", "trial_of"]
+
+MOST_WARNINGS = 3
 
 
-def campaign_from_clips(clips: Sequence[Path], setup: Setup) -> Campaign:
-    """Measure clips and lay their tracks out as trials.
+@dataclass(frozen=True)
+class ClipFacts:
+    """What the lab wrote down about one clip: back-swing (rad) and ball; None where it did not."""
 
-    A clip whose back-swing is not in view starts from the angle that its speed before contact
-    implies without losses; losses of the swing can then only be seen in the recorded part.
+    backswing: float | None = None
+    ball: str | None = None
+
+
+def clip_facts(path: Path) -> dict[str, ClipFacts]:
+    """Read a table of clips: columns ``clip``, and ``backswing_deg`` or ``ball`` or both.
+
+    Returns
+    -------
+    dict
+        By the clip's name without folder and ending.
 
     Raises
     ------
-    ClipError, NotFoundError
-        If a clip can't be read, or no strike can be measured in it.
+    UsageError
+        If the file can't be read, or has no column ``clip``.
     """
-    trials, notes = [], []
+    try:
+        table = pd.read_csv(path, dtype={"clip": str, "ball": str}, skipinitialspace=True)
+    except (OSError, UnicodeDecodeError, ValueError) as problem:
+        raise UsageError(
+            f"can't read {path}: {problem}", hint="A CSV file with a header line is expected."
+        ) from problem
+    table.columns = [str(name).strip() for name in table.columns]
+    if "clip" not in table or not {"backswing_deg", "ball"} & set(table.columns):
+        raise UsageError(
+            f"{path} has the columns {', '.join(table.columns)}",
+            hint="A table of clips has the columns clip and backswing_deg, and may have ball.",
+        )
+    nothing = pd.Series(np.nan, index=table.index)
+    angles = pd.to_numeric(table.get("backswing_deg", nothing), errors="coerce")
+    balls = table.get("ball", nothing)
+    facts = {}
+    for name, angle, ball in zip(table["clip"], angles, balls, strict=True):
+        facts[Path(str(name).strip()).stem] = ClipFacts(
+            None if pd.isna(angle) else math.radians(float(angle)),
+            None if pd.isna(ball) else str(ball).strip(),
+        )
+    return facts
+
+
+def campaign_from_clips(
+    clips: Sequence[Path],
+    setup: Setup,
+    facts: Mapping[str, ClipFacts] | None = None,
+    measure: Callable[[Path, MeasureOptions], Measurement] = measure_clip,
+) -> Campaign:
+    """Measure clips and lay their tracks out as trials.
+
+    A clip whose back-swing is neither told nor in view starts from the angle that its speed before
+    contact implies without losses; losses of the swing can then only be seen in the recorded part.
+    A clip that can't be measured is left out and noted, unless none can.
+
+    Parameters
+    ----------
+    clips : sequence of Path
+    setup : Setup
+    facts : mapping, optional
+        Clip's name → what the lab wrote down about it.
+    measure : callable
+        The measuring chain.
+
+    Raises
+    ------
+    UsageError
+        If two clips have one name.
+    ClipError, MeasurementError
+        If no clip can be read and measured: the first clip's reason.
+    """
+    names = [path.stem for path in clips]
+    again = sorted({name for name in names if names.count(name) > 1})
+    if again:
+        raise UsageError(
+            f"two clips are called {again[0]}", hint="Every clip is a trial and needs its own name."
+        )
+    known = facts or {}
+    trials: list[Trial] = []
+    notes: list[str] = []
+    refused: list[tuple[Path, ClipError | MeasurementError]] = []
     for path in clips:
-        trial, note = trial_of(path.stem, measure_clip(path, MeasureOptions(setup=setup)), setup)
+        about = known.get(path.stem, ClipFacts())
+        try:
+            measured = measure(path, MeasureOptions(setup=setup, ball=about.ball))
+            trial, said = trial_of(path.stem, measured, setup, about)
+        except (ClipError, MeasurementError) as problem:
+            refused.append((path, problem))
+            continue
         trials.append(trial)
-        notes += [f"{path.name}: {text}" for text in note]
-    return Campaign(tuple(trials), tuple(notes))
+        notes += [f"{path.name}: {text}" for text in said]
+    if not trials:
+        raise refused[0][1]
+    left_out = [
+        f"{p.name} could not be measured and is left out: {why.message}" for p, why in refused
+    ]
+    return Campaign(tuple(trials), (*left_out, *notes))
 
 
-def trial_of(name: str, measured: Measurement, setup: Setup) -> tuple[Trial, list[str]]:
-    """One clip's tracks as a trial, with notes on what was assumed."""
+def trial_of(
+    name: str, measured: Measurement, setup: Setup, about: ClipFacts | None = None
+) -> tuple[Trial, list[str]]:
+    """One clip's tracks as a trial, with notes on what was assumed.
+
+    Raises
+    ------
+    NotFoundError
+        If no strike could be measured in the clip.
+    """
+    facts = about or ClipFacts()
     if measured.impact is None:
         raise NotFoundError(
             f"{name}: no strike could be measured in this clip",
             hint="vision measure says what is missing.",
         )
     tracks = measured.impact.tracks
-    notes = list(measured.warnings[:3])
+    notes = list(measured.warnings[:MOST_WARNINGS])
+    named = setup.balls.get(facts.ball or "", setup.ball)
     rest_height = 0.0
     if setup.support is not None:
-        radius = 0.5 * setup.ball.diameter if setup.ball is not None else tracks.radius_m
+        radius = 0.5 * named.diameter if named is not None else tracks.radius_m
         rest_height = setup.support.height + radius
-    moved = tracks.ball_m - tracks.rest_m + np.array([0.0, rest_height])
-    position = np.column_stack([moved, np.full(moved.shape[0], np.nan)])
-    std = np.sqrt(np.stack([tracks.ball_cov_m2[:, 0, 0], tracks.ball_cov_m2[:, 1, 1]], axis=1))
-    std = np.column_stack([std, np.full(std.shape[0], np.nan)])
-    backswing = None
-    angle = measured.quantity("backswing_angle")
-    if angle.value is not None:
-        backswing = math.radians(angle.value)
-    elif setup.pendulum is not None:
-        speed = measured.quantity("pendulum_speed_before").value
-        contact = None if setup.ball is None else setup.ball.launch_angle
-        if speed is not None and contact is not None:
-            backswing = _lossless_backswing(setup.pendulum, speed, contact)
-            notes.append("the back-swing is not in view; taken from the speed before contact")
-    ball = None if setup.ball is None else setup.ball.name
+    # What bounces is no flight any more.
+    flying = tracks.ball_time_s <= measured.impact.last_flight_s + 1e-9
+    moved = (tracks.ball_m - tracks.rest_m + np.array([0.0, rest_height]))[flying]
+    blank = np.full(moved.shape[0], np.nan)
+    covariance = tracks.ball_cov_m2[flying]
+    std = np.sqrt(np.stack([covariance[:, 0, 0], covariance[:, 1, 1]], axis=1))
+    backswing = facts.backswing
+    if backswing is None:
+        backswing, said = _backswing(measured, setup)
+        notes += said
+    ball = facts.ball or (None if setup.ball is None else setup.ball.name)
     trial = Trial(
-        name, tracks.ball_time_s, position, tracks.swing_time_s, tracks.swing_rad, ball,
-        backswing, std,
+        name, tracks.ball_time_s[flying], np.column_stack([moved, blank]), tracks.swing_time_s,
+        tracks.swing_rad, ball, backswing, np.column_stack([std, blank]),
     )  # fmt: skip
     return trial, notes
+
+
+def _backswing(measured: Measurement, setup: Setup) -> tuple[float | None, list[str]]:
+    angle = measured.quantity("backswing_angle")
+    if angle.value is not None:
+        return math.radians(angle.value), []
+    speed = measured.quantity("pendulum_speed_before").value
+    contact = None if setup.ball is None else setup.ball.launch_angle
+    if setup.pendulum is None or speed is None or contact is None:
+        return None, []
+    note = "the back-swing is not in view; taken from the speed before contact"
+    return _lossless_backswing(setup.pendulum, speed, contact), [note]
 
 
 def _lossless_backswing(pendulum: Pendulum, speed: float, contact: float) -> float:

@@ -8,7 +8,6 @@ import argparse
 import json
 import os
 import tempfile
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +18,9 @@ from bench.concealed.draw import GENERATOR, draw_campaign
 from bench.concealed.foreign import convert_all
 from bench.concealed.foreign_keys import foreign_key
 from bench.concealed.peers import PEERS
-from bench.concealed.report import WHOLE_PROOF, Scored, proof_text
+from bench.concealed.pixels_section import section
+from bench.concealed.report import WHOLE_PROOF, Asked, Scored, proof_text
+from bench.concealed.run import Stop, run_until
 from bench.concealed.score import judge
 from bench.realdata.table import real_rows, real_table
 from metrology import write_text_whole
@@ -93,7 +94,28 @@ def _options() -> argparse.Namespace:
         default=ROOT.parent / "shared" / "concealed_dev",
         help="campaigns of a foreign simulator, scored beside ours when there",
     )
-    parser.add_argument("--peers", action="store_true", help="let the peers answer too")
+    parser.add_argument(
+        "--minutes",
+        type=float,
+        help="give out no more campaigns after so long, and score what is answered; Ctrl-C and"
+        " SIGTERM do the same at once, and the same command later goes on from there",
+    )
+    parser.add_argument(
+        "--peers",
+        type=int,
+        nargs="?",
+        const=10_000,
+        default=0,
+        metavar="N",
+        help="let the peers answer the first N campaigns too (default: all)",
+    )
+    parser.add_argument(
+        "--pixels",
+        type=Path,
+        default=None,
+        metavar="FOLDER",
+        help="add the section that `python -m bench.concealed.pixels` wrote to this folder",
+    )
     parser.add_argument(
         "--real", type=Path, default=ROOT.parent / "shared" / "realdata", help="real recordings"
     )
@@ -121,6 +143,50 @@ def _foreign_answer(folder: Path) -> str:
     return f"foreign-{folder.name}.json"
 
 
+def _answered(
+    options: argparse.Namespace, shelf: Shelf, stop: Stop
+) -> tuple[list[Scored], list[Scored]]:
+    """Own and foreign campaigns with their answers, as many as there was time for."""
+    numbers = list(range(options.first, options.first + options.campaigns))
+    run_until(stop, _draw, [(shelf, n) for n in numbers], options.jobs)
+    numbers = [n for n in numbers if (shelf.keys / f"{n:04d}.json").exists()]
+    if options.draw_only:
+        return [], []
+    foreign = _foreign(options, shelf)
+    answers_in = options.answers or shelf.answers
+    if options.kind:
+        numbers = [n for n in numbers if _key(shelf, n).kind == options.kind]
+    if options.answers:
+        numbers = [n for n in numbers if (options.answers / f"{n:04d}.json").exists()]
+        foreign = [f for f in foreign if (options.answers / _foreign_answer(f[0])).exists()]
+    tasks = [(f, answers_in / _foreign_answer(f)) for f, _ in foreign]
+    tasks += [(shelf.campaign(n), answers_in / f"{n:04d}.json") for n in numbers]
+    answers = run_until(stop, _answer, tasks, options.jobs)
+    keys = [foreign_key(path) for _, path in foreign]
+    keys += [_key(shelf, n) for n in numbers]
+    scored = [
+        None if answer is None else Scored(judge(key, answer), folder)
+        for key, answer, (folder, _) in zip(keys, answers, tasks, strict=True)
+    ]
+    theirs, own = scored[: len(foreign)], scored[len(foreign) :]
+    return [s for s in own if s is not None], [s for s in theirs if s is not None]
+
+
+def _peers(options: argparse.Namespace, own: list[Scored]) -> dict[str, list[Scored]]:
+    """The peers' answers to the first campaigns; theirs alone, whatever became of the rest."""
+    asked = own[: options.peers]
+    found: dict[str, list[Scored]] = {}
+    for name in PEERS if asked else ():
+        stop = Stop(options.minutes)
+        said = run_until(stop, _peer_answer, [(name, s.folder) for s in asked], options.jobs)
+        found[name] = [
+            Scored(judge(s.judgement.key, answer), s.folder)
+            for s, answer in zip(asked, said, strict=True)
+            if answer is not None
+        ]
+    return found
+
+
 def main() -> None:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
@@ -128,49 +194,21 @@ def main() -> None:
     shelf = Shelf(options.cache, options.seed, engine_version(ROOT))
     for folder in (shelf.campaigns, shelf.keys, shelf.answers):
         folder.mkdir(parents=True, exist_ok=True)
-    numbers = list(range(options.first, options.first + options.campaigns))
-    foreign = _foreign(options, shelf)
-    answers_in = options.answers or shelf.answers
-    with ProcessPoolExecutor(options.jobs) as pool:
-        list(pool.map(_draw, [(shelf, n) for n in numbers], chunksize=4))
-        if options.draw_only:
-            return
-        if options.kind:
-            numbers = [n for n in numbers if _key(shelf, n).kind == options.kind]
-        if options.answers:
-            numbers = [n for n in numbers if (options.answers / f"{n:04d}.json").exists()]
-            foreign = [f for f in foreign if (options.answers / _foreign_answer(f[0])).exists()]
-        tasks = [(shelf.campaign(n), answers_in / f"{n:04d}.json") for n in numbers]
-        tasks += [(f, answers_in / _foreign_answer(f)) for f, _ in foreign]
-        answers = list(pool.map(_answer, tasks))
-        said = {
-            name: list(pool.map(_peer_answer, [(name, shelf.campaign(n)) for n in numbers]))
-            for name in (PEERS if options.peers else ())
-        }
-    keys = [_key(shelf, n) for n in numbers]
-    keys += [foreign_key(path) for _, path in foreign]
-    scored = [
-        Scored(judge(key, answer), folder)
-        for key, answer, (folder, _) in zip(keys, answers, tasks, strict=True)
-    ]
-    own, theirs = scored[: len(numbers)], scored[len(numbers) :]
-    peers = {
-        name: [
-            Scored(judge(one.judgement.key, answer), one.folder)
-            for one, answer in zip(own, answers, strict=True)
-        ]
-        for name, answers in said.items()
-    }
-    real = [] if options.no_real else _real(options.real, shelf)
-    text = proof_text(own, theirs, options.seed, peers, real)
+    real = [] if options.no_real or options.draw_only else _real(options.real, shelf)
+    own, theirs = _answered(options, shelf, Stop(options.minutes))
+    if options.draw_only:
+        return
+    pixels = [] if options.pixels is None else section(options.pixels)
+    asked = Asked(options.campaigns, options.seed, shelf.version)
+    text = proof_text(own, theirs, asked, _peers(options, own), real, pixels)
     output = options.output
-    if output is None and len(numbers) >= WHOLE_PROOF:
+    if output is None and options.campaigns >= WHOLE_PROOF:
         output = ROOT / "docs" / "proof.md"
     if output is None:
         print(text)
     else:
         write_text_whole(output, text)
-        print(f"wrote {output}")
+        print(f"wrote {output}: {len(own)} of {options.campaigns} campaigns scored")
 
 
 def _key(shelf: Shelf, number: int) -> Key:

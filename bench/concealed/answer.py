@@ -67,4 +67,5 @@ def answer_from_json(raw: Mapping[str, Any], seconds: float) -> Answer:
         rmse_before=held_out.get("rmse_before_m"),
         rmse_after=held_out.get("rmse_after_m"),
         seconds=seconds,
+        failure=str(raw.get("failure") or ""),
     )

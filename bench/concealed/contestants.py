@@ -9,6 +9,7 @@ import typer
 from typer.testing import CliRunner
 
 from bench.concealed.answer import Answer, answer_from_json
+from metrology import write_text_whole
 from pipelines.explain import explain_command
 
 __all__ = ["engine_answer", "engine_version"]
@@ -42,10 +43,11 @@ def engine_answer(folder: Path, output: Path) -> Answer:
     if result.exit_code or not output.exists():
         said = (result.output or "").strip().splitlines()
         why = repr(result.exception) if result.exception else "no JSON written"
-        return Answer(
-            "failed", seconds=seconds, failure=f"exit {result.exit_code}: {why} {said[-1:]}"
-        )
+        failure = f"exit {result.exit_code}: {why} {said[-1:]}"
+        raw = {"verdict": "failed", "failure": failure, "seconds": seconds}
+        write_text_whole(output, json.dumps(raw))
+        return answer_from_json(raw, seconds)
     raw = json.loads(output.read_text(encoding="utf-8"))
     raw["seconds"] = seconds
-    output.write_text(json.dumps(raw), encoding="utf-8")
+    write_text_whole(output, json.dumps(raw))
     return answer_from_json(raw, seconds)

@@ -14,7 +14,7 @@ from bench.concealed.recipes import CATALOGUE, FOREIGN_KIND, UNNAMED, Recipe, St
 from bench.concealed.strength import Visibility, visibility
 from bench.concealed.throws import draw_throws, perform_throws, throws_visibility
 
-__all__ = ["GENERATOR", "KINDS", "draw_campaign", "level_of"]
+__all__ = ["GENERATOR", "KINDS", "drag_stays_positive", "draw_campaign", "kind_of", "level_of"]
 
 # Raised whenever campaigns of the same seed change, so that caches of old ones are not used.
 GENERATOR = 5
@@ -30,8 +30,10 @@ def level_of(delta_chi2: float) -> str:
     return "weak" if delta_chi2 < 10 else "medium" if delta_chi2 <= 100 else "strong"
 
 
-def _order(seed: int, block: int) -> list[str]:
-    return [str(k) for k in np.random.default_rng([seed, block, 7]).permutation(KINDS)]
+def kind_of(seed: int, number: int) -> str:
+    """What kind of campaign `number` of a seed is."""
+    block = np.random.default_rng([seed, number // len(KINDS), 7]).permutation(KINDS)
+    return str(block[number % len(KINDS)])
 
 
 def _constants(rng: np.random.Generator, recipe: Recipe, design: Design) -> dict[str, float]:
@@ -102,7 +104,7 @@ def _nearest(seen: Visibility, truth: list[int], first: int) -> float:
     return min(seen.delta_chi2(truth, list(pair)) for pair in combinations(effects, 2))
 
 
-def _drag_stays_positive(design: Design, chosen: Iterable[Strength]) -> bool:
+def drag_stays_positive(design: Design, chosen: Iterable[Strength]) -> bool:
     """Whether what a pair takes from the drag leaves some of it at every speed."""
     taken = {"drag_coefficient": 1.0, "crisis_drop": -1.0}
     change = sum(taken.get(one.recipe.knob, 0.0) * one.amplitude for one in chosen)
@@ -118,7 +120,7 @@ def _pick_pair(rng: np.random.Generator, design: Design, ids: Iterable[str]) -> 
         chosen = [
             _scaled(rng, design, CATALOGUE[i], _wanted(rng, "strong")) for i in (first, second)
         ]
-        if not _drag_stays_positive(design, chosen):
+        if not drag_stays_positive(design, chosen):
             continue
         picked = chosen
         seen = visibility(design, chosen)
@@ -171,7 +173,7 @@ def draw_campaign(seed: int, number: int, folder: Path, keys: Path) -> Key:
         return read_key(key_file)
     keys.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng([seed, number])
-    kind = _order(seed, number // len(KINDS))[number % len(KINDS)]
+    kind = kind_of(seed, number)
     if kind == "twins":
         key = _draw_twins(rng, number, seed, folder)
         write_key(key_file, key)

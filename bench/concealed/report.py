@@ -12,13 +12,28 @@ from bench.concealed.conventions import true_parameter
 from bench.concealed.score import MIMICKED, Judgement
 from bench.concealed.statistics import Proportion, calibration_error
 
-__all__ = ["WHOLE_PROOF", "Scored", "proof_text"]
+__all__ = ["WHOLE_PROOF", "Asked", "Scored", "proof_text"]
 
 
 WHOLE_PROOF = 400
 PARTIAL = (
     f"**A part of the proof: fewer than the {WHOLE_PROOF} campaigns that it needs were scored, so "
     "the intervals are wide.**"
+)
+
+
+COUNTED = (
+    "What counts: an answer is *right* if everything concealed is named or stands in a declared"
+    " group, and nothing is named beyond that; on a null any id named, or in a group of a verdict"
+    " other than no_mismatch, is wrong. A force in no catalogue must be called `unnamed` (or"
+    " unexplained), in the right phase and direction. The *start of a local effect* is the"
+    " answer's `t_start_s`, held against the key's start after first touch, in shares of the"
+    " median flight: a gust or a notch has one start; what is bound to a place (a magnet) is met"
+    " at another time in each trial, and any time from the earliest to the latest of those starts"
+    " counts as no error, a time outside by its distance to the nearer. A magnet's or a notch's"
+    " start is where ball or pendulum comes within two widths of it. Only strong effects are asked"
+    " for their start.",
+    "",
 )
 
 
@@ -34,6 +49,15 @@ class Scored:
         """What the campaign is called in lists of misses."""
         key = self.judgement.key
         return f"{'foreign ' if key.seed == 0 else ''}{key.number}"
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What was asked for: how many campaigns, of which seed, of which version of the engine."""
+
+    campaigns: int
+    seed: int
+    engine: str = ""
 
 
 Test = Callable[[Judgement], bool]
@@ -252,6 +276,17 @@ def _peer_rows(peers: Mapping[str, Sequence[Scored]]) -> list[str]:
     return _table(("", *peers), rows)
 
 
+def _peers_section(own: Sequence[Scored], peers: Mapping[str, Sequence[Scored]]) -> list[str]:
+    count = min(len(scored) for scored in peers.values())
+    share = own[:count]
+    return [
+        f"The first {count} campaigns, for the engine too: peers are slow, and their answers on"
+        " a share tell enough.",
+        "",
+        *_peer_rows({"this engine": share, **peers}),
+    ]
+
+
 def _right(judgement: Judgement) -> bool:
     return judgement.right
 
@@ -259,11 +294,12 @@ def _right(judgement: Judgement) -> bool:
 def proof_text(
     own: Sequence[Scored],
     foreign: Sequence[Scored],
-    seed: int,
+    asked: Asked,
     peers: Mapping[str, Sequence[Scored]],
     real: Sequence[str],
+    pixels: Sequence[str] = (),
 ) -> str:
-    """The whole page, Markdown; `real` are the lines of the table of real recordings."""
+    """The whole page, Markdown; `real` and `pixels` are the lines of those sections."""
     counts = Counter(s.judgement.key.kind for s in own)
     _, outside = _coverage(own)
     _, bins = calibration_error(*_stated(own))
@@ -271,7 +307,8 @@ def proof_text(
     lines = [
         "# The proof: campaigns with concealed physics",
         "",
-        f"Written by `python -m bench.concealed --campaigns {len(own)} --seed {seed}`: "
+        f"Written by `python -m bench.concealed --campaigns {asked.campaigns} --seed {asked.seed}`"
+        f" with engine {asked.engine or 'of that day'}; {len(own)} campaigns were scored: "
         + ", ".join(f"{count} {kind}" for kind, count in sorted(counts.items()))
         + ". The generator has its own force laws, contact and solver and shares no code with the "
         "engine; the engine is given the tables and the setup file alone; keys are opened when all "
@@ -280,6 +317,7 @@ def proof_text(
         "intervals.",
         "",
         *([PARTIAL, ""] if len(own) < WHOLE_PROOF else []),
+        *COUNTED,
         *_table(("", "at least", "aim", "measured"), _main_rows(own)),
         f"Declared groups hold {np.median(sizes):.0f} ids in the median, {max(sizes)} at most."
         if sizes
@@ -288,12 +326,15 @@ def proof_text(
         "## Campaigns of a foreign simulator",
         "",
         *(_foreign_rows(foreign) if foreign else ["Not beside this checkout.", ""]),
+        "## From pixels",
+        "",
+        *(pixels or ["Not rendered for this page.", ""]),
         "## Real recordings",
         "",
         *(real or ["Not beside this checkout, or not asked for.", ""]),
         "## Peers on the same files",
         "",
-        *(_peer_rows({"this engine": own, **peers}) if peers else ["Not asked for.", ""]),
+        *(_peers_section(own, peers) if peers else ["Not asked for.", ""]),
         "## By concealed effect",
         "",
         *_confusion(own),

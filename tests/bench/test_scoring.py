@@ -3,7 +3,7 @@ import pytest
 from bench.concealed.answer import Answer, Named, answer_from_json
 from bench.concealed.campaign import Hidden, Key, TrialTruth, read_key, write_key
 from bench.concealed.conventions import true_parameter
-from bench.concealed.report import Scored, proof_text
+from bench.concealed.report import Asked, Scored, proof_text
 from bench.concealed.score import judge
 from bench.concealed.statistics import Proportion, calibration_error, wilson
 
@@ -144,7 +144,27 @@ def test_the_page_counts_and_lists_misses_by_name(tmp_path):
         Scored(judge(key(hidden("magnus")), said("magnus")), tmp_path),
     ]
     (tmp_path / "setup.toml").write_text("[camera]\ncapture_fps = 600\n")
-    page = proof_text(own, [], 1, {}, [])
+    page = proof_text(own, [], Asked(400, 1), {}, [])
+    assert "3 campaigns were scored" in page
+    assert "A part of the proof" in page
     assert "| nulls on which physics is wrongly named | ≤ 2 % | ≤ 0.5 % | 50.0 % (1/2;" in page
     assert "| single strong effect | 97 % | 99.5 % | 100.0 % (1/1;" in page
     assert "| 1 | null | strong | 500 | nothing | drag" in page
+
+
+def test_a_force_bound_to_a_place_may_start_when_any_trial_meets_it():
+    magnet = hidden("unnamed", "magnet", local=True)
+    spread = (TrialTruth(0.0, 0.01, 0.41, 0.10, 0.20), TrialTruth(0.0, 0.01, 0.41, 0.14, 0.24))
+    mine = Key(1, 1, "outside", "strong", 500.0, None, (), (magnet,), spread)
+    at = said("unnamed", phase="flight", channel="horizontal", t_start=0.12, t_end=0.22)
+    assert judge(mine, at).start_error == 0.0
+    early = said("unnamed", phase="flight", channel="horizontal", t_start=0.08, t_end=0.22)
+    assert judge(mine, early).start_error == pytest.approx(0.02 / 0.4)
+    silent = said("unnamed", phase="flight", channel="horizontal")
+    assert judge(mine, silent).start_error == float("inf")
+
+
+def test_a_failure_is_kept_and_read_again():
+    answer = answer_from_json({"verdict": "failed", "failure": "exit 4: too little"}, 2.0)
+    assert answer.failure == "exit 4: too little"
+    assert not judge(key(hidden("drag")), answer).right

@@ -1,0 +1,67 @@
+import json
+import subprocess
+import sys
+import time
+
+from bench.concealed.answer import Answer, Named
+from bench.concealed.pixels_scenes import FILMED, setup_text, takes
+from bench.concealed.pixels_section import right, section
+from bench.concealed.run import Stop, run_until
+from pipelines.setup_file import parse_setup
+
+
+def _double(task):
+    return 2 * task
+
+
+def _slow(task):
+    time.sleep(0.2)
+    return task
+
+
+def test_all_tasks_are_done_in_order():
+    assert run_until(Stop(), _double, [1, 2, 3, 4], 2) == [2, 4, 6, 8]
+
+
+def test_what_was_not_begun_in_time_stays_open():
+    assert run_until(Stop(minutes=0.0), _double, [1, 2], 1) == [None, None]
+    found = run_until(Stop(minutes=0.3 / 60.0), _slow, list(range(40)), 1)
+    assert found[0] == 0
+    assert found[-1] is None
+
+
+def test_an_interrupted_run_hands_back_what_is_answered():
+    code = (
+        "import time, os, signal\n"
+        "from bench.concealed.run import Stop, run_until\n"
+        "from tests.bench.test_run import _slow\n"
+        "import threading\n"
+        "threading.Timer(1.0, lambda: os.kill(os.getpid(), signal.SIGTERM)).start()\n"
+        "print(sum(r is not None for r in run_until(Stop(), _slow, list(range(200)), 1)))\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert 1 <= int(done.stdout) < 100
+
+
+def test_filmed_campaigns_differ_in_what_is_concealed_alone():
+    setups = {filmed.name: parse_setup(setup_text(filmed)) for filmed in FILMED}
+    assert {s.camera.capture_fps for s in setups.values()} == {600.0}
+    assert setups["tilt"].wall.grid is None
+    rate = next(filmed for filmed in FILMED if filmed.name == "rate")
+    first = takes(rate)[0]()
+    assert first.scene.shutter.fps == rate.fps
+    assert first.backswing_deg == 55.0
+
+
+def test_filmed_answers_are_scored_by_name_or_group(tmp_path):
+    spin = next(filmed for filmed in FILMED if filmed.name == "spin")
+    none = FILMED[0]
+    group = (frozenset({"magnus", "buoyancy"}),)
+    assert right(spin, Answer("ambiguous", (Named("buoyancy", 0.5, {}),), group))
+    assert not right(spin, Answer("explained", (Named("drag", 0.9, {}),)))
+    assert right(none, Answer("no_mismatch"))
+    assert not right(none, Answer("failed", failure="why"))
+    assert section(tmp_path) == []
+    raw = {"none": {"verdict": "no_mismatch", "seconds": 1.0, "clips": 8}}
+    (tmp_path / "results.json").write_text(json.dumps(raw))
+    assert "1 of 1 right" in section(tmp_path)[0]
