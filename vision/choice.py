@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from vision.linking import Path
 
-__all__ = ["Choice", "choose_ball", "trimmed"]
+__all__ = ["Choice", "choose_ball", "rivals", "trimmed"]
 
 FloatArray = NDArray[np.float64]
 
@@ -90,6 +90,15 @@ def choose_ball(paths: list[Path], at: tuple[float, float, int | None] | None) -
             others = tuple(other for other in alike if other is not path)
             return Choice(path, others, True)
     return Choice(best, tuple(alike[1:]), False)
+
+
+def rivals(paths: list[Path]) -> list[Path]:
+    """The clearest path of something that moves, and those that might be taken for it."""
+    moving = [path for path in (trimmed(path) for path in paths) if _moves(path)]
+    if not moving:
+        return []
+    best = max(moving, key=_score)
+    return [path for path in moving if path is best or _alike(path, best)]
 
 
 def _moves(path: Path) -> bool:

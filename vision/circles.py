@@ -7,22 +7,39 @@ taken at several picture scales, so that one short list of radii covers balls of
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import reduce
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.edge_points import EdgePoints, edge_points, places
+
 __all__ = ["Circles", "find_circles"]
 
 FloatImage = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 # Radii at each scale, px of that scale; an octave, so that the scales join without a gap.
 _RADII = np.array([2.6, 3.0, 3.5, 4.0, 4.6, 5.3])
 _COARSE_RADII = np.array([3.5, 4.0, 4.6, 5.3, 6.1, 7.0])
 _SECTORS = 16
-_MOST_EDGES = 6000
+_FEWEST_EDGES = 8
+# Outlines whose covered parts differ by less are as complete.
+_AS_COMPLETE = 0.15
+# A change of so many units of noise is a change for certain; how strong it is no longer counts, so
+# that a ball's panels and its shading vanish, and its outline stays.
+_CHANGED = 12.0
+# A level of fewer pixels than this is searched whole.
+_SMALL_LEVEL = 20_000
+# Mean change of a cell of a few pixels, in units of a pixel's noise, that may belong to an edge of
+# 6 units: far above that mean's own noise.
+_STIRRED = 1.5
+_SUBSTANCE_RADIUS = 10.0
+_BOTH_SIDES = np.array([[-1.0], [1.0]], dtype=np.float32)
 
 
 @dataclass(frozen=True)
@@ -52,15 +69,6 @@ class Circles:
 
 # Centre x, y, radius, coverage, sharpness.
 _Circle = tuple[float, float, float, float, float]
-
-
-@dataclass(frozen=True)
-class _Edges:
-    x: FloatArray
-    y: FloatArray
-    nx: FloatArray
-    ny: FloatArray
-    strength: FloatArray
 
 
 def find_circles(
@@ -94,29 +102,111 @@ def find_circles(
     -------
     Circles
     """
-    difference = picture - expected
-    low, high = radii if radii is not None else (2.5, 0.25 * min(difference.shape))
+    low, high = radii if radii is not None else (2.5, 0.25 * min(picture.shape))
+    normalised = (picture - expected) / noise
+    changed = np.minimum(np.abs(normalised), np.float32(_CHANGED))
     found: list[_Circle] = []
-    scale = 1
-    normalised = difference / noise
-    while True:
-        table = _RADII if scale == 1 else _COARSE_RADII
-        wanted = table[(table * scale >= 0.8 * low) & (table * scale <= 1.25 * high)]
-        if len(wanted):
-            level = _shrunk(normalised, scale)
-            edges = _edges(level, 6.0)
-            if len(edges.x) >= 8:
-                found += _voted(edges, level.shape, wanted, scale, most, least_coverage)
-        scale *= 2
-        if _COARSE_RADII[0] * scale > high or min(difference.shape) // scale < 16:
-            break
+    whole: list[_Circle] = []
+    for scale, wanted in _scales(low, high, min(picture.shape)):
+        level = _shrunk(normalised, scale)
+        circles, edges = _searched(level, scale, wanted, most)
+        found += [_enlarged(circle, scale) for circle in circles if circle[3] >= least_coverage]
+        if scale > 1 and radii is None:
+            circles, _ = _searched(_shrunk(changed, scale), scale, wanted, most)
+            sharp = [_resharpened(circle, edges) for circle in circles]
+            whole += [_enlarged(circle, scale) for circle in sharp if circle[3] >= least_coverage]
+    # The change grows a little beyond a soft outline: where both show a circle, it is not needed.
+    found += [circle for circle in whole if not any(_shown(circle, other) for other in found)]
     if radii is None:
         found += _blobs(normalised, low, high)
+    else:
+        found = [circle for circle in found if 0.95 * low < circle[2] < 1.05 * high]
     found = sorted(found, key=_rank)[: 3 * most]
     weighed = [
         (*circle[:4], circle[4] * _substance(circle, picture, expected, noise)) for circle in found
     ]
     return _distinct(weighed, most)
+
+
+def _searched(
+    level: FloatImage, scale: int, radii: FloatArray, most: int
+) -> tuple[list[_Circle], EdgePoints]:
+    """Circles of one scale, px of that scale, and the edges there are."""
+    voted = [
+        (edges, peaks)
+        for left, top, window in _windows(level, scale, float(radii.max()))
+        if len((edges := edge_points(window, left, top)).x) >= _FEWEST_EDGES
+        and len(peaks := _peaks(edges, left, top, window.shape, radii, most))
+    ]
+    # Of each scale only the best go on, wherever they lie.
+    support = np.concatenate([peaks[:, 3] for _, peaks in voted] or [np.zeros(0)])
+    least = float(np.sort(support)[-most]) if len(support) > most else 0.0
+    found: list[_Circle] = []
+    for edges, peaks in voted:
+        found += _refined(edges, peaks[peaks[:, 3] >= least, :3])
+    columns = zip(*(vars(edges).values() for edges, _ in voted), strict=True)
+    every = [np.concatenate(column) for column in columns] or [np.zeros(0, np.float32)] * 5
+    return found, EdgePoints(*every)
+
+
+def _resharpened(circle: _Circle, edges: EdgePoints) -> _Circle:
+    """The same circle, as steep as the signed difference is along it."""
+    x, y, radius, coverage, sharpness = circle
+    dx, dy = edges.x - np.float32(x), edges.y - np.float32(y)
+    rho = np.maximum(np.sqrt(dx * dx + dy * dy), np.float32(1e-6))
+    near = np.abs(rho - np.float32(radius)) < max(1.0, 0.15 * radius)
+    near &= np.abs(dx * edges.nx + dy * edges.ny) > np.float32(0.85) * rho
+    turn = np.arctan2(dy[near], dx[near]) / (2 * np.pi) + 0.5
+    best = np.zeros(_SECTORS)
+    np.maximum.at(best, (turn * _SECTORS).astype(np.int64) % _SECTORS, edges.strength[near])
+    return x, y, radius, coverage, max(sharpness, float(np.mean(np.minimum(best, 200.0))))
+
+
+def _scales(low: float, high: float, size: int) -> Iterator[tuple[int, FloatArray]]:
+    """Scales at which to look, and the radii to look for at each, px of that scale."""
+    scale = 1
+    while True:
+        table = _RADII if scale == 1 else _COARSE_RADII
+        wanted = table[(table * scale >= 0.8 * low) & (table * scale <= 1.25 * high)]
+        if len(wanted):
+            yield scale, wanted
+        scale *= 2
+        if _COARSE_RADII[0] * scale > high or size // scale < 16:
+            return
+
+
+def _windows(
+    level: FloatImage, scale: int, largest: float
+) -> Iterator[tuple[int, int, FloatImage]]:
+    """The parts of a level in which something moved, with a margin of the largest radius.
+
+    Coarse levels are small and taken whole.
+    """
+    if level.size < _SMALL_LEVEL:
+        yield 0, 0, level
+        return
+    cell = 4 if scale == 1 else 2
+    coarse = np.abs(_shrunk(level, cell))
+    # A codec's errors run over many pixels: their own spread tells what is stirred.
+    usual = 7.5 * _middle(coarse[::2, ::2].ravel())
+    stirred = coarse > min(max(usual, _STIRRED), 2.0 * _STIRRED)
+    reach = int(np.ceil(largest / cell)) + 1
+    grown = cv2.dilate(stirred.astype(np.uint8), np.ones((2 * reach + 1,) * 2, np.uint8))
+    count, _, boxes, _ = cv2.connectedComponentsWithStats(grown)
+    height, width = level.shape
+    for label in range(1, count):
+        left, top, wide, tall = (int(value) * cell for value in boxes[label, :4])
+        # Cells at the far edges stand for the pixels beyond the last whole cell too.
+        right = width if left + wide > width - 2 * cell else left + wide
+        bottom = height if top + tall > height - 2 * cell else top + tall
+        yield left, top, level[top:bottom, left:right]
+
+
+def _enlarged(circle: _Circle, scale: int) -> _Circle:
+    """A circle of a level in px of the picture."""
+    half = 0.5 * (scale - 1)
+    x, y, radius, coverage, sharpness = circle
+    return x * scale + half, y * scale + half, radius * scale, coverage, sharpness
 
 
 def _blobs(normalised: FloatImage, low: float, high: float) -> list[_Circle]:
@@ -154,19 +244,26 @@ def _substance(
     x, y, radius = circle[:3]
     reach = 0.7 * radius
     height, width = picture.shape
-    rows = slice(max(0, int(y - reach)), min(height, int(y + reach) + 2))
-    columns = slice(max(0, int(x - reach)), min(width, int(x + reach) + 2))
-    row, column = np.mgrid[rows, columns]
-    inside = np.hypot(column - x, row - y) <= reach
+    step = 1 + int(reach / _SUBSTANCE_RADIUS)
+    rows = slice(max(0, int(y - reach)), min(height, int(y + reach) + 2), step)
+    columns = slice(max(0, int(x - reach)), min(width, int(x + reach) + 2), step)
+    row, column = np.ogrid[rows, columns]
+    inside = (column - x) ** 2 + (row - y) ** 2 <= reach * reach
     if np.count_nonzero(inside) < 5:
         return 1.0
     seen, scene = picture[rows, columns][inside], expected[rows, columns][inside]
-    ratio = float(np.median(seen / np.maximum(scene, 1.0)))
+    ratio = _middle(seen / np.maximum(scene, np.float32(1.0)))
     if ratio > 0.97:
         return 1.0
-    left_over = 1.4826 * float(np.median(np.abs(seen - ratio * scene)))
-    even = float(np.hypot(np.median(noise[rows, columns]), 0.02 * np.median(seen)))
-    return float(np.clip((left_over / (3.0 * even)) ** 2, 0.15, 1.0))
+    left_over = 1.4826 * _middle(np.abs(seen - np.float32(ratio) * scene))
+    even = math.hypot(_middle(noise[rows, columns].ravel()), 0.02 * _middle(seen))
+    return min(max((left_over / (3.0 * even)) ** 2, 0.15), 1.0)
+
+
+def _middle(values: NDArray[np.floating]) -> float:
+    """Upper median of a few values, without the ceremony that makes `numpy.median` slow on them."""
+    half = len(values) // 2
+    return float(np.partition(values, half)[half])
 
 
 def _shrunk(image: FloatImage, scale: int) -> FloatImage:
@@ -177,125 +274,68 @@ def _shrunk(image: FloatImage, scale: int) -> FloatImage:
     return np.asarray(cv2.resize(trimmed, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
 
 
-def _edges(level: FloatImage, threshold: float) -> _Edges:
-    """Edge pixels, thinned along their gradient; unit noise gives unit steepness."""
-    smooth = cv2.GaussianBlur(level, (0, 0), 0.8)
-    gx = cv2.Scharr(smooth, cv2.CV_32F, 1, 0, scale=0.1)
-    gy = cv2.Scharr(smooth, cv2.CV_32F, 0, 1, scale=0.1)
-    steepness = cv2.magnitude(gx, gy)
-    steepness[:1], steepness[-1:], steepness[:, :1], steepness[:, -1:] = 0, 0, 0, 0
-    rows, columns = np.nonzero(steepness > threshold)
-    if len(rows) > 4 * _MOST_EDGES:
-        values = steepness[rows, columns]
-        keep = np.argpartition(values, -4 * _MOST_EDGES)[-4 * _MOST_EDGES :]
-        rows, columns = rows[keep], columns[keep]
-    strength = steepness[rows, columns]
-    nx, ny = gx[rows, columns] / strength, gy[rows, columns] / strength
-    step_x, step_y = np.rint(nx).astype(int), np.rint(ny).astype(int)
-    crest = (strength >= steepness[rows + step_y, columns + step_x]) & (
-        strength > steepness[rows - step_y, columns - step_x]
-    )
-    rows, columns, nx, ny, strength = (part[crest] for part in (rows, columns, nx, ny, strength))
-    ahead = steepness[rows + step_y[crest], columns + step_x[crest]]
-    behind = steepness[rows - step_y[crest], columns - step_x[crest]]
-    offset = 0.5 * (ahead - behind) / np.maximum(2 * strength - ahead - behind, 1e-6)
-    length = np.hypot(step_x[crest], step_y[crest])
-    offset = np.clip(offset, -0.5, 0.5) * length
-    return _Edges(
-        (columns + offset * nx).astype(np.float64),
-        (rows + offset * ny).astype(np.float64),
-        nx.astype(np.float64),
-        ny.astype(np.float64),
-        strength.astype(np.float64),
-    )
-
-
-def _voted(
-    edges: _Edges,
-    shape: tuple[int, ...],
-    radii: FloatArray,
-    scale: int,
-    most: int,
-    least_coverage: float,
-) -> list[_Circle]:
+def _peaks(
+    edges: EdgePoints, left: int, top: int, shape: tuple[int, ...], radii: FloatArray, most: int
+) -> FloatArray:
+    """Centres (x, y), radius and support of the circles that most edges of a window vote for."""
     height, width = shape
     margin = int(np.ceil(radii.max()))
     rows, columns = height + 2 * margin, width + 2 * margin
-    sign = np.array([-1.0, 1.0])[:, None, None]
-    reach = radii[None, :, None] * sign
-    x = np.rint(edges.x + reach * edges.nx).astype(np.int64) + margin
-    y = np.rint(edges.y + reach * edges.ny).astype(np.int64) + margin
-    layer = np.broadcast_to(np.arange(len(radii))[None, :, None], x.shape)
-    inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
-    flat = (layer * rows + y) * columns + x
-    votes = np.bincount(flat[inside], minlength=len(radii) * rows * columns).astype(np.float32)
-    votes = votes.reshape(len(radii), rows, columns)
-    found = []
-    support = np.stack(
-        [
-            cv2.boxFilter(layer_votes, -1, (3, 3), normalize=False) / np.float32(2 * np.pi * radius)
-            for layer_votes, radius in zip(votes, radii, strict=True)
-        ]
-    )
-    best = support.max(axis=0)
+    layers = []
+    for radius in radii:
+        reach = np.float32(radius) * _BOTH_SIDES
+        x = np.rint(edges.x + reach * edges.nx).astype(np.int64) + (margin - left)
+        y = np.rint(edges.y + reach * edges.ny).astype(np.int64) + (margin - top)
+        # Edges lie inside the picture: no vote leaves the margin.
+        votes = np.bincount((y * columns + x).ravel(), minlength=rows * columns)
+        count = votes.astype(np.float32).reshape(rows, columns)
+        around = cv2.boxFilter(count, -1, (3, 3), normalize=False)
+        layers.append(around * np.float32(1.0 / (2 * np.pi * radius)))
+    best = reduce(np.maximum, layers)
     crest = (best > 0.3) & (best == cv2.dilate(best, np.ones((3, 3), np.uint8)))
-    peak_rows, peak_columns = np.nonzero(crest)
-    order = np.argsort(-best[peak_rows, peak_columns])[:most]
-    peak_rows, peak_columns = peak_rows[order], peak_columns[order]
-    peak_radii = radii[support[:, peak_rows, peak_columns].argmax(axis=0)]
-    for row, column, radius in zip(peak_rows, peak_columns, peak_radii, strict=True):
-        refined = _refined(edges, float(column - margin), float(row - margin), float(radius))
-        if refined is not None and refined[3] >= least_coverage:
-            half = 0.5 * (scale - 1)
-            found.append(
-                (
-                    refined[0] * scale + half,
-                    refined[1] * scale + half,
-                    refined[2] * scale,
-                    refined[3],
-                    refined[4],
-                )
-            )
-    return found
+    y, x = places(crest)
+    order = np.argsort(-best[y, x])[:most]
+    y, x = y[order], x[order]
+    radius = radii[np.argmax([layer[y, x] for layer in layers], axis=0)]
+    return np.column_stack([x - margin + left, y - margin + top, radius, best[y, x]])
 
 
-def _refined(edges: _Edges, x0: float, y0: float, radius: float) -> _Circle | None:
-    """Fit the circle to its edge points, nearer ones only; say how much of it they cover."""
-    around = (np.abs(edges.x - x0) < 1.6 * radius + 2) & (np.abs(edges.y - y0) < 1.6 * radius + 2)
-    edges = _Edges(
-        edges.x[around], edges.y[around], edges.nx[around], edges.ny[around], edges.strength[around]
-    )
+def _refined(edges: EdgePoints, start: FloatArray) -> list[_Circle]:
+    """Fit circles (x, y, radius) to the edges near them, and say how much of them is covered."""
+    if len(start) == 0:
+        return []
+    circle = start.astype(np.float64)
+    alive = np.ones(len(circle), dtype=bool)
     for _ in range(3):
-        dx, dy = edges.x - x0, edges.y - y0
-        rho = np.hypot(dx, dy)
-        tolerance = max(1.0, 0.15 * radius)
-        near = np.abs(rho - radius) < tolerance
-        if np.count_nonzero(near) < 6:
-            return None
-        ux, uy = dx[near] / np.maximum(rho[near], 1e-6), dy[near] / np.maximum(rho[near], 1e-6)
-        radial = np.abs(ux * edges.nx[near] + uy * edges.ny[near])
-        good = radial > 0.85
-        if np.count_nonzero(good) < 6:
-            return None
-        ux, uy, gap = ux[good], uy[good], rho[near][good] - radius
-        strength = edges.strength[near][good]
-        weight = np.exp(-0.5 * (gap / (0.5 * tolerance)) ** 2)
-        design = np.stack([ux, uy, np.ones_like(ux)], axis=1)
-        weighted = design * weight[:, None]
-        step = np.linalg.solve(weighted.T @ design + 1e-3 * np.eye(3), weighted.T @ gap)
-        x0, y0, radius = x0 + step[0], y0 + step[1], radius + step[2]
-        if radius < 1.5:
-            return None
-    close = weight > 0.3
-    sector = ((np.arctan2(uy, ux) / (2 * np.pi) + 0.5) * _SECTORS).astype(int) % _SECTORS
-    best = np.zeros(_SECTORS)
-    np.maximum.at(best, sector[close], strength[close])
-    return x0, y0, radius, float(np.mean(best > 0)), float(np.mean(np.minimum(best, 200.0)))
+        column = circle.astype(np.float32)[:, :, None]
+        tolerance = np.maximum(np.float32(1.0), np.float32(0.15) * column[:, 2])
+        dx, dy = edges.x - column[:, 0], edges.y - column[:, 1]
+        rho = np.maximum(np.sqrt(dx * dx + dy * dy), np.float32(1e-6))
+        ux, uy = dx / rho, dy / rho
+        gap = rho - column[:, 2]
+        good = (np.abs(gap) < tolerance) & (np.abs(ux * edges.nx + uy * edges.ny) > 0.85)
+        alive &= np.count_nonzero(good, axis=1) >= 6
+        weight = np.exp(np.float32(-2.0) * (gap / tolerance) ** 2) * good
+        design = np.stack([ux, uy, np.ones_like(ux)])
+        weighted = design * weight
+        normal = np.einsum("ick,jck->cij", weighted, design) + 1e-3 * np.eye(3)
+        pull = np.einsum("ick,ck->ci", weighted, gap).astype(np.float64)
+        circle += np.linalg.solve(normal, pull[:, :, None])[:, :, 0] * alive[:, None]
+        alive &= circle[:, 2] >= 1.5
+    places = np.nonzero(weight > 0.3)
+    turn = np.arctan2(uy[places], ux[places]) / (2 * np.pi) + 0.5
+    sector = (turn * _SECTORS).astype(np.int64) % _SECTORS
+    best = np.zeros((len(circle), _SECTORS))
+    np.maximum.at(best, (places[0], sector), edges.strength[places[1]])
+    coverage = np.mean(best > 0, axis=1)
+    sharpness = np.mean(np.minimum(best, 200.0), axis=1)
+    table = np.column_stack([circle, coverage, sharpness])[alive]
+    return [(row[0], row[1], row[2], row[3], row[4]) for row in table.tolist()]
 
 
 def _distinct(found: list[_Circle], most: int) -> Circles:
     """Keep the best of those that describe the same circle."""
-    ranked = sorted(found, key=lambda circle: -circle[3] * np.log1p(circle[4]) * np.sqrt(circle[2]))
+    ranked = sorted(found, key=_rank)
     outer = [circle for circle in ranked if circle[3] >= 0.7]
     ranked = [circle for circle in ranked if not any(_panel(circle, other) for other in outer)]
     kept: list[_Circle] = []
@@ -313,12 +353,16 @@ def _rank(circle: _Circle) -> float:
 
 
 def _same(circle: _Circle, other: _Circle) -> bool:
-    gap = np.hypot(circle[0] - other[0], circle[1] - other[1])
+    gap = math.hypot(circle[0] - other[0], circle[1] - other[1])
     return bool(gap < 0.5 * max(circle[2], other[2]) and 0.6 < circle[2] / other[2] < 1.6)
+
+
+def _shown(circle: _Circle, other: _Circle) -> bool:
+    return _same(circle, other) and other[3] > circle[3] - _AS_COMPLETE
 
 
 def _panel(circle: _Circle, other: _Circle) -> bool:
     """Whether `circle` is only a panel or a highlight on the ball `other`."""
-    gap = np.hypot(circle[0] - other[0], circle[1] - other[1])
+    gap = math.hypot(circle[0] - other[0], circle[1] - other[1])
     inside = gap + circle[2] < 1.1 * other[2] and circle[2] < 0.75 * other[2]
     return bool(inside and other[4] > 0.3 * circle[4])

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from metrology import NotFoundError
 from vision.ball import BallFits, follow_ball
-from vision.choice import Choice, choose_ball
+from vision.choice import Choice, choose_ball, rivals
 from vision.circles import find_circles
 from vision.footage import Footage
 from vision.linking import Path, link_circles
@@ -29,7 +29,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 Point = tuple[float, float] | tuple[float, float, int]
 
-_LOOKS = 80
+_LOOKS = 40
 _LOOKS_PER_SECOND = 60.0
 _MOST_LOOKS = 1500
 _MOST_CLOSER = 150
@@ -156,12 +156,9 @@ def _meetings(paths: list[Path], looks: IntArray) -> IntArray:
     if stride <= 1:
         return np.zeros(0, dtype=np.int64)
     wanted: set[int] = set()
-    for place, path in enumerate(paths):
-        for other in paths[place + 1 :]:
-            if abs(np.log(path.radius / other.radius)) > 0.25:
-                continue
-            if min(path.clarity, other.clarity) < 0.4 * max(path.clarity, other.clarity):
-                continue
+    likely = rivals(paths)
+    for place, path in enumerate(likely):
+        for other in likely[place + 1 :]:
             common, own, theirs = np.intersect1d(path.frame, other.frame, return_indices=True)
             gap = np.hypot(*(path.centre_px[own] - other.centre_px[theirs]).T)
             for frame in common[gap < 5.0 * path.radius]:

@@ -66,10 +66,6 @@ class Path:
         return float(np.median(self.coverage) * np.median(self.sharpness))
 
 
-# Where links to a candidate come from: sources, velocities, scores, identities.
-_Incoming = tuple[IntArray, FloatArray, FloatArray, IntArray]
-
-
 @dataclass(frozen=True)
 class _Nodes:
     step: IntArray
@@ -137,86 +133,88 @@ def _claimed(nodes: _Nodes, chain: IntArray) -> NDArray[np.bool_]:
 
 def _best_chain(nodes: _Nodes, alive: NDArray[np.bool_], steps: int) -> IntArray:
     members = [np.nonzero(alive & (nodes.step == step))[0] for step in range(steps)]
-    count = len(nodes.step)
-    incoming: list[_Incoming] = [
-        (np.zeros(0, np.int64), np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.int64))
-    ] * count
-    links: list[tuple[int, int, int]] = []
-    continued: dict[int, NDArray[np.bool_]] = {}
-    best_link, best_score = -1, -np.inf
-    for step in range(steps):
-        before = [members[earlier] for earlier in range(max(0, step - _REACH), step)]
-        sources = np.concatenate(before) if before else np.zeros(0, np.int64)
-        if len(sources) == 0:
-            continue
+    links = _Links(nodes, max(len(found) for found in members) * _REACH)
+    for step in range(1, steps):
         targets = members[step]
-        if len(targets) == 0:
-            continue
-        velocity, score, previous = _links(nodes, targets, sources, incoming, continued)
-        identity = np.arange(score.size).reshape(score.shape) + len(links)
-        links += list(
-            zip(
-                np.tile(sources, len(targets)).tolist(),
-                np.repeat(targets, len(sources)).tolist(),
-                previous.ravel().tolist(),
-                strict=True,
-            )
-        )
-        for place, node in enumerate(targets):
-            incoming[node] = (sources, velocity[place], score[place], identity[place])
-        top = int(np.argmax(score))
-        if score.flat[top] > best_score:
-            best_score, best_link = float(score.flat[top]), int(identity.flat[top])
-    chain: list[int] = []
-    link = best_link
-    while link >= 0:
-        first, second, previous_link = links[link]
-        chain.append(second)
-        if previous_link < 0:
-            chain.append(first)
-        link = previous_link
-    return np.array(chain[::-1], dtype=np.int64)
+        sources = np.concatenate(members[max(0, step - _REACH) : step])
+        if len(sources) and len(targets):
+            links.add(targets, sources)
+    return links.best()
 
 
-def _links(
-    nodes: _Nodes,
-    targets: IntArray,
-    sources: IntArray,
-    incoming: list[_Incoming],
-    continued: dict[int, NDArray[np.bool_]],
-) -> tuple[FloatArray, FloatArray, IntArray]:
-    """Score the links from each source to each target, each with the best link that led to it.
+class _Links:
+    """Links between candidates, each with the score of the best chain that ends in it.
 
-    Where something stands about where a link would go on to, a leap to something else is no motion
-    but a mistake of identity, and not allowed.
+    Of every node the links that arrive there are kept in rows of equal length.
     """
-    place, radius = nodes.table[targets, :2], nodes.table[targets, 2]
-    elapsed = (nodes.frame[targets[0]] - nodes.frame[sources]).astype(np.float64)
-    moved = place[:, None] - nodes.table[sources, :2][None]
-    velocity = moved / elapsed[None, :, None]
-    ratio = np.abs(np.log(radius[:, None] / nodes.table[sources, 2][None]))
-    missed = nodes.step[targets[0]] - nodes.step[sources] - 1
-    own = nodes.worth[targets][:, None] - np.minimum((ratio / 0.2) ** 2, 9.0) * 0.3
-    own = np.where(ratio > _MOST_SWELLING, -np.inf, own - _MISS_PRICE * missed)
-    distance = np.hypot(moved[..., 0], moved[..., 1])
-    score = nodes.worth[sources][None] + own - 0.03 * distance / radius[:, None]
-    previous = np.full(score.shape, -1, dtype=np.int64)
-    allowed = 1.0 * radius[:, None] + 0.2 * distance + 1.0
-    for index, source in enumerate(sources):
-        _, arrived, reached, identity = incoming[source]
-        if len(reached) == 0:
-            continue
-        turned = (velocity[:, index, None] - arrived[None]) * elapsed[index]
-        bend = (turned[..., 0] ** 2 + turned[..., 1] ** 2) / allowed[:, index, None] ** 2
-        alike = ratio[:, index] < 0.25
-        goes_on = np.any(bend[alike] < 0.25, axis=0) | continued.get(int(source), False)
-        continued[int(source)] = goes_on
-        cap = _COLLISION_PRICE + 0.02 * distance[:, index, None] / radius[:, None]
+
+    def __init__(self, nodes: _Nodes, most: int) -> None:
+        count = len(nodes.step)
+        self._nodes, self._most = nodes, most
+        self._source = np.full((count, most), -1, dtype=np.int64)
+        self._velocity = np.zeros((count, most, 2))
+        self._score = np.full((count, most), -np.inf)
+        self._previous = np.full((count, most), -1, dtype=np.int64)
+        self._continued = np.zeros((count, most), dtype=bool)
+
+    def best(self) -> IntArray:
+        """Nodes of the best chain there is, in time order."""
+        if self._score.size == 0 or not np.isfinite(self._score.max()):
+            return np.zeros(0, dtype=np.int64)
+        link = int(np.argmax(self._score))
+        chain = []
+        while link >= 0:
+            node, place = divmod(link, self._most)
+            chain.append(node)
+            first = int(self._source[node, place])
+            link = int(self._previous[node, place])
+        chain.append(first)
+        return np.array(chain[::-1], dtype=np.int64)
+
+    def add(self, targets: IntArray, sources: IntArray) -> None:
+        """Score the links from each source to each target, with the best that led to the source.
+
+        Where something stands about where a link would go on to, a leap to something else is no
+        motion but a mistake of identity, and not allowed.
+        """
+        nodes = self._nodes
+        place, radius = nodes.table[targets, :2], nodes.table[targets, 2]
+        elapsed = (nodes.frame[targets[0]] - nodes.frame[sources]).astype(np.float64)
+        moved = place[:, None] - nodes.table[sources, :2][None]
+        velocity = moved / elapsed[None, :, None]
+        ratio = np.abs(np.log(radius[:, None] / nodes.table[sources, 2][None]))
+        missed = nodes.step[targets[0]] - nodes.step[sources] - 1
+        own = nodes.worth[targets][:, None] - np.minimum((ratio / 0.2) ** 2, 9.0) * 0.3
+        own = np.where(ratio > _MOST_SWELLING, -np.inf, own - _MISS_PRICE * missed)
+        distance = np.hypot(moved[..., 0], moved[..., 1])
+        total = self._continuing(sources, velocity, elapsed, ratio, distance, radius)
+        top = np.argmax(total, axis=2)
+        through = np.take_along_axis(total, top[..., None], axis=2)[..., 0] + own
+        alone = nodes.worth[sources][None] + own - 0.03 * distance / radius[:, None]
+        better = through > alone
+        count = len(sources)
+        self._source[targets, :count] = sources
+        self._velocity[targets, :count] = velocity
+        self._score[targets, :count] = np.where(better, through, alone)
+        self._previous[targets, :count] = np.where(better, sources * self._most + top, -1)
+
+    def _continuing(
+        self,
+        sources: IntArray,
+        velocity: FloatArray,
+        elapsed: FloatArray,
+        ratio: FloatArray,
+        distance: FloatArray,
+        radius: FloatArray,
+    ) -> FloatArray:
+        """Score of each link into a source (last axis) that goes on to a target (first axis)."""
+        allowed = 1.0 * radius[:, None] + 0.2 * distance + 1.0
+        arrived, reached = self._velocity[sources], self._score[sources]
+        turned = (velocity[:, :, None] - arrived[None]) * elapsed[None, :, None, None]
+        bend = (turned[..., 0] ** 2 + turned[..., 1] ** 2) / allowed[..., None] ** 2
+        straight = (bend < 0.25) & (ratio < 0.25)[..., None]
+        goes_on = np.any(straight, axis=0) | self._continued[sources]
+        self._continued[sources] = goes_on
+        cap = (_COLLISION_PRICE + 0.02 * distance / radius[:, None])[..., None]
         price = np.where((bend > 1.0) & goes_on[None], np.inf, np.minimum(0.3 * bend, cap))
-        total = reached[None] - price
-        top = np.argmax(total, axis=1)
-        best = total[np.arange(len(targets)), top] + own[:, index]
-        better = best > score[:, index]
-        score[better, index] = best[better]
-        previous[better, index] = identity[top[better]]
-    return velocity, score, previous
+        return np.asarray(reached[None] - price)

@@ -14,6 +14,8 @@ FloatImage = NDArray[np.float32]
 IntArray = NDArray[np.int64]
 
 _VOTED_STD = 0.15
+# How much a circle's radius scatters (natural logarithm).
+_SWELLING = 0.15
 _SMALLEST_WINDOW = 16
 
 
@@ -68,14 +70,16 @@ def _vote(
         scene.expected(index, window),
         np.ascontiguousarray(scene.background.noise[window]),
         radii=(0.75 * radius, 1.3 * radius),
-        most=4,
+        most=8,
         least_coverage=0.5,
     )
     if len(circles) == 0:
         return
     centres = circles.centre_px + np.array([window[1].start, window[0].start])
     gap = np.hypot(*(centres - start).T)
-    clear = circles.coverage * np.log1p(circles.sharpness) / (1.0 + (gap / radius) ** 2)
+    swollen = np.log(circles.radius_px / radius) / _SWELLING
+    clear = circles.coverage * np.log1p(circles.sharpness)
+    clear /= (1.0 + (gap / radius) ** 2) * (1.0 + swollen**2)
     best = int(np.argmax(clear))
     std = max(_VOTED_STD, 0.03 * radius) * max(1.0, 30.0 / float(circles.sharpness[best]))
     fits.found[place] = True
