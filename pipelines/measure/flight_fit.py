@@ -15,6 +15,7 @@ FloatArray = NDArray[np.float64]
 
 _STEP_S = 0.03
 LEAST_FRAMES = 6
+_FAR_OFF = 12.0
 
 
 @dataclass(frozen=True)
@@ -113,6 +114,8 @@ def fit_flight(
             hint="Film so that the ball stays in the picture for longer, or at a higher rate.",
         )
     std = np.sqrt(np.diagonal(covariance_m2, axis1=1, axis2=2))
+    steady = _steady(time_s, position_m, std, priors.gravity)
+    time_s, position_m, std = time_s[steady], position_m[steady], std[steady]
     std = np.maximum(std, 0.3 * np.median(std, axis=0))
     elapsed = time_s - reference_s
     start = np.array([0.0, 0.0, 0.0, 0.0, priors.drag, priors.lift, priors.gravity])
@@ -131,6 +134,22 @@ def fit_flight(
     fitted = fit(residuals, start, start, spread, channels=2)
     left = position_m - _flown(fitted.values, elapsed)[:, :2]
     return FlightFit(reference_s, fitted, time_s, left)
+
+
+def _steady(
+    time_s: FloatArray, position_m: FloatArray, std_m: FloatArray, gravity: float
+) -> NDArray[np.bool_]:
+    """Frames that lie between their neighbours; whitening would spread one that is far off."""
+    steady = np.ones(len(time_s), dtype=bool)
+    if len(time_s) < 2 * LEAST_FRAMES:
+        return steady
+    since, until = np.diff(time_s)[:-1, np.newaxis], np.diff(time_s)[1:, np.newaxis]
+    chord = (position_m[:-2] * until + position_m[2:] * since) / (since + until)
+    bend = (position_m[1:-1] - chord - 0.5 * gravity * since * until * [0.0, 1.0]) / std_m[1:-1]
+    off = np.hypot(*(bend - np.median(bend, axis=0)).T)
+    near = np.maximum(np.append(off[1:], 0.0), np.append(0.0, off[:-1]))
+    steady[1:-1] = (off < _FAR_OFF * max(float(np.median(off)), 1.0)) | (off < near)
+    return steady
 
 
 def _flown(values: FloatArray, elapsed: FloatArray) -> FloatArray:

@@ -44,7 +44,6 @@ def flight_end(tracks: MetricTracks, inputs: Inputs, left: float) -> float:
     jump = _jump(time, place, tracks)
     if jump is not None:
         ends.append(float(time[jump]))
-        time, place = time[:jump], place[:jump]
     height = place[:, 1]
     if inputs.fall is not None:
         floor = tracks.rest_m[1] - inputs.fall
@@ -62,11 +61,12 @@ def _jump(time: FloatArray, place: FloatArray, tracks: MetricTracks) -> int | No
     A single frame that is off is left to the robust fit.
     """
     noise = 6.0 * float(np.median(np.sqrt(np.trace(tracks.ball_cov_m2, axis1=1, axis2=2))))
+    last, so_far = 1, 0
     for k in range(2, len(time)):
-        before = time[k - 1] - time[k - 2]
-        velocity = (place[k - 1] - place[k - 2]) / before
-        ahead = time[k : k + 2] - time[k - 1]
-        missed = np.hypot(*(place[k : k + 2] - place[k - 1] - velocity * ahead[:, None]).T)
+        before = time[last] - time[so_far]
+        velocity = (place[last] - place[so_far]) / before
+        ahead = time[k : k + 2] - time[last]
+        missed = np.hypot(*(place[k : k + 2] - place[last] - velocity * ahead[:, None]).T)
         allowed = (
             _JUMP_RADII * tracks.radius_m
             + _HARDEST_PULL * ahead * (ahead + before)
@@ -74,4 +74,6 @@ def _jump(time: FloatArray, place: FloatArray, tracks: MetricTracks) -> int | No
         )
         if np.all(missed > allowed):
             return k
+        if missed[0] <= allowed[0]:
+            last, so_far = k, last
     return None

@@ -77,14 +77,14 @@ def fit(
         precision = np.diag(1.0 / np.asarray(prior_std, float) ** 2)
 
     def cost(at: FloatArray, misfit: FloatArray) -> float:
-        soft = _SOFT_FROM**2 * (np.sqrt(1.0 + (misfit / _SOFT_FROM) ** 2) - 1.0)
+        soft = _SOFT_FROM**2 * (np.hypot(1.0, misfit / _SOFT_FROM) - 1.0)
         total = float(soft.sum() + 0.5 * (at - centre) @ precision @ (at - centre))
         return total if np.isfinite(total) else np.inf
 
     left = residuals(values)
     for _ in range(_MOST_STEPS):
         jacobian = _jacobian(residuals, values)
-        weight = 1.0 / np.sqrt(1.0 + (left / _SOFT_FROM) ** 2)
+        weight = 1.0 / np.hypot(1.0, left / _SOFT_FROM)
         normal = jacobian.T @ (weight[:, np.newaxis] * jacobian) + precision
         if not np.isfinite(normal).all():
             raise TooLittleDataError(
