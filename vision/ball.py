@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.cutout import Wanted, cut_out, ring_widths
+from vision.cutout import Cutouts, Wanted, cut_out, ring_widths
 from vision.edge_profile import EdgeProfile
 from vision.linking import Path
 from vision.outline import FitRules, Start, fit_outlines
@@ -25,6 +25,8 @@ _LEAST_CONTRAST = 0.35
 SMALL_RADIUS = 6.0
 _LOST_AFTER = 4
 _AHEAD = 8
+# From a guess as near as this the sharp edge is found.
+_NEAR_PX = 1.5
 _SAME_START = 0.05
 
 
@@ -105,15 +107,20 @@ class _Search:
         )
         self._reach = radius + 1.6 * outer + min(6.0, 0.4 * radius) + 2.0
 
-    def run(self, frame: IntArray, guess: FloatArray, trusted: BoolArray) -> OutlineFits:
-        """Outlines near the guesses; a trusted guess stands for itself where nothing fits."""
+    def run(
+        self, frame: IntArray, guess: FloatArray, trusted: BoolArray, *, afar: bool = False
+    ) -> OutlineFits:
+        """Outlines near the guesses; a trusted guess stands for itself where nothing fits.
+
+        With `afar`, no guess is taken to be near enough for the sharp edge to be felt.
+        """
         if self.radius < SMALL_RADIUS:
             return voted_outlines(self._scene, frame, guess, self.radius)
-        fits = self._fitted(frame, guess)
+        fits = self._fitted(frame, guess, afar)
         lost = np.nonzero(~fits.found)[0]
         if len(lost):
             voted = voted_outlines(self._scene, frame[lost], guess[lost], self.radius)
-            again = self._fitted(frame[lost], voted.centre)
+            again = self._fitted(frame[lost], voted.centre, True)
             again.found[:] &= voted.found
             # A ball too smeared for the outline model is still where its circle was found.
             stays = trusted[lost] & ~again.found
@@ -121,25 +128,48 @@ class _Search:
             fits.put(lost, again)
         return fits
 
-    def _fitted(self, frame: IntArray, guess: FloatArray) -> OutlineFits:
+    def _fitted(self, frame: IntArray, guess: FloatArray, afar: bool) -> OutlineFits:
         fits = nothing_found(len(frame))
-        radius = self.radius
-        for places, pieces in cut_out(self._scene, Wanted(frame, guess, self._reach)):
-            start = _round_start(guess[places], radius)
-            coarse = fit_outlines(pieces, self._coarse, start, self._coarse_rules)
-            centre = np.where(coarse.found[:, None], coarse.centre, guess[places])
-            size = np.where(coarse.found, coarse.radius, radius)
-            better = _round_start(centre, np.clip(size, 0.85 * radius, 1.15 * radius))
-            fine = fit_outlines(pieces, self._sharp, better, self._fine_rules)
-            fine.found[:] &= coarse.found & self._believable(fine, guess[places])
-            fits.put(np.arange(places.start, places.stop), fine)
+        for part, pieces in cut_out(self._scene, Wanted(frame, guess, self._reach)):
+            places, start = np.arange(part.start, part.stop), _round_start(guess[part], self.radius)
+            fits.put(places, (self._from_afar if afar else self._from_near)(pieces, start))
         return fits
+
+    def _from_near(self, pieces: Cutouts, start: Start) -> OutlineFits:
+        """Fit with a sharp edge at once; from afar only what looks as if it needs it."""
+        fine = fit_outlines(pieces, self._sharp, start, self._fine_rules)
+        fine.found[:] &= self._believable(fine, start.centre)
+        again = np.nonzero(_doubtful(fine, start.centre))[0]
+        if len(again):
+            fine.put(again, self._from_afar(pieces.at(again), start.at(again)))
+        return fine
+
+    def _from_afar(self, pieces: Cutouts, start: Start) -> OutlineFits:
+        """Fit with a soft edge, which is felt from further off, and then with a sharp one."""
+        radius = self.radius
+        coarse = fit_outlines(pieces, self._coarse, start, self._coarse_rules)
+        centre = np.where(coarse.found[:, None], coarse.centre, start.centre)
+        size = np.where(coarse.found, coarse.radius, radius)
+        better = _round_start(centre, np.clip(size, 0.85 * radius, 1.15 * radius))
+        fine = fit_outlines(pieces, self._sharp, better, self._fine_rules)
+        fine.found[:] &= coarse.found & self._believable(fine, start.centre)
+        return fine
 
     def _believable(self, fits: OutlineFits, guess: FloatArray) -> BoolArray:
         swollen = np.abs(np.log(np.maximum(fits.radius, 0.1) / self.radius))
         moved = np.hypot(*(fits.centre - guess).T)
         clear = fits.contrast >= _LEAST_CONTRAST
         return np.asarray(clear & (swollen < 0.2) & (moved < 0.8 * self.radius))
+
+
+def _doubtful(fits: OutlineFits, guess: FloatArray) -> BoolArray:
+    """Whether a fit may have settled on a panel or a shadow near the guess."""
+    away = np.hypot(*(fits.centre - guess).T)
+    doubtful = ~fits.found | (away > _NEAR_PX)
+    if len(fits) >= _AHEAD:
+        doubtful |= fits.contrast < 0.8 * np.median(fits.contrast)
+        doubtful |= fits.misfit > 1.4 * np.median(fits.misfit)
+    return np.asarray(doubtful)
 
 
 def _round_start(centre: FloatArray, radius: float | FloatArray) -> Start:
@@ -196,7 +226,8 @@ def _extend(scene: Scene, search: _Search, table: _Table, direction: int) -> Non
             return
         block, guess = block[inside], guess[inside]
         order = np.argsort(block)
-        fits = search.run(block[order], guess[order], np.zeros(len(block), dtype=bool))
+        nothing = np.zeros(len(block), dtype=bool)
+        fits = search.run(block[order], guess[order], nothing, afar=True)
         for row, index in enumerate(block.tolist()):
             start, speed = _predicted(table, direction, index)
             if row and np.hypot(*(guess[row] - start)) > _SAME_START * search.radius:

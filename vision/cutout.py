@@ -57,6 +57,15 @@ class Cutouts:
     background: FloatImage
     inverse_noise: FloatImage
 
+    def at(self, places: IntArray) -> "Cutouts":
+        """Some of the pieces."""
+        return Cutouts(
+            self.corner[places],
+            self.gray[places],
+            self.background[places],
+            self.inverse_noise[places],
+        )
+
 
 @dataclass(frozen=True)
 class Wanted:

@@ -30,7 +30,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 # Pixels of a handful of frames stay in the processor's cache.
-_BATCH_PIXELS = 24_000
+_BATCH_PIXELS = 100_000
 _SETTLED = 0.3
 _BASIS = 3
 
@@ -155,25 +155,26 @@ class _Batch:
     def run(self, fits: OutlineFits) -> None:
         """Iterate, and write what was found into the rows of `fits`."""
         ring = self._ring()
+        done: list[tuple[IntArray, FloatArray]] = []
         for _ in range(self._rules.iterations):
             if not np.all(ring.enough):
                 self._keep(ring.enough)
                 ring = ring.where(ring.enough)
             if len(self._places) == 0:
-                return
+                break
             length = self._advance(ring)
-            done = length < self._rules.tolerance
-            if np.any(done):
-                self._finish(ring.where(done), done, fits)
-                self._keep(~done)
-                ring = ring.where(~done)
-            self._last = length[~done]
-            if len(self._places) == 0:
-                return
+            short = length < self._rules.tolerance
+            self._last = length
+            if np.any(short):
+                done.append((self._places[short], self._parameters[short]))
+                self._keep(~short)
+                ring = ring.where(~short)
             if np.any(ring.moved(self._parameters) | (self._last > _SETTLED)):
                 ring = self._ring()
-        enough = ring.enough
-        self._finish(ring.where(enough), enough, fits)
+        done.append((self._places, self._parameters))
+        self._places = np.concatenate([places for places, _ in done])
+        self._parameters = np.concatenate([parameters for _, parameters in done])
+        self._finish(fits)
 
     def _advance(self, ring: Ring) -> FloatArray:
         """One Gauss–Newton step; returns how far the centres went."""
@@ -197,10 +198,16 @@ class _Batch:
         damped = normal + 1e-6 * trace * np.eye(free) + np.diag(self._held)
         return np.linalg.solve(damped, pull[:, :, None])[:, :, 0], pull
 
-    def _finish(self, ring: Ring, rows: BoolArray, fits: OutlineFits) -> None:
-        if not np.any(rows):
+    def _finish(self, fits: OutlineFits) -> None:
+        if len(self._places) == 0:
             return
-        places, parameters = self._places[rows], self._parameters[rows]
+        ring = self._ring()
+        self._last = np.zeros(len(self._places))
+        self._keep(ring.enough)
+        ring = ring.where(ring.enough)
+        places, parameters = self._places, self._parameters
+        if len(places) == 0:
+            return
         size = 5 if self._rules.shape_pull else 3
         sums = linearised(self._equations, ring, parameters, self._smear[places], size)
         free = self._rules.free

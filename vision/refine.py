@@ -22,7 +22,7 @@ _SPREADS = (0.25, 0.45, 0.7, 1.0, 1.5)
 _DUTIES = (0.1, 0.35, 0.6, 0.85)
 _TRIAL_FRAMES = 9
 _SHAPE_FRAMES = 40
-_SHAPE_STEPS = 3
+_SHAPE_STEPS = 2
 _TOLERANCE = 5e-3
 # Frames between the positions compared: errors of neighbours are alike, as the ball looks alike.
 _LAG = 4
@@ -75,7 +75,7 @@ def refine_ball(
         if len(shaped.frame) < 3:
             return _calibrated(rough)
         shape.improve(shaped.fits)
-    refined = refiner.fit(np.arange(len(rough.frame)), 2, shape)
+    refined = shape.improved_by(refiner.fit(np.arange(len(rough.frame)), 2, shape))
     # Where the model does not hold (a sharpened picture, a puck with a rim), the plain fits may
     # scatter less; the clip itself says so.
     return _calibrated(refined if _unrest(refined) <= 1.1 * _unrest(rough) else rough)
@@ -214,6 +214,18 @@ class _CommonShape:
     def at(self, centre: FloatArray) -> FloatArray:
         """Shape (N, 3) of the outline where the ball is: radius, ellipse a and b, px."""
         return np.asarray(self._design(centre) @ self.values)
+
+    def improved_by(self, found: BallFits) -> BallFits:
+        """Learn once more from all outlines, and move their centres as the new shape asks for."""
+        fits = found.fits
+        before = self.at(fits.centre)
+        self.improve(fits)
+        grown = self.at(fits.centre) - before
+        asked = np.einsum("nij,nj->ni", fits.normal[:, :2, 2:], grown)
+        middle = fits.normal[:, :2, :2] + 1e-9 * np.eye(2)
+        moved = np.linalg.solve(middle, asked[:, :, None])[:, :, 0]
+        better = replace(fits, centre=fits.centre - moved, radius=fits.radius + grown[:, 0])
+        return BallFits(found.frame, better)
 
     def improve(self, fits: OutlineFits) -> None:
         """One Gauss–Newton step on the outlines of many frames, their centres eliminated."""
