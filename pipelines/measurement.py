@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from calib.calibration import Calibration
+from calib.grid import WallGrid
 from metrology import Quantity
 from pipelines.measure.impact import Impact
 from pipelines.report import Check
@@ -55,6 +56,8 @@ class Measurement:
     warnings : tuple of str
     tracks : Tracks
         In pixels.
+    grid : WallGrid or None
+        The wall's lines, where they gave a calibration.
     calibration : Calibration or None
         None where no grid was found.
     impact : Impact or None
@@ -69,6 +72,7 @@ class Measurement:
     checks: tuple[Check, ...]
     warnings: tuple[str, ...]
     tracks: Tracks
+    grid: WallGrid | None
     calibration: Calibration | None
     impact: Impact | None
 

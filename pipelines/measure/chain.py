@@ -87,7 +87,8 @@ def measure_clip(
     )
     tracks = _timed(tracks, clip.capture_times(rate.fps))
     tell("calibrating", 0.0)
-    calibration, refusal = _calibrated(tracks, inputs, rate, clip)
+    wall = _calibrated(tracks, inputs, rate, clip)
+    calibration = wall.calibration
     tell("calibrating", 1.0)
     warnings = [*clip.warnings, *tracks.warnings, *inputs.assumed]
     if rate.notice:
@@ -95,9 +96,9 @@ def measure_clip(
     if calibration is not None:
         warnings += calibration.warnings
     else:
-        warnings.append(f"no calibration from the wall: {refusal.reason}")
+        warnings.append(f"no calibration from the wall: {wall.refusal.reason}")
     evaluated = _evaluate(Scene(inputs, rate, calibration), clip, tracks, tell)
-    results = results_of(evaluated, tracks, refusal)
+    results = results_of(evaluated, tracks, wall.refusal)
     return Measurement(
         info=clip.info,
         rate=rate,
@@ -107,6 +108,7 @@ def measure_clip(
         checks=results.checks,
         warnings=tuple(dict.fromkeys([*warnings, *results.warnings])),
         tracks=tracks,
+        grid=wall.grid,
         calibration=calibration,
         impact=evaluated.impact,
     )
@@ -122,21 +124,29 @@ def _timed(tracks: Tracks, time_s: FloatArray) -> Tracks:
     return replace(tracks, ball=ball, pendulum=pendulum)
 
 
-def _calibrated(
-    tracks: Tracks, inputs: Inputs, rate: CaptureRate, clip: Clip
-) -> tuple[Calibration | None, NoScale]:
+@dataclass(frozen=True)
+class _Wall:
+    """What the wall gave: a calibration with its grid, or why there is none."""
+
+    calibration: Calibration | None = None
+    grid: WallGrid | None = None
+    refusal: NoScale = field(default_factory=NoScale)
+
+
+def _calibrated(tracks: Tracks, inputs: Inputs, rate: CaptureRate, clip: Clip) -> _Wall:
     try:
         calibration, grid = calibrate_clip(tracks, inputs)
     except ContradictionError as problem:
-        return None, NoScale(f"{problem.message}; {_sizes(inputs)}", contradicts=True)
+        text = f"{problem.message}; {_sizes(inputs)}"
+        return _Wall(refusal=NoScale(text, contradicts=True))
     except CalibrationError as problem:
-        return None, NoScale(problem.in_one_line)
+        return _Wall(refusal=NoScale(problem.in_one_line))
     camera, wall = inputs.setup.camera, inputs.setup.wall
     taped = camera.distance_to_wall is not None and wall.ball_plane_offset is not None
     if taped or rate.source == "assumed":
-        return calibration, NoScale()
-    weighed = _weighed_by_fall(calibration, grid, tracks, Scene(inputs, rate, calibration), clip)
-    return weighed, NoScale()
+        return _Wall(calibration, grid)
+    scene = Scene(inputs, rate, calibration)
+    return _Wall(_weighed_by_fall(calibration, grid, tracks, scene, clip), grid)
 
 
 def _sizes(inputs: Inputs) -> str:

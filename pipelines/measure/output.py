@@ -141,6 +141,13 @@ def results_table(measured: Measurement, names: Sequence[str] | None = None) -> 
     beside = [item for item in _beside(measured, names) if item.known]
     for item in (*measured.quantities, *beside):
         if names is None or item.name in names or item in beside:
-            shown = format_quantity(item) if item.known else f"– {item.reason}"
+            shown = _shown(item) if item.known else f"– {item.reason}"
             table.add_row(quantity_label(item.name), shown)
     return table
+
+
+def _shown(item: Quantity) -> str:
+    """As it is printed; a count has no decimals."""
+    if item.name == "contact_frames" and item.value is not None:
+        return f"{item.value:.0f} ± {item.std:.1f}"
+    return format_quantity(item)

@@ -39,7 +39,8 @@ def overlay_marks(measured: Measurement) -> OverlayMarks:
         for item in measured.quantities
         if item.name in _CAPTIONS and item.known
     )
-    marks = OverlayMarks(captions=captions, capture_fps=fps)
+    grid = None if measured.grid is None else measured.grid.points_px
+    marks = OverlayMarks(captions=captions, grid_px=grid, capture_fps=fps)
     impact = measured.impact
     if impact is not None and impact.contact is not None:
         first = int(np.ceil(impact.contact.onset_s * fps))

@@ -96,8 +96,17 @@ def test_json_and_csv_are_the_contracts(measured: Path) -> None:
     assert {line.split(",")[2] for line in tracks[1:]} == {"ball", "pendulum"}
 
 
+def greens(clip: Clip) -> int:
+    """Pixels of the colour in which the wall's grid is drawn."""
+    _, picture = next(iter(clip.colour_frames(100, 101)))
+    blue, green, red = picture.astype(int).transpose(2, 0, 1)
+    return int(((green > red + 40) & (green > blue + 15)).sum())
+
+
 def test_pictures_are_written(measured: Path) -> None:
-    assert Clip.open(measured / "o.mp4").info.frames > 250
+    overlay = Clip.open(measured / "o.mp4")
+    assert overlay.info.frames > 250
+    assert greens(overlay) > greens(Clip.open(CLIPS / "basketball_60.mp4")) + 500
     assert "<html" in (measured / "r.html").read_text(encoding="utf-8").lower()
     assert (measured / "p.png").stat().st_size > 10_000
 

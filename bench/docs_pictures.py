@@ -1,0 +1,75 @@
+"""Pictures of docs/ and the numbers beside them, from the sample clip.
+
+Run: python -m bench.docs_pictures [FOLDER]
+
+Writes demo_plots, gap, speeds, path, residuals, overlay and overlay_contact; prints the numbers
+that docs/start.md and docs/measuring.md quote, with the truth beside the clip.
+"""
+
+import argparse
+import io
+import json
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+from PIL import Image
+
+from metrology.formatting import format_quantity
+from pipelines.measure.chain import MeasureOptions, measure_clip
+from pipelines.measure.pictures import overlay_marks, report_input
+from pipelines.report import write_plot
+from pipelines.report.plots import STYLE, panels_of
+from pipelines.setup_file import load_setup
+from vision.clip import Clip
+from vision.overlay import overlay_still
+
+ROOT = Path(__file__).parents[1]
+CLIP = ROOT / "sample_videos" / "clips" / "basketball_60.mp4"
+NAMES = ("gap", "speeds", "path", "residuals")
+FLYING, WIDTH = 150, 1000
+
+
+def saved(figure: Figure, path: Path) -> None:
+    """Write a figure with as few colours as it needs."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, dpi=118)
+    picture = Image.open(buffer).convert("RGB").quantize(128)
+    picture.save(path, optimize=True)
+
+
+def main() -> None:
+    """Measure the sample clip and write what the docs show of it."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "docs" / "pictures")
+    folder = parser.parse_args().folder
+    measured = measure_clip(CLIP, MeasureOptions(setup=load_setup(CLIP.with_suffix(".toml"))))
+    shown = report_input(measured, None)
+    write_plot(folder / "demo_plots.png", shown)
+    plots = Image.open(folder / "demo_plots.png").convert("RGB")
+    plots = plots.resize((WIDTH, round(WIDTH * plots.height / plots.width)))
+    plots.quantize(128).save(folder / "demo_plots.png", optimize=True)
+    for name, (title, draw) in zip(NAMES, panels_of(shown), strict=True):
+        with matplotlib.rc_context(STYLE):
+            figure = Figure(figsize=(6.2, 3.5), layout="constrained")
+            axes = figure.subplots()
+            axes.set_title(title)
+            draw(axes)
+            if axes.get_legend_handles_labels()[0]:
+                axes.legend()
+            saved(figure, folder / f"{name}.png")
+    clip, marks = Clip.open(CLIP), overlay_marks(measured)
+    middle = FLYING if marks.contact is None else sum(marks.contact) // 2
+    for name, frame in (("overlay", FLYING), ("overlay_contact", middle)):
+        still = overlay_still(clip, measured.tracks, marks, frame=frame)
+        picture = Image.fromarray(np.ascontiguousarray(still[:, :, ::-1]))
+        picture.quantize(256).save(folder / f"{name}.png", optimize=True)
+    truth = json.loads(CLIP.with_name(f"{CLIP.stem}.truth.json").read_text())["quantities"]
+    for item in (*measured.quantities, *measured.beside, measured.gravity):
+        true = truth.get(item.name, {}).get("value")
+        print(f"{item.name}: {format_quantity(item)} (truth: {true})")
+
+
+if __name__ == "__main__":
+    main()
