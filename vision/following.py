@@ -18,6 +18,7 @@ from vision.pendulum import follow_mass
 from vision.refine import refine_ball
 from vision.rest import Rest, find_rest
 from vision.scene import Scene
+from vision.still import scene_before_strike
 from vision.tracks import PendulumTrack, Track, Tracks
 
 if TYPE_CHECKING:
@@ -188,8 +189,9 @@ def _no_ball(ball_at: Point | None) -> NotFoundError:
 
 def _mass(scene: Scene, rest: Rest, ball: BallFits, mass_at: Point | None) -> MassPoses | None:
     at = None if mass_at is None else (float(mass_at[0]), float(mass_at[1]))
-    candidates = find_mass(scene, rest, float(np.median(ball.radius)), at)
-    return follow_mass(scene, candidates, rest, ball)
+    before = scene_before_strike(scene, rest)
+    candidates = find_mass(scene, rest, float(np.median(ball.radius)), before, at)
+    return follow_mass(scene, candidates, rest, ball, before)
 
 
 def _track(fits: BallFits, fps: float) -> Track:

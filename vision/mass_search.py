@@ -53,7 +53,11 @@ class MassCandidate:
 
 
 def find_mass(
-    scene: Scene, rest: Rest, radius: float, at: tuple[float, float] | None = None
+    scene: Scene,
+    rest: Rest,
+    radius: float,
+    before: FloatImage,
+    at: tuple[float, float] | None = None,
 ) -> tuple[MassCandidate, ...]:
     """Find what may be about to strike the ball.
 
@@ -65,6 +69,8 @@ def find_mass(
         The ball before it is struck.
     radius : float
         Ball radius, px.
+    before : (H, W) float32 array
+        The scene before the strike (`vision.still.scene_before_strike`).
     at : tuple of float, optional
         A point on the mass just before contact, px, where the user gave one.
 
@@ -78,7 +84,7 @@ def find_mass(
     free = max(3.0, 0.1 * radius)
     # Late enough to be near the ball, early enough to be seen free of it.
     for index in range(rest.last - 1, max(rest.last - _LOOK_BACK, -1), -2):
-        for level, found in _pieces(scene, index, rest, radius, at):
+        for level, found in _pieces(scene, index, rest, radius, before, at):
             if level not in best or best[level].gap_px < min(found.gap_px, free):
                 best[level] = found
         if best and min(piece.gap_px for piece in best.values()) > free:
@@ -95,11 +101,17 @@ def _distinct(pieces: list[MassCandidate]) -> tuple[MassCandidate, ...]:
 
 
 def _pieces(
-    scene: Scene, index: int, rest: Rest, radius: float, at: tuple[float, float] | None
+    scene: Scene,
+    index: int,
+    rest: Rest,
+    radius: float,
+    before: FloatImage,
+    at: tuple[float, float] | None,
 ) -> Iterator[tuple[int, MassCandidate]]:
     """The piece nearest to the ball's rear at each threshold, in one frame."""
     picture = scene.picture(index)
-    change = np.abs(cv2.GaussianBlur(scene.difference(index, picture), (0, 0), 0.7))
+    expected = np.asarray(before * np.float32(scene.views[index].gain))
+    change = np.abs(cv2.GaussianBlur(picture - expected, (0, 0), 0.7))
     behind = _Behind(rest, radius, change.shape)
     lowest = _LOWEST_SIGMA * scene.background.noise
     if not np.any(behind.region):
@@ -110,7 +122,7 @@ def _pieces(
         moved = (change > factor * lowest) & behind.region
         member = behind.nearest(moved, at)
         if member is not None:
-            yield level, _cut_out(scene, index, picture, behind, member, moved)
+            yield level, _cut_out(scene, index, picture, expected, behind, member, moved)
 
 
 class _Behind:
@@ -149,6 +161,7 @@ def _cut_out(
     scene: Scene,
     index: int,
     picture: FloatImage,
+    expected: FloatImage,
     behind: _Behind,
     member: BoolArray,
     moved: BoolArray,
@@ -156,7 +169,7 @@ def _cut_out(
     columns, rows = behind.columns, behind.rows
     anchor = np.array([columns[member].mean(), rows[member].mean()])
     near = cv2.dilate(member.astype(np.uint8), _disc(3)) > 0
-    opacity = _opacity(picture, scene.expected(index), moved & near, member)
+    opacity = _opacity(picture, expected, moved & near, member)
     region = near & (behind.from_centre > behind.radius + 1.0)
     gain = scene.views[index].gain
     patch = Patch(

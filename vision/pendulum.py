@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.arc import fit_arc
+from vision.arc import Arc, fit_arc
 from vision.ball import BallFits
 from vision.mass import MassPoses
 from vision.mass_search import MassCandidate
@@ -17,6 +17,7 @@ from vision.scene import Scene
 __all__ = ["follow_mass"]
 
 FloatArray = NDArray[np.float64]
+FloatImage = NDArray[np.float32]
 
 _LOST_AFTER = 4
 _FEWEST = 6
@@ -29,7 +30,11 @@ _AS_ROUND = 1.3
 
 
 def follow_mass(
-    scene: Scene, candidates: tuple[MassCandidate, ...], rest: Rest, ball: BallFits
+    scene: Scene,
+    candidates: tuple[MassCandidate, ...],
+    rest: Rest,
+    ball: BallFits,
+    before: FloatImage,
 ) -> MassPoses | None:
     """Follow each candidate through the clip, and keep the one that moves as one rigid thing.
 
@@ -43,88 +48,81 @@ def follow_mass(
         The ball before it is struck.
     ball : BallFits
         The ball, which may hide part of the mass.
+    before : (H, W) float32 array
+        The scene before the strike (`scene_before_strike`).
 
     Returns
     -------
     MassPoses or None
         None if none can be followed on an arc.
     """
-    tracker = _Tracker(scene, ball)
-    tried = [(piece, _trial(tracker, piece, rest)) for piece in candidates]
-    sound = [(piece, trial) for piece, trial in tried if trial is not None]
+    tracker = _Tracker(scene, ball, rest, before)
+    sound = [swing for swing in (_swing_in(tracker, piece, rest) for piece in candidates) if swing]
     if not sound:
         return None
-    limit = _AS_RIGID * min(trial.misfit for _, trial in sound)
-    followed = [
-        _followed(scene, tracker, piece, trial, rest, ball)
-        for piece, trial in sound
-        if trial.misfit <= limit
-    ]
-    rated = [(one, _off_arc(one, rest)) for one in followed if one is not None]
+    rigid = _AS_RIGID * min(swing.misfit for swing in sound)
+    followed = [_followed(scene, tracker, swing, ball) for swing in sound if swing.misfit <= rigid]
+    rated = [(mass, _off_arc(mass)) for mass in followed if mass is not None]
     best = min((off for _, off in rated), default=np.inf)
-    return next((one for one, off in rated if off <= _AS_ROUND * best), None)
+    return next((mass for mass, off in rated if off <= _AS_ROUND * best), None)
 
 
-def _off_arc(mass: MassPoses, rest: Rest) -> float:
-    """How badly the swing towards the ball lies on an arc: scatter about it, over its frames."""
-    before = mass.frame <= rest.last
-    turns = np.array([pose.turn for pose in mass.poses])
-    arc = fit_arc(mass.anchor[before], turns[before])
-    return np.inf if arc is None else arc.scatter_px / float(np.sqrt(np.count_nonzero(before)))
+def _off_arc(mass: MassPoses) -> float:
+    """How badly a track lies on an arc; one that was lost early counts as much worse."""
+    return mass.arc.scatter_px / len(mass.frame)
 
 
 @dataclass(frozen=True)
-class _Trial:
-    """A candidate followed over the frames just before contact."""
+class _SwingIn:
+    """A candidate followed on its way to the ball, and the usual misfit of its look."""
 
+    piece: MassCandidate
     poses: dict[int, Pose]
     misfit: float
 
 
-def _trial(tracker: "_Tracker", piece: MassCandidate, rest: Rest) -> _Trial | None:
+def _swing_in(tracker: "_Tracker", piece: MassCandidate, rest: Rest) -> _SwingIn | None:
     start = Pose(piece.anchor, 0.0, np.zeros((3, 3)), 1.0, 1.0)
     own = tracker.locate(piece.patch, piece.frame, start, 0.01)
     poses = {piece.frame: own if own is not None else start}
-    tracker.extend(piece.patch, poses, -1, rest, _TRIAL_FRAMES)
+    tracker.extend(piece.patch, poses, -1, _TRIAL_FRAMES)
     if len(poses) < _FEWEST:
         return None
     steps = np.array([poses[index].anchor for index in sorted(poses)])
-    advance = float((steps[-1] - steps[0]) @ rest.direction)
-    if advance < _LEAST_ADVANCE_PX:
+    if float((steps[-1] - steps[0]) @ rest.direction) < _LEAST_ADVANCE_PX:
         return None
-    others = [pose.misfit for index, pose in poses.items() if index != piece.frame]
-    return _Trial(poses, float(np.median(others)))
+    tracker.extend(piece.patch, poses, -1, tracker.count)
+    tracker.extend(piece.patch, poses, 1, rest.last - piece.frame)
+    misfit = float(np.median([pose.misfit for at, pose in poses.items() if at != piece.frame]))
+    return _SwingIn(piece, poses, misfit)
+
+
+def _arc_of(poses: dict[int, Pose]) -> Arc | None:
+    order = sorted(poses)
+    return fit_arc(
+        np.array([poses[index].anchor for index in order]),
+        np.array([poses[index].turn for index in order]),
+    )
 
 
 def _followed(
-    scene: Scene,
-    tracker: "_Tracker",
-    piece: MassCandidate,
-    trial: _Trial,
-    rest: Rest,
-    ball: BallFits,
+    scene: Scene, tracker: "_Tracker", swing: _SwingIn, ball: BallFits
 ) -> MassPoses | None:
-    """Follow to both ends of the clip, learn the look on the way, and follow again."""
-    first = dict(trial.poses)
-    for direction in (-1, 1):
-        tracker.extend(piece.patch, first, direction, rest, scene.count)
-    if len(first) < _FEWEST:
-        return None
-    better = _averaged(scene, piece.patch, first, piece.frame, ball)
+    """Learn the look on the way to the ball, and follow it to both ends of the clip."""
+    piece = swing.piece
+    better = _averaged(scene, piece.patch, swing.poses, piece.frame, ball)
     poses = {}
-    for index in sorted(first):
-        pose = tracker.locate(better, index, first[index], 0.02)
+    for index in sorted(swing.poses):
+        pose = tracker.locate(better, index, swing.poses[index], 0.02)
         if pose is not None:
             poses[index] = pose
-    order = np.array(sorted(poses), dtype=np.int64)
-    if len(order) < _FEWEST:
+    if len(poses) < _FEWEST:
         return None
-    arc = fit_arc(
-        np.array([poses[int(index)].anchor for index in order]),
-        np.array([poses[int(index)].turn for index in order]),
-    )
+    tracker.extend(better, poses, 1, tracker.count)
+    arc = _arc_of(poses)
     if arc is None:
         return None
+    order = np.array(sorted(poses), dtype=np.int64)
     found = tuple(poses[int(index)] for index in order)
     return MassPoses(order, found, better, arc, piece.frame)
 
@@ -132,10 +130,17 @@ def _followed(
 class _Tracker:
     """Registers the mass frame after frame, each predicted from the last few."""
 
-    def __init__(self, scene: Scene, ball: BallFits) -> None:
+    def __init__(self, scene: Scene, ball: BallFits, rest: Rest, before: FloatImage) -> None:
         self._scene = scene
         self._ball = ball
+        self._rest = rest
+        self._before = before
         self._radius = float(np.median(ball.radius))
+
+    @property
+    def count(self) -> int:
+        """Frames of the clip."""
+        return self._scene.count
 
     def _hidden(self, index: int) -> tuple[float, float, float] | None:
         frames = self._ball.frame
@@ -153,7 +158,7 @@ class _Tracker:
         return register(
             patch,
             picture,
-            self._scene.background.image,
+            self._before if index <= self._rest.last else self._scene.background.image,
             gain,
             self._scene.noise,
             guess,
@@ -161,13 +166,13 @@ class _Tracker:
             hidden=self._hidden(index),
         )
 
-    def extend(
-        self, patch: Patch, poses: dict[int, Pose], direction: int, rest: Rest, frames: int
-    ) -> None:
+    def extend(self, patch: Patch, poses: dict[int, Pose], direction: int, frames: int) -> None:
         """Go on from the last known frame in one direction, for so many frames at most."""
+        if frames < 1:
+            return
         end = max(poses) if direction > 0 else min(poses)
-        if len(poses) < 2 or not _beside(poses, end, -direction):
-            first = self._first_step(patch, poses[end], end + direction, direction, rest)
+        if not _beside(poses, end, -direction):
+            first = self._first_step(patch, poses[end], end + direction, direction)
             if first is None:
                 return
             end += direction
@@ -175,15 +180,13 @@ class _Tracker:
             frames -= 1
         self._walk(patch, poses, end + direction, direction, frames)
 
-    def _first_step(
-        self, patch: Patch, start: Pose, index: int, direction: int, rest: Rest
-    ) -> Pose | None:
+    def _first_step(self, patch: Patch, start: Pose, index: int, direction: int) -> Pose | None:
         """The speed is not known yet: try several."""
         if not 0 <= index < self._scene.count:
             return None
         tried = []
         for share in (0.0, 0.3, 0.6, 0.9, 1.2):
-            ahead = start.anchor + direction * share * rest.speed_px * rest.direction
+            ahead = start.anchor + direction * share * self._rest.speed_px * self._rest.direction
             pose = self.locate(patch, index, replace(start, anchor=ahead), 0.03)
             if pose is not None:
                 tried.append(pose)
