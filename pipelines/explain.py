@@ -171,7 +171,10 @@ def explain_command(
     ] = None,
     quiet: Annotated[bool, typer.Option(help="Print nothing but results asked for.")] = False,
 ) -> None:
-    """Find where simulation and recording differ and what physics was left out."""
+    """Find where simulation and recording differ and what physics was left out.
+
+    Example: vision explain ball.csv --pendulum pendulum.csv --setup setup.toml --report story.html
+    """
     if setup is None:
         raise UsageError(
             "explain needs a setup file: it says what the model already knows",

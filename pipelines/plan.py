@@ -210,7 +210,10 @@ def plan_command(
     plot: Annotated[Path | None, typer.Option(help="Draw distance by angle: .png or .svg.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No table, no warnings.")] = False,
 ) -> None:
-    """Plan a strike: the back-swing angle and impact speed that reach a distance."""
+    """Plan a strike: the back-swing angle and impact speed that reach a distance.
+
+    Example: vision plan --distance 2.5m --ball jokku
+    """
     known = setup_or_default(setup)
     struck = choose_ball(known, ball)
     law, _ = choose_cor(struck, cor)

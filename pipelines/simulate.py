@@ -210,7 +210,10 @@ def simulate_command(
     plot: Annotated[Path | None, typer.Option(help="Draw the path: .png or .svg.")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No table, no warnings.")] = False,
 ) -> None:
-    """Simulate a strike and the flight after it."""
+    """Simulate a strike and the flight after it.
+
+    Example: vision simulate --backswing "90 deg" --ball jokku --effect magnus:spin=10
+    """
     known = setup_or_default(setup)
     struck: Ball = choose_ball(known, ball)
     law, _ = choose_cor(struck, cor)

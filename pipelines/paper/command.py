@@ -93,7 +93,10 @@ def paper_command(
     table: Annotated[int | None, typer.Option(help="Show only this table.", metavar="N")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print no tables.")] = False,
 ) -> None:
-    """Recompute every table of the paper beside the print, and redraw its figures."""
+    """Recompute every table of the paper beside the print, and redraw its figures.
+
+    Example: vision paper --table 6 --figures figures
+    """
     cells = audit()
     if table is not None:
         if table not in {cell.table for cell in cells}:
