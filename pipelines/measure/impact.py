@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology import MeasurementError, NotFoundError
-from pipelines.measure.contact_fit import ContactFit, ImpactView, fit_contact
+from pipelines.measure.contact_fit import ContactFit, ImpactView, face_speeds, fit_contact
 from pipelines.measure.flight_fit import FlightFit, FlightPriors, fit_flight
 from pipelines.measure.flight_span import LONGEST_CONTACT_S, flight_end
 from pipelines.measure.inputs import GRAVITY_STD, STIFFNESS_SHARE, Inputs
@@ -22,6 +22,8 @@ UNSEEN_HALF_CONTACT_S, UNSEEN_HALF_CONTACT_STD_S = 0.006, 0.003
 SWING_STRETCH_S = 0.08
 _ROUNDS = 3
 STRAY_RADII = 0.15
+LEAST_COR, MOST_COR = 0.1, 1.15
+"""No passive contact returns more speed than it takes; the measurement may, by a little."""
 UNSEEN_SLANT = 0.25
 """Slope of a line of sight from a camera of which nothing is known but that it sees the strike."""
 STEEL, THICKNESS_SHARE = 7850.0, 0.3
@@ -119,7 +121,12 @@ def find_impact(
         onset, release = contact.onset_s, contact.release_s
         flight = _flight(tracks, inputs, release, landed, free=False)
         view = replace(view, flight=flight)
-    since = release
+    if view is not None and contact is not None:
+        reason = _not_the_striker(view, contact)
+        if reason:
+            view, contact = None, None
+            flight = _flight(tracks, inputs, left + LONGEST_CONTACT_S, landed, free=False)
+    since = release if contact is not None else left + LONGEST_CONTACT_S
     if contact is None:
         # the corner of rest and flight is the middle of the push; release comes half a contact on
         release = _corner(tracks, flight) + UNSEEN_HALF_CONTACT_S
@@ -127,6 +134,18 @@ def find_impact(
     free = _flight(tracks, inputs, release, landed, free=True, since=since)
     _require_flight(free, tracks)
     return Impact(tracks, flight, free, view, contact, reason, float(flight.time_s[-1]))
+
+
+def _not_the_striker(view: ImpactView, contact: ContactFit) -> str:
+    """Why the mass followed can't be what struck the ball; empty where it can."""
+    approach, parting = face_speeds(view, contact.onset_s, contact.release_s)
+    if approach > 0.0 and LEAST_COR < parting / approach < MOST_COR:
+        return ""
+    return (
+        f"what was followed as the mass meets the ball at {approach:.2f} m/s and parts from it at "
+        f"{parting:.2f} m/s, which no strike does: a shadow, perhaps; point at the mass with "
+        "--mass-at X,Y, or check --fps and the pendulum's numbers"
+    )
 
 
 def _require_flight(free: FlightFit, tracks: MetricTracks) -> None:

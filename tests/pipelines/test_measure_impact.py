@@ -128,3 +128,13 @@ def test_what_swings_on_an_arc_does_not_fly() -> None:
     inputs = replace(gather_inputs(Setup(), "jokku", None), fall=None)
     with pytest.raises(NotFoundError, match="does not fly"):
         find_impact(swinging, inputs)
+
+
+def test_a_mass_too_slow_to_have_struck_the_ball_is_refused() -> None:
+    scene, shot = known_stroke("basketball", 60.0)
+    tracks = ideal_tracks(scene, shot, Noise())
+    middle = float(tracks.swing_rad[np.argmin(np.abs(tracks.swing_time_s + FIRST))])
+    slowed = replace(tracks, swing_rad=middle + 0.6 * (tracks.swing_rad - middle))
+    impact = find_impact(slowed, gather_inputs(Setup(), "basketball", None))
+    assert impact.contact is None
+    assert "--mass-at" in impact.reason
