@@ -126,12 +126,12 @@ class Aligner:
         View
         """
         guess = start if start is not None else View(1.0, np.zeros(2), 0.0, 0.0)
-        found = self._refine(frame, guess)
+        smooth = np.asarray(cv2.GaussianBlur(frame, (0, 0), 1.0), dtype=np.float32)
+        found = self._refine(smooth, guess)
         if found[1] > 1.7:
             # On copies: the transform works in place.
-            smooth = cv2.GaussianBlur(frame, (0, 0), 1.0)
-            jump, _ = cv2.phaseCorrelate(self._smooth.copy(), smooth)
-            again = self._refine(frame, View(1.0, np.array(jump, dtype=np.float64), 0.0, 0.0))
+            jump, _ = cv2.phaseCorrelate(self._smooth.copy(), smooth.copy())
+            again = self._refine(smooth, View(1.0, np.array(jump, dtype=np.float64), 0.0, 0.0))
             # A wall's grid repeats: of two fits about as good, the nearer is right.
             found = again if again[1] < 0.7 * found[1] else found
         return found[0]
@@ -153,7 +153,7 @@ class Aligner:
             inside = (x > 1) & (y > 1) & (x < width - 2) & (y < height - 2)
             if np.count_nonzero(inside) < 40:
                 return View(float(gain), shift, float(roll), std), np.inf
-            seen = _sample_smoothed(frame, x, y)
+            seen = _sampled(frame, x, y)
             residual = (seen - gain * expected).astype(np.float64)
             spread = 1.4826 * float(np.median(np.abs(residual[inside])))
             scale = max(spread, 0.3 * self._noise)
@@ -174,11 +174,10 @@ class Aligner:
         return View(float(gain), shift, float(roll), std), quality
 
 
-def _sample_smoothed(frame: FloatImage, x: FloatImage, y: FloatImage) -> FloatImage:
-    """Sample the frame, blurred like the scene, at scattered points."""
-    smooth = cv2.GaussianBlur(frame, (0, 0), 1.0)
+def _sampled(frame: FloatImage, x: FloatImage, y: FloatImage) -> FloatImage:
+    """The frame at scattered points."""
     return np.asarray(
-        cv2.remap(smooth, x[None], y[None], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[0],
+        cv2.remap(frame, x[None], y[None], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)[0],
         dtype=np.float32,
     )
 

@@ -1,5 +1,6 @@
 """The static scene: what is seen when nothing moves, its noise, and each frame's brightness."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -10,13 +11,22 @@ import scipy.special
 from numpy.typing import NDArray
 
 from vision.ghosts import without_ghosts
+from vision.stack import densest, median_of, sorted_stack
 
 __all__ = ["Background", "LightMeter", "brightness", "estimate_background"]
 
 FloatImage = NDArray[np.float32]
 
 _LEVEL_BINS = 16
+_LAW_PIXELS = 60_000
+# Fixed-point steps of a gray level.
+_STEPS = 128
 _EPOCHS = 5
+# The static scene is seen in at least this part of the frames, wherever it is seen at all.
+_DENSEST = 0.35
+# An epoch that scatters by more than this, over noise, shows something that moves.
+_STABLE = 3.0
+_BAND_PIXELS = 12_000_000
 _BRIGHTNESS_PIXELS = 4000
 _FEWEST_LIT = 50
 # Rounding to whole gray levels and the codec's quantiser leave about this much where a clip looks
@@ -96,46 +106,70 @@ def brightness(frame: FloatImage, image: FloatImage, noise: float) -> float:
     return LightMeter(image, noise).gain(frame)
 
 
-def estimate_background(frames: list[FloatImage]) -> Background:
+def estimate_background(frames: Sequence[NDArray[Any]], scale: float = 1.0) -> Background:
     """Estimate the static scene from frames spread over the clip.
 
     Brightness is equalised first, so that mains flicker does not blur the medians. The clip is cut
-    into
-    epochs with a median each. A pixel takes what most epochs agree on; where something lay still
-    for most
-    of the clip, so that they agree on the wrong thing, the epoch without its outline is taken
-    (`vision.ghosts`).
+    into epochs with a median each. A pixel takes the level about which its levels crowd most, since
+    what moves shows ever other ones; where something lay still for so long that they crowd about
+    the wrong thing, the epoch without its outline is taken (`vision.ghosts`).
 
     Parameters
     ----------
-    frames : list of (H, W) float32 arrays
-        Gray levels, 0 to 255, registered on one another, in time order.
+    frames : sequence of (H, W) arrays
+        Gray levels, registered on one another, in time order.
+    scale : float
+        Brings them to 0 to 255.
 
     Returns
     -------
     Background
     """
-    reference = frames[len(frames) // 2]
-    gains = np.array([brightness(frame, reference, 2.0) for frame in frames])
-    gains /= np.median(gains)
-    even = [frame / np.float32(gain) for frame, gain in zip(frames, gains, strict=True)]
-    epochs, spreads = [], []
-    for part in np.array_split(np.arange(len(even)), min(_EPOCHS, max(1, len(even) // 3))):
-        stack = np.stack([even[index] for index in part])
-        stack.sort(axis=0)
-        low, high = (len(part) - 1) // 2, len(part) // 2
-        epochs.append(0.5 * (stack[low] + stack[high]))
-        quarter = len(part) // 4
-        factor = np.float32(_quartile_width(len(part)))
-        spreads.append((stack[len(part) - 1 - quarter] - stack[quarter]) / factor)
-    usual = np.median(np.stack(epochs), axis=0).astype(np.float32)
-    noise = _noise_by_level(usual, np.median(np.stack(spreads), axis=0).astype(np.float32))
-    clean = without_ghosts(epochs, usual, noise)
-    agree = [np.abs(epoch - clean) < 3.0 * noise for epoch in epochs]
-    total = sum(np.where(yes, epoch, 0.0) for yes, epoch in zip(agree, epochs, strict=True))
-    count = sum(yes.astype(np.float32) for yes in agree)
-    image = np.where(count > 0, total / np.maximum(count, 1.0), clean)
+    reference = frames[len(frames) // 2].astype(np.float32) * np.float32(scale)
+    meter = LightMeter(reference, 2.0)
+    gains = np.array([meter.gain(frame, scale) for frame in frames])
+    gains = scale / (gains / np.median(gains))
+    height, width = reference.shape
+    rows = max(16, _BAND_PIXELS // (len(frames) * width))
+    bands = [
+        _states([_fixed_point(f[top : top + rows], g) for f, g in zip(frames, gains, strict=True)])
+        for top in range(0, height, rows)
+    ]
+    usual, *parts = (np.concatenate(column) for column in zip(*bands, strict=True))
+    epochs, spreads = parts[: len(parts) // 2], parts[len(parts) // 2 :]
+    noise = _noise_by_level(usual, median_of(spreads))
+    stable = [spread < np.float32(_STABLE) * noise for spread in spreads]
+    clean = without_ghosts(epochs, stable, usual, noise)
+    total, count = np.zeros_like(clean), np.zeros_like(clean)
+    for epoch in epochs:
+        agrees = (np.abs(epoch - clean) < np.float32(3.0) * noise).astype(np.float32)
+        total += agrees * epoch
+        count += agrees
+    image = np.where(count > 0, total / np.maximum(count, np.float32(1.0)), clean)
     return Background(image.astype(np.float32), noise)
+
+
+def _states(frames: list[NDArray[np.uint16]]) -> list[FloatImage]:
+    """What is seen most of the time, and each epoch's median and spread, gray levels."""
+    level = np.float32(1.0 / _STEPS)
+    middles, spreads = [], []
+    for part in np.array_split(np.arange(len(frames)), min(_EPOCHS, max(1, len(frames) // 3))):
+        stack = sorted_stack([frames[index] for index in part])
+        low, high = stack[(len(part) - 1) // 2], stack[len(part) // 2]
+        middles.append((low.astype(np.float32) + high) * (np.float32(0.5) * level))
+        quarter = len(part) // 4
+        wide = stack[len(part) - 1 - quarter] - stack[quarter]
+        spreads.append(wide * (level / np.float32(_quartile_width(len(part)))))
+    return [densest(sorted_stack(frames), _DENSEST) * level, *middles, *spreads]
+
+
+def _fixed_point(frame: NDArray[Any], scale: float) -> NDArray[np.uint16]:
+    """Gray levels in whole steps of a 128th, which sort fast."""
+    if frame.dtype == np.uint8:
+        levels = np.minimum(np.arange(256) * (scale * _STEPS) + 0.5, 65535.0).astype(np.uint16)
+        return np.asarray(cv2.LUT(frame, levels))
+    steps = frame.astype(np.float32) * np.float32(scale * _STEPS) + np.float32(0.5)
+    return np.asarray(np.clip(steps, 0, 65535), dtype=np.uint16)
 
 
 def _quartile_width(count: int) -> float:
@@ -147,17 +181,18 @@ def _quartile_width(count: int) -> float:
 
 def _noise_by_level(image: FloatImage, spread: FloatImage) -> FloatImage:
     """Turn each pixel's own spread, which moving things inflate, into a law of brightness."""
-    flat, values = image.ravel(), spread.ravel()
-    edges = np.quantile(flat[::7], np.linspace(0.0, 1.0, _LEVEL_BINS + 1))
+    step = max(1, int(np.sqrt(image.size / _LAW_PIXELS)))
+    flat, values = image[::step, ::step].ravel(), spread[::step, ::step].ravel()
+    edges = np.quantile(flat, np.linspace(0.0, 1.0, _LEVEL_BINS + 1))
     centres, levels = [], []
     for low, high in pairwise(edges):
         inside = (flat >= low) & (flat <= high)
         if np.count_nonzero(inside) >= 30:
             centres.append(0.5 * (low + high))
             levels.append(float(np.median(values[inside])))
-    law = np.interp(flat, centres, levels) if centres else np.full(flat.shape, 1.0)
+    table = np.interp(np.arange(256.0), centres, levels) if centres else np.ones(256)
+    law = table.astype(np.float32).take(np.clip(image, 0, 255).astype(np.int32))
     across = cv2.Scharr(image, cv2.CV_32F, 1, 0, scale=1 / 32)
-    steepness = np.hypot(across, cv2.Scharr(image, cv2.CV_32F, 0, 1, scale=1 / 32))
-    unsteady = (_JITTER_PX * steepness) ** 2
-    noise = np.sqrt(law.reshape(image.shape) ** 2 + _NOISE_FLOOR**2 + unsteady)
-    return np.asarray(noise, dtype=np.float32)
+    down = cv2.Scharr(image, cv2.CV_32F, 0, 1, scale=1 / 32)
+    unsteady = np.float32(_JITTER_PX**2) * (across * across + down * down)
+    return np.asarray(np.sqrt(law * law + np.float32(_NOISE_FLOOR**2) + unsteady))

@@ -15,18 +15,28 @@ __all__ = ["without_ghosts"]
 FloatImage = NDArray[np.float32]
 
 _DIFFERENT = 6.0
-_SMALLEST = 12
+_SMALLEST = 40
+# A thing's outline is a step that the noise does not make, and that is gone without the thing.
+_LEAST_STEP = 1.5
+_SMOOTHER = 0.4
 
 
-def without_ghosts(epochs: list[FloatImage], usual: FloatImage, noise: FloatImage) -> FloatImage:
+def without_ghosts(
+    epochs: list[FloatImage],
+    stable: list[NDArray[np.bool_]],
+    usual: FloatImage,
+    noise: FloatImage,
+) -> FloatImage:
     """Replace regions of the usual picture that show something that was not always there.
 
     Parameters
     ----------
     epochs : list of (H, W) float32 arrays
         The scene in successive parts of the clip.
+    stable : list of (H, W) bool arrays
+        Where nothing moved in each part; elsewhere it tells nothing of the scene.
     usual : (H, W) float32 array
-        What most of them show.
+        What is shown most of the time.
     noise : (H, W) float32 array
         Standard deviation of a frame's pixel, gray levels.
 
@@ -37,14 +47,15 @@ def without_ghosts(epochs: list[FloatImage], usual: FloatImage, noise: FloatImag
     clean = usual.copy()
     code = np.zeros(usual.shape, dtype=np.uint8)
     kernel = np.ones((3, 3), np.uint8)
-    for bit, epoch in enumerate(epochs):
-        differs = (np.abs(epoch - usual) > _DIFFERENT * noise).astype(np.uint8)
+    for bit, (epoch, still) in enumerate(zip(epochs, stable, strict=True)):
+        differs = ((np.abs(epoch - usual) > _DIFFERENT * noise) & still).astype(np.uint8)
         opened = cv2.morphologyEx(differs, cv2.MORPH_OPEN, kernel)
         code |= np.where(opened > 0, np.uint8(1 << bit), np.uint8(0))
     # Pixels that differ in the same epochs belong together: the ball that left, apart from the mass
     # that swung into its place.
     values, counts = np.unique(code, return_counts=True)
-    for value in values[(values > 0) & (counts >= _SMALLEST)]:
+    least = float(np.median(noise))
+    for value in values[(counts >= _SMALLEST) & _at_one_end(values, len(epochs))]:
         count, labels, boxes, _ = cv2.connectedComponentsWithStats((code == value).astype(np.uint8))
         for label in range(1, count):
             if boxes[label, cv2.CC_STAT_AREA] < _SMALLEST:
@@ -53,11 +64,21 @@ def without_ghosts(epochs: list[FloatImage], usual: FloatImage, noise: FloatImag
             region = (labels[window] == label).astype(np.uint8)
             others = [epochs[bit][window] for bit in range(len(epochs)) if value >> bit & 1]
             steps = [_step_along(other, region) for other in others]
-            best = int(np.argmin(steps))
-            if steps[best] < 0.7 * _step_along(usual[window], region):
+            best, seen = int(np.argmin(steps)), _step_along(usual[window], region)
+            if seen > _LEAST_STEP * least and steps[best] < _SMOOTHER * seen:
                 wide = cv2.dilate(region, np.ones((7, 7), np.uint8)) > 0
                 clean[window][wide] = others[best][wide]
     return clean
+
+
+def _at_one_end(codes: NDArray[np.uint8], epochs: int) -> NDArray[np.bool_]:
+    """Whether an alternative is what the clip begins or ends with: a thing that lay and left.
+
+    What is seen for a while in between is something that swung by.
+    """
+    ends = [(1 << run) - 1 for run in range(1, epochs)]
+    ends += [((1 << run) - 1) << (epochs - run) for run in range(1, epochs)]
+    return np.isin(codes, ends)
 
 
 def _window(box: NDArray[np.int32], shape: tuple[int, ...]) -> tuple[slice, slice]:

@@ -212,7 +212,7 @@ class _Links:
         arrived, reached = self._velocity[sources], self._score[sources]
         turned = (velocity[:, :, None] - arrived[None]) * elapsed[None, :, None, None]
         bend = (turned[..., 0] ** 2 + turned[..., 1] ** 2) / allowed[..., None] ** 2
-        straight = (bend < 0.25) & (ratio < 0.25)[..., None]
+        straight = (bend < 0.25) & (ratio < _MOST_SWELLING)[..., None]
         goes_on = np.any(straight, axis=0) | self._continued[sources]
         self._continued[sources] = goes_on
         cap = (_COLLISION_PRICE + 0.02 * distance / radius[:, None])[..., None]

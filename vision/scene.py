@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.alignment import Aligner, View, warp_to_scene
-from vision.background import LightMeter, estimate_background
+from vision.background import Background, LightMeter, estimate_background
 from vision.footage import Footage, GrayFrame
 
 __all__ = ["Scene", "Window"]
@@ -17,7 +17,9 @@ Window = tuple[slice, slice]
 
 _WHOLE: Window = (slice(None), slice(None))
 
-_SAMPLES = 64
+_SAMPLES = 45
+# Of these, every so many tell whether the camera moves.
+_TRIAL_STEP = 2
 # A camera whose pictures wander by less than this (95th percentile) stands on a tripod; codecs do
 # as much.
 _UNSTEADY_PX = 0.25
@@ -47,25 +49,24 @@ class Scene:
         self._footage = footage
         self._full_scale = np.float32(255.0 / footage.full_scale)
         step = max(1, len(footage.sample_frames) // _SAMPLES)
-        self.sample_index = footage.sample_index[::step]
-        samples = [self._gray(frame) for frame in footage.sample_frames[::step]]
-        reference = samples[len(samples) // 2]
-        rough = Aligner(reference, 2.0)
-        views = [rough.view(sample) for sample in samples]
-        shifts = np.array([view.shift_px for view in views])
+        samples = footage.sample_frames[::step]
+        rough = Aligner(self._gray(samples[len(samples) // 2]), 2.0)
+        trial = [rough.view(self._gray(sample)) for sample in samples[::_TRIAL_STEP]]
+        shifts = np.array([view.shift_px for view in trial])
         shifts -= np.median(shifts, axis=0)
         wander = float(np.percentile(np.hypot(shifts[:, 0], shifts[:, 1]), 95))
         self.hand_held = wander > _UNSTEADY_PX
-        if self.hand_held:
-            samples = [
-                warp_to_scene(sample, view) for sample, view in zip(samples, views, strict=True)
-            ]
-        self.samples = samples
-        self.background = estimate_background(samples)
+        self.background = self._still(samples, rough)
         self.noise = float(np.median(self.background.noise))
         self.views: dict[int, View] = {}
         self._aligner = Aligner(self.background.image, self.noise)
         self._meter = LightMeter(self.background.image, self.noise)
+
+    def _still(self, samples: list[GrayFrame], rough: Aligner) -> Background:
+        if not self.hand_held:
+            return estimate_background(samples, float(self._full_scale))
+        grays = [self._gray(sample) for sample in samples]
+        return estimate_background([warp_to_scene(gray, rough.view(gray)) for gray in grays])
 
     @property
     def count(self) -> int:
