@@ -26,6 +26,8 @@ LEAST_NODES = 12
 MOST_OFF_AXIS = 0.3
 MOST_SKEW = 0.08
 REJECT_AT = 4.0
+MOST_ASTRAY = 1.0 / 12.0
+"""Crossings about their map, periods: six of these make a label wrong by one line."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,9 +135,11 @@ def find_wall_grid(
     area = cv2.resize(support.area.astype(np.uint8), shape, interpolation=cv2.INTER_NEAREST) > 0
     pixels = pixel_grid(gray.shape)
     seen = pixels[area]
-    flat = flattened(gray, 1.5 * float(_periods(grid_map, seen).max()))
-    first = grid_map(seen)
     periods = _periods(grid_map, seen)
+    if not np.isfinite(periods).all():
+        raise _nothing()
+    flat = flattened(gray, 1.5 * float(periods.max()))
+    first = grid_map(seen)
     lattices = [analysed(flat[area], first[:, f], periods[f]) for f in range(2)]
     if not all(lattice.clear for lattice in lattices):
         raise _stripes()
@@ -156,6 +160,13 @@ def find_wall_grid(
         raise CalibrationError(
             f"only {len(px)} crossings of a grid are in view",
             hint="Show at least three by four squares of the wall's grid.",
+        )
+    astray = float(np.sqrt((nodes.shift**2).mean()))
+    if not astray < MOST_ASTRAY:
+        raise CalibrationError(
+            f"lines are seen, but their crossings lie {astray:.2f} of a square off any even grid: "
+            "they can't be counted surely",
+            hint="Film with more pixels, nearer, or with better light on the wall.",
         )
     inverse = np.linalg.inv(grid_map.jacobian(px))
     residual = np.einsum("nij,nj->ni", inverse, nodes.shift)
@@ -181,9 +192,10 @@ def _best_growth(gray: FloatArray) -> tuple[GridMap, Support]:
     best: tuple[float, GridMap, Support] | None = None
     stripes = 0.0
     for image, ratio in _resolutions(gray):
-        for seed in _distinct(find_seeds(image))[:SEEDS_TRIED]:
+        seeds = find_seeds(image)
+        for seed in _distinct(seeds)[:SEEDS_TRIED]:
             grid_map, support = grow(image, seed)
-            stripes = max(stripes, float((support.coherence > COHERENT).any(axis=0).mean()))
+            stripes = max(stripes, _striped(support))
             if best is None or support.worth > best[0]:
                 best = (support.worth, grid_map.resized(ratio[0], ratio[1]), support)
             lengths = np.linalg.norm(best[1].jacobian(best[1].centre), axis=1)
@@ -191,9 +203,21 @@ def _best_growth(gray: FloatArray) -> tuple[GridMap, Support]:
                 break
         if best is not None and best[2].area.mean() > LEAST_AREA:
             return best[1], best[2]
+        if seeds:
+            clearest = max(seeds, key=lambda seed: seed.leading)
+            stripes = max(stripes, _striped(grow(image, clearest)[1]))
     if stripes > 0.3:
         raise _stripes()
-    raise CalibrationError(
+    raise _nothing()
+
+
+def _striped(support: Support) -> float:
+    """Share of the picture in which at least one family of lines is seen."""
+    return float((support.coherence > COHERENT).any(axis=0).mean())
+
+
+def _nothing() -> CalibrationError:
+    return CalibrationError(
         "no grid is in view: nothing repeats in two directions",
         hint="Light the wall evenly, focus on it, and let its squares be 3 px wide or more.",
     )

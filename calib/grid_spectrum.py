@@ -16,6 +16,8 @@ PERIODS_ACROSS = 4.0
 HIGHEST_FREQUENCY = 0.46
 SMALLEST_ANGLE = np.radians(30.0)
 CLIP_AT = 4.0
+ALIKE = 0.2
+"""Waves this near in length, by its logarithm, are of one kind."""
 
 
 @dataclass(frozen=True)
@@ -31,13 +33,16 @@ class Seed:
     window : int
         Side of the window, px.
     strength : float
-        Power of the weaker wave over the window's median power.
+        Power of the weaker wave over the median of waves about as long, whichever way they run.
+    leading : float
+        The same of the wave with the most power.
     """
 
     centre: FloatArray
     waves: FloatArray
     window: int
     strength: float
+    leading: float
 
 
 def flattened(image: FloatArray, scale: float) -> FloatArray:
@@ -108,7 +113,7 @@ def _seed(flat: FloatArray, left: int, top: int, window: int) -> Seed | None:
     power = np.abs(np.fft.fftshift(spectrum, axes=0)) ** 2
     fx = np.fft.rfftfreq(size)[np.newaxis, :]
     fy = np.fft.fftshift(np.fft.fftfreq(size))[:, np.newaxis]
-    radius = np.hypot(fx, fy)
+    radius = np.maximum(np.hypot(fx, fy), 1e-9)
     ring = (radius > PERIODS_ACROSS / window) & (radius < HIGHEST_FREQUENCY)
     floor = float(np.median(power[ring]))
     if floor <= 0.0:
@@ -118,9 +123,19 @@ def _seed(flat: FloatArray, left: int, top: int, window: int) -> Seed | None:
     apart = np.abs(np.angle(np.exp(2j * (angle - angle[first])))) / 2.0
     second = _peak(np.where(ring & (apart > SMALLEST_ANGLE), power, 0.0))
     waves = np.array([_refined(power, place, size) for place in (first, second)])
-    strength = float(min(power[first], power[second])) / floor
+    strengths = [_above_its_kind(power, radius, place) for place in (first, second)]
     centre = np.array([left, top]) + (window - 1) / 2.0
-    return Seed(centre, waves, window, strength)
+    return Seed(centre, waves, window, min(strengths), strengths[0])
+
+
+def _above_its_kind(power: FloatArray, radius: FloatArray, place: tuple[int, int]) -> float:
+    """Power of a wave over the median of all waves about as long.
+
+    Most textures are the stronger the longer the wave: what stands out of all waves need not stand
+    out of its own kind.
+    """
+    alike = np.abs(np.log(radius / radius[place])) < ALIKE
+    return float(power[place] / max(float(np.median(power[alike])), 1e-300))
 
 
 def _peak(power: FloatArray) -> tuple[int, int]:

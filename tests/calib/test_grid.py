@@ -2,6 +2,7 @@
 
 import json
 
+import cv2
 import numpy as np
 import pytest
 
@@ -31,6 +32,42 @@ def test_found_at_any_pose_with_the_experiment_in_front(seed: int) -> None:
     assert len(grid.nodes) > 80
     assert 0.4 < np.sqrt((normalised**2).mean()) < 1.8
     assert np.abs(normalised.mean(axis=0)).max() < 0.3
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [
+        "right",
+        pytest.param("left", marks=pytest.mark.slow),
+        pytest.param("top", marks=pytest.mark.slow),
+        pytest.param("middle", marks=pytest.mark.slow),
+    ],
+)
+def test_half_hidden_by_something_with_a_texture_of_its_own(hidden: str) -> None:
+    camera = some_camera(np.random.default_rng(101), (432, 240))
+    picture = rendered(camera, seed=1, samples=3)
+    cover = {
+        "left": np.s_[:, :216],
+        "right": np.s_[:, 216:],
+        "top": np.s_[:120],
+        "middle": np.s_[:, 108:324],
+    }[hidden]
+    rng = np.random.default_rng(3)
+    texture = cv2.GaussianBlur(rng.normal(0.0, 240.0, picture[cover].shape), (0, 0), 3.0)
+    picture[cover] = np.clip(110.0 + texture, 0.0, 255.0)
+    grid = find_wall_grid(picture)
+    assert labelling_error(grid, camera)[0] == 0.0
+    assert len(grid.nodes) > 60
+
+
+def test_lines_that_can_not_be_counted_surely_are_refused() -> None:
+    """Hairlines sampled so coarsely that they come and go, with a false rhythm of their own."""
+    rng = np.random.default_rng(13)
+    cameras = [some_camera(rng, (208, 116)) for _ in range(14)]
+    for index in (5, 13):
+        with pytest.raises(CalibrationError) as refusal:
+            find_wall_grid(rendered(cameras[index], seed=13 + index, samples=3))
+        assert refusal.value.hint
 
 
 @pytest.mark.slow
