@@ -44,7 +44,12 @@ def written_whole(path: Path) -> Iterator[Path]:
     try:
         yield temporary
         os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
+        try:
+            os.replace(temporary, path)
+        except OSError as problem:
+            raise UsageError(
+                f"can't write {path}: {problem.strerror}", hint="Is there a folder of that name?"
+            ) from problem
     finally:
         temporary.unlink(missing_ok=True)
 

@@ -16,10 +16,10 @@ from vision.overlay_drawing import OverlayPainter
 from vision.overlay_marks import OverlayMarks
 from vision.tracks import Tracks
 
-__all__ = ["OverlayMarks", "overlay_still", "png_bytes", "write_overlay"]
+__all__ = ["OVERLAY_SUFFIXES", "OverlayMarks", "overlay_still", "png_bytes", "write_overlay"]
 
 _PLAYED_FPS = 30
-_SUFFIXES = (".mp4", ".mov", ".mkv")
+OVERLAY_SUFFIXES = (".mp4", ".mov", ".mkv")
 
 
 def write_overlay(
@@ -52,10 +52,10 @@ def write_overlay(
     ClipError
         If the clip can't be read any more.
     """
-    if path.suffix.lower() not in _SUFFIXES:
+    if path.suffix.lower() not in OVERLAY_SUFFIXES:
         raise UsageError(
             f"an overlay can't be written as {path.suffix or path.name}",
-            hint=f"Name a file that ends in {', '.join(_SUFFIXES)}.",
+            hint=f"Name a file that ends in {', '.join(OVERLAY_SUFFIXES)}.",
         )
     painter = OverlayPainter(clip.info.width, clip.info.height, tracks, marks or OverlayMarks())
     with written_whole(path) as temporary:

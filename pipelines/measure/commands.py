@@ -3,7 +3,6 @@
 import math
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -21,18 +20,11 @@ from metrology import (
 )
 from metrology.formatting import format_quantity
 from pipelines.measure.chain import MeasureOptions, measure_clip
-from pipelines.measure.output import (
-    measurement_as_json,
-    measurements_as_csv,
-    results_table,
-    tracks_as_csv,
-)
-from pipelines.measure.pictures import overlay_marks, report_input
+from pipelines.measure.output import measurement_as_json, measurements_as_csv, results_table
+from pipelines.measure.wanted import Wanted
 from pipelines.measurement import QUANTITY_UNITS, Measurement
-from pipelines.report import quantity_label, write_plot, write_report
+from pipelines.report import quantity_label
 from pipelines.setup_file import Setup, load_setup
-from vision.clip import Clip
-from vision.overlay import write_overlay
 
 __all__ = [
     "contact_time_command",
@@ -82,19 +74,6 @@ LANDING = (
 COR = ("cor_speeds", "cor_launch", "cor_range", "cor", "external_impulse", "energy_loss")
 
 
-@dataclass(frozen=True)
-class _Wanted:
-    """Where results go."""
-
-    csv: Path | None = None
-    json: str | None = None
-    tracks: Path | None = None
-    overlay: Path | None = None
-    plot: Path | None = None
-    report: Path | None = None
-    quiet: bool = False
-
-
 def measure_command(
     clips: ClipsArgument,
     setup: SetupOption = None,
@@ -115,7 +94,8 @@ def measure_command(
 
     Example: vision measure clip.mp4 --ball jokku --fps 600 --report clip.html
     """
-    wanted = _Wanted(csv, json, tracks, overlay, plot, report, quiet)
+    wanted = Wanted(csv, json, tracks, overlay, plot, report, quiet)
+    wanted.require_writable((*clips, setup))
     options = _options(setup, fps, ball, wall_grid, ball_at, mass_at)
     if len(clips) > 1 and (tracks or overlay or plot or report or json):
         raise UsageError(
@@ -144,7 +124,8 @@ def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # t
         report: ReportOption = None,
         quiet: QuietOption = False,
     ) -> None:
-        wanted = _Wanted(csv, json, tracks, overlay, plot, report, quiet)
+        wanted = Wanted(csv, json, tracks, overlay, plot, report, quiet)
+        wanted.require_writable((clip, setup))
         options = _options(setup, fps, ball, wall_grid, ball_at, mass_at)
         measured = _one(clip, options, wanted, names)
         quantity = measured.quantity(needed)
@@ -196,7 +177,7 @@ def demo_command(
         out.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
         raise UsageError(f"can't make the folder {out}: {problem.strerror}") from problem
-    wanted = _Wanted(
+    wanted = Wanted(
         csv=out / "results.csv",
         json=str(out / "results.json"),
         tracks=out / "tracks.csv",
@@ -251,7 +232,7 @@ def _point(option: str, text: str | None) -> tuple[float, float] | tuple[float, 
 
 
 def _several(
-    clips: Sequence[Path], options: MeasureOptions, wanted: _Wanted, names: tuple[str, ...]
+    clips: Sequence[Path], options: MeasureOptions, wanted: Wanted, names: tuple[str, ...]
 ) -> None:
     """Measure all clips; one that fails is told and does not take the others with it."""
     if len(clips) == 1:
@@ -264,7 +245,7 @@ def _several(
     failures: list[ImpactVisionError] = []
     for clip in clips:
         try:
-            done.append(_one(clip, options, _Wanted(quiet=wanted.quiet), names))
+            done.append(_one(clip, options, Wanted(quiet=wanted.quiet), names))
         except ImpactVisionError as problem:
             failures.append(problem)
             Console(stderr=True).print(f"vision: {problem}", markup=False, highlight=False)
@@ -277,7 +258,7 @@ def _several(
 def _one(
     clip: Path,
     options: MeasureOptions,
-    wanted: _Wanted,
+    wanted: Wanted,
     names: tuple[str, ...],
     *,
     budgets: bool = True,
@@ -298,7 +279,7 @@ def _one(
             lambda step, part: bar.update(task, description=step, completed=part),
         )
         bar.update(task, description="writing", completed=0.5)
-        _write(measured, clip, wanted, names)
+        wanted.write(measured, clip, names)
     if wanted.json == "-":
         sys.stdout.write(measurement_as_json(measured, names) + "\n")
     elif not wanted.quiet:
@@ -309,21 +290,6 @@ def _one(
         for warning in measured.warnings:
             errors.print(f"warning: {warning}", markup=False, highlight=False, soft_wrap=True)
     return measured
-
-
-def _write(measured: Measurement, clip: Path, wanted: _Wanted, names: tuple[str, ...]) -> None:
-    if wanted.csv is not None:
-        write_text_whole(wanted.csv, measurements_as_csv([measured], names))
-    if wanted.json not in (None, "-"):
-        write_text_whole(Path(str(wanted.json)), measurement_as_json(measured, names) + "\n")
-    if wanted.tracks is not None:
-        write_text_whole(wanted.tracks, tracks_as_csv(measured))
-    if wanted.overlay is not None:
-        write_overlay(wanted.overlay, Clip.open(clip), measured.tracks, overlay_marks(measured))
-    if wanted.plot is not None:
-        write_plot(wanted.plot, report_input(measured, None))
-    if wanted.report is not None:
-        write_report(wanted.report, report_input(measured, Clip.open(clip)))
 
 
 def _print_budgets(measured: Measurement, names: tuple[str, ...]) -> None:

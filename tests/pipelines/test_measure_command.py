@@ -131,6 +131,31 @@ def test_bad_input_is_told(arguments: list[str], code: int, said: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--json", "nowhere/r.json"], "no folder nowhere"),
+        (["--csv", "."], "a folder"),
+        (["--overlay", "o.txt"], ".mp4"),
+        (["--plot", "p.bmp"], ".png"),
+        (["--overlay", "clip.mp4"], "overwrite"),
+        (["--csv", "r.csv", "--tracks", "r.csv"], "two results"),
+    ],
+)
+def test_files_that_cannot_be_written_are_told_before_anything_is_measured(
+    options: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    clip = tmp_path / "clip.mp4"
+    clip.write_bytes(b"not looked at")
+    for command in ("measure", "launch"):
+        result = CliRunner().invoke(app, [command, "clip.mp4", *options])
+        assert result.exit_code == 2
+        assert said in result.output
+    assert list(tmp_path.iterdir()) == [clip]
+    assert clip.read_bytes() == b"not looked at"
+
+
+@pytest.mark.parametrize(
     "options",
     [["--fps", "30"], ["--wall-grid", "100mm", "--setup", str(CLIPS / "basketball_60.toml")]],
     ids=["wrong rate", "wrong pitch"],
