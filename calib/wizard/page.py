@@ -1,0 +1,243 @@
+"""The page: the picture on the left, one step and what it does to the uncertainty on the right."""
+
+from typing import Any
+
+import numpy as np
+from nicegui import ui
+from nicegui.events import GenericEventArguments, MouseEventArguments
+from numpy.typing import NDArray
+
+from calib.wizard.answers import STEPS
+from calib.wizard.drawing import grid_lines, handles, marks, residual_arrows, shaded_map
+from calib.wizard.jobs import Jobs
+from calib.wizard.page_outlook import outlook_card
+from calib.wizard.page_parts import STYLE, note, phrase
+from calib.wizard.page_places import Places
+from calib.wizard.page_steps import PANELS
+from calib.wizard.session import Session
+
+__all__ = ["WizardPage"]
+
+FloatArray = NDArray[np.float64]
+
+PICTURE_URL = "/scene.png"
+LOUPE_ZOOM, LOUPE_PX = 7, 168
+GRAB_SHARE = 0.03
+"""How near to a handle it is grabbed, of the picture's width."""
+ARROWS = {"ArrowLeft": (-1, 0), "ArrowRight": (1, 0), "ArrowUp": (0, -1), "ArrowDown": (0, 1)}
+POLL_S = 0.25
+
+
+class WizardPage:
+    """One window's view of the session; all that matters lives in the session.
+
+    Parameters
+    ----------
+    session : Session
+    jobs : Jobs
+    close : callable
+        Ends the program.
+    """
+
+    def __init__(self, session: Session, jobs: Jobs, close: Any) -> None:
+        self.session = session
+        self.jobs = jobs
+        self.close = close
+        self.places = Places(session, jobs)
+        self.saving_problem = ""
+        self._revision = -1
+        self._dragged: str | None = None
+
+    def build(self) -> None:
+        """Lay the page out."""
+        info = self.session.answers.scene.info
+        ui.add_css(STYLE)
+        ui.page_title(f"Calibration: {info.path.name}")
+        with ui.column().classes("w-full gap-3").style("max-width: 1500px; margin: 0 auto"):
+            with ui.row().classes("w-full items-baseline gap-3"):
+                ui.html(f"<h1>Calibration of {_safe(info.path.name)}</h1>", sanitize=False)
+                ui.label(f"{info.width} × {info.height} px, {info.frames} frames").classes(
+                    "wz-small"
+                )
+            self.navigation()
+            with ui.row().classes("w-full items-start gap-4"):
+                with ui.column().classes("gap-2").style("flex: 3 1 520px; min-width: 0"):
+                    self._picture()
+                with ui.column().classes("gap-3").style("flex: 2 1 380px; min-width: 340px"):
+                    self.panel()
+                    self.outlook()
+        ui.timer(POLL_S, self._poll)
+        self.show()
+
+    @ui.refreshable_method
+    def navigation(self) -> None:
+        """The row of steps."""
+        with (
+            ui.element("nav")
+            .props('aria-label="Steps"')
+            .classes("row items-center gap-1 wz-card w-full")
+        ):
+            for index, name in enumerate(STEPS):
+                current = index == self.session.step
+                button = ui.button(
+                    f"{index + 1}  {phrase(name)[:-1]}",
+                    on_click=lambda _, index=index: self.go(index),
+                )
+                button.props(f'flat dense color=blue-grey-8 data-test="step-{index + 1}"')
+                button.props(f"aria-current={'step' if current else 'false'}")
+                button.classes("wz-step" + (" wz-done" if index < self.session.step else ""))
+
+    @ui.refreshable_method
+    def panel(self) -> None:
+        """The present step."""
+        with ui.column().classes("wz-card w-full gap-3").props("data-test=panel"):
+            number = self.session.step
+            ui.html(f"<h2>{number + 1}. {phrase(STEPS[number])[:-1]}</h2>", sanitize=False)
+            if self.jobs.busy:
+                with ui.row().classes("items-center gap-2").props("role=status"):
+                    ui.spinner(size="sm")
+                    ui.label(f"{phrase(self.jobs.busy)[:-1]} …").props("data-test=busy")
+            if self.jobs.problem:
+                note(phrase(self.jobs.problem), "wz-bad", alert=True)
+            PANELS[number](self)
+            with ui.row().classes("w-full justify-between"):
+                back = ui.button("Back", on_click=lambda: self.go(number - 1))
+                back.props("outline no-caps color=teal-9 data-test=back")
+                back.set_enabled(number > 0)
+                if number < len(STEPS) - 1:
+                    ui.button("Next", on_click=lambda: self.go(number + 1)).props(
+                        "unelevated no-caps color=teal-9 data-test=next"
+                    )
+
+    @ui.refreshable_method
+    def outlook(self) -> None:
+        """The expected uncertainty."""
+        outlook_card(self.session)
+
+    def go(self, step: int) -> None:
+        """Show another step."""
+        self.session.step = min(max(step, 0), len(STEPS) - 1)
+        self.places.leave()
+        self.show()
+
+    def finish(self) -> None:
+        """Say goodbye and end the program."""
+        ui.run_javascript(
+            'document.body.innerHTML = \'<p style="font: 18px system-ui; margin: 4rem">'
+            "The calibration is closed. You can close this window.</p>'"
+        )
+        ui.timer(0.3, self.close, once=True)
+
+    def show(self) -> None:
+        """Draw all anew."""
+        self._revision = self.jobs.revision
+        self.navigation.refresh()
+        self.panel.refresh()
+        self.outlook.refresh()
+        self.draw()
+
+    def draw(self) -> None:
+        """Draw what lies over the picture, and the loupe."""
+        answers, found = self.session.answers, self.session.outlook
+        step = self.session.step
+        parts = []
+        if step == 5 and found.calibration is not None and answers.grid is not None:
+            if self.session.layer == "uncertainty":
+                parts.append(shaded_map(found.calibration)[0])
+            elif self.session.layer == "residuals":
+                parts.append(residual_arrows(found.calibration, answers.grid)[0])
+        if answers.grid is not None and (
+            step in (2, 4) or (step == 5 and self.session.layer == "grid")
+        ):
+            parts.append(grid_lines(answers.grid))
+        if step in (3, 4) or (step == 5 and self.session.layer == "uncertainty"):
+            parts.append(marks(answers, None))
+        if step == 2 and self.places.by_hand:
+            active = self.places.active
+            number = int(active[-1]) if active and active.startswith("corner") else None
+            parts.append(handles(self.places.corners, number, answers.scene.size))
+        if step == 5:
+            parts.append(self.places.ruler())
+        self._image.content = "".join(parts)
+        self._magnify()
+
+    def _picture(self) -> None:
+        scene = self.session.answers.scene
+        self._image = ui.interactive_image(
+            PICTURE_URL,
+            on_mouse=self._mouse,
+            events=["mousedown", "mousemove", "mouseup"],
+            sanitize=False,
+        )
+        self._image.classes("wz-picture").props(
+            'tabindex=0 role=application data-test=picture aria-label="The scene. Choose a place '
+            'in the step beside it; arrow keys move it by 1 px, with Shift by 10, with Alt by 0.1."'
+        )
+        self._image.on("keydown", self._key, args=["key", "shiftKey", "altKey"])
+        with ui.row().classes("items-start gap-3 no-wrap"):
+            self._loupe = ui.element("div").classes("wz-loupe").props("aria-hidden=true")
+            self._loupe.style(
+                f"background-image: url({PICTURE_URL}); background-size: "
+                f"{scene.info.width * LOUPE_ZOOM}px {scene.info.height * LOUPE_ZOOM}px"
+            )
+            with ui.column().classes("gap-1"):
+                self._where = ui.label().classes("wz-small").props("data-test=where")
+                ui.label(
+                    "Choose a place with its button, then click in the picture. By keyboard: Tab "
+                    "to the picture, arrow keys move the place (Shift: 10 px, Alt: 0.1 px)."
+                ).classes("wz-small")
+
+    def _mouse(self, event: MouseEventArguments) -> None:
+        px = np.array([event.image_x, event.image_y]) - 0.5
+        if event.type == "mousedown":
+            self._dragged = self.places.grabbed(px, GRAB_SHARE) or self.places.active
+            if self._dragged is not None:
+                self.places.active = self._dragged
+                self.places.put(self._dragged, px, final=False)
+        elif event.type == "mousemove":
+            if self._dragged is None or not event.buttons:
+                self._magnify(px)
+                return
+            self.places.put(self._dragged, px, final=False)
+        elif self._dragged is not None:
+            name, self._dragged = self._dragged, None
+            self.places.put(name, px, final=True)
+            self.panel.refresh()
+        self.draw()
+
+    def _key(self, event: GenericEventArguments) -> None:
+        step = ARROWS.get(event.args.get("key", ""))
+        at = None if self.places.active is None else self.places.where(self.places.active)
+        if step is None or self.places.active is None:
+            return
+        size = 10.0 if event.args.get("shiftKey") else 0.1 if event.args.get("altKey") else 1.0
+        if at is None:
+            at = (np.array(self.session.answers.scene.size) - 1.0) / 2.0
+        self.places.put(self.places.active, at + size * np.array(step), final=True)
+        self.panel.refresh()
+        self.draw()
+
+    def _magnify(self, px: FloatArray | None = None) -> None:
+        active = self.places.active
+        if px is None and active is not None:
+            px = self.places.where(active)
+        if px is None:
+            return
+        x, y = (px + 0.5) * LOUPE_ZOOM - LOUPE_PX / 2
+        self._loupe.style(f"background-position: {-x:.1f}px {-y:.1f}px")
+        named = "" if active is None else f"{self.places.label(active)}: "
+        reading = ""
+        grid = self.session.answers.grid
+        if grid is not None:
+            wall = grid.to_wall(px)
+            if np.isfinite(wall).all():
+                reading = f"; wall {wall[0]:+.3f}, {wall[1]:+.3f} m"
+        self._where.text = f"{named}{px[0]:.1f}, {px[1]:.1f} px{reading}"
+
+    def _poll(self) -> None:
+        if self.jobs.revision != self._revision:
+            self.show()
+
+
+def _safe(text: str) -> str:
+    return text.replace("&", "&amp;").replace("<", "&lt;")

@@ -1,0 +1,38 @@
+"""Rows on the page for places in the picture."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from calib.wizard.page_parts import Place, place_row
+from calib.wizard.page_places import LABELS
+
+if TYPE_CHECKING:
+    from calib.wizard.page import WizardPage
+
+__all__ = ["places_of"]
+
+
+def places_of(page: "WizardPage", *keys: str) -> None:
+    """Rows for places."""
+    for key in keys:
+        at = page.places.where(key)
+
+        def choose(key: str = key) -> None:
+            page.places.active = key
+            page.panel.refresh()
+            page.draw()
+
+        def moved(x: float, y: float, key: str = key) -> None:
+            page.places.active = key
+            page.places.put(key, np.array([x, y]), final=True)
+            page.panel.refresh()
+            page.draw()
+
+        place_row(
+            Place(key, LABELS[key]),
+            None if at is None else (float(at[0]), float(at[1])),
+            active=page.places.active == key,
+            choose=choose,
+            moved=moved,
+        )
