@@ -1,6 +1,5 @@
 """`vision calibrate`: boards to print, lenses, the wall of a clip, and whether a camera moved."""
 
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
@@ -16,10 +15,14 @@ from calib.lens import Board, calibrate_lens, find_board
 from calib.lens_file import read_lens, write_board, write_lens
 from calib.moved import camera_movement
 from calib.pose import calibrate
+from calib.wizard.files import read_view
+from calib.wizard.parsing import board_size
 from metrology import ClipError, UsageError, parse_quantity
+from pipelines.calibrate_clip import ClipOrCommand, clip_command, old_view
+from pipelines.calibrate_plan import plan_filming_command
 from vision.clip import Clip
 
-__all__ = ["CALIBRATE_COMMANDS"]
+__all__ = ["CALIBRATE_COMMANDS", "ClipOrCommand"]
 
 FRAMES_AVERAGED = 40
 
@@ -29,12 +32,8 @@ Charuco = Annotated[bool, typer.Option(help="A ChArUco board: markers in the whi
 
 
 def _board(size: str, square: str, charuco: bool) -> Board:
-    match = re.fullmatch(r"\s*(\d+)\s*[x×]\s*(\d+)\s*", size)
-    if match is None or min(int(n) for n in match.groups()) < 3:
-        raise UsageError(
-            f"{size!r} is no board size", hint="Write inner corners as columns x rows: 8x6."
-        )
-    return Board(int(match[1]), int(match[2]), parse_quantity(square, "m"), charuco)
+    columns, rows = board_size(size)
+    return Board(columns, rows, parse_quantity(square, "m"), charuco)
 
 
 def board_command(
@@ -98,12 +97,37 @@ def wall_command(
 
 
 def check_command(
-    clip: Annotated[Path, typer.Argument(help="The new clip.")],
-    against: Annotated[Path, typer.Option(help="The clip the calibration was made with.")],
-    wall_grid: Annotated[str, typer.Option(help="Distance between coarse lines.")] = "50 mm",
+    first: Annotated[
+        Path, typer.Argument(help="The old setup file (or lens file).", metavar="OLD_SETUP")
+    ],
+    second: Annotated[Path | None, typer.Argument(help="The new clip.", metavar="NEW_CLIP")] = None,
+    against: Annotated[
+        Path | None,
+        typer.Option(
+            help="Instead: the old clip or setup file, with the new clip alone before it."
+        ),
+    ] = None,
+    wall_grid: Annotated[
+        str | None, typer.Option(help="Distance between coarse lines; as it was, else 50 mm.")
+    ] = None,
 ) -> None:
-    """Tell whether the camera has moved since an earlier clip."""
-    typer.echo(str(camera_movement(_grid(against, wall_grid), _grid(clip, wall_grid))))
+    """Tell whether the camera has moved since it was calibrated."""
+    if (second is None) == (against is None):
+        raise UsageError(
+            "two things are compared",
+            hint="vision calibrate --check OLD_SETUP NEW_CLIP, or check NEW_CLIP --against OLD.",
+        )
+    old, new = (first, second) if second is not None else (against, first)
+    assert old is not None
+    view = old_view(old)
+    before = _grid(old, wall_grid or "50 mm") if view is None else read_view(view)
+    now = _grid(new, wall_grid or f"{before.pitch_m!r} m")
+    if view is not None and abs(now.pitch_m / before.pitch_m - 1.0) > 1e-6:
+        raise UsageError(
+            f"the old calibration has squares of {1e3 * before.pitch_m:g} mm",
+            hint="Leave --wall-grid out.",
+        )
+    typer.echo(str(camera_movement(before, now)))
 
 
 def _grid(path: Path, pitch: str) -> WallGrid:
@@ -121,9 +145,11 @@ def _picture(path: Path) -> NDArray[np.uint8]:
 
 
 CALIBRATE_COMMANDS: dict[str, Callable[..., None]] = {
+    "clip": clip_command,
     "board": board_command,
     "lens": lens_command,
     "wall": wall_command,
     "check": check_command,
+    "plan": plan_filming_command,
 }
 """Commands under `vision calibrate`, by name."""

@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 
 from metrology import ImpactVisionError
-from pipelines.calibrate import CALIBRATE_COMMANDS
+from pipelines.calibrate import CALIBRATE_COMMANDS, ClipOrCommand
 from pipelines.explain import explain_command
 from pipelines.measure.commands import (
     contact_time_command,
@@ -87,10 +87,11 @@ for _name, _command in _COMMANDS.items():
     app.command(_name)(_guarded(_command))
 
 _calibrate = typer.Typer(
+    cls=ClipOrCommand,
     no_args_is_help=True,
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
-    help="From pixels to metres: lens, wall grid, and whether an old calibration still holds.",
+    help="From pixels to metres: calibrate CLIP, a lens, a wall; has the camera moved.",
 )
 for _name, _command in CALIBRATE_COMMANDS.items():
     _calibrate.command(_name)(_guarded(_command))

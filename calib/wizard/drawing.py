@@ -26,7 +26,7 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 
-LINE, MARK, ARROW, HANDLE = "#00b3a4", "#ff4f8b", "#ffd166", "#ff9f1c"
+LINE, MARK, ARROW, HANDLE = "#00a395", "#d6156c", "#b3261e", "#d35400"
 RAMP = ("#440154", "#3b528b", "#21918c", "#5ec962", "#fde725")
 """Viridis, dark for small."""
 MOST_LINES = 120
@@ -121,7 +121,8 @@ def _label(px: FloatArray, text: str, colour: str, size: tuple[int, int]) -> str
     anchor = "end" if px[0] > 0.85 * size[0] else "start"
     return (
         f'<text x="{px[0]:.1f}" y="{px[1]:.1f}" font-size="{font:.1f}" fill="{colour}" '
-        f'stroke="#000" stroke-width="{0.22 * font:.2f}" paint-order="stroke" '
+        f'style="paint-order: stroke; font-weight: 600" stroke="#fff" '
+        f'stroke-width="{0.3 * font:.2f}" '
         f'text-anchor="{anchor}" font-family="sans-serif">{escape(text)}</text>'
     )
 
@@ -214,12 +215,18 @@ def shaded_map(calibration: Calibration) -> tuple[str, MapScale]:
     scale = MapScale(float(finite.min()), float(np.percentile(finite, 98)))
     colour = _colouring(scale)
     cells = "".join(
-        f'<rect x="{x - step / 2:.1f}" y="{y - step / 2:.1f}" width="{step}" height="{step}" '
+        f'<rect x="{x - step / 2:.1f}" y="{y - step / 2:.1f}" width="{_reach(x, width, step)}" '
+        f'height="{_reach(y, calibration.lens.height, step)}" '
         f'fill="{colour(value)}"/>'
         for (x, y), value in zip(px.reshape(-1, 2), std.ravel(), strict=True)
         if np.isfinite(value)
     )
     return f'<g opacity="0.6">{cells}</g>', scale
+
+
+def _reach(at: float, length: int, step: int) -> float:
+    """Side of a cell: the last one of a row reaches to the picture's edge."""
+    return step + 0.3 if at + step < length else length - at + 0.5 * step
 
 
 def _colouring(scale: MapScale) -> Callable[[float], str]:

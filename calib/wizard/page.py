@@ -20,7 +20,8 @@ __all__ = ["WizardPage"]
 
 FloatArray = NDArray[np.float64]
 
-PICTURE_URL = "/scene.png"
+PICTURE_URL, FIRST_URL = "/scene.png", "/first.png"
+"""The still scene, and the first frame, in which the ball usually rests."""
 LOUPE_ZOOM, LOUPE_PX = 7, 168
 GRAB_SHARE = 0.03
 """How near to a handle it is grabbed, of the picture's width."""
@@ -83,7 +84,7 @@ class WizardPage:
                     f"{index + 1}  {phrase(name)[:-1]}",
                     on_click=lambda _, index=index: self.go(index),
                 )
-                button.props(f'flat dense color=blue-grey-8 data-test="step-{index + 1}"')
+                button.props(f'flat dense color=inherit data-test="step-{index + 1}"')
                 button.props(f"aria-current={'step' if current else 'false'}")
                 button.classes("wz-step" + (" wz-done" if index < self.session.step else ""))
 
@@ -159,7 +160,13 @@ class WizardPage:
         if step == 5:
             parts.append(self.places.ruler())
         self._image.content = "".join(parts)
+        self._image.set_source(self._shown)
+        self._loupe.style(f"background-image: url({self._shown})")
         self._magnify()
+
+    @property
+    def _shown(self) -> str:
+        return FIRST_URL if self.session.step == 3 else PICTURE_URL
 
     def _picture(self) -> None:
         scene = self.session.answers.scene
@@ -176,10 +183,8 @@ class WizardPage:
         self._image.on("keydown", self._key, args=["key", "shiftKey", "altKey"])
         with ui.row().classes("items-start gap-3 no-wrap"):
             self._loupe = ui.element("div").classes("wz-loupe").props("aria-hidden=true")
-            self._loupe.style(
-                f"background-image: url({PICTURE_URL}); background-size: "
-                f"{scene.info.width * LOUPE_ZOOM}px {scene.info.height * LOUPE_ZOOM}px"
-            )
+            wide, high = (LOUPE_ZOOM * length for length in scene.size)
+            self._loupe.style(f"background-size: {wide}px {high}px")
             with ui.column().classes("gap-1"):
                 self._where = ui.label().classes("wz-small").props("data-test=where")
                 ui.label(

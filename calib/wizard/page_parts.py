@@ -10,9 +10,10 @@ __all__ = ["STYLE", "Place", "field", "millimetres", "note", "phrase", "place_ro
 
 STYLE = """
 body { background: #f3f5f6; color: #1d2b33; }
-.wz-step { min-width: 0; text-transform: none; border-radius: 6px; padding: 2px 10px; }
+.wz-step { min-width: 0; color: #37474f; text-transform: none;
+  border-radius: 6px; padding: 2px 10px; }
 .wz-step[aria-current=step] { background: #0b5c66 !important; color: #fff !important; }
-.wz-step.wz-done { color: #0b5c66 !important; }
+.wz-step.wz-done { color: #0b5c66; text-decoration: underline; }
 .wz-card { background: #fff; border: 1px solid #d8dee2; border-radius: 8px; padding: 14px 16px; }
 .wz-big { font-size: 2rem; font-weight: 650; line-height: 1.1; font-variant-numeric: tabular-nums; }
 .wz-bar { height: 8px; background: #0b8a8f; border-radius: 2px; }
@@ -20,8 +21,9 @@ body { background: #f3f5f6; color: #1d2b33; }
 .wz-warn { background: #fff4d6; border-left: 4px solid #c98a00; padding: 6px 10px;
   font-size: 0.9rem; }
 .wz-bad { background: #fde8e6; border-left: 4px solid #b3261e; padding: 6px 10px; }
-.wz-loupe { width: 168px; height: 168px; border-radius: 6px; border: 1px solid #9fb0ba;
-  background-repeat: no-repeat; image-rendering: pixelated; position: relative; overflow: hidden; }
+.wz-loupe { flex: none; width: 168px; height: 168px; border-radius: 6px; border: 1px solid #9fb0ba;
+  background-repeat: no-repeat; image-rendering: pixelated; position: relative;
+  overflow: hidden; }
 .wz-loupe::before, .wz-loupe::after { content: ''; position: absolute; background: #ff4f8b; }
 .wz-loupe::before { left: 50%; top: 20%; bottom: 20%; width: 1px; }
 .wz-loupe::after { top: 50%; left: 20%; right: 20%; height: 1px; }

@@ -274,8 +274,8 @@ def _followed(page: "WizardPage") -> None:
     session = page.session
     seen = session.answers.seen
     if seen is not None and seen.rest_px is not None:
-        found = "at rest" + ("" if seen.landing_px is None else " and to its landing")
-        note(f"The ball was followed {found}.", "text-body2")
+        landed = "" if seen.landing_px is None else " and to its lowest place, the landing"
+        note(f"The ball was followed from its rest{landed}.", "text-body2")
         return
     note("The ball is not followed yet: that tells where it rests and lands, and how large it is.")
     ui.button(

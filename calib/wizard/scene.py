@@ -33,12 +33,15 @@ class Scene:
     info : ClipInfo
     picture : (H, W) uint8 array
         Median of frames over the whole clip: the scene without what moves.
+    first : (H, W) uint8 array
+        The first frame.
     rate : CaptureRate
         As the file or an option tells it.
     """
 
     info: ClipInfo
     picture: NDArray[np.uint8]
+    first: NDArray[np.uint8]
     rate: CaptureRate
 
     @property
@@ -99,10 +102,17 @@ def look_at(path: Path, fps: float | None = None) -> Scene:
     rate = choose_capture_rate(clip.info, fps)
     stride = max(1, clip.info.frames // FRAMES_LOOKED_AT)
     frames = [frame.gray for frame in clip.frames() if frame.index % stride == 0]
-    middle = np.median(frames, axis=0)
-    if frames[0].dtype == np.uint16:
-        middle = middle / 257.0
-    return Scene(clip.info, np.asarray(np.round(middle), dtype=np.uint8), rate)
+    return Scene(
+        clip.info,
+        _eight_bit(np.median(frames, axis=0), frames[0].dtype),
+        _eight_bit(frames[0], frames[0].dtype),
+        rate,
+    )
+
+
+def _eight_bit(picture: NDArray[np.generic], stored: np.dtype[np.generic]) -> NDArray[np.uint8]:
+    levels = np.asarray(picture, dtype=np.float64) / (257.0 if stored == np.uint16 else 1.0)
+    return np.asarray(np.round(levels), dtype=np.uint8)
 
 
 def watch_ball(

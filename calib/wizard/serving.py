@@ -5,13 +5,13 @@ import socket
 from collections.abc import Callable
 
 import uvicorn
-from fastapi import FastAPI, Response
+from fastapi import FastAPI, Request, Response
 from nicegui import ui
 
 from calib.wizard.drawing import encoded
 from calib.wizard.guard import Guard
 from calib.wizard.jobs import Jobs
-from calib.wizard.page import PICTURE_URL, WizardPage
+from calib.wizard.page import FIRST_URL, PICTURE_URL, WizardPage
 from calib.wizard.session import Session
 from metrology import UsageError
 
@@ -62,15 +62,17 @@ def serve(
         timeout_graceful_shutdown=1,
     )
     server = uvicorn.Server(config)
-    picture = encoded(session.answers.scene.picture)
+    scene = session.answers.scene
+    pictures = {PICTURE_URL: encoded(scene.picture), FIRST_URL: encoded(scene.first)}
 
-    def scene() -> Response:
-        return Response(picture, media_type="image/png")
+    def picture(request: Request) -> Response:
+        return Response(pictures[request.url.path], media_type="image/png")
 
     def root() -> None:
         WizardPage(session, jobs, lambda: _stop(server)).build()
 
-    app.add_api_route(PICTURE_URL, scene)
+    for url in pictures:
+        app.add_api_route(url, picture)
     ui.run_with(app, root=root, title="Calibration", show_welcome_message=False)
     asyncio.run(_until_left(server, guard, door, opened, grace_s))
 

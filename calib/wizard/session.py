@@ -134,7 +134,7 @@ class Session:
         """
         scene = self.answers.scene
         seen = watch_ball(scene.info.path, self.answers.capture_fps, ball_at=ball_at)
-        self.update("ball followed", seen=seen, rest_px=None, landing_px=None)
+        self.update("ball followed, landing seen", seen=seen, rest_px=None, landing_px=None)
         return seen
 
     def save(self) -> Written:
