@@ -7,12 +7,14 @@ import numpy as np
 from calib.calibration import Calibration
 from calib.evidence import BallOutlines, Evidence, Known
 from calib.grid import WallGrid, find_wall_grid
+from calib.lens_file import read_lens
+from calib.lens_prior import LensPrior
 from calib.plausibility import plausible
 from calib.pose import calibrate
 from pipelines.measure.inputs import DIAMETER_SHARE, Inputs
 from vision.tracks import Track, Tracks
 
-__all__ = ["calibrate_clip", "scene_evidence"]
+__all__ = ["calibrate_clip", "known_lens", "scene_evidence"]
 
 # What biases an outline biases it in every frame; it is larger where one frame tells less of it.
 _RADIUS_COMMON_STD_PX, _RADIUS_COMMON_OVER_RANDOM = 0.05, 4.0
@@ -25,11 +27,29 @@ def calibrate_clip(tracks: Tracks, inputs: Inputs) -> tuple[Calibration, WallGri
     ------
     CalibrationError
         If there is no grid, or it contradicts what is known.
+    SetupError
+        If the lens file can't be used.
     """
+    lens = known_lens(tracks, inputs)
     grid = find_wall_grid(
         tracks.background, pitch_m=inputs.grid_pitch, fine_pitch_m=inputs.fine_pitch
     )
-    return plausible(calibrate(grid, scene_evidence(tracks, inputs))), grid
+    return plausible(calibrate(grid, scene_evidence(tracks, inputs), lens=lens)), grid
+
+
+def known_lens(tracks: Tracks, inputs: Inputs) -> LensPrior | None:
+    """The lens of the setup file, for the clip's picture; None where none is named.
+
+    Raises
+    ------
+    SetupError
+        If its file can't be read, or its picture has another shape than the clip's.
+    """
+    path = inputs.setup.camera.lens
+    if path is None:
+        return None
+    height, width = tracks.background.shape
+    return read_lens(path, width=width, height=height)
 
 
 def _known(pair: tuple[float, float] | None) -> Known | None:
@@ -37,14 +57,16 @@ def _known(pair: tuple[float, float] | None) -> Known | None:
 
 
 def scene_evidence(tracks: Tracks, inputs: Inputs) -> Evidence:
-    """What is known of the scene besides its grid."""
+    """What is known of the scene besides its grid.
+
+    The foot of the optical axis is written down as seen from the ball at rest and the floor: where
+    either is not known, so is it not.
+    """
     camera, wall = inputs.setup.camera, inputs.setup.wall
     foot = camera.principal_point_on_wall
     ball = tracks.ball
     evidence = Evidence(
         camera_distance=_known(camera.distance_to_wall),
-        axis_foot_x=None if foot is None else _known(foot[0]),
-        axis_foot_y=None if foot is None else _known(foot[1]),
         ball_plane_offset=_known(wall.ball_plane_offset),
     )
     if inputs.ball is not None:
@@ -57,6 +79,10 @@ def scene_evidence(tracks: Tracks, inputs: Inputs) -> Evidence:
         still = (ball.frame >= first) & (ball.frame <= last)
         if still.any():
             evidence = replace(evidence, rest_px=np.median(ball.centre_px[still], axis=0))
+    if foot is not None and evidence.rest_px is not None:
+        evidence = replace(evidence, axis_foot_x=_known(foot[0]))
+        if inputs.ball is not None and inputs.fall is not None:
+            evidence = replace(evidence, axis_foot_y=_known(foot[1]))
     return evidence
 
 

@@ -13,7 +13,7 @@ from calib.grid import WallGrid
 from calib.plausibility import ContradictionError
 from metrology import CalibrationError, MeasurementError
 from pipelines.measure.budget import Scene, systematic_budget
-from pipelines.measure.calibrated import calibrate_clip, scene_evidence
+from pipelines.measure.calibrated import calibrate_clip, known_lens, scene_evidence
 from pipelines.measure.derived import DERIVED, derived_values, random_covariance
 from pipelines.measure.gravity import contradicts_gravity
 from pipelines.measure.impact import find_impact
@@ -182,6 +182,7 @@ def _weighed_by_fall(
             (gravity, std),
             scene.inputs.gravity,
             px=tracks.ball.centre_px[flying],
+            lens=known_lens(tracks, scene.inputs),
         )
     except MeasurementError:
         return calibration
