@@ -9,7 +9,7 @@ from vision.cutout import Cutouts, Wanted, cut_out, ring_widths
 from vision.edge_profile import EdgeProfile
 from vision.linking import Path
 from vision.outline import FitRules, Start, fit_outlines
-from vision.outline_fits import OutlineFits, nothing_found
+from vision.outline_fits import OutlineFits, joined, nothing_found
 from vision.scene import Scene
 from vision.voted import voted_outlines
 
@@ -86,10 +86,27 @@ def follow_ball(scene: Scene, path: Path) -> BallFits:
     near_look = np.isin(inside, np.add.outer(path.frame, (-1, 0, 1)))
     fits = search.run(inside, guess, near_look)
     found = BallFits(inside, fits).at(fits.found)
-    table = _Table(scene.count, found.at(_plausible(found, path.radius)))
+    found = found.at(_plausible(found, path.radius))
+    table = _Table(scene.count, _gaps_filled(search, found, inside))
     for direction in (-1, 1):
         _extend(scene, search, table, direction)
     return table.rows()
+
+
+def _gaps_filled(search: "_Search", found: BallFits, inside: IntArray) -> BallFits:
+    """Look once more, between their neighbours, for frames in which nothing plausible was found."""
+    missing = np.setdiff1d(inside, found.frame)
+    if len(missing) == 0 or len(found) < 2:
+        return found
+    guess = np.column_stack(
+        [np.interp(missing, found.frame, found.centre[:, axis]) for axis in (0, 1)]
+    )
+    fits = search.run(missing, guess, np.zeros(len(missing), dtype=bool), afar=True)
+    more = BallFits(missing, fits).at(fits.found)
+    order = np.argsort(np.concatenate([found.frame, more.frame]), kind="stable")
+    every = BallFits(np.concatenate([found.frame, more.frame]), joined([found.fits, more.fits]))
+    every = every.at(order)
+    return every.at(_plausible(every, search.radius))
 
 
 class _Search:
@@ -188,8 +205,8 @@ def _plausible(found: BallFits, radius: float) -> BoolArray:
     near = found.centre[np.clip(places, 0, count - 1)]
     near[~known] = np.nan
     expected = np.nanmedian(near, axis=1)
-    span = np.nanmax(np.abs(near - expected[:, None]), axis=1)
-    near_by = np.abs(found.centre - expected) <= 2.0 * span + 0.5 * radius + 1.0
+    span = np.nanmedian(np.abs(near - expected[:, None]), axis=1)
+    near_by = np.abs(found.centre - expected) <= 3.0 * span + 0.3 * radius + 1.0
     return np.asarray(np.all(near_by, axis=1))
 
 

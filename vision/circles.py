@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.circle_relations import Circle, middle, panel_of, part_of, rank, same, shown
 from vision.edge_points import EdgePoints, edge_points, places
 
 __all__ = ["Circles", "find_circles"]
@@ -28,8 +29,6 @@ _RADII = np.array([2.6, 3.0, 3.5, 4.0, 4.6, 5.3])
 _COARSE_RADII = np.array([3.5, 4.0, 4.6, 5.3, 6.1, 7.0])
 _SECTORS = 16
 _FEWEST_EDGES = 8
-# Outlines whose covered parts differ by less are as complete.
-_AS_COMPLETE = 0.15
 # A change of so many units of noise is a change for certain; how strong it is no longer counts, so
 # that a ball's panels and its shading vanish, and its outline stays.
 _CHANGED = 12.0
@@ -67,10 +66,6 @@ class Circles:
         return len(self.radius_px)
 
 
-# Centre x, y, radius, coverage, sharpness.
-_Circle = tuple[float, float, float, float, float]
-
-
 def find_circles(
     picture: FloatImage,
     expected: FloatImage,
@@ -105,8 +100,8 @@ def find_circles(
     low, high = radii if radii is not None else (2.5, 0.25 * min(picture.shape))
     normalised = (picture - expected) / noise
     changed = np.minimum(np.abs(normalised), np.float32(_CHANGED))
-    found: list[_Circle] = []
-    whole: list[_Circle] = []
+    found: list[Circle] = []
+    whole: list[Circle] = []
     for scale, wanted in _scales(low, high, min(picture.shape)):
         level = _shrunk(normalised, scale)
         circles, edges = _searched(level, scale, wanted, most)
@@ -116,12 +111,16 @@ def find_circles(
             sharp = [_resharpened(circle, edges) for circle in circles]
             whole += [_enlarged(circle, scale) for circle in sharp if circle[3] >= least_coverage]
     # The change grows a little beyond a soft outline: where both show a circle, it is not needed.
-    found += [circle for circle in whole if not any(_shown(circle, other) for other in found)]
+    solid = [
+        circle for circle in whole if not any(shown(circle, other, normalised) for other in found)
+    ]
+    found = [circle for circle in found if not any(part_of(circle, other) for other in solid)]
+    found += solid
     if radii is None:
         found += _blobs(normalised, low, high)
     else:
         found = [circle for circle in found if 0.95 * low < circle[2] < 1.05 * high]
-    found = sorted(found, key=_rank)[: 3 * most]
+    found = sorted(found, key=rank)[: 3 * most]
     weighed = [
         (*circle[:4], circle[4] * _substance(circle, picture, expected, noise)) for circle in found
     ]
@@ -130,7 +129,7 @@ def find_circles(
 
 def _searched(
     level: FloatImage, scale: int, radii: FloatArray, most: int
-) -> tuple[list[_Circle], EdgePoints]:
+) -> tuple[list[Circle], EdgePoints]:
     """Circles of one scale, px of that scale, and the edges there are."""
     voted = [
         (edges, peaks)
@@ -141,7 +140,7 @@ def _searched(
     # Of each scale only the best go on, wherever they lie.
     support = np.concatenate([peaks[:, 3] for _, peaks in voted] or [np.zeros(0)])
     least = float(np.sort(support)[-most]) if len(support) > most else 0.0
-    found: list[_Circle] = []
+    found: list[Circle] = []
     for edges, peaks in voted:
         found += _refined(edges, peaks[peaks[:, 3] >= least, :3])
     columns = zip(*(vars(edges).values() for edges, _ in voted), strict=True)
@@ -149,7 +148,7 @@ def _searched(
     return found, EdgePoints(*every)
 
 
-def _resharpened(circle: _Circle, edges: EdgePoints) -> _Circle:
+def _resharpened(circle: Circle, edges: EdgePoints) -> Circle:
     """The same circle, as steep as the signed difference is along it."""
     x, y, radius, coverage, sharpness = circle
     dx, dy = edges.x - np.float32(x), edges.y - np.float32(y)
@@ -188,7 +187,7 @@ def _windows(
     cell = 4 if scale == 1 else 2
     coarse = np.abs(_shrunk(level, cell))
     # A codec's errors run over many pixels: their own spread tells what is stirred.
-    usual = 7.5 * _middle(coarse[::2, ::2].ravel())
+    usual = 7.5 * middle(coarse[::2, ::2].ravel())
     stirred = coarse > min(max(usual, _STIRRED), 2.0 * _STIRRED)
     reach = int(np.ceil(largest / cell)) + 1
     grown = cv2.dilate(stirred.astype(np.uint8), np.ones((2 * reach + 1,) * 2, np.uint8))
@@ -202,14 +201,14 @@ def _windows(
         yield left, top, level[top:bottom, left:right]
 
 
-def _enlarged(circle: _Circle, scale: int) -> _Circle:
+def _enlarged(circle: Circle, scale: int) -> Circle:
     """A circle of a level in px of the picture."""
     half = 0.5 * (scale - 1)
     x, y, radius, coverage, sharpness = circle
     return x * scale + half, y * scale + half, radius * scale, coverage, sharpness
 
 
-def _blobs(normalised: FloatImage, low: float, high: float) -> list[_Circle]:
+def _blobs(normalised: FloatImage, low: float, high: float) -> list[Circle]:
     """Compact things whose outline is too blurred or too ragged for a circle of edges."""
     height, width = normalised.shape
     scale = 2 if min(height, width) >= 240 else 1
@@ -238,7 +237,7 @@ def _blobs(normalised: FloatImage, low: float, high: float) -> list[_Circle]:
 
 
 def _substance(
-    circle: _Circle, picture: FloatImage, expected: FloatImage, noise: FloatImage
+    circle: Circle, picture: FloatImage, expected: FloatImage, noise: FloatImage
 ) -> float:
     """1 for a thing, less for a shadow, which only dims what lies under it evenly."""
     x, y, radius = circle[:3]
@@ -252,18 +251,12 @@ def _substance(
     if np.count_nonzero(inside) < 5:
         return 1.0
     seen, scene = picture[rows, columns][inside], expected[rows, columns][inside]
-    ratio = _middle(seen / np.maximum(scene, np.float32(1.0)))
+    ratio = middle(seen / np.maximum(scene, np.float32(1.0)))
     if ratio > 0.97:
         return 1.0
-    left_over = 1.4826 * _middle(np.abs(seen - np.float32(ratio) * scene))
-    even = math.hypot(_middle(noise[rows, columns].ravel()), 0.02 * _middle(seen))
+    left_over = 1.4826 * middle(np.abs(seen - np.float32(ratio) * scene))
+    even = math.hypot(middle(noise[rows, columns].ravel()), 0.02 * middle(seen))
     return min(max((left_over / (3.0 * even)) ** 2, 0.15), 1.0)
-
-
-def _middle(values: NDArray[np.floating]) -> float:
-    """Upper median of a few values, without the ceremony that makes `numpy.median` slow on them."""
-    half = len(values) // 2
-    return float(np.partition(values, half)[half])
 
 
 def _shrunk(image: FloatImage, scale: int) -> FloatImage:
@@ -300,7 +293,7 @@ def _peaks(
     return np.column_stack([x - margin + left, y - margin + top, radius, best[y, x]])
 
 
-def _refined(edges: EdgePoints, start: FloatArray) -> list[_Circle]:
+def _refined(edges: EdgePoints, start: FloatArray) -> list[Circle]:
     """Fit circles (x, y, radius) to the edges near them, and say how much of them is covered."""
     if len(start) == 0:
         return []
@@ -333,36 +326,16 @@ def _refined(edges: EdgePoints, start: FloatArray) -> list[_Circle]:
     return [(row[0], row[1], row[2], row[3], row[4]) for row in table.tolist()]
 
 
-def _distinct(found: list[_Circle], most: int) -> Circles:
+def _distinct(found: list[Circle], most: int) -> Circles:
     """Keep the best of those that describe the same circle."""
-    ranked = sorted(found, key=_rank)
+    ranked = sorted(found, key=rank)
     outer = [circle for circle in ranked if circle[3] >= 0.7]
-    ranked = [circle for circle in ranked if not any(_panel(circle, other) for other in outer)]
-    kept: list[_Circle] = []
+    ranked = [circle for circle in ranked if not any(panel_of(circle, other) for other in outer)]
+    kept: list[Circle] = []
     for circle in ranked:
-        if not any(_same(circle, other) for other in kept):
+        if not any(same(circle, other) for other in kept):
             kept.append(circle)
         if len(kept) == most:
             break
     table = np.array(kept, dtype=np.float64).reshape(-1, 5)
     return Circles(table[:, :2], table[:, 2], table[:, 3], table[:, 4])
-
-
-def _rank(circle: _Circle) -> float:
-    return -circle[3] * math.log1p(circle[4]) * math.sqrt(circle[2])
-
-
-def _same(circle: _Circle, other: _Circle) -> bool:
-    gap = math.hypot(circle[0] - other[0], circle[1] - other[1])
-    return bool(gap < 0.5 * max(circle[2], other[2]) and 0.6 < circle[2] / other[2] < 1.6)
-
-
-def _shown(circle: _Circle, other: _Circle) -> bool:
-    return _same(circle, other) and other[3] > circle[3] - _AS_COMPLETE
-
-
-def _panel(circle: _Circle, other: _Circle) -> bool:
-    """Whether `circle` is only a panel or a highlight on the ball `other`."""
-    gap = math.hypot(circle[0] - other[0], circle[1] - other[1])
-    inside = gap + circle[2] < 1.1 * other[2] and circle[2] < 0.75 * other[2]
-    return bool(inside and other[4] > 0.3 * circle[4])
