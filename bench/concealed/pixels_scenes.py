@@ -19,9 +19,9 @@ from sample_videos.shot import Physics, Shot
 
 __all__ = ["FILMED", "Filmed", "Take", "setup_text", "takes"]
 
-BACKSWINGS_DEG = (55.0, 75.0, 95.0, 115.0) * 2
+BACKSWINGS_DEG = (45.0, 60.0, 75.0, 90.0) * 2
 SIZE = (432, 240)
-REACH = 2.55
+REACH = 1.95
 DRAG = 0.47
 STATED_FPS = 600.0
 BALL = BALLS["jokku"]

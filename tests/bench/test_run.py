@@ -50,7 +50,7 @@ def test_filmed_campaigns_differ_in_what_is_concealed_alone():
     rate = next(filmed for filmed in FILMED if filmed.name == "rate")
     first = takes(rate)[0]()
     assert first.scene.shutter.fps == rate.fps
-    assert first.backswing_deg == 55.0
+    assert first.backswing_deg == 45.0
 
 
 def test_filmed_answers_are_scored_by_name_or_group(tmp_path):
