@@ -26,7 +26,7 @@ _EPOCHS = 5
 _DENSEST = 0.35
 # An epoch that scatters by more than this, over noise, shows something that moves.
 _STABLE = 3.0
-_BAND_PIXELS = 12_000_000
+_BAND_PIXELS = 6_000_000
 _BRIGHTNESS_PIXELS = 4000
 _FEWEST_LIT = 50
 # Rounding to whole gray levels and the codec's quantiser leave about this much where a clip looks
@@ -131,12 +131,13 @@ def estimate_background(frames: Sequence[NDArray[Any]], scale: float = 1.0) -> B
     gains = scale / (gains / np.median(gains))
     height, width = reference.shape
     rows = max(16, _BAND_PIXELS // (len(frames) * width))
-    bands = [
-        _states([_fixed_point(f[top : top + rows], g) for f, g in zip(frames, gains, strict=True)])
-        for top in range(0, height, rows)
-    ]
-    usual, *parts = (np.concatenate(column) for column in zip(*bands, strict=True))
-    epochs, spreads = parts[: len(parts) // 2], parts[len(parts) // 2 :]
+    parts = min(_EPOCHS, max(1, len(frames) // 3))
+    states = np.empty((2 * parts + 1, height, width), dtype=np.float32)
+    for top in range(0, height, rows):
+        band = slice(top, top + rows)
+        levels = [_fixed_point(f[band], gain) for f, gain in zip(frames, gains, strict=True)]
+        states[:, band] = _states(levels, parts)
+    usual, epochs, spreads = states[0], list(states[1 : parts + 1]), list(states[parts + 1 :])
     noise = _noise_by_level(usual, median_of(spreads))
     stable = [spread < np.float32(_STABLE) * noise for spread in spreads]
     clean = without_ghosts(epochs, stable, usual, noise)
@@ -149,11 +150,11 @@ def estimate_background(frames: Sequence[NDArray[Any]], scale: float = 1.0) -> B
     return Background(image.astype(np.float32), noise)
 
 
-def _states(frames: list[NDArray[np.uint16]]) -> list[FloatImage]:
+def _states(frames: list[NDArray[np.uint16]], parts: int) -> list[FloatImage]:
     """What is seen most of the time, and each epoch's median and spread, gray levels."""
     level = np.float32(1.0 / _STEPS)
     middles, spreads = [], []
-    for part in np.array_split(np.arange(len(frames)), min(_EPOCHS, max(1, len(frames) // 3))):
+    for part in np.array_split(np.arange(len(frames)), parts):
         stack = sorted_stack([frames[index] for index in part])
         low, high = stack[(len(part) - 1) // 2], stack[len(part) // 2]
         middles.append((low.astype(np.float32) + high) * (np.float32(0.5) * level))

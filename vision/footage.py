@@ -15,14 +15,19 @@ __all__ = ["Footage", "GrayFrame"]
 
 GrayFrame = NDArray[np.uint8] | NDArray[np.uint16]
 
-_HELD_BYTES = 160_000_000
+_HELD_BYTES = 120_000_000
+# Of longer clips: the even sample, which doubles while it is gathered, and a block of neighbours.
+_SAMPLE_BYTES = 50_000_000
+_FEWEST_SAMPLES = 24
+_BLOCK_BYTES = 60_000_000
 
 
 class Footage:
     """Gray frames of one clip for the several looks that tracking takes.
 
-    Short clips are decoded once and held. Of longer ones only an even sample is held, so that
-    memory stays flat in the length of the clip, and each look decodes again what it needs.
+    Short clips are decoded once and held. Of longer ones only an even sample is held and the
+    neighbours of the frames last asked for, so that memory stays flat in the length of the clip;
+    each look elsewhere decodes again what it needs.
 
     Parameters
     ----------
@@ -50,6 +55,7 @@ class Footage:
     ) -> None:
         self._clip = clip
         self._held: list[GrayFrame] | None = []
+        self._block: dict[int, GrayFrame] = {}
         held: dict[int, GrayFrame] = {}
         stride = 1
         count = 0
@@ -63,7 +69,7 @@ class Footage:
                     self._held = None
             if count % stride == 0:
                 held[count] = gray
-                if len(held) > 2 * sample:
+                if len(held) > 2 * min(sample, max(_FEWEST_SAMPLES, _SAMPLE_BYTES // gray.nbytes)):
                     stride *= 2
                     held = {index: kept for index, kept in held.items() if index % stride == 0}
             count += 1
@@ -101,7 +107,25 @@ class Footage:
             for index in wanted:
                 yield int(index), self._held[int(index)]
             return
+        if int(wanted[-1]) - int(wanted[0]) < self._block_length():
+            yield from self._from_block(wanted)
+            return
         chosen = set(wanted.tolist())
         for frame in self._clip.frames(int(wanted[0]), int(wanted[-1]) + 1):
             if frame.index in chosen:
                 yield frame.index, frame.gray
+
+    def _block_length(self) -> int:
+        return max(8, _BLOCK_BYTES // self.sample_frames[0].nbytes)
+
+    def _from_block(self, wanted: NDArray[np.int64]) -> Iterator[tuple[int, GrayFrame]]:
+        """A few neighbouring frames, decoded together with those around them."""
+        if not all(int(index) in self._block for index in wanted):
+            spare = self._block_length() - (int(wanted[-1]) - int(wanted[0]) + 1)
+            first = max(0, int(wanted[0]) - spare // 2)
+            # The old block goes before the new one comes.
+            self._block = {}
+            for frame in self._clip.frames(first, first + self._block_length()):
+                self._block[frame.index] = frame.gray
+        for index in wanted:
+            yield int(index), self._block[int(index)]
