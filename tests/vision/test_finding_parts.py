@@ -8,6 +8,7 @@ from vision.background import brightness, estimate_background
 from vision.circles import Circles, find_circles
 from vision.linking import link_circles
 from vision.rest import find_rest
+from vision.stack import densest, sorted_stack
 
 
 def _film(places: list[tuple[float, float]], flicker: float = 0.0) -> list[np.ndarray]:
@@ -124,3 +125,45 @@ def test_turns_fix_the_pivot_of_a_short_arc() -> None:
 def test_points_on_a_line_have_no_pivot_to_speak_of() -> None:
     arc = fit_arc(np.column_stack([np.arange(4.0), np.arange(4.0)]))
     assert arc is None
+
+
+def test_the_level_about_which_most_crowd_is_taken_though_others_are_seen_more_often() -> None:
+    rng = np.random.default_rng(0)
+    still = rng.normal(12_000, 30, (16, 8, 8))
+    passing = rng.uniform(2_000, 30_000, (24, 8, 8))
+    levels = np.concatenate([passing, still]).astype(np.uint16)
+    found = densest(sorted_stack(list(levels)), 0.35)
+    assert found == pytest.approx(np.full((8, 8), 12_000.0), abs=60)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 13, 45])
+def test_pictures_are_sorted_pixel_by_pixel(count: int) -> None:
+    levels = np.random.default_rng(count).integers(0, 9_999, (count, 6, 7)).astype(np.uint16)
+    assert np.array_equal(np.stack(sorted_stack(list(levels))), np.sort(levels, axis=0))
+
+
+def test_a_swinging_thing_of_one_colour_leaves_no_ghost() -> None:
+    pictures = []
+    for index in range(45):
+        scene = wall(80, 160)
+        left = int(60 + 40 * np.sin(0.29 * index))
+        scene[30:50, left : left + 24] = 0.1
+        pictures.append(exposed(scene, 1.5, index).astype(np.float32))
+    background = estimate_background(pictures)
+    bare = exposed(wall(80, 160), 0.0, 0).astype(float)
+    assert np.mean(np.abs(background.image - bare)[30:50] > 10.0) < 0.03
+
+
+def test_a_panelled_ball_as_bright_as_the_wall_is_seen_whole() -> None:
+    scene = wall(120, 200)
+    light = with_ball(scene, (100.0, 60.0), 20.0, albedo=1.1)
+    y, x = np.mgrid[0:120, 0:200]
+    for dx, dy in ((-9.0, -4.0), (8.0, -6.0), (0.0, 10.0)):
+        light = np.where(np.hypot(x - 100 - dx, y - 60 - dy) < 5.0, 0.12, light)
+    empty = exposed(scene, 0.0, 0).astype(np.float32)
+    found = find_circles(
+        exposed(light, 1.0, 1).astype(np.float32), empty, np.full(empty.shape, 1.2, np.float32)
+    )
+    best = int(np.argmax(found.coverage * np.sqrt(found.radius_px)))
+    assert found.radius_px[best] == pytest.approx(20.0, abs=1.5)
+    assert found.centre_px[best] == pytest.approx([100.0, 60.0], abs=1.5)
