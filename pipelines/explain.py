@@ -11,7 +11,7 @@ import typer
 from metrology import UsageError, write_text_whole
 from mismatch import Campaign, Explained, Options, Verdict, explain_in_full
 from mismatch.trial_table_explain import TableExplained
-from pipelines.explain_clips import campaign_from_clips, clip_facts
+from pipelines.explain_clips import campaign_from_clips, clip_facts, with_rig
 from pipelines.explain_io import baseline_from_setup, load_campaign, load_effects
 from pipelines.explain_model import improved_setup
 from pipelines.explain_plots import draw_explained
@@ -102,7 +102,7 @@ def explain_clips(
     ClipError, MeasurementError
         If no clip can be read and measured.
     """
-    known = setup if isinstance(setup, Setup) else load_setup(setup)
+    known = with_rig(setup if isinstance(setup, Setup) else load_setup(setup))
     facts = None if trials is None else clip_facts(trials)
     campaign = campaign_from_clips(clips, known, facts)
     return explain_campaign(campaign, known, hold_out, effects_file)

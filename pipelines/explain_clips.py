@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +10,12 @@ import pandas as pd
 
 from metrology import ClipError, MeasurementError, NotFoundError, UsageError
 from mismatch.campaign import Campaign, Trial
-from physics.bodies import GRAVITY, Pendulum
+from physics.bodies import GRAVITY, PAPER_PENDULUM, PAPER_SUPPORT, Pendulum
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measurement import Measurement
 from pipelines.setup_file import Setup
 
-__all__ = ["ClipFacts", "campaign_from_clips", "clip_facts", "trial_of"]
+__all__ = ["ClipFacts", "campaign_from_clips", "clip_facts", "trial_of", "with_rig"]
 
 MOST_WARNINGS = 3
 
@@ -99,8 +99,9 @@ def campaign_from_clips(
         raise UsageError(
             f"two clips are called {again[0]}", hint="Every clip is a trial and needs its own name."
         )
-    known = facts or {}
+    known, setup = facts or {}, with_rig(setup)
     trials: list[Trial] = []
+    releases: list[float] = []
     notes: list[str] = []
     refused: list[tuple[Path, ClipError | MeasurementError]] = []
     for path in clips:
@@ -112,13 +113,55 @@ def campaign_from_clips(
             refused.append((path, problem))
             continue
         trials.append(trial)
+        releases.append(_release(measured))
         notes += [f"{path.name}: {text}" for text in said]
     if not trials:
         raise refused[0][1]
     left_out = [
-        f"{p.name} could not be measured and is left out: {why.message}" for p, why in refused
+        f"{path.name} could not be measured and is left out: {why.message}" for path, why in refused
     ]
+    if not all(_struck(trial, setup) for trial in trials):
+        # Without a whole strike to compare, rest and contact are no part of a free flight.
+        trials = [_flight_only(t, r) for t, r in zip(trials, releases, strict=True)]
+        notes.insert(0, "not every strike is known from its back-swing on: flights are compared")
     return Campaign(tuple(trials), (*left_out, *notes))
+
+
+def with_rig(setup: Setup) -> Setup:
+    """The setup with the paper's pendulum and support where it is silent, as the chain assumes."""
+    return replace(
+        setup,
+        pendulum=setup.pendulum or PAPER_PENDULUM,
+        support=setup.support or PAPER_SUPPORT,
+    )
+
+
+def _release(measured: Measurement) -> float:
+    """When the ball is free in the first frame of its flight, s."""
+    return -math.inf if measured.impact is None else float(measured.impact.flight.time_s[0])
+
+
+def _struck(trial: Trial, setup: Setup) -> bool:
+    """Whether the baseline can follow the trial from the back-swing on."""
+    ball = setup.balls.get(trial.ball or "", setup.ball)
+    told = ball is not None and (
+        bool(ball.contact_outcome) or None not in (ball.cor, ball.launch_angle, ball.mass)
+    )
+    return told and trial.backswing is not None
+
+
+def _flight_only(trial: Trial, release: float) -> Trial:
+    flying = trial.ball_time >= release - 1e-9
+    std = None if trial.position_std is None else trial.position_std[flying]
+    return replace(
+        trial,
+        ball_time=trial.ball_time[flying],
+        position=trial.position[flying],
+        pendulum_time=np.zeros(0),
+        pendulum_angle=np.zeros(0),
+        backswing=None,
+        position_std=std,
+    )
 
 
 def trial_of(

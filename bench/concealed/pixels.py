@@ -21,7 +21,7 @@ from bench.concealed.pixels_section import section
 from bench.concealed.run import Stop, run_until
 from metrology import ImpactVisionError, write_text_whole, written_whole
 from pipelines.explain import explain_campaign
-from pipelines.explain_clips import campaign_from_clips, clip_facts
+from pipelines.explain_clips import campaign_from_clips, clip_facts, with_rig
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measurement import Measurement
 from pipelines.setup_file import load_setup
@@ -87,7 +87,7 @@ def _explain(task: tuple[Path, int, str]) -> str:
     answer = home / f"answer-{version}-{engine_version(ROOT)}.json"
     if not answer.exists():
         start = time.perf_counter()
-        setup = load_setup(home / "setup.toml")
+        setup = with_rig(load_setup(home / "setup.toml"))
         clips = sorted(home.glob("*.mp4"))
         facts = clip_facts(home / "trials.csv")
         try:
