@@ -56,9 +56,10 @@ class Candidate:
 
     @property
     def fine(self) -> float:
-        """What the law's freedom costs in chi-square: its shapes, and strengths beyond one."""
+        """What the law's freedom costs: places looked at for each shape, strengths beyond one."""
         strengths = len(self.effect.strengths)
-        return 2.0 * (strengths - 1) + 1.5 * len(self.effect.shapes)
+        looks = sum(max(1.5, 2.0 * np.log(len(p.grid)) - 1.5) for p in self.effect.shapes)
+        return float(2.0 * (strengths - 1) + looks)
 
 
 def start_values(candidate: Candidate, model: Model) -> dict[str, float]:
@@ -111,7 +112,13 @@ def _adapted_grid(p: Parameter, forward: Forward) -> Parameter:
     if p.unit in TORQUES and forward.baseline.pendulum is not None:
         body = forward.baseline.pendulum
         size = body.mass * forward.baseline.gravity * body.com / PAPER_TORQUE
-        return replace(p, scale=p.scale * size, lower=p.lower * size, upper=p.upper * size)
+        width = p.width
+        if p.name == "drag_torque":
+            # A board half as wide as the pendulum is long, and a drag coefficient near one.
+            width = 0.1 * forward.baseline.air_density * body.length**5
+        return replace(
+            p, scale=p.scale * size, lower=p.lower * size, upper=p.upper * size, width=width
+        )
     if p.name == "strength" and p.unit == "N":
         weight = float(np.median(records.mass)) * forward.baseline.gravity
         return replace(p, scale=0.02 * weight, lower=-300.0 * weight, upper=300.0 * weight)
@@ -142,7 +149,9 @@ def candidates_for(
     forward: Forward, model: Model, effects: Iterable[Effect], *, unnamed: bool = True
 ) -> tuple[Candidate, ...]:
     """Every admissible effect at every start value of its shape, the model's own included."""
-    laws: Sequence[Effect] = unnamed_laws(forward.mode) if unnamed else ()
+    # One throw repeats nothing: any smooth remainder would pass for a law of its own.
+    tried = unnamed and (forward.mode != "flight" or forward.records.trials > 1)
+    laws: Sequence[Effect] = unnamed_laws(forward.mode) if tried else ()
     found = []
     for effect in (*effects, *laws):
         if not _admissible(effect, forward, model):

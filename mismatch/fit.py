@@ -14,7 +14,14 @@ from mismatch.model import Model
 from physics.arrays import FloatArray
 from physics.effects import Effect, Parameter
 
-__all__ = ["Fit", "Free", "Linearised", "fit_model", "free_parameters", "linearise"]
+__all__ = [
+    "Fit",
+    "Free",
+    "Linearised",
+    "fit_model",
+    "free_parameters",
+    "linearise",
+]
 
 NUISANCE_STEP = 1e-5
 STEP_SHARE = 1e-3
@@ -95,18 +102,26 @@ class Fit:
         """Value and standard uncertainty of a free parameter."""
         item = self.free[index]
         value = self.model.entries[item.entry][1][item.parameter.name]
-        return float(value), float(np.sqrt(max(self.covariance[index, index], 0.0)))
+        known = 0.0 if item.parameter.expected is None else item.parameter.width
+        return float(value), max(float(np.sqrt(max(self.covariance[index, index], 0.0))), known)
 
     @property
     def inside_bounds(self) -> bool:
         """Whether every free parameter lies in what nature allows, and not on the edge of it."""
         for index, item in enumerate(self.free):
-            value, _ = self.value(index)
+            value, std = self.value(index)
             p = item.parameter
             edge = 1e-6 * max(abs(p.lower), abs(p.upper))
-            if value < p.lower - edge or value > p.upper + edge:
+            if not np.isfinite(std) or not p.lower - edge <= value <= p.upper + edge:
                 return False
         return True
+
+    @property
+    def believable(self) -> bool:
+        """Whether every free parameter also has a size that is met in practice."""
+        return self.inside_bounds and all(
+            item.parameter.believable(self.value(index)[0]) for index, item in enumerate(self.free)
+        )
 
 
 def free_parameters(model: Model, effects: Sequence[Effect] | None = None) -> tuple[Free, ...]:
@@ -250,6 +265,8 @@ def reduce(
     middle = inverse @ b
     matrix = c - np.einsum("tqn,tqk->nk", b, middle)
     vector = h - np.einsum("tqn,tq->n", middle, g)
+    # Where the trials' own values take all of a parameter up, rounding alone is left, of any sign.
+    np.fill_diagonal(matrix, np.maximum(np.diag(matrix), 1e-12 * np.diag(c)))
     return matrix, vector, inverse, b
 
 
@@ -257,6 +274,8 @@ def solve(matrix: FloatArray, vector: FloatArray, damping: float = 0.0) -> Float
     """Solve a symmetric system scaled to unit diagonal, small directions damped."""
     if vector.size == 0:
         return vector
+    if not (np.isfinite(matrix).all() and np.isfinite(vector).all()):
+        return np.zeros_like(vector)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix * scale[:, None] * scale[None, :]
     scaled = scaled + (1e-10 + damping) * np.eye(len(vector))
@@ -294,10 +313,7 @@ def fit_model(
     Fit
     """
     nuisance, laws = start
-    anchors = np.array([model.entries[f.entry][1][f.parameter.name] for f in free])
-    holds = np.array(
-        [f.parameter.scale**-2 if f.parameter.is_shape and shape_priors else 0.0 for f in free]
-    )
+    anchors = np.array([_anchor(f, model) for f in free])
     own_prior, law_prior = priors(forward)
     n_laws = laws.size
 
@@ -319,6 +335,8 @@ def fit_model(
         return float(np.sum(scaled**2)), scaled
 
     chi2, residual = misfit(nuisance, laws, model)
+    excess = max(1.0, chi2 / max(forward.records.count, 1))
+    holds = np.array([_hold(f.parameter, excess, shape_priors) for f in free])
     cost = chi2 + penalty(nuisance, laws, model)
     matrix = np.zeros((n_laws + len(free),) * 2)
     damping = 0.0
@@ -357,16 +375,32 @@ def fit_model(
             damping = 0.0
         if gained < 1e-3 + 1e-7 * cost:
             break
-    covariance = _inverse(matrix)[n_laws:, n_laws:]
+    covariance = inverse_of(matrix)[n_laws:, n_laws:]
     return Fit(
         model, nuisance, laws, chi2, penalty(nuisance, laws, model), forward.records.count,
         tuple(free), covariance, residual,
     )  # fmt: skip
 
 
-def _inverse(matrix: FloatArray) -> FloatArray:
+def _anchor(item: Free, model: Model) -> float:
+    expected = item.parameter.expected
+    held = model.entries[item.entry][1][item.parameter.name]
+    return float(held) if expected is None else expected
+
+
+def _hold(p: Parameter, excess: float, shape_priors: bool) -> float:
+    """Inverse variance that holds a parameter, as much too sure of itself as the misfit is."""
+    if p.expected is not None:
+        return excess / p.width**2
+    return p.scale**-2 if p.is_shape and shape_priors else 0.0
+
+
+def inverse_of(matrix: FloatArray) -> FloatArray:
+    """Pseudo-inverse of a symmetric matrix, scaled to unit diagonal; infinite if it holds NaN."""
     if matrix.size == 0:
         return matrix
+    if not np.isfinite(matrix).all():
+        return np.full_like(matrix, np.inf)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix * scale[:, None] * scale[None, :]
     inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True)

@@ -1,6 +1,7 @@
 """The proof on data kept aside: fit on some trials, predict the others."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -43,6 +44,36 @@ def _errors(
     return (errors[:, part] ** 2).sum(axis=1)[held], (weights[:, part] > 0.0).sum(axis=1)[held]
 
 
+def _extrapolation(
+    forward: Forward, model_fit: Fit, free: Sequence[Free], share: float = 0.6
+) -> float | None:
+    """Root mean square error of the last part of every flight or swing, fitted on the first."""
+    records = forward.records
+    s3 = 3 * records.ball_time.shape[1]
+    ball = forward.mode != "swing"
+    time = records.ball_time if ball else records.pendulum_time
+    seen = records.ball_used.any(axis=-1) if ball else records.pendulum_used
+    start = np.where(seen, time, np.inf).min(axis=1, keepdims=True)
+    if forward.mode == "impact":
+        start = np.maximum(start, model_fit.nuisance[:, :1])
+    end = np.where(seen, time, -np.inf).max(axis=1, keepdims=True)
+    early = time <= start + share * (end - start)
+    kept = np.ones(records.used.shape, dtype=bool)
+    part = slice(0, s3) if ball else slice(s3, None)
+    kept[:, part] = np.tile(early, 3) if ball else early
+    late = records.used[:, part] & ~kept[:, part]
+    if not late.any() or records.keeping(kept).count < 3 * records.trials:
+        return None
+    first = replace(forward, records=records.keeping(kept))
+    trained = fit_model(
+        first, model_fit.model, free, (model_fit.nuisance, model_fit.law_offsets), rounds=5
+    )
+    whole = fit_model(forward, trained.model, (), (trained.nuisance, trained.law_offsets), rounds=0)
+    weights = records.weights[:, part]
+    errors = whole.residual[:, part][late] / weights[late]
+    return float(np.sqrt(np.mean(errors**2)))
+
+
 def hold_out(
     forward: Forward, base: Fit, best: Hypothesis, held: np.ndarray | None = None
 ) -> HeldOut | None:
@@ -71,4 +102,6 @@ def hold_out(
         float(np.sqrt(after.sum() / total)),
         (float(low), float(high)),
         "rad" if forward.mode == "swing" else "m",
+        _extrapolation(forward, base, ()),
+        _extrapolation(forward, best.fit, free),
     )  # fmt: skip

@@ -14,17 +14,23 @@ from physics.arrays import FloatArray
 from physics.effects import Effect
 
 __all__ = [
+    "LOOSE_LAWS",
     "Hypothesis",
     "fit_hypothesis",
     "group_tolerance",
+    "is_known",
     "null_threshold",
     "second_effect_share",
+    "told_apart",
 ]
 
 MEMBER_FINE = 9.0
 """Chi-square that each further effect must pay, ln n for a few thousand rows (BIC)."""
 
 DRAWS = 4000
+
+MISFIT = 1.5
+"""Chi-square per entry from which what is left over is a fault of the law, not noise."""
 
 LOOSE_LAWS = frozenset(
     {
@@ -61,19 +67,67 @@ class Hypothesis:
 
     @property
     def worth(self) -> float:
-        """Gain less what the freedom of the laws and the size of the set cost."""
+        """Gain less what freedom, size of the set and unlikely strengths cost."""
         fines = sum(member.fine for member in self.members)
-        return self.gain - fines - MEMBER_FINE * (len(self.members) - 1)
+        further = sum(not is_known(member.effect) for member in self.members) - 1
+        return self.gain - fines - MEMBER_FINE * max(further, 0) - self.misfit * self.surprise
+
+    @property
+    def surprise(self) -> float:
+        """What the fitted strengths cost by their priors (chi-square units at no misfit)."""
+        added = [member.effect for member in self.members]
+        values = {
+            id(item.parameter): (item.parameter, self.fit.value(index)[0])
+            for index, item in enumerate(self.fit.free)
+            if any(self.fit.model.entries[item.entry][0] is effect for effect in added)
+        }
+        # What has an expected value is held to it by the fit itself.
+        strengths = [v for v in values.values() if not v[0].is_shape and v[0].expected is None]
+        return sum(p.surprise(value) for p, value in strengths)
+
+    @property
+    def misfit(self) -> float:
+        """Chi-square per entry that is left, at least one: the unit of differences."""
+        return max(1.0, self.fit.chi2 / max(self.fit.count, 1))
 
     @property
     def allowed(self) -> bool:
-        """Whether all parameters are within what nature allows."""
-        return self.fit.inside_bounds
+        """Whether all parameters are within what nature allows and practice knows."""
+        return self.fit.believable
+
+    @property
+    def quality(self) -> float:
+        """Worth by the data alone, unlikely strengths not counted against it."""
+        return self.worth + self.misfit * self.surprise
 
     @property
     def has_unnamed(self) -> bool:
         """Whether a force in no catalogue is part of it."""
         return "unnamed" in self.ids
+
+
+def is_known(effect: Effect) -> bool:
+    """Whether nature is known to give the effect its size, so that it has no freedom."""
+    return bool(effect.strengths) and all(p.expected is not None for p in effect.strengths)
+
+
+def told_apart(best: Hypothesis, other: Hypothesis) -> bool:
+    """Whether two answers differ by more than the misfit that both share.
+
+    Where no law fits to the noise, chi-square says nothing; the difference has to be steady over
+    pieces of the record (Vuong, Econometrica 57, 307 (1989)).
+    """
+    if best.misfit < MISFIT:
+        return True
+    pieces = max(1, -(-24 // best.fit.residual.shape[0]))
+    squares = other.fit.residual**2 - best.fit.residual**2
+    blocks = [part.sum(axis=1) for part in np.array_split(squares, pieces, axis=1)]
+    differences = np.concatenate(blocks)
+    differences = differences[differences != 0.0]
+    if differences.size < 4:
+        return False
+    spread = float(np.std(differences, ddof=1)) * np.sqrt(differences.size)
+    return bool(differences.sum() > 2.0 * spread)
 
 
 def fit_hypothesis(
@@ -103,7 +157,8 @@ def fit_hypothesis(
     for member, values in zip(members, strengths, strict=True):
         start_at = start_values(member, base.model)
         for p, value in zip(member.effect.strengths, values, strict=True):
-            start_at[p.name] = float(np.clip(value, p.lower, p.upper))
+            known = value if p.expected is None else p.expected
+            start_at[p.name] = float(np.clip(known, p.lower, p.upper))
         model = model.having(member.effect, start_at)
     model = model.order()
     added: list[Effect] = [member.effect for member in members]
@@ -143,7 +198,12 @@ def fit_ever_longer(
     fit = fit_model(forward, model, free, point, rounds=0)
     for share, rounds in ((0.12, 6), (0.35, 6), (1.0, 10)):
         early = np.concatenate([blank, since <= share * longest], axis=1)
-        part = replace(forward, records=records.keeping(early))
+        part = replace(
+            forward,
+            records=records.keeping(early),
+            swing_time=forward.swing_time * min(1.02 * share, 1.0),
+            steps=max(32, int(np.ceil(forward.steps * min(1.02 * share, 1.0)))),
+        )
         fit = fit_model(part, model, free, point, rounds=rounds)
         model, point = fit.model, (fit.nuisance, fit.law_offsets)
     return fit
@@ -185,12 +245,14 @@ def _outer(matrix: FloatArray) -> FloatArray:
 def group_tolerance(best: Hypothesis) -> float:
     """How much less worth another answer may have and still not be told apart.
 
-    Seven chi-square units are odds of thirty to one; in strong cases one and a half per cent of the
-    gain, since no law is known better than that, but no more than a part of what is left over.
+    Seven chi-square units are odds of thirty to one, times the misfit that is left; in strong
+    cases one and a half per cent of the gain, since no law is known better than that, but no more
+    than a part of what is left over.
     """
     count = best.fit.count
+    odds = 7.0 * best.misfit
     left = max(best.fit.chi2 - count, 0.0) + np.sqrt(2.0 * count)
-    return float(max(7.0, min(0.015 * best.gain, 0.25 * left)))
+    return float(max(odds, min(0.015 * best.gain, 0.25 * left)))
 
 
 PLACES = frozenset({"contact_displacement", "origin_offset", "length_scale", "parallax"})

@@ -9,11 +9,14 @@ from mismatch.candidates import Candidate, candidates_for
 from mismatch.fit import Fit
 from mismatch.forward import Forward
 from mismatch.hypotheses import (
+    MISFIT,
     Hypothesis,
     fit_hypothesis,
     group_tolerance,
+    is_known,
     null_threshold,
     second_effect_share,
+    told_apart,
 )
 from mismatch.scan import Scan, scan
 from physics.arrays import FloatArray
@@ -22,6 +25,12 @@ from physics.effects import Effect
 __all__ = ["Naming", "name_effects"]
 
 MOST_SINGLES = 16
+SCALES = frozenset({"length_scale", "time_base"})
+MANY = 7
+FAINT = 4.0
+KNOWN_GAIN = 2.0
+"""Worth per misfit from which an effect of known size, like thinner air aloft, is taken in."""
+
 MOST_EFFECTS = 3
 
 
@@ -50,15 +59,32 @@ class Naming:
         """Answers of the same size that the data can't tell from the best one."""
         if self.best is None:
             return ()
-        least = self.best.worth - group_tolerance(self.best)
+        least = self.best.quality - group_tolerance(self.best)
         return tuple(
             h
             for h in self.tried
             if h is not self.best
-            and h.allowed
+            and h.fit.inside_bounds
             and len(h.members) == len(self.best.members)
-            and h.worth >= least
+            and (h.quality >= least or not told_apart(self.best, h))
         )
+
+    def suspects(self) -> tuple[str, ...]:
+        """Faults of clock or ruler that take a part of the misfit, though not enough to be named.
+
+        In free flights they trade against the strength of what was named; in a fall both come to
+        the same.
+        """
+        best = self.best
+        if best is None or best.misfit < MISFIT or SCALES.intersection(best.ids):
+            return ()
+        least = best.quality + 7.0 * best.misfit
+        larger = [h for h in self.tried if len(h.ids) == len(best.ids) + 1]
+        blamed = {
+            one for h in larger if set(h.ids) > set(best.ids) and h.quality > least
+            for one in SCALES.difference(best.ids).intersection(h.ids)
+        }  # fmt: skip
+        return tuple(sorted(SCALES)) if blamed else ()
 
 
 def _best_by_law(
@@ -71,7 +97,8 @@ def _best_by_law(
     best: dict[tuple[str, str, str], tuple[float, int, FloatArray]] = {}
     for index, candidate in enumerate(scored.candidates):
         gain, values = scored.gain(index)
-        if not anywhere and not scored.allowed(index, values):
+        known = is_known(candidate.effect)
+        if not anywhere and not known and not scored.allowed(index, values):
             continue
         worth = gain / inflation - candidate.fine
         if candidate.key not in best or worth > best[candidate.key][0]:
@@ -127,12 +154,18 @@ def name_effects(
     for _, index, values in _shortlist(ranked, MOST_SINGLES, share):
         tried.append(fit_hypothesis(forward, base, [candidates[index]], [values]))
     best = _leader(tried)
-    if best is None or best.worth / inflation < threshold:
+    if best is None or best.worth / inflation < threshold * best.misfit:
         return Naming(None, _sorted(tried), threshold, first)
+    if _barely_anything(best, tried, threshold * inflation):
+        return Naming(None, _sorted(tried), threshold, first)
+    most = min(most, 2) if _one_throw(forward) else most
     for size in range(2, most + 1):
         grown = _grow(forward, base, effects, tried, size, threshold * inflation)
         tried.extend(grown)
         worthy = [h for h in grown if _worth_it(h, best, threshold * inflation)]
+        if _one_throw(forward):
+            # Two strengths of one throw trade against each other; only a known size may follow.
+            worthy = [h for h in worthy if is_known(h.members[-1].effect)]
         larger = _leader(worthy)
         if larger is None:
             break
@@ -140,8 +173,22 @@ def name_effects(
     return Naming(best, _sorted(tried), threshold, first)
 
 
+def _one_throw(forward: Forward) -> bool:
+    return forward.mode == "flight" and forward.records.trials == 1
+
+
+def _barely_anything(best: Hypothesis, tried: Sequence[Hypothesis], threshold: float) -> bool:
+    """Whether next to nothing is there and nearly everything could explain it."""
+    least = best.worth - group_tolerance(best)
+    alike = {one for h in tried if h.allowed and h.worth >= least for one in h.ids}
+    return len(alike) >= MANY and best.worth < threshold + FAINT
+
+
 def _worth_it(larger: Hypothesis, smaller: Hypothesis, threshold: float) -> bool:
     more = larger.worth - smaller.worth
+    if is_known(larger.members[-1].effect):
+        return more > KNOWN_GAIN * larger.misfit
+    threshold = threshold * larger.misfit
     added = [one for one in larger.ids if one not in smaller.ids]
     share = max(second_effect_share(smaller, one) for one in (added or [""]))
     if more > max(threshold, share * smaller.gain):
@@ -154,14 +201,22 @@ def _worth_it(larger: Hypothesis, smaller: Hypothesis, threshold: float) -> bool
 def _leader(hypotheses: Sequence[Hypothesis]) -> Hypothesis | None:
     allowed = [h for h in hypotheses if h.allowed]
     best = max(allowed, key=lambda h: h.worth, default=None)
+    if best is not None and not best.has_unnamed and best.misfit >= MISFIT:
+        # Where no law fits to the noise, the least surprising of those that fit alike goes first.
+        alike = [h for h in allowed if not h.has_unnamed and len(h.ids) == len(best.ids)]
+        best = min(
+            (h for h in alike if h is best or not told_apart(best, h)),
+            key=lambda h: h.surprise + sum(member.fine for member in h.members),
+        )
     if best is None or not best.has_unnamed:
         return best
     # What has a name and fits as well goes first; the rest stays in its group.
     known = [h for h in allowed if not h.has_unnamed and len(h.members) <= len(best.members)]
     second = max(known, key=lambda h: h.worth, default=None)
-    if second is not None and second.worth >= best.worth - group_tolerance(best):
-        return second
-    return best
+    if second is None:
+        return best
+    near = second.worth >= best.worth - group_tolerance(best)
+    return second if near or not told_apart(best, second) else best
 
 
 def _sorted(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
@@ -197,6 +252,11 @@ def _grow(
         scored = scan(forward, seed.fit, pool)
         ranked = _best_by_law(scored, 1.0, forward.mode == "swing")
         enough = max(threshold, second_effect_share(seed) * seed.gain)
+        if any(is_known(pool[index].effect) for _, index, _ in ranked):
+            ranked = [one for one in ranked if is_known(pool[one[1]].effect)] + [
+                one for one in ranked if not is_known(pool[one[1]].effect)
+            ]
+            enough = -np.inf
         if forward.mode != "swing" and (not ranked or ranked[0][0] < enough):
             if number == 0 and seed is leader and ranked and ranked[0][0] < threshold:
                 # The best smaller set leaves nothing to explain: a larger one would be idle.

@@ -239,14 +239,14 @@ def prepare(campaign: Campaign, baseline: Baseline) -> Prepared:
     swing_span = _span(records.pendulum_time)
     steps = 64
     if mode == "swing":
-        # A step of an eighth of a radian's time of the small swing.
+        # A step of a sixth of a radian's time of the small swing.
         body = baseline.pendulum
         rate = (
             10.0
             if body is None
             else np.sqrt(body.mass * baseline.gravity * body.com / body.inertia)
         )
-        steps = int(np.clip(float(swing_span.max()) * rate / 0.12, 32, 3000))
+        steps = int(np.clip(float(swing_span.max()) * rate / 0.16, 32, 3000))
     forward = Forward(
         baseline, records, mode, ball_span * 1.3, swing_span * 1.02, steps, _centre(records)
     )

@@ -206,6 +206,12 @@ class Verdict:
                 f"Trials kept out of the fit: error {h.rmse_after:.3g} {h.unit} instead of"
                 f" {h.rmse_before:.3g} {h.unit} (ratio {h.ratio_95[0]:.3g} to {h.ratio_95[1]:.3g})."
             )
+            if h.extrapolation_before is not None and h.extrapolation_after is not None:
+                lines.append(
+                    "Fitted on the first 60 % of each track, the rest is predicted to"
+                    f" {h.extrapolation_after:.3g} {h.unit} instead of"
+                    f" {h.extrapolation_before:.3g} {h.unit}."
+                )
         lines.append(self.remainder.statement)
         lines.extend(f"Note: {note}" for note in self.notes)
         return "\n".join(lines)

@@ -24,6 +24,7 @@ from typing import ClassVar, Literal, TypeAlias
 import numpy as np
 
 from physics.arrays import FloatArray, Number, Vector
+from physics.effects.parameter import Parameter
 
 __all__ = [
     "Contact",
@@ -39,44 +40,6 @@ __all__ = [
 
 Phase: TypeAlias = Literal["flight", "contact", "swing", "measurement"]
 Values: TypeAlias = Mapping[str, Number]
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A number that an effect's law leaves open.
-
-    Attributes
-    ----------
-    name : str
-        As in results and setup files.
-    unit : str
-        "1" for none.
-    scale : float
-        Size that would be unremarkable; the width of its prior.
-    lower, upper : float
-        What nature allows. A fit outside rejects the effect.
-    neutral : float
-        Value at which the effect vanishes.
-    grid : tuple of float
-        For a shape (a place, a width, an exponent), which says where the law acts but not how
-        strongly: values to try first. Empty for a strength.
-    meaning : str
-        In words.
-    """
-
-    name: str
-    unit: str
-    scale: float
-    lower: float
-    upper: float
-    neutral: float = 0.0
-    grid: tuple[float, ...] = ()
-    meaning: str = ""
-
-    @property
-    def is_shape(self) -> bool:
-        """Whether the parameter says where or how, but not how much."""
-        return bool(self.grid)
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from physics.effects.flight import (
     Wind,
 )
 from physics.effects.impact import (
+    MASS_ERROR,
     ContactDisplacement,
     EffectiveMass,
     ObliqueImpact,
@@ -51,7 +52,7 @@ _ALL: tuple[Effect, ...] = (
     AsymmetricWake(),
     VelocityDependentCor(),
     EffectiveMass(),
-    EffectiveMass(form="mass"),
+    EffectiveMass(form="mass", parameters=(MASS_ERROR,)),
     ObliqueImpact(),
     ObliqueImpact(form="smooth face"),
     SupportFriction(),

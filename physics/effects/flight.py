@@ -87,7 +87,16 @@ class DensityLapse(Effect):
     source: str = "barometric formula; ISA scale height of density about 10 km near the ground"
     phase: Phase = "flight"
     parameters: tuple[Parameter, ...] = (
-        Parameter("inverse_scale_height", "1/m", 1e-4, 0.0, 4e-4, meaning="1/H"),
+        Parameter(
+            "inverse_scale_height",
+            "1/m",
+            1e-4,
+            0.0,
+            4e-4,
+            meaning="1/H",
+            width=1.5e-5,
+            expected=1.05e-4,
+        ),
     )
     confusable: tuple[str, ...] = ("drag", "drag_crisis")
     separating: str = "flights through the same speeds at another height"

@@ -13,6 +13,7 @@ from physics.arrays import Number
 from physics.effects.base import Contact, Effect, Outcome, Parameter, Phase, Values
 
 __all__ = [
+    "MASS_ERROR",
     "ContactDisplacement",
     "EffectiveMass",
     "ObliqueImpact",
@@ -99,6 +100,11 @@ class VelocityDependentCor(Effect):
         return change_restitution(contact, outcome, change)
 
 
+MASS_ERROR = Parameter(
+    "mass_error", "1", 0.02, -0.5, 0.5, meaning="true effective mass over the model's, minus one"
+)
+
+
 @dataclass(frozen=True)
 class EffectiveMass(Effect):
     """A pendulum that hits with another mass, or on another arm, than the model says."""
@@ -109,7 +115,9 @@ class EffectiveMass(Effect):
     source: str = "section IV and Table 2 of the paper"
     phase: Phase = "contact"
     parameters: tuple[Parameter, ...] = (
-        Parameter("relative_error", "1", 0.02, -0.5, 0.5, meaning="of the arm, or of the mass"),
+        Parameter(
+            "arm_error", "1", 0.02, -0.5, 0.5, meaning="true arm over the model's, minus one"
+        ),
     )
     form: str = "arm"
     confusable: tuple[str, ...] = ("camera_roll", "backswing_offset", "pivot_recoil")
@@ -119,7 +127,8 @@ class EffectiveMass(Effect):
         """Share the momentum with another mass; on another arm also hit at another speed."""
         light, heavy, e = contact.ball_mass, contact.inertial_mass, contact.restitution
         u = contact.impact_speed
-        stretch = 1.0 + values["relative_error"]
+        (error,) = values.values()
+        stretch = 1.0 + error
         if self.form == "mass":
             other, speed, seen = heavy * stretch, u, stretch / stretch
         else:

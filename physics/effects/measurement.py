@@ -25,6 +25,13 @@ PIVOT = (
     Parameter("pivot_y", "m", 0.3, -20.0, 20.0, grid=(0.6,), meaning="optical axis"),
 )
 PITCH = Parameter("pitch", "rad", 0.005, -0.5, 0.5, meaning="turned about the x axis")
+WRONG_RATES = tuple(
+    ratio - 1.0
+    for n in (1.2, 1.25, 2.0, 3.0, 4.0, 5.0, 8.0, 10.0, 16.0, 20.0, 24.0)
+    for ratio in (1.0 / n, n)
+)
+"""What comes of one rate in use taken for another: 50 for 60, 25 for 30, 30 for 600 a second."""
+
 PLUMB = "a plumb line in view"
 RULER = "a ruler in the ball's plane, at two places in view"
 CLOCK = "a clock of known rate in view (a blinking LED)"
@@ -40,7 +47,16 @@ class TimeBase(Effect):
     source: str = "time stamps as frame count over nominal rate"
     phase: Phase = "measurement"
     parameters: tuple[Parameter, ...] = (
-        Parameter("rate_error", "1", 0.003, -0.6, 9.0, meaning="true rate over stated, minus one"),
+        Parameter(
+            "rate_error",
+            "1",
+            0.003,
+            -0.97,
+            40.0,
+            meaning="true rate over stated, minus one",
+            width=0.008,
+            outliers=WRONG_RATES,
+        ),
     )
     confusable: tuple[str, ...] = ("length_scale", "buoyancy", "drag")
     separating: str = CLOCK
@@ -60,7 +76,16 @@ class LengthScale(Effect):
     source: str = "a calibration ruler misread or out of the ball's plane"
     phase: Phase = "measurement"
     parameters: tuple[Parameter, ...] = (
-        Parameter("scale_error", "1", 0.005, -0.5, 1.0, meaning="recorded over true, minus one"),
+        Parameter(
+            "scale_error",
+            "1",
+            0.005,
+            -0.5,
+            1.0,
+            meaning="recorded over true, minus one",
+            width=0.02,
+            outliers=(-0.5, 1.0),
+        ),
     )
     form: str = "about the origin"
     confusable: tuple[str, ...] = ("time_base", "parallax", "drag")
@@ -89,7 +114,15 @@ class CameraRoll(Effect):
     source: str = "rotation of the picture about the optical axis"
     phase: Phase = "measurement"
     parameters: tuple[Parameter, ...] = (
-        Parameter("roll", "rad", 0.005, -0.5, 0.5, meaning="picture turned counter-clockwise"),
+        Parameter(
+            "roll",
+            "rad",
+            0.005,
+            -0.5,
+            0.5,
+            meaning="picture turned counter-clockwise",
+            width=0.05,
+        ),
     )
     form: str = "about the origin"
     confusable: tuple[str, ...] = ("oblique_impact", "effective_mass", "support_recoil")
@@ -133,7 +166,15 @@ class Parallax(Effect):
     source: str = "Fig. 9 of the paper: enlargement D/(D − d) about the foot of the optical axis"
     phase: Phase = "measurement"
     parameters: tuple[Parameter, ...] = (
-        Parameter("plane_error", "1", 0.005, -0.5, 0.5, meaning="relative error of the distance"),
+        Parameter(
+            "plane_error",
+            "1",
+            0.005,
+            -0.5,
+            0.5,
+            meaning="relative error of the distance",
+            width=0.05,
+        ),
         Parameter("foot_x", "m", 1.0, -20.0, 20.0, grid=(0.5, 1.1, 2.0), meaning="optical axis"),
         Parameter("foot_y", "m", 0.5, -10.0, 10.0, grid=(0.1, 0.6), meaning="optical axis"),
     )
