@@ -91,7 +91,8 @@ def calibrate_lens(views: Sequence[BoardView | None]) -> LensCalibration:
     if len(seen) < LEAST_VIEWS:
         raise CalibrationError(
             f"the board was found in only {len(seen)} of {len(views)} pictures",
-            hint=f"At least {LEAST_VIEWS} are needed, better 15, tilted in different directions.",
+            hint=f"At least {LEAST_VIEWS} are needed, better 15, tilted in different directions; "
+            "the board's size counts inner corners.",
         )
     if len({view.size for view in seen}) > 1:
         # Cameras that crop differ by a pixel or two between modes; the commonest size wins
