@@ -10,6 +10,9 @@ __all__ = ["Arc", "fit_arc"]
 
 FloatArray = NDArray[np.float64]
 
+# rad: what all turns may be off by together; a thick body shows more of one side as it swings.
+_TURN_STD = 0.012
+
 
 @dataclass(frozen=True)
 class Arc:
@@ -59,7 +62,8 @@ def fit_arc(points: FloatArray, turns: FloatArray | None = None) -> Arc | None:
         return None
     radius = float(np.median(np.hypot(*(points - start).T)))
     state = np.array([*start, radius, 0.0])
-    scatter, turn_scatter = 0.1, 0.01
+    common = _TURN_STD * float(np.sqrt(len(points)))
+    scatter, turn_scatter = 0.1, common
     angle = _angles(points, start)
     if turns is not None:
         state[3] = float(np.median(turns - angle))
@@ -80,7 +84,7 @@ def fit_arc(points: FloatArray, turns: FloatArray | None = None) -> Arc | None:
         scatter = max(1.4826 * float(np.median(np.abs(radial))), 0.01)
         if turns is not None:
             turned = turns - _angles(points, state[:2]) - state[3]
-            turn_scatter = max(1.4826 * float(np.median(np.abs(turned))), 1e-3)
+            turn_scatter = max(1.4826 * float(np.median(np.abs(turned))), common)
     if not np.all(np.isfinite(state)) or state[2] > 1e5:
         return None
     slopes = np.asarray(solution.jac, dtype=np.float64)

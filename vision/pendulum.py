@@ -23,10 +23,9 @@ _LOST_AFTER = 4
 _FEWEST = 6
 _TRIAL_FRAMES = 14
 _LEAST_ADVANCE_PX = 1.0
+_SHADOW_LEAVES = 30
 # A candidate that fits at most so much worse than the best one may be as rigid.
 _AS_RIGID = 2.0
-# Of those that lie on an arc about as well, the largest shows the whole of it.
-_AS_ROUND = 1.3
 
 
 def follow_mass(
@@ -62,9 +61,7 @@ def follow_mass(
         return None
     rigid = _AS_RIGID * min(swing.misfit for swing in sound)
     followed = [_followed(scene, tracker, swing, ball) for swing in sound if swing.misfit <= rigid]
-    rated = [(mass, _off_arc(mass)) for mass in followed if mass is not None]
-    best = min((off for _, off in rated), default=np.inf)
-    return next((mass for mass, off in rated if off <= _AS_ROUND * best), None)
+    return min((mass for mass in followed if mass is not None), key=_off_arc, default=None)
 
 
 def _off_arc(mass: MassPoses) -> float:
@@ -116,9 +113,10 @@ def _followed(
         pose = tracker.locate(better, index, swing.poses[index], 0.02)
         if pose is not None:
             poses[index] = pose
-    if len(poses) < _FEWEST:
+    coming = _arc_of(poses) if len(poses) >= _FEWEST else None
+    if coming is None:
         return None
-    tracker.extend(better, poses, 1, tracker.count)
+    tracker.extend(better, poses, 1, tracker.count, coming)
     arc = _arc_of(poses)
     if arc is None:
         return None
@@ -155,19 +153,43 @@ class _Tracker:
         """Register one frame."""
         picture = self._scene.picture(index)
         gain = self._scene.views[index].gain
-        return register(
-            patch,
-            picture,
-            self._before if index <= self._rest.last else self._scene.background.image,
-            gain,
-            self._scene.noise,
-            guess,
-            turn_std=turn_std,
-            hidden=self._hidden(index),
+        found = [
+            register(
+                patch,
+                picture,
+                behind,
+                gain,
+                self._scene.noise,
+                guess,
+                turn_std=turn_std,
+                hidden=self._hidden(index),
+            )
+            for behind in self._behind(index)
+        ]
+        return min(
+            (pose for pose in found if pose is not None), key=lambda pose: pose.misfit, default=None
         )
 
-    def extend(self, patch: Patch, poses: dict[int, Pose], direction: int, frames: int) -> None:
-        """Go on from the last known frame in one direction, for so many frames at most."""
+    def _behind(self, index: int) -> tuple[FloatImage, ...]:
+        """What may lie behind the mass: the ball's shadow does not leave at once."""
+        if index <= self._rest.last:
+            return (self._before,)
+        if index <= self._rest.last + _SHADOW_LEAVES:
+            return (self._before, self._scene.background.image)
+        return (self._scene.background.image,)
+
+    def extend(
+        self,
+        patch: Patch,
+        poses: dict[int, Pose],
+        direction: int,
+        frames: int,
+        arc: Arc | None = None,
+    ) -> None:
+        """Go on from the last known frame in one direction, for so many frames at most.
+
+        Where the arc is known, the mass turns as it goes round.
+        """
         if frames < 1:
             return
         end = max(poses) if direction > 0 else min(poses)
@@ -178,7 +200,7 @@ class _Tracker:
             end += direction
             poses[end] = first
             frames -= 1
-        self._walk(patch, poses, end + direction, direction, frames)
+        self._walk(patch, poses, end + direction, direction, frames, arc)
 
     def _first_step(self, patch: Patch, start: Pose, index: int, direction: int) -> Pose | None:
         """The speed is not known yet: try several."""
@@ -193,13 +215,21 @@ class _Tracker:
         return min(tried, key=lambda pose: pose.misfit) if tried else None
 
     def _walk(
-        self, patch: Patch, poses: dict[int, Pose], index: int, direction: int, frames: int
+        self,
+        patch: Patch,
+        poses: dict[int, Pose],
+        index: int,
+        direction: int,
+        frames: int,
+        arc: Arc | None,
     ) -> None:
         missed = 0
         stop = index + direction * frames
         usual = [poses[known].misfit for known in poses]
         while 0 <= index < self._scene.count and index != stop and missed < _LOST_AFTER:
             guess = _predicted(poses, index, direction)
+            if arc is not None:
+                guess = replace(guess, turn=_turned(arc, poses, guess.anchor))
             pose = self.locate(patch, index, guess, 0.02)
             limit = 2.5 * float(np.median(usual)) + 1.0
             if pose is None or pose.misfit > limit or _leapt(pose, guess):
@@ -214,6 +244,15 @@ class _Tracker:
 def _beside(poses: dict[int, Pose], index: int, direction: int) -> bool:
     """Whether a neighbour towards `direction` is known, so that there is a speed to go on with."""
     return any(index + direction * step in poses for step in range(1, _LOST_AFTER + 1))
+
+
+def _turned(arc: Arc, poses: dict[int, Pose], anchor: FloatArray) -> float:
+    """Turn of a body on an arc when its anchor is there."""
+    known = np.array([pose.anchor for pose in poses.values()]) - arc.centre_px
+    here = anchor - arc.centre_px
+    angle = np.arctan2(known[:, 1], known[:, 0]) - np.arctan2(here[1], here[0])
+    angle = np.arctan2(np.sin(angle), np.cos(angle))
+    return float(np.median([pose.turn for pose in poses.values()] - angle))
 
 
 def _leapt(pose: Pose, guess: Pose) -> bool:

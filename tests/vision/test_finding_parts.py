@@ -112,14 +112,25 @@ def test_no_rest_in_a_throw() -> None:
     assert find_rest(frame, np.column_stack([3.0 * frame, 0.1 * frame**2]), 10.0) is None
 
 
-def test_turns_fix_the_pivot_of_a_short_arc() -> None:
+def test_turns_help_to_the_pivot_of_a_short_arc() -> None:
     angle = np.linspace(-0.15, 0.15, 40)
     points = np.column_stack([100 + 80 * np.sin(angle), 20 + 80 * np.cos(angle)])
     points += np.random.default_rng(2).normal(0, 0.08, points.shape)
     turns = -angle + np.random.default_rng(3).normal(0, 0.002, 40)
-    arc = fit_arc(points, turns)
+    arc, by_points = fit_arc(points, turns), fit_arc(points)
     assert arc is not None
-    assert arc.centre_px == pytest.approx([100.0, 20.0], abs=2.5)
+    assert by_points is not None
+    assert arc.centre_px == pytest.approx([100.0, 20.0], abs=4.0)
+    assert abs(arc.radius_px - 80.0) < abs(by_points.radius_px - 80.0)
+
+
+def test_turns_that_drift_do_not_bend_the_arc() -> None:
+    angle = np.linspace(-0.3, 0.3, 60)
+    points = np.column_stack([100 + 80 * np.sin(angle), 20 + 80 * np.cos(angle)])
+    points += np.random.default_rng(2).normal(0, 0.05, points.shape)
+    arc = fit_arc(points, -0.6 * angle)
+    assert arc is not None
+    assert arc.radius_px == pytest.approx(80.0, abs=3.0)
 
 
 def test_points_on_a_line_have_no_pivot_to_speak_of() -> None:
