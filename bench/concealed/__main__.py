@@ -73,7 +73,11 @@ def _peer_answer(task: tuple[str, Path]) -> Answer:
 def _real(source: Path, shelf: Shelf) -> list[str]:
     if not source.is_dir():
         return []
-    return real_table(real_rows(source, shelf.answers / "real", engine_answer))
+    return real_table(real_rows(source, shelf.answers / "real", _real_answer))
+
+
+def _real_answer(folder: Path, output: Path) -> Answer:
+    return _answer((folder, output))
 
 
 def _options() -> argparse.Namespace:
@@ -161,7 +165,12 @@ def _answered(
         foreign = [f for f in foreign if (options.answers / _foreign_answer(f[0])).exists()]
     tasks = [(f, answers_in / _foreign_answer(f)) for f, _ in foreign]
     tasks += [(shelf.campaign(n), answers_in / f"{n:04d}.json") for n in numbers]
-    answers = run_until(stop, _answer, tasks, options.jobs)
+    # What an earlier run has answered counts, however short the time of this one.
+    answers = [_answer(task) if task[1].exists() else None for task in tasks]
+    missing = [k for k, answer in enumerate(answers) if answer is None]
+    found = run_until(stop, _answer, [tasks[k] for k in missing], options.jobs)
+    for k, answer in zip(missing, found, strict=True):
+        answers[k] = answer
     keys = [foreign_key(path) for _, path in foreign]
     keys += [_key(shelf, n) for n in numbers]
     scored = [
@@ -177,8 +186,7 @@ def _peers(options: argparse.Namespace, own: list[Scored]) -> dict[str, list[Sco
     asked = own[: options.peers]
     found: dict[str, list[Scored]] = {}
     for name in PEERS if asked else ():
-        stop = Stop(options.minutes)
-        said = run_until(stop, _peer_answer, [(name, s.folder) for s in asked], options.jobs)
+        said = run_until(Stop(), _peer_answer, [(name, s.folder) for s in asked], options.jobs)
         found[name] = [
             Scored(judge(s.judgement.key, answer), s.folder)
             for s, answer in zip(asked, said, strict=True)
@@ -199,7 +207,8 @@ def main() -> None:
     if options.draw_only:
         return
     pixels = [] if options.pixels is None else section(options.pixels)
-    asked = Asked(options.campaigns, options.seed, shelf.version)
+    answered_by = options.answers.name.rsplit("-", 1)[-1] if options.answers else shelf.version
+    asked = Asked(options.campaigns, options.seed, answered_by)
     text = proof_text(own, theirs, asked, _peers(options, own), real, pixels)
     output = options.output
     if output is None and options.campaigns >= WHOLE_PROOF:
