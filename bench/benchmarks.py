@@ -77,6 +77,20 @@ SECTIONS = (
         "Grid, lens and ball plane against their targets.",
         ("bench.calibration", "--shared", "{shared}"),
     ),
+    Section(
+        "calibration-scatter",
+        "Calibration: predicted against actual scatter",
+        "Positions on the ball plane at three places of a flight, over calibrations in which all "
+        "that is uncertain is drawn anew. Ratio: at least within 0.85 to 1.15, aim 0.95 to 1.05.",
+        ("bench.calibration_scatter",),
+    ),
+    Section(
+        "planning",
+        "Planning a recording",
+        "What `vision calibrate plan` foresees against the errors of clips rendered and measured "
+        "like that. z is the error over the predicted ±, 1 on the whole if the plan is true.",
+        ("bench.planning",),
+    ),
     Section("physics", "Speed of the physics", "Whole process.", ("bench.physics_speed",)),
     Section("rendering", "Speed of rendering", "Target: 20 s at 432×240.", ("bench.render_speed",)),
 )

@@ -1,6 +1,6 @@
 """Hold `vision calibrate plan` to the renderer: predicted against actual errors on three settings.
 
-Run from the repository: ``python -m bench.planning [--clips 5]``. Every clip has a camera, a grid,
+Run from the repository: ``python -m bench.planning [--clips 2]``. Every clip has a camera, a grid,
 tape errors and picture noise of its own; it is rendered, measured unattended and compared with its
 truth.
 """
@@ -38,7 +38,6 @@ COMPARED = (
     "landing_time",
     "cor",
 )
-SAME_WITHIN = 2.0
 
 
 @dataclass(frozen=True)
@@ -53,8 +52,8 @@ class Compared:
 
     @property
     def rms(self) -> float:
-        """Root mean square of the errors; NaN without any."""
-        return float(np.sqrt(np.mean(np.square(self.errors)))) if self.errors else float("nan")
+        """Root mean square of the errors, of which there must be some."""
+        return float(np.sqrt(np.mean(np.square(self.errors))))
 
 
 def filmed(filming: Filming, folder: Path) -> Iterator[tuple[str, float, float]]:
@@ -110,7 +109,7 @@ def compared(filming: Filming, clips: int, *, first: int = 1) -> list[Compared]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--clips", type=int, default=5)
+    parser.add_argument("--clips", type=int, default=2)
     clips = parser.parse_args().clips
     print("| setting | quantity | predicted ± | RMS error | RMS z | ± stated after | clips |")
     print("|---|---|---|---|---|---|---|")
@@ -119,11 +118,14 @@ def main() -> None:
         for row in compared(filming, clips):
             z = np.array(row.errors) / row.predicted
             whole += z.tolist()
-            stated = f"{np.median(row.stated):.2g}" if row.stated else "–"
-            rms = float(np.sqrt(np.mean(z**2))) if len(z) else float("nan")
+            found = "– | – | –"
+            if row.errors:
+                found = (
+                    f"{row.rms:.2g} | {np.sqrt(np.mean(z**2)):.2f} | {np.median(row.stated):.2g}"
+                )
             print(
-                f"| {setting} | {row.name} | {row.predicted:.2g} {row.unit} | {row.rms:.2g} "
-                f"| {rms:.2f} | {stated} | {len(z)} of {clips} |",
+                f"| {setting} | {row.name} | {row.predicted:.2g} {row.unit} | {found} "
+                f"| {len(z)} of {clips} |",
                 flush=True,
             )
     every = np.array(whole)

@@ -1,0 +1,125 @@
+"""Predicted against actual scatter of positions on the ball plane, over many calibrations.
+
+Run from the repository: ``python -m bench.calibration_scatter [--simulated 200] [--rendered 16]``.
+In every calibration all that is uncertain is drawn anew from what is claimed about it: noise of the
+crossings, lens, taped distances, diameter and outlines of the ball. The ratio is the root mean
+square of error over predicted standard deviation, 1 when the prediction is true.
+"""
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.calibration import Calibration
+from calib.camera import Camera
+from calib.evidence import Evidence
+from calib.grid import find_wall_grid
+from calib.pose import PRINCIPAL_STD, calibrate
+from metrology import CalibrationError
+from tests.calib.synthetic import rendered, some_camera
+from tests.calib.test_pose import DEPTH, RADIUS, evidence, known_lens, seen_grid, wide_camera
+
+FloatArray = NDArray[np.float64]
+
+PLACES = np.array([[0.4, 0.5], [0.9, 0.35], [1.3, RADIUS]])
+CORNER_NOISE_PX = 0.3
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """One calibration: errors at `PLACES` in units of the predicted standard deviation, (P, 2)."""
+
+    normalised: FloatArray
+    predicted_m: float
+
+
+def judged(scene: Calibration, camera: Camera) -> Drawn | None:
+    """Compare positions with the truth, where the places are in view."""
+    centres = np.c_[PLACES, np.full(len(PLACES), DEPTH)]
+    px = camera.sphere_outline(centres, RADIUS)[0]
+    size = [camera.lens.width, camera.lens.height]
+    if not (np.isfinite(px).all() and (px > 0).all() and (px < size).all()):
+        return None
+    error = scene.position(px)[0] - PLACES
+    variance = np.einsum("pii->pi", scene.position_covariance(px))
+    return Drawn(error / np.sqrt(variance), float(np.sqrt(np.median(variance))))
+
+
+def board_known(count: int) -> Iterator[Drawn]:
+    """One camera, its lens known from a board."""
+    camera = wide_camera()
+    for seed in range(count):
+        rng = np.random.default_rng([seed, 51])
+        known = evidence(camera, rng, tape=True, ball=True, fall=False)
+        grid = seen_grid(camera, CORNER_NOISE_PX, rng)
+        found = judged(calibrate(grid, known, lens=known_lens(camera, rng)), camera)
+        if found is not None:
+            yield found
+
+
+def placed_by_eye(rng: np.random.Generator) -> Camera:
+    """Any camera, its principal point off the middle as much as the fit allows for."""
+    camera = some_camera(rng)
+    lens = camera.lens
+    off = rng.normal(0.0, PRINCIPAL_STD * lens.width, 2)
+    return replace(camera, lens=replace(lens, cx=lens.cx + off[0], cy=lens.cy + off[1]))
+
+
+def grid_alone(count: int) -> Iterator[Drawn]:
+    """Cameras of all kinds, their lens from the grid alone; tape and ball tell the depth."""
+    for seed in range(count):
+        rng = np.random.default_rng([seed, 52])
+        camera = placed_by_eye(rng)
+        known = evidence(camera, rng, tape=True, ball=True, fall=False)
+        found = judged(calibrate(seen_grid(camera, CORNER_NOISE_PX, rng), known), camera)
+        if found is not None:
+            yield found
+
+
+def from_pictures(count: int) -> Iterator[Drawn]:
+    """The same with rendered pictures, the grid found in them."""
+    for seed in range(count):
+        rng = np.random.default_rng([seed, 53])
+        camera = placed_by_eye(rng)
+        known: Evidence = evidence(camera, rng, tape=True, ball=True, fall=False)
+        try:
+            grid = find_wall_grid(rendered(camera, seed=seed, samples=3))
+        except CalibrationError:
+            continue
+        found = judged(calibrate(grid, known), camera)
+        if found is not None:
+            yield found
+
+
+def row(name: str, drawn: list[Drawn]) -> str:
+    """A line of the table."""
+    z = np.array([one.normalised for one in drawn])
+    ratio = float(np.sqrt(np.mean(z**2)))
+    # places and axes of one calibration go together; calibrations are independent
+    doubt = float(np.std(np.mean(z**2, axis=(1, 2)))) / (2.0 * ratio * np.sqrt(len(z)))
+    inside = 100.0 * float(np.mean(np.abs(z) < 1.96))
+    typical = 1e3 * float(np.median([one.predicted_m for one in drawn]))
+    return (
+        f"| {name} | {len(drawn)} | {typical:.2f} mm | {ratio:.3f} ± {doubt:.3f} | {inside:.0f} % |"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--simulated", type=int, default=200)
+    parser.add_argument("--rendered", type=int, default=16)
+    options = parser.parse_args()
+    print(
+        "| calibrations | how many | predicted ± | actual over predicted | within 95 % interval |"
+    )
+    print("|---|---|---|---|---|", flush=True)
+    print(row("lens from a board", list(board_known(options.simulated))), flush=True)
+    print(row("lens from the grid alone", list(grid_alone(options.simulated // 2))), flush=True)
+    print(row("the same, grid found in rendered pictures", list(from_pictures(options.rendered))))
+
+
+if __name__ == "__main__":
+    main()
