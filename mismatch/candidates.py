@@ -59,7 +59,7 @@ class Candidate:
         """What the law's freedom costs: places looked at for each shape, strengths beyond one."""
         strengths = len(self.effect.strengths)
         looks = sum(max(1.5, 2.0 * np.log(len(p.grid)) - 1.5) for p in self.effect.shapes)
-        return float(2.0 * (strengths - 1) + looks)
+        return float(2.0 * (strengths - 1) + looks + getattr(self.effect, "looks", 0.0))
 
 
 def start_values(candidate: Candidate, model: Model) -> dict[str, float]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mismatch.candidates import Candidate, candidates_for
+from mismatch.clock_jumps import dropped_in_each
 from mismatch.fit import Fit
 from mismatch.forward import Forward
 from mismatch.hypotheses import (
@@ -142,7 +143,7 @@ def name_effects(
     -------
     Naming
     """
-    candidates = candidates_for(forward, base.model, effects)
+    candidates = candidates_for(forward, base.model, _with_jumps(forward, base, effects))
     first = scan(forward, base, candidates)
     threshold = null_threshold(first)
     swinging = forward.mode == "swing"
@@ -171,6 +172,12 @@ def name_effects(
             break
         best = larger
     return Naming(best, _sorted(tried), threshold, first)
+
+
+def _with_jumps(forward: Forward, fit: Fit, effects: Sequence[Effect]) -> list[Effect]:
+    """The effects, and frames dropped where each trial's residuals have their step."""
+    jumps = dropped_in_each(forward, fit)
+    return [*effects] if jumps is None else [*effects, jumps]
 
 
 def _one_throw(forward: Forward) -> bool:
@@ -245,7 +252,8 @@ def _grow(
     for number, seed in enumerate(_one_per_id(seeds, 6 if size == 2 else 3)):
         if seed.worth < least:
             continue
-        pool = candidates_for(forward, seed.fit.model, effects, unnamed=False)
+        more = _with_jumps(forward, seed.fit, effects)
+        pool = candidates_for(forward, seed.fit.model, more, unnamed=False)
         keys = {member.key for member in seed.members}
         ids = {member.id for member in seed.members} - {"unnamed"}
         pool = tuple(c for c in pool if c.key not in keys and c.id not in ids)

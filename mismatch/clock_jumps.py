@@ -1,0 +1,100 @@
+"""Frames lost at an instant of its own in each trial.
+
+A jump of the clock shows as the velocity from one instant on. One derivative, cut off at every
+instant in turn, therefore scores all instants of a trial at once.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mismatch.fit import Fit, linearise
+from mismatch.forward import Forward
+from physics.arrays import FloatArray, Number
+from physics.effects import CATALOGUE, Values
+from physics.effects.measurement import DroppedFrames
+
+__all__ = ["DroppedInEach", "dropped_in_each"]
+
+INSTANTS = 160
+FINE = 5.0
+"""Chi-square that looking for the instant costs in each trial, about what the best of a hundred
+overlapping places gains by chance at a gap that all trials share."""
+
+LEAST_STEP = 1e-5
+"""s of gap for the derivative."""
+
+
+@dataclass(frozen=True)
+class DroppedInEach(DroppedFrames):
+    """The same number of frames lost in every trial, each time at another instant.
+
+    Attributes
+    ----------
+    instants : tuple of float
+        s after contact onset, by trial.
+    looks : float
+        What finding them costs (chi-square units).
+    """
+
+    form: str = "at an instant of its own in each trial"
+    instants: tuple[float, ...] = ()
+    looks: float = 0.0
+
+    def clock(self, values: Values, time: Number) -> Number:
+        """Jump once in each trial."""
+        after = np.asarray(time, dtype=np.float64) - np.array(self.instants)[:, None]
+        return time + values["gap"] * np.heaviside(after, 0.0)
+
+
+def _since(forward: Forward, fit: Fit) -> FloatArray:
+    """(T, 3S + P) time of every entry after contact onset (or the first sample)."""
+    records = forward.records
+    if forward.mode == "impact":
+        clock = fit.nuisance[:, :1]
+        ball, swing = records.ball_time - clock, records.pendulum_time - clock
+    else:
+        ball = records.ball_time - records.ball_time[:, :1]
+        swing = records.pendulum_time - records.pendulum_time[:, :1]
+    return np.concatenate([np.tile(ball, 3), swing], axis=1)
+
+
+def dropped_in_each(forward: Forward, fit: Fit) -> DroppedInEach | None:
+    """The law with each trial's likeliest instant for one common gap; None for swings alone."""
+    if forward.mode == "swing" or forward.records.trials < 2:
+        return None
+    common = CATALOGUE["dropped_frames"][0]
+    lost = fit.model.having(common, {"gap": LEAST_STEP, "instant": -1e3})
+    whole = fit.model.having(common, {"gap": 0.0, "instant": -1e3})
+    system = linearise(
+        forward, whole.order(), fit.nuisance, fit.law_offsets, (), [lost.order()], [LEAST_STEP]
+    )
+    slope = system.shared[..., -1]
+    since = _since(forward, fit)
+    used = forward.records.used
+    scores, sizes, grids = [], [], []
+    for trial in range(forward.records.trials):
+        times = since[trial][used[trial]]
+        low, high = (times.min(), times.max()) if times.size else (0.0, 1.0)
+        grid = np.linspace(low, high, INSTANTS + 2)[1:-1]
+        column = slope[trial][:, None] * (since[trial][:, None] > grid)
+        own = system.own[trial]
+        inner = own.T @ own + np.diag(system.prior)
+        inner = inner + 1e-12 * np.diag(np.diag(inner))
+        left = column - own @ np.linalg.solve(inner, own.T @ column)
+        scores.append(left.T @ system.residual[trial])
+        sizes.append(np.einsum("mg,mg->g", left, column))
+        grids.append(grid)
+    score, size, grid = np.array(scores), np.array(sizes), np.array(grids)
+    frame = float(np.median(np.diff(forward.records.ball_time, axis=1)))
+    gaps = np.concatenate([-np.geomspace(0.05, 2.0, 10), np.geomspace(0.05, 40.0, 40)]) * frame
+    gains = 2.0 * gaps[:, None, None] * score - np.square(gaps)[:, None, None] * size
+    best = int(np.argmax(gains.max(axis=2).sum(axis=1)))
+    which = np.argmax(gains[best], axis=1)
+    instants = grid[np.arange(grid.shape[0]), which]
+    gap = replace(common.parameters[0], lower=float(min(common.parameters[0].lower, -2.0 * frame)))
+    return DroppedInEach(
+        parameters=(gap,),
+        instants=tuple(float(t) for t in instants),
+        looks=FINE * forward.records.trials,
+    )
