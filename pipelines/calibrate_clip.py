@@ -210,7 +210,7 @@ def _in_browser(session: Session, browser: bool, port: int) -> None:
     jobs = Jobs()
     jobs.submit("looking for the wall grid", session.find_grid)
     if session.answers.rest_px is None:
-        jobs.submit("following the ball", session.follow_ball)
+        jobs.submit("following the ball", session.look_for_ball)
 
     def opened(address: str) -> None:
         shown = browser and _has_display() and webbrowser.open(address)

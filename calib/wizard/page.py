@@ -11,7 +11,7 @@ from calib.wizard.answers import STEPS
 from calib.wizard.drawing import grid_lines, handles, marks, residual_arrows, shaded_map
 from calib.wizard.jobs import Jobs
 from calib.wizard.page_outlook import outlook_card
-from calib.wizard.page_parts import STYLE, note, phrase
+from calib.wizard.page_parts import FOCUS, REFOCUS, STYLE, TYPING, note, phrase
 from calib.wizard.page_places import Places
 from calib.wizard.page_steps import PANELS
 from calib.wizard.session import Session
@@ -47,12 +47,14 @@ class WizardPage:
         self.places = Places(session, jobs)
         self.saving_problem = ""
         self._revision = -1
+        self._stale = False
         self._dragged: str | None = None
 
     def build(self) -> None:
         """Lay the page out."""
         info = self.session.answers.scene.info
         ui.add_css(STYLE)
+        ui.add_head_html(FOCUS)
         ui.page_title(f"Calibration: {info.path.name}")
         with ui.column().classes("w-full gap-3").style("max-width: 1500px; margin: 0 auto"):
             with ui.row().classes("w-full items-baseline gap-3"):
@@ -94,12 +96,7 @@ class WizardPage:
         with ui.column().classes("wz-card w-full gap-3").props("data-test=panel"):
             number = self.session.step
             ui.html(f"<h2>{number + 1}. {phrase(STEPS[number])[:-1]}</h2>", sanitize=False)
-            if self.jobs.busy:
-                with ui.row().classes("items-center gap-2").props("role=status"):
-                    ui.spinner(size="sm")
-                    ui.label(f"{phrase(self.jobs.busy)[:-1]} …").props("data-test=busy")
-            if self.jobs.problem:
-                note(phrase(self.jobs.problem), "wz-bad", alert=True)
+            self.status()
             PANELS[number](self)
             with ui.row().classes("w-full justify-between"):
                 back = ui.button("Back", on_click=lambda: self.go(number - 1))
@@ -111,6 +108,16 @@ class WizardPage:
                     )
 
     @ui.refreshable_method
+    def status(self) -> None:
+        """What is being worked out, or why it failed."""
+        if self.jobs.busy:
+            with ui.row().classes("items-center gap-2").props("role=status"):
+                ui.spinner(size="sm")
+                ui.label(f"{phrase(self.jobs.busy)[:-1]} …").props("data-test=busy")
+        if self.jobs.problem:
+            note(phrase(self.jobs.problem), "wz-bad", alert=True)
+
+    @ui.refreshable_method
     def outlook(self) -> None:
         """The expected uncertainty."""
         outlook_card(self.session)
@@ -119,6 +126,7 @@ class WizardPage:
         """Show another step."""
         self.session.step = min(max(step, 0), len(STEPS) - 1)
         self.places.leave()
+        self.jobs.problem = self.saving_problem = ""
         self.show()
 
     def finish(self) -> None:
@@ -133,9 +141,15 @@ class WizardPage:
         """Draw all anew."""
         self._revision = self.jobs.revision
         self.navigation.refresh()
-        self.panel.refresh()
+        self.redraw_panel()
         self.outlook.refresh()
         self.draw()
+
+    def redraw_panel(self) -> None:
+        """Draw the present step anew; what has the focus keeps it."""
+        self._stale = False
+        self.panel.refresh()
+        ui.run_javascript(REFOCUS)
 
     def draw(self) -> None:
         """Draw what lies over the picture, and the loupe."""
@@ -207,7 +221,7 @@ class WizardPage:
         elif self._dragged is not None:
             name, self._dragged = self._dragged, None
             self.places.put(name, px, final=True)
-            self.panel.refresh()
+            self.redraw_panel()
         self.draw()
 
     def _key(self, event: GenericEventArguments) -> None:
@@ -219,7 +233,7 @@ class WizardPage:
         if at is None:
             at = (np.array(self.session.answers.scene.size) - 1.0) / 2.0
         self.places.put(self.places.active, at + size * np.array(step), final=True)
-        self.panel.refresh()
+        self.redraw_panel()
         self.draw()
 
     def _magnify(self, px: FloatArray | None = None) -> None:
@@ -239,9 +253,22 @@ class WizardPage:
                 reading = f"; wall {wall[0]:+.3f}, {wall[1]:+.3f} m"
         self._where.text = f"{named}{px[0]:.1f}, {px[1]:.1f} px{reading}"
 
-    def _poll(self) -> None:
+    async def _poll(self) -> None:
+        """Show what has been worked out; a step in which somebody is typing is left alone."""
+        if self.jobs.revision == self._revision and not self._stale:
+            return
         if self.jobs.revision != self._revision:
-            self.show()
+            self._revision = self.jobs.revision
+            self._stale = True
+            self.status.refresh()
+            self.outlook.refresh()
+            self.draw()
+        try:
+            typing = await ui.run_javascript(TYPING, timeout=5.0)
+        except TimeoutError:
+            return  # the window is gone, or being reloaded
+        if not typing and self._stale:
+            self.redraw_panel()
 
 
 def _safe(text: str) -> str:

@@ -24,7 +24,7 @@ def check_step(page: "WizardPage") -> None:
 
     def layer(value: str) -> None:
         session.layer = value  # type: ignore[assignment]
-        page.panel.refresh()
+        page.redraw_panel()
         page.draw()
 
     ui.radio(LAYERS, value=session.layer, on_change=lambda event: layer(event.value)).props(
@@ -68,11 +68,11 @@ def _known_length(page: "WizardPage") -> None:
 
     def plane(wall: bool) -> None:
         session.on_wall = wall
-        page.panel.refresh()
+        page.redraw_panel()
 
     def length(text: str) -> None:
         session.known_length = text
-        page.panel.refresh()
+        page.redraw_panel()
 
     ui.radio(
         {True: "on the wall", False: "on the ball's plane"},
@@ -106,7 +106,7 @@ def _saving(page: "WizardPage") -> None:
             session.save()
         except ImpactVisionError as problem:
             page.saving_problem = problem.in_one_line
-        page.panel.refresh()
+        page.redraw_panel()
 
     with ui.row().classes("gap-2"):
         button = ui.button("Save", on_click=save)

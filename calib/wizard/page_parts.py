@@ -6,7 +6,18 @@ from typing import Any
 
 from nicegui import ui
 
-__all__ = ["STYLE", "Place", "field", "millimetres", "note", "phrase", "place_row"]
+__all__ = [
+    "FOCUS",
+    "REFOCUS",
+    "STYLE",
+    "TYPING",
+    "Place",
+    "field",
+    "millimetres",
+    "note",
+    "phrase",
+    "place_row",
+]
 
 STYLE = """
 body { background: #f3f5f6; color: #1d2b33; }
@@ -28,12 +39,27 @@ body { background: #f3f5f6; color: #1d2b33; }
 .wz-loupe::before { left: 50%; top: 20%; bottom: 20%; width: 1px; }
 .wz-loupe::after { top: 50%; left: 20%; right: 20%; height: 1px; }
 .wz-picture { outline-offset: 2px; width: 100%; cursor: crosshair; }
+.wz-picture img { -webkit-user-drag: none; user-select: none; }
 .wz-picture:focus-visible { outline: 3px solid #0b8a8f; }
 h1 { font-size: 1.25rem !important; font-weight: 650 !important; line-height: 1.3 !important;
   margin: 0 !important; }
 h2 { font-size: 1.1rem !important; font-weight: 650 !important; line-height: 1.3 !important;
   margin: 0 !important; }
 """
+
+FOCUS = """<script>document.addEventListener("focusin", event => {
+  const named = event.target.closest("[data-test]");
+  window.wizardFocus = named ? named.dataset.test : null;
+});</script>"""
+"""Remembers what has the focus, since a step that is drawn anew loses it."""
+REFOCUS = """setTimeout(() => {
+  if (document.activeElement !== document.body || !window.wizardFocus) return;
+  const named = document.querySelector(`[data-test="${window.wizardFocus}"]`);
+  if (named) named.focus();
+}, 30)"""
+TYPING = """(() => { const at = document.activeElement;
+  return at.dataset.told !== undefined && at.value !== at.dataset.told; })()"""
+"""Whether something is typed that was not yet told."""
 
 
 @dataclass(frozen=True)
@@ -72,19 +98,17 @@ def note(text: str, kind: str = "wz-small", *, alert: bool = False) -> None:
         label.props("role=alert")
 
 
-def field(
-    label: str, value: str, told: Callable[[str], None], *, hint: str = "", test: str = ""
-) -> Any:
+def field(label: str, value: str, told: Callable[[str], None], *, test: str) -> Any:
     """A text field that tells its text when it is left or Enter is pressed, if it has changed."""
     shown = ui.input(label, value=value).props(f'dense outlined data-test="{test}"')
-    if hint:
-        shown.props(f'hint="{hint}"')
+    shown.props["data-told"] = value
     last = [value]
 
     def tell() -> None:
         text = str(shown.value or "").strip()
         if text != last[0]:
             last[0] = text
+            shown.props["data-told"] = text
             told(text)
 
     shown.on("blur", tell)

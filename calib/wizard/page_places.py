@@ -116,12 +116,15 @@ class Places:
 
     def _settle(self, key: str, px: FloatArray) -> None:
         session = self._session
-        session.moving.pop(key, None)
+        if session.moving.get(key) is not px:
+            return  # moved on since, as by a key held down
         if key == "origin":
             session.apply("origin set", lambda answers: _with_origin(answers, px))
         else:
             fields: dict[str, Any] = {f"{key}_px": px}
             session.update(f"{LABELS[key].lower()} set", **fields)
+        if session.moving.get(key) is px:
+            del session.moving[key]
 
     def ruler(self) -> str:
         """Drawing of the length to verify."""

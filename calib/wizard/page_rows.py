@@ -20,13 +20,13 @@ def places_of(page: "WizardPage", *keys: str) -> None:
 
         def choose(key: str = key) -> None:
             page.places.active = key
-            page.panel.refresh()
+            page.redraw_panel()
             page.draw()
 
         def moved(x: float, y: float, key: str = key) -> None:
             page.places.active = key
             page.places.put(key, np.array([x, y]), final=True)
-            page.panel.refresh()
+            page.redraw_panel()
             page.draw()
 
         place_row(

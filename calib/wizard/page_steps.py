@@ -94,7 +94,7 @@ def _lens_step(page: "WizardPage") -> None:
         session.lens_way = way
         if way == "grid" and session.answers.lens is not None:
             _do(page, "lens from the grid", lambda a: replace(a, lens=None))
-        page.panel.refresh()
+        page.redraw_panel()
 
     if session.lens_way == "file":
         field("Path of the lens file (TOML)", session.lens_path, read_file, test="lens-file")
@@ -159,7 +159,7 @@ def _wall_step(page: "WizardPage") -> None:
         page.places.active = "corner0" if wanted else None
         if not wanted:
             page.jobs.submit("looking for the wall grid", session.find_grid)
-        page.panel.refresh()
+        page.redraw_panel()
         page.draw()
 
     ui.switch(
@@ -277,11 +277,21 @@ def _followed(page: "WizardPage") -> None:
         landed = "" if seen.landing_px is None else " and to its lowest place, the landing"
         note(f"The ball was followed from its rest{landed}.", "text-body2")
         return
-    note("The ball is not followed yet: that tells where it rests and lands, and how large it is.")
-    ui.button(
-        "Follow the ball",
-        on_click=lambda: page.jobs.submit("following the ball", session.follow_ball),
-    ).props("outline no-caps color=teal-9 data-test=follow")
+    note(
+        phrase(session.ball_problem.partition(". ")[0])
+        + " Set its places by hand, or point at it and follow it from there."
+        if session.ball_problem
+        else "The ball is not followed yet: that tells where it rests and lands, and its size."
+    )
+
+    def follow() -> None:
+        at = session.answers.rest_px
+        told = None if at is None else (float(at[0]), float(at[1]))
+        page.jobs.submit("following the ball", lambda: session.follow_ball(told))
+
+    ui.button("Follow the ball", on_click=follow).props(
+        "outline no-caps color=teal-9 data-test=follow"
+    )
 
 
 def _distances_step(page: "WizardPage") -> None:
@@ -310,7 +320,7 @@ def _taped_field(page: "WizardPage", key: str, label: str, known: Known | None) 
 
     with ui.row().classes("w-full no-wrap gap-2"):
         field(f"{label} (tape)", value, lambda text: told(text, std), test=key)
-        spread = field("give or take", std, lambda text: told(value, text))
+        spread = field("give or take", std, lambda text: told(value, text), test=f"{key}-std")
         spread.style("max-width: 8rem")
 
 

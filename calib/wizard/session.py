@@ -15,7 +15,7 @@ from calib.wizard.corners import grid_from_corners, starting_corners
 from calib.wizard.files import Written, save
 from calib.wizard.outlook import Outlook, outlook
 from calib.wizard.scene import BallSeen, watch_ball
-from metrology import CalibrationError
+from metrology import CalibrationError, NotFoundError
 
 __all__ = ["Change", "Session", "with_ball", "with_corners", "with_grid"]
 
@@ -56,6 +56,8 @@ class Session:
         Files written so far.
     grid_problem : str
         Why no grid was found, empty otherwise.
+    ball_problem : str
+        Why no ball was followed, empty otherwise.
     lens_way, lens_path : str
         How the lens is told: "grid", "file" or "board"; and the path, as written.
     by_hand : bool
@@ -84,7 +86,7 @@ class Session:
         self.changes: list[Change] = []
         self.step = 0
         self.written: Written | None = None
-        self.grid_problem = ""
+        self.grid_problem = self.ball_problem = ""
         self.lens_way, self.lens_path = "grid" if answers.lens is None else "file", ""
         self.by_hand = False
         self.handles: FloatArray | None = None
@@ -136,6 +138,14 @@ class Session:
         seen = watch_ball(scene.info.path, self.answers.capture_fps, ball_at=ball_at)
         self.update("ball followed, landing seen", seen=seen, rest_px=None, landing_px=None)
         return seen
+
+    def look_for_ball(self) -> None:
+        """Follow the ball if there is one; `ball_problem` says why there is none."""
+        try:
+            self.follow_ball()
+            self.ball_problem = ""
+        except NotFoundError as problem:
+            self.ball_problem = problem.in_one_line
 
     def save(self) -> Written:
         """Write `setup.toml` and `lens.toml`.
