@@ -1,12 +1,14 @@
 """Evaluated chain to the quantities of the contract, each with its budget or its reason."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from calib.calibration import Calibration
 from metrology import Contribution, Quantity
 from pipelines.measure.beside import BESIDE, speeds_agree
 from pipelines.measure.budget import Scene, merged
@@ -267,24 +269,27 @@ def _geometry(
         wall = Quantity.missing("landing_distance_on_wall", "m", no_grid)
         return missing | {"landing_distance_on_wall": wall}
     out = {
-        "ball_plane_offset": Quantity.measured(
-            names[0],
-            calibration.ball_plane_offset,
-            "m",
-            calibration.budget(lambda c: c.ball_plane_offset),
-        ),
-        "camera_distance": Quantity.measured(
-            names[1],
-            calibration.camera_distance,
-            "m",
-            calibration.budget(lambda c: c.camera_distance),
-        ),
+        names[0]: _depth(names[0], calibration, lambda c: c.ball_plane_offset),
+        names[1]: _depth(names[1], calibration, lambda c: c.camera_distance),
     }
     landing = found["landing_distance"]
     if landing.value is None:
         wall = Quantity.missing("landing_distance_on_wall", "m", str(landing.reason))
         return out | {"landing_distance_on_wall": wall}
     return out | {"landing_distance_on_wall": _on_wall(evaluated, landing)}
+
+
+def _depth(name: str, calibration: Calibration, value: Callable[[Calibration], float]) -> Quantity:
+    """A depth, with the longer side of its interval as the uncertainty.
+
+    Without tape, depths are known to a factor rather than to a length: exp(±s) about the value.
+    """
+    found = value(calibration)
+    budget = calibration.budget(value)
+    share = float(np.sqrt(sum(line.std**2 for line in budget))) / max(abs(found), 1e-9)
+    longer = float(np.expm1(min(share, 1.0)) / share) if share > 0 else 1.0
+    widened = tuple(replace(line, std=line.std * longer) for line in budget)
+    return Quantity.measured(name, found, "m", widened)
 
 
 def _on_wall(evaluated: Evaluated, landing: Quantity) -> Quantity:
