@@ -44,7 +44,7 @@ class DroppedInEach(DroppedFrames):
     def clock(self, values: Values, time: Number) -> Number:
         """Jump once in each trial."""
         after = np.asarray(time, dtype=np.float64) - np.array(self.instants)[:, None]
-        return time + values["gap"] * np.heaviside(after, 0.0)
+        return np.asarray(time + values["gap"] * np.heaviside(after, 0.0))
 
 
 def _since(forward: Forward, fit: Fit) -> FloatArray:

@@ -163,7 +163,9 @@ def _verdict(
     groups = _groups(best, rivals)
     if forward.mode == "flight" and naming.suspects() and best is not None:
         first = min(best.ids, key=lambda one: one in MEASUREMENT_IDS)
-        groups = (*groups, (first, *naming.suspects()))
+        blamed = (first, *naming.suspects())
+        if not any(set(blamed) <= set(group) for group in groups):
+            groups = (*groups, blamed)
     location = locate(forward, base, best)
     remainder = remainder_of(prepared, best)
     effects = _named(forward, naming)

@@ -260,11 +260,11 @@ def _grow(
         scored = scan(forward, seed.fit, pool)
         ranked = _best_by_law(scored, 1.0, forward.mode == "swing")
         enough = max(threshold, second_effect_share(seed) * seed.gain)
-        if any(is_known(pool[index].effect) for _, index, _ in ranked):
-            ranked = [one for one in ranked if is_known(pool[one[1]].effect)] + [
-                one for one in ranked if not is_known(pool[one[1]].effect)
-            ]
-            enough = -np.inf
+        known = [one for one in ranked if _shows(scored, one[1], seed.misfit)]
+        if known:
+            ranked, enough = [*known, *ranked], -np.inf
+        elif forward.mode != "swing":
+            ranked = [one for one in ranked if not is_known(pool[one[1]].effect)]
         if forward.mode != "swing" and (not ranked or ranked[0][0] < enough):
             if number == 0 and seed is leader and ranked and ranked[0][0] < threshold:
                 # The best smaller set leaves nothing to explain: a larger one would be idle.
@@ -277,6 +277,18 @@ def _grow(
                 continue
             grown[law] = _extended(forward, base, seed, pool[index], values)
     return list(grown.values())
+
+
+def _shows(scored: Scan, index: int, misfit: float) -> bool:
+    """Whether an effect of known size would be seen at all, and in the right direction."""
+    effect = scored.candidates[index].effect
+    if not is_known(effect):
+        return False
+    gain = 0.0
+    for column, p in zip(scored.columns[index], effect.strengths, strict=True):
+        size = float(p.expected or 0.0) - scored.start[column]
+        gain += size * (2.0 * scored.score[column] - size * scored.information[column, column])
+    return bool(gain > KNOWN_GAIN * misfit)
 
 
 def _one_per_id(seeds: Sequence[Hypothesis], most: int) -> list[Hypothesis]:
