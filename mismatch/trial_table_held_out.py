@@ -14,7 +14,6 @@ from physics.arrays import FloatArray
 __all__ = ["table_held_out"]
 
 RESAMPLED = 2000
-FIRST_PART = 0.6
 
 
 def _foretold(
@@ -55,7 +54,7 @@ def table_held_out(
     best: Answer,
     kept_out: NDArray[np.bool_] | None = None,
 ) -> HeldOut | None:
-    """Errors on unseen trials before and after, and on the hardest hits foretold by the others.
+    """Errors on unseen trials before and after.
 
     Parameters
     ----------
@@ -83,16 +82,10 @@ def table_held_out(
         / np.maximum(np.square(after)[picks].mean(axis=1), 1e-24)
     )
     low, high = np.quantile(ratio, (0.025, 0.975))
-    first, then = None, None
-    speed = np.where(np.isfinite(table.values[:, 0]), table.values[:, 0], table.backswing)
-    hardest = speed > np.quantile(speed, FIRST_PART)
-    if int((~hardest).sum()) >= LEAST_TRIALS and hardest.any():
-        first = _rms(_foretold(forward, laws, null, hardest)[hardest, channel])
-        then = _rms(_foretold(forward, laws, best, hardest)[hardest, channel])
     names = table.names
     if kept_out is not None:
         names = tuple(n for n, out in zip(table.names, kept_out, strict=True) if out)
     return HeldOut(
         names, _rms(before), _rms(after), (float(low), float(high)),
-        "m" if channel == 2 else "m_s", first, then,
+        "m" if channel == 2 else "m_s",
     )  # fmt: skip

@@ -71,6 +71,7 @@ def figure_of(explained: Explained | TableExplained) -> Figure:
             axis.axhline(0.0, color="0.6", lw=0.8)
             axis.set_ylabel(f"{('x', 'y', 'z', 'angle')[channel]}: mean residual / sigma")
             axis.set_xlabel("time after first touch / s")
+            axis.locator_params(axis="x", nbins=6)
             axis.legend(fontsize=8)
         else:
             axis.set_axis_off()
