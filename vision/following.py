@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from metrology import NotFoundError
 from vision.ball import BallFits, follow_ball
 from vision.choice import Choice, choose_ball, rivals
-from vision.circles import find_circles
+from vision.circles import Circles, find_circles
 from vision.footage import Footage
 from vision.linking import Path, link_circles
 from vision.mass import MassPoses
@@ -20,6 +20,7 @@ from vision.rest import Rest, find_rest
 from vision.scene import Scene
 from vision.still import scene_before_strike
 from vision.tracks import PendulumTrack, Track, Tracks
+from vision.workers import side_by_side
 
 if TYPE_CHECKING:
     from vision.clip import Clip
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["follow"]
 
 FloatArray = NDArray[np.float64]
+FloatImage = NDArray[np.float32]
 IntArray = NDArray[np.int64]
 Point = tuple[float, float] | tuple[float, float, int]
 
@@ -136,19 +138,27 @@ def _looks(scene: Scene, fps: float) -> IntArray:
 
 
 def _paths(scene: Scene, looks: IntArray) -> list[Path]:
-    circles = [
-        find_circles(picture, scene.expected(index), scene.background.noise)
-        for index, picture in scene.pictures(looks)
-    ]
+    circles = _circles(scene, looks)
     paths = link_circles(looks, circles)
     closer = _meetings(paths, looks)
     if len(closer) == 0:
         return paths
     found = dict(zip(looks.tolist(), circles, strict=True))
-    for index, picture in scene.pictures(np.setdiff1d(closer, looks)):
-        found[index] = find_circles(picture, scene.expected(index), scene.background.noise)
+    between = np.setdiff1d(closer, looks)
+    found |= dict(zip(between.tolist(), _circles(scene, between), strict=True))
     every = np.array(sorted(found), dtype=np.int64)
     return link_circles(every, [found[int(index)] for index in every])
+
+
+def _circles(scene: Scene, looks: IntArray) -> list[Circles]:
+    """Round things in each of these frames."""
+    noise = scene.background.noise
+
+    def find(pair: tuple[FloatImage, FloatImage]) -> Circles:
+        return find_circles(*pair, noise)
+
+    seen = ((picture, scene.expected(index)) for index, picture in scene.pictures(looks))
+    return list(side_by_side(find, seen))
 
 
 def _meetings(paths: list[Path], looks: IntArray) -> IntArray:

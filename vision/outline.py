@@ -12,6 +12,7 @@ and Pereyra 1973) and only the outline's few parameters are iterated. Sectors th
 not describe lose weight. Many frames are fitted at once.
 """
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +23,7 @@ from vision.edge_profile import EdgeProfile
 from vision.outline_equations import Equations, Sums, linearised, reduced
 from vision.outline_fits import OutlineFits, nothing_found
 from vision.ring import Ring, Template
+from vision.workers import side_by_side
 
 __all__ = ["FitRules", "Start", "fit_outlines"]
 
@@ -30,7 +32,7 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 # Pixels of a handful of frames stay in the processor's cache.
-_BATCH_PIXELS = 100_000
+_BATCH_PIXELS = 80_000
 _SETTLED = 0.3
 _BASIS = 3
 
@@ -115,9 +117,13 @@ def fit_outlines(
         return fits
     template = Template(float(np.median(start.shape[:, 0])), rules.inner, rules.outer)
     batch = max(1, _BATCH_PIXELS // template.size)
-    for first in range(0, count, batch):
-        places = np.arange(first, min(first + batch, count))
+    parts = [np.arange(first, min(first + batch, count)) for first in range(0, count, batch)]
+
+    def run(places: IntArray) -> None:
+        # Each writes rows of its own.
         _Batch(cutouts, profile, start, rules, template, places).run(fits)
+
+    deque(side_by_side(run, parts), maxlen=0)
     return fits
 
 

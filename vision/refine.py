@@ -24,6 +24,10 @@ _TRIAL_FRAMES = 9
 _SHAPE_FRAMES = 40
 _SHAPE_STEPS = 2
 _TOLERANCE = 5e-3
+# How far inside pixels are used, in radii: once the outline is found, less of a ball's panels and
+# shading is better.
+_INNER = 0.15
+_LEAST_INNER_PX = 2.2
 # Frames between the positions compared: errors of neighbours are alike, as the ball looks alike.
 _LAG = 4
 
@@ -155,6 +159,7 @@ class _Refiner:
         longest = min(float(np.hypot(*smear.T).max(initial=0.0)), 2.0 * radius)
         profile = EdgeProfile(radius, optics.spread, longest)
         inner, outer = ring_widths(radius)
+        inner = max(_LEAST_INNER_PX, min(inner, _INNER * radius))
         rules = FitRules(
             free, 0.1 * radius, inner, outer, shape_pull=shape is not None, tolerance=_TOLERANCE
         )
