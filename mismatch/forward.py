@@ -18,7 +18,7 @@ from physics.arrays import FloatArray
 from physics.effects import CATALOGUE, Contact, Flight, Outcome, Swing, View
 from physics.effects.impact import add_normal_speeds, change_restitution, turn_launch
 
-__all__ = ["NUISANCES", "Forward", "Mode"]
+__all__ = ["NUISANCES", "OUTSIDE", "Forward", "Mode"]
 
 Mode: TypeAlias = Literal["impact", "flight", "swing"]
 

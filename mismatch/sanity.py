@@ -7,7 +7,7 @@ import numpy as np
 from metrology import UsageError
 from mismatch.campaign import Campaign
 from mismatch.fit import spread_laws
-from mismatch.forward import Forward
+from mismatch.forward import OUTSIDE, Forward
 from mismatch.prepare import Prepared, prepare
 from physics.arrays import FloatArray
 
@@ -15,6 +15,9 @@ __all__ = ["refuse_nonsense"]
 
 FAR_OFF = 30.0
 """Factor between recorded and expected size beyond which only a unit can be wrong."""
+
+RUNAWAY = 1e4
+"""As `FAR_OFF`, but beyond any unit: the refitted baseline has run off."""
 
 SUSPICIOUS = 0.05
 SWAP_GAIN = 0.1
@@ -45,6 +48,12 @@ def refuse_nonsense(campaign: Campaign, prepared: Prepared) -> None:
         return
     x, y = records.position[..., 0][both], records.position[..., 1][both]
     px, py = predicted[:, :s][both], predicted[:, s : 2 * s][both]
+    runaway = _spread(px, py) > RUNAWAY * max(_spread(x, y), 1e-3)
+    if runaway and float(np.abs(predicted).max()) >= OUTSIDE:
+        raise UsageError(
+            "the setup contradicts the data: no motion of this apparatus comes near them",
+            hint="Check back-swing angles, ball names, pendulum and support in the setup.",
+        )
     ratio = _spread(x, y) / max(_spread(px, py), 1e-9)
     if ratio > FAR_OFF or ratio < 1.0 / FAR_OFF:
         raise UsageError(

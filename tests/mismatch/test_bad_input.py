@@ -1,0 +1,113 @@
+"""What the engine says of files that are wrong, thin or contradictory: never a confident name."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from metrology import TooLittleDataError, UsageError
+from mismatch import Campaign, Options, Trial, explain
+from mismatch.prepare import prepare
+from physics.effects import CATALOGUE, Effect, Parameter
+from tests.mismatch.synthetic import struck_campaign, thrown_campaign
+
+
+def confident(verdict) -> list[str]:
+    if verdict.indistinguishable:
+        return []
+    return [effect.id for effect in verdict.effects if effect.probability > 0.95]
+
+
+def test_one_blameless_trial_names_nothing():
+    campaign, baseline = thrown_campaign()
+    verdict = explain(Campaign(campaign.trials[:1]), baseline)
+    assert not confident(verdict)
+
+
+def test_one_throw_is_never_explained_by_a_law_without_a_name_or_by_two_strengths():
+    campaign, baseline = thrown_campaign(scale=1.05)
+    verdict = explain(Campaign(campaign.trials[:1]), baseline)
+    assert "unnamed" not in [effect.id for effect in verdict.effects]
+    assert len(verdict.effects) <= 1
+    assert not confident(verdict)
+
+
+def test_trials_that_are_copies_of_one_are_no_further_evidence_of_anything():
+    campaign, baseline = thrown_campaign()
+    one = campaign.trials[0]
+    copies = tuple(replace(one, name=str(index)) for index in range(4))
+    assert not confident(explain(Campaign(copies), baseline))
+
+
+def test_missing_values_are_left_out():
+    campaign, baseline = struck_campaign(seed=3)
+    holed = []
+    for trial in campaign.trials:
+        position = trial.position.copy()
+        position[::7] = np.nan
+        holed.append(replace(trial, position=position))
+    verdict = explain(Campaign(tuple(holed)), baseline)
+    assert verdict.verdict == "no_mismatch"
+
+
+def test_a_setup_that_contradicts_the_data_is_refused():
+    campaign, baseline = struck_campaign(seed=3)
+    wrong = tuple(replace(t, backswing=2.2 * t.backswing) for t in campaign.trials)
+    with pytest.raises(UsageError, match="contradicts"):
+        explain(Campaign(wrong), baseline)
+
+
+def test_a_users_effect_that_raises_is_named_in_the_error():
+    class Raising(Effect):
+        def force(self, values, flight):
+            raise ZeroDivisionError("no wind tunnel")
+
+    raising = Raising("tunnel", "", "", "", "flight", (Parameter("k", "N", 1.0, -9.0, 9.0),))
+    campaign, baseline = thrown_campaign()
+    with pytest.raises(UsageError, match=r"tunnel.*no wind tunnel"):
+        explain(campaign, baseline, options=Options(effects=(raising,)))
+
+
+def test_a_stated_uncertainty_is_tested_not_believed():
+    campaign, baseline = thrown_campaign()
+    for factor in (1 / 3, 3.0):
+        sigma = prepare(campaign, baseline).noise.sigma[0, 0]
+        claimed = tuple(
+            replace(t, position_std=np.full(t.position.shape, factor * sigma))
+            for t in campaign.trials
+        )
+        verdict = explain(Campaign(claimed), baseline)
+        assert verdict.verdict == "no_mismatch"
+        assert any("the file states" in note for note in verdict.notes)
+
+
+def test_too_few_rows_in_each_trial_are_refused():
+    campaign, baseline = thrown_campaign()
+    few = tuple(
+        Trial(t.name, t.ball_time[:3], t.position[:3], np.zeros(0), np.zeros(0))
+        for t in campaign.trials[:4]
+    )
+    with pytest.raises(TooLittleDataError):
+        explain(Campaign(few), baseline)
+
+
+def test_no_law_is_believed_at_a_size_that_nobody_meets():
+    rate = CATALOGUE["time_base"][0].parameters[0]
+    scale = CATALOGUE["length_scale"][0].parameters[0]
+    assert rate.believable(0.03)
+    assert rate.believable(19.0)  # 30 frames per second written for 600
+    assert rate.believable(-0.95)
+    assert not rate.believable(0.35)
+    assert rate.surprise(19.0) < rate.surprise(0.15)
+    assert not scale.believable(-0.25)
+
+
+@pytest.mark.slow
+def test_a_measured_calibration_narrows_what_the_ruler_may_be_blamed_for():
+    campaign, baseline = thrown_campaign(scale=1.03)
+    free = explain(campaign, baseline)
+    held = explain(
+        campaign, baseline, options=Options(widths={"length_scale": 5e-4, "time_base": 0.01})
+    )
+    assert "length_scale" in {one for group in free.indistinguishable for one in group}
+    assert "length_scale" not in {effect.id for effect in held.effects}
