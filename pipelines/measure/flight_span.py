@@ -69,7 +69,7 @@ def _jump(time: FloatArray, place: FloatArray, tracks: MetricTracks) -> int | No
         missed = np.hypot(*(place[k : k + 2] - place[last] - velocity * ahead[:, None]).T)
         allowed = (
             _JUMP_RADII * tracks.radius_m
-            + _HARDEST_PULL * ahead * (ahead + before)
+            + 0.5 * _HARDEST_PULL * ahead * (ahead + before)
             + noise * (1.0 + ahead / before)
         )
         if np.all(missed > allowed):

@@ -101,6 +101,23 @@ def test_the_flight_ends_where_the_path_jumps_to_something_else() -> None:
     assert end == pytest.approx(tracks.ball_time_s[160])
 
 
+def test_a_ghost_after_a_gap_is_not_the_flight() -> None:
+    scene, shot = known_stroke("jokku", 120.0)
+    tracks = ideal_tracks(scene, shot, Noise(1e-4), fps=200.0)
+    seen = np.r_[0:34, 70 : len(tracks.ball_m)]
+    place = tracks.ball_m[seen]
+    place[34:] = place[33]
+    ghost = replace(
+        tracks,
+        ball_frame=tracks.ball_frame[seen],
+        ball_time_s=tracks.ball_time_s[seen],
+        ball_m=place,
+        ball_cov_m2=tracks.ball_cov_m2[seen],
+    )
+    end = flight_end(ghost, gather_inputs(Setup(), "jokku", None), departure(ghost))
+    assert end == pytest.approx(70 / 200.0)
+
+
 def test_one_frame_that_is_off_does_not_end_the_flight() -> None:
     scene, shot = known_stroke("jokku", 120.0)
     tracks = ideal_tracks(scene, shot, Noise(1e-4))
