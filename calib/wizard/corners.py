@@ -21,7 +21,7 @@ FloatArray = NDArray[np.float64]
 
 HAND_STD_PX = 0.7
 """A handle put on a crossing with a loupe."""
-SQUARE_PX = (16, 48)
+SQUARE_PX = (32, 60)
 MOST_PX = 1400
 RATIOS = (1, 2, 4, 5, 10)
 MOST_OFF = 0.05

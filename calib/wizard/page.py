@@ -49,10 +49,12 @@ class WizardPage:
         self._revision = -1
         self._stale = False
         self._dragged: str | None = None
+        self._steps: list[ui.button] = []
 
     def build(self) -> None:
         """Lay the page out."""
-        info = self.session.answers.scene.info
+        session = self.session
+        info = session.answers.scene.info
         ui.add_css(STYLE)
         ui.add_head_html(FOCUS)
         ui.page_title(f"Calibration: {info.path.name}")
@@ -62,33 +64,44 @@ class WizardPage:
                 ui.label(f"{info.width} × {info.height} px, {info.frames} frames").classes(
                     "wz-small"
                 )
-            self.navigation()
+            self._navigation()
             with ui.row().classes("w-full items-start gap-4"):
                 with ui.column().classes("gap-2").style("flex: 3 1 520px; min-width: 0"):
                     self._picture()
                 with ui.column().classes("gap-3").style("flex: 2 1 380px; min-width: 340px"):
                     self.panel()
+                    with ui.row().classes("w-full justify-between"):
+                        self._back = ui.button("Back", on_click=lambda: self.go(session.step - 1))
+                        self._back.props("outline no-caps color=teal-9 data-test=back")
+                        self._next = ui.button("Next", on_click=lambda: self.go(session.step + 1))
+                        self._next.props("unelevated no-caps color=teal-9 data-test=next")
                     self.outlook()
         ui.timer(POLL_S, self._poll)
         self.show()
 
-    @ui.refreshable_method
-    def navigation(self) -> None:
-        """The row of steps."""
+    def _navigation(self) -> None:
+        """The row of steps; never drawn anew, so that no click on it is lost."""
         with (
             ui.element("nav")
             .props('aria-label="Steps"')
             .classes("row items-center gap-1 wz-card w-full")
         ):
             for index, name in enumerate(STEPS):
-                current = index == self.session.step
                 button = ui.button(
                     f"{index + 1}  {phrase(name)[:-1]}",
                     on_click=lambda _, index=index: self.go(index),
                 )
                 button.props(f'flat dense color=inherit data-test="step-{index + 1}"')
-                button.props(f"aria-current={'step' if current else 'false'}")
-                button.classes("wz-step" + (" wz-done" if index < self.session.step else ""))
+                self._steps.append(button.classes("wz-step"))
+
+    def _mark(self) -> None:
+        """Show in the row of steps which is the present one."""
+        for index, button in enumerate(self._steps):
+            button.props(f"aria-current={'step' if index == self.session.step else 'false'}")
+            done = index < self.session.step
+            button.classes(add="wz-done" if done else "", remove="" if done else "wz-done")
+        self._back.set_enabled(self.session.step > 0)
+        self._next.set_visibility(self.session.step < len(STEPS) - 1)
 
     @ui.refreshable_method
     def panel(self) -> None:
@@ -98,14 +111,6 @@ class WizardPage:
             ui.html(f"<h2>{number + 1}. {phrase(STEPS[number])[:-1]}</h2>", sanitize=False)
             self.status()
             PANELS[number](self)
-            with ui.row().classes("w-full justify-between"):
-                back = ui.button("Back", on_click=lambda: self.go(number - 1))
-                back.props("outline no-caps color=teal-9 data-test=back")
-                back.set_enabled(number > 0)
-                if number < len(STEPS) - 1:
-                    ui.button("Next", on_click=lambda: self.go(number + 1)).props(
-                        "unelevated no-caps color=teal-9 data-test=next"
-                    )
 
     @ui.refreshable_method
     def status(self) -> None:
@@ -140,7 +145,7 @@ class WizardPage:
     def show(self) -> None:
         """Draw all anew."""
         self._revision = self.jobs.revision
-        self.navigation.refresh()
+        self._mark()
         self.redraw_panel()
         self.outlook.refresh()
         self.draw()

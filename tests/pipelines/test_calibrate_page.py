@@ -47,34 +47,41 @@ def still_clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def go_on(page: Any, heading: str) -> None:
+    page.click("[data-test=next]")
+    says(page, "[data-test=panel]", heading)
+
+
 def click_through(page: Any) -> None:
     settled(page)
     guessed = std_mm(page)
     says(page, "[data-test=panel]", "assumed")
     fill(page, "fps", "600 fps")
-    page.click("[data-test=next]")
+    go_on(page, "2. Lens")
     page.click("text=Lens file")
     fill(page, "lens-file", "/nowhere/lens.toml")
     says(page, "[role=alert]", "an't read the lens file")
     page.click("text=From the wall grid")
-    page.click("[data-test=next]")
+    go_on(page, "3. Wall grid")
     says(page, "[data-test=panel]", "Found unaided")
     page.click("[data-test=place-origin]")
     page.mouse.click(*on_picture(page, 200.0, 100.0))
     until(page, lambda: abs(value(page, "origin-x") - 200.0) < 1.0)
     says(page, "[data-test=changes]", "origin set")
-    page.click("[data-test=next]")
+    settled(page)
+    go_on(page, "4. Ball and support")
     page.click("[data-test=ball]")
     page.click(".q-menu >> text=basketball")
     says(page, "[data-test=changes]", "ball basketball")
     sized = std_mm(page)
     assert sized < 0.5 * guessed
-    page.click("[data-test=next]")
+    settled(page)
+    go_on(page, "5. Distances")
     fill(page, "camera_distance", "4.602 m")
     fill(page, "ball_plane_offset", "0.451 m")
     says(page, "[data-test=changes]", "camera to wall 4.602 m", "ball's plane to wall 0.451 m")
     assert std_mm(page) < sized
-    page.click("[data-test=next]")
+    go_on(page, "6. Check")
 
 
 def test_every_step_clicked_through_saves_a_setup_that_is_read(
@@ -168,6 +175,7 @@ def test_the_keyboard_alone_is_enough(browser: Any, still_clip: Path, tmp_path: 
         settled(page)
         tab_to(page, "[data-test=step-6]")
         press(page, "Enter")
+        settled(page)
         tab_to(page, "[data-test=save]")
         press(page, "Enter")
         page.wait_for_selector("[data-test=saved]")
