@@ -35,7 +35,7 @@ def saved(figure: Figure, path: Path) -> None:
     """Write a figure with as few colours as it needs."""
     buffer = io.BytesIO()
     figure.savefig(buffer, dpi=118)
-    picture = Image.open(buffer).convert("RGB").quantize(128)
+    picture = Image.open(buffer).convert("RGB").quantize(128, Image.Quantize.FASTOCTREE)
     picture.save(path, optimize=True)
 
 
@@ -49,7 +49,7 @@ def main() -> None:
     write_plot(folder / "demo_plots.png", shown)
     plots = Image.open(folder / "demo_plots.png").convert("RGB")
     plots = plots.resize((WIDTH, round(WIDTH * plots.height / plots.width)))
-    plots.quantize(128).save(folder / "demo_plots.png", optimize=True)
+    plots.quantize(128, Image.Quantize.FASTOCTREE).save(folder / "demo_plots.png", optimize=True)
     for name, (title, draw) in zip(NAMES, panels_of(shown), strict=True):
         with matplotlib.rc_context(STYLE):
             figure = Figure(figsize=(6.2, 3.5), layout="constrained")
@@ -64,7 +64,8 @@ def main() -> None:
     for name, frame in (("overlay", FLYING), ("overlay_contact", middle)):
         still = overlay_still(clip, measured.tracks, marks, frame=frame)
         picture = Image.fromarray(np.ascontiguousarray(still[:, :, ::-1]))
-        picture.quantize(256).save(folder / f"{name}.png", optimize=True)
+        few = picture.quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.FLOYDSTEINBERG)
+        few.save(folder / f"{name}.png", optimize=True)
     truth = json.loads(CLIP.with_name(f"{CLIP.stem}.truth.json").read_text())["quantities"]
     for item in (*measured.quantities, *measured.beside, measured.gravity):
         true = truth.get(item.name, {}).get("value")
