@@ -3,6 +3,7 @@
 import json
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -11,11 +12,12 @@ import typer
 from metrology import UsageError, write_text_whole
 from mismatch import Campaign, Explained, Options, Verdict, explain_in_full
 from mismatch.trial_table_explain import TableExplained
-from pipelines.explain_clips import campaign_from_clips, clip_facts, with_rig
+from pipelines.explain_clips import ClipCampaign, campaign_from_clips, clip_facts, with_rig
 from pipelines.explain_io import baseline_from_setup, load_campaign, load_effects
 from pipelines.explain_model import improved_setup
 from pipelines.explain_plots import draw_explained
 from pipelines.explain_report import write_explain_report
+from pipelines.explain_systematics import within_calibration
 from pipelines.explain_tables import explain_trial_table, is_trial_table
 from pipelines.setup_file import Setup, load_setup
 
@@ -137,9 +139,12 @@ def explain_campaign(
     """Explain a campaign that has been read or measured already."""
     baseline = baseline_from_setup(known, campaign)
     own = () if effects_file is None else load_effects(effects_file)
-    return explain_in_full(
+    explained = explain_in_full(
         campaign, baseline, options=Options(hold_out=hold_out or (), effects=own)
     )
+    if not isinstance(campaign, ClipCampaign):
+        return explained
+    return replace(explained, verdict=within_calibration(explained.verdict, campaign.widths))
 
 
 def explain_command(

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +11,12 @@ import pandas as pd
 from metrology import ClipError, MeasurementError, NotFoundError, UsageError
 from mismatch.campaign import Campaign, Trial
 from physics.bodies import GRAVITY, PAPER_PENDULUM, PAPER_SUPPORT, Pendulum
+from pipelines.explain_systematics import calibration_widths, common_widths
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measurement import Measurement
 from pipelines.setup_file import Setup
 
-__all__ = ["ClipFacts", "campaign_from_clips", "clip_facts", "trial_of", "with_rig"]
+__all__ = ["ClipCampaign", "ClipFacts", "campaign_from_clips", "clip_facts", "trial_of", "with_rig"]
 
 MOST_WARNINGS = 3
 
@@ -26,6 +27,19 @@ class ClipFacts:
 
     backswing: float | None = None
     ball: str | None = None
+
+
+@dataclass(frozen=True)
+class ClipCampaign(Campaign):
+    """Trials from clips, with what their calibration leaves open.
+
+    Attributes
+    ----------
+    widths : mapping
+        Id of a fault of the instrument → standard uncertainty of the calibration in it.
+    """
+
+    widths: Mapping[str, float] = field(default_factory=dict)
 
 
 def clip_facts(path: Path) -> dict[str, ClipFacts]:
@@ -70,7 +84,7 @@ def campaign_from_clips(
     setup: Setup,
     facts: Mapping[str, ClipFacts] | None = None,
     measure: Callable[[Path, MeasureOptions], Measurement] = measure_clip,
-) -> Campaign:
+) -> ClipCampaign:
     """Measure clips and lay their tracks out as trials.
 
     A clip whose back-swing is neither told nor in view starts from the angle that its speed before
@@ -101,6 +115,7 @@ def campaign_from_clips(
         )
     known, setup = facts or {}, with_rig(setup)
     trials: list[Trial] = []
+    widths: list[dict[str, float]] = []
     releases: list[float] = []
     notes: list[str] = []
     refused: list[tuple[Path, ClipError | MeasurementError]] = []
@@ -114,6 +129,7 @@ def campaign_from_clips(
             continue
         trials.append(trial)
         releases.append(_release(measured))
+        widths.append(calibration_widths(measured))
         notes += [f"{path.name}: {text}" for text in said]
     if not trials:
         raise refused[0][1]
@@ -124,7 +140,7 @@ def campaign_from_clips(
         # Without a whole strike to compare, rest and contact are no part of a free flight.
         trials = [_flight_only(t, r) for t, r in zip(trials, releases, strict=True)]
         notes.insert(0, "not every strike is known from its back-swing on: flights are compared")
-    return Campaign(tuple(trials), (*left_out, *notes))
+    return ClipCampaign(tuple(trials), (*left_out, *notes), common_widths(widths))
 
 
 def with_rig(setup: Setup) -> Setup:

@@ -9,8 +9,15 @@ import numpy as np
 import pytest
 
 from metrology import ClipError, NotFoundError, Quantity, UsageError
+from mismatch import Verdict
+from mismatch.verdict import Location, NamedEffect, ParameterValue, Remainder
 from physics.bodies import PAPER_PENDULUM
 from pipelines.explain_clips import ClipFacts, campaign_from_clips, clip_facts, with_rig
+from pipelines.explain_systematics import (
+    calibration_widths,
+    common_widths,
+    within_calibration,
+)
 from pipelines.setup_file import parse_setup
 
 SETUP = parse_setup('[ball]\npreset = "jokku"\n')
@@ -36,7 +43,11 @@ def measured(speed: float | None = 2.0, backswing_deg: float | None = None):
             return Quantity.missing(name, "1", "not in view")
         return Quantity.measured(name, value, "1", ())
 
-    return SimpleNamespace(impact=impact, warnings=("a", "b", "c", "d"), quantity=quantity)
+    rate = SimpleNamespace(fps=600.0, std=0.6)
+    return SimpleNamespace(
+        impact=impact, warnings=("a", "b", "c", "d"), quantity=quantity, rate=rate,
+        calibration=None,
+    )  # fmt: skip
 
 
 def chain(answers):
@@ -124,3 +135,27 @@ def test_a_table_of_clips_is_read_by_name_without_ending(tmp_path):
     table.write_text("film,angle\na,1\n")
     with pytest.raises(UsageError, match="columns"):
         clip_facts(table)
+
+
+def _named(identity: str, name: str, value: float) -> Verdict:
+    effect = NamedEffect(identity, "…", 0.9, (ParameterValue(name, value, 1e-4, "1"),))
+    location = Location("measurement", None, None, "horizontal", "…")
+    return Verdict(
+        "explained", ("gravity",), 2.0, location, (effect,), (), (), None, None,
+        Remainder(True, "…"),
+    )  # fmt: skip
+
+
+def test_an_error_that_the_calibration_allows_is_no_finding():
+    widths = common_widths([calibration_widths(measured()), calibration_widths(measured())])
+    assert widths["time_base"] == pytest.approx(0.001)
+    inside = within_calibration(_named("time_base", "rate_error", 0.002), widths)
+    assert inside.verdict == "no_mismatch"
+    assert not inside.effects
+    assert "no finding" in inside.notes[-1]
+    outside = within_calibration(_named("time_base", "rate_error", 0.017), widths)
+    assert outside.verdict == "explained"
+    assert outside.effects
+    physics = within_calibration(_named("wind", "wind_x", 0.001), widths)
+    assert physics.effects
+    assert "the calibration knows" in physics.notes[-1]
