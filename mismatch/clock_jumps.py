@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mismatch.fit import Fit, linearise
+from mismatch.fit import Fit
 from mismatch.forward import Forward
+from mismatch.normal_equations import linearise
 from physics.arrays import FloatArray, Number
 from physics.effects import CATALOGUE, Values
 from physics.effects.measurement import DroppedFrames

@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from mismatch.fit import Fit, Free, fit_model, free_parameters
+from mismatch.fit import Fit, fit_model
 from mismatch.forward import Forward
 from mismatch.hypotheses import Hypothesis
+from mismatch.normal_equations import Free, free_parameters
 from mismatch.verdict import HeldOut
 from physics.arrays import FloatArray
 

@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mismatch.candidates import Candidate, start_values
-from mismatch.fit import Fit, Free, fit_model, free_parameters
+from mismatch.fit import Fit, fit_model
 from mismatch.forward import Forward
 from mismatch.model import Model
+from mismatch.normal_equations import Free, free_parameters
 from mismatch.scan import Scan
 from physics.arrays import FloatArray
 from physics.effects import Effect

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mismatch.fit import Fit, spread_laws
+from mismatch.fit import Fit
 from mismatch.forward import Forward
 from mismatch.hypotheses import Hypothesis
+from mismatch.normal_equations import spread_laws
 from mismatch.verdict import Location
 from physics.arrays import FloatArray
 from physics.effects import Effect, Flight, Swing, Values

@@ -6,8 +6,8 @@ import numpy as np
 
 from metrology import UsageError
 from mismatch.campaign import Campaign
-from mismatch.fit import spread_laws
 from mismatch.forward import OUTSIDE, Forward
+from mismatch.normal_equations import spread_laws
 from mismatch.prepare import Prepared, prepare
 from physics.arrays import FloatArray
 

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mismatch.candidates import Candidate, start_values, steps_of
-from mismatch.fit import Fit, Linearised, linearise, priors, reduce
+from mismatch.fit import Fit
 from mismatch.forward import Forward
 from mismatch.model import Model
+from mismatch.normal_equations import Linearised, linearise, priors, reduce
 from physics.arrays import FloatArray
 
 __all__ = ["Scan", "scan"]

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from mismatch.fit import Fit, inverse_of, linearise
+from mismatch.fit import Fit
 from mismatch.forward import Forward
+from mismatch.normal_equations import inverse_of, linearise
 from physics.arrays import FloatArray
 
 __all__ = ["robust_spread"]
