@@ -25,6 +25,10 @@ _LEAST_CONTRAST = 0.35
 SMALL_RADIUS = 6.0
 _LOST_AFTER = 4
 _AHEAD = 8
+# An outline of which so much less stands out than usual is looked at twice.
+_DIM = 0.8
+_PATH_FRAMES = 12
+_OFF_PATH = 0.08
 # From a guess as near as this the sharp edge is found.
 _NEAR_PX = 1.5
 _SAME_START = 0.05
@@ -90,7 +94,8 @@ def follow_ball(scene: Scene, path: Path) -> BallFits:
     table = _Table(scene.count, _gaps_filled(search, found, inside))
     for direction in (-1, 1):
         _extend(scene, search, table, direction)
-    return table.rows()
+    found = table.rows()
+    return found if path.radius < SMALL_RADIUS else _reconsidered(search, found)
 
 
 def _gaps_filled(search: "_Search", found: BallFits, inside: IntArray) -> BallFits:
@@ -107,6 +112,31 @@ def _gaps_filled(search: "_Search", found: BallFits, inside: IntArray) -> BallFi
     every = BallFits(np.concatenate([found.frame, more.frame]), joined([found.fits, more.fits]))
     every = every.at(order)
     return every.at(_plausible(every, search.radius))
+
+
+def _reconsidered(search: "_Search", found: BallFits) -> BallFits:
+    """Look again where a dim outline leaves the path of the frames before it.
+
+    Over its own shadow on the floor a ball's edge is easily taken for the shadow's.
+    """
+    fits, frame = found.fits, found.frame
+    clear = fits.contrast >= _DIM * np.median(fits.contrast)
+    for place in np.nonzero(~clear)[0]:
+        before = np.nonzero(clear[:place])[0][-_PATH_FRAMES:]
+        if len(before) < _PATH_FRAMES or frame[place] - frame[before[0]] > 2 * _PATH_FRAMES:
+            continue
+        time = (frame[before] - frame[place]).astype(np.float64)
+        ahead = np.asarray(np.polyfit(time, fits.centre[before], 2)[2])
+        away = float(np.hypot(*(fits.centre[place] - ahead)))
+        if away > _OFF_PATH * search.radius + 1.0:
+            row = np.array([place])
+            again = search.run(frame[row], ahead[None], np.zeros(1, dtype=bool))
+            nearer = float(np.hypot(*(again.centre[0] - ahead)))
+            if again.found[0] and nearer < 0.5 * away:
+                fits.put(row, again)
+                away = nearer
+        clear[place] = away <= _OFF_PATH * search.radius
+    return found
 
 
 class _Search:
