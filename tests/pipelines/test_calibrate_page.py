@@ -47,6 +47,11 @@ def still_clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def chosen(page: Any, key: str) -> None:
+    page.click(f"[data-test=place-{key}]")
+    page.wait_for_selector(f"[data-test=place-{key}][aria-pressed=true]")
+
+
 def go_on(page: Any, heading: str) -> None:
     page.click("[data-test=next]")
     says(page, "[data-test=panel]", heading)
@@ -64,7 +69,7 @@ def click_through(page: Any) -> None:
     page.click("text=From the wall grid")
     go_on(page, "3. Wall grid")
     says(page, "[data-test=panel]", "Found unaided")
-    page.click("[data-test=place-origin]")
+    chosen(page, "origin")
     page.mouse.click(*on_picture(page, 200.0, 100.0))
     until(page, lambda: abs(value(page, "origin-x") - 200.0) < 1.0)
     says(page, "[data-test=changes]", "origin set")
@@ -94,10 +99,10 @@ def test_every_step_clicked_through_saves_a_setup_that_is_read(
         for layer in ("Residual arrows", "Grid lines", "Uncertainty map"):
             page.click(f"text={layer}")
             until(page, lambda: page.locator("[data-test=picture] svg >> *").count() > 3)
-        page.click("[data-test=place-end0]")
-        page.mouse.click(*on_picture(page, 120.0, 60.0))
-        page.click("[data-test=place-end1]")
-        page.mouse.click(*on_picture(page, 320.0, 60.0))
+        for key, x in (("end0", 120.0), ("end1", 320.0)):
+            chosen(page, key)
+            page.mouse.click(*on_picture(page, x, 60.0))
+            until(page, lambda key=key, x=x: abs(value(page, f"{key}-x") - x) < 1)
         page.wait_for_selector("[data-test=length]")
         fill(page, "known-length", "5 m")
         says(page, "[data-test=length]", "disagrees")
@@ -175,6 +180,7 @@ def test_the_keyboard_alone_is_enough(browser: Any, still_clip: Path, tmp_path: 
         settled(page)
         tab_to(page, "[data-test=step-6]")
         press(page, "Enter")
+        page.wait_for_selector("[data-test=save]:not([disabled])")
         settled(page)
         tab_to(page, "[data-test=save]")
         press(page, "Enter")
