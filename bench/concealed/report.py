@@ -175,7 +175,7 @@ def _main_rows(scored: Sequence[Scored]) -> list[tuple[str, str, str, str]]:
         ("95 % intervals of fitted parameters hold the truth", "88–99 %", "93–97 %",
          str(coverage)),
         ("calibration error of stated probabilities", "0.08", "0.03", f"{error:.3f}"),
-        ("time for a campaign, one process", "30 s", "8 s", timing),
+        ("processor time for a campaign, one process", "30 s", "8 s", timing),
     ]  # fmt: skip
 
 
