@@ -16,6 +16,7 @@ from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qs
 
+from calib.wizard.page_script import LEAVING_PATH
 from metrology import UsageError
 
 __all__ = ["Guard"]
@@ -29,6 +30,10 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 HOSTS = ("127.0.0.1", "localhost")
 RELOAD_S = 2.5
 """How long a window that is being reloaded may still seem to be there."""
+LEAVING_S = 20.0
+"""How long a window that said it goes may take to be gone."""
+RETRY_S = 2
+"""How long a refused window waits before it asks again."""
 POLICY = 1008
 """WebSocket: closed because a rule was broken (RFC 6455, 7.4.1)."""
 HEADERS = (
@@ -67,6 +72,7 @@ class Guard:
         self._windows = 0
         self._seen = False
         self._left_at = time.monotonic()
+        self._leaving_until = -float("inf")
         self.address = f"http://{self._hosts[0]}/?token={self._token}"
 
     @property
@@ -109,11 +115,14 @@ class Guard:
             )
 
     async def _guest(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["path"] != "/":
+        if scope["path"] == LEAVING_PATH and scope["method"] == "POST":
+            self._leaving_until = time.monotonic() + LEAVING_S
+            await _answer(send, 204, "", "")
+        elif scope["path"] != "/":
             await self._app(scope, receive, _with_headers(send))
         elif b"token=" in scope.get("query_string", b""):
             await _answer(send, 303, "", "", [(b"location", b"/")])
-        elif await self._vacant():
+        elif await self._vacant(but_leaving=True):
             self._seen, self._left_at = True, time.monotonic()
             await self._app(scope, receive, _with_headers(send))
         else:
@@ -121,7 +130,9 @@ class Guard:
                 send,
                 409,
                 "The calibration is open in another window",
-                "Go on there, or close it and reload this one. Nothing is lost by that.",
+                "Go on there, or close it: then it goes on here by itself. Nothing is lost by "
+                "that.",
+                [(b"refresh", str(RETRY_S).encode())],
             )
 
     async def _websocket(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -132,16 +143,23 @@ class Guard:
             return
         self._windows += 1
         self._seen = True
+        self._leaving_until = -float("inf")
         try:
             await self._app(scope, receive, send)
         finally:
             self._windows -= 1
             self._left_at = time.monotonic()
 
-    async def _vacant(self) -> bool:
-        """Whether no window is open, waiting a little for one that is being reloaded."""
+    async def _vacant(self, *, but_leaving: bool = False) -> bool:
+        """Whether no window is open, waiting a little for one that is being reloaded.
+
+        A browser keeps the old page, and its connection, until it has the new one: a window that
+        said it goes counts as gone for the page, though not for the connection.
+        """
         until = time.monotonic() + self._reload_s
         while self._windows and time.monotonic() < until:
+            if but_leaving and time.monotonic() < self._leaving_until:
+                return True
             await asyncio.sleep(0.05)
         return not self._windows
 

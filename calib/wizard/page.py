@@ -1,5 +1,6 @@
 """The page: the picture on the left, one step and what it does to the uncertainty on the right."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,9 @@ from calib.wizard.answers import STEPS
 from calib.wizard.drawing import grid_lines, handles, marks, residual_arrows, shaded_map
 from calib.wizard.jobs import Jobs
 from calib.wizard.page_outlook import outlook_card
-from calib.wizard.page_parts import FOCUS, REFOCUS, STYLE, TYPING, note, phrase
+from calib.wizard.page_parts import STYLE, note, phrase
 from calib.wizard.page_places import Places
+from calib.wizard.page_script import HOLD, RELEASE, SCRIPT
 from calib.wizard.page_steps import PANELS
 from calib.wizard.session import Session
 
@@ -47,7 +49,8 @@ class WizardPage:
         self.places = Places(session, jobs)
         self.saving_problem = ""
         self._revision = -1
-        self._stale = False
+        self._drawn: tuple[object, ...] = ()
+        self._following: list[Callable[[], None]] = []
         self._dragged: str | None = None
         self._steps: list[ui.button] = []
 
@@ -56,7 +59,7 @@ class WizardPage:
         session = self.session
         info = session.answers.scene.info
         ui.add_css(STYLE)
-        ui.add_head_html(FOCUS)
+        ui.add_head_html(SCRIPT)
         ui.page_title(f"Calibration: {info.path.name}")
         with ui.column().classes("w-full gap-3").style("max-width: 1500px; margin: 0 auto"):
             with ui.row().classes("w-full items-baseline gap-3"):
@@ -106,11 +109,30 @@ class WizardPage:
     @ui.refreshable_method
     def panel(self) -> None:
         """The present step."""
+        self._following.clear()
+        self._drawn = self._known
         with ui.column().classes("wz-card w-full gap-3").props("data-test=panel"):
             number = self.session.step
             ui.html(f"<h2>{number + 1}. {phrase(STEPS[number])[:-1]}</h2>", sanitize=False)
             self.status()
             PANELS[number](self)
+
+    def follows(self, follow: Callable[[], None]) -> None:
+        """Have a part of the present step follow what is set, without being drawn anew.
+
+        Parameters
+        ----------
+        follow : callable
+            Shows what is set; called now and whenever something has changed.
+        """
+        self._following.append(follow)
+        follow()
+
+    @property
+    def _known(self) -> tuple[object, ...]:
+        """What the present step says depends on this."""
+        session = self.session
+        return session.step, len(session.changes), session.grid_problem, session.ball_problem
 
     @ui.refreshable_method
     def status(self) -> None:
@@ -152,12 +174,13 @@ class WizardPage:
 
     def redraw_panel(self) -> None:
         """Draw the present step anew; what has the focus keeps it."""
-        self._stale = False
         self.panel.refresh()
-        ui.run_javascript(REFOCUS)
+        ui.run_javascript(RELEASE)
 
     def draw(self) -> None:
-        """Draw what lies over the picture, and the loupe."""
+        """Draw what lies over the picture, and the loupe; show in the step what is set."""
+        for follow in self._following:
+            follow()
         answers, found = self.session.answers, self.session.outlook
         step = self.session.step
         parts = []
@@ -226,7 +249,6 @@ class WizardPage:
         elif self._dragged is not None:
             name, self._dragged = self._dragged, None
             self.places.put(name, px, final=True)
-            self.redraw_panel()
         self.draw()
 
     def _key(self, event: GenericEventArguments) -> None:
@@ -238,7 +260,6 @@ class WizardPage:
         if at is None:
             at = (np.array(self.session.answers.scene.size) - 1.0) / 2.0
         self.places.put(self.places.active, at + size * np.array(step), final=True)
-        self.redraw_panel()
         self.draw()
 
     def _magnify(self, px: FloatArray | None = None) -> None:
@@ -259,21 +280,23 @@ class WizardPage:
         self._where.text = f"{named}{px[0]:.1f}, {px[1]:.1f} px{reading}"
 
     async def _poll(self) -> None:
-        """Show what has been worked out; a step in which somebody is typing is left alone."""
-        if self.jobs.revision == self._revision and not self._stale:
-            return
+        """Show what has been worked out.
+
+        The step is drawn anew only while nobody types or presses anything in it, and the browser
+        holds clicks back until it is.
+        """
         if self.jobs.revision != self._revision:
             self._revision = self.jobs.revision
-            self._stale = True
             self.status.refresh()
             self.outlook.refresh()
             self.draw()
+        if self._drawn == self._known:
+            return
         try:
-            typing = await ui.run_javascript(TYPING, timeout=5.0)
+            if await ui.run_javascript(HOLD, timeout=5.0):
+                self.redraw_panel()
         except TimeoutError:
             return  # the window is gone, or being reloaded
-        if not typing and self._stale:
-            self.redraw_panel()
 
 
 def _safe(text: str) -> str:

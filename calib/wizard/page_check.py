@@ -22,15 +22,19 @@ def check_step(page: "WizardPage") -> None:
     """Draw the panel."""
     session = page.session
 
+    @ui.refreshable
+    def legend() -> None:
+        _legend(page)
+
     def layer(value: str) -> None:
         session.layer = value  # type: ignore[assignment]
-        page.redraw_panel()
+        legend.refresh()
         page.draw()
 
     ui.radio(LAYERS, value=session.layer, on_change=lambda event: layer(event.value)).props(
         "dense inline data-test=layer"
     )
-    _legend(page)
+    legend()
     ui.separator()
     _known_length(page)
     ui.separator()
@@ -68,30 +72,37 @@ def _known_length(page: "WizardPage") -> None:
 
     def plane(wall: bool) -> None:
         session.on_wall = wall
-        page.redraw_panel()
+        judge()
 
     def length(text: str) -> None:
         session.known_length = text
-        page.redraw_panel()
+        judge()
 
     ui.radio(
         {True: "on the wall", False: "on the ball's plane"},
         value=session.on_wall,
         on_change=lambda event: plane(event.value),
-    ).props("dense inline")
+    ).props("dense inline data-test=plane")
     field("Its known length (or empty)", session.known_length, length, test="known-length")
-    if session.outlook.calibration is None or len(session.ends) < 2:
-        return
-    told = verdict(
-        session.outlook.calibration,
-        session.ends["end0"],
-        session.ends["end1"],
-        session.known_length,
-        on_wall=session.on_wall,
-    )
-    ui.label(told.text).props("data-test=length role=status").classes(
-        "wz-bad w-full" if told.disagrees else "text-body2"
-    )
+    shown = ui.label().props("data-test=length role=status").classes("w-full")
+
+    def judge() -> None:
+        there = session.outlook.calibration is not None and len(session.ends) == 2
+        shown.set_visibility(there)
+        if session.outlook.calibration is None or not there:
+            return
+        told = verdict(
+            session.outlook.calibration,
+            session.ends["end0"],
+            session.ends["end1"],
+            session.known_length,
+            on_wall=session.on_wall,
+        )
+        shown.set_text(told.text)
+        add, remove = ("wz-bad", "text-body2") if told.disagrees else ("text-body2", "wz-bad")
+        shown.classes(add=add, remove=remove)
+
+    page.follows(judge)
 
 
 def _saving(page: "WizardPage") -> None:
@@ -106,19 +117,34 @@ def _saving(page: "WizardPage") -> None:
             session.save()
         except ImpactVisionError as problem:
             page.saving_problem = problem.in_one_line
-        page.redraw_panel()
+        saved.refresh()
 
     with ui.row().classes("gap-2"):
         button = ui.button("Save", on_click=save)
         button.props("unelevated no-caps color=teal-9 data-test=save")
-        button.set_enabled(session.outlook.calibration is not None and not page.jobs.busy)
         ui.button("Close the wizard", on_click=page.finish).props(
             "outline no-caps color=teal-9 data-test=close"
         )
+
+    @ui.refreshable
+    def saved() -> None:
+        _saved(page)
+
+    saved()
+
+    def enable() -> None:
+        button.set_enabled(session.outlook.calibration is not None and not page.jobs.busy)
+
+    page.follows(enable)
+
+
+def _saved(page: "WizardPage") -> None:
+    written = page.session.written
     if page.saving_problem:
         note(phrase(page.saving_problem), "wz-bad", alert=True)
-    elif session.written is not None:
+    elif written is not None:
+        clip = page.session.answers.scene.info.path.name
         ui.label(
-            f"Saved {session.written.setup} and {session.written.lens.name}. Now: vision measure "
-            f"{session.answers.scene.info.path.name} --setup {session.written.setup}"
+            f"Saved {written.setup} and {written.lens.name}. Now: vision measure {clip} "
+            f"--setup {written.setup}"
         ).props("data-test=saved role=status").classes("text-body2")

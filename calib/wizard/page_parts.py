@@ -7,16 +7,14 @@ from typing import Any
 from nicegui import ui
 
 __all__ = [
-    "FOCUS",
-    "REFOCUS",
     "STYLE",
-    "TYPING",
+    "Field",
     "Place",
+    "PlaceRow",
     "field",
     "millimetres",
     "note",
     "phrase",
-    "place_row",
 ]
 
 STYLE = """
@@ -46,20 +44,6 @@ h1 { font-size: 1.25rem !important; font-weight: 650 !important; line-height: 1.
 h2 { font-size: 1.1rem !important; font-weight: 650 !important; line-height: 1.3 !important;
   margin: 0 !important; }
 """
-
-FOCUS = """<script>document.addEventListener("focusin", event => {
-  const named = event.target.closest("[data-test]");
-  window.wizardFocus = named ? named.dataset.test : null;
-});</script>"""
-"""Remembers what has the focus, since a step that is drawn anew loses it."""
-REFOCUS = """setTimeout(() => {
-  if (document.activeElement !== document.body || !window.wizardFocus) return;
-  const named = document.querySelector(`[data-test="${window.wizardFocus}"]`);
-  if (named) named.focus();
-}, 30)"""
-TYPING = """(() => { const at = document.activeElement;
-  return at.dataset.told !== undefined && at.value !== at.dataset.told; })()"""
-"""Whether something is typed that was not yet told."""
 
 
 @dataclass(frozen=True)
@@ -98,52 +82,91 @@ def note(text: str, kind: str = "wz-small", *, alert: bool = False) -> None:
         label.props("role=alert")
 
 
+class Field:
+    """A text field that tells its text when it is left or Enter is pressed, if it has changed.
+
+    Parameters
+    ----------
+    label : str
+    value : str
+    told : callable
+    test : str
+        Its name for focus and tests.
+    """
+
+    def __init__(self, label: str, value: str, told: Callable[[str], None], *, test: str) -> None:
+        self.shown = ui.input(label, value=value).props(f'dense outlined data-test="{test}"')
+        self._tell = told
+        self._last = value
+        self.shown.props["data-told"] = value
+        self.shown.on("blur", self._left)
+        self.shown.on("keydown.enter", self._left)
+        self.shown.classes("w-full")
+
+    @property
+    def text(self) -> str:
+        """What stands in it."""
+        return str(self.shown.value or "").strip()
+
+    def show(self, value: str) -> None:
+        """Show another value, unless somebody is typing."""
+        if self.text == self._last and value != self._last:
+            self._told(value)
+            self.shown.set_value(value)
+
+    def _told(self, text: str) -> None:
+        self._last = text
+        self.shown.props["data-told"] = text
+        self.shown.update()
+
+    def _left(self) -> None:
+        text = self.text
+        if text != self._last:
+            self._told(text)
+            self._tell(text)
+
+
 def field(label: str, value: str, told: Callable[[str], None], *, test: str) -> Any:
-    """A text field that tells its text when it is left or Enter is pressed, if it has changed."""
-    shown = ui.input(label, value=value).props(f'dense outlined data-test="{test}"')
-    shown.props["data-told"] = value
-    last = [value]
-
-    def tell() -> None:
-        text = str(shown.value or "").strip()
-        if text != last[0]:
-            last[0] = text
-            shown.props["data-told"] = text
-            told(text)
-
-    shown.on("blur", tell)
-    shown.on("keydown.enter", tell)
-    return shown.classes("w-full")
+    """The input of a `Field`."""
+    return Field(label, value, told, test=test).shown
 
 
-def place_row(
-    place: Place,
-    px: tuple[float, float] | None,
-    *,
-    active: bool,
-    choose: Callable[[], None],
-    moved: Callable[[float, float], None],
-) -> None:
-    """A row for a place: choose it for clicks and arrow keys, or write its coordinates."""
-    with ui.row().classes("w-full items-center no-wrap gap-2"):
-        ui.button(place.label, on_click=choose).props(
-            f"dense no-caps {'unelevated' if active else 'outline'} color=teal-9 "
-            f'aria-pressed={"true" if active else "false"} data-test="place-{place.key}"'
-        ).classes("grow").style("min-width: 9rem")
-        shown = ["" if px is None else f"{value:.1f}" for value in px or (0.0, 0.0)]
+class PlaceRow:
+    """A row for a place: choose it for clicks and arrow keys, or write its coordinates.
 
-        def told(axis: int, text: str) -> None:
-            shown[axis] = text
-            try:
-                x, y = (float(part) for part in shown)
-            except ValueError:
-                return
-            moved(x, y)
+    Parameters
+    ----------
+    place : Place
+    choose : callable
+    moved : callable
+        Told the coordinates that were written, px.
+    """
 
-        for axis, name in enumerate("xy"):
-            field(
-                f"{name}, px",
-                shown[axis],
-                lambda text, axis=axis: told(axis, text),  # type: ignore[misc]
-                test=f"{place.key}-{name}",
-            ).style("max-width: 6rem")
+    def __init__(
+        self, place: Place, choose: Callable[[], None], moved: Callable[[float, float], None]
+    ) -> None:
+        self._moved = moved
+        with ui.row().classes("w-full items-center no-wrap gap-2"):
+            self._button = ui.button(place.label, on_click=choose)
+            self._button.props(f'dense no-caps color=teal-9 data-test="place-{place.key}"')
+            self._button.classes("grow").style("min-width: 9rem")
+            self._fields = [
+                Field(f"{name}, px", "", self._written, test=f"{place.key}-{name}") for name in "xy"
+            ]
+            for shown in self._fields:
+                shown.shown.style("max-width: 6rem")
+
+    def show(self, px: tuple[float, float] | None, *, active: bool) -> None:
+        """Show where it is, px, and whether it is the one that is set."""
+        add, remove = ("unelevated", "outline") if active else ("outline", "unelevated")
+        pressed = "true" if active else "false"
+        self._button.props(f"{add} aria-pressed={pressed}", remove=remove)
+        for shown, value in zip(self._fields, px or (None, None), strict=True):
+            shown.show("" if value is None else f"{value:.1f}")
+
+    def _written(self, _: str) -> None:
+        try:
+            x, y = (float(shown.text) for shown in self._fields)
+        except ValueError:
+            return
+        self._moved(x, y)

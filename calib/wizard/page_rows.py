@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib.wizard.page_parts import Place, place_row
+from calib.wizard.page_parts import Place, PlaceRow
 from calib.wizard.page_places import LABELS
 
 if TYPE_CHECKING:
@@ -16,23 +16,21 @@ __all__ = ["places_of"]
 def places_of(page: "WizardPage", *keys: str) -> None:
     """Rows for places."""
     for key in keys:
-        at = page.places.where(key)
 
         def choose(key: str = key) -> None:
             page.places.active = key
-            page.redraw_panel()
             page.draw()
 
         def moved(x: float, y: float, key: str = key) -> None:
             page.places.active = key
             page.places.put(key, np.array([x, y]), final=True)
-            page.redraw_panel()
             page.draw()
 
-        place_row(
-            Place(key, LABELS[key]),
-            None if at is None else (float(at[0]), float(at[1])),
-            active=page.places.active == key,
-            choose=choose,
-            moved=moved,
-        )
+        row = PlaceRow(Place(key, LABELS[key]), choose, moved)
+
+        def follow(key: str = key, row: PlaceRow = row) -> None:
+            at = page.places.where(key)
+            px = None if at is None else (float(at[0]), float(at[1]))
+            row.show(px, active=page.places.active == key)
+
+        page.follows(follow)

@@ -185,7 +185,7 @@ def _wall_found(page: "WizardPage") -> None:
             f"{'dark' if grid.dark else 'bright'} lines.",
             "text-body2",
         )
-    elif problem and not page.jobs.busy:
+    elif problem:
         note(phrase(problem), "wz-bad", alert=True)
         note("You can still set four corners by hand.")
 

@@ -133,6 +133,33 @@ def test_a_second_window_is_refused_until_the_first_is_gone() -> None:
     assert guard.windows == 0
 
 
+def test_a_refused_window_asks_again_by_itself() -> None:
+    guard = guarded()
+    browser = entered(guard)
+    with browser.websocket_connect(SOCKET, headers=ORIGIN) as socket:
+        socket.receive_text()
+        second = browser.get("/")
+        assert second.status_code == 409
+        assert 1 <= int(second.headers["refresh"]) <= 5
+
+
+def test_a_window_that_says_it_goes_lets_the_next_one_in_once() -> None:
+    guard = guarded()
+    browser = entered(guard)
+    with browser.websocket_connect(SOCKET, headers=ORIGIN) as socket:
+        socket.receive_text()
+        assert browser.post("/leaving").status_code == 403
+        assert client(guard).post("/leaving", headers=ORIGIN).status_code == 403
+        assert browser.get("/").status_code == 409
+        assert browser.post("/leaving", headers=ORIGIN).status_code == 204
+        assert browser.get("/").text == "the page"
+        with pytest.raises(WebSocketDisconnect), browser.websocket_connect(SOCKET, headers=ORIGIN):
+            pass
+    with browser.websocket_connect(SOCKET, headers=ORIGIN) as socket:
+        socket.receive_text()
+        assert browser.get("/").status_code == 409
+
+
 def test_the_house_is_empty_only_after_somebody_was_there(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [100.0]
     monkeypatch.setattr("calib.wizard.guard.time.monotonic", lambda: now[0])
