@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from vision.cutout import Cutouts
 from vision.edge_profile import EdgeProfile
-from vision.outline_equations import Equations, Sums, linearised, reduced
+from vision.outline_equations import Equations, Sums, linearised, panelled, reduced
 from vision.outline_fits import OutlineFits, nothing_found
 from vision.ring import Ring, Template
 from vision.workers import side_by_side
@@ -34,6 +34,8 @@ BoolArray = NDArray[np.bool_]
 # Pixels of a handful of frames stay in the processor's cache.
 _BATCH_PIXELS = 80_000
 _SETTLED = 0.3
+# How far inside a sector is used that an edge of the ball's own crosses, px: the outline's blur.
+_NARROW = 1.6
 _BASIS = 3
 
 
@@ -184,7 +186,7 @@ class _Batch:
 
     def _advance(self, ring: Ring) -> FloatArray:
         """One Gauss–Newton step; returns how far the centres went."""
-        sums = linearised(self._equations, ring, self._parameters, self._smear[self._places], 3)
+        sums = self._sums(ring, 3)
         free = self._rules.free
         step, _ = self._step(sums, free)
         length = np.hypot(step[:, 0], step[:, 1])
@@ -192,6 +194,16 @@ class _Batch:
         step *= np.minimum(1.0, limit / np.maximum(length, 1e-12))[:, None]
         self._parameters[:, :free] += step
         return length
+
+    def _sums(self, ring: Ring, size: int) -> Sums:
+        """The equations; once the outline is near, without what panels do further inside."""
+        smear = self._smear[self._places]
+        sums = linearised(self._equations, ring, self._parameters, smear, size)
+        crossed = panelled(sums) & (self._last < _SETTLED)[:, None]
+        if self._rules.free > 2 or not crossed.any():
+            return sums
+        narrow = ring.narrowed(crossed, self._parameters, _NARROW)
+        return linearised(self._equations, narrow, self._parameters, smear, size)
 
     def _step(self, sums: Sums, free: int) -> tuple[FloatArray, FloatArray]:
         normal, score, _ = reduced(sums, self._last < _SETTLED)
@@ -215,7 +227,7 @@ class _Batch:
         if len(places) == 0:
             return
         size = 5 if self._rules.shape_pull else 3
-        sums = linearised(self._equations, ring, parameters, self._smear[places], size)
+        sums = self._sums(ring, size)
         free = self._rules.free
         whole, pulls, every = reduced(sums, np.ones(len(places), dtype=bool))
         normal, score = whole[:, :free, :free], pulls[:, :, :free]

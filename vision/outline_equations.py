@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from vision.edge_profile import EdgeProfile
 from vision.ring import Ring
 
-__all__ = ["Equations", "Sums", "linearised", "reduced"]
+__all__ = ["Equations", "Sums", "linearised", "panelled", "reduced"]
 
 FloatArray = NDArray[np.float64]
 FloatImage = NDArray[np.float32]
@@ -24,6 +24,8 @@ _SHADING_PRIOR = 255.0
 _SMALL_RADIUS = 10.0
 _OFFSET_SCALES = 2.0
 _BASIS = 3
+# A sector that fits so much worse than most has something in it that the model does not know.
+_PANELLED = 1.4
 # Directions in which a sector's three numbers are told apart by less than this part of the rest
 # are not told apart at all.
 _RIDGE = 1e-8
@@ -209,10 +211,21 @@ def reduced(sums: Sums, settled: BoolArray) -> tuple[FloatArray, FloatArray, Flo
     seen = sums.size > 0
     typical = np.maximum(_middle(own, seen), 0.5)[:, None]
     weight = np.where(seen, (2.0 / (1.0 + (own / typical) ** 2)) ** 2 / typical**2, 0.0)
-    offset = _offset_weight(sums.score[..., 2], sums.information[..., 2, 2], seen)
-    weight = np.where(settled[:, None], weight * offset, weight)
+    known = sums.information[..., 2, 2]
+    # No sector tells the outline better than the sectors agree, however sharp its edge.
+    robust, scale = _offset_weight(sums.score[..., 2], known, seen)
+    shared = robust / (1.0 + scale[:, None] ** 2 * known * weight)
+    weight = np.where(settled[:, None], weight * shared, weight)
     normal = np.einsum("ns,nsij->nij", weight, sums.information)
     return normal, weight[..., None] * sums.score, sums.information
+
+
+def panelled(sums: Sums) -> BoolArray:
+    """Sectors (F, S) that the model describes much worse than most: a panel's edge is in them."""
+    own = np.sqrt(sums.square / np.maximum(sums.size - _BASIS, 1.0))
+    seen = sums.size > 0
+    typical = np.maximum(_middle(own, seen), 0.5)[:, None]
+    return np.asarray(seen & (own > _PANELLED * typical))
 
 
 def _middle(values: FloatArray, chosen: BoolArray) -> FloatArray:
@@ -224,8 +237,10 @@ def _middle(values: FloatArray, chosen: BoolArray) -> FloatArray:
     return np.where(count > 0, middle, 0.0)
 
 
-def _offset_weight(pull: FloatArray, information: FloatArray, seen: BoolArray) -> FloatArray:
-    """Weight of sectors by how far their own edge lies off the common outline.
+def _offset_weight(
+    pull: FloatArray, information: FloatArray, seen: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """Weight of sectors by how far their own edge lies off the common outline, and the usual, px.
 
     A panel's edge just inside a white ball before a white wall is sharper than the outline itself;
     it is told by its offset.
@@ -237,4 +252,5 @@ def _offset_weight(pull: FloatArray, information: FloatArray, seen: BoolArray) -
     clear = np.where(np.count_nonzero(outward, axis=1) > 3, _middle(size, outward), every)
     scale = np.maximum(1.4826 * np.minimum(every, clear), 0.03)[:, None]
     inward = (offset < 0).astype(np.float64)
-    return np.asarray(1.0 / (1.0 + (offset / (_OFFSET_SCALES * scale)) ** 2) ** (1.0 + inward))
+    weight = 1.0 / (1.0 + (offset / (_OFFSET_SCALES * scale)) ** 2) ** (1.0 + inward)
+    return np.asarray(weight), scale[:, 0]

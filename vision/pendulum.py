@@ -116,6 +116,7 @@ def _followed(
     coming = _arc_of(poses) if len(poses) >= _FEWEST else None
     if coming is None:
         return None
+    tracker.extend(better, poses, -1, tracker.count, coming)
     tracker.extend(better, poses, 1, tracker.count, coming)
     arc = _arc_of(poses)
     if arc is None:

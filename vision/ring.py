@@ -1,6 +1,6 @@
 """The ring of pixels about an outline, sorted into sectors of about four pixels of outline."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +60,20 @@ class Ring:
             self.inverse_noise[kept],
             self.size[kept],
             self.enough[kept],
+        )
+
+    def narrowed(self, sectors: BoolArray, parameters: FloatArray, inner: float) -> "Ring":
+        """Without what lies further inside than `inner` in some sectors (F, S)."""
+        away = (parameters[:, :2] - self.origin).astype(np.float32)[:, :, None, None]
+        radius = parameters[:, 2].astype(np.float32)[:, None, None]
+        depth = np.sqrt((self.x - away[:, 0]) ** 2 + (self.y - away[:, 1]) ** 2) - radius
+        inverse = self.inverse_noise * ~(sectors[:, :, None] & (depth < -np.float32(inner)))
+        size = np.count_nonzero(inverse, axis=2)
+        good = size >= _FEWEST_IN_SECTOR
+        return replace(
+            self,
+            inverse_noise=inverse * good[:, :, None],
+            size=np.where(good, size, 0).astype(np.float64),
         )
 
     def moved(self, parameters: FloatArray) -> BoolArray:

@@ -15,6 +15,7 @@ FloatArray = NDArray[np.float64]
 _SOFT_FROM = 2.5
 _MOST_STEPS = 12
 _MOST_HALVINGS = 12
+_RENEW_AT = 1.2
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,25 @@ def fit(
     if prior_std is not None:
         precision = np.diag(1.0 / np.asarray(prior_std, float) ** 2)
 
+    values, left, jacobian = _descend(residuals, values, centre, precision)
+    chi2 = _chi2(left, len(values), channels)
+    if chi2 > _RENEW_AT:
+        # Data that are worth less than they say are worth less beside the priors, too.
+        values, left, jacobian = _descend(residuals, values, centre, chi2 * precision)
+        chi2 = _chi2(left, len(values), channels)
+    information = jacobian.T @ jacobian / chi2 + precision
+    covariance = np.asarray(np.linalg.pinv(information, hermitian=True), float)
+    return Fitted(values, covariance, left, chi2)
+
+
+def _descend(
+    residuals: Callable[[FloatArray], FloatArray],
+    values: FloatArray,
+    centre: FloatArray,
+    precision: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Gauss-Newton steps to the least cost: parameters, residuals and Jacobian there."""
+
     def cost(at: FloatArray, misfit: FloatArray) -> float:
         soft = _SOFT_FROM**2 * (np.hypot(1.0, misfit / _SOFT_FROM) - 1.0)
         total = float(soft.sum() + 0.5 * (at - centre) @ precision @ (at - centre))
@@ -105,13 +125,14 @@ def fit(
             break
         if settled:
             break
+    return values, left, jacobian
+
+
+def _chi2(left: FloatArray, parameters: int, channels: int) -> float:
     count = len(left)
     spread = 1.4826 * float(np.median(np.abs(left))) if count else 1.0
-    chi2 = max(spread**2, 1.0) * count / max(count - len(values), 1) * _correlation(left, channels)
-    information = jacobian.T @ jacobian / max(chi2, 1.0) + precision
-    return Fitted(
-        values, np.asarray(np.linalg.pinv(information, hermitian=True), float), left, chi2
-    )
+    share = count / max(count - parameters, 1)
+    return max(max(spread**2, 1.0) * share * _correlation(left, channels), 1.0)
 
 
 def _correlation(left: FloatArray, channels: int) -> float:

@@ -169,3 +169,22 @@ def test_a_search_that_would_overshoot_is_held_back() -> None:
 def test_a_motion_that_is_no_number_is_refused() -> None:
     with pytest.raises(TooLittleDataError, match="not one that this model can fit"):
         fit(lambda v: np.full(10, np.nan) * v[0], [1.0])
+
+
+def test_data_worth_less_than_they_say_are_worth_less_beside_a_prior() -> None:
+    rng = np.random.default_rng(4)
+    noise = np.zeros(400)
+    for i in range(1, 400):
+        noise[i] = 0.8 * noise[i - 1] + 3.0 * rng.normal()
+    time = np.linspace(-1.0, 1.0, 400)
+    slopes, stds = [], []
+    for shift in range(0, 400, 25):
+        left = np.roll(noise, shift)
+
+        def residuals(values: FloatArray, left: FloatArray = left) -> FloatArray:
+            return np.asarray(values[0] + values[1] * time - left)
+
+        found = fit(residuals, [0.0, 0.0], [0.0, 0.0], [np.inf, 0.1])
+        slopes.append(found.values[1])
+        stds.append(np.sqrt(found.covariance[1, 1]))
+    assert np.abs(slopes).max() < 1.5 * np.mean(stds)

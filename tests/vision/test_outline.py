@@ -5,6 +5,7 @@ from tests.vision.painted import GAMMA, exposed, wall, with_ball
 from vision.cutout import Cutouts
 from vision.edge_profile import EdgeProfile
 from vision.outline import FitRules, Start, fit_outlines
+from vision.outline_equations import Sums, panelled, reduced
 from vision.outline_fits import OutlineFits
 
 
@@ -61,6 +62,28 @@ def test_lines_behind_the_ball_pull_it_unless_the_background_is_known() -> None:
     aware = [_fit(centre, seed, albedo=0.55) for seed, centre in enumerate(CENTRES)]
     blind = [_fit(centre, seed, albedo=0.55, known=False) for seed, centre in enumerate(CENTRES)]
     assert sum(fit.misfit[0] for fit in blind) > 1.5 * sum(fit.misfit[0] for fit in aware)
+
+
+def test_the_sharpest_edge_does_not_outvote_all_others() -> None:
+    angle = np.arange(24) * 2 * np.pi / 24
+    std = np.where(np.arange(24) == 6, 0.004, 0.06)
+    off = np.where(np.arange(24) == 6, -0.12, 0.04 * (-1.0) ** np.arange(24))
+    along = np.column_stack([np.cos(angle), np.sin(angle), np.ones(24)])
+    information = along[:, :, None] * along[:, None, :] / std[:, None, None] ** 2
+    score = along * (off / std**2)[:, None]
+    size = np.full((1, 24), 30.0)
+    sums = Sums(information[None], score[None], size - 3.0, size)
+    normal, pull, _ = reduced(sums, np.array([True]))
+    moved = np.linalg.solve(normal[0, :2, :2], pull[0].sum(axis=0)[:2])
+    assert np.hypot(*moved) < 0.015
+
+
+def test_a_sector_in_which_a_panel_ends_is_told_by_its_misfit() -> None:
+    square = np.full((1, 12), 27.0)
+    square[0, 4] = 27.0 * 9.0
+    nothing = np.zeros((1, 12, 3))
+    sums = Sums(np.zeros((1, 12, 3, 3)), nothing, square, np.full((1, 12), 30.0))
+    assert np.flatnonzero(panelled(sums)).tolist() == [4]
 
 
 def test_radius_is_found() -> None:
