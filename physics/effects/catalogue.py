@@ -27,7 +27,7 @@ from physics.effects.impact import (
 )
 from physics.effects.measurement import (
     PITCH,
-    PIVOT,
+    SHIFT,
     CameraRoll,
     DroppedFrames,
     LengthScale,
@@ -57,6 +57,7 @@ _ALL: tuple[Effect, ...] = (
     ObliqueImpact(form="smooth face"),
     SupportFriction(),
     SupportFriction(form="until lift-off"),
+    SupportFriction(form="ball alone"),
     ContactDisplacement(),
     ContactDisplacement(form="way alone"),
     PivotRecoil(),
@@ -76,7 +77,7 @@ _ALL: tuple[Effect, ...] = (
     CameraRoll(),
     CameraRoll(form="ball only"),
     CameraRoll(form="about the start"),
-    CameraRoll(form="about a point", parameters=(*CameraRoll().parameters, *PIVOT)),
+    CameraRoll(form="about a point", parameters=(*CameraRoll().parameters, *SHIFT)),
     CameraRoll(form="three axes", parameters=(*CameraRoll().parameters, PITCH)),
     Parallax(),
     LensDistortion(),

@@ -34,7 +34,7 @@ REFERENCE_SPEED = 2.5
 
 
 def add_normal_speeds(
-    contact: Contact, outcome: Outcome, ball: Number, pendulum: Number, early: float = 0.5
+    contact: Contact, outcome: Outcome, ball: Number, pendulum: Number, early: Number = 0.5
 ) -> Outcome:
     """Add to the ball's speed along the contact normal and to the pendulum's speed, m/s.
 
@@ -169,13 +169,32 @@ class ObliqueImpact(Effect):
         )  # fmt: skip
 
 
+def _part_later(contact: Contact, outcome: Outcome, longer: Number, speed: Number) -> Outcome:
+    """Outcome of bodies that stay together for `longer` (s) at a common `speed` (m/s)."""
+    normal = 0.5 * (contact.angle + outcome.pendulum_angle)
+    pull = contact.gravity * longer
+    return replace(
+        outcome,
+        x=outcome.x + longer * speed * np.cos(normal),
+        y=outcome.y + longer * speed * np.sin(normal) - 0.5 * pull * outcome.contact_time,
+        vy=outcome.vy - pull,
+        contact_time=outcome.contact_time + longer,
+        pendulum_angle=outcome.pendulum_angle + longer * speed / contact.length,
+    )
+
+
 @dataclass(frozen=True)
 class SupportFriction(Effect):
-    """Friction between ball and support until the ball has lifted off."""
+    """Friction between ball and support until the ball has lifted off.
+
+    A steady force does not change how fast the two bodies part: the face makes up for what the ball
+    loses, and both are slowed by what the support takes from their common momentum. Pressed
+    together more strongly, they part a little later.
+    """
 
     id: str = "support_friction"
     statement: str = "The ball rubs on its support while it is being pushed off."
-    law: str = r"\Delta v_x = -\mu g\,t_s"
+    law: str = r"\Delta v = -\mu g\,t_s\,m/(m + M)\ \text{of both bodies}"
     source: str = "Coulomb friction under the ball's weight over the time on the support"
     phase: Phase = "contact"
     parameters: tuple[Parameter, ...] = (
@@ -186,19 +205,28 @@ class SupportFriction(Effect):
     separating: str = "a launch off a slippery support (a sheet of PTFE)"
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
-        """Take speed from the ball for the time it rests on the support."""
-        on_support = outcome.contact_time
+        """Take momentum for the time the ball rests on the support."""
+        friction = values["friction_coefficient"] * contact.gravity
+        gap = outcome.contact_time
+        if self.form == "ball alone":
+            lost = friction * gap
+            return replace(outcome, vx=outcome.vx - lost, x=outcome.x - 0.5 * lost * gap)
+        both = contact.inertial_mass + contact.ball_mass
         if self.form == "until lift-off":
             # The ball lifts once sin(angle) of the rising push exceeds its weight; for a half sine
             # of impulse (1+e) u m M/(M+m) that is early in a fast contact.
             gain = (1.0 + contact.restitution) * contact.impact_speed
-            gain = gain * contact.inertial_mass / (contact.inertial_mass + contact.ball_mass)
-            peak = 0.5 * np.pi * gain / on_support * np.sin(contact.angle)
-            on_support = on_support / np.pi * np.arcsin(np.clip(contact.gravity / peak, 0.0, 1.0))
-        lost = values["friction_coefficient"] * contact.gravity * on_support
-        return replace(
-            outcome, vx=outcome.vx - lost, x=outcome.x - 0.5 * lost * outcome.contact_time
-        )
+            gain = gain * contact.inertial_mass / both
+            peak = 0.5 * np.pi * gain / gap * np.sin(contact.angle)
+            share = np.arcsin(np.clip(contact.gravity / peak, 0.0, 1.0)) / np.pi
+            early = -friction * gap * share * contact.ball_mass / both
+            return add_normal_speeds(contact, outcome, early, early, 1.0 - 0.5 * share)
+        slowed = -friction * gap * contact.ball_mass / both
+        # A half sine of duration T under a steady push a lasts 2 a T^2 / (pi^2 u) longer.
+        longer = 2.0 * friction * np.square(gap / np.pi) / contact.impact_speed
+        common = contact.inertial_mass / both * contact.impact_speed
+        braked = add_normal_speeds(contact, outcome, slowed, slowed)
+        return _part_later(contact, braked, longer, common)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from physics.effects.base import Effect, Parameter, Phase, Values, View
 
 __all__ = [
     "PITCH",
-    "PIVOT",
+    "SHIFT",
     "CameraRoll",
     "DroppedFrames",
     "LengthScale",
@@ -20,9 +20,9 @@ __all__ = [
     "TimeBase",
 ]
 
-PIVOT = (
-    Parameter("pivot_x", "m", 0.5, -20.0, 20.0, grid=(0.5, 1.1), meaning="optical axis"),
-    Parameter("pivot_y", "m", 0.3, -20.0, 20.0, grid=(0.6,), meaning="optical axis"),
+SHIFT = (
+    Parameter("shift_x", "m", 0.005, -2.0, 2.0, meaning="of the origin, for a turn about a point"),
+    Parameter("shift_y", "m", 0.005, -2.0, 2.0, meaning="of the origin, for a turn about a point"),
 )
 PITCH = Parameter("pitch", "rad", 0.005, -0.5, 0.5, meaning="turned about the x axis")
 WRONG_RATES = tuple(
@@ -128,13 +128,6 @@ class CameraRoll(Effect):
     confusable: tuple[str, ...] = ("oblique_impact", "effective_mass", "support_recoil")
     separating: str = PLUMB
 
-    def _pivot(self, values: Values, view: View) -> tuple[Number, Number]:
-        if self.form == "about the start":
-            return view.rest_x, view.rest_y
-        if self.form == "about a point":
-            return values["pivot_x"], values["pivot_y"]
-        return 0.0, 0.0
-
     def image(self, values: Values, view: View) -> Vector:
         """Turn the picture."""
         if self.form == "three axes":
@@ -145,9 +138,14 @@ class CameraRoll(Effect):
                 view.z + pitch * view.y,
             )
         cosine, sine = np.cos(values["roll"]), np.sin(values["roll"])
-        x0, y0 = self._pivot(values, view)
+        start = self.form == "about the start"
+        x0, y0 = (view.rest_x, view.rest_y) if start else (0.0, 0.0)
         dx, dy = view.x - x0, view.y - y0
-        return x0 + cosine * dx - sine * dy, y0 + sine * dx + cosine * dy, view.z
+        x, y = x0 + cosine * dx - sine * dy, y0 + sine * dx + cosine * dy
+        if self.form == "about a point":
+            # A turn about any point is one about the origin and a shift, which is linear.
+            return x + values["shift_x"], y + values["shift_y"], view.z
+        return x, y, view.z
 
     def angle(self, values: Values, view: View) -> Number:
         """The pendulum's angle turns with the picture, unless it was read against the picture."""

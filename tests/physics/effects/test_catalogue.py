@@ -124,6 +124,27 @@ def test_more_restitution_keeps_the_momentum():
     assert ball > 0.0
 
 
+def test_friction_takes_momentum_from_both_and_leaves_how_fast_they_part():
+    friction = effect_named("support_friction")
+    after = friction.contact({"friction_coefficient": 0.5}, CONTACT, OUTCOME)
+    ball, pendulum = after.vx - OUTCOME.vx, after.pendulum_speed - OUTCOME.pendulum_speed
+    normal = np.cos(0.5 * (CONTACT.angle + OUTCOME.pendulum_angle))
+    taken = 0.5 * 0.35 * 9.81 * OUTCOME.contact_time
+    assert 0.35 * ball / normal + CONTACT.inertial_mass * pendulum == pytest.approx(-taken)
+    assert ball / normal == pytest.approx(pendulum)
+    assert after.contact_time > OUTCOME.contact_time
+
+
+def test_a_turn_about_a_point_leaves_that_point():
+    turn = next(e for e in CATALOGUE["camera_roll"] if e.form == "about a point")
+    roll, (px, py) = 0.1, (0.5, 0.3)
+    shift = {
+        "shift_x": px - px * np.cos(roll) + py * np.sin(roll),
+        "shift_y": py - px * np.sin(roll) - py * np.cos(roll),
+    }
+    assert turn.image({"roll": roll, **shift}, VIEW)[:2] == pytest.approx((px, py))
+
+
 def test_a_faster_camera_has_seen_less_time():
     assert effect_named("time_base").clock({"rate_error": 0.25}, 1.0) == pytest.approx(0.8)
 
