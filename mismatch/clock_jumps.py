@@ -18,10 +18,6 @@ from physics.effects.measurement import DroppedFrames
 __all__ = ["DroppedInEach", "dropped_in_each"]
 
 INSTANTS = 160
-FINE = 5.0
-"""Chi-square that looking for the instant costs in each trial, about what the best of a hundred
-overlapping places gains by chance at a gap that all trials share."""
-
 LEAST_STEP = 1e-5
 """s of gap for the derivative."""
 
@@ -90,12 +86,19 @@ def dropped_in_each(forward: Forward, fit: Fit) -> DroppedInEach | None:
     frame = float(np.median(np.diff(forward.records.ball_time, axis=1)))
     gaps = np.concatenate([-np.geomspace(0.05, 2.0, 10), np.geomspace(0.05, 40.0, 40)]) * frame
     gains = 2.0 * gaps[:, None, None] * score - np.square(gaps)[:, None, None] * size
-    best = int(np.argmax(gains.max(axis=2).sum(axis=1)))
-    which = np.argmax(gains[best], axis=1)
-    instants = grid[np.arange(grid.shape[0]), which]
+    # Averaged over the instants, as likely all of them, a trial's evidence pays for its own search.
+    largest = gains.max(axis=2)
+    mean = np.exp(0.5 * (gains - largest[..., None])).mean(axis=2)
+    evidence = (largest + 2.0 * np.log(mean)).sum(axis=1)
+    best = int(np.argmax(evidence))
+    which = np.argmax(gains[best], axis=1)[:, None]
+    instants = np.take_along_axis(grid, which, axis=1)[:, 0]
+    # At the chosen instants a fit finds a larger gap, and gains more than it may keep.
+    fitted = np.square(np.take_along_axis(score, which, axis=1).sum())
+    fitted /= max(float(np.take_along_axis(size, which, axis=1).sum()), 1e-30)
     gap = replace(common.parameters[0], lower=float(min(common.parameters[0].lower, -2.0 * frame)))
     return DroppedInEach(
         parameters=(gap,),
         instants=tuple(float(t) for t in instants),
-        looks=FINE * forward.records.trials,
+        looks=float(max(fitted - evidence[best], 0.0)),
     )

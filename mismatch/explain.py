@@ -25,12 +25,12 @@ from physics.effects import CATALOGUE, MEASUREMENT_IDS, Effect
 
 __all__ = ["Explained", "Options", "explain", "explain_in_full"]
 
-WEIGHT_SCALE = 2.6
+WEIGHT_SCALE = 2.2
 """Chi-square units per factor e in the odds of two answers: two would be Gaussian to the letter."""
 
-CATALOGUE_TRUST = 0.94
+CATALOGUE_TRUST = 0.98
 """Probability that a law holds as the catalogue writes it: of names given with odds beyond a
-hundred to one, about six in a hundred were wrong on campaigns drawn for development."""
+hundred to one, about one in fifty was wrong on campaigns drawn for development."""
 
 LEAST_ROWS = 12
 

@@ -37,7 +37,7 @@ LOOSE_LAWS = frozenset(
     {
         "drag_crisis", "lens_distortion", "dropped_frames", "support_friction", "support_recoil",
         "effective_mass", "camera_roll", "rolling_shutter", "oblique_impact",
-        "contact_displacement", "parallax",
+        "contact_displacement",
     }
 )  # fmt: skip
 """Ids whose law differs from one apparatus to the next, so that a fit leaves a part of it over."""
@@ -210,7 +210,7 @@ def fit_ever_longer(
     return fit
 
 
-def null_threshold(scan: Scan, false_alarms: float = 0.003, seed: int = 20240229) -> float:
+def null_threshold(scan: Scan, false_alarms: float = 0.005, seed: int = 20240229) -> float:
     """Worth that the luckiest candidate exceeds by chance in a share of blameless campaigns.
 
     A parametric bootstrap: without a mismatch the score of all candidates is Gaussian with the

@@ -27,8 +27,6 @@ __all__ = ["Naming", "name_effects"]
 
 MOST_SINGLES = 16
 SCALES = frozenset({"length_scale", "time_base"})
-MANY = 7
-FAINT = 4.0
 KNOWN_GAIN = 2.0
 """Worth per misfit from which an effect of known size, like thinner air aloft, is taken in."""
 
@@ -46,7 +44,7 @@ class Naming:
     tried : tuple of Hypothesis
         Everything that was refitted, best first.
     threshold : float
-        Worth that chance alone exceeds in three campaigns of a thousand.
+        Worth that chance alone exceeds in five campaigns of a thousand.
     first_scan : Scan
         Scores around the baseline.
     """
@@ -157,8 +155,6 @@ def name_effects(
     best = _leader(tried)
     if best is None or best.worth / inflation < threshold * best.misfit:
         return Naming(None, _sorted(tried), threshold, first)
-    if _barely_anything(best, tried, threshold * inflation):
-        return Naming(None, _sorted(tried), threshold, first)
     most = min(most, 2) if _one_throw(forward) else most
     for size in range(2, most + 1):
         grown = _grow(forward, base, effects, tried, size, threshold * inflation)
@@ -182,13 +178,6 @@ def _with_jumps(forward: Forward, fit: Fit, effects: Sequence[Effect]) -> list[E
 
 def _one_throw(forward: Forward) -> bool:
     return forward.mode == "flight" and forward.records.trials == 1
-
-
-def _barely_anything(best: Hypothesis, tried: Sequence[Hypothesis], threshold: float) -> bool:
-    """Whether next to nothing is there and nearly everything could explain it."""
-    least = best.worth - group_tolerance(best)
-    alike = {one for h in tried if h.allowed and h.worth >= least for one in h.ids}
-    return len(alike) >= MANY and best.worth < threshold + FAINT
 
 
 def _worth_it(larger: Hypothesis, smaller: Hypothesis, threshold: float) -> bool:

@@ -10,13 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mismatch.records import Records
-from mismatch.spectrum import LEAST, Spectrum, fit_spectrum
+from mismatch.spectrum import LEAST, SIGNIFICANT, Spectrum, fit_spectrum
 from physics.arrays import FloatArray
 
 __all__ = ["Noise", "estimate_noise"]
 
 STRETCH = 36
 OUTLIER = 4.8
+LIKELY = 1.0
+"""Gain in deviance that is enough for a correlated part where another channel clearly has one."""
+
 SMOOTH = 2.0
 """Variance about a polynomial over the local one up to which what is left counts as noise."""
 
@@ -129,6 +132,7 @@ def _spectrum(
     used: NDArray[np.bool_],
     segments: FloatArray,
     sigma: FloatArray,
+    significant: float = SIGNIFICANT,
 ) -> Spectrum | None:
     pieces = []
     for trial in range(used.shape[0]):
@@ -137,7 +141,7 @@ def _spectrum(
             pieces.append((time[trial, rows], value[trial, rows] / sigma[trial]))
     # A swing over many periods, or a path through something local, is no polynomial as a whole.
     while pieces and max(piece[0].size for piece in pieces) >= 2 * LEAST:
-        found = fit_spectrum(pieces)
+        found = fit_spectrum(pieces, significant)
         if found is None or found.variance < SMOOTH:
             return found
         halves: list[tuple[FloatArray, FloatArray]] = []
@@ -173,7 +177,7 @@ def estimate_noise(
     """
     sigma = np.full((records.trials, 4), np.nan)
     inflation = np.ones(4)
-    parts = []
+    parts, series, found = [], {}, {}
     for channel in range(4):
         if channel < 3:
             time, value = records.ball_time, records.position[..., channel]
@@ -186,10 +190,17 @@ def estimate_noise(
         mine = np.maximum(_by_trial(sums), floor[channel // 3])
         if np.isfinite(mine).all():
             sigma[:, channel] = mine
-            spectrum = _spectrum(time, value, used & ~outliers, segments, mine)
-            if spectrum is not None and spectrum.share > 0.0:
-                # A local polynomial swallows part of correlated noise; the spectrum sees it all.
-                sigma[:, channel] *= np.sqrt(spectrum.variance)
-                inflation[channel] = spectrum.inflation
+            series[channel] = (time, value, used & ~outliers, segments, mine)
+            found[channel] = _spectrum(*series[channel])
+    # One tracker saw all channels: where one shows memory, less is needed to believe it of others.
+    if any(one is not None and one.share > 0.0 for one in found.values()):
+        for channel, one in found.items():
+            if one is not None and one.share == 0.0:
+                found[channel] = _spectrum(*series[channel], LIKELY)
+    for channel, one in found.items():
+        if one is not None and one.share > 0.0:
+            # A local polynomial swallows part of correlated noise; the spectrum sees it all.
+            sigma[:, channel] *= np.sqrt(one.variance)
+            inflation[channel] = one.inflation
     sigma = np.where(np.isfinite(sigma), sigma, UNKNOWN_SIGMA)
     return Noise(sigma, inflation, np.concatenate(parts, axis=1))

@@ -274,11 +274,23 @@ def prepare(campaign: Campaign, baseline: Baseline) -> Prepared:
         # A baseline out of phase says nothing about strays; the local estimate has found them.
         return Prepared(forward, model, noise, fit)
     stray = _strays(fit.residual * np.sqrt(np.repeat(noise.inflation, _lengths(records))), records)
-    if stray.any():
-        forward = replace(forward, records=records.keeping(~stray))
-        noise = replace(noise, outliers=noise.outliers | stray)
-        fit = fit_model(forward, model, (), (fit.nuisance, fit.law_offsets))
+    forward = replace(forward, records=records.keeping(~stray))
+    # About the fit less physics is left to pass for noise, or to hide it, than about polynomials.
+    again = estimate_noise(_left_over(forward.records, fit), *_segments(forward, clocks))
+    noise = replace(again, outliers=noise.outliers | stray | again.outliers)
+    records = replace(forward.records, sigma=noise.effective).keeping(~noise.outliers)
+    forward = replace(forward, records=records)
+    fit = fit_model(forward, model, (), (fit.nuisance, fit.law_offsets))
     return Prepared(forward, model, noise, fit)
+
+
+def _left_over(records: Records, fit: Fit) -> Records:
+    """The records with the fit taken off, m and rad."""
+    s = records.ball_time.shape[1]
+    weights = records.weights
+    left = np.where(weights > 0.0, fit.residual / np.where(weights > 0.0, weights, 1.0), 0.0)
+    ball = np.moveaxis(left[:, : 3 * s].reshape(records.trials, 3, s), 1, -1)
+    return replace(records, position=ball, pendulum_angle=left[:, 3 * s :])
 
 
 def _lengths(records: Records) -> list[int]:

@@ -6,10 +6,11 @@ with white noise plus a first-order autoregression (Whittle's likelihood on the 
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.fft import dct
-from scipy.optimize import minimize
+from scipy.signal import lfilter
 from scipy.stats import f as fisher
 
 from physics.arrays import FloatArray
@@ -19,7 +20,14 @@ __all__ = ["LEAST", "Spectrum", "fit_spectrum", "whiteness"]
 DEGREE = 6
 LEAST = 24
 SIGNIFICANT = 9.0
+"""Gain in deviance from which noise is correlated."""
+
 LARGEST_INFLATION = 40.0
+SLOW_MODE = 1
+"""Cosine of a stretch at whose pace physics that is slow on its scale competes with noise."""
+
+RHOS = 1.0 - np.geomspace(0.7, 0.025, 12)
+SHARES = np.linspace(0.03, 0.97, 33)
 
 
 @dataclass(frozen=True)
@@ -34,17 +42,14 @@ class Spectrum:
         Part of it that is correlated.
     rho : float
         Correlation of that part from one sample to the next.
+    inflation : float
+        Noise power at the pace of slow physics over the variance; 1 if white.
     """
 
     variance: float
     share: float
     rho: float
-
-    @property
-    def inflation(self) -> float:
-        """Noise power at zero frequency over the variance; 1 if white."""
-        slow = 1.0 - self.share + self.share * (1.0 + self.rho) / (1.0 - self.rho)
-        return float(np.clip(slow, 1.0, LARGEST_INFLATION))
+    inflation: float = 1.0
 
 
 def _density(share: float, rho: float, omega: FloatArray) -> FloatArray:
@@ -52,55 +57,80 @@ def _density(share: float, rho: float, omega: FloatArray) -> FloatArray:
     return np.asarray(1.0 - share + share * shape)
 
 
-def fit_spectrum(pieces: list[tuple[FloatArray, FloatArray]]) -> Spectrum | None:
+@lru_cache(maxsize=512)
+def _expected(size: int) -> tuple[FloatArray, FloatArray]:
+    """Powers that noise of unit variance leaves in the cosines kept: white (n,), correlated (R, n).
+
+    A polynomial takes its part of slow noise along, from cosines beyond its degree as well.
+    """
+    basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, size), DEGREE + 1))
+    look = dct(np.eye(size) - basis @ basis.T, norm="ortho", axis=0)[DEGREE + 2 :]
+    slow = []
+    for rho in RHOS:
+        ahead = lfilter([1.0], [1.0, -rho], look, axis=1)
+        back = lfilter([1.0], [1.0, -rho], look[:, ::-1], axis=1)[:, ::-1]
+        slow.append(np.sum(look * (ahead + back - look), axis=1))
+    return np.sum(look * look, axis=1), np.array(slow)
+
+
+def fit_spectrum(
+    pieces: list[tuple[FloatArray, FloatArray]], significant: float = SIGNIFICANT
+) -> Spectrum | None:
     """Fit the spectrum of many short records of the same noise.
 
     Parameters
     ----------
     pieces : list of (time, value)
         Stretches over which the physics is smooth, outliers gone.
+    significant : float
+        Gain in deviance from which a correlated part is taken in.
 
     Returns
     -------
     Spectrum or None
         None if there is too little to tell.
     """
-    omegas, powers = [], []
+    powers, whites, slows, sizes = [], [], [], []
     for time, value in pieces:
         if value.size < LEAST:
             continue
         u = (time - time.mean()) / max(float(np.ptp(time)), 1e-12) * 2.0
         basis, _ = np.linalg.qr(np.vander(u, DEGREE + 1))
         left = value - basis @ (basis.T @ value)
-        power = np.asarray(dct(left, norm="ortho")) ** 2
-        keep = np.arange(DEGREE + 2, value.size)
-        omegas.append(np.pi * keep / value.size)
-        powers.append(power[keep])
-    if not omegas:
+        powers.append(np.asarray(dct(left, norm="ortho"))[DEGREE + 2 :] ** 2)
+        white, slow = _expected(value.size)
+        whites.append(white)
+        slows.append(slow)
+        sizes.append(np.full(value.size, value.size))
+    if not powers:
         return None
-    omega, power = np.concatenate(omegas), np.concatenate(powers)
-    white = max(float(power.mean()), 1e-30)
-
-    def cost(p: FloatArray) -> float:
-        share, rho = 1.0 / (1.0 + np.exp(-p[0])), 0.3 + 0.68 / (1.0 + np.exp(-p[1]))
-        density = _density(share, rho, omega)
-        level = float(np.mean(power / density))
-        return float(np.log(level) * omega.size + np.sum(np.log(density)))
-
-    flat = float(np.log(white) * omega.size)
-    best = min(
-        (
-            minimize(cost, np.array(start), method="Nelder-Mead", options={"maxiter": 120})
-            for start in ((-1.0, 0.5), (-1.0, 2.0))
-        ),
-        key=lambda result: float(result.fun),
-    )
-    if flat - float(best.fun) < SIGNIFICANT:
-        return Spectrum(white, 0.0, 0.0)
-    share = float(1.0 / (1.0 + np.exp(-best.x[0])))
-    rho = float(0.3 + 0.68 / (1.0 + np.exp(-best.x[1])))
-    level = float(np.mean(power / _density(share, rho, omega)))
-    return Spectrum(level, share, rho)
+    power, white = np.concatenate(powers), np.concatenate(whites)
+    slow = np.concatenate(slows, axis=1)
+    omega = np.pi * SLOW_MODE / float(np.median(np.concatenate(sizes)))
+    cost, levels = np.zeros((RHOS.size, SHARES.size)), np.zeros((RHOS.size, SHARES.size))
+    rise = np.zeros_like(cost)
+    for j, share in enumerate(SHARES):
+        density = (1.0 - share) * white + share * slow
+        levels[:, j] = np.mean(power / density, axis=1)
+        rise[:, j] = [float(_density(share, rho, np.array(omega))) for rho in RHOS]
+        # Power below the slowest cosine seen is an extrapolation: the less of it the better.
+        cost[:, j] = (
+            np.log(levels[:, j]) * power.size
+            + np.log(density).sum(axis=1)
+            + 2.0 * np.log(levels[:, j] * rise[:, j])
+        )
+    level = float(np.mean(power / white))
+    flat = np.log(level) * (power.size + 2.0) + float(np.log(white).sum())
+    if flat - cost.min() < significant:
+        return Spectrum(level, 0.0, 0.0)
+    # Short records leave a ridge of equally good answers; their mean beats any one of them.
+    weight = np.exp(-0.5 * (cost - cost.min()))
+    weight /= weight.sum()
+    variance = float(np.exp(np.sum(weight * np.log(levels))))
+    power_there = float(np.exp(np.sum(weight * np.log(levels * rise))))
+    at = np.unravel_index(int(np.argmin(cost)), cost.shape)
+    inflation = float(np.clip(power_there / variance, 1.0, LARGEST_INFLATION))
+    return Spectrum(variance, float(SHARES[at[1]]), float(RHOS[at[0]]), inflation)
 
 
 def whiteness(pieces: list[tuple[FloatArray, FloatArray]], low: int = 8) -> float:
