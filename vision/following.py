@@ -199,8 +199,9 @@ def _no_ball(ball_at: Point | None) -> NotFoundError:
 
 def _mass(scene: Scene, rest: Rest, ball: BallFits, mass_at: Point | None) -> MassPoses | None:
     at = None if mass_at is None else (float(mass_at[0]), float(mass_at[1]))
-    before = scene_before_strike(scene, rest)
-    candidates = find_mass(scene, rest, float(np.median(ball.radius)), before, at)
+    radius = float(np.median(ball.radius))
+    before = scene_before_strike(scene, rest, radius)
+    candidates = find_mass(scene, rest, radius, before, at)
     return follow_mass(scene, candidates, rest, ball, before)
 
 

@@ -13,6 +13,7 @@ from vision.mass_search import MassCandidate
 from vision.rest import Rest
 from vision.rigid import Patch, Pose, register, warped
 from vision.scene import Scene
+from vision.striker import striking
 
 __all__ = ["follow_mass"]
 
@@ -35,7 +36,7 @@ def follow_mass(
     ball: BallFits,
     before: FloatImage,
 ) -> MassPoses | None:
-    """Follow each candidate through the clip, and keep the one that moves as one rigid thing.
+    """Follow each candidate through the clip, and keep the rigid thing that can have struck.
 
     Parameters
     ----------
@@ -61,7 +62,11 @@ def follow_mass(
         return None
     rigid = _AS_RIGID * min(swing.misfit for swing in sound)
     followed = [_followed(scene, tracker, swing, ball) for swing in sound if swing.misfit <= rigid]
-    return min((mass for mass in followed if mass is not None), key=_off_arc, default=None)
+    return min(
+        (mass for mass in followed if mass is not None),
+        key=lambda mass: (striking(mass, ball, rest), _off_arc(mass)),
+        default=None,
+    )
 
 
 def _off_arc(mass: MassPoses) -> float:

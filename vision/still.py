@@ -4,6 +4,7 @@ Against the scene without the ball, a mass that comes near is one with the shado
 with what the ball hides; against the scene before the strike, it is all that differs.
 """
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,9 +18,12 @@ FloatImage = NDArray[np.float32]
 _SAMPLES = 15
 _LEAST_FRAMES = 9
 _STEADY = 3.0
+# Frames, of those sampled, in which a pixel may differ by accident.
+_STRAY = 1
+_CLOSED = 0.5
 
 
-def scene_before_strike(scene: Scene, rest: Rest) -> FloatImage:
+def scene_before_strike(scene: Scene, rest: Rest, radius: float) -> FloatImage:
     """Median of the frames in which the ball lies still.
 
     Parameters
@@ -28,6 +32,8 @@ def scene_before_strike(scene: Scene, rest: Rest) -> FloatImage:
         Footage with its static scene.
     rest : Rest
         The ball before it is struck.
+    radius : float
+        Ball radius, px.
 
     Returns
     -------
@@ -42,8 +48,25 @@ def scene_before_strike(scene: Scene, rest: Rest) -> FloatImage:
         picture / np.float32(scene.views[index].gain) for index, picture in scene.pictures(wanted)
     ]
     stack = np.sort(np.stack(even), axis=0)
-    middle = stack[len(stack) // 2]
+    middle, still = stack[len(stack) // 2], scene.background.image
     quarter = len(stack) // 4
-    spread = stack[-1 - quarter] - stack[quarter]
-    steady = spread < _STEADY * scene.background.noise
-    return np.asarray(np.where(steady, middle, scene.background.image), dtype=np.float32)
+    noise = scene.background.noise
+    steady = stack[-1 - quarter] - stack[quarter] < _STEADY * noise
+    return np.where(steady & ~_lingering(stack, still, noise, radius), middle, still)
+
+
+def _lingering(
+    stack: FloatImage, still: FloatImage, noise: FloatImage | float, radius: float
+) -> NDArray[np.bool_]:
+    """Where a thing stands for most of the time that uncovers the static scene for the rest.
+
+    A thick, slow mass may leave the middle of its way to the ball uncovered in no frame at all.
+    """
+    low, high = stack[_STRAY], stack[-1 - _STRAY]
+    uncovered = np.minimum(np.abs(low - still), np.abs(high - still)) < _STEADY * noise
+    other = np.abs(stack[len(stack) // 2] - still) > _STEADY * noise
+    gone = (uncovered & other & (high - low > 2.0 * _STEADY * noise)).astype(np.uint8)
+    gone = cv2.morphologyEx(gone, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+    size = 2 * int(_CLOSED * radius) + 1
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    return np.asarray((cv2.morphologyEx(gone, cv2.MORPH_CLOSE, kernel) > 0) & other)

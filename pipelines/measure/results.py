@@ -29,6 +29,9 @@ FloatArray = NDArray[np.float64]
 _NEEDS_METRES = {"m", "m/s", "N s", "J"}
 LONGEST_GAP_S = 0.03
 """Time before landing for which a ball lost near the floor may be carried on along its flight."""
+VAGUE = 0.3
+"""A depth known to no better than this share, and mostly from what is usual, is a guess."""
+SUPPOSED = ("lens not known beforehand", "ball plane guessed")
 _LANDING = ("landing_distance", "landing_time", "landing_distance_on_wall", "cor_range")
 
 
@@ -280,13 +283,21 @@ def _geometry(
 
 
 def _depth(name: str, calibration: Calibration, value: Callable[[Calibration], float]) -> Quantity:
-    """A depth, with the longer side of its interval as the uncertainty.
+    """A depth, with the longer side of its interval as the uncertainty; none where it is a guess.
 
     Without tape, depths are known to a factor rather than to a length: exp(±s) about the value.
     """
     found = value(calibration)
     budget = calibration.budget(value)
     share = float(np.sqrt(sum(line.std**2 for line in budget))) / max(abs(found), 1e-9)
+    supposed = sum(line.std**2 for line in budget if line.source in SUPPOSED)
+    if share > VAGUE and supposed > 0.5 * (share * found) ** 2:
+        return Quantity.missing(
+            name,
+            "m",
+            "the wall, seen nearly square on, tells the distance only together with the lens:"
+            " tape the distance to the wall, or name a lens.toml in the setup file",
+        )
     longer = float(np.expm1(min(share, 1.0)) / share) if share > 0 else 1.0
     widened = tuple(replace(line, std=line.std * longer) for line in budget)
     return Quantity.measured(name, found, "m", widened)
