@@ -85,7 +85,10 @@ def dropped_in_each(forward: Forward, fit: Fit) -> DroppedInEach | None:
     score, size, grid = np.array(scores), np.array(sizes), np.array(grids)
     frame = float(np.median(np.diff(forward.records.ball_time, axis=1)))
     gaps = np.concatenate([-np.geomspace(0.05, 2.0, 10), np.geomspace(0.05, 40.0, 40)]) * frame
+    # What is left over for other reasons makes steps, too: differences count in units of it.
+    misfit = max(1.0, fit.chi2 / max(fit.count, 1))
     gains = 2.0 * gaps[:, None, None] * score - np.square(gaps)[:, None, None] * size
+    gains = gains / misfit
     # Averaged over the instants, as likely all of them, a trial's evidence pays for its own search.
     largest = gains.max(axis=2)
     mean = np.exp(0.5 * (gains - largest[..., None])).mean(axis=2)
@@ -100,5 +103,5 @@ def dropped_in_each(forward: Forward, fit: Fit) -> DroppedInEach | None:
     return DroppedInEach(
         parameters=(gap,),
         instants=tuple(float(t) for t in instants),
-        looks=float(max(fitted - evidence[best], 0.0)),
+        looks=float(max(fitted - misfit * evidence[best], 0.0)),
     )

@@ -167,7 +167,22 @@ def name_effects(
         if larger is None:
             break
         best = larger
+    if best.misfit >= MISFIT and forward.mode == "flight":
+        tried.extend(_with_ruler_or_clock(forward, base, effects, best))
     return Naming(best, _sorted(tried), threshold, first)
+
+
+def _with_ruler_or_clock(
+    forward: Forward, base: Fit, effects: Sequence[Effect], best: Hypothesis
+) -> list[Hypothesis]:
+    """The answer and a fault of scale or rate, which a law that fits badly leaves room for."""
+    more = [e for e in effects if e.id in SCALES.difference(best.ids)]
+    pool = candidates_for(forward, best.fit.model, more, unnamed=False)
+    scored = scan(forward, best.fit, pool)
+    return [
+        _extended(forward, base, best, pool[index], values)
+        for _, index, values in _best_by_law(scored, 1.0)
+    ]
 
 
 def _with_jumps(forward: Forward, fit: Fit, effects: Sequence[Effect]) -> list[Effect]:

@@ -132,6 +132,7 @@ def _spectrum(
     used: NDArray[np.bool_],
     segments: FloatArray,
     sigma: FloatArray,
+    slow_mode: float,
     significant: float = SIGNIFICANT,
 ) -> Spectrum | None:
     pieces = []
@@ -141,7 +142,7 @@ def _spectrum(
             pieces.append((time[trial, rows], value[trial, rows] / sigma[trial]))
     # A swing over many periods, or a path through something local, is no polynomial as a whole.
     while pieces and max(piece[0].size for piece in pieces) >= 2 * LEAST:
-        found = fit_spectrum(pieces, significant)
+        found = fit_spectrum(pieces, significant, slow_mode)
         if found is None or found.variance < SMOOTH:
             return found
         halves: list[tuple[FloatArray, FloatArray]] = []
@@ -158,6 +159,7 @@ def estimate_noise(
     ball_segments: FloatArray,
     pendulum_segments: FloatArray,
     floor: tuple[float, float] = (1e-6, 1e-6),
+    slow_mode: float = 1.0,
 ) -> Noise:
     """Learn the noise from the record.
 
@@ -170,6 +172,9 @@ def estimate_noise(
         Labels; a stretch never spans two labels (rest and flight, before and after contact).
     floor : (position, angle)
         Smallest sigma believed, m and rad (the resolution of the file).
+    slow_mode : float
+        Cosine of a record at whose pace physics competes with noise: the slowest, or a faster one
+        where free initial states take the slowest along.
 
     Returns
     -------
@@ -190,7 +195,7 @@ def estimate_noise(
         mine = np.maximum(_by_trial(sums), floor[channel // 3])
         if np.isfinite(mine).all():
             sigma[:, channel] = mine
-            series[channel] = (time, value, used & ~outliers, segments, mine)
+            series[channel] = (time, value, used & ~outliers, segments, mine, slow_mode)
             found[channel] = _spectrum(*series[channel])
     # One tracker saw all channels: where one shows memory, less is needed to believe it of others.
     if any(one is not None and one.share > 0.0 for one in found.values()):

@@ -24,6 +24,9 @@ GUARD_SAMPLES = 1.6
 """Rows this many samples around onset and release are left out: the model bends there."""
 
 
+FREE_STATE_PACE = 3.0
+"""Cosines of a record that a free initial place and velocity leave little of."""
+
 STRAY = 5.0
 """Sigma from the median of the neighbours."""
 
@@ -261,7 +264,8 @@ def prepare(campaign: Campaign, baseline: Baseline) -> Prepared:
         forward = replace(forward, flight_time=ball_span * 1.02)
         nuisance = _first_states(records, mode)
         laws = np.zeros((0, 2))
-    noise = estimate_noise(forward.records, *_segments(forward, clocks))
+    pace = 1.0 if mode == "impact" else FREE_STATE_PACE
+    noise = estimate_noise(forward.records, *_segments(forward, clocks), slow_mode=pace)
     records = replace(forward.records, sigma=noise.effective).keeping(~noise.outliers)
     forward = replace(forward, records=records)
     if records.count < records.trials * nuisance.shape[1] + 3:
@@ -275,9 +279,11 @@ def prepare(campaign: Campaign, baseline: Baseline) -> Prepared:
         return Prepared(forward, model, noise, fit)
     stray = _strays(fit.residual * np.sqrt(np.repeat(noise.inflation, _lengths(records))), records)
     forward = replace(forward, records=records.keeping(~stray))
-    # About the fit less physics is left to pass for noise, or to hide it, than about polynomials.
-    again = estimate_noise(_left_over(forward.records, fit), *_segments(forward, clocks))
-    noise = replace(again, outliers=noise.outliers | stray | again.outliers)
+    noise = replace(noise, outliers=noise.outliers | stray)
+    if mode == "impact":
+        # About a fit that knows much, less is left to pass for noise than about polynomials.
+        again = estimate_noise(_left_over(forward.records, fit), *_segments(forward, clocks))
+        noise = replace(again, outliers=noise.outliers | again.outliers)
     records = replace(forward.records, sigma=noise.effective).keeping(~noise.outliers)
     forward = replace(forward, records=records)
     fit = fit_model(forward, model, (), (fit.nuisance, fit.law_offsets))

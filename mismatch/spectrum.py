@@ -23,9 +23,6 @@ SIGNIFICANT = 9.0
 """Gain in deviance from which noise is correlated."""
 
 LARGEST_INFLATION = 40.0
-SLOW_MODE = 1
-"""Cosine of a stretch at whose pace physics that is slow on its scale competes with noise."""
-
 RHOS = 1.0 - np.geomspace(0.7, 0.025, 12)
 SHARES = np.linspace(0.03, 0.97, 33)
 
@@ -74,7 +71,9 @@ def _expected(size: int) -> tuple[FloatArray, FloatArray]:
 
 
 def fit_spectrum(
-    pieces: list[tuple[FloatArray, FloatArray]], significant: float = SIGNIFICANT
+    pieces: list[tuple[FloatArray, FloatArray]],
+    significant: float = SIGNIFICANT,
+    slow_mode: float = 1.0,
 ) -> Spectrum | None:
     """Fit the spectrum of many short records of the same noise.
 
@@ -84,6 +83,8 @@ def fit_spectrum(
         Stretches over which the physics is smooth, outliers gone.
     significant : float
         Gain in deviance from which a correlated part is taken in.
+    slow_mode : float
+        Cosine of a piece at whose pace slow physics competes with noise.
 
     Returns
     -------
@@ -106,7 +107,7 @@ def fit_spectrum(
         return None
     power, white = np.concatenate(powers), np.concatenate(whites)
     slow = np.concatenate(slows, axis=1)
-    omega = np.pi * SLOW_MODE / float(np.median(np.concatenate(sizes)))
+    omega = np.pi * slow_mode / float(np.median(np.concatenate(sizes)))
     cost, levels = np.zeros((RHOS.size, SHARES.size)), np.zeros((RHOS.size, SHARES.size))
     rise = np.zeros_like(cost)
     for j, share in enumerate(SHARES):
