@@ -37,6 +37,7 @@ PARAMETERS: dict[str, tuple[str, Callable[[Hidden, Mapping[str, Any]], float]]] 
     "asymmetric_wake": ("side_coefficient", _plain),
     "velocity_dependent_cor": ("slope", _plain),
     "oblique_impact": ("offset", _above_centre),
+    "support_friction": ("friction_coefficient", _plain),
     "pivot_recoil_shared": ("lost_share", _plain),
     "support_recoil_up": ("vertical_share", _plain),
     "bearing_friction": ("dry_torque", _plain),
