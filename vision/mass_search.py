@@ -89,15 +89,19 @@ def find_mass(
                 best[level] = found
         if best and min(piece.gap_px for piece in best.values()) > free:
             break
-    return _distinct([best[level] for level in sorted(best)])
+    return _distinct(sorted(best.values(), key=_area, reverse=True))
 
 
 def _distinct(pieces: list[MassCandidate]) -> tuple[MassCandidate, ...]:
     kept: list[MassCandidate] = []
     for piece in pieces:
-        if not kept or piece.patch.opacity.sum() < _SAME_AREA * kept[-1].patch.opacity.sum():
+        if not kept or _area(piece) < _SAME_AREA * _area(kept[-1]):
             kept.append(piece)
     return tuple(kept)
+
+
+def _area(piece: MassCandidate) -> float:
+    return float(piece.patch.opacity.sum())
 
 
 def _pieces(

@@ -27,6 +27,7 @@ _LEAST_ADVANCE_PX = 1.0
 _SHADOW_LEAVES = 30
 # A candidate that fits at most so much worse than the best one may be as rigid.
 _AS_RIGID = 2.0
+_LEAST_TWIST = 0.003
 
 
 def follow_mass(
@@ -70,8 +71,12 @@ def follow_mass(
 
 
 def _off_arc(mass: MassPoses) -> float:
-    """How badly a track lies on an arc; one that was lost early counts as much worse."""
-    return mass.arc.scatter_px / len(mass.frame)
+    """How badly a track lies on an arc and turns with it; one that was lost early is much worse."""
+    away = mass.anchor - mass.arc.centre_px
+    turned = np.array([pose.turn for pose in mass.poses]) - np.arctan2(away[:, 1], away[:, 0])
+    turned = np.angle(np.exp(1j * (turned - turned[0])))
+    twist = float(np.median(np.abs(turned - np.median(turned))))
+    return mass.arc.scatter_px * max(twist, _LEAST_TWIST) / len(mass.frame) ** 2
 
 
 @dataclass(frozen=True)

@@ -66,7 +66,7 @@ def _lingering(
     uncovered = np.minimum(np.abs(low - still), np.abs(high - still)) < _STEADY * noise
     other = np.abs(stack[len(stack) // 2] - still) > _STEADY * noise
     gone = (uncovered & other & (high - low > 2.0 * _STEADY * noise)).astype(np.uint8)
-    gone = cv2.morphologyEx(gone, cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
+    gone = cv2.morphologyEx(gone, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     size = 2 * int(_CLOSED * radius) + 1
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     return np.asarray((cv2.morphologyEx(gone, cv2.MORPH_CLOSE, kernel) > 0) & other)
