@@ -19,6 +19,8 @@ FloatArray = NDArray[np.float64]
 INERTIA_SHARE, MASS_SHARE = 0.01, 0.003
 ARM_SHARE_STD, AFTER_SHARE_STD = 0.007, 0.01
 """A mass 6 cm thick seen from 4 m: its near side is enlarged by that much."""
+ROLL_STD, SLANT_STD = float(np.radians(1.0)), float(np.radians(6.0))
+"""A camera set up by eye, rad."""
 _STEP_SIGMAS = 0.3
 _LEAST_AXIS = 1e-12
 """Of the correlation's largest: below lies rounding, not knowledge."""
@@ -36,12 +38,16 @@ class Scene:
         None where the ball's own size is the scale.
     scale : float
         Factor on lengths where there is no calibration.
+    roll_rad, slant_rad : float
+        How far the camera is turned about its axis, and about the vertical, where there is none.
     """
 
     inputs: Inputs
     rate: CaptureRate
     calibration: Calibration | None
     scale: float = 1.0
+    roll_rad: float = 0.0
+    slant_rad: float = 0.0
 
 
 def systematic_budget(
@@ -122,8 +128,11 @@ def _moved(scene: Scene, scale_std: float) -> list[tuple[str, Scene]]:
     if inputs.ball is not None and inputs.ball.mass is not None:
         ball = replace(inputs.ball, mass=inputs.ball.mass * (1 + MASS_SHARE))
         moved.append(("mass of the ball", replace(scene, inputs=replace(inputs, ball=ball))))
-    if scene.calibration is None and np.isfinite(scale_std):
-        moved.append(("ball diameter", replace(scene, scale=scene.scale * (1 + scale_std))))
+    if scene.calibration is None:
+        moved.append(("roll of the camera, no grid to tell", replace(scene, roll_rad=ROLL_STD)))
+        moved.append(("slant of the camera, no grid to tell", replace(scene, slant_rad=SLANT_STD)))
+        if np.isfinite(scale_std):
+            moved.append(("ball diameter", replace(scene, scale=scene.scale * (1 + scale_std))))
     return moved
 
 

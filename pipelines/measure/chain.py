@@ -11,6 +11,7 @@ from calib.calibration import Calibration
 from calib.free_fall import with_free_fall
 from calib.grid import WallGrid
 from calib.plausibility import ContradictionError
+from calib.pose import FOCAL_OVER_WIDTH
 from metrology import CalibrationError, MeasurementError
 from pipelines.measure.budget import Scene, systematic_budget
 from pipelines.measure.calibrated import calibrate_clip, known_lens, scene_evidence
@@ -241,7 +242,13 @@ def _in_metres(scene: Scene, clip: Clip, tracks: Tracks) -> MetricTracks:
         still = slice(first_row, max(end_row, first_row + 1))
     radius = float(np.median(ball.radius_px))
     rest = np.median(ball.centre_px[still], axis=0)
-    scale = BallScale(scene.scale * diameter / (2 * radius), rest)
+    scale = BallScale(
+        scene.scale * diameter / (2 * radius),
+        rest,
+        np.median(ball.centre_px, axis=0),
+        scene.roll_rad,
+        float(np.tan(scene.slant_rad)) / (FOCAL_OVER_WIDTH * tracks.background.shape[1]),
+    )
     return tracks_in_metres(tracks, scale, times)
 
 

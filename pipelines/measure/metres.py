@@ -57,18 +57,27 @@ class CameraMapping:
 
 @dataclass(frozen=True)
 class BallScale:
-    """By the ball's own size alone, for a camera square to the plane of flight.
+    """By the ball's own size alone, for a camera nearly square to the plane of flight.
 
     Attributes
     ----------
     metres_per_px : float
-        Scale in the ball plane.
+        Scale in the ball plane, where the ball usually is.
     rest_px : (2,) array
         Where x = y = 0.
+    usual_px : (2,) array
+        Where the ball usually is.
+    roll_rad : float
+        Turn of the camera about its axis.
+    growth_per_px : float
+        What a camera that looks aslant adds to the scale along the picture's rows.
     """
 
     metres_per_px: float
     rest_px: FloatArray
+    usual_px: FloatArray
+    roll_rad: float = 0.0
+    growth_per_px: float = 0.0
 
     def ball(self, px: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Ball centres and covariances."""
@@ -76,7 +85,13 @@ class BallScale:
 
     def point(self, px: FloatArray) -> FloatArray:
         """Points of the ball plane behind pixels."""
-        return np.asarray((px - self.rest_px) * self.metres_per_px * np.array([1.0, -1.0]))
+        x, y = np.moveaxis(px - self.usual_px, -1, 0)
+        grown = np.stack([x + self.growth_per_px * x * x, y * (1 + self.growth_per_px * x)], -1)
+        x, y = self.rest_px - self.usual_px
+        rest = np.array([x + self.growth_per_px * x * x, y * (1 + self.growth_per_px * x)])
+        cosine, sine = np.cos(self.roll_rad), np.sin(self.roll_rad)
+        turned = (grown - rest) @ np.array([[cosine, -sine], [-sine, -cosine]])
+        return np.asarray(turned * self.metres_per_px)
 
     def slant(self, point: FloatArray) -> float | None:
         """Nothing tells where such a camera stands."""

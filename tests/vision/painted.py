@@ -89,16 +89,24 @@ def exposed(
 
 
 def struck_ball(
-    frames: int = 80, *, noise: float = 1.5, flicker: float = 0.0
+    frames: int = 80,
+    *,
+    noise: float = 1.5,
+    flicker: float = 0.0,
+    slower: float = 1.0,
+    begin: int = 0,
 ) -> tuple[PaintedClip, NDArray[np.float64], NDArray[np.float64]]:
-    """Paint a box swinging down, striking a resting ball at frame 40; ball centres and angles."""
+    """Paint a box swinging down, striking a resting ball at frame 40; ball centres and angles.
+
+    With `slower`, everything moves so many times slower; the clip begins at frame `begin`.
+    """
     height, width, radius = 120, 240, 11.0
     scene = wall(height, width)
     pivot, arm, half = (60.0, 12.0), 62.0, 8.0
     rest = np.array([pivot[0] + half + radius, pivot[1] + arm])
     pictures, centres, angles = [], [], []
-    for index in range(frames):
-        time = index - 40.0
+    for index in range(begin, begin + frames):
+        time = (index - 40.0) / slower
         angle = 0.03 * time if time < 0 else 0.022 * time
         flight = max(time, 0.0)
         centre = rest + np.array([2.3 * flight, -0.9 * flight + 0.5 * 0.03 * flight**2])
