@@ -10,6 +10,7 @@ import numpy as np
 
 from mismatch.fit import Fit
 from mismatch.forward import Forward
+from mismatch.hypotheses import MISFIT
 from mismatch.normal_equations import linearise
 from physics.arrays import FloatArray, Number
 from physics.effects import CATALOGUE, Values
@@ -57,7 +58,10 @@ def _since(forward: Forward, fit: Fit) -> FloatArray:
 
 
 def dropped_in_each(forward: Forward, fit: Fit) -> DroppedInEach | None:
-    """The law with each trial's likeliest instant for one common gap; None for swings alone."""
+    """The law with each trial's likeliest instant for one common gap.
+
+    None for swings alone, and where such gaps leave more than noise.
+    """
     if forward.mode == "swing" or forward.records.trials < 2:
         return None
     common = CATALOGUE["dropped_frames"][0]
@@ -86,9 +90,8 @@ def dropped_in_each(forward: Forward, fit: Fit) -> DroppedInEach | None:
     frame = float(np.median(np.diff(forward.records.ball_time, axis=1)))
     gaps = np.concatenate([-np.geomspace(0.05, 2.0, 10), np.geomspace(0.05, 40.0, 40)]) * frame
     # What is left over for other reasons makes steps, too: differences count in units of it.
-    misfit = max(1.0, fit.chi2 / max(fit.count, 1))
     gains = 2.0 * gaps[:, None, None] * score - np.square(gaps)[:, None, None] * size
-    gains = gains / misfit
+    gains = gains / fit.misfit
     # Averaged over the instants, as likely all of them, a trial's evidence pays for its own search.
     largest = gains.max(axis=2)
     mean = np.exp(0.5 * (gains - largest[..., None])).mean(axis=2)
@@ -99,9 +102,12 @@ def dropped_in_each(forward: Forward, fit: Fit) -> DroppedInEach | None:
     # At the chosen instants a fit finds a larger gap, and gains more than it may keep.
     fitted = np.square(np.take_along_axis(score, which, axis=1).sum())
     fitted /= max(float(np.take_along_axis(size, which, axis=1).sum()), 1e-30)
+    if fit.chi2 - fitted > MISFIT * fit.expected:
+        # A step at will in each trial takes a part of any misfit; it is believed if it takes all.
+        return None
     gap = replace(common.parameters[0], lower=float(min(common.parameters[0].lower, -2.0 * frame)))
     return DroppedInEach(
         parameters=(gap,),
         instants=tuple(float(t) for t in instants),
-        looks=float(max(fitted - misfit * evidence[best], 0.0)),
+        looks=float(max(fitted - fit.misfit * evidence[best], 0.0)),
     )

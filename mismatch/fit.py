@@ -39,6 +39,8 @@ class Fit:
         Σ (residual/σ)², and Σ (value/prior)² over what has a prior.
     count : int
         Entries fitted.
+    expected : float
+        Chi-square that noise alone would leave.
     free : tuple of Free
         What was varied.
     covariance : (n, n) array
@@ -53,6 +55,7 @@ class Fit:
     chi2: float
     penalty: float
     count: int
+    expected: float
     free: tuple[Free, ...]
     covariance: FloatArray
     residual: FloatArray = field(repr=False)
@@ -61,6 +64,11 @@ class Fit:
     def objective(self) -> float:
         """What was minimised: chi2 plus penalty."""
         return self.chi2 + self.penalty
+
+    @property
+    def misfit(self) -> float:
+        """Chi-square over what noise leaves, at least one: the unit of differences."""
+        return max(1.0, self.chi2 / max(self.expected, 1.0))
 
     def value(self, index: int) -> tuple[float, float]:
         """Value and standard uncertainty of a free parameter."""
@@ -141,7 +149,7 @@ def fit_model(
         return float(np.sum(scaled**2)), scaled
 
     chi2, residual = misfit(nuisance, laws, model)
-    excess = max(1.0, chi2 / max(forward.records.count, 1))
+    excess = max(1.0, chi2 / max(forward.records.expected, 1.0))
     holds = np.array([_hold(f.parameter, excess, shape_priors) for f in free])
     cost = chi2 + penalty(nuisance, laws, model)
     matrix = np.zeros((n_laws + len(free),) * 2)
@@ -184,7 +192,7 @@ def fit_model(
     covariance = inverse_of(matrix)[n_laws:, n_laws:]
     return Fit(
         model, nuisance, laws, chi2, penalty(nuisance, laws, model), forward.records.count,
-        tuple(free), covariance, residual,
+        forward.records.expected, tuple(free), covariance, residual,
     )  # fmt: skip
 
 

@@ -88,8 +88,8 @@ class Hypothesis:
 
     @property
     def misfit(self) -> float:
-        """Chi-square per entry that is left, at least one: the unit of differences."""
-        return max(1.0, self.fit.chi2 / max(self.fit.count, 1))
+        """Chi-square over what noise leaves, at least one: the unit of differences."""
+        return self.fit.misfit
 
     @property
     def allowed(self) -> bool:
@@ -252,7 +252,7 @@ def group_tolerance(best: Hypothesis) -> float:
     """
     count = best.fit.count
     odds = 7.0 * best.misfit
-    left = max(best.fit.chi2 - count, 0.0) + np.sqrt(2.0 * count)
+    left = max(best.fit.chi2 - best.fit.expected, 0.0) + np.sqrt(2.0 * count)
     return float(max(odds, min(0.015 * best.gain, 0.25 * left)))
 
 

@@ -20,6 +20,7 @@ from mismatch.hypotheses import (
     told_apart,
 )
 from mismatch.scan import Scan, scan
+from mismatch.spread import robust_spread
 from physics.arrays import FloatArray
 from physics.effects import Effect
 
@@ -29,6 +30,9 @@ MOST_SINGLES = 16
 SCALES = frozenset({"length_scale", "time_base"})
 KNOWN_GAIN = 2.0
 """Worth per misfit from which an effect of known size, like thinner air aloft, is taken in."""
+
+STEADY = 3.0
+"""Sigma, by the scatter of trials, from which a strength is not chance."""
 
 MOST_EFFECTS = 3
 
@@ -167,9 +171,41 @@ def name_effects(
         if larger is None:
             break
         best = larger
+    steady = _steady(forward, best, tried)
+    if steady is None:
+        return Naming(None, _sorted(tried), threshold, first)
+    best = steady
     if best.misfit >= MISFIT and forward.mode == "flight":
         tried.extend(_with_ruler_or_clock(forward, base, effects, best))
     return Naming(best, _sorted(tried), threshold, first)
+
+
+def _steady(forward: Forward, best: Hypothesis, tried: Sequence[Hypothesis]) -> Hypothesis | None:
+    """The answer without what is lost in the scatter of trials, where no law fits to the noise.
+
+    A fault that differs from trial to trial leaves a misfit in which something of any law can be
+    found; what then is real pulls all trials the same way.
+    """
+    if best.misfit < MISFIT:
+        return best
+    keys = {member.key for member in best.members}
+    parts = [h for h in _sorted(tried) if h.allowed and {m.key for m in h.members} < keys]
+    # The larger set hides behind each other what two of its members say alike.
+    for answer in (best, *parts):
+        spreads = robust_spread(forward, answer.fit)
+        if all(_significance(answer.fit, m.effect, spreads) > STEADY for m in answer.members):
+            return answer
+    return None
+
+
+def _significance(fit: Fit, effect: Effect, spreads: FloatArray) -> float:
+    """Sigma by which the strongest strength of an effect is off neutral."""
+    found = [
+        abs(fit.value(i)[0] - item.parameter.neutral) / max(float(spreads[i]), 1e-300)
+        for i, item in enumerate(fit.free)
+        if fit.model.entries[item.entry][0] is effect and not item.parameter.is_shape
+    ]
+    return np.inf if is_known(effect) else max(found, default=0.0)
 
 
 def _with_ruler_or_clock(
@@ -205,8 +241,8 @@ def _worth_it(larger: Hypothesis, smaller: Hypothesis, threshold: float) -> bool
     if more > max(threshold, share * smaller.gain):
         return True
     # Against a baseline that runs away any share is small; then what is left over counts.
-    left = smaller.fit.chi2 - smaller.fit.count
-    return left > 0.5 * smaller.fit.count and more > max(threshold, 0.5 * left)
+    left = smaller.fit.chi2 - smaller.fit.expected
+    return left > 0.5 * smaller.fit.expected and more > max(threshold, 0.5 * left)
 
 
 def _leader(hypotheses: Sequence[Hypothesis]) -> Hypothesis | None:

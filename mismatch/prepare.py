@@ -266,7 +266,7 @@ def prepare(campaign: Campaign, baseline: Baseline) -> Prepared:
         laws = np.zeros((0, 2))
     pace = 1.0 if mode == "impact" else FREE_STATE_PACE
     noise = estimate_noise(forward.records, *_segments(forward, clocks), slow_mode=pace)
-    records = replace(forward.records, sigma=noise.effective).keeping(~noise.outliers)
+    records = _weighed(forward.records, noise)
     forward = replace(forward, records=records)
     if records.count < records.trials * nuisance.shape[1] + 3:
         raise TooLittleDataError(
@@ -284,10 +284,15 @@ def prepare(campaign: Campaign, baseline: Baseline) -> Prepared:
         # About a fit that knows much, less is left to pass for noise than about polynomials.
         again = estimate_noise(_left_over(forward.records, fit), *_segments(forward, clocks))
         noise = replace(again, outliers=noise.outliers | again.outliers)
-    records = replace(forward.records, sigma=noise.effective).keeping(~noise.outliers)
+    records = _weighed(forward.records, noise)
     forward = replace(forward, records=records)
     fit = fit_model(forward, model, (), (fit.nuisance, fit.law_offsets))
     return Prepared(forward, model, noise, fit)
+
+
+def _weighed(records: Records, noise: Noise) -> Records:
+    kept = records.keeping(~noise.outliers)
+    return replace(kept, sigma=noise.effective, inflation=noise.inflation)
 
 
 def _left_over(records: Records, fit: Fit) -> Records:

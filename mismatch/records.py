@@ -1,6 +1,6 @@
 """A campaign laid out in even arrays, one row per trial, so that all trials are fitted at once."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,8 @@ class Records:
         Which of `ball_names` flies.
     ball_names : tuple of str
         Balls in the campaign.
+    inflation : (4,) array
+        Variance in `sigma` over that of one sample, by channel: memory of the noise.
     """
 
     ball_time: FloatArray
@@ -53,6 +55,7 @@ class Records:
     launch_angle: FloatArray
     ball_index: NDArray[np.int64]
     ball_names: tuple[str, ...]
+    inflation: FloatArray = field(default_factory=lambda: np.ones(4))
 
     @property
     def trials(self) -> int:
@@ -91,6 +94,12 @@ class Records:
     def count(self) -> int:
         """Number of entries that take part."""
         return int(self.used.sum())
+
+    @property
+    def expected(self) -> float:
+        """Chi-square that noise alone leaves: sigma of slow quantities is wide for one sample."""
+        ball = self.ball_used.sum(axis=(0, 1)) / self.inflation[:3]
+        return float(ball.sum() + self.pendulum_used.sum() / self.inflation[3])
 
     def keeping(self, kept: NDArray[np.bool_]) -> "Records":
         """Records in which only entries marked in `kept` (T, 3S + P) still take part."""

@@ -26,7 +26,7 @@ def robust_spread(forward: Forward, fit: Fit) -> FloatArray:
         One per free parameter.
     """
     plain = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
-    plain = plain * np.sqrt(max(1.0, fit.chi2 / max(fit.count, 1)))
+    plain = plain * np.sqrt(fit.misfit)
     system = linearise(forward, fit.model, fit.nuisance, fit.law_offsets, fit.free)
     first = system.shared.shape[-1] - len(fit.free)
     # Shapes keep the hold they were fitted with; a place that no row tells apart has no slope.
