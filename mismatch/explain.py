@@ -8,12 +8,13 @@ import numpy as np
 from metrology import TooLittleDataError, UsageError
 from mismatch.baseline import Baseline
 from mismatch.campaign import Campaign
-from mismatch.candidates import candidates_for
-from mismatch.forward import Forward
+from mismatch.candidates import Candidate, candidates_for, start_values, steps_of
+from mismatch.forward import OUTSIDE, Forward
 from mismatch.held_out import hold_out
 from mismatch.hypotheses import LOOSE_LAWS, Hypothesis
 from mismatch.locate import locate
 from mismatch.naming import Naming, name_effects
+from mismatch.normal_equations import spread_laws
 from mismatch.prepare import Prepared, prepare
 from mismatch.remainder import noise_notes, reduced_chi2, remainder_of
 from mismatch.sanity import refuse_nonsense
@@ -119,11 +120,32 @@ def _refuse_failing(prepared: Prepared, effect: Effect) -> None:
     try:
         pool = candidates_for(prepared.forward, prepared.model, [effect], unnamed=False)
         scan(prepared.forward, prepared.fit, pool)
+        seen = _with_small_steps(prepared, pool)
     except Exception as problem:  # anything may be wrong in a file that a user wrote
         raise UsageError(
             f"the effect {effect.id!r} fails: {type(problem).__name__}: {problem}",
             hint="Its hooks are given arrays that broadcast over trials and parameter sets.",
         ) from problem
+    if float(np.abs(seen).max(initial=0.0)) >= OUTSIDE:
+        raise UsageError(
+            f"the effect {effect.id!r} gives values that are no numbers (NaN or infinite)",
+            hint="Its hooks must give finite numbers for every state and every allowed strength.",
+        )
+
+
+def _with_small_steps(prepared: Prepared, pool: Sequence[Candidate]) -> FloatArray:
+    """What the records would be with a little of each strength; `OUTSIDE` for what is no number."""
+    forward, fit = prepared.forward, prepared.fit
+    models = [
+        fit.model.having(candidate.effect, moved).order()
+        for candidate in pool
+        for _, _, moved in steps_of(candidate, start_values(candidate, fit.model))
+    ]
+    if not models:
+        return np.zeros(0)
+    nuisance = spread_laws(forward, fit.nuisance, fit.law_offsets)
+    seen = forward.predict(models, np.broadcast_to(nuisance, (len(models), *nuisance.shape)))
+    return np.asarray(seen[:, forward.records.used])
 
 
 def _of_width(effect: Effect, width: float | None) -> Effect:

@@ -79,6 +79,12 @@ def choose_mode(records: Records, baseline: Baseline) -> Mode:
         return "flight"
     if not records.pendulum_used.any():
         raise TooLittleDataError("there are no finite positions or angles in the data")
+    if np.isfinite(records.launch_angle).any():
+        # A pendulum that struck a ball does not swing freely.
+        raise TooLittleDataError(
+            "no position of the ball is a number, though the table has rows for it",
+            hint="Without the ball's table the pendulum is taken to swing freely.",
+        )
     return "swing"
 
 

@@ -68,6 +68,56 @@ def test_a_users_effect_that_raises_is_named_in_the_error():
         explain(campaign, baseline, options=Options(effects=(raising,)))
 
 
+def test_a_users_effect_that_gives_no_numbers_is_refused():
+    class Void(Effect):
+        def force(self, values, flight):
+            return values["k"] * np.nan, 0.0 * flight.vy, 0.0 * flight.vy
+
+    void = Void("void", "", "", "", "flight", (Parameter("k", "N", 1.0, -9.0, 9.0),))
+    for campaign, baseline in (thrown_campaign(), struck_campaign(seed=3)):
+        with pytest.raises(UsageError, match=r"void.*no numbers"):
+            explain(campaign, baseline, options=Options(effects=(void,)))
+
+
+@pytest.mark.parametrize("make", [thrown_campaign, struck_campaign])
+def test_millimetres_for_metres_are_refused(make):
+    campaign, baseline = make(seed=3)
+    large = tuple(replace(t, position=1e3 * t.position) for t in campaign.trials)
+    with pytest.raises(UsageError) as refused:
+        explain(Campaign(large), baseline)
+    assert "metres" in (refused.value.hint or "")
+
+
+def test_swapped_columns_are_refused_or_left_unexplained():
+    campaign, baseline = struck_campaign(seed=3)
+    with pytest.raises(UsageError, match="swapped"):
+        explain(_swapped(campaign), baseline)
+    campaign, baseline = thrown_campaign()
+    assert not explain(_swapped(campaign), baseline).effects
+
+
+def _swapped(campaign: Campaign) -> Campaign:
+    return Campaign(tuple(replace(t, position=t.position[:, [1, 0, 2]]) for t in campaign.trials))
+
+
+@pytest.mark.parametrize("make", [thrown_campaign, struck_campaign])
+def test_a_clock_that_jumps_ahead_in_one_trial_names_no_physics(make):
+    campaign, baseline = make(seed=3)
+    odd = campaign.trials[2]
+    late = np.where(np.arange(odd.ball_time.size) > 40, odd.ball_time + 1.0, odd.ball_time)
+    trials = [*campaign.trials]
+    trials[2] = replace(odd, ball_time=late)
+    said = {effect.id for effect in explain(Campaign(tuple(trials)), baseline).effects}
+    assert said <= {"dropped_frames", "time_base"}
+
+
+def test_a_ball_table_without_a_number_is_no_free_swing():
+    campaign, baseline = struck_campaign(seed=3)
+    empty = tuple(replace(t, position=np.full_like(t.position, np.nan)) for t in campaign.trials)
+    with pytest.raises(TooLittleDataError, match="no position of the ball"):
+        explain(Campaign(empty), baseline)
+
+
 def test_a_stated_uncertainty_is_tested_not_believed():
     campaign, baseline = thrown_campaign()
     for factor in (1 / 3, 3.0):
