@@ -3,7 +3,9 @@ import subprocess
 import sys
 import time
 
+from bench.concealed.__main__ import Shelf, _answered, _options
 from bench.concealed.answer import Answer, Named
+from bench.concealed.draw import draw_campaign
 from bench.concealed.pixels_scenes import FILMED, setup_text, takes
 from bench.concealed.pixels_section import right, section
 from bench.concealed.run import Stop, run_until
@@ -65,3 +67,17 @@ def test_filmed_answers_are_scored_by_name_or_group(tmp_path):
     raw = {"none": {"verdict": "no_mismatch", "seconds": 1.0, "clips": 8}}
     (tmp_path / "results.json").write_text(json.dumps(raw))
     assert "1 of 1 right" in section(tmp_path)[0]
+
+
+def test_what_was_answered_before_a_stop_counts_in_the_next_run(tmp_path, monkeypatch):
+    shelf = Shelf(tmp_path, 3, "engine")
+    for number in (0, 1):
+        draw_campaign(3, number, shelf.campaign(number), shelf.keys)
+    shelf.answers.mkdir()
+    kept = {"verdict": "no_mismatch", "seconds": 1.0}
+    (shelf.answers / "0000.json").write_text(json.dumps(kept))
+    asked = ["proof", "--campaigns", "2", "--seed", "3", "--jobs", "1", "--minutes", "0"]
+    monkeypatch.setattr(sys, "argv", [*asked, "--foreign", str(tmp_path / "none")])
+    own, theirs = _answered(_options(), shelf, Stop(minutes=0.0))
+    assert [scored.judgement.key.number for scored in own] == [0]
+    assert theirs == []

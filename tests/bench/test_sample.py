@@ -2,7 +2,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from bench.concealed.sample import make_sample
+from bench.concealed.contestants import engine_answer
+from bench.concealed.sample import CONCEALED, make_sample
 
 SHIPPED = Path(__file__).parents[2] / "sample_videos" / "campaign"
 
@@ -20,3 +21,11 @@ def test_the_shipped_campaign_is_the_one_the_script_makes(tmp_path):
 
 def test_the_shipped_campaign_is_small():
     assert sum(path.stat().st_size for path in SHIPPED.iterdir()) < 300_000
+
+
+def test_what_the_shipped_campaign_conceals_is_found_with_its_size(tmp_path):
+    answer = engine_answer(SHIPPED, tmp_path / "answer.json")
+    assert not answer.failure
+    said = next(named for named in answer.named if named.id == CONCEALED.recipe.id)
+    value, std = said.parameters["spin"]
+    assert abs(value - CONCEALED.amplitude) < 3.0 * std
