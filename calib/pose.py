@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from calib.calibration import Calibration, DepthEstimate, Source
 from calib.camera import Lens
-from calib.evidence import Evidence, Known
+from calib.evidence import BallOutlines, Evidence, Known
 from calib.grid import WallGrid
 from calib.lens_prior import LensPrior
 from metrology import CalibrationError
@@ -43,6 +43,9 @@ STEPS: FloatArray = np.array(
 )
 """Steps of finite differences, in the units of the parameters."""
 FALL_POINTS = 24
+SIZE_POINTS, ALIKE_SHARE, ROUGH_SHARE = 15, 0.2, 0.1
+"""Radii at so many places along the path; errors are alike over this share of it, all but so much
+of their variance."""
 
 
 def calibrate(
@@ -180,12 +183,8 @@ def _add_ball(blocks: dict[str, Residuals], evidence: Evidence) -> None:
     outlines, fall = evidence.outlines, evidence.fall
     if outlines is not None:
         radius = 0.5 * outlines.diameter.value
-        weight = outlines.std_px**-2
-        relative = outlines.diameter.std / outlines.diameter.value
-        common = np.hypot(outlines.common_std_px, relative * np.median(outlines.radius_px))
-        std = np.hypot(weight.sum() ** -0.5, common)
-        chosen = np.unique(np.linspace(0, len(weight) - 1, 25).astype(int))
-        share = weight[chosen] / weight[chosen].sum()
+        chosen = np.unique(np.linspace(0, len(outlines.std_px) - 1, SIZE_POINTS).astype(int))
+        whitening = _size_whitening(outlines, chosen)
 
         def size(c: Calibration) -> FloatArray:
             camera = c.grid_camera
@@ -193,11 +192,27 @@ def _add_ball(blocks: dict[str, Residuals], evidence: Evidence) -> None:
             xy = camera.sphere_on_plane(px, radius, c.vector[11])
             centre = np.c_[xy, np.full(len(xy), c.vector[11])]
             seen = camera.sphere_outline(centre, radius)[1]
-            return np.array([share @ (seen - outlines.radius_px[chosen]) / std])
+            return np.asarray(whitening @ (seen - outlines.radius_px[chosen]))
 
         blocks["ball diameter"] = size
     if fall is not None:
         blocks["free fall"] = lambda c: np.array([_fall_misfit(c, evidence)])
+
+
+def _size_whitening(outlines: BallOutlines, chosen: NDArray[np.intp]) -> FloatArray:
+    """What whitens errors of the outlines' radii at some of them, (n, n).
+
+    What biases an outline is common to all or changes along the path, as slowly as the ball turns
+    and the scene behind it changes: as large as the common uncertainty, either of them.
+    """
+    relative = outlines.diameter.std / outlines.diameter.value
+    size = relative * np.median(outlines.radius_px)
+    place = np.linspace(0.0, 1.0, len(chosen))
+    alike = np.exp(-0.5 * ((place - place[:, np.newaxis]) / ALIKE_SHARE) ** 2)
+    share = len(outlines.std_px) / len(chosen)
+    covariance = np.diag(outlines.std_px[chosen] ** 2 / share) + size**2
+    covariance += outlines.common_std_px**2 * (1.0 + alike + ROUGH_SHARE * np.eye(len(chosen)))
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
 
 
 def _fall_misfit(c: Calibration, evidence: Evidence) -> float:
@@ -291,14 +306,15 @@ def _disagreement(
 ) -> tuple[str, ...]:
     """Say so if the inputs contradict each other, and which is the likeliest to be wrong."""
     inputs = [name for name in blocks if name not in ALWAYS]
-    strain = sum(float(np.sum(blocks[name](fitted) ** 2)) for name in inputs)
+    spare = {name: len(blocks[name](fitted)) - 1 for name in inputs}
+    strain = sum(float(np.sum(blocks[name](fitted) ** 2)) - spare[name] for name in inputs)
     if len(inputs) < 2 or strain < DISAGREE_AT**2 / 2.0:
         return ()
     whole = _total(fitted, blocks)
     relief = {}
     for name in inputs:
         kept = {other: block for other, block in blocks.items() if other != name}
-        relief[name] = whole - _total(_fit(fitted, kept)[0], kept)
+        relief[name] = whole - _total(_fit(fitted, kept)[0], kept) - spare[name]
     suspects = sorted(relief, key=lambda name: relief[name], reverse=True)
     if relief[suspects[0]] < DISAGREE_AT**2:
         return ()

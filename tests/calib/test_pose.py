@@ -192,3 +192,31 @@ def test_a_mirrored_wall_is_no_camera() -> None:
     mirrored = replace(grid, points_px=grid.points_px * [-1, 1] + [639, 0])
     with pytest.raises(CalibrationError, match=r"mirrored|no camera"):
         calibrate(mirrored)
+
+
+def growing_outlines(
+    camera: Camera, rng: np.random.Generator, *, common: float = 0.05
+) -> BallOutlines:
+    """Outlines along a long flight, off by a constant and by something that changes slowly."""
+    path = np.c_[np.linspace(-0.2, 2.2, 200), 0.9 - 0.4 * np.linspace(-1, 1, 200) ** 2]
+    centre, radius = camera.sphere_outline(np.c_[path, np.full(200, DEPTH)], RADIUS)
+    phase = np.linspace(0.0, np.pi, 200)
+    slow = 0.7 * rng.normal() * np.cos(phase) + 0.7 * rng.normal() * np.cos(2.0 * phase)
+    off = common * (rng.normal() + slow) + rng.normal(0.0, 0.02, 200)
+    diameter = Known(2.0 * RADIUS, 0.0005)
+    return BallOutlines(centre, radius + off, np.full(200, 0.02), diameter, common)
+
+
+def test_how_the_outline_grows_off_the_axis_tells_the_focal_length() -> None:
+    rng = np.random.default_rng(5)
+    errors, stds = [], []
+    for _ in range(8):
+        camera = Camera.facing_wall(Lens.centred(640, 360, 480.0), [1.0, 0.7, 3.0])
+        rest = camera.sphere_outline([*REST, DEPTH], RADIUS)[0]
+        known = Evidence(rest_px=rest, rest_height=REST[1], ball_radius=RADIUS)
+        known = replace(known, outlines=growing_outlines(camera, rng))
+        found = calibrate(seen_grid(camera, 0.05, rng), known)
+        errors.append(found.camera_distance - 3.0)
+        stds.append(np.hypot.reduce([b.std for b in found.budget(lambda c: c.camera_distance)]))
+    assert np.mean(stds) < 0.3
+    assert np.sqrt(np.mean((np.array(errors) / stds) ** 2)) < 1.5
