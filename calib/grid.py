@@ -7,27 +7,25 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from calib.grid_growth import growths, no_grid, only_stripes
 from calib.grid_lattice import Lattice, analysed, off_axis_share, squareness
 from calib.grid_nodes import Nodes, measured_nodes
-from calib.grid_phase import COHERENT, GridMap, Support, grow, pixel_grid, refitted
-from calib.grid_spectrum import Seed, find_seeds, flattened
+from calib.grid_phase import GridMap, Support, pixel_grid, refitted
+from calib.grid_spectrum import flattened
 from metrology import CalibrationError
 
 __all__ = ["WallGrid", "find_wall_grid"]
 
 FloatArray = NDArray[np.float64]
 
-SEEDS_TRIED = 8
-SEARCH_WIDTH = 960
-ENOUGH_AREA = 0.7
-MOST_UNEVEN = 1.6
-LEAST_AREA = 0.03
 LEAST_NODES = 12
 MOST_OFF_AXIS = 0.3
 MOST_SKEW = 0.08
 REJECT_AT = 4.0
-MOST_ASTRAY = 1.0 / 12.0
-"""Crossings about their map, periods: six of these make a label wrong by one line."""
+LEAST_PERIOD = 2.5
+"""Px; what repeats faster may as well be something finer that the pixels have folded over."""
+MOST_ASTRAY = 1.0 / 6.0
+"""Misfit of single lines, periods: three of these make a label wrong by one line."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,22 +128,10 @@ def find_wall_grid(
     """
     gray = np.asarray(image, dtype=np.float64)
     gray = np.asarray(gray - min(float(gray.min()), 0.0))
-    grid_map, support = _best_growth(gray)
-    shape = gray.shape[::-1]
-    area = cv2.resize(support.area.astype(np.uint8), shape, interpolation=cv2.INTER_NEAREST) > 0
+    grid_map, area, lattices = _lattice(gray)
     pixels = pixel_grid(gray.shape)
     seen = pixels[area]
-    periods = _periods(grid_map, seen)
-    if not np.isfinite(periods).all():
-        raise _nothing()
-    flat = flattened(gray, 1.5 * float(periods.max()))
-    first = grid_map(seen)
-    lattices = [analysed(flat[area], first[:, f], periods[f]) for f in range(2)]
-    if not all(lattice.clear for lattice in lattices):
-        raise _stripes()
-    grid_map, lattices = _oriented(grid_map, lattices)
     flat = flattened(gray, 1.5 * float(_periods(grid_map, seen).max()))
-    _require_squares(flat[area], grid_map(seen), grid_map)
     sign = -1.0 if lattices[0].dark else 1.0
     templates = (sign * lattices[0].template, sign * lattices[1].template)
     frequency = np.linalg.norm(grid_map.jacobian(seen), axis=-1).max(axis=0)
@@ -161,7 +147,7 @@ def find_wall_grid(
             f"only {len(px)} crossings of a grid are in view",
             hint="Show at least three by four squares of the wall's grid.",
         )
-    astray = float(np.sqrt((nodes.shift**2).mean()))
+    astray = _astray(nodes)
     if not astray < MOST_ASTRAY:
         raise CalibrationError(
             f"lines are seen, but their crossings lie {astray:.2f} of a square off any even grid: "
@@ -188,71 +174,45 @@ def find_wall_grid(
     )
 
 
-def _best_growth(gray: FloatArray) -> tuple[GridMap, Support]:
-    best: tuple[float, GridMap, Support] | None = None
-    stripes = 0.0
-    for image, ratio in _resolutions(gray):
-        seeds = find_seeds(image)
-        for seed in _distinct(seeds)[:SEEDS_TRIED]:
-            grid_map, support = grow(image, seed)
-            stripes = max(stripes, _striped(support))
-            if best is None or support.worth > best[0]:
-                best = (support.worth, grid_map.resized(ratio[0], ratio[1]), support)
-            lengths = np.linalg.norm(best[1].jacobian(best[1].centre), axis=1)
-            if best[2].area.mean() > ENOUGH_AREA and lengths.max() < MOST_UNEVEN * lengths.min():
-                break
-        if best is not None and best[2].area.mean() > LEAST_AREA:
-            return best[1], best[2]
-        if seeds:
-            clearest = max(seeds, key=lambda seed: seed.leading)
-            stripes = max(stripes, _striped(grow(image, clearest)[1]))
-    if stripes > 0.3:
-        raise _stripes()
-    raise _nothing()
+def _lattice(gray: FloatArray) -> tuple[GridMap, NDArray[np.bool_], list[Lattice]]:
+    """Map to grid coordinates, where it holds, and its two families of lines.
+
+    Fine lines folded over by the pixels make waves of their own: where the best waves make no
+    squares, the next may.
+    """
+    refusal: CalibrationError | None = None
+    for grid_map, support in growths(gray):
+        try:
+            return _squares(gray, grid_map, support)
+        except CalibrationError as problem:
+            refusal = refusal or problem
+    raise refusal or no_grid()
 
 
-def _striped(support: Support) -> float:
-    """Share of the picture in which at least one family of lines is seen."""
-    return float((support.coherence > COHERENT).any(axis=0).mean())
-
-
-def _nothing() -> CalibrationError:
-    return CalibrationError(
-        "no grid is in view: nothing repeats in two directions",
-        hint="Light the wall evenly, focus on it, and let its squares be 3 px wide or more.",
-    )
-
-
-def _stripes() -> CalibrationError:
-    return CalibrationError(
-        "there are lines in one direction, but none that cross them: stripes are no grid",
-        hint="The wall needs lines both along and across.",
-    )
-
-
-def _resolutions(gray: FloatArray) -> list[tuple[FloatArray, tuple[float, float]]]:
-    """Pictures to search, each with the factors back to the full size."""
-    height, width = gray.shape
-    if width <= SEARCH_WIDTH:
-        return [(gray, (1.0, 1.0))]
-    factor = int(np.ceil(width / SEARCH_WIDTH))
-    size = (width // factor, height // factor)
-    small = np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_AREA), dtype=np.float64)
-    return [(small, (width / size[0], height / size[1])), (gray, (1.0, 1.0))]
-
-
-def _distinct(seeds: list[Seed]) -> list[Seed]:
-    """Drop seeds that show the waves of an earlier one nearby: trying them twice tells nothing."""
-    kept: list[Seed] = []
-    for seed in seeds:
-        twins = [
-            other
-            for other in kept
-            if np.abs(np.abs(other.waves) - np.abs(seed.waves)).max() < 0.5 / seed.window
-        ]
-        if len(twins) < 2:
-            kept.append(seed)
-    return kept
+def _squares(
+    gray: FloatArray, grid_map: GridMap, support: Support
+) -> tuple[GridMap, NDArray[np.bool_], list[Lattice]]:
+    shape = gray.shape[::-1]
+    area = cv2.resize(support.area.astype(np.uint8), shape, interpolation=cv2.INTER_NEAREST) > 0
+    seen = pixel_grid(gray.shape)[area]
+    periods = _periods(grid_map, seen)
+    if not np.isfinite(periods).all():
+        raise no_grid()
+    flat = flattened(gray, 1.5 * float(periods.max()))
+    first = grid_map(seen)
+    lattices = [analysed(flat[area], first[:, f], periods[f]) for f in range(2)]
+    if not all(lattice.clear for lattice in lattices):
+        raise only_stripes()
+    grid_map, lattices = _oriented(grid_map, lattices)
+    periods = _periods(grid_map, seen)
+    if periods.min() < LEAST_PERIOD:
+        raise CalibrationError(
+            f"what repeats does so every {periods.min():.1f} px: too fine to be counted surely",
+            hint="Film nearer or with more pixels: squares must be 3 px wide or more.",
+        )
+    flat = flattened(gray, 1.5 * float(periods.max()))
+    _require_squares(flat[area], grid_map(seen), grid_map)
+    return grid_map, area, lattices
 
 
 def _periods(grid_map: GridMap, px: FloatArray) -> FloatArray:
@@ -320,6 +280,25 @@ def _agreeing(nodes: Nodes) -> tuple[NDArray[np.bool_], float]:
     factor = max(1.0, float(1.4826 * np.median(normalised[visible])) ** 2) if visible.any() else 1.0
     inlier = visible & (normalised < REJECT_AT * np.sqrt(factor)).all(axis=1)
     return inlier, factor
+
+
+def _astray(nodes: Nodes) -> float:
+    """Robust scatter of single lines about the map beyond their noise, periods.
+
+    A line that is off as a whole, as the pixels may have it, is off to either side at random and
+    does no harm to the count. What bends along lines is a wrong map; a node that averages several
+    lines shows that much less of it.
+    """
+    excess = []
+    for family in range(2):
+        shift = nodes.shift[:, family]
+        _, line, count = np.unique(nodes.index[:, family], return_inverse=True, return_counts=True)
+        middle = np.array([np.median(shift[line == one]) for one in range(len(count))])
+        freedom = max(len(shift) - len(count), 1)
+        within = np.median(np.abs(shift - middle[line])) ** 2 * len(shift) / freedom
+        noise = np.median(nodes.covariance[:, family, family])
+        excess.append(1.4826**2 * within - noise)
+    return float(nodes.block * np.sqrt(max(0.0, *excess)))
 
 
 def _fine_warning(fine: int | None, pitch_m: float, fine_pitch_m: float | None) -> tuple[str, ...]:

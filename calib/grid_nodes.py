@@ -12,6 +12,11 @@ FloatArray = NDArray[np.float64]
 LARGEST_BLOCK = 6
 CLEAR = 6.0
 """Amplitude over its standard deviation that a block must reach in the median."""
+EVEN = 1.0 / 12.0
+"""Robust scatter of the shifts, periods: six of these make a label wrong by one line.
+
+What is finer than the lines, or folded over by the pixels, shifts small blocks, more than noise.
+"""
 BELOW_NYQUIST = 0.46
 
 
@@ -65,7 +70,7 @@ def measured_nodes(
     Returns
     -------
     Nodes
-        From the smallest blocks in which the lines stand clear of the noise.
+        From the smallest blocks in which the lines stand clear of the noise and agree with the map.
     """
     orders = tuple(
         _harmonics(template, float(f)) for template, f in zip(templates, frequency, strict=True)
@@ -74,7 +79,8 @@ def measured_nodes(
     nodes = None
     for block in range(1, LARGEST_BLOCK + 1):
         nodes, clarity = _blocks(values, coordinates, block, orders, templates)
-        if clarity > CLEAR:
+        scatter = 1.4826 * np.median(np.abs(nodes.shift)) if len(nodes.shift) else np.inf
+        if clarity > CLEAR and scatter < EVEN:
             break
     assert nodes is not None
     return nodes

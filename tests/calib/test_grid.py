@@ -1,6 +1,8 @@
 """The wall grid: found unaided, labelled right, honest about noise, refused where it is none."""
 
 import json
+from functools import partial
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -8,9 +10,12 @@ import pytest
 
 from calib.camera import Camera, Lens
 from calib.grid import WallGrid, find_wall_grid
+from calib.grid_growth import ranked
+from calib.grid_phase import GridMap, Support
 from metrology import CalibrationError
 from tests.calib.synthetic import line_grid, rendered, some_camera
 from tests.shared_data import shared_folder
+from vision.clip import Clip
 
 
 def labelling_error(grid: WallGrid, camera: Camera) -> tuple[float, np.ndarray]:
@@ -70,6 +75,44 @@ def test_lines_that_can_not_be_counted_surely_are_refused() -> None:
         assert refusal.value.hint
 
 
+def test_a_small_picture_with_fine_lines_that_fold_over_is_counted_right() -> None:
+    """Squares of 3.3 px in one of the clips that ship, fine lines beyond what pixels resolve."""
+    clip = Path(__file__).parents[2] / "sample_videos" / "clips" / "jokku_90_small.mp4"
+    truth = json.loads(clip.with_suffix(".truth.json").read_text(encoding="utf-8"))
+    frames = [f.gray for f in Clip.open(clip).frames() if f.index % 8 == 0]
+    grid = find_wall_grid(np.median(frames, axis=0))
+    camera = camera_of(truth["camera"])
+    true = (camera.to_plane(grid.points_px) - truth["wall"]["origin"]) / 0.05
+    off = true - grid.nodes - np.round(np.median(true - grid.nodes, axis=0))
+    assert np.abs(off).max() < 0.3
+    assert len(grid.nodes) > 80
+
+
+def test_fine_lines_folded_over_by_the_pixels_do_not_pass_for_the_grid() -> None:
+    """Seen every 8.8 px, with lines every 1.76 px that the pixels show as 2.3 px."""
+    wall = partial(line_grid, width=0.002, depth=0.72, fine_depth=0.42)
+    lens = Lens.centred(432, 240, 809.3)
+    camera = Camera.facing_wall(lens, [0.52, 0.51, 4.6], yaw=0.002)
+    with pytest.raises(CalibrationError, match="too fine"):
+        find_wall_grid(rendered(camera, wall, samples=5, blur=0.3, noise=1.0))
+
+
+@pytest.mark.parametrize(("order", "expected"), [(5, True), (1, False)])
+def test_overtones_that_the_pixels_fold_over_are_traced_to_their_ground(
+    order: int, expected: bool
+) -> None:
+    ground = GridMap(np.zeros(2), np.ones(2), np.array([0.1136, 0, 0, 0, 0.1137, 0, 0, 0, 0, 0]))
+    fold = np.array([[1.0, 0.0], [0.0, 1.0]]) if order == 5 else np.zeros((2, 2))
+    waves = order * ground.jacobian(np.zeros(2)) - fold
+    other = GridMap(
+        np.zeros(2), np.ones(2), np.array([*waves[0], 0, *waves[1], 0, 0, 0, 0, 0], dtype=float)
+    )
+    support = Support(np.zeros((2, 4, 4)), np.full((2, 4, 4), 20.0), np.full((2, 4, 4), 0.1))
+    better = Support(support.phase, support.coherence, 2.0 * support.share)
+    first = ranked([(other, better), (ground, support)])[0][0]
+    assert (first is ground) is expected
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
 def test_found_at_forty_poses() -> None:
@@ -105,6 +148,13 @@ def true_camera(c: dict) -> Camera:
     flip = np.array([1.0, 1.0, -1.0])
     axes = [np.array(c["right"]), -np.array(c["up"]), np.array(c["forward"])]
     return Camera(lens, np.array([axis * flip for axis in axes]), np.array(c["location"]) * flip)
+
+
+def camera_of(c: dict) -> Camera:
+    """Camera of a clip that ships."""
+    fields = ("width", "height", "fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
+    lens = Lens(*(c[key] for key in fields))
+    return Camera(lens, np.array(c["rotation_world_to_camera"]), np.array(c["position_m"]))
 
 
 @pytest.fixture(scope="module")
