@@ -226,11 +226,27 @@ def _in_browser(session: Session, browser: bool, port: int) -> None:
             )
         sys.stdout.flush()
 
-    serve(session, jobs, opened, port=port)
+    try:
+        serve(session, jobs, opened, port=port)
+    except KeyboardInterrupt:
+        _leave(jobs, 130)
+        raise
     if session.written is None:
         _say("the page was closed; nothing was saved")
     else:
         typer.echo(f"wrote {session.written.setup} and {session.written.lens}")
+    _leave(jobs, 0)
+
+
+def _leave(jobs: Jobs, code: int) -> None:
+    """End at once if something is still being worked out.
+
+    Native code that goes on while the interpreter is taken down takes it down hard.
+    """
+    if jobs.busy:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
 
 
 def _has_display() -> bool:
