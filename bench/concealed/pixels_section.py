@@ -54,10 +54,12 @@ def section(folder: Path) -> list[str]:
             f"| {filmed.name} | {filmed.told} | {raw.get('clips', '–')} | {_words(answer)} |"
             f" {sizes or '–'} | {'yes' if good else 'no'} |"
         )
+    missing = [filmed.name for filmed in FILMED if filmed.name not in results]
+    left = f"; not answered for this page: {', '.join(missing)}" if missing else ""
     return [
         f"Six campaigns of eight clips of {SIZE[0]} × {SIZE[1]} px, filmed by `sample_videos`,"
         " measured by the chain and explained as `vision explain CLIP… --trials` does"
-        f" (`python -m bench.concealed.pixels`): {hits} of {len(rows)} right.",
+        f" (`python -m bench.concealed.pixels`): {hits} of {len(rows)} right{left}.",
         "",
         "| campaign | concealed | clips measured | said | with | right |",
         "|---|---|---|---|---|---|",
