@@ -20,6 +20,7 @@ from calib.wizard.parsing import board_size
 from metrology import ClipError, UsageError, parse_quantity
 from pipelines.calibrate_clip import ClipOrCommand, clip_command, old_view
 from pipelines.calibrate_plan import plan_filming_command
+from pipelines.calibrate_rate import rate_command
 from vision.clip import Clip
 
 __all__ = ["CALIBRATE_COMMANDS", "ClipOrCommand"]
@@ -150,6 +151,7 @@ CALIBRATE_COMMANDS: dict[str, Callable[..., None]] = {
     "lens": lens_command,
     "wall": wall_command,
     "check": check_command,
+    "rate": rate_command,
     "plan": plan_filming_command,
 }
 """Commands under `vision calibrate`, by name."""

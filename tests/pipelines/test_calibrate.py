@@ -58,3 +58,38 @@ def test_a_wall_is_described(wall_clip: Path) -> None:
 def test_a_camera_that_stayed_is_said_to(wall_clip: Path) -> None:
     said = run.invoke(app, ["check", str(wall_clip), "--against", str(wall_clip)])
     assert "has not moved" in said.output
+
+
+@pytest.fixture(scope="module")
+def lamp(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Filmed at 585 frames per second: a light of 31 Hz at 40, 20."""
+    folder = tmp_path_factory.mktemp("lamp")
+    rng = np.random.default_rng(5)
+    for index in range(150):
+        picture = rng.normal(60.0, 3.0, (48, 64))
+        picture[17:24, 37:44] += 80.0 * (np.sin(2.0 * np.pi * 31.0 * index / 585.0) > 0.0)
+        cv2.imwrite(str(folder / f"frame{index:03d}.png"), picture.astype(np.uint8))
+    return folder
+
+
+def test_a_light_in_view_tells_the_rate(lamp: Path) -> None:
+    said = run.invoke(
+        app, ["rate", str(lamp), "--light-at", "40,20", "--blink", "31 Hz", "--fps", "600"]
+    )
+    assert said.exit_code == 0, said.exception
+    value, std = (float(said.output.split()[i]) for i in (2, 4))
+    assert abs(value - 585.0) < 4.0 * std
+    assert 0.0 < std < 2.0
+    assert "600 fps, from the option, is not what it is" in said.output
+
+
+@pytest.mark.parametrize(
+    ("place", "error"), [("10,40", CalibrationError), ("99,20", UsageError), ("here", UsageError)]
+)
+def test_where_nothing_blinks_there_is_no_rate(
+    lamp: Path, place: str, error: type[Exception]
+) -> None:
+    said = run.invoke(
+        app, ["rate", str(lamp), "--light-at", place, "--blink", "31 Hz", "--fps", "600"]
+    )
+    assert isinstance(said.exception, error)
