@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy.stats import norm, qmc
 
 from calib.calibration import Calibration
 from metrology import Contribution, Quantity
@@ -29,6 +29,8 @@ FloatArray = NDArray[np.float64]
 _NEEDS_METRES = {"m", "m/s", "N s", "J"}
 LONGEST_GAP_S = 0.03
 """Time before landing for which a ball lost near the floor may be carried on along its flight."""
+_DRAWS = norm.ppf(qmc.Sobol(2, seed=0).random(1024)).T
+"""Even draws of two independent unit normals."""
 VAGUE = 0.3
 """A depth known to no better than this share, and mostly from what is usual, is a guess."""
 SUPPOSED = ("lens not known beforehand", "ball plane guessed")
@@ -217,30 +219,34 @@ def _contact_frames(evaluated: Evaluated, tracks: Tracks, reasons: dict[str, str
         reason = evaluated.refusal if impact is None else impact.reason
         return Quantity.missing("contact_frames", "1", reason)
     names = list(DERIVED)
-    start, end = names.index("contact_start"), names.index("contact_end")
-    onset, release = evaluated.values[start], evaluated.values[end]
+    start, end, lasting = (
+        names.index(name) for name in ("contact_start", "contact_end", "contact_time")
+    )
     frame_s = 1.0 / evaluated.scene.rate.fps
-    times = np.arange(math.floor(onset / frame_s) - 6, math.ceil(release / frame_s) + 7) * frame_s
-    std = [
-        max(
-            math.sqrt(
-                evaluated.random[index, index]
-                + sum(
-                    float(column[index]) ** 2
-                    for name, column in evaluated.systematic.items()
-                    if name != "capture rate"
-                )
-            ),
-            1e-6,
-        )
-        for index in (start, end)
-    ]
-    touching = norm.cdf((times - onset) / std[0]) * norm.cdf((release - times) / std[1])
-    count = int(np.sum((times >= onset) & (times <= release)))
-    spread = math.sqrt(float(np.sum(touching * (1 - touching))) + (touching.sum() - count) ** 2)
+    onset, release = evaluated.values[[start, end]] / frame_s
+    std = [_apart_from_the_rate(evaluated, index) / frame_s for index in (start, end, lasting)]
+    count = math.floor(release) - math.ceil(onset) + 1
+    # onset and release hang together: where the face seems to be moves them apart
+    together = (std[0] ** 2 + std[1] ** 2 - std[2] ** 2) / (2.0 * std[0] * std[1])
+    first, second = _DRAWS
+    together = min(max(together, -1.0), 1.0)
+    begun = onset + std[0] * first
+    ended = release + std[1] * (together * first + math.sqrt(1.0 - together**2) * second)
+    counts = np.maximum(np.floor(ended) - np.ceil(begun) + 1.0, 0.0)
+    spread = float(np.sqrt(np.mean((counts - count) ** 2)))
     return Quantity.measured(
         "contact_frames", count, "1", (Contribution("onset and release between frames", spread),)
     )
+
+
+def _apart_from_the_rate(evaluated: Evaluated, index: int) -> float:
+    """Standard uncertainty of a time in frames, s: the capture rate does not matter to it."""
+    systematic = sum(
+        float(column[index]) ** 2
+        for name, column in evaluated.systematic.items()
+        if name != "capture rate"
+    )
+    return max(math.sqrt(evaluated.random[index, index] + systematic), 1e-6)
 
 
 def _met_by_another(evaluated: Evaluated, tracks: Tracks) -> dict[str, Quantity]:
