@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mismatch.fit import Fit
+from mismatch.fit import Fit, fit_model
 from mismatch.forward import Forward
 from mismatch.hypotheses import Hypothesis
 from mismatch.normal_equations import spread_laws
@@ -15,7 +15,14 @@ from physics.effects import Effect, Flight, Swing, Values
 __all__ = ["Scanned", "locate", "scan_windows"]
 
 FELT = 0.1
-"""Share of its largest force from which on a local force is said to act."""
+"""Share of its largest force from which on a force is said to act."""
+
+FELT_LOCALLY = 0.45
+"""As `FELT`, for gusts and places: a window's edges are where it is half as strong, and a pull
+towards a point is so strong two of its widths away."""
+
+LOCAL = frozenset({"middle", "place", "place_x"})
+"""Shapes that bind a force to a time or a place."""
 
 CHANNELS = ("x", "y", "z", "angle")
 
@@ -175,7 +182,7 @@ def _flight_location(forward: Forward, fit: Fit, effect: Effect) -> Location:
     peak = np.where(flying, size, 0.0).max(axis=1, keepdims=True)
     # Trials that never come near a local force don't say when it acts.
     reached = peak[:, 0] > 0.3 * peak.max()
-    felt = flying & (size > FELT * peak)
+    felt = flying & (size > (FELT_LOCALLY if _is_local(effect) else FELT) * peak)
     starts = np.where(felt, time, np.inf).min(axis=1)[reached]
     ends = np.where(felt, time, -np.inf).max(axis=1)[reached]
     first = np.where(flying, time, np.inf).min(axis=1)[reached]
@@ -233,6 +240,23 @@ def _swing_location(forward: Forward, fit: Fit, effect: Effect) -> Location:
     )  # fmt: skip
 
 
+def _is_local(effect: Effect) -> bool:
+    return effect.id == "unnamed" and bool(LOCAL.intersection(p.name for p in effect.shapes))
+
+
+def _unheld(forward: Forward, fit: Fit, effect: Effect) -> Fit:
+    """The fit with the shape of an unnamed force let go.
+
+    Shapes were held near where the search found them, which makes short gusts too long.
+    """
+    if not _is_local(effect):
+        return fit
+    free = fit_model(
+        forward, fit.model, fit.free, (fit.nuisance, fit.law_offsets), rounds=8, shape_priors=False
+    )
+    return free if free.inside_bounds and free.chi2 <= fit.chi2 else fit
+
+
 def locate(forward: Forward, base: Fit, best: Hypothesis | None) -> Location | None:
     """Where the mismatch sits: by the strongest effect if one was named, else by the scan.
 
@@ -256,7 +280,7 @@ def locate(forward: Forward, base: Fit, best: Hypothesis | None) -> Location | N
         )  # fmt: skip
     effect = best.members[0].effect
     if effect.phase == "flight" and "force" in effect.hooks:
-        return _flight_location(forward, best.fit, effect)
+        return _flight_location(forward, _unheld(forward, best.fit, effect), effect)
     if effect.phase == "swing":
         return _swing_location(forward, best.fit, effect)
     if effect.phase == "contact":
