@@ -1,6 +1,6 @@
 """The wall grid: found by itself, at sub-pixel precision, with the experiment in front of it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import cv2
@@ -44,7 +44,7 @@ class WallGrid:
     points_px : (N, 2) array
         Where these crossings are measured in the picture, px.
     covariance_px2 : (N, 2, 2) array
-        Covariance of each, px². The crossings' errors are independent of each other.
+        Covariance of each, px².
     residual_px : (N, 2) array
         Measured minus mapped position, px.
     map : GridMap
@@ -60,6 +60,9 @@ class WallGrid:
         Wall coordinates of node (0, 0), m.
     warnings : tuple of str
         What the user should know.
+    line_share : (2,) array
+        Share of the variance across the lines of each family that is one for all of a line: pixels
+        that sample a thin line coarsely put it aside as a whole. Else errors are independent.
     """
 
     size: tuple[int, int]
@@ -74,6 +77,7 @@ class WallGrid:
     fine_ratio: int | None
     origin_m: FloatArray
     warnings: tuple[str, ...] = ()
+    line_share: FloatArray = field(default_factory=lambda: np.zeros(2))
 
     @property
     def wall_m(self) -> FloatArray:
@@ -171,6 +175,7 @@ def find_wall_grid(
         fine_ratio=fine,
         origin_m=np.zeros(2),
         warnings=_fine_warning(fine, pitch_m, fine_pitch_m),
+        line_share=_line_share(nodes),
     )
 
 
@@ -299,6 +304,24 @@ def _astray(nodes: Nodes) -> float:
         noise = np.median(nodes.covariance[:, family, family])
         excess.append(1.4826**2 * within - noise)
     return float(nodes.block * np.sqrt(max(0.0, *excess)))
+
+
+def _line_share(nodes: Nodes) -> FloatArray:
+    """Intraclass correlation of the shifts along lines, by analysis of variance, (2,)."""
+    shares = np.zeros(2)
+    for family in range(2):
+        shift = nodes.shift[:, family] / np.sqrt(nodes.covariance[:, family, family])
+        _, line, count = np.unique(nodes.index[:, family], return_inverse=True, return_counts=True)
+        mean = np.bincount(line, shift) / count
+        lines, each = len(count), len(shift) / len(count)
+        if lines < 3 or each < 2.0:
+            continue
+        between = float(count @ (mean - shift.mean()) ** 2) / (lines - 1)
+        within = float(((shift - mean[line]) ** 2).sum()) / (len(shift) - lines)
+        if between > (1.0 + 2.0 * np.sqrt(2.0 / (lines - 1))) * within:
+            common = (between - within) / each
+            shares[family] = common / (common + within)
+    return shares
 
 
 def _fine_warning(fine: int | None, pitch_m: float, fine_pitch_m: float | None) -> tuple[str, ...]:

@@ -37,6 +37,9 @@ DEPTH_SOURCES = {
 }
 ALWAYS = ("grid lines", "lens not known beforehand", "lens calibration", "ball plane guessed")
 DISAGREE_AT = 3.5
+WORST_CHI2 = 10.0
+"""The crossings' covariance is as large as their scatter about a smooth map: a camera that misses
+them by three times that is none, and their labels are wrong."""
 MOST_STEPS = 40
 STEPS: FloatArray = np.array(
     [1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4, 1e-4, 1e-2, 1e-2, 1e-4, 1e-4, 1e-4]
@@ -75,9 +78,14 @@ def calibrate(
     start = _start(grid, evidence, lens)
     blocks = _blocks(grid, evidence, lens)
     fitted, sources = _fit(start, blocks)
+    if grid.line_share.any():
+        rows = _jacobian(blocks["grid lines"], fitted)
+        covariance = np.sum([s.covariance for s in sources], axis=0)
+        together = Source("grid lines", covariance @ _lines_together(grid, rows) @ covariance)
+        sources = tuple(together if s.name == "grid lines" else s for s in sources)
     nodes = blocks["grid lines"](fitted)
     chi2 = float(nodes @ nodes / max(len(nodes) - 10, 1))
-    if not np.isfinite(chi2) or chi2 > 100.0:
+    if not np.isfinite(chi2) or chi2 > WORST_CHI2:
         raise CalibrationError(
             f"no camera explains where the grid's lines are (chi² {chi2:.0f} per degree)",
             hint="Is the wall flat, and the lens free of extreme distortion? Give a lens.toml.",
@@ -140,12 +148,11 @@ def _start(grid: WallGrid, evidence: Evidence, lens: LensPrior | None) -> Calibr
 def _blocks(grid: WallGrid, evidence: Evidence, lens: LensPrior | None) -> dict[str, Residuals]:
     """Whitened residuals by source; each source is independent of the others."""
     wall = np.c_[grid.wall_m, np.zeros(len(grid.nodes))]
-    whiten = np.linalg.inv(np.linalg.cholesky(grid.covariance_px2))
+    whitened = _whitening(grid)
 
     def nodes(c: Calibration) -> FloatArray:
-        error = c.grid_camera.project(wall) - grid.points_px
-        whitened = np.einsum("nij,nj->ni", whiten, error).ravel()
-        return np.asarray(np.nan_to_num(whitened, nan=1e3))
+        error = whitened(c.grid_camera.project(wall) - grid.points_px)
+        return np.asarray(np.nan_to_num(error.ravel(), nan=1e3))
 
     blocks: dict[str, Residuals] = {"grid lines": nodes}
     if lens is None:
@@ -164,6 +171,33 @@ def _blocks(grid: WallGrid, evidence: Evidence, lens: LensPrior | None) -> dict[
         [(c.vector[11] / c.camera_distance - DEPTH_SHARE) / DEPTH_SHARE_STD]
     )
     return blocks
+
+
+def _whitening(grid: WallGrid) -> Callable[[FloatArray], FloatArray]:
+    """What makes errors of variance 1 of errors (N, 2), px, of the crossings."""
+    if not grid.line_share.any():
+        root = np.linalg.inv(np.linalg.cholesky(grid.covariance_px2))
+        return lambda error: np.einsum("nij,nj->ni", root, error)
+    across = grid.map.jacobian(grid.points_px)
+    std = np.sqrt(np.einsum("nfi,nij,nfj->nf", across, grid.covariance_px2, across))
+    return lambda error: np.asarray(np.einsum("nfi,ni->nf", across, error) / std)
+
+
+def _lines_together(grid: WallGrid, rows: FloatArray) -> FloatArray:
+    """Information (12, 12) that errors of the crossings carry into the parameters.
+
+    The weights are those of independent errors: what a line's crossings have in common may drift
+    from line to line, and weights that rely on its being random would follow the drift.
+    """
+    per_family = rows.reshape(-1, 2, rows.shape[1])
+    spread = rows.T @ rows
+    for f, share in enumerate(grid.line_share):
+        own = per_family[:, f]
+        line = np.unique(grid.nodes[:, f], return_inverse=True)[1]
+        summed = np.zeros((line.max() + 1, rows.shape[1]))
+        np.add.at(summed, line, own)
+        spread += share * (summed.T @ summed - own.T @ own)
+    return np.asarray(spread)
 
 
 def _add_tape(blocks: dict[str, Residuals], evidence: Evidence) -> None:

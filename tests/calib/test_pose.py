@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -220,3 +221,37 @@ def test_how_the_outline_grows_off_the_axis_tells_the_focal_length() -> None:
         stds.append(np.hypot.reduce([b.std for b in found.budget(lambda c: c.camera_distance)]))
     assert np.mean(stds) < 0.3
     assert np.sqrt(np.mean((np.array(errors) / stds) ** 2)) < 1.5
+
+
+@pytest.mark.parametrize("share", [0.0, 0.8])
+def test_lines_that_are_off_as_a_whole_widen_what_the_grid_leaves_open(share: float) -> None:
+    """Errors shared along a line do not average out over its crossings."""
+    camera = wide_camera()
+    normalised = []
+    for seed in range(12):
+        rng = np.random.default_rng([seed, 77])
+        grid = seen_grid(camera, 0.0, rng)
+        h = cv2.findHomography(grid.points_px, grid.nodes.astype(float))[0].ravel()
+        grid_map = GridMap(np.zeros(2), np.ones(2), np.r_[h[:6], h[6:8], 0.0, 0.0] / h[8])
+        grid = replace(grid, map=grid_map)
+        across = grid.map.jacobian(grid.points_px)
+        error = np.sqrt(1.0 - share) * rng.normal(size=(len(grid.nodes), 2))
+        for f in range(2):
+            line = np.unique(grid.nodes[:, f], return_inverse=True)[1]
+            error[:, f] += np.sqrt(share) * rng.normal(size=line.max() + 1)[line]
+        inverse = np.linalg.inv(across)
+        moved = np.einsum("nij,nj->ni", inverse, 0.03 * error)
+        grid = replace(
+            grid,
+            points_px=grid.points_px + moved,
+            covariance_px2=0.03**2 * inverse @ np.swapaxes(inverse, 1, 2),
+            line_share=np.array([share, share]),
+        )
+        found = calibrate(grid, lens=known_lens(camera, rng))
+        a, b = grid.points_px.min(axis=0), grid.points_px.max(axis=0)
+        length = (found.on_wall(b) - found.on_wall(a))[0]
+        true = (camera.to_plane(b) - camera.to_plane(a))[0]
+        lines = found.budget(lambda s, a=a, b=b: (s.on_wall(b) - s.on_wall(a))[0])
+        std = np.sqrt(sum(line.std**2 for line in lines))
+        normalised.append((length - true) / std)
+    assert 0.5 < np.sqrt(np.mean(np.square(normalised))) < 1.6
