@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from nicegui import ui
@@ -38,6 +38,16 @@ LENS_WAYS = {"grid": "From the wall grid", "file": "Lens file", "board": "Pictur
 
 def _do(page: "WizardPage", label: str, changed: Callable[[Answers], Answers]) -> None:
     page.jobs.submit("working it out", lambda: page.session.apply(label, changed))
+
+
+def _draft(page: "WizardPage", label: str, value: str, name: str) -> Any:
+    """A field that a button sends: what is written in it outlasts a redrawing of the step."""
+    drafts = page.session.drafts
+
+    def keep(text: str) -> None:
+        drafts[name] = text
+
+    return field(label, drafts.get(name, value), keep, test=name)
 
 
 def _clip_step(page: "WizardPage") -> None:
@@ -107,9 +117,9 @@ def _lens_step(page: "WizardPage") -> None:
 
 def _board_fields(page: "WizardPage") -> None:
     session = page.session
-    folder = field("Folder with the pictures", session.lens_path, lambda _: None, test="board")
-    size = field("Inner corners, columns x rows", "8x6", lambda _: None, test="board-size")
-    square = field("Side of a square", "25 mm", lambda _: None, test="board-square")
+    folder = _draft(page, "Folder with the pictures", session.lens_path, "board")
+    size = _draft(page, "Inner corners, columns x rows", "8x6", "board-size")
+    square = _draft(page, "Side of a square", "25 mm", "board-square")
     charuco = ui.checkbox("ChArUco: markers in the white squares").props("dense")
 
     def measure() -> None:
@@ -198,8 +208,8 @@ def _corner_fields(page: "WizardPage") -> None:
     places_of(page, "corner0", "corner1", "corner2", "corner3")
     wide, high = session.answers.squares
     with ui.row().classes("w-full no-wrap gap-2"):
-        across = field("Squares across", str(wide), lambda _: None, test="across")
-        up = field("Squares up", str(high), lambda _: None, test="up")
+        across = _draft(page, "Squares across", str(wide), "across")
+        up = _draft(page, "Squares up", str(high), "up")
 
     def measure() -> None:
         corners = page.places.corners.copy()

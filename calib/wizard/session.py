@@ -64,6 +64,8 @@ class Session:
         Whether the four handles are shown.
     handles : (4, 2) array or None
         Where they are, px.
+    drafts : dict of str to str
+        What is written in fields that a button sends, by the field's name.
     ends : dict of str to (2,) array
         Ends of the length to verify, px.
     moving : dict of str to (2,) array
@@ -90,6 +92,7 @@ class Session:
         self.lens_way, self.lens_path = "grid" if answers.lens is None else "file", ""
         self.by_hand = False
         self.handles: FloatArray | None = None
+        self.drafts: dict[str, str] = {}
         self.ends: dict[str, FloatArray] = {}
         self.moving: dict[str, FloatArray] = {}
         self.layer: Literal["residuals", "uncertainty", "grid"] = "uncertainty"
