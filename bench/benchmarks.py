@@ -55,6 +55,12 @@ SECTIONS = (
         ("bench.measure", "{shared}/rendered"),
     ),
     Section(
+        "altered",
+        "As another camera might have filmed it",
+        "The ray-traced clips again, altered; root mean square errors over the four.",
+        ("bench.altered", "{shared}/rendered"),
+    ),
+    Section(
         "tracking",
         "Following ball and pendulum",
         "Error of the ball's outline in flight and of the pendulum's mass near the contact; beside "

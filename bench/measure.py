@@ -62,7 +62,8 @@ def centre_rms(measurement: Measurement, true_px: FloatArray) -> float:
     spot = calibration.position(ball.centre_px)[0]
     plane = np.full(len(spot), calibration.ball_plane_offset)
     error = calibration.camera.project(np.column_stack([spot, plane])) - true_px[ball.frame]
-    return float(np.sqrt(np.nanmean(error**2)))
+    known = error[np.isfinite(error)]
+    return float(np.sqrt(np.mean(known**2))) if len(known) else math.nan
 
 
 def measured(case: Case) -> Outcome:

@@ -117,7 +117,9 @@ class Guard:
     async def _guest(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["path"] == LEAVING_PATH and scope["method"] == "POST":
             self._leaving_until = time.monotonic() + LEAVING_S
-            await _answer(send, 204, "", "")
+            # without a body: what follows on the same connection would be taken for it
+            await send({"type": "http.response.start", "status": 204, "headers": [*HEADERS]})
+            await send({"type": "http.response.body", "body": b""})
         elif scope["path"] != "/":
             await self._app(scope, receive, _with_headers(send))
         elif b"token=" in scope.get("query_string", b""):

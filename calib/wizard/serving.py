@@ -1,8 +1,10 @@
 """Serving the page on 127.0.0.1 until its window is closed."""
 
 import asyncio
+import signal
 import socket
 from collections.abc import Callable
+from types import FrameType
 
 import uvicorn
 from fastapi import FastAPI, Request, Response
@@ -61,7 +63,7 @@ def serve(
         server_header=False,
         timeout_graceful_shutdown=1,
     )
-    server = uvicorn.Server(config)
+    server = _Server(config)
     scene = session.answers.scene
     pictures = {PICTURE_URL: encoded(scene.picture), FIRST_URL: encoded(scene.first)}
 
@@ -75,6 +77,18 @@ def serve(
         app.add_api_route(url, picture)
     ui.run_with(app, root=root, title="Calibration", show_welcome_message=False)
     asyncio.run(_until_left(server, guard, door, opened, grace_s))
+    if server.interrupted:
+        raise KeyboardInterrupt
+
+
+class _Server(uvicorn.Server):
+    """Remembers an interrupt: raised again, it is lost where the shell has it ignored."""
+
+    interrupted = False
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        self.interrupted = self.interrupted or sig == signal.SIGINT
+        super().handle_exit(sig, frame)
 
 
 def _listening(port: int) -> socket.socket:

