@@ -15,6 +15,9 @@ __all__ = ["Candidate", "candidates_for", "start_values", "steps_of"]
 
 MOST_SHAPES = 64
 
+UNCATALOGUED = 6.0
+"""Chi-square units for odds of one to twenty: most of what labs leave out has a name."""
+
 TORQUES = frozenset({"N m", "N m s", "N m s^2"})
 
 PAPER_TORQUE = 26.8
@@ -56,10 +59,14 @@ class Candidate:
 
     @property
     def fine(self) -> float:
-        """What the law's freedom costs: places looked at for each shape, strengths beyond one."""
+        """What the law's freedom costs: places looked at for each shape, strengths beyond one.
+
+        A law in no catalogue also pays for being rare.
+        """
         strengths = len(self.effect.strengths)
         looks = sum(max(1.5, 2.0 * np.log(len(p.grid)) - 1.5) for p in self.effect.shapes)
-        return float(2.0 * (strengths - 1) + looks + getattr(self.effect, "looks", 0.0))
+        rare = UNCATALOGUED if self.id == "unnamed" else 0.0
+        return float(2.0 * (strengths - 1) + looks + rare + getattr(self.effect, "looks", 0.0))
 
 
 def start_values(candidate: Candidate, model: Model) -> dict[str, float]:

@@ -88,7 +88,8 @@ def dropped_in_each(forward: Forward, fit: Fit) -> DroppedInEach | None:
         grids.append(grid)
     score, size, grid = np.array(scores), np.array(sizes), np.array(grids)
     frame = float(np.median(np.diff(forward.records.ball_time, axis=1)))
-    gaps = np.concatenate([-np.geomspace(0.05, 2.0, 10), np.geomspace(0.05, 40.0, 40)]) * frame
+    # Frames get lost; a record that gains some would be told otherwise.
+    gaps = np.geomspace(0.05, 40.0, 40) * frame
     # What is left over for other reasons makes steps, too: differences count in units of it.
     gains = 2.0 * gaps[:, None, None] * score - np.square(gaps)[:, None, None] * size
     gains = gains / fit.misfit
@@ -105,7 +106,7 @@ def dropped_in_each(forward: Forward, fit: Fit) -> DroppedInEach | None:
     if fit.chi2 - fitted > MISFIT * fit.expected:
         # A step at will in each trial takes a part of any misfit; it is believed if it takes all.
         return None
-    gap = replace(common.parameters[0], lower=float(min(common.parameters[0].lower, -2.0 * frame)))
+    gap = replace(common.parameters[0], lower=0.0)
     return DroppedInEach(
         parameters=(gap,),
         instants=tuple(float(t) for t in instants),

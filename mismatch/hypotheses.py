@@ -20,6 +20,7 @@ __all__ = [
     "fit_hypothesis",
     "group_tolerance",
     "is_known",
+    "least_worth",
     "null_threshold",
     "second_effect_share",
     "told_apart",
@@ -29,6 +30,12 @@ MEMBER_FINE = 9.0
 """Chi-square that each further effect must pay, ln n for a few thousand rows (BIC)."""
 
 DRAWS = 4000
+
+FALSE_ALARMS = 0.01
+"""Share of blameless campaigns in which chance may exceed the threshold, for whole catalogues."""
+
+CERTAIN_GAIN = 6.6
+"""Worth that one effect looked for by itself, with a sign, exceeds by chance in half a per cent."""
 
 MISFIT = 1.5
 """Chi-square per entry from which what is left over is a fault of the law, not noise."""
@@ -210,7 +217,7 @@ def fit_ever_longer(
     return fit
 
 
-def null_threshold(scan: Scan, false_alarms: float = 0.005, seed: int = 20240229) -> float:
+def null_threshold(scan: Scan, false_alarms: float = FALSE_ALARMS, seed: int = 20240229) -> float:
     """Worth that the luckiest candidate exceeds by chance in a share of blameless campaigns.
 
     A parametric bootstrap: without a mismatch the score of all candidates is Gaussian with the
@@ -236,6 +243,16 @@ def null_threshold(scan: Scan, false_alarms: float = 0.005, seed: int = 20240229
         worth = np.maximum(worth, gain - candidate.fine)
     tail = float(np.quantile(worth, 1.0 - false_alarms))
     return max(tail, 9.0)
+
+
+def least_worth(best: Hypothesis, base: Fit, threshold: float) -> float:
+    """Worth from which an answer is more than chance.
+
+    What nature always has, and the model has not, was expected: no search of a catalogue has to be
+    paid for before it is believed.
+    """
+    expected = all(m.effect.certain and m.id not in base.model.ids for m in best.members)
+    return (min(threshold, CERTAIN_GAIN) if expected else threshold) * best.misfit
 
 
 def _outer(matrix: FloatArray) -> FloatArray:

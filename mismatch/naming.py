@@ -15,6 +15,7 @@ from mismatch.hypotheses import (
     fit_hypothesis,
     group_tolerance,
     is_known,
+    least_worth,
     null_threshold,
     second_effect_share,
     told_apart,
@@ -48,7 +49,7 @@ class Naming:
     tried : tuple of Hypothesis
         Everything that was refitted, best first.
     threshold : float
-        Worth that chance alone exceeds in five campaigns of a thousand.
+        Worth that chance alone exceeds in one campaign of a hundred.
     first_scan : Scan
         Scores around the baseline.
     """
@@ -157,7 +158,7 @@ def name_effects(
     for _, index, values in _shortlist(ranked, MOST_SINGLES, share):
         tried.append(fit_hypothesis(forward, base, [candidates[index]], [values]))
     best = _leader(tried)
-    if best is None or best.worth / inflation < threshold * best.misfit:
+    if best is None or best.worth / inflation < least_worth(best, base, threshold):
         return Naming(None, _sorted(tried), threshold, first)
     most = min(most, 2) if _one_throw(forward) else most
     for size in range(2, most + 1):

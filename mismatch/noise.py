@@ -10,13 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mismatch.records import Records
-from mismatch.spectrum import LEAST, SIGNIFICANT, Spectrum, fit_spectrum
+from mismatch.spectrum import LEAST, SpectrumFit, fit_spectrum, shared_deviance
 from physics.arrays import FloatArray
 
 __all__ = ["Noise", "estimate_noise"]
 
 STRETCH = 36
 OUTLIER = 4.8
+SIGNIFICANT = 9.0
+"""Gain in deviance from which noise is correlated."""
+
 LIKELY = 1.0
 """Gain in deviance that is enough for a correlated part where another channel clearly has one."""
 
@@ -133,8 +136,7 @@ def _spectrum(
     segments: FloatArray,
     sigma: FloatArray,
     slow_mode: float,
-    significant: float = SIGNIFICANT,
-) -> Spectrum | None:
+) -> SpectrumFit | None:
     pieces = []
     for trial in range(used.shape[0]):
         for segment in np.unique(segments[trial][used[trial]]):
@@ -142,8 +144,8 @@ def _spectrum(
             pieces.append((time[trial, rows], value[trial, rows] / sigma[trial]))
     # A swing over many periods, or a path through something local, is no polynomial as a whole.
     while pieces and max(piece[0].size for piece in pieces) >= 2 * LEAST:
-        found = fit_spectrum(pieces, significant, slow_mode)
-        if found is None or found.variance < SMOOTH:
+        found = fit_spectrum(pieces, slow_mode)
+        if found is None or found.chosen(SIGNIFICANT).variance < SMOOTH:
             return found
         halves: list[tuple[FloatArray, FloatArray]] = []
         for t, v in pieces:
@@ -182,7 +184,8 @@ def estimate_noise(
     """
     sigma = np.full((records.trials, 4), np.nan)
     inflation = np.ones(4)
-    parts, series, found = [], {}, {}
+    parts: list[NDArray[np.bool_]] = []
+    fits: dict[int, SpectrumFit] = {}
     for channel in range(4):
         if channel < 3:
             time, value = records.ball_time, records.position[..., channel]
@@ -195,17 +198,17 @@ def estimate_noise(
         mine = np.maximum(_by_trial(sums), floor[channel // 3])
         if np.isfinite(mine).all():
             sigma[:, channel] = mine
-            series[channel] = (time, value, used & ~outliers, segments, mine, slow_mode)
-            found[channel] = _spectrum(*series[channel])
+            one = _spectrum(time, value, used & ~outliers, segments, mine, slow_mode)
+            if one is not None:
+                fits[channel] = one
     # One tracker saw all channels: where one shows memory, less is needed to believe it of others.
-    if any(one is not None and one.share > 0.0 for one in found.values()):
-        for channel, one in found.items():
-            if one is not None and one.share == 0.0:
-                found[channel] = _spectrum(*series[channel], LIKELY)
-    for channel, one in found.items():
-        if one is not None and one.share > 0.0:
+    remembers = any(one.chosen(SIGNIFICANT).share > 0.0 for one in fits.values())
+    shared = shared_deviance(list(fits.values())) if remembers else None
+    for channel, one in fits.items():
+        found = one.chosen(LIKELY if remembers else SIGNIFICANT, shared)
+        if found.share > 0.0:
             # A local polynomial swallows part of correlated noise; the spectrum sees it all.
-            sigma[:, channel] *= np.sqrt(one.variance)
-            inflation[channel] = one.inflation
+            sigma[:, channel] *= np.sqrt(found.variance)
+            inflation[channel] = found.inflation
     sigma = np.where(np.isfinite(sigma), sigma, UNKNOWN_SIGMA)
     return Noise(sigma, inflation, np.concatenate(parts, axis=1))

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import median_filter
 
 from metrology import TooLittleDataError
 from mismatch.baseline import Baseline
@@ -23,12 +22,13 @@ __all__ = ["Prepared", "baseline_model", "prepare"]
 GUARD_SAMPLES = 1.6
 """Rows this many samples around onset and release are left out: the model bends there."""
 
-
 FREE_STATE_PACE = 3.0
 """Cosines of a record that a free initial place and velocity leave little of."""
 
 STRAY = 5.0
-"""Sigma from the median of the neighbours."""
+"""Sigma from the line through the neighbours."""
+
+NEIGHBOURS = 9
 
 
 @dataclass(frozen=True)
@@ -284,8 +284,8 @@ def prepare(campaign: Campaign, baseline: Baseline) -> Prepared:
         # A baseline out of phase says nothing about strays; the local estimate has found them.
         return Prepared(forward, model, noise, fit)
     stray = _strays(fit.residual * np.sqrt(np.repeat(noise.inflation, _lengths(records))), records)
-    forward = replace(forward, records=records.keeping(~stray))
     noise = replace(noise, outliers=noise.outliers | stray)
+    forward = replace(forward, records=_weighed(records, noise))
     if mode == "impact":
         # About a fit that knows much, less is left to pass for noise than about polynomials.
         again = estimate_noise(_left_over(forward.records, fit), *_segments(forward, clocks))
@@ -297,8 +297,15 @@ def prepare(campaign: Campaign, baseline: Baseline) -> Prepared:
 
 
 def _weighed(records: Records, noise: Noise) -> Records:
-    kept = records.keeping(~noise.outliers)
+    kept = records.keeping(~_whole_rows(records, noise.outliers))
     return replace(kept, sigma=noise.effective, inflation=noise.inflation)
+
+
+def _whole_rows(records: Records, outliers: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Outliers (T, M) with all coordinates of a ball that was found in a wrong place."""
+    s = records.ball_time.shape[1]
+    ball = outliers[:, : 3 * s].reshape(records.trials, 3, s).any(axis=1)
+    return np.concatenate([np.tile(ball, 3), outliers[:, 3 * s :]], axis=1)
 
 
 def _left_over(records: Records, fit: Fit) -> Records:
@@ -322,7 +329,25 @@ def _strays(residual: FloatArray, records: Records) -> NDArray[np.bool_]:
     for trial in range(records.trials):
         for low, high in itertools.pairwise(edges):
             rows = low + np.flatnonzero(used[trial, low:high])
-            if rows.size >= 9:
-                smooth = median_filter(residual[trial, rows], size=9, mode="nearest")
-                stray[trial, rows] = np.abs(residual[trial, rows] - smooth) > STRAY
+            if rows.size >= NEIGHBOURS:
+                off = np.abs(_off_their_line(residual[trial, rows]))
+                # Where the misfit is so bent that no line fits, it is all off alike.
+                scale = max(1.0, 1.4826 * float(np.median(off)))
+                stray[trial, rows] = off > STRAY * scale
     return stray
+
+
+def _off_their_line(values: FloatArray) -> FloatArray:
+    """How far each value is from the median line through its neighbours and itself (Theil, Sen).
+
+    At the ends the line leans on one side only: a steep misfit there makes no outlier, and an
+    outlier is no neighbour of itself.
+    """
+    size = values.size
+    first = np.clip(np.arange(size) - NEIGHBOURS // 2, 0, size - NEIGHBOURS)
+    place = np.arange(NEIGHBOURS)
+    near = values[first[:, None] + place]
+    i, j = np.triu_indices(NEIGHBOURS, 1)
+    slope = np.median((near[:, j] - near[:, i]) / (j - i), axis=1)
+    level = np.median(near - slope[:, None] * place, axis=1)
+    return np.asarray(values - level - slope * (np.arange(size) - first))

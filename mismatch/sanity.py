@@ -19,6 +19,9 @@ FAR_OFF = 30.0
 RUNAWAY = 1e4
 """As `FAR_OFF`, but beyond any unit: the refitted baseline has run off."""
 
+ASIDE = 0.3
+"""Share of g by which a fall may miss, or a motion across it be bent, and still be one."""
+
 SUSPICIOUS = 0.05
 SWAP_GAIN = 0.1
 ANOTHER_EXPERIMENT = 0.35
@@ -91,19 +94,30 @@ def _misfit(dx: FloatArray, dy: FloatArray) -> float:
 
 
 def _refuse_fall(forward: Forward) -> None:
-    """Free flights fall with about g, whatever else acts; not with a thousand times that."""
+    """Free flights fall with about g, whatever else acts; not sideways, nor a thousand times that.
+
+    A motion that is none of a free body at all is left to the fit.
+    """
+    down, sideways = _fall(forward, 1), _fall(forward, 0)
+    if abs(down) > FAR_OFF:
+        raise UsageError(
+            f"the balls fall with {down:.3g} g",
+            hint="Positions are in metres and times in seconds; is one of them in thousandths?",
+        )
+    if abs(down) < ASIDE and abs(sideways - 1.0) < ASIDE:
+        raise UsageError(
+            f"the columns x_m and y_m look swapped: the balls fall along x, with {sideways:.2g} g",
+            hint="x_m runs along the wall, y_m up from the floor.",
+        )
+
+
+def _fall(forward: Forward, axis: int) -> float:
+    """Median acceleration of the trials against an axis, in g; 0 where it was not recorded."""
     records = forward.records
     found = []
     for trial in range(records.trials):
-        used = records.ball_used[trial, :, 1]
-        time, height = records.ball_time[trial, used], records.position[trial, used, 1]
+        used = records.ball_used[trial, :, axis]
+        time, place = records.ball_time[trial, used], records.position[trial, used, axis]
         if time.size >= 6:
-            found.append(-2.0 * float(np.polyfit(time - time.mean(), height, 2)[0]))
-    if not found or not records.ball_used[..., 1].any():
-        return
-    ratio = float(np.median(found)) / forward.baseline.gravity
-    if abs(ratio) > FAR_OFF:
-        raise UsageError(
-            f"the balls fall with {ratio:.3g} g",
-            hint="Positions are in metres and times in seconds; is one of them in thousandths?",
-        )
+            found.append(-2.0 * float(np.polyfit(time - time.mean(), place, 2)[0]))
+    return float(np.median(found)) / forward.baseline.gravity if found else 0.0

@@ -11,16 +11,17 @@ from functools import lru_cache
 import numpy as np
 from scipy.fft import dct
 from scipy.signal import lfilter
+from scipy.stats import chi2
 from scipy.stats import f as fisher
 
 from physics.arrays import FloatArray
 
-__all__ = ["LEAST", "Spectrum", "fit_spectrum", "whiteness"]
+__all__ = ["LEAST", "Spectrum", "SpectrumFit", "fit_spectrum", "shared_deviance", "whiteness"]
 
 DEGREE = 6
 LEAST = 24
-SIGNIFICANT = 9.0
-"""Gain in deviance from which noise is correlated."""
+APART = 0.001
+"""Probability below which channels are said to have different memories."""
 
 LARGEST_INFLATION = 40.0
 RHOS = 1.0 - np.geomspace(0.7, 0.025, 12)
@@ -70,25 +71,61 @@ def _expected(size: int) -> tuple[FloatArray, FloatArray]:
     return np.sum(look * look, axis=1), np.array(slow)
 
 
+@dataclass(frozen=True)
+class SpectrumFit:
+    """How well every shape of a spectrum fits a channel.
+
+    Attributes
+    ----------
+    deviance : (R, S) array
+        −2 log likelihood by correlation (`RHOS`) and correlated share (`SHARES`).
+    variance, rise : (R, S) arrays
+        Variance of one sample, and power at the pace of slow physics over it.
+    extrapolation : (R, S) array
+        Part of the deviance that keeps the power small where no cosine shows it.
+    flat : float
+        Deviance of white noise.
+    level : float
+        Variance if the noise is white.
+    """
+
+    deviance: FloatArray
+    variance: FloatArray
+    rise: FloatArray
+    extrapolation: FloatArray
+    flat: float
+    level: float
+
+    def chosen(self, significant: float, shared: FloatArray | None = None) -> Spectrum:
+        """White unless memory gains `significant`; the shape by `shared` deviances if given."""
+        if self.flat - self.deviance.min() < significant:
+            return Spectrum(self.level, 0.0, 0.0)
+        cost = self.deviance if shared is None else shared
+        # Short records leave a ridge of equally good answers; their mean beats any one of them.
+        weight = np.exp(-0.5 * (cost - cost.min()))
+        weight /= weight.sum()
+        variance = float(np.exp(np.sum(weight * np.log(self.variance))))
+        power_there = float(np.exp(np.sum(weight * np.log(self.variance * self.rise))))
+        at = np.unravel_index(int(np.argmin(cost)), cost.shape)
+        inflation = float(np.clip(power_there / variance, 1.0, LARGEST_INFLATION))
+        return Spectrum(variance, float(SHARES[at[1]]), float(RHOS[at[0]]), inflation)
+
+
 def fit_spectrum(
-    pieces: list[tuple[FloatArray, FloatArray]],
-    significant: float = SIGNIFICANT,
-    slow_mode: float = 1.0,
-) -> Spectrum | None:
+    pieces: list[tuple[FloatArray, FloatArray]], slow_mode: float = 1.0
+) -> SpectrumFit | None:
     """Fit the spectrum of many short records of the same noise.
 
     Parameters
     ----------
     pieces : list of (time, value)
         Stretches over which the physics is smooth, outliers gone.
-    significant : float
-        Gain in deviance from which a correlated part is taken in.
     slow_mode : float
         Cosine of a piece at whose pace slow physics competes with noise.
 
     Returns
     -------
-    Spectrum or None
+    SpectrumFit or None
         None if there is too little to tell.
     """
     powers, whites, slows, sizes = [], [], [], []
@@ -114,24 +151,28 @@ def fit_spectrum(
         density = (1.0 - share) * white + share * slow
         levels[:, j] = np.mean(power / density, axis=1)
         rise[:, j] = [float(_density(share, rho, np.array(omega))) for rho in RHOS]
-        # Power below the slowest cosine seen is an extrapolation: the less of it the better.
-        cost[:, j] = (
-            np.log(levels[:, j]) * power.size
-            + np.log(density).sum(axis=1)
-            + 2.0 * np.log(levels[:, j] * rise[:, j])
-        )
+        cost[:, j] = np.log(levels[:, j]) * power.size + np.log(density).sum(axis=1)
+    # Power below the slowest cosine seen is an extrapolation: the less of it the better.
+    guess = 2.0 * np.log(levels * rise)
     level = float(np.mean(power / white))
     flat = np.log(level) * (power.size + 2.0) + float(np.log(white).sum())
-    if flat - cost.min() < significant:
-        return Spectrum(level, 0.0, 0.0)
-    # Short records leave a ridge of equally good answers; their mean beats any one of them.
-    weight = np.exp(-0.5 * (cost - cost.min()))
-    weight /= weight.sum()
-    variance = float(np.exp(np.sum(weight * np.log(levels))))
-    power_there = float(np.exp(np.sum(weight * np.log(levels * rise))))
-    at = np.unravel_index(int(np.argmin(cost)), cost.shape)
-    inflation = float(np.clip(power_there / variance, 1.0, LARGEST_INFLATION))
-    return Spectrum(variance, float(SHARES[at[1]]), float(RHOS[at[0]]), inflation)
+    return SpectrumFit(cost + guess, levels, rise, guess, float(flat), level)
+
+
+def shared_deviance(fits: list[SpectrumFit]) -> FloatArray | None:
+    """Deviance of one shape for several channels; None where they clearly have shapes of their own.
+
+    One tracker saw them all, so one memory is likely, and their records together tell it better.
+    """
+    if len(fits) < 2:
+        return None
+    total = np.sum([fit.deviance for fit in fits], axis=0)
+    apart = float(total.min() - sum(fit.deviance.min() for fit in fits))
+    if apart > chi2.isf(APART, 2 * (len(fits) - 1)):
+        return None
+    # One memory is one extrapolation, however many channels it was seen in.
+    guess = np.mean([fit.extrapolation for fit in fits], axis=0)
+    return np.asarray(total - (len(fits) - 1) * guess)
 
 
 def whiteness(pieces: list[tuple[FloatArray, FloatArray]], low: int = 8) -> float:

@@ -257,6 +257,8 @@ class Effect:
         The measurement that tells it from those.
     requires : tuple of str
         Effects without which it does nothing.
+    certain : bool
+        Whether nature always has it, so that a model without it lacks something for sure.
     """
 
     id: str
@@ -269,6 +271,7 @@ class Effect:
     confusable: tuple[str, ...] = ()
     separating: str = ""
     requires: tuple[str, ...] = field(default=())
+    certain: bool = False
 
     HOOKS: ClassVar[tuple[str, ...]] = (
         "force",

@@ -33,6 +33,7 @@ class Drag(Effect):
     )
     confusable: tuple[str, ...] = ("wind", "drag_crisis", "length_scale", "time_base")
     separating: str = "the same ball at a clearly different launch speed, over a longer flight"
+    certain: bool = True
 
     def force(self, values: Values, flight: Flight) -> Vector:
         """Against the velocity, with its square."""
