@@ -11,10 +11,11 @@ from mismatch.campaign import Campaign
 from mismatch.candidates import Candidate, candidates_for, start_values, steps_of
 from mismatch.forward import OUTSIDE, Forward
 from mismatch.held_out import hold_out
-from mismatch.hypotheses import LOOSE_LAWS, Hypothesis
+from mismatch.hypotheses import LOOSE_LAWS, MISFIT, Hypothesis
 from mismatch.locate import locate
 from mismatch.naming import Naming, name_effects
 from mismatch.normal_equations import spread_laws
+from mismatch.odd_trials import without_odd_trials
 from mismatch.prepare import Prepared, prepare
 from mismatch.remainder import noise_notes, reduced_chi2, remainder_of
 from mismatch.sanity import refuse_nonsense
@@ -100,6 +101,8 @@ def explain_in_full(
 ) -> Explained:
     """As `explain`, with the fits behind the verdict."""
     chosen = options or Options()
+    _require_trials(campaign, chosen.hold_out)
+    campaign = without_odd_trials(campaign)
     prepared = prepare(campaign, setup_model)
     _require_enough(campaign)
     refuse_nonsense(campaign, prepared)
@@ -164,17 +167,23 @@ def _require_enough(campaign: Campaign) -> None:
         )
 
 
-def _held_mask(campaign: Campaign, names: Sequence[str]) -> np.ndarray | None:
-    if not names:
-        return None
+def _require_trials(campaign: Campaign, held_out: Sequence[str]) -> None:
     known = {trial.name for trial in campaign.trials}
-    unknown = [name for name in names if name not in known]
+    unknown = [name for name in held_out if name not in known]
     if unknown:
         raise TooLittleDataError(
             f"there is no trial {', '.join(unknown)} to hold out",
             hint=f"Trials: {', '.join(sorted(known)[:20])}.",
         )
-    return np.array([trial.name in names for trial in campaign.trials])
+    if known <= set(held_out):
+        raise TooLittleDataError(
+            "with every trial held out none is left to fit",
+            hint="Hold out a few; the others teach the model.",
+        )
+
+
+def _held_mask(campaign: Campaign, names: Sequence[str]) -> np.ndarray | None:
+    return np.array([trial.name in names for trial in campaign.trials]) if names else None
 
 
 def _verdict(
@@ -194,7 +203,7 @@ def _verdict(
     kind = "no_mismatch"
     if best is not None:
         kind = "ambiguous" if groups else "explained"
-    elif location is not None and not remainder.white:
+    elif not remainder.white and (location is not None or base.misfit > MISFIT):
         kind = "unexplained"
     kept = None
     if best is not None:

@@ -16,6 +16,7 @@ from physics.effects import Effect
 
 __all__ = [
     "LOOSE_LAWS",
+    "MISFIT",
     "Hypothesis",
     "fit_hypothesis",
     "group_tolerance",

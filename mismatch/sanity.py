@@ -38,6 +38,7 @@ def refuse_nonsense(campaign: Campaign, prepared: Prepared) -> None:
     forward, fit = prepared.forward, prepared.fit
     if forward.mode == "swing" or not forward.records.ball_used.any():
         return
+    _refuse_upside_down(campaign, forward.baseline.gravity)
     if forward.mode == "flight":
         _refuse_fall(forward)
         return
@@ -61,7 +62,8 @@ def refuse_nonsense(campaign: Campaign, prepared: Prepared) -> None:
     if ratio > FAR_OFF or ratio < 1.0 / FAR_OFF:
         raise UsageError(
             f"the recorded positions spread {ratio:.3g} times as far as the setup expects",
-            hint="Positions are in metres; were they written in millimetres or pixels?",
+            hint="Positions are in metres and times in seconds; were they written in millimetres,"
+            " pixels or milliseconds?",
         )
     straight = _misfit(x - px, y - py)
     size = _spread(px, py)
@@ -108,6 +110,23 @@ def _refuse_fall(forward: Forward) -> None:
         raise UsageError(
             f"the columns x_m and y_m look swapped: the balls fall along x, with {sideways:.2g} g",
             hint="x_m runs along the wall, y_m up from the floor.",
+        )
+
+
+def _refuse_upside_down(campaign: Campaign, gravity: float) -> None:
+    found = []
+    for trial in campaign.trials:
+        rows = np.flatnonzero(np.isfinite(trial.position[:, 1]))
+        # A struck ball rests first.
+        rows = rows[rows.size // 3 :]
+        if rows.size >= 6:
+            time = trial.ball_time[rows]
+            bend = np.polyfit(time - time.mean(), trial.position[rows, 1], 2)[0]
+            found.append(2.0 * float(bend) / gravity)
+    if found and abs(np.median(found) - 1.0) < ASIDE:
+        raise UsageError(
+            f"the balls fall upward, with {np.median(found):.2g} g: y_m runs downward",
+            hint="y_m is up from the floor; pictures count their rows downward.",
         )
 
 

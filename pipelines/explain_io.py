@@ -1,6 +1,7 @@
 """Campaign files in, bodies and samples out; a user's own effects."""
 
 import importlib.util
+import itertools
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
@@ -9,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from metrology import SetupError, UsageError
+from metrology import SetupError, TooLittleDataError, UsageError
 from mismatch.baseline import BallModel, Baseline, ContactTable, Scatter
 from mismatch.campaign import Campaign, Trial
 from physics import bodies
@@ -23,6 +24,9 @@ __all__ = ["baseline_for_balls", "baseline_from_setup", "load_campaign", "load_e
 BALL_COLUMNS = frozenset(
     {"trial", "backswing_deg", "ball", "t_s", "x_m", "y_m", "z_m", "x_m_std", "y_m_std", "z_m_std"}
 )
+LEAST_RUN = 6
+"""Rows in a row that are a stretch of record, not rows out of order."""
+
 TABLE_SPEEDS = np.array([0.6, 0.9, 1.3, 1.8, 2.4, 3.0, 3.6, 4.2])
 
 
@@ -62,14 +66,35 @@ def _tidied(
     if int(doubled.sum()):
         notes.append(f"{what}: {int(doubled.sum())} rows repeat a time of their trial; left out")
         table = table[~doubled]
-    backwards = table.groupby("trial", sort=False)["t_s"].apply(
-        lambda t: bool((t.diff() < 0).any())
-    )
+    times = table.groupby("trial", sort=False)["t_s"]
+    set_back = [str(name) for name, t in times if _set_back(t.to_numpy())]
+    if set_back:
+        names = ", ".join(set_back[:4])
+        table = table[~table["trial"].isin(set_back)]
+        if table.empty:
+            raise UsageError(
+                f"{what}: the clock is set back within trial {names}",
+                hint="Are several trials under one name? Each needs a name and a clock of its own.",
+            )
+        notes.append(f"{what}: the clock is set back within trial {names}; left out")
+        times = table.groupby("trial", sort=False)["t_s"]
+    backwards = times.apply(lambda t: bool((t.diff() < 0).any()))
     if bool(backwards.any()):
         names = ", ".join(str(name) for name in backwards[backwards].index[:4])
         notes.append(f"{what}: the clock runs backwards in trial {names}; rows were sorted by time")
         table = table.sort_values(["trial", "t_s"], kind="stable")
     return table, notes
+
+
+def _set_back(time: FloatArray) -> bool:
+    """Whether a clock was set back, so that two runs of rows claim the same time.
+
+    Rows out of order are another matter: sorted, they are one record again.
+    """
+    cuts = np.flatnonzero(np.diff(time) < 0.0) + 1
+    runs = [run for run in np.split(time, cuts) if run.size >= LEAST_RUN]
+    spans = sorted((float(run.min()), float(run.max())) for run in runs)
+    return any(later[0] < earlier[1] for earlier, later in itertools.pairwise(spans))
 
 
 def _numbers(table: pd.DataFrame, column: str) -> FloatArray:
@@ -94,6 +119,8 @@ def load_campaign(ball_csv: Path | None, pendulum_csv: Path | None, setup: Setup
     ------
     UsageError
         For files that can't be read, lack a column, or hold nothing.
+    TooLittleDataError
+        If no row of the ball's file is usable.
     """
     if ball_csv is None and pendulum_csv is None:
         raise UsageError("there is neither a ball's nor a pendulum's file to explain")
@@ -120,6 +147,21 @@ def load_campaign(ball_csv: Path | None, pendulum_csv: Path | None, setup: Setup
             )
         swings = {str(name): part for name, part in table.groupby("trial", sort=False)}
     names = list(dict.fromkeys([*balls, *swings]))
+    if ball_csv is not None:
+        names = [name for name in names if name in balls]
+        alone = [name for name in swings if name not in balls]
+        if not names:
+            raise TooLittleDataError(
+                f"{ball_csv}: no row has a time and a position",
+                hint="Without the ball's table the pendulum is taken to swing freely.",
+            )
+        if swings and len(alone) == len(swings):
+            raise UsageError(
+                f"{ball_csv} and {pendulum_csv} have no trial in common",
+                hint="A trial goes by the same name in both tables.",
+            )
+        if alone:
+            notes.append(f"no ball was seen in trial {', '.join(alone[:6])}; left out")
     trials = tuple(_trial(name, balls.get(name), swings.get(name)) for name in names)
     return Campaign(trials, tuple(notes))
 

@@ -7,6 +7,7 @@ import pytest
 
 from metrology import TooLittleDataError, UsageError
 from mismatch import Campaign, Options, Trial, explain
+from mismatch.odd_trials import without_odd_trials
 from mismatch.prepare import prepare
 from physics.effects import CATALOGUE, Effect, Parameter
 from tests.mismatch.synthetic import struck_campaign, thrown_campaign
@@ -32,11 +33,14 @@ def test_one_throw_is_never_explained_by_a_law_without_a_name_or_by_two_strength
     assert not confident(verdict)
 
 
-def test_trials_that_are_copies_of_one_are_no_further_evidence_of_anything():
-    campaign, baseline = thrown_campaign()
+@pytest.mark.parametrize("make", [thrown_campaign, struck_campaign])
+def test_trials_that_are_copies_of_one_are_no_further_evidence_of_anything(make):
+    campaign, baseline = make(seed=3)
     one = campaign.trials[0]
     copies = tuple(replace(one, name=str(index)) for index in range(4))
-    assert not confident(explain(Campaign(copies), baseline))
+    verdict = explain(Campaign(copies), baseline)
+    assert not confident(verdict)
+    assert any("1, 2, 3 repeat other trials" in note for note in verdict.notes)
 
 
 def test_missing_values_are_left_out():
@@ -95,6 +99,14 @@ def test_swapped_columns_are_refused(make):
         explain(_swapped(campaign), baseline)
 
 
+@pytest.mark.parametrize("make", [thrown_campaign, struck_campaign])
+def test_positions_counted_downward_are_refused(make):
+    campaign, baseline = make(seed=3)
+    down = tuple(replace(t, position=t.position * [1.0, -1.0, 1.0]) for t in campaign.trials)
+    with pytest.raises(UsageError, match="y_m runs downward"):
+        explain(Campaign(down), baseline)
+
+
 def _swapped(campaign: Campaign) -> Campaign:
     return Campaign(tuple(replace(t, position=t.position[:, [1, 0, 2]]) for t in campaign.trials))
 
@@ -106,8 +118,49 @@ def test_a_clock_that_jumps_ahead_in_one_trial_names_no_physics(make):
     late = np.where(np.arange(odd.ball_time.size) > 40, odd.ball_time + 1.0, odd.ball_time)
     trials = [*campaign.trials]
     trials[2] = replace(odd, ball_time=late)
-    said = {effect.id for effect in explain(Campaign(tuple(trials)), baseline).effects}
-    assert said <= {"dropped_frames", "time_base"}
+    verdict = explain(Campaign(tuple(trials)), baseline)
+    assert verdict.verdict == "no_mismatch"
+    assert any("jumps ahead in trial 2" in note for note in verdict.notes)
+
+
+def test_a_clock_that_jumps_ahead_in_every_trial_is_refused():
+    campaign, baseline = thrown_campaign()
+    jumping = [
+        replace(t, ball_time=np.where(np.arange(t.ball_time.size) > 40, 0.5, 0.0) + t.ball_time)
+        for t in campaign.trials
+    ]
+    with pytest.raises(UsageError, match="every trial"):
+        explain(Campaign(tuple(jumping)), baseline)
+
+
+def test_a_hole_in_a_flight_is_no_jump_of_its_clock():
+    campaign, _ = struck_campaign(seed=3)
+    holed = []
+    for trial in campaign.trials:
+        rows = np.r_[0:90, 130 : trial.ball_time.size]
+        holed.append(replace(trial, ball_time=trial.ball_time[rows], position=trial.position[rows]))
+    kept = without_odd_trials(Campaign(tuple(holed)))
+    assert len(kept.trials) == len(holed)
+
+
+def test_a_misfit_without_a_place_or_a_name_is_not_called_nothing():
+    campaign, baseline = struck_campaign(seed=3)
+    odd = tuple(
+        replace(
+            t, pendulum_angle=t.pendulum_angle + 0.2 * (-1) ** k * np.sin(40.0 * t.pendulum_time)
+        )
+        for k, t in enumerate(campaign.trials)
+    )
+    verdict = explain(Campaign(odd), baseline)
+    assert verdict.verdict == "unexplained"
+    assert verdict.effects == ()
+
+
+def test_holding_every_trial_out_is_refused():
+    campaign, baseline = thrown_campaign()
+    names = tuple(trial.name for trial in campaign.trials)
+    with pytest.raises(TooLittleDataError, match="none is left"):
+        explain(campaign, baseline, options=Options(hold_out=names))
 
 
 def test_a_ball_table_without_a_number_is_no_free_swing():

@@ -111,3 +111,57 @@ def test_a_users_file_that_stops_is_the_users_message(tmp_path):
     own.write_text("x = 1\n")
     with pytest.raises(ImpactVisionError, match="no effect"):
         load_effects(own)
+
+
+def rows_of(ball) -> list[str]:
+    return ball.read_text().splitlines()
+
+
+def test_a_clock_that_is_set_back_leaves_its_trial_out(thrown):
+    ball, _ = thrown
+    header, *rows = rows_of(ball)
+    back = [
+        f"0,{float(t) - 0.1001:.6f},{rest}" if number == "0" and float(t) > 0.3 else row
+        for row in rows
+        for number, t, rest in [row.split(",", 2)]
+    ]
+    ball.write_text("\n".join([header, *back]) + "\n")
+    campaign = load_campaign(ball, None, parse_setup(SETUP))
+    assert [trial.name for trial in campaign.trials] == ["1", "2", "3"]
+    assert any("set back within trial 0" in note for note in campaign.notes)
+
+
+def test_rows_out_of_order_are_sorted(thrown):
+    ball, _ = thrown
+    header, *rows = rows_of(ball)
+    ball.write_text("\n".join([header, *reversed(rows)]) + "\n")
+    campaign = load_campaign(ball, None, parse_setup(SETUP))
+    assert len(campaign.trials) == 4
+
+
+def test_several_trials_under_one_name_are_told(thrown):
+    ball, setup = thrown
+    header, *rows = rows_of(ball)
+    one = [
+        f"1,{float(row.split(',')[1]) + 1e-4 * int(row[0])},{row.split(',', 2)[2]}" for row in rows
+    ]
+    ball.write_text("\n".join([header, *one]) + "\n")
+    with pytest.raises(UsageError, match="set back within trial 1"):
+        explain_files(ball, None, setup)
+
+
+def test_a_pendulum_of_other_trials_is_told(thrown, tmp_path):
+    ball, setup = thrown
+    pendulum = tmp_path / "pendulum.csv"
+    pendulum.write_text("trial,t_s,phi_rad\n" + "".join(f"z,{k / 600},0.1\n" for k in range(40)))
+    with pytest.raises(UsageError, match="no trial in common"):
+        explain_files(ball, pendulum, setup)
+
+
+def test_a_ball_table_without_numbers_is_no_free_swing(thrown, tmp_path):
+    ball, setup = thrown
+    pendulum = tmp_path / "pendulum.csv"
+    pendulum.write_text("trial,t_s,phi_rad\n" + "".join(f"0,{k / 600},0.1\n" for k in range(40)))
+    ball.write_text("trial,t_s,x_m,y_m\n" + "".join(f"0,{k / 600},,\n" for k in range(40)))
+    with pytest.raises(TooLittleDataError, match="no row"):
+        explain_files(ball, pendulum, setup)
