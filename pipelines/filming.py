@@ -19,7 +19,7 @@ from sample_videos.presets import default_scene, staged
 from sample_videos.rig import pivot, swing_rotation
 from sample_videos.scene import Scene, Sensor
 from sample_videos.shot import Shot
-from vision.tracks import PendulumTrack, Track, Tracks
+from vision.tracks import Face, PendulumTrack, Track, Tracks
 
 __all__ = ["Filming", "film_scene", "planned_tracks"]
 
@@ -150,7 +150,7 @@ def planned_tracks(filming: Filming, scene: Scene, shot: Shot) -> Tracks:
     rest = None if len(resting) == 0 else (0, int(resting[-1]))
     return Tracks(
         ball=ball,
-        pendulum=_pendulum(filming, scene, moment.phi),
+        pendulum=_pendulum(filming, scene, moment.phi, len(resting)),
         background=np.zeros((camera.lens.height, camera.lens.width), dtype=np.float32),
         rest_frames=rest,
     )
@@ -182,7 +182,9 @@ def _inside(track: Track, width: int, height: int) -> BoolArray:
     return np.asarray(within.all(axis=1))
 
 
-def _pendulum(filming: Filming, scene: Scene, phi: FloatArray) -> PendulumTrack | None:
+def _pendulum(
+    filming: Filming, scene: Scene, phi: FloatArray, touching: int
+) -> PendulumTrack | None:
     """The striking mass on its arc, as far as it is in the picture; None if it never is."""
     camera, body, block = scene.camera, scene.pendulum, scene.room.block
     hub = pivot(scene)
@@ -205,6 +207,18 @@ def _pendulum(filming: Filming, scene: Scene, phi: FloatArray) -> PendulumTrack 
         pivot_px=hub_px,
         pivot_covariance_px2=0.04 * np.eye(2),
         arm_px=arm,
-        face_lead_px=0.5 * block[0] * scale,
-        face_lead_std_px=LEAD_STD_PX,
+        face=_face(scene, hub, phi, int(track.frame[track.frame <= touching].max(initial=0))),
     )
+
+
+def _face(scene: Scene, hub: FloatArray, phi: FloatArray, frame: int) -> Face:
+    """The face in a frame: its middle, and its rim that stands out."""
+    body, half = scene.pendulum, 0.5 * scene.room.block[2]
+    turn = swing_rotation(phi[frame])
+    middle, near, far = (
+        scene.camera.project(hub + turn @ np.array([body.face_offset, -body.length, depth]))
+        for depth in (0.0, half, -half)
+    )
+    if near[0] > far[0]:
+        return Face(frame, near, LEAD_STD_PX)
+    return Face(frame, far, LEAD_STD_PX, middle, LEAD_STD_PX)

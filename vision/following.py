@@ -10,6 +10,7 @@ from metrology import NotFoundError
 from vision.ball import BallFits, follow_ball
 from vision.choice import Choice, choose_ball, rivals
 from vision.circles import Circles, find_circles
+from vision.face import find_face
 from vision.footage import Footage
 from vision.linking import Path, link_circles
 from vision.mass import MassPoses
@@ -19,7 +20,7 @@ from vision.refine import refine_ball
 from vision.rest import Rest, find_rest
 from vision.scene import Scene
 from vision.still import scene_before_strike
-from vision.tracks import PendulumTrack, Track, Tracks
+from vision.tracks import Face, PendulumTrack, Track, Tracks
 from vision.workers import side_by_side
 
 if TYPE_CHECKING:
@@ -82,15 +83,15 @@ def follow(
         raise _no_ball(ball_at)
     _tell(progress, 0.6)
     rest = find_rest(rough.frame, rough.centre, float(np.median(rough.radius)))
-    mass = None
+    mass, face = None, None
     if rest is not None and not choice.struck:
-        mass = _mass(scene, rest, rough, mass_at)
+        mass, face = _mass(scene, rest, rough, mass_at)
     _tell(progress, 0.8)
     fits = refine_ball(scene, rough, None if mass is None else mass.hides)
     _tell(progress, 1.0)
     return Tracks(
         ball=_track(fits, capture_fps),
-        pendulum=None if mass is None or rest is None else _pendulum(mass, rest, capture_fps),
+        pendulum=_pendulum(mass, face, rest, capture_fps),
         background=scene.background.image,
         rest_frames=None if rest is None else (rest.first, rest.last),
         others=_others(scene, choice, capture_fps),
@@ -197,12 +198,17 @@ def _no_ball(ball_at: Point | None) -> NotFoundError:
     )
 
 
-def _mass(scene: Scene, rest: Rest, ball: BallFits, mass_at: Point | None) -> MassPoses | None:
+def _mass(
+    scene: Scene, rest: Rest, ball: BallFits, mass_at: Point | None
+) -> tuple[MassPoses, Face] | tuple[None, None]:
     at = None if mass_at is None else (float(mass_at[0]), float(mass_at[1]))
     radius = float(np.median(ball.radius))
     before = scene_before_strike(scene, rest, radius)
     candidates = find_mass(scene, rest, radius, before, at)
-    return follow_mass(scene, candidates, rest, ball, before)
+    mass = follow_mass(scene, candidates, rest, ball, before)
+    if mass is None:
+        return None, None
+    return mass, find_face(scene, mass, rest, radius, before)
 
 
 def _track(fits: BallFits, fps: float) -> Track:
@@ -235,7 +241,11 @@ def _path_track(path: Path, fps: float) -> Track:
     )
 
 
-def _pendulum(mass: MassPoses, rest: Rest, fps: float) -> PendulumTrack:
+def _pendulum(
+    mass: MassPoses | None, face: Face | None, rest: Rest | None, fps: float
+) -> PendulumTrack | None:
+    if mass is None or face is None or rest is None:
+        return None
     arc = mass.arc
     sign = 1.0 if rest.direction[0] >= 0 else -1.0
     offset = mass.anchor - arc.centre_px
@@ -246,7 +256,6 @@ def _pendulum(mass: MassPoses, rest: Rest, fps: float) -> PendulumTrack:
     along = np.einsum("ni,nij,nj->n", tangent, covariance, tangent)
     size = float(np.sqrt(mass.patch.opacity.sum() / np.pi))
     count = len(mass.frame)
-    lead, lead_std = mass.face_lead(rest)
     track = Track(
         frame=mass.frame,
         time_s=mass.frame / fps,
@@ -264,8 +273,7 @@ def _pendulum(mass: MassPoses, rest: Rest, fps: float) -> PendulumTrack:
         pivot_px=arc.centre_px,
         pivot_covariance_px2=arc.covariance[:2, :2],
         arm_px=arc.radius_px,
-        face_lead_px=lead,
-        face_lead_std_px=lead_std,
+        face=face,
     )
 
 

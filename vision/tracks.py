@@ -1,12 +1,13 @@
 """What the vision room hands on: where ball and pendulum were, frame by frame, in pixels."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["PendulumTrack", "Track", "TrackedFeature", "Tracks"]
+__all__ = ["Face", "PendulumTrack", "Track", "TrackedFeature", "Tracks"]
 
 FloatArray = NDArray[np.float64]
 TrackedFeature = Literal["outline", "edge", "centre"]
@@ -56,6 +57,32 @@ class Track:
 
 
 @dataclass(frozen=True)
+class Face:
+    """The striking face at the height of the ball's centre, in one of the frames of the mass.
+
+    Attributes
+    ----------
+    frame : int
+        Frame in which it is there; the others follow from the swing.
+    edge_px : (2,) array
+        Foremost edge of the mass, px.
+    edge_std_px : float
+        Its standard uncertainty along the motion, px.
+    middle_px : (2,) array or None
+        Middle between the near and the far rim of the face, px; None where they can't be told
+        apart.
+    middle_std_px : float
+        Its standard uncertainty along the motion, px.
+    """
+
+    frame: int
+    edge_px: FloatArray
+    edge_std_px: float
+    middle_px: FloatArray | None = None
+    middle_std_px: float = math.inf
+
+
+@dataclass(frozen=True)
 class PendulumTrack:
     """The pendulum mass on its arc: a rigid body turning about a fixed pivot, seen in pixels.
 
@@ -74,11 +101,8 @@ class PendulumTrack:
         Its covariance, px².
     arm_px : float
         Distance from the pivot to the mass centre, px.
-    face_lead_px : float
-        How far the striking face leads the line from pivot to mass centre, px, measured at the
-        height of the ball's centre in frames where the face is seen free of the ball.
-    face_lead_std_px : float
-        Its standard uncertainty, px.
+    face : Face
+        The striking face.
     """
 
     track: Track
@@ -87,8 +111,7 @@ class PendulumTrack:
     pivot_px: FloatArray
     pivot_covariance_px2: FloatArray
     arm_px: float
-    face_lead_px: float
-    face_lead_std_px: float
+    face: Face
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,8 @@ FloatArray = NDArray[np.float64]
 EXPONENT, EXPONENT_STD = 1.3, 0.12
 # Share of the compression by which the middle of the visible outline lags the centre of mass.
 OUTLINE_LAG_STD = 0.08
+# How far balls' paths through the contact differ from such a law's, over the speed gained × Δt.
+SHAPE_STD = 0.003
 # What is tried: leads in standard uncertainties of what was known, exponents in the law's range.
 _LEADS = np.linspace(-3.0, 3.0, 19)
 _EXPONENTS = np.linspace(1.1, 1.5, 4)
@@ -293,11 +295,12 @@ def _path_residuals(
     path += np.maximum(view.time_s - release, 0.0)
     lagging = np.interp(phase, pulse.phase, pulse.compression) * ends.approach * ends.duration
     moved = (view.position_m - view.rest) @ ends.normal
-    ball = whitening.ball((moved - path * ends.speed) / view.std_m)
+    std = np.hypot(view.std_m, SHAPE_STD * ends.speed * ends.duration)
+    ball = whitening.ball((moved - path * ends.speed) / std)
     held = whitening.mass(_pendulum_held_back(view, ends.onset_s, release, pulse))
     left = np.concatenate([ball, held, [ends.by_speeds]])
     per_lag = np.zeros(len(left))
-    per_lag[: len(phase)] = whitening.ball(lagging / view.std_m)
+    per_lag[: len(phase)] = whitening.ball(lagging / std)
     return left, per_lag
 
 
@@ -314,5 +317,6 @@ def _pendulum_held_back(
     path = np.interp(phase, pulse.phase, pulse.path) * duration
     path += np.maximum(view.swing_time_s - release, 0.0)
     behind = view.before.angles(view.swing_time_s) - view.swing_rad
-    std = view.swing_std_rad * math.sqrt(view.before.fitted.chi2_per_dof)
+    noise = view.swing_std_rad * math.sqrt(view.before.fitted.chi2_per_dof)
+    std = np.hypot(noise, SHAPE_STD * slowed * duration)
     return np.asarray((behind - slowed * path) / std)

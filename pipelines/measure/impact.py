@@ -28,6 +28,10 @@ UNSEEN_SLANT = 0.25
 """Slope of a line of sight from a camera of which nothing is known but that it sees the strike."""
 STEEL, THICKNESS_SHARE = 7850.0, 0.3
 """kg/m³; how far the thickness of a mass may be from that of a cube of steel as heavy."""
+THICKNESSES = (0.4, 2.0)
+"""Thickness a mass may have, over that of such a cube."""
+SLANT_STD = 0.03
+STRUCK_OFF_CENTRE_M = 0.004
 IMPACT_ANGLE_STD = np.radians(0.4)
 PIVOT_SHARE = 0.15
 """Of half the thickness of the mass: its sides turn to the camera as it swings, which moves the
@@ -240,8 +244,7 @@ def _lead(tracks: MetricTracks, inputs: Inputs, radius: float) -> tuple[float, f
     assert tracks.pivot_m is not None
     arm = tracks.rest_m - tracks.pivot_m
     reach = float(np.hypot(*arm))
-    ahead, ahead_std = _edge_before_face(tracks, inputs)
-    seen, seen_std = tracks.lead_m - ahead, float(np.hypot(tracks.lead_std_m, ahead_std))
+    seen, seen_std = _seen_lead(tracks, inputs)
     if inputs.ball is None or inputs.ball.launch_angle is None:
         return seen, seen_std
     angle = inputs.ball.launch_angle
@@ -250,6 +253,31 @@ def _lead(tracks: MetricTracks, inputs: Inputs, radius: float) -> tuple[float, f
     weights = np.array([seen_std, float(np.hypot(IMPACT_ANGLE_STD * reach, pivot_std))]) ** -2.0
     mean = float(weights @ [seen, written] / weights.sum())
     return mean, float(weights.sum() ** -0.5)
+
+
+def _seen_lead(tracks: MetricTracks, inputs: Inputs) -> tuple[float, float]:
+    """Lead of the middle of the face: between its rims, or behind the foremost edge, m, and std."""
+    if _shows_its_face(tracks, inputs):
+        return tracks.middle_lead_m, float(np.hypot(tracks.middle_lead_std_m, _off_centre(tracks)))
+    ahead, ahead_std = _edge_before_face(tracks, inputs)
+    return tracks.lead_m - ahead, float(np.hypot(tracks.lead_std_m, ahead_std))
+
+
+def _shows_its_face(tracks: MetricTracks, inputs: Inputs) -> bool:
+    """Whether the strip seen is as wide as the face of such a mass can look from there."""
+    if not np.isfinite(tracks.middle_lead_std_m):
+        return False
+    if tracks.face_slant is None:
+        low, high = 0.0, UNSEEN_SLANT
+    else:
+        low, high = -tracks.face_slant - SLANT_STD, -tracks.face_slant + SLANT_STD
+    strip = (tracks.lead_m - tracks.middle_lead_m) / _half_thickness(inputs)
+    return THICKNESSES[0] * low < strip < THICKNESSES[1] * high
+
+
+def _off_centre(tracks: MetricTracks) -> float:
+    """What a ball that is not struck in the middle of the face's depth shifts, m."""
+    return STRUCK_OFF_CENTRE_M * abs(tracks.face_slant or UNSEEN_SLANT)
 
 
 def _edge_before_face(tracks: MetricTracks, inputs: Inputs) -> tuple[float, float]:
@@ -262,7 +290,7 @@ def _edge_before_face(tracks: MetricTracks, inputs: Inputs) -> tuple[float, floa
     if tracks.face_slant is None:
         return 0.0, UNSEEN_SLANT * half
     ahead = abs(tracks.face_slant) * half
-    return ahead, THICKNESS_SHARE * ahead
+    return ahead, half * float(np.hypot(THICKNESS_SHARE * tracks.face_slant, SLANT_STD))
 
 
 def _half_thickness(inputs: Inputs) -> float:

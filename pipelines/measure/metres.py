@@ -1,5 +1,6 @@
 """Tracks from pixels to metres in the ball plane, with x in the direction of flight."""
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -9,13 +10,13 @@ from scipy.optimize import least_squares
 
 from calib.calibration import Calibration
 from metrology import NotFoundError
-from vision.tracks import Track, Tracks
+from vision.tracks import PendulumTrack, Track, Tracks
 
 __all__ = ["BallScale", "CameraMapping", "MetricTracks", "PlaneMapping", "tracks_in_metres"]
 
 FloatArray = NDArray[np.float64]
 
-_LEAST_LEAD_STD_PX = 0.5
+_LEAST_LEAD_STD_PX = 0.25
 BEND_SHARE = 0.003
 CREEP_SHARE = 0.25
 
@@ -114,9 +115,12 @@ class MetricTracks:
         Pendulum angle, 0 straight down, positive forward.
     lead_m, lead_std_m : float
         Foremost edge of the mass ahead of the bar's line, as seen.
+    middle_lead_m, middle_lead_std_m : float
+        Middle of the face between its two rims; infinitely unsure where they can't be told apart.
     face_slant : float or None
-        Horizontal slope of the line of sight to the striking face: what the mass' thickness adds to
-        its foremost edge, per thickness in front of or behind the ball plane.
+        Slope of the line of sight to the striking face along the flight: what the mass' thickness
+        adds to its foremost edge, per thickness in front of or behind the ball plane. Negative
+        where the camera sees the face.
     radius_m : float
         Apparent radius of the ball.
     direction : float
@@ -135,6 +139,8 @@ class MetricTracks:
     swing_std_rad: FloatArray
     lead_m: float
     lead_std_m: float
+    middle_lead_m: float
+    middle_lead_std_m: float
     face_slant: float | None
     radius_m: float
     direction: float
@@ -185,10 +191,11 @@ def tracks_in_metres(tracks: Tracks, mapping: PlaneMapping, time_s: FloatArray) 
         )
     std = np.sqrt(np.diagonal(covariance[still], axis1=1, axis2=2)).mean(axis=0)
     scatter = position[still].std(axis=0) if still.sum() > 3 else std
-    pivot, angle, angle_std, lead, lead_std = _pendulum(tracks, mapping, direction)
+    swing = _swing(tracks.pendulum, mapping, direction)
     pendulum = tracks.pendulum
     rest = np.median(position[still], axis=0)
     radius = _apparent_radius(tracks, mapping)
+    slant = mapping.slant(rest - np.array([direction * radius, 0.0]))
     return MetricTracks(
         ball_frame=ball.frame,
         ball_time_s=time_s[ball.frame],
@@ -197,13 +204,15 @@ def tracks_in_metres(tracks: Tracks, mapping: PlaneMapping, time_s: FloatArray) 
         rest_m=rest * flip,
         # what a still ball's centre is off by does not average away over its frames
         rest_std_m=np.maximum(std, scatter),
-        pivot_m=pivot,
+        pivot_m=swing.pivot,
         swing_time_s=np.zeros(0) if pendulum is None else time_s[pendulum.track.frame],
-        swing_rad=angle,
-        swing_std_rad=angle_std,
-        lead_m=lead,
-        lead_std_m=lead_std,
-        face_slant=mapping.slant(rest - np.array([direction * radius, 0.0])),
+        swing_rad=swing.angle,
+        swing_std_rad=swing.angle_std,
+        lead_m=swing.edge[0],
+        lead_std_m=swing.edge[1],
+        middle_lead_m=swing.middle[0],
+        middle_lead_std_m=swing.middle[1],
+        face_slant=None if slant is None else direction * slant,
         radius_m=radius,
         direction=direction,
     )
@@ -227,12 +236,20 @@ def _apparent_radius(tracks: Tracks, mapping: PlaneMapping) -> float:
     return 0.5 * float(np.hypot(*across))
 
 
-def _pendulum(
-    tracks: Tracks, mapping: PlaneMapping, direction: float
-) -> tuple[FloatArray | None, FloatArray, FloatArray, float, float]:
-    pendulum = tracks.pendulum
+@dataclass(frozen=True)
+class _Swing:
+    """Pivot, m; angles, rad; leads of edge and middle of the face, each with its std, m."""
+
+    pivot: FloatArray | None
+    angle: FloatArray
+    angle_std: FloatArray
+    edge: tuple[float, float]
+    middle: tuple[float, float]
+
+
+def _swing(pendulum: PendulumTrack | None, mapping: PlaneMapping, direction: float) -> _Swing:
     if pendulum is None:
-        return None, np.zeros(0), np.zeros(0), 0.0, 1.0
+        return _Swing(None, np.zeros(0), np.zeros(0), (0.0, 1.0), (0.0, math.inf))
     flip = np.array([direction, 1.0])
     mass = mapping.point(pendulum.track.centre_px) * flip
     pivot = mapping.point(pendulum.pivot_px) * flip
@@ -244,14 +261,24 @@ def _pendulum(
         outward = np.stack([direction * np.sin(turn), np.cos(turn)], axis=-1)
         mass = mapping.point(pendulum.pivot_px + pendulum.arm_px * outward) * flip
     arm = mass - pivot
+    angle = np.arctan2(arm[:, 0], -arm[:, 1])
     scale = float(np.median(np.hypot(*arm.T))) / pendulum.arm_px
-    lead_std = max(pendulum.face_lead_std_px, _LEAST_LEAD_STD_PX)
-    return (
+    face = pendulum.face
+    phi = float(angle[np.argmin(np.abs(pendulum.track.frame - face.frame))])
+    normal = np.array([np.cos(phi), np.sin(phi)])
+
+    def lead(point_px: FloatArray | None, std_px: float) -> tuple[float, float]:
+        if point_px is None:
+            return 0.0, math.inf
+        ahead = float((mapping.point(point_px) * flip - pivot) @ normal)
+        return ahead, max(std_px, _LEAST_LEAD_STD_PX) * scale
+
+    return _Swing(
         pivot,
-        np.arctan2(arm[:, 0], -arm[:, 1]),
+        angle,
         pendulum.angle_std_rad,
-        pendulum.face_lead_px * scale,
-        lead_std * scale,
+        lead(face.edge_px, face.edge_std_px),
+        lead(face.middle_px, face.middle_std_px),
     )
 
 

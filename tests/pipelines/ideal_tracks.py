@@ -23,6 +23,10 @@ class Noise:
     seed: int = 0
 
 
+SLANT, HALF_THICKNESS_M = -0.2, 0.045
+"""Of the line of sight to the face, and of the mass."""
+
+
 @cache
 def known_stroke(ball: str, backswing_deg: float) -> tuple[Scene, Shot]:
     """A scene and its stroke; first touch is at t = 0."""
@@ -41,6 +45,7 @@ def ideal_tracks(
     angle = moment.phi + rng.normal(0.0, noise.angle, count)
     rest = shot.motion.at([first_s]).ball[0, :2]
     near = time + first_s < 0.25
+    lead = scene.pendulum.face_offset + float(rng.normal(0.0, noise.lead))
     return MetricTracks(
         ball_frame=np.arange(count),
         ball_time_s=time,
@@ -52,9 +57,11 @@ def ideal_tracks(
         swing_time_s=time[near],
         swing_rad=angle[near],
         swing_std_rad=np.full(int(near.sum()), noise.angle),
-        lead_m=scene.pendulum.face_offset + float(rng.normal(0.0, noise.lead)),
+        lead_m=lead - SLANT * HALF_THICKNESS_M,
         lead_std_m=noise.lead,
-        face_slant=0.0,
+        middle_lead_m=lead,
+        middle_lead_std_m=noise.lead,
+        face_slant=SLANT,
         radius_m=scene.ball.radius,
         direction=1.0,
     )

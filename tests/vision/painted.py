@@ -11,6 +11,7 @@ from vision.clip_info import Frame
 
 FINE = 8
 GAMMA = 1.85
+PIVOT_PX = (60.0, 12.0)
 
 
 @dataclass(frozen=True)
@@ -60,22 +61,47 @@ def with_ball(
 
 
 def with_box(
-    light: NDArray[np.float64], pivot: tuple[float, float], arm: float, angle: float, half: float
+    light: NDArray[np.float64],
+    pivot: tuple[float, float],
+    arm: float,
+    angle: float,
+    half: float,
+    strip: float = 0.0,
+    shadow: float = 0.0,
 ) -> NDArray[np.float64]:
-    """Put a square mass on an arm before a scene; `angle` from straight down, to the right."""
-    height, width = light.shape
+    """Put a square mass on an arm before a scene; `angle` from straight down, to the right.
+
+    Its foremost `strip` is darker, as a face in shade; its shadow on the wall reaches `shadow`
+    ahead of it.
+    """
+    light = light * (1 - 0.35 * _bar(light.shape, pivot, arm, angle, half, (0.0, half + shadow)))
+    whole = _bar(light.shape, pivot, arm, angle, half, (-half, half))
+    side = _bar(light.shape, pivot, arm, angle, half, (-half, half - strip))
+    shade = 0.03 if strip else 0.15
+    return light * (1 - whole) + (0.15 * side + shade * (whole - side))
+
+
+def _bar(
+    shape: tuple[int, ...],
+    pivot: tuple[float, float],
+    arm: float,
+    angle: float,
+    half: float,
+    across: tuple[float, float],
+) -> NDArray[np.float64]:
+    """Part of each pixel covered by a bar as tall as the mass, so far from the arm's line."""
+    height, width = shape
     scale = 4
     along = np.array([np.sin(angle), np.cos(angle)])
     side = np.array([np.cos(angle), -np.sin(angle)])
     middle = np.array(pivot) + arm * along
-    corners = [
-        middle + half * (a * along + b * side) for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))
-    ]
+    ends = ((1, across[1]), (1, across[0]), (-1, across[0]), (-1, across[1]))
+    corners = [middle + half * a * along + b * side for a, b in ends]
     canvas = np.zeros((height * scale, width * scale), np.uint8)
     points = np.rint(((np.array(corners) + 0.5) * scale - 0.5) * 16).astype(np.int32)
-    cv2.fillPoly(canvas, [points], 255, lineType=cv2.LINE_AA, shift=4)
-    part = canvas.reshape(height, scale, width, scale).mean(axis=(1, 3)) / 255.0
-    return light * (1 - part) + 0.08 * part
+    if across[1] > across[0]:
+        cv2.fillPoly(canvas, [points], 255, lineType=cv2.LINE_AA, shift=4)
+    return np.asarray(canvas.reshape(height, scale, width, scale).mean(axis=(1, 3)) / 255.0)
 
 
 def exposed(
@@ -95,6 +121,8 @@ def struck_ball(
     flicker: float = 0.0,
     slower: float = 1.0,
     begin: int = 0,
+    strip: float = 0.0,
+    shadow: float = 0.0,
 ) -> tuple[PaintedClip, NDArray[np.float64], NDArray[np.float64]]:
     """Paint a box swinging down, striking a resting ball at frame 40; ball centres and angles.
 
@@ -102,7 +130,7 @@ def struck_ball(
     """
     height, width, radius = 120, 240, 11.0
     scene = wall(height, width)
-    pivot, arm, half = (60.0, 12.0), 62.0, 8.0
+    pivot, arm, half = PIVOT_PX, 62.0, 8.0
     rest = np.array([pivot[0] + half + radius, pivot[1] + arm])
     pictures, centres, angles = [], [], []
     for index in range(begin, begin + frames):
@@ -110,7 +138,7 @@ def struck_ball(
         angle = 0.03 * time if time < 0 else 0.022 * time
         flight = max(time, 0.0)
         centre = rest + np.array([2.3 * flight, -0.9 * flight + 0.5 * 0.03 * flight**2])
-        light = with_box(scene, pivot, arm, angle, half)
+        light = with_box(scene, pivot, arm, angle, half, strip, shadow)
         light = with_ball(light, (float(centre[0]), float(centre[1])), radius)
         gain = 1.0 + flicker * np.sin(1.1 * index)
         pictures.append(exposed(light, noise, index, gain))

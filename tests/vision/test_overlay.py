@@ -8,7 +8,7 @@ from metrology import ClipError, UsageError
 from tests.vision.written_clips import HEIGHT, WIDTH, moving_disc, write_clip
 from vision.clip import Clip
 from vision.overlay import OverlayMarks, overlay_still, png_bytes, write_overlay
-from vision.tracks import PendulumTrack, Track, Tracks
+from vision.tracks import Face, PendulumTrack, Track, Tracks
 
 BALL, PENDULUM, CONTACT, GRID = (0, 159, 230), (233, 180, 86), (0, 94, 213), (115, 158, 0)
 COUNT = 8
@@ -35,7 +35,7 @@ def tracks():
     mass = track([(100 + i, 90 - i) for i in frames[:4]], 6.0, frames[:4])
     pendulum = PendulumTrack(
         mass, np.linspace(0, 0.1, 4), np.full(4, 0.001), np.array([110.0, 20.0]), np.eye(2),
-        70.0, 5.0, 0.1,
+        70.0, Face(1, np.array([115.0, 90.0]), 0.1),
     )  # fmt: skip
     return Tracks(ball, pendulum, np.zeros((HEIGHT, WIDTH), np.float32), None)
 
