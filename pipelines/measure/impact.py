@@ -11,6 +11,7 @@ from pipelines.measure.flight_fit import FlightFit, FlightPriors, fit_flight
 from pipelines.measure.flight_span import LONGEST_CONTACT_S, flight_end
 from pipelines.measure.inputs import GRAVITY_STD, STIFFNESS_SHARE, Inputs
 from pipelines.measure.metres import MetricTracks
+from pipelines.measure.striking_face import face_lead, pivot_in_plane
 from pipelines.measure.swing_fit import fit_swing
 
 __all__ = ["Impact", "departure", "find_impact"]
@@ -24,18 +25,6 @@ _ROUNDS = 3
 STRAY_RADII = 0.15
 LEAST_COR, MOST_COR = 0.1, 1.15
 """No passive contact returns more speed than it takes; the measurement may, by a little."""
-UNSEEN_SLANT = 0.25
-"""Slope of a line of sight from a camera of which nothing is known but that it sees the strike."""
-STEEL, THICKNESS_SHARE = 7850.0, 0.3
-"""kg/m³; how far the thickness of a mass may be from that of a cube of steel as heavy."""
-THICKNESSES = (0.4, 2.0)
-"""Thickness a mass may have, over that of such a cube."""
-SLANT_STD = 0.03
-STRUCK_OFF_CENTRE_M = 0.004
-IMPACT_ANGLE_STD = np.radians(0.4)
-PIVOT_SHARE = 0.15
-"""Of half the thickness of the mass: its sides turn to the camera as it swings, which moves the
-centre of its arc."""
 
 
 @dataclass(frozen=True)
@@ -205,7 +194,8 @@ def _view(
     radius = tracks.radius_m if inputs.ball is None else 0.5 * inputs.ball.diameter
     near = (tracks.ball_time_s > onset - 0.01) & (tracks.ball_time_s < release + 0.005)
     swinging = (time > onset - 0.01) & (time < release + 0.005)
-    lead, lead_std = _lead(tracks, inputs, radius)
+    pivot = pivot_in_plane(tracks, inputs)
+    lead, lead_std = face_lead(tracks, inputs, radius, onset)
     return ImpactView(
         before=fit_swing(
             time[before],
@@ -226,7 +216,7 @@ def _view(
         flight=flight,
         rest=tracks.rest_m,
         rest_std=tracks.rest_std_m,
-        pivot=tracks.pivot_m,
+        pivot=pivot,
         radius=radius,
         time_s=tracks.ball_time_s[near],
         position_m=tracks.ball_m[near],
@@ -237,62 +227,3 @@ def _view(
         lead=lead,
         lead_std=lead_std,
     )
-
-
-def _lead(tracks: MetricTracks, inputs: Inputs, radius: float) -> tuple[float, float]:
-    """Lead of the face before contact is looked at: as seen, and from the impact angle."""
-    assert tracks.pivot_m is not None
-    arm = tracks.rest_m - tracks.pivot_m
-    reach = float(np.hypot(*arm))
-    seen, seen_std = _seen_lead(tracks, inputs)
-    if inputs.ball is None or inputs.ball.launch_angle is None:
-        return seen, seen_std
-    angle = inputs.ball.launch_angle
-    written = float(arm[0] * np.cos(angle) + arm[1] * np.sin(angle)) - radius
-    pivot_std = PIVOT_SHARE * _half_thickness(inputs)
-    weights = np.array([seen_std, float(np.hypot(IMPACT_ANGLE_STD * reach, pivot_std))]) ** -2.0
-    mean = float(weights @ [seen, written] / weights.sum())
-    return mean, float(weights.sum() ** -0.5)
-
-
-def _seen_lead(tracks: MetricTracks, inputs: Inputs) -> tuple[float, float]:
-    """Lead of the middle of the face: between its rims, or behind the foremost edge, m, and std."""
-    if _shows_its_face(tracks, inputs):
-        return tracks.middle_lead_m, float(np.hypot(tracks.middle_lead_std_m, _off_centre(tracks)))
-    ahead, ahead_std = _edge_before_face(tracks, inputs)
-    return tracks.lead_m - ahead, float(np.hypot(tracks.lead_std_m, ahead_std))
-
-
-def _shows_its_face(tracks: MetricTracks, inputs: Inputs) -> bool:
-    """Whether the strip seen is as wide as the face of such a mass can look from there."""
-    if not np.isfinite(tracks.middle_lead_std_m):
-        return False
-    if tracks.face_slant is None:
-        low, high = 0.0, UNSEEN_SLANT
-    else:
-        low, high = -tracks.face_slant - SLANT_STD, -tracks.face_slant + SLANT_STD
-    strip = (tracks.lead_m - tracks.middle_lead_m) / _half_thickness(inputs)
-    return THICKNESSES[0] * low < strip < THICKNESSES[1] * high
-
-
-def _off_centre(tracks: MetricTracks) -> float:
-    """What a ball that is not struck in the middle of the face's depth shifts, m."""
-    return STRUCK_OFF_CENTRE_M * abs(tracks.face_slant or UNSEEN_SLANT)
-
-
-def _edge_before_face(tracks: MetricTracks, inputs: Inputs) -> tuple[float, float]:
-    """How far the foremost edge seen lies ahead of the middle of the face, m, and its uncertainty.
-
-    From a camera off to one side, the near or the far edge of a thick mass stands out ahead of
-    where the face meets the ball.
-    """
-    half = _half_thickness(inputs)
-    if tracks.face_slant is None:
-        return 0.0, UNSEEN_SLANT * half
-    ahead = abs(tracks.face_slant) * half
-    return ahead, half * float(np.hypot(THICKNESS_SHARE * tracks.face_slant, SLANT_STD))
-
-
-def _half_thickness(inputs: Inputs) -> float:
-    """Half the thickness of the mass, m, were it a cube of steel."""
-    return float(0.5 * (inputs.pendulum.mass / STEEL) ** (1.0 / 3.0))

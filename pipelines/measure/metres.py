@@ -30,8 +30,8 @@ class PlaneMapping(Protocol):
     def point(self, px: FloatArray) -> FloatArray:
         """Points (..., 2) of the ball plane behind pixels."""
 
-    def slant(self, point: FloatArray) -> float | None:
-        """Horizontal slope of the line of sight to a point of the ball plane; None if unknown."""
+    def eye(self) -> FloatArray | None:
+        """Where the camera stands: x, y and distance from the ball plane; None if unknown."""
 
 
 @dataclass(frozen=True)
@@ -49,11 +49,11 @@ class CameraMapping:
         c = self.calibration
         return np.asarray(c.grid_camera.to_plane(px, c.ball_plane_offset) + c.origin)
 
-    def slant(self, point: FloatArray) -> float | None:
-        """Horizontal slope of the line of sight to a point of the ball plane."""
+    def eye(self) -> FloatArray:
+        """Where the camera stands: x, y and distance from the ball plane."""
         c = self.calibration
-        foot = c.grid_camera.position[0] + c.origin[0]
-        return float((point[0] - foot) / (c.camera_distance - c.ball_plane_offset))
+        x, y = c.grid_camera.position[:2] + c.origin[:2]
+        return np.array([x, y, c.camera_distance - c.ball_plane_offset])
 
 
 @dataclass(frozen=True)
@@ -94,7 +94,7 @@ class BallScale:
         turned = (grown - rest) @ np.array([[cosine, -sine], [-sine, -cosine]])
         return np.asarray(turned * self.metres_per_px)
 
-    def slant(self, point: FloatArray) -> float | None:
+    def eye(self) -> None:
         """Nothing tells where such a camera stands."""
         return None
 
@@ -121,6 +121,8 @@ class MetricTracks:
         Slope of the line of sight to the striking face along the flight: what the mass' thickness
         adds to its foremost edge, per thickness in front of or behind the ball plane. Negative
         where the camera sees the face.
+    eye_m : (3,) array or None
+        Where the camera stands: x, y and distance from the ball plane; None if unknown.
     radius_m : float
         Apparent radius of the ball.
     direction : float
@@ -142,6 +144,7 @@ class MetricTracks:
     middle_lead_m: float
     middle_lead_std_m: float
     face_slant: float | None
+    eye_m: FloatArray | None
     radius_m: float
     direction: float
 
@@ -195,7 +198,8 @@ def tracks_in_metres(tracks: Tracks, mapping: PlaneMapping, time_s: FloatArray) 
     pendulum = tracks.pendulum
     rest = np.median(position[still], axis=0)
     radius = _apparent_radius(tracks, mapping)
-    slant = mapping.slant(rest - np.array([direction * radius, 0.0]))
+    eye = mapping.eye()
+    eye = None if eye is None else eye * np.append(flip, 1.0)
     return MetricTracks(
         ball_frame=ball.frame,
         ball_time_s=time_s[ball.frame],
@@ -212,7 +216,8 @@ def tracks_in_metres(tracks: Tracks, mapping: PlaneMapping, time_s: FloatArray) 
         lead_std_m=swing.edge[1],
         middle_lead_m=swing.middle[0],
         middle_lead_std_m=swing.middle[1],
-        face_slant=None if slant is None else direction * slant,
+        face_slant=None if eye is None else float((rest[0] * direction - radius - eye[0]) / eye[2]),
+        eye_m=eye,
         radius_m=radius,
         direction=direction,
     )

@@ -62,6 +62,7 @@ def ideal_tracks(
         middle_lead_m=lead,
         middle_lead_std_m=noise.lead,
         face_slant=SLANT,
+        eye_m=None,
         radius_m=scene.ball.radius,
         direction=1.0,
     )

@@ -11,6 +11,7 @@ from pipelines.measure.flight_span import flight_end
 from pipelines.measure.impact import departure, find_impact
 from pipelines.measure.inputs import gather_inputs
 from pipelines.measure.metres import MetricTracks
+from pipelines.measure.striking_face import NEAR_SHARE, STEEL
 from pipelines.setup_file import Setup
 from sample_videos import Shot
 from tests.pipelines.ideal_tracks import Noise, ideal_tracks, known_stroke
@@ -155,3 +156,32 @@ def test_a_mass_too_slow_to_have_struck_the_ball_is_refused() -> None:
     impact = find_impact(slowed, gather_inputs(Setup(), "basketball", None))
     assert impact.contact is None
     assert "--mass-at" in impact.reason
+
+
+def test_a_mass_followed_by_its_near_side_gives_the_speeds_of_its_middle() -> None:
+    scene, shot = known_stroke("jokku", 120.0)
+    ideal = ideal_tracks(scene, shot, Noise())
+    assert ideal.pivot_m is not None
+    eye = np.array([0.8, -0.1, 3.5])
+    inputs = gather_inputs(Setup(), "jokku", None)
+    half = 0.5 * (inputs.pendulum.mass / STEEL) ** (1.0 / 3.0)
+    larger = 1.0 + NEAR_SHARE * half / eye[2]
+    pivot = eye[:2] + larger * (ideal.pivot_m - eye[:2])
+    phi = truth(shot)["contact_start"]
+    normal_at = float(np.interp(phi, ideal.swing_time_s, ideal.swing_rad))
+    shift = (pivot - ideal.pivot_m) @ [np.cos(normal_at), np.sin(normal_at)]
+    slant = float((ideal.rest_m[0] - ideal.radius_m - eye[0]) / eye[2])
+    seen = replace(
+        ideal,
+        pivot_m=pivot,
+        eye_m=eye,
+        face_slant=slant,
+        middle_lead_m=ideal.middle_lead_m - shift,
+        lead_m=ideal.middle_lead_m - shift - slant * half,
+    )
+    found, _ = measured(seen, "jokku")
+    blind, _ = measured(replace(seen, eye_m=None), "jokku")
+    true = truth(shot)
+    for name in ("pendulum_speed_before", "pendulum_speed_after", "cor_speeds"):
+        assert found[name] == pytest.approx(true[name], rel=2e-3), name
+    assert blind["pendulum_speed_before"] / true["pendulum_speed_before"] > 1.004
