@@ -34,6 +34,9 @@ CATALOGUE_TRUST = 0.98
 """Probability that a law holds as the catalogue writes it: of names given with odds beyond a
 hundred to one, about one in fifty was wrong on campaigns drawn for development."""
 
+HINT = 3.0
+"""Misfit from which what an answer leaves over speaks against the setup around it."""
+
 LEAST_ROWS = 12
 
 
@@ -222,7 +225,7 @@ def _verdict(
         _next_measurement(best, rivals, groups),
         kept,
         remainder,
-        (*campaign.notes, *noise_notes(campaign, prepared)),
+        (*campaign.notes, *noise_notes(campaign, prepared), *_setup_notes(forward, best)),
     )
 
 
@@ -266,6 +269,23 @@ def _weights(naming: Naming) -> FloatArray:
     )
 
 
+def _setup_trust(forward: Forward, best: Hypothesis) -> float:
+    """How far the setup around a name can be believed, by what the name leaves over.
+
+    Free flights need little of a setup; a strike needs all of it.
+    """
+    return min(1.0, HINT / best.misfit) if forward.mode == "impact" else 1.0
+
+
+def _setup_notes(forward: Forward, best: Hypothesis | None) -> tuple[str, ...]:
+    if best is None or _setup_trust(forward, best) == 1.0:
+        return ()
+    return (
+        "nothing comes near the noise: check pendulum, support and balls in the setup before"
+        " believing a name",
+    )
+
+
 def _law_error(identity: str) -> float:
     """Relative uncertainty of a strength because the law differs from apparatus to apparatus."""
     return 0.02 if identity in LOOSE_LAWS else 0.0
@@ -295,7 +315,7 @@ def _named(forward: Forward, naming: Naming) -> tuple[NamedEffect, ...]:
         statement = member.effect.statement
         if member.id == "unnamed":
             statement = _law_in_words(member.effect, parameters)
-        trust = CATALOGUE_TRUST ** len(best.members)
+        trust = CATALOGUE_TRUST ** len(best.members) * _setup_trust(forward, best)
         probability = min(0.999, trust * real * share / total)
         named.append(
             NamedEffect(member.id, statement, probability, tuple(parameters), member.effect.form)

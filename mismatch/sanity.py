@@ -123,7 +123,7 @@ def _refuse_upside_down(campaign: Campaign, gravity: float) -> None:
             time = trial.ball_time[rows]
             bend = np.polyfit(time - time.mean(), trial.position[rows, 1], 2)[0]
             found.append(2.0 * float(bend) / gravity)
-    if found and abs(np.median(found) - 1.0) < ASIDE:
+    if found and float(np.median(np.abs(np.array(found) - 1.0))) < ASIDE:
         raise UsageError(
             f"the balls fall upward, with {np.median(found):.2g} g: y_m runs downward",
             hint="y_m is up from the floor; pictures count their rows downward.",

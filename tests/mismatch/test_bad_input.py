@@ -61,6 +61,14 @@ def test_a_setup_that_contradicts_the_data_is_refused():
         explain(Campaign(wrong), baseline)
 
 
+def test_a_setup_with_a_wrong_pendulum_makes_no_name_sure():
+    campaign, baseline = struck_campaign(seed=3)
+    heavy = replace(baseline.pendulum, inertia=1.5 * baseline.pendulum.inertia)
+    verdict = explain(campaign, replace(baseline, pendulum=heavy))
+    assert all(effect.probability < 0.8 for effect in verdict.effects)
+    assert any("check pendulum" in note for note in verdict.notes)
+
+
 def test_a_users_effect_that_raises_is_named_in_the_error():
     class Raising(Effect):
         def force(self, values, flight):
