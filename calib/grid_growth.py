@@ -12,7 +12,7 @@ __all__ = ["growths", "no_grid", "only_stripes", "ranked"]
 
 FloatArray = NDArray[np.float64]
 
-SEEDS_TRIED = 8
+SEEDS_TRIED = 12
 SEARCH_WIDTH = 960
 ENOUGH_AREA = 0.7
 MOST_UNEVEN = 1.6

@@ -14,6 +14,8 @@ WINDOWS = (32, 64, 128, 256)
 PERIODS_ACROSS = 4.0
 """A window holds at least this many periods of what is looked for in it."""
 HIGHEST_FREQUENCY = 0.46
+FOLDED_FREQUENCY = 1.0 / 3.0
+"""Cycles per px; waves above may be fine lines folded over, so longer ones are looked for, too."""
 SMALLEST_ANGLE = np.radians(30.0)
 CLIP_AT = 4.0
 ALIKE = 0.2
@@ -90,13 +92,15 @@ def find_seeds(image: FloatArray, *, keep: int = 8) -> list[Seed]:
             break
         flat = flattened(image, window / 6.0)
         here = [
-            seed
+            _window_seeds(flat, left, top, window)
             for top in _starts(image.shape[0], window)
             for left in _starts(image.shape[1], window)
-            if (seed := _seed(flat, left, top, window)) is not None
         ]
-        here.sort(key=lambda seed: seed.strength, reverse=True)
-        seeds += here[:keep]
+        for alike in (
+            [pair[0] for pair in here if pair],
+            [one for pair in here for one in pair[1:]],
+        ):
+            seeds += sorted(alike, key=lambda seed: seed.strength, reverse=True)[:keep]
     return sorted(seeds, key=lambda seed: seed.strength, reverse=True)
 
 
@@ -105,7 +109,16 @@ def _starts(length: int, window: int) -> NDArray[np.int64]:
     return np.unique(np.linspace(0, length - window, count).astype(np.int64))
 
 
-def _seed(flat: FloatArray, left: int, top: int, window: int) -> Seed | None:
+def _window_seeds(flat: FloatArray, left: int, top: int, window: int) -> list[Seed]:
+    """The seed of a window; where it is very fine, also that of its longer waves."""
+    seed = _seed(flat, left, top, window, HIGHEST_FREQUENCY)
+    if seed is None or np.linalg.norm(seed.waves, axis=1).max() < FOLDED_FREQUENCY:
+        return [] if seed is None else [seed]
+    longer = _seed(flat, left, top, window, FOLDED_FREQUENCY)
+    return [seed] if longer is None else [seed, longer]
+
+
+def _seed(flat: FloatArray, left: int, top: int, window: int, highest: float) -> Seed | None:
     patch = flat[top : top + window, left : left + window]
     taper = np.hanning(window + 2)[1:-1]
     size = 2 * window
@@ -114,7 +127,7 @@ def _seed(flat: FloatArray, left: int, top: int, window: int) -> Seed | None:
     fx = np.fft.rfftfreq(size)[np.newaxis, :]
     fy = np.fft.fftshift(np.fft.fftfreq(size))[:, np.newaxis]
     radius = np.maximum(np.hypot(fx, fy), 1e-9)
-    ring = (radius > PERIODS_ACROSS / window) & (radius < HIGHEST_FREQUENCY)
+    ring = (radius > PERIODS_ACROSS / window) & (radius < highest)
     floor = float(np.median(power[ring]))
     if floor <= 0.0:
         return None
