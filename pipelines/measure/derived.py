@@ -152,7 +152,7 @@ def _add_restitution(
     out["pendulum_speed_before"] = omega_before * arm
     out["pendulum_speed_after"] = omega_after * arm
     # a misplaced pivot puts angles off by the ratio of the arms, speeds it leaves alone
-    true_rate = arm / body.length if inputs.setup.pendulum is not None else 1.0
+    true_rate = arm / body.length
     spent = (omega_before**2 - omega_after**2) * true_rate**2
     out["energy_loss"] = 0.5 * body.inertia * spent
     state = flight.states(np.array([release]))[0]
