@@ -83,6 +83,8 @@ def explain_clips(
     hold_out: tuple[str, ...] | None = None,
     effects_file: Path | None = None,
     trials: Path | None = None,
+    *,
+    strikes: bool = False,
 ) -> Explained:
     """Measure clips and explain them as one campaign, one trial a clip.
 
@@ -98,6 +100,8 @@ def explain_clips(
         A Python file with a user's own effects.
     trials : Path, optional
         A table of the clips with their back-swings and balls.
+    strikes : bool
+        Compare swing and contact, too, where all back-swings are known.
 
     Raises
     ------
@@ -106,7 +110,7 @@ def explain_clips(
     """
     known = with_rig(setup if isinstance(setup, Setup) else load_setup(setup))
     facts = None if trials is None else clip_facts(trials)
-    campaign = campaign_from_clips(clips, known, facts)
+    campaign = campaign_from_clips(clips, known, facts, strikes=strikes)
     return explain_campaign(campaign, known, hold_out, effects_file)
 
 
@@ -160,6 +164,9 @@ def explain_command(
         Path | None,
         typer.Option(help="Clips only: a table clip,backswing_deg,ball of what was written down."),
     ] = None,
+    strikes: Annotated[
+        bool, typer.Option(help="Clips only: compare swing and contact, too, not flights alone.")
+    ] = False,
     hold_out: Annotated[
         str | None, typer.Option(help="Trials to keep out of the fit, separated by commas.")
     ] = None,
@@ -189,7 +196,7 @@ def explain_command(
     held = tuple(name.strip() for name in hold_out.split(",")) if hold_out else None
     explained: Explained | TableExplained
     if inputs and ball is None:
-        explained = explain_clips(inputs, setup, held, effects, trials)
+        explained = explain_clips(inputs, setup, held, effects, trials, strikes=strikes)
     elif ball is not None and is_trial_table(ball):
         if pendulum is not None:
             raise UsageError(

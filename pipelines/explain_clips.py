@@ -84,11 +84,14 @@ def campaign_from_clips(
     setup: Setup,
     facts: Mapping[str, ClipFacts] | None = None,
     measure: Callable[[Path, MeasureOptions], Measurement] = measure_clip,
+    *,
+    strikes: bool = False,
 ) -> ClipCampaign:
     """Measure clips and lay their tracks out as trials.
 
-    A clip whose back-swing is neither told nor in view starts from the angle that its speed before
-    contact implies without losses; losses of the swing can then only be seen in the recorded part.
+    Flights are compared; with `strikes` the swing and the contact, too. A clip whose back-swing is
+    neither told nor in view starts from the angle that its speed before contact implies without
+    losses; losses of the swing can then only be seen in the recorded part.
     A clip that can't be measured is left out and noted, unless none can.
 
     Parameters
@@ -99,6 +102,9 @@ def campaign_from_clips(
         Clip's name → what the lab wrote down about it.
     measure : callable
         The measuring chain.
+    strikes : bool
+        Compare swing and contact, too. All clips of a camera share errors of the pendulum's pivot,
+        about half a degree in its angles, which are told as physics where there is none.
 
     Raises
     ------
@@ -136,10 +142,11 @@ def campaign_from_clips(
     left_out = [
         f"{path.name} could not be measured and is left out: {why.message}" for path, why in refused
     ]
-    if not all(_struck(trial, setup) for trial in trials):
+    told = all(_struck(trial, setup) for trial in trials)
+    if not (strikes and told):
         # Without a whole strike to compare, rest and contact are no part of a free flight.
         trials = [_flight_only(t, r) for t, r in zip(trials, releases, strict=True)]
-        notes.insert(0, "not every strike is known from its back-swing on: flights are compared")
+        notes.insert(0, _why_flights(told))
     return ClipCampaign(tuple(trials), (*left_out, *notes), common_widths(widths))
 
 
@@ -149,6 +156,15 @@ def with_rig(setup: Setup) -> Setup:
         setup,
         pendulum=setup.pendulum or PAPER_PENDULUM,
         support=setup.support or PAPER_SUPPORT,
+    )
+
+
+def _why_flights(told: bool) -> str:
+    if not told:
+        return "not every strike is known from its back-swing on: flights are compared"
+    return (
+        "flights are compared; --strikes compares swing and contact, too, but clips of one camera "
+        "share errors of about half a degree in the pendulum's angles"
     )
 
 

@@ -22,6 +22,7 @@ FloatImage = NDArray[np.float32]
 
 _LOST_AFTER = 4
 _FEWEST = 6
+_LEARNT_EVERY = 4
 _TRIAL_FRAMES = 14
 _LEAST_ADVANCE_PX = 1.0
 _SHADOW_LEAVES = 30
@@ -249,6 +250,9 @@ class _Tracker:
                 poses[index] = pose
                 usual.append(pose.misfit)
                 missed = 0
+                # a short way in tells little of the arc: it is learnt on the way
+                if arc is not None and len(poses) % _LEARNT_EVERY == 0:
+                    arc = _arc_of(poses) or arc
             index += direction
 
 

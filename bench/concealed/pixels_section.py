@@ -58,7 +58,7 @@ def section(folder: Path) -> list[str]:
     left = f"; not answered for this page: {', '.join(missing)}" if missing else ""
     return [
         f"Six campaigns of eight clips of {SIZE[0]} × {SIZE[1]} px, filmed by `sample_videos`,"
-        " measured by the chain and explained as `vision explain CLIP… --trials` does"
+        " measured by the chain and explained as `vision explain CLIP…` does"
         f" (`python -m bench.concealed.pixels`): {hits} of {len(rows)} right{left}.",
         "",
         "| campaign | concealed | clips measured | said | with | right |",

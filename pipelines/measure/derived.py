@@ -167,14 +167,14 @@ def _add_restitution(
     )
 
     def turned(launched: FloatArray) -> float:
-        reach = launched[:2] - view.pivot
+        reach = (launched[:2] - view.pivot) / true_rate
         carried = mass * (reach[0] * launched[3] - reach[1] * launched[2])
         middle = 0.5 * (phi_before + phi_after)
         weight = body.mass * body.com * np.sin(middle) + mass * 0.5 * (
-            reach[0] + rest[0] - view.pivot[0]
+            reach[0] + (rest[0] - view.pivot[0]) / true_rate
         )
         lost = inputs.gravity * weight * (release - onset)
-        return float(omega_before - (carried + lost) / body.inertia)
+        return float(omega_before - (carried + lost) / (body.inertia * true_rate))
 
     out["cor_launch"] = _cor(state, turned(state), omega_before, phi_after, view, arm, share)
     distance = out["landing_distance"]

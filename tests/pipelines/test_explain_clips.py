@@ -61,7 +61,8 @@ def chain(answers):
 
 
 def test_tracks_start_at_rest_on_the_support_and_end_where_the_flight_does():
-    campaign = campaign_from_clips([Path("one.mp4")], SETUP, None, chain({"one": measured()}))
+    answers = chain({"one": measured()})
+    campaign = campaign_from_clips([Path("one.mp4")], SETUP, None, answers, strikes=True)
     trial = campaign.trials[0]
     rig = with_rig(SETUP)
     assert trial.position[0, :2] == pytest.approx([0.0, rig.support.height + 0.201750 / 2])
@@ -75,7 +76,7 @@ def test_a_backswing_is_told_seen_or_taken_from_the_speed_in_that_order():
     answers = {"a": measured(backswing_deg=50.0), "b": measured(backswing_deg=50.0),
                "c": measured()}  # fmt: skip
     facts = {"a": ClipFacts(math.radians(61.0))}
-    campaign = campaign_from_clips(clips, SETUP, facts, chain(answers))
+    campaign = campaign_from_clips(clips, SETUP, facts, chain(answers), strikes=True)
     angles = [math.degrees(trial.backswing) for trial in campaign.trials]
     assert angles[:2] == pytest.approx([61.0, 50.0])
     assert 45.0 < angles[2] < 60.0
@@ -117,8 +118,18 @@ def test_without_a_backswing_flights_alone_are_compared():
         assert trial.pendulum_time.size == 0
     assert "flights are compared" in campaign.notes[0]
     bare = replace(SETUP, ball=replace(SETUP.ball, cor=None))
-    campaign = campaign_from_clips([Path("b.mp4")], bare, None, chain(answers))
+    campaign = campaign_from_clips([Path("b.mp4")], bare, None, chain(answers), strikes=True)
     assert campaign.trials[0].backswing is None
+
+
+def test_strikes_are_compared_only_where_that_is_asked_for():
+    answers = chain({"b": measured(backswing_deg=50.0)})
+    flights = campaign_from_clips([Path("b.mp4")], SETUP, None, answers)
+    strikes = campaign_from_clips([Path("b.mp4")], SETUP, None, answers, strikes=True)
+    assert flights.trials[0].backswing is None
+    assert "--strikes" in flights.notes[0]
+    assert strikes.trials[0].backswing == pytest.approx(math.radians(50.0))
+    assert strikes.trials[0].pendulum_time.size > 0
 
 
 def test_two_clips_of_one_name_are_refused():
