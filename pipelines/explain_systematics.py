@@ -13,13 +13,16 @@ from pipelines.measure.inputs import DIAMETER_SHARE
 from pipelines.measure.metres import CameraMapping
 from pipelines.measurement import Measurement
 
-__all__ = ["calibration_widths", "common_widths", "within_calibration"]
+__all__ = ["calibration_widths", "common_widths", "outline_shares", "within_calibration"]
 
 COVERED = 2.5
 """Standard uncertainties within which a fault is what the calibration itself allows."""
 
 UNSEEN_ROLL = math.radians(1.0)
 """How far a camera is tilted that nothing in the picture levels."""
+
+OUTLINE_PX = 0.15
+"""How far the outline of a ball may wander along its flight, by its shading against the wall."""
 
 LEAST_AXIS = 1e-12
 
@@ -33,6 +36,8 @@ PARAMETERS = {
 def calibration_widths(measured: Measurement) -> dict[str, float]:
     """Standard uncertainties of rate and scale (relative) and of roll (rad) of one clip.
 
+    The calibration's, and what the ball's outline adds: slow errors that all clips share.
+
     Returns
     -------
     dict
@@ -44,7 +49,19 @@ def calibration_widths(measured: Measurement) -> dict[str, float]:
     rows = np.isin(measured.tracks.ball.frame, measured.impact.tracks.ball_frame)
     px = measured.tracks.ball.centre_px[rows]
     scale, roll = _scale_and_roll(measured.calibration, px[:: max(1, len(px) // 40)])
-    return {"time_base": rate, "length_scale": scale, "camera_roll": roll}
+    # free fall is the clock and the rule of a flight, and it is the picture's rows that show it
+    along, fall = outline_shares(px)
+    return {
+        "time_base": math.hypot(rate, 0.5 * fall),
+        "length_scale": math.hypot(scale, fall),
+        "camera_roll": math.hypot(roll, along),
+    }
+
+
+def outline_shares(px: np.ndarray) -> tuple[float, float]:
+    """What a wandering outline is of a path's (N, 2) extent along and across the picture's rows."""
+    along, fall = OUTLINE_PX / np.maximum(np.ptp(px, axis=0), OUTLINE_PX)
+    return float(along), float(fall)
 
 
 def _scale_and_roll(calibration: Calibration, px: np.ndarray) -> tuple[float, float]:

@@ -16,6 +16,7 @@ from pipelines.explain_clips import ClipFacts, campaign_from_clips, clip_facts, 
 from pipelines.explain_systematics import (
     calibration_widths,
     common_widths,
+    outline_shares,
     within_calibration,
 )
 from pipelines.setup_file import parse_setup
@@ -170,3 +171,11 @@ def test_an_error_that_the_calibration_allows_is_no_finding():
     physics = within_calibration(_named("wind", "wind_x", 0.001), widths)
     assert physics.effects
     assert "the calibration knows" in physics.notes[-1]
+
+
+def test_an_outline_that_wanders_matters_the_more_the_smaller_the_picture():
+    path = np.array([[10.0, 80.0], [110.0, 50.0], [210.0, 110.0]])
+    along, fall = outline_shares(path)
+    assert (along, fall) == pytest.approx((0.15 / 200.0, 0.15 / 60.0))
+    assert outline_shares(0.5 * path) == pytest.approx((2.0 * along, 2.0 * fall))
+    assert outline_shares(path[:1]) == (1.0, 1.0)
