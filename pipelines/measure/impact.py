@@ -122,7 +122,10 @@ def find_impact(
     since = release if contact is not None else left + LONGEST_CONTACT_S
     if contact is None:
         # the corner of rest and flight is the middle of the push; release comes half a contact on
-        release = _corner(tracks, flight) + UNSEEN_HALF_CONTACT_S
+        # and a flight that does not fit (a wrong rate) may have its corner anywhere
+        near = LONGEST_CONTACT_S + 2.0 * float(np.median(np.diff(tracks.ball_time_s)))
+        corner = float(np.clip(_corner(tracks, flight), left - near, left + near))
+        release = corner + UNSEEN_HALF_CONTACT_S
         flight = _flight(tracks, inputs, release, landed, free=False, since=since)
     free = _flight(tracks, inputs, release, landed, free=True, since=since)
     _require_flight(free, tracks)
