@@ -11,10 +11,10 @@ import av
 import cv2
 import numpy as np
 
-from calib.camera import Camera, Lens
+from calib.camera.camera import Camera, Lens
+from calib.camera.lens import Board, calibrate_lens, find_board
 from calib.evidence import BallOutlines, Evidence, FreeFall, Known
-from calib.grid import WallGrid, find_wall_grid
-from calib.lens import Board, calibrate_lens, find_board
+from calib.grid.grid import WallGrid, find_wall_grid
 from calib.pose import calibrate
 from metrology import CalibrationError
 from tests.calib.synthetic import rendered, some_camera

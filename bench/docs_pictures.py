@@ -21,9 +21,9 @@ from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measure.pictures import overlay_marks, report_input
 from pipelines.report import write_plot
 from pipelines.report.plots import STYLE, panels_of
-from pipelines.setup_file import load_setup
-from vision.clip import Clip
-from vision.overlay import overlay_still
+from pipelines.setup.file import load_setup
+from vision.clip.clip import Clip
+from vision.overlay.overlay import overlay_still
 
 ROOT = Path(__file__).parents[1]
 CLIP = ROOT / "sample_videos" / "clips" / "basketball_60.mp4"

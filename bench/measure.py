@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from bench.measure_truth import LEAST_WIDTH, Case, cases
 from metrology import Quantity
 from pipelines.measure.chain import measure_clip
-from pipelines.measurement import Measurement
-from vision.clip import Clip
+from pipelines.measure.measurement import Measurement
+from vision.clip.clip import Clip
 
 FloatArray = NDArray[np.float64]
 COVERAGE = 1.96

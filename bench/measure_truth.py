@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipelines.measure.chain import MeasureOptions
-from pipelines.setup_file import CameraSetup, Setup, WallSetup, load_setup
+from pipelines.setup.file import CameraSetup, Setup, WallSetup, load_setup
 
 FloatArray = NDArray[np.float64]
 SHIPPED = Path(__file__).parents[1] / "sample_videos" / "clips"

@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from physics.air import PAPER_AIR
 from physics.bodies import JOKKU, PAPER_PENDULUM, PAPER_SUPPORT
-from physics.contact_batch import contact_outcomes
-from physics.flight import fly
-from physics.forces import Drag, Gravity, Magnus
-from physics.inversion import RangeInputs, monte_carlo_cor
-from physics.march import BallState, fly_many
-from physics.single_flight import fly_one
+from physics.contact.batch import contact_outcomes
+from physics.flight.air import PAPER_AIR
+from physics.flight.flight import fly
+from physics.flight.forces import Drag, Gravity, Magnus
+from physics.flight.march import BallState, fly_many
+from physics.flight.single_flight import fly_one
+from physics.restitution.inversion import RangeInputs, monte_carlo_cor
 
 FORCES = (Gravity(), Drag(JOKKU, PAPER_AIR, 0.47), Magnus(JOKKU, PAPER_AIR, 1.0))
 START = BallState((0.0, 0.42, 0.0), (6.2, 1.3, 0.1), (2.0, 5.0, -20.0))

@@ -14,10 +14,10 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from physics.bodies import BASKETBALL, JOKKU
-from pipelines.filming import Filming, film_scene
-from pipelines.foresight import foresee, planned_setup
+from pipelines.calibrate.filming import Filming, film_scene
+from pipelines.calibrate.foresight import foresee, planned_setup
 from pipelines.measure.chain import MeasureOptions, measure_clip
-from pipelines.setup_file import Setup
+from pipelines.setup.file import Setup
 from sample_videos.render import render_clip
 from sample_videos.truth import Truth
 

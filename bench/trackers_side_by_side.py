@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from skimage.feature import canny
 from skimage.transform import hough_circle, hough_circle_peaks
 
-from vision.clip import Clip
+from vision.clip.clip import Clip
 from vision.following import follow
 
 FloatArray = NDArray[np.float64]

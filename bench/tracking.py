@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.trackers_side_by_side import true_flight
-from vision.clip import Clip
+from vision.clip.clip import Clip
 from vision.following import follow
 from vision.tracks import PendulumTrack, Track
 

@@ -12,7 +12,7 @@ from typing import Any
 
 from PIL import Image
 
-from tests.pipelines.wizard_page import chromium, fill, opened, settled, wizard
+from tests.pipelines.calibrate.wizard_page import chromium, fill, opened, settled, wizard
 
 ROOT = Path(__file__).parents[1]
 CLIP = ROOT / "sample_videos" / "clips" / "jokku_120.mp4"

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calib.camera import Camera, Lens, rotation_matrix
+from calib.camera.camera import Camera, Lens, rotation_matrix
 from metrology import Contribution
 
 __all__ = ["PARAMETERS", "Calibration", "DepthEstimate", "Source"]

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from calib.calibration import Calibration
 from calib.evidence import Evidence, FreeFall, Known
-from calib.grid import WallGrid
+from calib.grid.grid import WallGrid
 from calib.plausibility import plausible
 from calib.pose import LensPrior, calibrate
 from metrology import CalibrationError

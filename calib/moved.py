@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib.grid import WallGrid
+from calib.grid.grid import WallGrid
 from metrology import CalibrationError
 
 __all__ = ["Movement", "camera_movement"]

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.calibration import Calibration, DepthEstimate, Source
-from calib.camera import Lens
+from calib.camera.camera import Lens
+from calib.camera.lens_prior import LensPrior
 from calib.evidence import BallOutlines, Evidence, Known
-from calib.grid import WallGrid
-from calib.lens_prior import LensPrior
+from calib.grid.grid import WallGrid
 from metrology import CalibrationError
 
 __all__ = ["LensPrior", "calibrate"]

@@ -1,8 +1,8 @@
 """Where simulation and recording differ, what was left out, and how the new model does."""
 
-from mismatch.baseline import BallModel, Baseline, ContactTable, Scatter
-from mismatch.campaign import Campaign, Trial
 from mismatch.explain import Explained, Options, explain, explain_in_full
+from mismatch.model.baseline import BallModel, Baseline, ContactTable, Scatter
+from mismatch.records.campaign import Campaign, Trial
 from mismatch.verdict import Verdict
 
 __all__ = [

@@ -6,21 +6,21 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from metrology import TooLittleDataError, UsageError
-from mismatch.baseline import Baseline
-from mismatch.campaign import Campaign
-from mismatch.candidates import Candidate, candidates_for, start_values, steps_of
-from mismatch.forward import OUTSIDE, Forward
-from mismatch.held_out import hold_out
-from mismatch.hypotheses import LOOSE_LAWS, MISFIT, Hypothesis
-from mismatch.locate import locate
-from mismatch.naming import Naming, name_effects
-from mismatch.normal_equations import spread_laws
-from mismatch.odd_trials import without_odd_trials
-from mismatch.prepare import Prepared, prepare
-from mismatch.remainder import noise_notes, reduced_chi2, remainder_of
-from mismatch.sanity import refuse_nonsense
-from mismatch.scan import scan
-from mismatch.spread import robust_spread
+from mismatch.fitting.held_out import hold_out
+from mismatch.fitting.hypotheses import LOOSE_LAWS, MISFIT, Hypothesis
+from mismatch.fitting.normal_equations import spread_laws
+from mismatch.fitting.prepare import Prepared, prepare
+from mismatch.fitting.scan import scan
+from mismatch.fitting.spread import robust_spread
+from mismatch.model.baseline import Baseline
+from mismatch.model.candidates import Candidate, candidates_for, start_values, steps_of
+from mismatch.model.forward import OUTSIDE, Forward
+from mismatch.records.campaign import Campaign
+from mismatch.records.odd_trials import without_odd_trials
+from mismatch.records.remainder import noise_notes, reduced_chi2, remainder_of
+from mismatch.records.sanity import refuse_nonsense
+from mismatch.search.locate import locate
+from mismatch.search.naming import Naming, name_effects
 from mismatch.verdict import Alternative, NamedEffect, ParameterValue, Verdict
 from physics.arrays import FloatArray
 from physics.effects import CATALOGUE, MEASUREMENT_IDS, Effect

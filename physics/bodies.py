@@ -3,9 +3,9 @@
 import math
 from dataclasses import dataclass, field
 
-from physics.contact_time import ContactTimeLaw
+from physics.contact.contact_time import ContactTimeLaw
 from physics.domain import require_angle, require_non_negative, require_positive
-from physics.restitution import CorLaw, ExponentialCor
+from physics.restitution.restitution import CorLaw, ExponentialCor
 
 __all__ = [
     "BALLS",

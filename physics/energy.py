@@ -4,9 +4,9 @@ import numpy as np
 
 from physics.arrays import Number
 from physics.bodies import GRAVITY, Pendulum
+from physics.contact.impact import impact
 from physics.domain import require_positive
-from physics.impact import impact
-from physics.inversion import RangeInputs, impact_speed_from_range
+from physics.restitution.inversion import RangeInputs, impact_speed_from_range
 
 __all__ = [
     "deformation_loss",

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics.air import PAPER_AIR, Air
 from physics.arrays import FloatArray, Number
 from physics.bodies import (
     GRAVITY,
@@ -15,13 +14,14 @@ from physics.bodies import (
     Pendulum,
     Support,
 )
-from physics.closed_form import Landing, Launch, drag_constant, land
-from physics.contact_batch import contact_outcomes
-from physics.contact_outcome import ContactOutcome
-from physics.drag_curves import SUBCRITICAL_DRAG
-from physics.forces import Acceleration, CoefficientCurve, Drag, Gravity
-from physics.impact import Impact, impact
-from physics.march import BallState, fly_many
+from physics.contact.batch import contact_outcomes
+from physics.contact.impact import Impact, impact
+from physics.contact.outcome import ContactOutcome
+from physics.flight.air import PAPER_AIR, Air
+from physics.flight.closed_form import Landing, Launch, drag_constant, land
+from physics.flight.drag_curves import SUBCRITICAL_DRAG
+from physics.flight.forces import Acceleration, CoefficientCurve, Drag, Gravity
+from physics.flight.march import BallState, fly_many
 
 __all__ = [
     "Experiment",

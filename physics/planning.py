@@ -11,7 +11,7 @@ from metrology import DomainError
 from physics.arrays import FloatArray
 from physics.domain import require_positive
 from physics.forward import Experiment, impulsive_launch, numerical_landing
-from physics.restitution import CorLaw
+from physics.restitution.restitution import CorLaw
 from physics.swing import backswing_for_speed, frictionless_speed
 
 __all__ = ["Plan", "PlanScatter", "plan_distance", "speed_for_distance"]

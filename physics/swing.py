@@ -10,7 +10,7 @@ from metrology import DomainError
 from physics.arrays import FloatArray, FloatOrArray
 from physics.bodies import GRAVITY, Pendulum
 from physics.domain import require_angle, require_non_negative, require_positive
-from physics.events import Event, Path, follow_until
+from physics.flight.events import Event, Path, follow_until
 
 __all__ = [
     "Bearing",

@@ -8,8 +8,8 @@ import typer
 from rich.console import Console
 
 from metrology import ImpactVisionError
-from pipelines.calibrate import CALIBRATE_COMMANDS, ClipOrCommand
-from pipelines.explain import explain_command
+from pipelines.calibrate.command import CALIBRATE_COMMANDS, ClipOrCommand
+from pipelines.explain.command import explain_command
 from pipelines.measure.commands import (
     contact_time_command,
     cor_command,
@@ -19,10 +19,10 @@ from pipelines.measure.commands import (
     measure_command,
 )
 from pipelines.measure.output import software_version
+from pipelines.model.plan import plan_command
+from pipelines.model.simulate import simulate_command
 from pipelines.paper import paper_command
-from pipelines.plan import plan_command
 from pipelines.render import render_command
-from pipelines.simulate import simulate_command
 
 __all__ = ["app"]
 

@@ -12,14 +12,14 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from calib.camera import Camera, rotation_matrix
+from calib.camera.camera import Camera, rotation_matrix
 from metrology import UsageError, parse_quantity
 from physics import effects as catalogue
 from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT
 from physics.forward import Experiment
-from pipelines.model_effects import AddedEffect, added_effects, speed_with_losses
-from pipelines.model_options import angle_of, choose_ball, experiment_of, setup_or_default
-from pipelines.setup_file import Setup
+from pipelines.model.effects import AddedEffect, added_effects, speed_with_losses
+from pipelines.model.options import angle_of, choose_ball, experiment_of, setup_or_default
+from pipelines.setup.file import Setup
 from sample_videos import Encoding, Physics, Scene, Shake, Shot, Truth, render_clip, strike
 from sample_videos.encode import SUFFIXES
 from sample_videos.presets import View, default_scene

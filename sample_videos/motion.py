@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-from calib.camera import rotation_matrix
+from calib.camera.camera import rotation_matrix
 from metrology import DomainError
 
 __all__ = ["Curve", "Moment", "Motion", "Piece", "SampledMotion"]

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from calib.camera import Camera, Lens
+from calib.camera.camera import Camera, Lens
 from metrology import UsageError
 from physics.bodies import BALLS, PAPER_PENDULUM, PAPER_SUPPORT, Ball, Pendulum, Support
 from sample_videos.scene import BallLook, Encoding, Room, Scene, Sensor, Shutter

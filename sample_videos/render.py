@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sample_videos.encode import write_clip
-from sample_videos.film import Film
 from sample_videos.motion import Motion
+from sample_videos.renderer.film import Film
 from sample_videos.scene import Scene
 from sample_videos.shot import Shot
 from sample_videos.truth import Truth, film_truth, write_truth

@@ -7,14 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from calib.camera import rotation_matrix
+from calib.camera.camera import rotation_matrix
 from metrology import UsageError
-from physics.air import PAPER_AIR, Air
 from physics.bodies import GRAVITY
-from physics.contact import ContactHistory, simulate_contact
-from physics.drag_curves import SUBCRITICAL_DRAG
-from physics.flight import Flight, fly
-from physics.forces import Acceleration, CoefficientCurve, Drag, Gravity, Magnus
+from physics.contact.contact import ContactHistory, simulate_contact
+from physics.flight.air import PAPER_AIR, Air
+from physics.flight.drag_curves import SUBCRITICAL_DRAG
+from physics.flight.flight import Flight, fly
+from physics.flight.forces import Acceleration, CoefficientCurve, Drag, Gravity, Magnus
 from physics.swing import Bearing, Swing, swing
 from sample_videos.motion import Curve, Piece, SampledMotion
 from sample_videos.scene import Scene

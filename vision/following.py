@@ -7,24 +7,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology import NotFoundError
-from vision.ball import BallFits, follow_ball
-from vision.choice import Choice, choose_ball, rivals
-from vision.circles import Circles, find_circles
-from vision.face import find_face
-from vision.footage import Footage
-from vision.linking import Path, link_circles
-from vision.mass import MassPoses
-from vision.mass_search import find_mass
-from vision.pendulum import follow_mass
-from vision.refine import refine_ball
-from vision.rest import Rest, find_rest
-from vision.scene import Scene
-from vision.still import scene_before_strike
+from vision.ball.ball import BallFits, follow_ball
+from vision.ball.choice import Choice, choose_ball, rivals
+from vision.ball.circles import Circles, find_circles
+from vision.ball.linking import Path, link_circles
+from vision.ball.outline.refine import refine_ball
+from vision.ball.rest import Rest, find_rest
+from vision.clip.footage import Footage
+from vision.pendulum.face import find_face
+from vision.pendulum.mass import MassPoses
+from vision.pendulum.mass_search import find_mass
+from vision.pendulum.pendulum import follow_mass
+from vision.scene.scene import Scene
+from vision.scene.still import scene_before_strike
 from vision.tracks import Face, PendulumTrack, Track, Tracks
 from vision.workers import side_by_side
 
 if TYPE_CHECKING:
-    from vision.clip import Clip
+    from vision.clip.clip import Clip
 
 __all__ = ["follow"]
 

@@ -11,17 +11,17 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench.concealed.answer import Answer, answer_from_json
 from bench.concealed.campaign import Key, read_key
-from bench.concealed.contestants import engine_answer, engine_version
-from bench.concealed.draw import GENERATOR, draw_campaign
+from bench.concealed.contest.answer import Answer, answer_from_json
+from bench.concealed.contest.contestants import engine_answer, engine_version
+from bench.concealed.contest.peers import PEERS
+from bench.concealed.filmed.section import section
 from bench.concealed.foreign import convert_all
 from bench.concealed.foreign_keys import foreign_key
-from bench.concealed.peers import PEERS
-from bench.concealed.pixels_section import section
 from bench.concealed.report import WHOLE_PROOF, Asked, Scored, proof_text
 from bench.concealed.run import Stop, run_until
 from bench.concealed.score import judge
+from bench.concealed.world.draw import GENERATOR, draw_campaign
 from bench.realdata.table import real_rows, real_table
 from metrology import write_text_whole
 
@@ -118,7 +118,7 @@ def _options() -> argparse.Namespace:
         type=Path,
         default=None,
         metavar="FOLDER",
-        help="add the section that `python -m bench.concealed.pixels` wrote to this folder",
+        help="add the section that `python -m bench.concealed.filmed.pixels` wrote to this folder",
     )
     parser.add_argument(
         "--real", type=Path, default=ROOT.parent / "shared" / "realdata", help="real recordings"

@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from bench.concealed.design import Design, frames_of, view
-from bench.concealed.labs import lab_facts
-from bench.concealed.motion import Motion, move
-from bench.concealed.noise import disturb, kept_rows
-from bench.concealed.recipes import Strength, apply
 from bench.concealed.setup_toml import write_setup
-from bench.concealed.shots import Shots
-from bench.concealed.strength import SCATTER
+from bench.concealed.world.design import Design, frames_of, view
+from bench.concealed.world.labs import lab_facts
+from bench.concealed.world.motion import Motion, move
+from bench.concealed.world.noise import disturb, kept_rows
+from bench.concealed.world.recipes import Strength, apply
+from bench.concealed.world.shots import Shots
+from bench.concealed.world.strength import SCATTER
 from metrology import write_text_whole
 
 __all__ = ["Hidden", "Key", "TrialTruth", "perform", "read_key", "write_key"]

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.concealed.conventions import true_parameter
 from bench.concealed.score import MIMICKED, Judgement
 from bench.concealed.statistics import Proportion, calibration_error
+from bench.concealed.world.conventions import true_parameter
 
 __all__ = ["WHOLE_PROOF", "Asked", "Scored", "proof_text"]
 

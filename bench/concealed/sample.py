@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from bench.concealed.campaign import perform
-from bench.concealed.design import Noise, draw_design
-from bench.concealed.labs import BASKETBALL, JOKKU, Lab
-from bench.concealed.recipes import CATALOGUE, Strength
+from bench.concealed.world.design import Noise, draw_design
+from bench.concealed.world.labs import BASKETBALL, JOKKU, Lab
+from bench.concealed.world.recipes import CATALOGUE, Strength
 
 __all__ = ["CONCEALED", "make_sample"]
 

@@ -10,7 +10,7 @@ from calib.calibration import Calibration
 from metrology import Contribution
 from physics.bodies import Pendulum
 from pipelines.measure.inputs import HEIGHT_STD_M, Inputs
-from vision.capture_rate import CaptureRate
+from vision.clip.capture_rate import CaptureRate
 
 __all__ = ["Scene", "merged", "systematic_budget"]
 

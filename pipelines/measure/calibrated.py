@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 
 from calib.calibration import Calibration
+from calib.camera.lens_file import read_lens
+from calib.camera.lens_prior import LensPrior
 from calib.evidence import BallOutlines, Evidence, Known
-from calib.grid import WallGrid, find_wall_grid
-from calib.lens_file import read_lens
-from calib.lens_prior import LensPrior
+from calib.grid.grid import WallGrid, find_wall_grid
 from calib.plausibility import plausible
 from calib.pose import calibrate
 from pipelines.measure.inputs import DIAMETER_SHARE, Inputs

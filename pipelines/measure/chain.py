@@ -9,22 +9,22 @@ from numpy.typing import NDArray
 
 from calib.calibration import Calibration
 from calib.free_fall import with_free_fall
-from calib.grid import WallGrid
+from calib.grid.grid import WallGrid
 from calib.plausibility import ContradictionError
 from calib.pose import FOCAL_OVER_WIDTH
 from metrology import CalibrationError, MeasurementError
 from pipelines.measure.budget import Scene, systematic_budget
 from pipelines.measure.calibrated import calibrate_clip, known_lens, scene_evidence
 from pipelines.measure.derived import DERIVED, derived_values, random_covariance
-from pipelines.measure.gravity import contradicts_gravity
-from pipelines.measure.impact import find_impact
+from pipelines.measure.fits.gravity import contradicts_gravity
+from pipelines.measure.fits.impact import find_impact
 from pipelines.measure.inputs import DIAMETER_SHARE, Inputs, gather_inputs
+from pipelines.measure.measurement import Measurement
 from pipelines.measure.metres import BallScale, CameraMapping, MetricTracks, tracks_in_metres
 from pipelines.measure.results import Evaluated, NoScale, results_of
-from pipelines.measurement import Measurement
-from pipelines.setup_file import Setup
-from vision.capture_rate import CaptureRate, choose_capture_rate
-from vision.clip import Clip
+from pipelines.setup.file import Setup
+from vision.clip.capture_rate import CaptureRate, choose_capture_rate
+from vision.clip.clip import Clip
 from vision.following import follow
 from vision.tracks import Tracks
 

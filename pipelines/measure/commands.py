@@ -20,11 +20,11 @@ from metrology import (
 )
 from metrology.formatting import format_quantity
 from pipelines.measure.chain import MeasureOptions, measure_clip
+from pipelines.measure.measurement import QUANTITY_UNITS, Measurement
 from pipelines.measure.output import measurement_as_json, measurements_as_csv, results_table
 from pipelines.measure.wanted import Wanted
-from pipelines.measurement import QUANTITY_UNITS, Measurement
 from pipelines.report import quantity_label
-from pipelines.setup_file import Setup, load_setup
+from pipelines.setup.file import Setup, load_setup
 
 __all__ = [
     "contact_time_command",

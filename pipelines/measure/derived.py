@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from pipelines.measure.beside import BESIDE, gravity_share, speed_by_pendulum, speed_per_frame
-from pipelines.measure.contact_fit import ContactFit, ImpactView, arm_along_bar, touch_times
-from pipelines.measure.flight_fit import FlightFit
-from pipelines.measure.impact import Impact
+from pipelines.measure.fits.beside import BESIDE, gravity_share, speed_by_pendulum, speed_per_frame
+from pipelines.measure.fits.contact_fit import ContactFit, ImpactView, arm_along_bar, touch_times
+from pipelines.measure.fits.flight_fit import FlightFit
+from pipelines.measure.fits.impact import Impact
 from pipelines.measure.inputs import Inputs
 
 __all__ = ["DERIVED", "derived_values", "random_covariance"]

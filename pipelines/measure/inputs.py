@@ -7,8 +7,8 @@ import numpy as np
 
 from metrology import UsageError, parse_quantity
 from physics import bodies
-from physics.air import Air
-from pipelines.setup_file import BallSetup, Setup, ball_from_option
+from physics.flight.air import Air
+from pipelines.setup.file import BallSetup, Setup, ball_from_option
 
 __all__ = ["Inputs", "gather_inputs"]
 

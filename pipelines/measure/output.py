@@ -12,8 +12,8 @@ from rich.table import Table
 
 from metrology import Quantity
 from metrology.formatting import format_quantity
+from pipelines.measure.measurement import Measurement
 from pipelines.measure.metres import MetricTracks
-from pipelines.measurement import Measurement
 from pipelines.report import quantity_label
 
 __all__ = [

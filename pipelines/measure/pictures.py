@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology.formatting import format_quantity
-from pipelines.measure.contact_fit import arm_along_bar, gap_after, gap_before
-from pipelines.measure.impact import Impact
+from pipelines.measure.fits.contact_fit import arm_along_bar, gap_after, gap_before
+from pipelines.measure.fits.impact import Impact
+from pipelines.measure.measurement import Measurement
 from pipelines.measure.output import software_version
-from pipelines.measurement import Measurement
 from pipelines.report import (
     Curve,
     GapRecord,
@@ -20,8 +20,8 @@ from pipelines.report import (
     SpeedRecord,
     quantity_label,
 )
-from vision.clip import Clip
-from vision.overlay import OverlayMarks, overlay_still, png_bytes
+from vision.clip.clip import Clip
+from vision.overlay.overlay import OverlayMarks, overlay_still, png_bytes
 
 __all__ = ["overlay_marks", "report_input"]
 

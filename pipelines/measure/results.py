@@ -10,15 +10,15 @@ from scipy.stats import norm, qmc
 
 from calib.calibration import Calibration
 from metrology import Contribution, Quantity
-from pipelines.measure.beside import BESIDE, speeds_agree
 from pipelines.measure.budget import Scene, merged
 from pipelines.measure.derived import DERIVED
-from pipelines.measure.discs import disc_contact
-from pipelines.measure.fusion import fused_cor
-from pipelines.measure.gravity import contradicts_gravity, gravity_check
-from pipelines.measure.impact import UNSEEN_HALF_CONTACT_STD_S, Impact
+from pipelines.measure.fits.beside import BESIDE, speeds_agree
+from pipelines.measure.fits.discs import disc_contact
+from pipelines.measure.fits.fusion import fused_cor
+from pipelines.measure.fits.gravity import contradicts_gravity, gravity_check
+from pipelines.measure.fits.impact import UNSEEN_HALF_CONTACT_STD_S, Impact
+from pipelines.measure.measurement import QUANTITY_UNITS
 from pipelines.measure.metres import MetricTracks
-from pipelines.measurement import QUANTITY_UNITS
 from pipelines.report import Check
 from vision.tracks import Tracks
 

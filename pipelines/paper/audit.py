@@ -5,11 +5,11 @@ from functools import partial
 
 import numpy as np
 
-from physics.air import moist_air_density, moist_air_viscosity
 from physics.arrays import FloatArray
 from physics.bodies import BALLS, PAPER_PENDULUM
+from physics.contact.impact import external_impulse
+from physics.flight.air import moist_air_density, moist_air_viscosity
 from physics.forward import Experiment, impulsive_launch, numerical_landing
-from physics.impact import external_impulse
 from physics.planning import speed_for_distance
 from pipelines.paper import printed
 from pipelines.paper.cells import Cell, half_digit, judged

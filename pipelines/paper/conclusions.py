@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from physics.air import PAPER_AIR
 from physics.bodies import BALLS, PAPER_PENDULUM, PAPER_SUPPORT
-from physics.cor_fit import CorFit, compare_cor_fits
-from physics.inversion import RangeInputs, cor_from_range, sensitivities
+from physics.flight.air import PAPER_AIR
+from physics.restitution.fit import CorFit, compare_cor_fits
+from physics.restitution.inversion import RangeInputs, cor_from_range, sensitivities
 from physics.swing import backswing_for_speed, frictionless_speed
-from pipelines.model_plots import BLUE, ORANGE, saved_figure
+from pipelines.model.plots import BLUE, ORANGE, saved_figure
 from pipelines.paper import printed
 from pipelines.paper.speeds import EFFECTIVE_MASS, measured_speeds
 

@@ -8,12 +8,13 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from metrology import UsageError
-from physics.air import PAPER_AIR
 from physics.arrays import FloatArray
 from physics.bodies import BALLS, PAPER_PENDULUM, Ball
-from physics.drag_curves import DRAG_CURVES, SOCCER_LIFT, SUBCRITICAL_DRAG
+from physics.contact.impact import external_impulse
 from physics.energy import lost_by_pendulum, lost_by_pendulum_approximate
-from physics.flight import Flight, fly
+from physics.flight.air import PAPER_AIR
+from physics.flight.drag_curves import DRAG_CURVES, SOCCER_LIFT, SUBCRITICAL_DRAG
+from physics.flight.flight import Flight, fly
 from physics.forward import (
     Experiment,
     impulsive_launch,
@@ -21,9 +22,8 @@ from physics.forward import (
     paper_impact,
     time_resolved_landing,
 )
-from physics.impact import external_impulse
 from physics.swing import frictionless_speed
-from pipelines.model_plots import BLUE, GRAY, ORANGE, saved_figure
+from pipelines.model.plots import BLUE, GRAY, ORANGE, saved_figure
 from pipelines.paper import printed
 from pipelines.paper.speeds import (
     EFFECTIVE_MASS,

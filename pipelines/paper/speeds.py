@@ -5,8 +5,8 @@ from scipy.optimize import brentq
 
 from physics.arrays import FloatArray
 from physics.bodies import BALLS, PAPER_PENDULUM, Ball
-from physics.impact import external_impulse
-from physics.restitution import ConstantCor, CorLaw, ExponentialCor
+from physics.contact.impact import external_impulse
+from physics.restitution.restitution import ConstantCor, CorLaw, ExponentialCor
 from pipelines.paper.printed import TABLE_6
 
 __all__ = [

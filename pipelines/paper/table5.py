@@ -9,11 +9,11 @@ from scipy.optimize import least_squares
 
 from physics.arrays import FloatArray
 from physics.bodies import BALLS
-from physics.contact_batch import contact_outcomes
-from physics.contact_outcome import ContactOutcome
-from physics.forces import Drag, Gravity
+from physics.contact.batch import contact_outcomes
+from physics.contact.outcome import ContactOutcome
+from physics.flight.forces import Drag, Gravity
+from physics.flight.march import BallState, fly_many
 from physics.forward import Experiment, paper_impact
-from physics.march import BallState, fly_many
 from pipelines.paper import printed
 from pipelines.paper.speeds import law_of, measured_speeds
 

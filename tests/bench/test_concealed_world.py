@@ -6,14 +6,14 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from bench.concealed.campaign import perform
-from bench.concealed.design import draw_design, view
-from bench.concealed.draw import drag_stays_positive, draw_campaign, kind_of, level_of
-from bench.concealed.labs import BASKETBALL, JOKKU, Lab, blank_shots
-from bench.concealed.motion import move
-from bench.concealed.recipes import CATALOGUE, UNNAMED, Strength, apply
-from bench.concealed.shots import concatenate, take
-from bench.concealed.stages import collide, flight_force
-from bench.concealed.strength import visibility
+from bench.concealed.world.design import draw_design, view
+from bench.concealed.world.draw import drag_stays_positive, draw_campaign, kind_of, level_of
+from bench.concealed.world.labs import BASKETBALL, JOKKU, Lab, blank_shots
+from bench.concealed.world.motion import move
+from bench.concealed.world.recipes import CATALOGUE, UNNAMED, Strength, apply
+from bench.concealed.world.shots import concatenate, take
+from bench.concealed.world.stages import collide, flight_force
+from bench.concealed.world.strength import visibility
 
 LAB = Lab((JOKKU, BASKETBALL), 0.5541, 1.579, 6.0, 0.4553, 0.045, 0.312, 1.18, 1.852e-5, 0.45)
 SHOTS = blank_shots(LAB, [JOKKU, BASKETBALL, JOKKU], np.radians([30.0, 90.0, 120.0]))

@@ -5,8 +5,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bench.concealed.flights import FreeFlight, baseline_residual, free_flights
-from bench.concealed.peers import PEERS
+from bench.concealed.contest.flights import FreeFlight, baseline_residual, free_flights
+from bench.concealed.contest.peers import PEERS
 
 SAMPLE = Path(__file__).parents[2] / "sample_videos" / "campaign"
 

@@ -2,10 +2,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bench.concealed.answer import Answer, Named
+from bench.concealed.contest.answer import Answer, Named
 from bench.realdata import balldrop, juggling_mocap, rocket_coast, rod_pendulum
 from bench.realdata.falling import Fall, fall_of, predict
-from pipelines.setup_file import load_setup
+from pipelines.setup.file import load_setup
 from tests.shared_data import shared_folder
 
 

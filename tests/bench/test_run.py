@@ -4,12 +4,12 @@ import sys
 import time
 
 from bench.concealed.__main__ import Shelf, _answered, _options
-from bench.concealed.answer import Answer, Named
-from bench.concealed.draw import draw_campaign
-from bench.concealed.pixels_scenes import FILMED, setup_text, takes
-from bench.concealed.pixels_section import right, section
+from bench.concealed.contest.answer import Answer, Named
+from bench.concealed.filmed.scenes import FILMED, setup_text, takes
+from bench.concealed.filmed.section import right, section
 from bench.concealed.run import Stop, run_until
-from pipelines.setup_file import parse_setup
+from bench.concealed.world.draw import draw_campaign
+from pipelines.setup.file import parse_setup
 
 
 def _double(task):

@@ -1,11 +1,11 @@
 import pytest
 
-from bench.concealed.answer import Answer, Named, answer_from_json
 from bench.concealed.campaign import Hidden, Key, TrialTruth, read_key, write_key
-from bench.concealed.conventions import true_parameter
+from bench.concealed.contest.answer import Answer, Named, answer_from_json
 from bench.concealed.report import Asked, Scored, proof_text
 from bench.concealed.score import judge
 from bench.concealed.statistics import Proportion, calibration_error, wilson
+from bench.concealed.world.conventions import true_parameter
 
 TRIALS = (TrialTruth(0.25, 0.26, 0.66, 0.36, 0.42), TrialTruth(0.75, 0.76, 1.16, 0.86, 0.92))
 

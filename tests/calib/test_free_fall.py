@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from calib.calibration import Calibration
-from calib.camera import Camera, Lens
+from calib.camera.camera import Camera, Lens
 from calib.evidence import BallOutlines, Evidence, Known
 from calib.free_fall import with_free_fall
-from calib.grid import WallGrid
-from calib.grid_phase import GridMap
+from calib.grid.grid import WallGrid
+from calib.grid.phase import GridMap
 from calib.plausibility import plausible
 from calib.pose import LensPrior, calibrate
 from metrology import CalibrationError

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.camera import Camera, Lens
-from calib.grid import find_wall_grid
+from calib.camera.camera import Camera, Lens
+from calib.grid.grid import find_wall_grid
 from calib.moved import camera_movement
 from metrology import CalibrationError
 from tests.calib.synthetic import rendered

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calib.camera import Camera, Lens
+from calib.camera.camera import Camera, Lens
 from calib.evidence import Evidence, Known
 from calib.planning import PictureNoise, board_lens, edge_std, lens_of_view, planned_grid
 from calib.pose import calibrate

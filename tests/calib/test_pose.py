@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from calib.calibration import Calibration
-from calib.camera import Camera, Lens
+from calib.camera.camera import Camera, Lens
 from calib.evidence import BallOutlines, Evidence, FreeFall, Known
-from calib.grid import WallGrid
-from calib.grid_phase import GridMap
+from calib.grid.grid import WallGrid
+from calib.grid.phase import GridMap
 from calib.pose import LensPrior, calibrate
 from metrology import CalibrationError
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from mismatch.baseline import BallModel, Baseline, ContactTable
-from mismatch.campaign import Campaign, Trial
-from mismatch.forward import Forward
-from mismatch.model import Model
-from mismatch.records import lay_out
+from mismatch.model.baseline import BallModel, Baseline, ContactTable
+from mismatch.model.forward import Forward
+from mismatch.model.model import Model
+from mismatch.records.campaign import Campaign, Trial
+from mismatch.records.records import lay_out
 from physics.bodies import JOKKU, PAPER_PENDULUM, PAPER_SUPPORT
-from physics.contact_batch import contact_outcomes
+from physics.contact.batch import contact_outcomes
 from physics.effects import CATALOGUE, Effect
 
 SPEEDS = np.array([0.8, 1.4, 2.0, 2.8, 3.4, 4.2])

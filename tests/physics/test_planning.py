@@ -13,7 +13,7 @@ from physics.forward import (
     time_resolved_landing,
 )
 from physics.planning import PlanScatter, plan_distance
-from physics.restitution import ConstantCor
+from physics.restitution.restitution import ConstantCor
 from physics.swing import frictionless_speed
 
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from metrology import ImpactVisionError, UsageError
 from pipelines.render import RenderOptions, parse_size, planned_scene, render_command
-from pipelines.setup_file import Setup, parse_setup
+from pipelines.setup.file import Setup, parse_setup
 
 app = typer.Typer()
 app.command()(render_command)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from metrology import UsageError
-from pipelines.setup_file import load_setup
+from pipelines.setup.file import load_setup
 from sample_videos import (
     Encoding,
     Scene,

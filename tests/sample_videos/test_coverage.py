@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from calib.camera import Camera, Lens
-from sample_videos.bodies import box, outline, outline_coverage, shade_behind
-from sample_videos.coverage import PixelGrid, Window, pixel_coverage, quadric_coverage
-from sample_videos.stage import into_camera
+from calib.camera.camera import Camera, Lens
+from sample_videos.renderer.bodies import box, outline, outline_coverage, shade_behind
+from sample_videos.renderer.coverage import PixelGrid, Window, pixel_coverage, quadric_coverage
+from sample_videos.renderer.stage import into_camera
 
 
 def camera(k1: float = 0.0) -> Camera:

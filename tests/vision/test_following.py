@@ -5,8 +5,8 @@ import pytest
 
 from metrology import NotFoundError
 from tests.shared_data import shared_folder
-from tests.vision.painted import PaintedClip, exposed, struck_ball, wall, with_ball
-from vision.clip import Clip
+from tests.vision.ball.painted import PaintedClip, exposed, struck_ball, wall, with_ball
+from vision.clip.clip import Clip
 from vision.following import follow
 from vision.tracks import Track, Tracks
 

@@ -1,0 +1,1 @@
+"""Contestants: the engine, and what others would do."""

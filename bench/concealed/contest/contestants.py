@@ -1,0 +1,56 @@
+"""The engine under test, run on a campaign folder as a user would run it."""
+
+import hashlib
+import json
+import time
+from pathlib import Path
+
+import typer
+from typer.testing import CliRunner
+
+from bench.concealed.contest.answer import Answer, answer_from_json
+from metrology import write_text_whole
+from pipelines.explain.command import explain_command
+
+__all__ = ["engine_answer", "engine_version"]
+
+SOURCES = ("physics/**/*.py", "mismatch/**/*.py", "pipelines/explain*.py", "pipelines/setup*.py")
+
+
+def engine_version(root: Path) -> str:
+    """Digest of the sources an answer depends on."""
+    digest = hashlib.sha256()
+    for pattern in SOURCES:
+        for path in sorted(root.glob(pattern)):
+            digest.update(path.relative_to(root).as_posix().encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def engine_answer(folder: Path, output: Path) -> Answer:
+    """Run `vision explain` on a folder's files; the JSON it wrote stays in `output`.
+
+    Times are processor times: a crowded machine makes no engine slow.
+    """
+    app = typer.Typer()
+    app.command()(explain_command)
+    command = ["--setup", str(folder / "setup.toml"), "--json", str(output), "--quiet"]
+    if (folder / "ball.csv").exists():
+        command.insert(0, str(folder / "ball.csv"))
+    if (folder / "pendulum.csv").exists():
+        command += ["--pendulum", str(folder / "pendulum.csv")]
+    output.unlink(missing_ok=True)
+    start = time.process_time()
+    result = CliRunner().invoke(app, command)
+    seconds = time.process_time() - start
+    if result.exit_code or not output.exists():
+        said = (result.output or "").strip().splitlines()
+        why = repr(result.exception) if result.exception else "no JSON written"
+        failure = f"exit {result.exit_code}: {why} {said[-1:]}"
+        raw = {"verdict": "failed", "failure": failure, "seconds": seconds}
+        write_text_whole(output, json.dumps(raw))
+        return answer_from_json(raw, seconds)
+    raw = json.loads(output.read_text(encoding="utf-8"))
+    raw["seconds"] = seconds
+    write_text_whole(output, json.dumps(raw))
+    return answer_from_json(raw, seconds)

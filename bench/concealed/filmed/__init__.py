@@ -1,0 +1,1 @@
+"""Campaigns that are filmed, measured and then explained."""

@@ -1,0 +1,137 @@
+"""Film six campaigns, measure the clips, let the engine explain them, and score the answers.
+
+``python -m bench.concealed.filmed.pixels FOLDER``: clips, tracks and answers are kept in the folder
+and used again; `python -m bench.concealed --pixels FOLDER` puts the section into docs/proof.md.
+"""
+
+import argparse
+import hashlib
+import json
+import os
+import pickle
+import time
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+from bench.concealed.contest.answer import answer_from_json
+from bench.concealed.contest.contestants import engine_version
+from bench.concealed.filmed.scenes import FILMED, Filmed, Take, setup_text, takes
+from bench.concealed.filmed.section import section
+from bench.concealed.run import Stop, run_until
+from metrology import ImpactVisionError, write_text_whole, written_whole
+from pipelines.explain.clips import campaign_from_clips, clip_facts, with_rig
+from pipelines.explain.command import explain_campaign
+from pipelines.measure.chain import MeasureOptions, measure_clip
+from pipelines.measure.measurement import Measurement
+from pipelines.setup.file import load_setup
+from sample_videos.render import render_clip
+
+ROOT = Path(__file__).parents[3]
+CHAIN = ("vision/**/*.py", "calib/**/*.py", "pipelines/measure/*.py")
+
+
+def _filmed(folder: Path, filmed: Filmed, take: Callable[[], Take], number: int) -> Path:
+    clip = folder / filmed.name / f"{filmed.name}_{number + 1}.mp4"
+    if not clip.exists():
+        done = take()
+        clip.parent.mkdir(parents=True, exist_ok=True)
+        render_clip(done.scene, done.shot, clip)
+    return clip
+
+
+def _chain_version() -> str:
+    digest = hashlib.sha256()
+    for pattern in CHAIN:
+        for path in sorted(ROOT.glob(pattern)):
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def _measured(version: str, path: Path, options: MeasureOptions) -> Measurement:
+    """Measure a clip, or take what this version of the chain has measured before."""
+    kept = path.with_suffix(f".{version}.pickle")
+    if kept.exists():
+        found: Measurement = pickle.loads(kept.read_bytes())
+        return found
+    measured = measure_clip(path, options)
+    with written_whole(kept) as part:
+        part.write_bytes(pickle.dumps(measured))
+    return measured
+
+
+def _film_and_measure(task: tuple[Path, int, int, str]) -> str:
+    folder, which, number, version = task
+    filmed = FILMED[which]
+    clip = _filmed(folder, filmed, takes(filmed)[number], number)
+    setup = folder / filmed.name / "setup.toml"
+    try:
+        _measured(version, clip, MeasureOptions(setup=load_setup(setup)))
+    except ImpactVisionError as problem:
+        return f"{clip.name}: {problem.message}"
+    return ""
+
+
+def _write_facts(folder: Path, filmed: Filmed) -> None:
+    home = folder / filmed.name
+    home.mkdir(parents=True, exist_ok=True)
+    write_text_whole(home / "setup.toml", setup_text(filmed))
+    rows = [f"{t.name},{t.backswing_deg:g}" for t in (take() for take in takes(filmed))]
+    write_text_whole(home / "trials.csv", "\n".join(["clip,backswing_deg", *rows]) + "\n")
+
+
+def _explain(task: tuple[Path, int, str]) -> str:
+    """Explain one filmed campaign; what `vision explain CLIP…` does, on kept measurements."""
+    folder, which, version = task
+    home = folder / FILMED[which].name
+    answer = home / f"answer-{version}-{engine_version(ROOT)}.json"
+    if not answer.exists():
+        start = time.perf_counter()
+        setup = with_rig(load_setup(home / "setup.toml"))
+        clips = sorted(home.glob("*.mp4"))
+        facts = clip_facts(home / "trials.csv")
+        try:
+            campaign = campaign_from_clips(clips, setup, facts, partial(_measured, version))
+            raw = explain_campaign(campaign, setup).verdict.to_json()
+            raw["clips"] = len(campaign.trials)
+        except ImpactVisionError as problem:
+            raw = {"verdict": "failed", "failure": problem.message}
+        raw["seconds"] = time.perf_counter() - start
+        write_text_whole(answer, json.dumps(raw, indent=1))
+    return answer.name
+
+
+def main() -> None:
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    parser = argparse.ArgumentParser(
+        prog="python -m bench.concealed.filmed.pixels", description=__doc__
+    )
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--minutes", type=float, help="begin nothing after so long")
+    options = parser.parse_args()
+    stop, version = Stop(options.minutes), _chain_version()
+    for filmed in FILMED:
+        if not (options.folder / filmed.name / "trials.csv").exists():
+            _write_facts(options.folder, filmed)
+    clips = [(options.folder, c, k, version) for c in range(len(FILMED)) for k in range(8)]
+    for said in run_until(stop, _film_and_measure, clips, options.jobs):
+        if said:
+            print(said)
+    answers = run_until(
+        stop, _explain, [(options.folder, c, version) for c in range(len(FILMED))], options.jobs
+    )
+    results = {}
+    for filmed, kept in zip(FILMED, answers, strict=True):
+        if kept is not None:
+            raw = json.loads((options.folder / filmed.name / kept).read_text(encoding="utf-8"))
+            results[filmed.name] = raw
+            answer = answer_from_json(raw, raw["seconds"])
+            print(f"{filmed.name}: {answer.verdict} {sorted(answer.ids)} {answer.failure}")
+    write_text_whole(options.folder / "results.json", json.dumps(results, indent=1))
+    print("\n".join(section(options.folder)))
+
+
+if __name__ == "__main__":
+    main()

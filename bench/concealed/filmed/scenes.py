@@ -1,0 +1,190 @@
+"""Six campaigns that are filmed: what is concealed in each, its scenes and what the lab knows."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from calib.camera.camera import rotation_matrix
+from physics.bodies import BALLS, PAPER_PENDULUM
+from physics.effects import effect_named
+from physics.flight.forces import Acceleration
+from physics.forward import Experiment
+from physics.swing import Bearing, frictionless_speed
+from pipelines.model.effects import AddedEffect
+from sample_videos.presets import default_scene, staged
+from sample_videos.scene import BallLook, Scene
+from sample_videos.shot import Physics, Shot
+
+__all__ = ["FILMED", "Filmed", "Take", "setup_text", "takes"]
+
+BACKSWINGS_DEG = (45.0, 60.0, 75.0, 90.0) * 2
+SIZE = (432, 240)
+REACH = 1.95
+DRAG = 0.47
+STATED_FPS = 600.0
+BALL = BALLS["jokku"]
+SCATTER_DEG, COR_SCATTER = 0.2, 0.005
+TAPE_STD = 0.003
+
+
+@dataclass(frozen=True)
+class Filmed:
+    """One campaign on film.
+
+    Attributes
+    ----------
+    name : str
+    id : str
+        What the engine should name; "" for nothing.
+    told : str
+        What is concealed, in words.
+    forces : mapping
+        Effects of the flight with their parameters, unknown to the lab.
+    dry_torque : float
+        Of the bearing, N m.
+    fps : float
+        True capture rate; the lab believes 600.
+    roll : float
+        Of the camera, rad; no grid hangs on the wall then.
+    look
+        Of the ball: patches that show its spin, or plain.
+    """
+
+    name: str
+    id: str
+    told: str
+    forces: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    dry_torque: float = 0.0
+    fps: float = STATED_FPS
+    roll: float = 0.0
+    look: Literal["jokku", "plain"] = "jokku"
+
+
+FILMED = (
+    Filmed("none", "", "nothing"),
+    Filmed(
+        "spin", "magnus", "back-spin of 15 rad/s on a plain ball",
+        forces={"magnus": {"spin": 15.0}}, look="plain",
+    ),
+    Filmed("rate", "time_base", "590 instead of 600 frames a second", fps=590.0),
+    Filmed("tilt", "camera_roll", "a camera tilted by 1.5 degrees, no grid", roll=np.radians(1.5)),
+    Filmed(
+        "draught", "wind", "a draught of 2 m/s against the ball",
+        forces={"wind": {"wind_x": -2.0}},
+    ),
+    Filmed("bearing", "bearing_friction", "a dry bearing of 0.8 N m", dry_torque=0.8),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Take:
+    """One clip to be filmed."""
+
+    name: str
+    backswing_deg: float
+    scene: Scene
+    shot: Shot
+
+
+def _force(
+    name: str, values: Mapping[str, float], experiment: Experiment, speed: float
+) -> Acceleration:
+    added = AddedEffect(effect_named(name), dict(values))
+    return added.acceleration(experiment, speed, values.get("spin", 0.0))
+
+
+def _scene(filmed: Filmed) -> Scene:
+    scene = default_scene(ball=BALL, size=SIZE, reach=REACH, seed=17)
+    wall = scene.room.wall
+    camera = scene.camera
+    if filmed.roll:
+        wall = replace(wall, contrast=0.0, fine_contrast=0.0)
+        turn = rotation_matrix([0.0, 0.0, -filmed.roll])
+        camera = replace(camera, rotation=turn @ camera.rotation)
+    return replace(
+        scene,
+        camera=camera,
+        look=BallLook(filmed.look),
+        room=replace(scene.room, wall=wall),
+        shutter=replace(scene.shutter, fps=filmed.fps),
+        encoding=replace(scene.encoding, rate_factor=16.0),
+    )
+
+
+def takes(filmed: Filmed, seed: int = 1) -> list[Callable[[], Take]]:
+    """The clips of a campaign, each made when it is asked for."""
+
+    def take(number: int) -> Take:
+        rng = np.random.default_rng([seed, FILMED.index(filmed), number])
+        nominal = BACKSWINGS_DEG[number]
+        scene = replace(_scene(filmed), seed=100 * seed + number)
+        scene = replace(
+            scene,
+            launch_angle=BALL.launch_angle + np.radians(rng.normal(0.0, SCATTER_DEG)),
+        )
+        backswing = nominal + rng.normal(0.0, SCATTER_DEG)
+        speed = float(
+            frictionless_speed(PAPER_PENDULUM, np.radians(backswing), BALL.launch_angle, 9.806)
+        )
+        experiment = Experiment(BALL, drag_coefficient=DRAG)
+        physics = Physics(
+            0.0,
+            drag_coefficient=DRAG,
+            cor=float(np.asarray(BALL.cor(np.array(speed)))) + rng.normal(0.0, COR_SCATTER),
+            bearing=Bearing(dry=filmed.dry_torque),
+            forces=tuple(_force(n, v, experiment, speed) for n, v in filmed.forces.items()),
+        )
+        scene, shot = staged(backswing, scene, physics=physics, after=6)
+        return Take(f"{filmed.name}_{number + 1}", nominal, scene, shot)
+
+    return [lambda k=k: take(k) for k in range(len(BACKSWINGS_DEG))]  # type: ignore[misc]
+
+
+def setup_text(filmed: Filmed) -> str:
+    """What the lab knows of a campaign: its tape measure, its ball, its rig."""
+    rng = np.random.default_rng([31, FILMED.index(filmed)])
+    scene = _scene(filmed)
+    foot = scene.camera.axis_foot
+    lengths = [scene.camera.position[2], foot[0], foot[1], scene.room.plane]
+    far, x, y, plane = (f"{v + rng.normal(0, TAPE_STD):.3f} +- 0.005 m" for v in lengths)
+    body = scene.pendulum
+    wall = f"""
+[wall]
+grid = "50 mm"
+fine_grid = "10 mm"
+ball_plane_offset = "{plane}"
+"""
+    tape = f'''distance_to_wall = "{far}"
+principal_point_on_wall = ["{x}", "{y}"]
+'''
+    return f"""[camera]
+capture_fps = {STATED_FPS:g}
+shutter = "{scene.shutter.exposure:g} s"
+{"" if filmed.roll else tape}{"" if filmed.roll else wall}
+[pendulum]
+length = "{body.length} m"
+inertia = "{body.inertia} kg m^2"
+mass = "{body.mass} kg"
+com = "{body.com} m"
+
+[support]
+height = "{scene.support.height} m"
+
+[scatter]
+backswing = "{SCATTER_DEG} deg"
+launch_angle = "{SCATTER_DEG} deg"
+cor = {COR_SCATTER}
+cor_law = 0.01
+launch_angle_law = "0.3 deg"
+
+[ball]
+preset = "{BALL.name}"
+
+[model]
+effects = ["gravity", "drag"]
+
+[model.drag]
+drag_coefficient = {DRAG}
+"""

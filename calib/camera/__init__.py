@@ -1,0 +1,1 @@
+"""The camera: lens, pose, calibration boards, and lens files."""

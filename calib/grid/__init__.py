@@ -1,0 +1,1 @@
+"""The wall grid: found by itself, at sub-pixel precision."""

@@ -1,0 +1,334 @@
+"""The wall grid: found by itself, at sub-pixel precision, with the experiment in front of it."""
+
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calib.grid.growth import growths, no_grid, only_stripes
+from calib.grid.lattice import Lattice, analysed, off_axis_share, squareness
+from calib.grid.nodes import Nodes, measured_nodes
+from calib.grid.phase import GridMap, Support, pixel_grid, refitted
+from calib.grid.spectrum import flattened
+from metrology import CalibrationError
+
+__all__ = ["WallGrid", "find_wall_grid"]
+
+FloatArray = NDArray[np.float64]
+
+LEAST_NODES = 12
+MOST_OFF_AXIS = 0.3
+MOST_SKEW = 0.08
+REJECT_AT = 4.0
+LEAST_PERIOD = 2.5
+"""Px; what repeats faster may as well be something finer that the pixels have folded over."""
+MOST_ASTRAY = 1.0 / 6.0
+"""Misfit of single lines, periods: three of these make a label wrong by one line."""
+
+
+@dataclass(frozen=True, eq=False)
+class WallGrid:
+    """The lines on the wall, measured.
+
+    Attributes
+    ----------
+    size : tuple of int
+        Width and height of the picture, px.
+    pitch_m : float
+        Distance between coarse lines, m.
+    nodes : (N, 2) int array
+        Grid coordinates: columns counted to the right, rows counted upwards from the node nearest
+        the middle of the picture.
+    points_px : (N, 2) array
+        Where these crossings are measured in the picture, px.
+    covariance_px2 : (N, 2, 2) array
+        Covariance of each, px².
+    residual_px : (N, 2) array
+        Measured minus mapped position, px.
+    map : GridMap
+        Smooth map from pixels to grid coordinates; for drawing and for wall readings, not for the
+        pose of the camera.
+    area : (H, W) bool array
+        Where the grid is seen.
+    dark : bool
+        Whether its lines are darker than the wall.
+    fine_ratio : int or None
+        Fine divisions in one coarse one, where fine lines are resolved.
+    origin_m : (2,) array
+        Wall coordinates of node (0, 0), m.
+    warnings : tuple of str
+        What the user should know.
+    line_share : (2,) array
+        Share of the variance across the lines of each family that is one for all of a line: pixels
+        that sample a thin line coarsely put it aside as a whole. Else errors are independent.
+    """
+
+    size: tuple[int, int]
+    pitch_m: float
+    nodes: NDArray[np.int64]
+    points_px: FloatArray
+    covariance_px2: FloatArray
+    residual_px: FloatArray
+    map: GridMap
+    area: NDArray[np.bool_]
+    dark: bool
+    fine_ratio: int | None
+    origin_m: FloatArray
+    warnings: tuple[str, ...] = ()
+    line_share: FloatArray = field(default_factory=lambda: np.zeros(2))
+
+    @property
+    def wall_m(self) -> FloatArray:
+        """Wall coordinates of the nodes, (N, 2), m."""
+        return np.asarray(self.origin_m + self.pitch_m * self.nodes)
+
+    def to_wall(self, px: ArrayLike) -> FloatArray:
+        """Reading on the wall of pixels (..., 2): wall coordinates (..., 2), m."""
+        return np.asarray(self.origin_m + self.pitch_m * self.map(px))
+
+    def with_origin(
+        self, px: ArrayLike, wall: ArrayLike = (0.0, 0.0), *, snap: bool = False
+    ) -> Self:
+        """The same grid with its wall coordinates moved.
+
+        Parameters
+        ----------
+        px : (2,) array
+            A place in the picture.
+        wall : (2,) array
+            The wall coordinates it shall have, m.
+        snap : bool
+            Take the crossing nearest to `px` instead of `px` itself.
+        """
+        place = self.map(px)
+        place = np.round(place) if snap else place
+        return replace(self, origin_m=np.asarray(wall, dtype=np.float64) - self.pitch_m * place)
+
+
+def find_wall_grid(
+    image: NDArray[np.generic], *, pitch_m: float = 0.05, fine_pitch_m: float | None = 0.01
+) -> WallGrid:
+    """Find the grid on the wall in a picture of the scene.
+
+    Parameters
+    ----------
+    image : (H, W) array
+        Gray levels, any type; best the average of a clip's frames.
+    pitch_m : float
+        Distance between coarse lines, m.
+    fine_pitch_m : float or None
+        Distance between fine lines, m; None if there are none.
+
+    Returns
+    -------
+    WallGrid
+
+    Raises
+    ------
+    CalibrationError
+        If there is no grid of squares in the picture; the message says what was found instead.
+    """
+    gray = np.asarray(image, dtype=np.float64)
+    gray = np.asarray(gray - min(float(gray.min()), 0.0))
+    grid_map, area, lattices = _lattice(gray)
+    pixels = pixel_grid(gray.shape)
+    seen = pixels[area]
+    flat = flattened(gray, 1.5 * float(_periods(grid_map, seen).max()))
+    sign = -1.0 if lattices[0].dark else 1.0
+    templates = (sign * lattices[0].template, sign * lattices[1].template)
+    frequency = np.linalg.norm(grid_map.jacobian(seen), axis=-1).max(axis=0)
+    for _ in range(4):
+        nodes = measured_nodes(flat, grid_map(pixels), area, frequency, templates)
+        nodes, px = _located(nodes, grid_map, seen)
+        inlier, factor = _agreeing(nodes)
+        variance = np.einsum("nff->nf", nodes.covariance) * factor
+        grid_map = refitted(grid_map, px, -nodes.shift, inlier[:, np.newaxis] / variance)
+    nodes, px = _kept(nodes, px, inlier)
+    if len(px) < LEAST_NODES:
+        raise CalibrationError(
+            f"only {len(px)} crossings of a grid are in view",
+            hint="Show at least three by four squares of the wall's grid.",
+        )
+    astray = _astray(nodes)
+    if not astray < MOST_ASTRAY:
+        raise CalibrationError(
+            f"lines are seen, but their crossings lie {astray:.2f} of a square off any even grid: "
+            "they can't be counted surely",
+            hint="Film with more pixels, nearer, or with better light on the wall.",
+        )
+    inverse = np.linalg.inv(grid_map.jacobian(px))
+    residual = np.einsum("nij,nj->ni", inverse, nodes.shift)
+    covariance = factor * inverse @ nodes.covariance @ np.swapaxes(inverse, 1, 2)
+    fine = lattices[0].fine if lattices[0].fine == lattices[1].fine else None
+    return WallGrid(
+        size=(gray.shape[1], gray.shape[0]),
+        pitch_m=pitch_m,
+        nodes=nodes.index,
+        points_px=px + residual,
+        covariance_px2=covariance,
+        residual_px=residual,
+        map=grid_map,
+        area=area,
+        dark=lattices[0].dark,
+        fine_ratio=fine,
+        origin_m=np.zeros(2),
+        warnings=_fine_warning(fine, pitch_m, fine_pitch_m),
+        line_share=_line_share(nodes),
+    )
+
+
+def _lattice(gray: FloatArray) -> tuple[GridMap, NDArray[np.bool_], list[Lattice]]:
+    """Map to grid coordinates, where it holds, and its two families of lines.
+
+    Fine lines folded over by the pixels make waves of their own: where the best waves make no
+    squares, the next may.
+    """
+    refusal: CalibrationError | None = None
+    for grid_map, support in growths(gray):
+        try:
+            return _squares(gray, grid_map, support)
+        except CalibrationError as problem:
+            refusal = refusal or problem
+    raise refusal or no_grid()
+
+
+def _squares(
+    gray: FloatArray, grid_map: GridMap, support: Support
+) -> tuple[GridMap, NDArray[np.bool_], list[Lattice]]:
+    shape = gray.shape[::-1]
+    area = cv2.resize(support.area.astype(np.uint8), shape, interpolation=cv2.INTER_NEAREST) > 0
+    seen = pixel_grid(gray.shape)[area]
+    periods = _periods(grid_map, seen)
+    if not np.isfinite(periods).all():
+        raise no_grid()
+    flat = flattened(gray, 1.5 * float(periods.max()))
+    first = grid_map(seen)
+    lattices = [analysed(flat[area], first[:, f], periods[f]) for f in range(2)]
+    if not all(lattice.clear for lattice in lattices):
+        raise only_stripes()
+    grid_map, lattices = _oriented(grid_map, lattices)
+    periods = _periods(grid_map, seen)
+    if periods.min() < LEAST_PERIOD:
+        raise CalibrationError(
+            f"what repeats does so every {periods.min():.1f} px: too fine to be counted surely",
+            hint="Film nearer or with more pixels: squares must be 3 px wide or more.",
+        )
+    flat = flattened(gray, 1.5 * float(periods.max()))
+    _require_squares(flat[area], grid_map(seen), grid_map)
+    return grid_map, area, lattices
+
+
+def _periods(grid_map: GridMap, px: FloatArray) -> FloatArray:
+    """Median period of both families, px."""
+    frequency = np.linalg.norm(grid_map.jacobian(px[::7]), axis=-1)
+    return np.asarray(1.0 / np.median(frequency, axis=0))
+
+
+def _oriented(grid_map: GridMap, lattices: list[Lattice]) -> tuple[GridMap, list[Lattice]]:
+    """Grid coordinates in coarse pitches, x right, y up, 0 at the crossing nearest the middle."""
+    matrix = np.diag([1.0 / lattice.multiple for lattice in lattices])
+    grid_map = grid_map.rebased(matrix, [-lattice.offset for lattice in lattices])
+    wave = grid_map.jacobian(grid_map.centre)
+    if abs(wave[0, 0]) * abs(wave[1, 1]) < abs(wave[0, 1]) * abs(wave[1, 0]):
+        lattices = lattices[::-1]
+        grid_map = grid_map.rebased([[0.0, 1.0], [1.0, 0.0]], [0.0, 0.0])
+        wave = wave[::-1]
+    grid_map = grid_map.rebased(np.diag([np.sign(wave[0, 0]), -np.sign(wave[1, 1])]), [0.0, 0.0])
+    return grid_map.rebased(np.eye(2), -np.round(grid_map(grid_map.centre))), lattices
+
+
+def _require_squares(values: FloatArray, grid: FloatArray, grid_map: GridMap) -> None:
+    off_axis = off_axis_share(values, grid)
+    if off_axis > MOST_OFF_AXIS:
+        raise CalibrationError(
+            "what repeats here is not lines that run through: a chessboard, tiles, bricks",
+            hint="The wall needs a grid of lines; a chessboard belongs to `vision calibrate lens`.",
+        )
+    aspect, cosine = squareness(grid_map)
+    if abs(np.log(aspect)) > MOST_SKEW or abs(cosine) > MOST_SKEW:
+        angle = np.degrees(np.arccos(cosine))
+        raise CalibrationError(
+            f"the lines do not enclose squares: sides 1 : {aspect:.2f}, angle {angle:.0f} deg",
+            hint="Only a grid of squares can be used, filmed with square pixels.",
+        )
+
+
+def _located(nodes: Nodes, grid_map: GridMap, seen: FloatArray) -> tuple[Nodes, FloatArray]:
+    """Pixels of the nodes; those whose pixel can't be had are dropped."""
+    coordinates = grid_map(seen[::5])
+    cell = {tuple(key): i for i, key in enumerate(np.round(coordinates / nodes.block).astype(int))}
+    start = seen[::5][[cell.get(tuple(key), 0) for key in nodes.index // nodes.block]]
+    px = grid_map.inverse(nodes.index.astype(np.float64), start)
+    good = np.isfinite(px).all(axis=1) & (np.abs(grid_map(px) - nodes.index).max(axis=1) < 1e-6)
+    return _kept(nodes, px, good)
+
+
+def _kept(nodes: Nodes, px: FloatArray, keep: NDArray[np.bool_]) -> tuple[Nodes, FloatArray]:
+    return replace(
+        nodes,
+        index=nodes.index[keep],
+        shift=nodes.shift[keep],
+        covariance=nodes.covariance[keep],
+        strength=nodes.strength[keep],
+    ), px[keep]
+
+
+def _agreeing(nodes: Nodes) -> tuple[NDArray[np.bool_], float]:
+    """Nodes that agree with the map, and the factor by which variances fall short of scatter."""
+    std = np.sqrt(np.einsum("nff->nf", nodes.covariance))
+    typical = np.median(nodes.strength, axis=0)
+    visible = ((nodes.strength > 0.4 * typical) & (nodes.strength < 2.5 * typical)).all(axis=1)
+    visible &= (std < 4.0 * np.median(std, axis=0)).all(axis=1)
+    normalised = np.abs(nodes.shift) / std
+    factor = max(1.0, float(1.4826 * np.median(normalised[visible])) ** 2) if visible.any() else 1.0
+    inlier = visible & (normalised < REJECT_AT * np.sqrt(factor)).all(axis=1)
+    return inlier, factor
+
+
+def _astray(nodes: Nodes) -> float:
+    """Robust scatter of single lines about the map beyond their noise, periods.
+
+    A line that is off as a whole, as the pixels may have it, is off to either side at random and
+    does no harm to the count. What bends along lines is a wrong map; a node that averages several
+    lines shows that much less of it.
+    """
+    excess = []
+    for family in range(2):
+        shift = nodes.shift[:, family]
+        _, line, count = np.unique(nodes.index[:, family], return_inverse=True, return_counts=True)
+        middle = np.array([np.median(shift[line == one]) for one in range(len(count))])
+        freedom = max(len(shift) - len(count), 1)
+        within = np.median(np.abs(shift - middle[line])) ** 2 * len(shift) / freedom
+        noise = np.median(nodes.covariance[:, family, family])
+        excess.append(1.4826**2 * within - noise)
+    return float(nodes.block * np.sqrt(max(0.0, *excess)))
+
+
+def _line_share(nodes: Nodes) -> FloatArray:
+    """Intraclass correlation of the shifts along lines, by analysis of variance, (2,)."""
+    shares = np.zeros(2)
+    for family in range(2):
+        shift = nodes.shift[:, family] / np.sqrt(nodes.covariance[:, family, family])
+        _, line, count = np.unique(nodes.index[:, family], return_inverse=True, return_counts=True)
+        mean = np.bincount(line, shift) / count
+        lines, each = len(count), len(shift) / len(count)
+        if lines < 3 or each < 2.0:
+            continue
+        between = float(count @ (mean - shift.mean()) ** 2) / (lines - 1)
+        within = float(((shift - mean[line]) ** 2).sum()) / (len(shift) - lines)
+        if between > (1.0 + 2.0 * np.sqrt(2.0 / (lines - 1))) * within:
+            common = (between - within) / each
+            shares[family] = common / (common + within)
+    return shares
+
+
+def _fine_warning(fine: int | None, pitch_m: float, fine_pitch_m: float | None) -> tuple[str, ...]:
+    if fine is None or fine_pitch_m is None or fine == round(pitch_m / fine_pitch_m):
+        return ()
+    return (
+        f"the wall shows {fine} fine divisions in one coarse one; {1e3 * pitch_m:g} mm with "
+        f"{1e3 * fine_pitch_m:g} mm gradations would have {pitch_m / fine_pitch_m:g}: "
+        "check the pitch",
+    )

@@ -1,0 +1,204 @@
+"""Which of the repeating lines are the coarse ones, where they lie, and whether they are a grid."""
+
+from dataclasses import dataclass
+from math import gcd
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.grid.phase import GridMap
+
+__all__ = ["Lattice", "analysed", "folded", "off_axis_share", "squareness"]
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+BINS = 32
+COARSER = (2, 3, 4, 5, 6, 8, 10)
+SIGNIFICANT = 5.0
+"""A line of the spectrum must stand this far above the median of its surroundings."""
+CLEAR = 3.0
+"""The same for the wave itself, which local coherence has vouched for already."""
+FAINTEST = 0.03
+FAINTEST_ALIASED = 0.15
+ALIAS_FREE = 6.0
+"""Below this period (px) the harmonics of sharp lines alias to where coarser lines would be."""
+HIGHEST_HARMONIC = 12
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """The coarse lines of one family within the waves first found.
+
+    Attributes
+    ----------
+    multiple : int
+        How many periods of the wave first found make one coarse period.
+    clear : bool
+        Whether the wave stands out of the spectrum of what else varies in its direction.
+    offset : float
+        Where a coarse line lies, in coarse periods.
+    dark : bool
+        Whether lines are darker than the wall.
+    template : (12,) array
+        Amplitudes of the harmonics 1 to 12 of the profile across a line, positive for a peak.
+    fine : int or None
+        How many fine periods there are in a coarse one, where fine lines are seen.
+    """
+
+    multiple: int
+    clear: bool
+    offset: float
+    dark: bool
+    template: FloatArray
+    fine: int | None
+
+
+def analysed(values: FloatArray, coordinate: FloatArray, period_px: float) -> Lattice:
+    """Find the coarse lines in one family.
+
+    Parameters
+    ----------
+    values : (N,) array
+        Relative contrast of the pixels on the wall.
+    coordinate : (N,) array
+        Their grid coordinate across the family's lines, in periods of the wave first found.
+    period_px : float
+        That period, px.
+    """
+    multiple, clear = _coarsest(
+        values, coordinate, FAINTEST if period_px > ALIAS_FREE else FAINTEST_ALIASED
+    )
+    coordinate = coordinate / multiple
+    turns = 2j * np.pi * coordinate
+    harmonics = np.array(
+        [2.0 * np.mean(values * np.exp(-k * turns)) for k in range(1, HIGHEST_HARMONIC + 1)]
+    )
+    index = (np.floor((coordinate % 1.0) * BINS)).astype(np.int64) % BINS
+    counts = np.maximum(np.bincount(index, minlength=BINS), 1)
+    profile = np.bincount(index, weights=values, minlength=BINS) / counts
+    profile = profile - profile.mean()
+    # Lines are thinner than the gaps between them, so the profile is skewed towards them
+    dark = bool(np.sum(profile**3) <= 0.0)
+    sign = -1.0 if dark else 1.0
+    offset = -float(np.angle(sign * harmonics[0])) / (2.0 * np.pi)
+    order = np.arange(1, HIGHEST_HARMONIC + 1)
+    template = (sign * harmonics * np.exp(2j * np.pi * order * offset)).real
+    # Fine lines put all their strength into the multiples of one harmonic
+    fine = None
+    for ratio in (4, 5, 10):
+        if period_px * multiple < 2.2 * ratio:
+            continue
+        around = [abs(template[ratio + side - 1]) for side in (-1, 1) if 1 < ratio + side <= 12]
+        if template[ratio - 1] > 1.3 * max(around):
+            fine = ratio
+            break
+    return Lattice(multiple, clear, offset, dark, template, fine)
+
+
+def _coarsest(values: FloatArray, coordinate: FloatArray, faintest: float) -> tuple[int, bool]:
+    start = float(coordinate.min())
+    index = ((coordinate - start) * BINS).astype(np.int64)
+    sums = np.bincount(index, weights=values - values.mean())
+    periods = len(sums) / BINS
+    oversampled = 4 * len(sums)
+    spectrum = np.abs(np.fft.rfft(sums * np.hanning(len(sums)), oversampled))
+    unit = oversampled / BINS  # bins of the spectrum per cycle of the wave
+
+    def height(frequency: float, tolerance: float) -> tuple[float, float]:
+        middle, near, far = frequency * unit, 1.0 * unit / periods, 8.0 * unit / periods
+        around = np.arange(max(0, int(middle - far)), int(middle + far) + 1)
+        distance = np.abs(around - middle)
+        # A true peak is highest at its own place; a stronger neighbour's flank is not
+        close = around[distance <= 2.0 * near]
+        highest = int(close[np.argmax(spectrum[close])])
+        peak = float(spectrum[highest]) if abs(highest - middle) <= tolerance * near else 0.0
+        return peak, float(np.median(spectrum[around[distance > 3.0 * near]]))
+
+    reference = height(1.0, 2.0)[0]
+
+    def seen(frequency: float, tolerance: float = 0.8, clear: float = SIGNIFICANT) -> bool:
+        peak, floor = height(frequency, tolerance)
+        return peak > clear * floor and peak > faintest * reference
+
+    best = 1
+    for multiple in COARSER:
+        if periods / multiple < 4.0:
+            break
+        parts = [j for j in range(1, multiple) if gcd(j, multiple) == 1]
+        share = np.mean([seen(j / multiple) for j in parts])
+        if seen(1 / multiple) and share >= 0.75:
+            best = multiple
+    return best, seen(1.0, 2.0, CLEAR)
+
+
+def folded(values: FloatArray, grid: FloatArray, bins: int = 20) -> tuple[FloatArray, FloatArray]:
+    """Average two by two cells of the grid into one picture.
+
+    Parameters
+    ----------
+    values : (N,) array
+    grid : (N, 2) array
+        Grid coordinates, periods.
+    bins : int
+        Bins per period.
+
+    Returns
+    -------
+    mean, count : (2 bins, 2 bins) array
+    """
+    index = np.floor((grid % 2.0) * bins).astype(np.int64) % (2 * bins)
+    flat_index = index[:, 0] * 2 * bins + index[:, 1]
+    count = np.bincount(flat_index, minlength=4 * bins * bins).astype(np.float64)
+    total = np.bincount(flat_index, weights=values, minlength=4 * bins * bins)
+    mean = total / np.maximum(count, 1.0)
+    shape = (2 * bins, 2 * bins)
+    return mean.reshape(shape), count.reshape(shape)
+
+
+def off_axis_share(values: FloatArray, grid: FloatArray) -> float:
+    """How much of the pattern is not lines that run through.
+
+    Lines put their strength on the two axes of the cell's spectrum. A chessboard has much between
+    the axes; a brick wall, whose joints are broken, between and at half orders.
+
+    Returns
+    -------
+    float
+        Power off the axes over the power of the weaker family, noise subtracted.
+    """
+    mean, count = folded(values, grid)
+    noise = float(np.var(values)) / float(np.mean(np.maximum(count, 1.0))) * mean.size
+    power = np.abs(np.fft.fft2(mean - mean.mean())) ** 2
+    order = np.abs(np.fft.fftfreq(mean.shape[0], 1.0 / mean.shape[0])).round().astype(int)
+    low = (order > 0) & (order <= 8)
+    off = power[np.ix_(low, low)]
+    families = [power[low, 0].sum(), power[0, low].sum()]
+    return float(max(off.sum() - noise * off.size, 0.0) / max(min(families), 1e-300))
+
+
+def squareness(grid_map: GridMap) -> tuple[float, float]:
+    """Aspect ratio and cosine of the angle of the cells, at the focal length that suits best.
+
+    Parameters
+    ----------
+    grid_map : GridMap
+        Map from pixels to grid coordinates.
+
+    Returns
+    -------
+    aspect, cosine : float
+        1 and 0 for a square grid seen by a camera with square pixels.
+    """
+    p = grid_map.parameters
+    to_grid = np.array([p[0:3], p[3:6], [p[6], p[7], 1.0]])
+    columns = np.linalg.inv(to_grid)[:, :2]
+    best = (np.inf, 1.0, 0.0)
+    for focal in np.geomspace(0.4, 20.0, 60):  # in half widths of the picture
+        a, b = (columns / np.array([[focal], [focal], [1.0]])).T
+        aspect = float(np.linalg.norm(a) / np.linalg.norm(b))
+        cosine = float(a @ b / (np.linalg.norm(a) * np.linalg.norm(b)))
+        misfit = np.log(aspect) ** 2 + cosine**2
+        if misfit < best[0]:
+            best = (misfit, aspect, cosine)
+    return best[1], best[2]

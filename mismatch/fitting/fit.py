@@ -1,0 +1,223 @@
+"""Least squares over trial-to-trial values and shared parameters together."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mismatch.fitting.normal_equations import (
+    Free,
+    Linearised,
+    inverse_of,
+    linearise,
+    priors,
+    reduce,
+    solve,
+    spread_laws,
+)
+from mismatch.model.forward import Forward
+from mismatch.model.model import Model
+from physics.arrays import FloatArray
+from physics.effects import Parameter
+
+__all__ = ["Fit", "fit_model"]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A model fitted to a campaign.
+
+    Attributes
+    ----------
+    model : Model
+        With its parameters at their best.
+    nuisance : (T, q) array
+        Trial-to-trial values, the shared laws' offsets not included.
+    law_offsets : (balls, 2) array
+        Offset of the COR law and of the launch angle (rad) by ball.
+    chi2, penalty : float
+        Σ (residual/σ)², and Σ (value/prior)² over what has a prior.
+    count : int
+        Entries fitted.
+    expected : float
+        Chi-square that noise alone would leave.
+    free : tuple of Free
+        What was varied.
+    covariance : (n, n) array
+        Of the free parameters, trial-to-trial values marginalised.
+    residual : (T, M) array
+        (record − prediction)/σ; zero where unused.
+    """
+
+    model: Model
+    nuisance: FloatArray
+    law_offsets: FloatArray
+    chi2: float
+    penalty: float
+    count: int
+    expected: float
+    free: tuple[Free, ...]
+    covariance: FloatArray
+    residual: FloatArray = field(repr=False)
+
+    @property
+    def objective(self) -> float:
+        """What was minimised: chi2 plus penalty."""
+        return self.chi2 + self.penalty
+
+    @property
+    def misfit(self) -> float:
+        """Chi-square over what noise leaves, at least one: the unit of differences."""
+        return max(1.0, self.chi2 / max(self.expected, 1.0))
+
+    def value(self, index: int) -> tuple[float, float]:
+        """Value and standard uncertainty of a free parameter."""
+        item = self.free[index]
+        value = self.model.entries[item.entry][1][item.parameter.name]
+        known = 0.0 if item.parameter.expected is None else item.parameter.width
+        return float(value), max(float(np.sqrt(max(self.covariance[index, index], 0.0))), known)
+
+    @property
+    def inside_bounds(self) -> bool:
+        """Whether every free parameter lies in what nature allows, and not on the edge of it."""
+        for index, item in enumerate(self.free):
+            value, std = self.value(index)
+            p = item.parameter
+            edge = 1e-6 * max(abs(p.lower), abs(p.upper))
+            if not np.isfinite(std) or not p.lower - edge <= value <= p.upper + edge:
+                return False
+        return True
+
+    @property
+    def believable(self) -> bool:
+        """Whether every free parameter also has a size that is met in practice."""
+        return self.inside_bounds and all(
+            item.parameter.believable(self.value(index)[0]) for index, item in enumerate(self.free)
+        )
+
+
+def fit_model(
+    forward: Forward,
+    model: Model,
+    free: Sequence[Free],
+    start: tuple[FloatArray, FloatArray],
+    *,
+    rounds: int = 12,
+    shape_priors: bool = True,
+) -> Fit:
+    """Gauss–Newton with step halving.
+
+    Parameters
+    ----------
+    forward : Forward
+        Predictor and records.
+    model : Model
+        Start values of its parameters.
+    free : sequence of Free
+        What to vary.
+    start : (nuisance, law offsets)
+        (T, q) and (balls, 2) arrays.
+    rounds : int
+        Most steps.
+    shape_priors : bool
+        Hold shapes near where they start with a prior as wide as their scale.
+
+    Returns
+    -------
+    Fit
+    """
+    nuisance, laws = start
+    anchors = np.array([_anchor(f, model) for f in free])
+    own_prior, law_prior = priors(forward)
+    n_laws = laws.size
+
+    def values(m: Model) -> FloatArray:
+        return np.array([m.entries[f.entry][1][f.parameter.name] for f in free])
+
+    def penalty(nu: FloatArray, la: FloatArray, m: Model) -> float:
+        flat = float(np.sum(la**2 * law_prior)) if la.size else 0.0
+        kept = own_prior < 1e15
+        return (
+            float(np.sum(nu[:, kept] ** 2 * own_prior[kept]))
+            + flat
+            + float(np.sum(holds * (values(m) - anchors) ** 2))
+        )
+
+    def misfit(nu: FloatArray, la: FloatArray, m: Model) -> tuple[float, FloatArray]:
+        predicted = forward.predict([m], spread_laws(forward, nu, la)[None])[0]
+        scaled = (forward.records.values - predicted) * forward.records.weights
+        return float(np.sum(scaled**2)), scaled
+
+    chi2, residual = misfit(nuisance, laws, model)
+    excess = max(1.0, chi2 / max(forward.records.expected, 1.0))
+    holds = np.array([_hold(f.parameter, excess, shape_priors) for f in free])
+    cost = chi2 + penalty(nuisance, laws, model)
+    matrix = np.zeros((n_laws + len(free),) * 2)
+    damping = 0.0
+    for _ in range(rounds):
+        system = linearise(forward, model, nuisance, laws, free)
+        shared_prior = system.shared_prior.copy()
+        shared_prior[n_laws:] += holds
+        system = Linearised(system.residual, system.own, system.shared, system.prior, shared_prior)
+        pull = np.concatenate([-laws.reshape(-1), -(values(model) - anchors)]) * shared_prior
+        kept = own_prior < 1e15
+        own_pull = np.where(kept, -nuisance * own_prior, 0.0)
+        matrix, vector, inverse, cross = reduce(system, own_pull, pull)
+        gradient = np.einsum("tmq,tm->tq", system.own, system.residual) + own_pull
+        improved = False
+        for _ in range(8):
+            move = solve(matrix, vector, damping)
+            own_move = np.einsum(
+                "tqr,tr->tq", inverse, gradient - np.einsum("tqn,n->tq", cross, move)
+            )
+            trial_nu = nuisance + own_move * (1.0 / (1.0 + damping))
+            trial_laws = laws + move[:n_laws].reshape(laws.shape)
+            trial_model = _stepped(model, free, move[n_laws:])
+            new_chi2, new_residual = misfit(trial_nu, trial_laws, trial_model)
+            new_cost = new_chi2 + penalty(trial_nu, trial_laws, trial_model)
+            if new_cost < cost:
+                improved = True
+                break
+            damping = max(4.0 * damping, 0.05)
+        gained = cost - new_cost
+        if not improved:
+            break
+        nuisance, laws, model = trial_nu, trial_laws, trial_model
+        chi2, residual, cost = new_chi2, new_residual, new_cost
+        damping *= 0.2
+        if damping < 0.01:
+            damping = 0.0
+        if gained < 1e-3 + 1e-7 * cost:
+            break
+    covariance = inverse_of(matrix)[n_laws:, n_laws:]
+    return Fit(
+        model, nuisance, laws, chi2, penalty(nuisance, laws, model), forward.records.count,
+        forward.records.expected, tuple(free), covariance, residual,
+    )  # fmt: skip
+
+
+def _anchor(item: Free, model: Model) -> float:
+    expected = item.parameter.expected
+    held = model.entries[item.entry][1][item.parameter.name]
+    return float(held) if expected is None else expected
+
+
+def _hold(p: Parameter, excess: float, shape_priors: bool) -> float:
+    """Inverse variance that holds a parameter, as much too sure of itself as the misfit is."""
+    if p.expected is not None:
+        return excess / p.width**2
+    return p.scale**-2 if p.is_shape and shape_priors else 0.0
+
+
+def _stepped(model: Model, free: Sequence[Free], moves: FloatArray) -> Model:
+    entries = [(effect, dict(values)) for effect, values in model.entries]
+    for item, move in zip(free, moves, strict=True):
+        p = item.parameter
+        values = entries[item.entry][1]
+        # Ten scales at once is further than a linear step can be trusted.
+        reach = 40.0 * p.scale if not p.is_shape else 1.0 * p.scale
+        new = values[p.name] + float(np.clip(move, -reach, reach))
+        if p.is_shape:
+            new = float(np.clip(new, p.lower, p.upper))
+        values[p.name] = new
+    return Model(tuple(entries))

@@ -1,0 +1,108 @@
+"""The proof on data kept aside: fit on some trials, predict the others."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mismatch.fitting.fit import Fit, fit_model
+from mismatch.fitting.hypotheses import Hypothesis
+from mismatch.fitting.normal_equations import Free, free_parameters
+from mismatch.model.forward import Forward
+from mismatch.verdict import HeldOut
+from physics.arrays import FloatArray
+
+__all__ = ["choose_held_out", "hold_out"]
+
+DRAWS = 1000
+
+
+def choose_held_out(forward: Forward) -> np.ndarray:
+    """(T,) mask of every third trial of each ball and back-swing, at least one left to fit."""
+    records = forward.records
+    held = np.zeros(records.trials, dtype=bool)
+    held[2::3] = True
+    if records.trials == 2:
+        held[1] = True
+    return held
+
+
+def _errors(
+    forward: Forward, model_fit: Fit, free: Sequence[Free], held: np.ndarray
+) -> tuple[FloatArray, FloatArray]:
+    """Squared error sums and counts per held-out trial, after training on the others."""
+    train = type(forward)(**{**vars(forward), "records": forward.records.chosen(~held)})
+    trained = fit_model(
+        train, model_fit.model, free, (model_fit.nuisance, model_fit.law_offsets), rounds=5
+    )
+    test = type(forward)(**{**vars(forward), "records": forward.records.chosen(held)})
+    # Trained parameters and law offsets stay; only what belongs to the trial is refitted.
+    fitted = fit_model(test, trained.model, (), (model_fit.nuisance, trained.law_offsets), rounds=4)
+    weights = test.records.weights
+    errors = np.where(weights > 0.0, fitted.residual / np.where(weights > 0.0, weights, 1.0), 0.0)
+    s3 = 3 * forward.records.ball_time.shape[1]
+    part = slice(0, s3) if forward.mode != "swing" else slice(s3, None)
+    return (errors[:, part] ** 2).sum(axis=1)[held], (weights[:, part] > 0.0).sum(axis=1)[held]
+
+
+def _extrapolation(
+    forward: Forward, model_fit: Fit, free: Sequence[Free], share: float = 0.6
+) -> float | None:
+    """Root mean square error of the last part of every flight or swing, fitted on the first."""
+    records = forward.records
+    s3 = 3 * records.ball_time.shape[1]
+    ball = forward.mode != "swing"
+    time = records.ball_time if ball else records.pendulum_time
+    seen = records.ball_used.any(axis=-1) if ball else records.pendulum_used
+    start = np.where(seen, time, np.inf).min(axis=1, keepdims=True)
+    if forward.mode == "impact":
+        start = np.maximum(start, model_fit.nuisance[:, :1])
+    end = np.where(seen, time, -np.inf).max(axis=1, keepdims=True)
+    early = time <= start + share * (end - start)
+    kept = np.ones(records.used.shape, dtype=bool)
+    part = slice(0, s3) if ball else slice(s3, None)
+    kept[:, part] = np.tile(early, 3) if ball else early
+    late = records.used[:, part] & ~kept[:, part]
+    if not late.any() or records.keeping(kept).count < 3 * records.trials:
+        return None
+    first = replace(forward, records=records.keeping(kept))
+    trained = fit_model(
+        first, model_fit.model, free, (model_fit.nuisance, model_fit.law_offsets), rounds=5
+    )
+    whole = fit_model(forward, trained.model, (), (trained.nuisance, trained.law_offsets), rounds=0)
+    weights = records.weights[:, part]
+    errors = whole.residual[:, part][late] / weights[late]
+    return float(np.sqrt(np.mean(errors**2)))
+
+
+def hold_out(
+    forward: Forward, base: Fit, best: Hypothesis, held: np.ndarray | None = None
+) -> HeldOut | None:
+    """Held-out error of baseline and best model, with a bootstrap interval of their ratio.
+
+    Returns
+    -------
+    HeldOut or None
+        None with fewer than two trials, or none kept aside.
+    """
+    mask = choose_held_out(forward) if held is None else held
+    if not mask.any() or mask.all():
+        return None
+    free = free_parameters(best.fit.model, [m.effect for m in best.members])
+    before, count = _errors(forward, base, (), mask)
+    after, _ = _errors(forward, best.fit, free, mask)
+    rng = np.random.default_rng(11)
+    picks = rng.integers(0, before.size, (DRAWS, before.size))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.sqrt(before[picks].sum(axis=1) / np.maximum(after[picks].sum(axis=1), 1e-300))
+    total = max(float(count.sum()), 1.0)
+    low, high = np.quantile(ratio, [0.025, 0.975])
+    return HeldOut(
+        tuple(str(index) for index in np.flatnonzero(mask)),
+        float(np.sqrt(before.sum() / total)),
+        float(np.sqrt(after.sum() / total)),
+        (float(low), float(high)),
+        "rad" if forward.mode == "swing" else "m",
+        _extrapolation(forward, base, ()),
+        _extrapolation(forward, best.fit, free),
+    )  # fmt: skip

@@ -1,0 +1,292 @@
+"""Fitted answers to "what was left out", and how they are weighed against each other."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mismatch.fitting.fit import Fit, fit_model
+from mismatch.fitting.normal_equations import Free, free_parameters
+from mismatch.fitting.scan import Scan
+from mismatch.model.candidates import Candidate, start_values
+from mismatch.model.forward import Forward
+from mismatch.model.model import Model
+from physics.arrays import FloatArray
+from physics.effects import Effect
+
+__all__ = [
+    "LOOSE_LAWS",
+    "MISFIT",
+    "Hypothesis",
+    "fit_hypothesis",
+    "group_tolerance",
+    "is_known",
+    "least_worth",
+    "null_threshold",
+    "second_effect_share",
+    "told_apart",
+]
+
+MEMBER_FINE = 9.0
+"""Chi-square that each further effect must pay, ln n for a few thousand rows (BIC)."""
+
+DRAWS = 4000
+
+FALSE_ALARMS = 0.01
+"""Share of blameless campaigns in which chance may exceed the threshold, for whole catalogues."""
+
+CERTAIN_GAIN = 6.6
+"""Worth that one effect looked for by itself, with a sign, exceeds by chance in half a per cent."""
+
+MISFIT = 1.5
+"""Chi-square per entry from which what is left over is a fault of the law, not noise."""
+
+LOOSE_LAWS = frozenset(
+    {
+        "drag_crisis", "lens_distortion", "dropped_frames", "support_friction", "support_recoil",
+        "effective_mass", "camera_roll", "rolling_shutter", "oblique_impact",
+        "contact_displacement",
+    }
+)  # fmt: skip
+"""Ids whose law differs from one apparatus to the next, so that a fit leaves a part of it over."""
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """A set of effects, fitted.
+
+    Attributes
+    ----------
+    members : tuple of Candidate
+        What is said to be missing.
+    fit : Fit
+        The model with them in it.
+    gain : float
+        Objective of the refitted baseline minus that of this fit (chi-square units).
+    """
+
+    members: tuple[Candidate, ...]
+    fit: Fit
+    gain: float
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Ids, in order."""
+        return tuple(member.id for member in self.members)
+
+    @property
+    def worth(self) -> float:
+        """Gain less what freedom, size of the set and unlikely strengths cost."""
+        fines = sum(member.fine for member in self.members)
+        further = sum(not is_known(member.effect) for member in self.members) - 1
+        return self.gain - fines - MEMBER_FINE * max(further, 0) - self.misfit * self.surprise
+
+    @property
+    def surprise(self) -> float:
+        """What the fitted strengths cost by their priors (chi-square units at no misfit)."""
+        added = [member.effect for member in self.members]
+        values = {
+            id(item.parameter): (item.parameter, self.fit.value(index)[0])
+            for index, item in enumerate(self.fit.free)
+            if any(self.fit.model.entries[item.entry][0] is effect for effect in added)
+        }
+        # What has an expected value is held to it by the fit itself.
+        strengths = [v for v in values.values() if not v[0].is_shape and v[0].expected is None]
+        return sum(p.surprise(value) for p, value in strengths)
+
+    @property
+    def misfit(self) -> float:
+        """Chi-square over what noise leaves, at least one: the unit of differences."""
+        return self.fit.misfit
+
+    @property
+    def allowed(self) -> bool:
+        """Whether all parameters are within what nature allows and practice knows."""
+        return self.fit.believable
+
+    @property
+    def quality(self) -> float:
+        """Worth by the data alone, unlikely strengths not counted against it."""
+        return self.worth + self.misfit * self.surprise
+
+    @property
+    def has_unnamed(self) -> bool:
+        """Whether a force in no catalogue is part of it."""
+        return "unnamed" in self.ids
+
+
+def is_known(effect: Effect) -> bool:
+    """Whether nature is known to give the effect its size, so that it has no freedom."""
+    return bool(effect.strengths) and all(p.expected is not None for p in effect.strengths)
+
+
+def told_apart(best: Hypothesis, other: Hypothesis) -> bool:
+    """Whether two answers differ by more than the misfit that both share.
+
+    Where no law fits to the noise, chi-square says nothing; the difference has to be steady over
+    pieces of the record (Vuong, Econometrica 57, 307 (1989)).
+    """
+    if best.misfit < MISFIT:
+        return True
+    pieces = max(1, -(-24 // best.fit.residual.shape[0]))
+    squares = other.fit.residual**2 - best.fit.residual**2
+    blocks = [part.sum(axis=1) for part in np.array_split(squares, pieces, axis=1)]
+    differences = np.concatenate(blocks)
+    differences = differences[differences != 0.0]
+    if differences.size < 4:
+        return False
+    spread = float(np.std(differences, ddof=1)) * np.sqrt(differences.size)
+    return bool(differences.sum() > 2.0 * spread)
+
+
+def fit_hypothesis(
+    forward: Forward,
+    base: Fit,
+    members: Sequence[Candidate],
+    strengths: Sequence[FloatArray],
+    start: Fit | None = None,
+    rounds: int = 10,
+) -> Hypothesis:
+    """Fit the baseline with candidates in it.
+
+    Parameters
+    ----------
+    base : Fit
+        The refitted baseline, which the gain is counted from.
+    members : candidates
+        What to add.
+    strengths : one array per member
+        Start values of its strengths.
+    start : Fit, optional
+        Where trial-to-trial values start from; the baseline's by default.
+    rounds : int
+        Most Gauss–Newton steps.
+    """
+    model: Model = base.model
+    for member, values in zip(members, strengths, strict=True):
+        start_at = start_values(member, base.model)
+        for p, value in zip(member.effect.strengths, values, strict=True):
+            known = value if p.expected is None else p.expected
+            start_at[p.name] = float(np.clip(known, p.lower, p.upper))
+        model = model.having(member.effect, start_at)
+    model = model.order()
+    added: list[Effect] = [member.effect for member in members]
+    origin = base if start is None else start
+    point = (origin.nuisance, origin.law_offsets)
+    free = free_parameters(model, added)
+    if forward.mode == "swing":
+        fit = fit_ever_longer(forward, base.model, model, free, (base.nuisance, base.law_offsets))
+    else:
+        fit = fit_model(forward, model, free, point, rounds=rounds)
+    return Hypothesis(tuple(members), fit, base.objective - fit.objective)
+
+
+def fit_ever_longer(
+    forward: Forward,
+    bare: Model,
+    model: Model,
+    free: Sequence[Free],
+    point: tuple[FloatArray, FloatArray],
+) -> Fit:
+    """Fit the first part of free swings, then more and more of them.
+
+    Over many periods a small error of a torque turns the phase around, and a fit of the whole
+    record from afar ends anywhere. Strengths start from neutral: an estimate made around a
+    baseline that is out of phase is worth nothing.
+    """
+    entries = []
+    held = {id(effect) for effect, _ in bare.entries}
+    for effect, values in model.entries:
+        neutral = {p.name: p.neutral for p in effect.strengths}
+        entries.append((effect, values if id(effect) in held else {**values, **neutral}))
+    model = Model(tuple(entries))
+    records = forward.records
+    since = records.pendulum_time - records.pendulum_time[:, :1]
+    longest = float(since.max())
+    blank = np.zeros((records.trials, 3 * records.ball_time.shape[1]), dtype=bool)
+    fit = fit_model(forward, model, free, point, rounds=0)
+    for share, rounds in ((0.12, 6), (0.35, 6), (1.0, 10)):
+        early = np.concatenate([blank, since <= share * longest], axis=1)
+        part = replace(
+            forward,
+            records=records.keeping(early),
+            swing_time=forward.swing_time * min(1.02 * share, 1.0),
+            steps=max(32, int(np.ceil(forward.steps * min(1.02 * share, 1.0)))),
+        )
+        fit = fit_model(part, model, free, point, rounds=rounds)
+        model, point = fit.model, (fit.nuisance, fit.law_offsets)
+    return fit
+
+
+def null_threshold(scan: Scan, false_alarms: float = FALSE_ALARMS, seed: int = 20240229) -> float:
+    """Worth that the luckiest candidate exceeds by chance in a share of blameless campaigns.
+
+    A parametric bootstrap: without a mismatch the score of all candidates is Gaussian with the
+    information as its covariance, so drawing scores stands for drawing campaigns.
+    """
+    size = scan.score.size
+    if size == 0:
+        return 12.0
+    values, vectors = np.linalg.eigh(scan.information / _outer(scan.information))
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    scale = np.sqrt(np.diag(scan.information))
+    draws = (np.random.default_rng(seed).standard_normal((DRAWS, size)) @ root.T) * scale
+    worth = np.full(DRAWS, -np.inf)
+    for index, candidate in enumerate(scan.candidates):
+        which = np.array(scan.columns[index])
+        block = scan.information[np.ix_(which, which)]
+        inverse = np.linalg.pinv(block, rcond=1e-9, hermitian=True)
+        part = draws[:, which]
+        gain = np.einsum("di,ij,dj->d", part, inverse, part)
+        one_sided = [p.lower == p.neutral for p in candidate.effect.strengths]
+        if len(which) == 1 and one_sided[0] and scan.start[which[0]] == 0.0:
+            gain = np.where(part[:, 0] > 0.0, gain, -np.inf)
+        worth = np.maximum(worth, gain - candidate.fine)
+    tail = float(np.quantile(worth, 1.0 - false_alarms))
+    return max(tail, 9.0)
+
+
+def least_worth(best: Hypothesis, base: Fit, threshold: float) -> float:
+    """Worth from which an answer is more than chance.
+
+    What nature always has, and the model has not, was expected: no search of a catalogue has to be
+    paid for before it is believed.
+    """
+    expected = all(m.effect.certain and m.id not in base.model.ids for m in best.members)
+    return (min(threshold, CERTAIN_GAIN) if expected else threshold) * best.misfit
+
+
+def _outer(matrix: FloatArray) -> FloatArray:
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    return np.asarray(scale[:, None] * scale[None, :])
+
+
+def group_tolerance(best: Hypothesis) -> float:
+    """How much less worth another answer may have and still not be told apart.
+
+    Seven chi-square units are odds of thirty to one, times the misfit that is left; in strong
+    cases one and a half per cent of the gain, since no law is known better than that, but no more
+    than a part of what is left over.
+    """
+    count = best.fit.count
+    odds = 7.0 * best.misfit
+    left = max(best.fit.chi2 - best.fit.expected, 0.0) + np.sqrt(2.0 * count)
+    return float(max(odds, min(0.015 * best.gain, 0.25 * left)))
+
+
+PLACES = frozenset({"contact_displacement", "origin_offset", "length_scale", "parallax"})
+"""Ids that shift where a flight starts, as an imperfect law of contact or camera also does."""
+
+
+def second_effect_share(hypothesis: Hypothesis, further: str | None = None) -> float:
+    """Share of the gain that a further effect must add before it is more than an imperfect law."""
+    if further in PLACES and LOOSE_LAWS.intersection(hypothesis.ids):
+        return 0.2
+    if hypothesis.has_unnamed:
+        return 0.03
+    return 0.04 if LOOSE_LAWS.intersection(hypothesis.ids) else 0.008
+
+
+def with_gain(hypothesis: Hypothesis, base_objective: float) -> Hypothesis:
+    """The hypothesis with its gain counted from another baseline."""
+    return replace(hypothesis, gain=base_objective - hypothesis.fit.objective)

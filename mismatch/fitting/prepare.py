@@ -1,0 +1,353 @@
+"""From a campaign and a baseline to a fit that can start: mode, clocks, which rows, noise."""
+
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metrology import TooLittleDataError
+from mismatch.fitting.fit import Fit, fit_model
+from mismatch.model.baseline import Baseline
+from mismatch.model.forward import Forward, Mode
+from mismatch.model.model import Model
+from mismatch.records.campaign import Campaign
+from mismatch.records.noise import Noise, estimate_noise
+from mismatch.records.records import Records, lay_out
+from physics.arrays import FloatArray
+from physics.effects import CATALOGUE
+
+__all__ = ["Prepared", "baseline_model", "prepare"]
+
+GUARD_SAMPLES = 1.6
+"""Rows this many samples around onset and release are left out: the model bends there."""
+
+FREE_STATE_PACE = 3.0
+"""Cosines of a record that a free initial place and velocity leave little of."""
+
+STRAY = 5.0
+"""Sigma from the line through the neighbours."""
+
+NEIGHBOURS = 9
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A campaign ready to be explained.
+
+    Attributes
+    ----------
+    forward : Forward
+        Predictor with records, noise and outliers settled.
+    model : Model
+        The baseline's effects.
+    noise : Noise
+        As estimated.
+    fit : Fit
+        The baseline refitted.
+    """
+
+    forward: Forward
+    model: Model
+    noise: Noise
+    fit: Fit
+
+
+def baseline_model(baseline: Baseline) -> Model:
+    """The baseline's effects as a model; gravity is in the forward model itself."""
+    return Model(
+        tuple(
+            (CATALOGUE[name][0], CATALOGUE[name][0].neutral | dict(values))
+            for name, values in baseline.effects.items()
+            if name != "gravity"
+        )
+    )
+
+
+def choose_mode(records: Records, baseline: Baseline) -> Mode:
+    """Impact where everything for it is known, else free flights, else free swings."""
+    has_ball = bool(records.ball_used.any())
+    struck = (
+        baseline.pendulum is not None
+        and np.isfinite(records.backswing).all()
+        and np.isfinite(records.launch_angle).all()
+        and all(baseline.ball(n or None).table is not None for n in records.ball_names if n)
+    )
+    if has_ball and struck:
+        return "impact"
+    if has_ball:
+        return "flight"
+    if not records.pendulum_used.any():
+        raise TooLittleDataError("there are no finite positions or angles in the data")
+    if np.isfinite(records.launch_angle).any():
+        # A pendulum that struck a ball does not swing freely.
+        raise TooLittleDataError(
+            "no position of the ball is a number, though the table has rows for it",
+            hint="Without the ball's table the pendulum is taken to swing freely.",
+        )
+    return "swing"
+
+
+def _centre(records: Records) -> tuple[float, float, float]:
+    if not records.ball_used.any():
+        return 0.0, 0.0, 1.0
+    lows, highs = [], []
+    for axis in range(2):
+        used = records.ball_used[..., axis]
+        values = records.position[..., axis][used] if used.any() else np.zeros(1)
+        lows.append(float(values.min()))
+        highs.append(float(values.max()))
+    half = 0.5 * max(highs[0] - lows[0], highs[1] - lows[1], 1e-3)
+    return 0.5 * (lows[0] + highs[0]), 0.5 * (lows[1] + highs[1]), half
+
+
+def _span(time: FloatArray) -> FloatArray:
+    span: FloatArray = np.maximum(time.max(axis=1) - time.min(axis=1), 1e-3)
+    return span
+
+
+def _interval(time: FloatArray) -> FloatArray:
+    steps = np.diff(time, axis=1)
+    return np.array([np.median(row[row > 0.0]) if np.any(row > 0.0) else 0.0 for row in steps])
+
+
+def _find_clocks(forward: Forward, model: Model) -> FloatArray:
+    """Label time of contact onset by trial: where the nominal prediction lies best, in L1."""
+    records = forward.records
+    reach = float(max(_span(records.ball_time).max(), _span(records.pendulum_time).max()))
+    dense = np.linspace(-1.05 * reach, 1.05 * reach, 3001)
+    grid = np.broadcast_to(dense, (records.trials, dense.size))
+    table = replace(
+        records, ball_time=grid, pendulum_time=grid,
+        position=np.zeros((*grid.shape, 3)), pendulum_angle=np.zeros(grid.shape),
+        ball_used=np.ones((*grid.shape, 3), dtype=bool),
+        pendulum_used=np.ones(grid.shape, dtype=bool),
+    )  # fmt: skip
+    nominal = replace(forward, records=table).predict([model], np.zeros((1, records.trials, 4)))[0]
+    nominal = nominal.reshape(records.trials, 4, dense.size)
+    clocks = np.zeros(records.trials)
+    for trial in range(records.trials):
+        series = []
+        for axis in range(2):
+            used = records.ball_used[trial, :, axis]
+            series.append(
+                (records.ball_time[trial, used], records.position[trial, used, axis], axis)
+            )
+        used = records.pendulum_used[trial]
+        series.append((records.pendulum_time[trial, used], records.pendulum_angle[trial, used], 3))
+        series = [one for one in series if one[0].size]
+        low = min(one[0].min() for one in series) - 0.25 * reach
+        high = max(one[0].max() for one in series)
+        step = (high - low) / 240
+        best = 0.5 * (low + high)
+        candidates = np.linspace(low, high, 241)
+        for _ in range(4):
+            costs = [
+                sum(
+                    float(np.abs(np.interp(t - c, dense, nominal[trial, axis]) - v).sum())
+                    for t, v, axis in series
+                )
+                for c in candidates
+            ]
+            best = float(candidates[int(np.argmin(costs))])
+            candidates = np.linspace(best - step, best + step, 21)
+            step /= 8.0
+        clocks[trial] = best
+    return clocks
+
+
+def _cut_contact(forward: Forward, clocks: FloatArray, model: Model) -> tuple[Records, Forward]:
+    """Leave out rows around the contact and after the landing; follow ball and swing far enough."""
+    records, baseline = forward.records, forward.baseline
+    gap = np.array(
+        [
+            float(baseline.ball(records.ball_names[k] or None).table(np.array([u]))[1, 0])  # type: ignore[misc]
+            for k, u in zip(records.ball_index, forward._nominal_speed(), strict=True)
+        ]
+    )
+    ball_since = records.ball_time - clocks[:, None]
+    swing_since = records.pendulum_time - clocks[:, None]
+    ball_guard = GUARD_SAMPLES * _interval(records.ball_time)[:, None]
+    swing_guard = GUARD_SAMPLES * _interval(records.pendulum_time)[:, None]
+    ball_out = (ball_since > -ball_guard) & (ball_since < gap[:, None] + ball_guard)
+    swing_out = (swing_since > -swing_guard) & (swing_since < gap[:, None] + swing_guard)
+    if baseline.rest_height is not None:
+        # Once the ball has touched the floor the flight is over, whatever is recorded later.
+        radius = 0.5 * records.diameter[:, None]
+        low = records.ball_used[..., 1] & (records.position[..., 1] < radius) & (ball_since > 0.05)
+        down = np.where(low, records.ball_time, np.inf).min(axis=1, keepdims=True)
+        ball_out |= records.ball_time > down
+    kept = replace(
+        records,
+        ball_used=records.ball_used & ~ball_out[..., None],
+        pendulum_used=records.pendulum_used & ~swing_out,
+    )
+    margin = 0.05
+    flight = np.where(kept.ball_used.any(axis=-1), ball_since, 0.0).max(axis=1) - gap + margin
+    swing = np.where(kept.pendulum_used, swing_since, 0.0).max(axis=1) - gap + margin
+    ahead = replace(
+        forward,
+        records=kept,
+        flight_time=np.maximum(flight, 0.1),
+        swing_time=np.maximum(swing, 0.05),
+    )
+    return kept, ahead
+
+
+def _segments(forward: Forward, clocks: FloatArray | None) -> tuple[FloatArray, FloatArray]:
+    records = forward.records
+    if clocks is None:
+        return np.zeros(records.ball_time.shape), np.zeros(records.pendulum_time.shape)
+    return (
+        (records.ball_time > clocks[:, None]).astype(float),
+        (records.pendulum_time > clocks[:, None]).astype(float),
+    )
+
+
+def _first_states(records: Records, mode: Mode) -> FloatArray:
+    """Rough initial states from a quadratic through the first samples."""
+    state = np.zeros((records.trials, 6 if mode == "flight" else 3))
+    for trial in range(records.trials):
+        if mode == "swing":
+            used = records.pendulum_used[trial]
+            first = records.pendulum_time[trial, 0]
+            t, v = records.pendulum_time[trial, used] - first, records.pendulum_angle[trial, used]
+            coefficients = _start_polynomial(t[:40], v[:40])
+            state[trial, :2] = coefficients
+            continue
+        for axis in range(3):
+            used = records.ball_used[trial, :, axis]
+            first = records.ball_time[trial, 0]
+            t, v = records.ball_time[trial, used] - first, records.position[trial, used, axis]
+            if t.size:
+                state[trial, axis], state[trial, 3 + axis] = _start_polynomial(t, v)
+    return state
+
+
+def _start_polynomial(time: FloatArray, value: FloatArray) -> tuple[float, float]:
+    if time.size < 2:
+        return float(value[0]) if value.size else 0.0, 0.0
+    degree = min(2, time.size - 1)
+    scale = max(float(time.max()), 1e-9)
+    fitted = np.polynomial.polynomial.polyfit(time / scale, value, degree)
+    return float(fitted[0]), float(fitted[1] / scale)
+
+
+def prepare(campaign: Campaign, baseline: Baseline) -> Prepared:
+    """Lay the data out, find clocks and noise, and refit the baseline.
+
+    Raises
+    ------
+    TooLittleDataError
+        If there are too few rows for any fit.
+    """
+    records = lay_out(campaign, baseline)
+    mode = choose_mode(records, baseline)
+    model = baseline_model(baseline)
+    ball_span = _span(records.ball_time)
+    swing_span = _span(records.pendulum_time)
+    steps = 64
+    if mode == "swing":
+        # A step of a sixth of a radian's time of the small swing.
+        body = baseline.pendulum
+        rate = (
+            10.0
+            if body is None
+            else np.sqrt(body.mass * baseline.gravity * body.com / body.inertia)
+        )
+        steps = int(np.clip(float(swing_span.max()) * rate / 0.16, 32, 3000))
+    forward = Forward(
+        baseline, records, mode, ball_span * 1.3, swing_span * 1.02, steps, _centre(records)
+    )
+    if mode == "impact":
+        clocks = _find_clocks(forward, model)
+        records, forward = _cut_contact(forward, clocks, model)
+        nuisance = np.zeros((records.trials, 4))
+        nuisance[:, 0] = clocks
+        laws = np.zeros((len(records.ball_names), 2))
+    else:
+        clocks = None
+        forward = replace(forward, flight_time=ball_span * 1.02)
+        nuisance = _first_states(records, mode)
+        laws = np.zeros((0, 2))
+    pace = 1.0 if mode == "impact" else FREE_STATE_PACE
+    noise = estimate_noise(forward.records, *_segments(forward, clocks), slow_mode=pace)
+    records = _weighed(forward.records, noise)
+    forward = replace(forward, records=records)
+    if records.count < records.trials * nuisance.shape[1] + 3:
+        raise TooLittleDataError(
+            f"{records.count} usable samples in {records.trials} trials are too few for any fit",
+            hint=f"At least {nuisance.shape[1] + 4} samples in each trial are needed.",
+        )
+    fit = fit_model(forward, model, (), (nuisance, laws))
+    if mode == "swing":
+        # A baseline out of phase says nothing about strays; the local estimate has found them.
+        return Prepared(forward, model, noise, fit)
+    stray = _strays(fit.residual * np.sqrt(np.repeat(noise.inflation, _lengths(records))), records)
+    noise = replace(noise, outliers=noise.outliers | stray)
+    forward = replace(forward, records=_weighed(records, noise))
+    if mode == "impact":
+        # About a fit that knows much, less is left to pass for noise than about polynomials.
+        again = estimate_noise(_left_over(forward.records, fit), *_segments(forward, clocks))
+        noise = replace(again, outliers=noise.outliers | again.outliers)
+    records = _weighed(forward.records, noise)
+    forward = replace(forward, records=records)
+    fit = fit_model(forward, model, (), (fit.nuisance, fit.law_offsets))
+    return Prepared(forward, model, noise, fit)
+
+
+def _weighed(records: Records, noise: Noise) -> Records:
+    kept = records.keeping(~_whole_rows(records, noise.outliers))
+    return replace(kept, sigma=noise.effective, inflation=noise.inflation)
+
+
+def _whole_rows(records: Records, outliers: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Outliers (T, M) with all coordinates of a ball that was found in a wrong place."""
+    s = records.ball_time.shape[1]
+    ball = outliers[:, : 3 * s].reshape(records.trials, 3, s).any(axis=1)
+    return np.concatenate([np.tile(ball, 3), outliers[:, 3 * s :]], axis=1)
+
+
+def _left_over(records: Records, fit: Fit) -> Records:
+    """The records with the fit taken off, m and rad."""
+    s = records.ball_time.shape[1]
+    weights = records.weights
+    left = np.where(weights > 0.0, fit.residual / np.where(weights > 0.0, weights, 1.0), 0.0)
+    ball = np.moveaxis(left[:, : 3 * s].reshape(records.trials, 3, s), 1, -1)
+    return replace(records, position=ball, pendulum_angle=left[:, 3 * s :])
+
+
+def _lengths(records: Records) -> list[int]:
+    return [records.ball_time.shape[1]] * 3 + [records.pendulum_time.shape[1]]
+
+
+def _strays(residual: FloatArray, records: Records) -> NDArray[np.bool_]:
+    """Rows far from their neighbours' residuals, (T, M): what is left of outliers after a fit."""
+    stray = np.zeros(residual.shape, dtype=bool)
+    used = records.used
+    edges = np.cumsum([0, *_lengths(records)])
+    for trial in range(records.trials):
+        for low, high in itertools.pairwise(edges):
+            rows = low + np.flatnonzero(used[trial, low:high])
+            if rows.size >= NEIGHBOURS:
+                off = np.abs(_off_their_line(residual[trial, rows]))
+                # Where the misfit is so bent that no line fits, it is all off alike.
+                scale = max(1.0, 1.4826 * float(np.median(off)))
+                stray[trial, rows] = off > STRAY * scale
+    return stray
+
+
+def _off_their_line(values: FloatArray) -> FloatArray:
+    """How far each value is from the median line through its neighbours and itself (Theil, Sen).
+
+    At the ends the line leans on one side only: a steep misfit there makes no outlier, and an
+    outlier is no neighbour of itself.
+    """
+    size = values.size
+    first = np.clip(np.arange(size) - NEIGHBOURS // 2, 0, size - NEIGHBOURS)
+    place = np.arange(NEIGHBOURS)
+    near = values[first[:, None] + place]
+    i, j = np.triu_indices(NEIGHBOURS, 1)
+    slope = np.median((near[:, j] - near[:, i]) / (j - i), axis=1)
+    level = np.median(near - slope[:, None] * place, axis=1)
+    return np.asarray(values - level - slope * (np.arange(size) - first))

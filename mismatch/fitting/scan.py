@@ -1,0 +1,127 @@
+"""Score every candidate at once: how much chi-square would each, or each pair, take away.
+
+Around a fitted model the records are linear in small strengths, and everything the fit may still
+change (trial-to-trial values, the laws' offsets, parameters already in the model) is projected out.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mismatch.fitting.fit import Fit
+from mismatch.fitting.normal_equations import Linearised, linearise, priors, reduce
+from mismatch.model.candidates import Candidate, start_values, steps_of
+from mismatch.model.forward import Forward
+from mismatch.model.model import Model
+from physics.arrays import FloatArray
+
+__all__ = ["Scan", "scan"]
+
+LANES_AT_ONCE = 48
+
+
+@dataclass(frozen=True)
+class Scan:
+    """Information and score of the candidates' strengths around a fit.
+
+    Attributes
+    ----------
+    candidates : tuple of Candidate
+        What was scored.
+    columns : tuple of tuple of int
+        Which columns belong to each.
+    information : (n, n) array
+        Fisher information of all columns, everything else marginalised.
+    score : (n,) array
+        Gradient of the log likelihood; information⁻¹ score is the estimate.
+    start : (n,) array
+        Value of each strength in the model the scan starts from.
+    """
+
+    candidates: tuple[Candidate, ...]
+    columns: tuple[tuple[int, ...], ...]
+    information: FloatArray
+    score: FloatArray
+    start: FloatArray
+
+    def gain(self, *indices: int, score: FloatArray | None = None) -> tuple[float, FloatArray]:
+        """Chi-square that the candidates together would take away, and their strengths."""
+        which = np.array([c for i in indices for c in self.columns[i]])
+        s = (self.score if score is None else score)[which]
+        g = self.information[np.ix_(which, which)]
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(g), 1e-300))
+        scaled = g * scale[:, None] * scale[None, :] + 1e-6 * np.eye(len(which))
+        estimate = np.linalg.solve(scaled, s * scale) * scale
+        return float(estimate @ s), estimate + self.start[which]
+
+    def allowed(self, index: int, values: FloatArray, slack: float = 2.0) -> bool:
+        """Whether strengths lie within what nature allows, give or take `slack` sigma."""
+        strengths = self.candidates[index].effect.strengths
+        for column, p, value in zip(self.columns[index], strengths, values, strict=True):
+            sigma = 1.0 / np.sqrt(max(self.information[column, column], 1e-300))
+            if value < p.lower - slack * sigma or value > p.upper + slack * sigma:
+                return False
+        return True
+
+    def gains(self) -> FloatArray:
+        """(candidates,) chi-square taken away by each alone; −inf where nature forbids it."""
+        result = np.full(len(self.candidates), -np.inf)
+        for index in range(len(self.candidates)):
+            gain, values = self.gain(index)
+            if self.allowed(index, values):
+                result[index] = gain
+        return result
+
+
+def scan(forward: Forward, fit: Fit, candidates: Sequence[Candidate]) -> Scan:
+    """Score candidates around a fitted model."""
+    models: list[Model] = []
+    sizes: list[float] = []
+    starts: list[float] = []
+    columns: list[tuple[int, ...]] = []
+    for candidate in candidates:
+        values = start_values(candidate, fit.model)
+        mine = []
+        for parameter, step, moved in steps_of(candidate, values):
+            mine.append(len(models))
+            models.append(fit.model.having(candidate.effect, moved).order())
+            sizes.append(step)
+            starts.append(values[parameter.name])
+        columns.append(tuple(mine))
+    free = list(fit.free)
+    base = linearise(forward, fit.model, fit.nuisance, fit.law_offsets, free)
+    held = base.shared.shape[-1]
+    blocks = [base.shared]
+    for first in range(0, len(models), LANES_AT_ONCE):
+        part = linearise(
+            forward, fit.model, fit.nuisance, fit.law_offsets, (),
+            models[first : first + LANES_AT_ONCE], sizes[first : first + LANES_AT_ONCE],
+        )  # fmt: skip
+        blocks.append(part.shared[..., fit.law_offsets.size :])
+    shared = np.concatenate(blocks, axis=-1)
+    prior = np.concatenate([base.shared_prior, np.zeros(len(models))])
+    own_prior, law_prior = priors(forward)
+    kept = own_prior < 1e15
+    own_pull = np.where(kept, -fit.nuisance * np.where(kept, own_prior, 0.0), 0.0)
+    shared_pull = np.zeros(shared.shape[-1])
+    if fit.law_offsets.size:
+        shared_pull[: fit.law_offsets.size] = (-fit.law_offsets * law_prior).reshape(-1)
+    system = Linearised(base.residual, base.own, shared, base.prior, prior)
+    matrix, vector, _, _ = reduce(system, own_pull, shared_pull)
+    if held:
+        a, b = matrix[:held, :held], matrix[:held, held:]
+        diagonal = np.diag(a)
+        scale = np.where(diagonal > 1e-200, 1.0 / np.sqrt(np.maximum(diagonal, 1e-200)), 0.0)
+        scaled = a * scale[:, None] * scale + 1e-9 * np.eye(held)
+        middle = np.linalg.solve(scaled, b * scale[:, None]) * scale[:, None]
+        matrix, vector = (
+            matrix[held:, held:] - b.T @ middle,
+            vector[held:] - middle.T @ vector[:held],
+        )
+    # Columns that the rest explains fully carry rounding noise alone.
+    alone = np.einsum("tmn,tmn->n", shared[..., held:], shared[..., held:])
+    weak = np.diag(matrix) < 1e-7 * alone + 1e-30
+    matrix[weak, :], matrix[:, weak], vector[weak] = 0.0, 0.0, 0.0
+    matrix[weak, weak] = 1.0
+    return Scan(tuple(candidates), tuple(columns), matrix, vector, np.array(starts))

@@ -1,0 +1,1 @@
+"""The forward model of all trials, with any set of effects."""

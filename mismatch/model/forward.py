@@ -1,0 +1,368 @@
+"""The forward model: swing, contact and flight of all trials, for many models at once.
+
+Arrays are shaped (lanes, trials, ...): a lane is one set of parameters. What is recorded comes out
+stacked per trial as in `Records`: x, y, z of all ball rows, then the pendulum's angles.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeAlias, TypeVar
+
+import numpy as np
+
+from mismatch.model.baseline import COLUMNS, Baseline
+from mismatch.model.dynamics import Rates, Trajectory, crossing, integrate
+from mismatch.model.model import Model, Term, lane_terms
+from mismatch.records.records import Records
+from physics.arrays import FloatArray
+from physics.effects import CATALOGUE, Contact, Flight, Outcome, Swing, View
+from physics.effects.impact import add_normal_speeds, change_restitution, turn_launch
+
+__all__ = ["NUISANCES", "OUTSIDE", "Forward", "Mode"]
+
+Mode: TypeAlias = Literal["impact", "flight", "swing"]
+
+NUISANCES: dict[Mode, tuple[str, ...]] = {
+    "impact": ("clock", "backswing", "cor", "launch_angle"),
+    "flight": ("x", "y", "z", "vx", "vy", "vz"),
+    "swing": ("phi", "omega", "natural_frequency"),
+}
+"""What may differ from trial to trial, in the order of the nuisance arrays' last axis."""
+
+OUTSIDE = 1e6
+
+
+@dataclass(frozen=True)
+class Forward:
+    """Predictor for one campaign.
+
+    Attributes
+    ----------
+    baseline : Baseline
+        Bodies, air, priors.
+    records : Records
+        Where samples are wanted.
+    mode : Mode
+        "impact" starts from the back-swing, "flight" and "swing" from a free initial state.
+    flight_time, swing_time : (T,) array
+        How long ball and pendulum are followed after the contact (or the first sample), s.
+    steps : int
+        Steps of the flight.
+    centre : (3,) tuple of float
+        Middle of the balls' ways (x, y) and half their width, m.
+    """
+
+    baseline: Baseline
+    records: Records
+    mode: Mode
+    flight_time: FloatArray
+    swing_time: FloatArray
+    steps: int
+    centre: tuple[float, float, float]
+
+    def predict(self, models: Sequence[Model], nuisance: FloatArray) -> FloatArray:
+        """Stacked records as the models have them.
+
+        Parameters
+        ----------
+        models : K models
+        nuisance : (K, T, q) array
+            Trial-to-trial values, in the order of `NUISANCES`.
+
+        Returns
+        -------
+        (K, T, 3S + P) array
+        """
+        terms = lane_terms(models)
+        paths = {"impact": self._struck, "flight": self._thrown, "swing": self._released}
+        # A step too far may run off to infinity; the fit sees it as a bad step and halves it.
+        with np.errstate(over="ignore", invalid="ignore"):
+            ball, velocity, phi, omega, times = paths[self.mode](terms, nuisance)
+            return self._seen(terms, ball, velocity, phi, omega, times)
+
+    def _struck(
+        self, terms: Sequence[Term], nuisance: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
+        records, shape = self.records, nuisance.shape[:2]
+        backswing = records.backswing + nuisance[..., 1]
+        for term in terms:
+            if "start" in term.effect.hooks:
+                backswing[term.lanes] = term.effect.start(term.values, backswing[term.lanes])
+        onset_angle = np.broadcast_to(records.launch_angle, shape)
+        start = np.stack([-backswing, np.zeros(shape)])
+        path = integrate(
+            self._swing_rates(terms), start, self._fall_time() * 1.35, self._steps(terms, 64)
+        )
+        fall = crossing(path, onset_angle)
+        rate = path.at(fall[..., None])[1, ..., 0]
+        outcome = self._contact(terms, nuisance, rate, onset_angle)
+        gap = np.asarray(outcome.contact_time)
+
+        clock = nuisance[..., 0][..., None]
+        ball_since = self._true_time(terms, records.ball_time - clock)
+        swing_since = self._true_time(terms, records.pendulum_time - clock)
+        flight = self._fly(terms, outcome)
+        after = self._swing_on(terms, outcome)
+
+        ball_state = flight.at(ball_since - gap[..., None])
+        rest_y = self._rest_y(shape)
+        resting = np.stack([np.zeros(shape), rest_y, np.zeros(shape)])[..., None]
+        flown = ball_since >= gap[..., None]
+        # Between onset and release the ball is shown on a straight line; those rows are not fitted.
+        share = np.clip(ball_since / gap[..., None], 0.0, 1.0)
+        released = np.stack(
+            [np.asarray(v) + np.zeros(shape) for v in (outcome.x, outcome.y, outcome.z)]
+        )
+        ball = np.where(flown, ball_state[:3], resting + share * (released[..., None] - resting))
+        velocity = np.where(flown, ball_state[3:], 0.0)
+        before = path.at(np.maximum(fall[..., None] + swing_since, 0.0))
+        later = after.at(swing_since - gap[..., None])
+        swing = np.where(swing_since > 0.5 * gap[..., None], later, before)
+        times = (records.ball_time - clock, records.pendulum_time - clock)
+        return ball, velocity, swing[0], swing[1], times
+
+    def _thrown(
+        self, terms: Sequence[Term], nuisance: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
+        records, shape = self.records, nuisance.shape[:2]
+        state = np.moveaxis(nuisance, -1, 0)
+        path = self._integrate_flight(terms, state, np.zeros(shape))
+        label = records.ball_time - records.ball_time[:, :1]
+        since = self._true_time(terms, np.broadcast_to(label, (*shape, label.shape[1])))
+        sample = path.at(since)
+        blank = np.zeros((*shape, records.pendulum_time.shape[1]))
+        return sample[:3], sample[3:], blank, blank, (label, blank)
+
+    def _released(
+        self, terms: Sequence[Term], nuisance: FloatArray
+    ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
+        records, shape = self.records, nuisance.shape[:2]
+        start = np.moveaxis(nuisance[..., :2], -1, 0)
+        rates = self._swing_rates(terms, np.exp(2.0 * nuisance[..., 2]))
+        path = integrate(rates, start, self.swing_time, self.steps)
+        label = records.pendulum_time - records.pendulum_time[:, :1]
+        since = self._true_time(terms, np.broadcast_to(label, (*shape, label.shape[1])))
+        sample = path.at(since)
+        blank = np.zeros((3, *shape, records.ball_time.shape[1]))
+        return blank, blank, sample[0], sample[1], (blank[0], label)
+
+    def _fall_time(self) -> FloatArray:
+        """Time from the nominal back-swing to the contact without losses, (T,), s."""
+        pendulum = self._pendulum()
+        stiffness = pendulum.mass * self.baseline.gravity * pendulum.com / pendulum.inertia
+        fraction = (np.arange(400) + 0.5) / 400
+        lowest, top = self.records.launch_angle, np.abs(self.records.backswing)
+        # A substitution takes the square-root singularity at the turning point away.
+        phi = -top[:, None] + (lowest + top)[:, None] * fraction**2
+        energy = 2.0 * stiffness * (np.cos(phi) - np.cos(top)[:, None])
+        slow = (lowest + top)[:, None] * 2.0 * fraction / np.sqrt(np.maximum(energy, 1e-12))
+        return np.asarray(slow.mean(axis=1), dtype=np.float64)
+
+    def _pendulum(self) -> "PendulumBody":
+        body = self.baseline.pendulum
+        if body is None:
+            return PendulumBody(1.0, 1.0, 1.0, 1.0)
+        return PendulumBody(body.length, body.inertia, body.mass, body.com)
+
+    def _rest_y(self, shape: tuple[int, ...]) -> FloatArray:
+        height = self.baseline.rest_height or 0.0
+        return np.broadcast_to(height + 0.5 * self.records.diameter, shape)
+
+    def _swing_rates(self, terms: Sequence[Term], stiffer: FloatArray | float = 1.0) -> Rates:
+        body, gravity = self._pendulum(), self.baseline.gravity
+        order = self.records.order
+        acting = [t for t in terms if "torque" in t.effect.hooks]
+        weight = body.mass * gravity * body.com / body.inertia * stiffer
+
+        def rates(time: FloatArray, state: FloatArray) -> FloatArray:
+            slope = np.empty_like(state)
+            slope[0] = state[1]
+            slope[1] = -weight * np.sin(state[0])
+            for term in acting:
+                at = term.lanes
+                swing = Swing(
+                    state[0, at], state[1, at], body.inertia, body.mass, body.com, body.length,
+                    gravity, order,
+                )  # fmt: skip
+                slope[1, at] += term.effect.torque(term.values, swing) / body.inertia
+            return slope
+
+        return rates
+
+    def _contact(
+        self,
+        terms: Sequence[Term],
+        nuisance: FloatArray,
+        rate: FloatArray,
+        angle: FloatArray,
+    ) -> Outcome:
+        records, body = self.records, self._pendulum()
+        speed = rate * body.length
+        rows = np.zeros((len(COLUMNS), *speed.shape))
+        for index, name in enumerate(records.ball_names):
+            mine = records.ball_index == index
+            table = self.baseline.ball(name or None).table
+            if table is not None and mine.any():
+                rows[:, :, mine] = table(speed[:, mine])
+        cor, gap, pendulum_speed, pendulum_angle, x, y, vx, vy = rows
+        outcome = Outcome(
+            gap, pendulum_speed, pendulum_angle, x, y, np.zeros_like(x), vx, vy, np.zeros_like(x)
+        )
+        contact = Contact(
+            rate, angle, body.length, body.inertia, records.mass, records.diameter, cor,
+            self.baseline.gravity, records.order,
+        )  # fmt: skip
+        outcome = change_restitution(contact, outcome, nuisance[..., 2])
+        outcome = turn_launch(outcome, nuisance[..., 3])
+        for term in terms:
+            at = term.lanes
+            if "torque" in term.effect.hooks:
+                # While they touch, a torque on the pendulum brakes ball and pendulum together.
+                swing = Swing(
+                    angle[at], rate[at], body.inertia, body.mass, body.com, body.length,
+                    self.baseline.gravity, records.order,
+                )  # fmt: skip
+                both = body.inertia / body.length + records.mass * body.length
+                slowed = term.effect.torque(term.values, swing) * gap[at] / both
+                part = add_normal_speeds(_cut(contact, at), _cut(outcome, at), slowed, slowed)
+                outcome = _paste(outcome, part, at)
+            if "contact" in term.effect.hooks:
+                part = term.effect.contact(term.values, _cut(contact, at), _cut(outcome, at))
+                outcome = _paste(outcome, part, at)
+        return outcome
+
+    def _true_time(self, terms: Sequence[Term], label: FloatArray) -> FloatArray:
+        time = np.array(label)
+        for term in terms:
+            if "clock" in term.effect.hooks:
+                values = {name: value[..., None] for name, value in term.values.items()}
+                time[term.lanes] = term.effect.clock(values, time[term.lanes])
+        return time
+
+    def _fly(self, terms: Sequence[Term], outcome: Outcome) -> Trajectory:
+        shape = np.shape(outcome.vx)
+        parts = (outcome.x, outcome.y, outcome.z, outcome.vx, outcome.vy, outcome.vz)
+        state = np.stack([np.broadcast_to(part, shape) for part in parts])
+        return self._integrate_flight(terms, state, np.asarray(outcome.contact_time))
+
+    def _integrate_flight(
+        self, terms: Sequence[Term], state: FloatArray, since: FloatArray
+    ) -> Trajectory:
+        base, records = self.baseline, self.records
+        drag = _lane_values(terms, "drag", "drag_coefficient", state.shape[1])
+        spin = _lane_values(terms, "magnus", "spin", state.shape[1])
+        speed = self._nominal_speed()
+        acting = [t for t in terms if "force" in t.effect.hooks]
+        order = records.order
+
+        def rates(time: FloatArray, now: FloatArray) -> FloatArray:
+            slope = np.empty_like(now)
+            slope[:3] = now[3:]
+            slope[3:] = 0.0
+            slope[4] = -base.gravity
+            for term in acting:
+                at = term.lanes
+                flight = Flight(
+                    time, now[0, at], now[1, at], now[2, at], now[3, at], now[4, at], now[5, at],
+                    records.mass, records.diameter, base.air_density,
+                    base.air_viscosity, base.gravity, drag[at], spin[at], speed, order,
+                )  # fmt: skip
+                for axis, force in enumerate(term.effect.force(term.values, flight)):
+                    slope[3 + axis, at] += force / records.mass
+            return slope
+
+        return integrate(rates, state, self.flight_time, self._steps(acting, self.steps))
+
+    def _steps(self, terms: Sequence[Term], most: int) -> int:
+        """Half the steps where every law is smooth on the scale of the whole way."""
+        smooth = self.mode == "impact" and all(t.effect.id in CATALOGUE for t in terms)
+        return most // 2 if smooth else most
+
+    def _swing_on(self, terms: Sequence[Term], outcome: Outcome) -> Trajectory:
+        body = self._pendulum()
+        shape = np.shape(outcome.vx)
+        start = np.stack(
+            [
+                np.broadcast_to(outcome.pendulum_angle, shape),
+                np.broadcast_to(outcome.pendulum_speed, shape) / body.length,
+            ]
+        )
+        return integrate(self._swing_rates(terms), start, self.swing_time, self._steps(terms, 32))
+
+    def _nominal_speed(self) -> FloatArray:
+        body, records = self._pendulum(), self.records
+        drop = np.cos(records.launch_angle) - np.cos(records.backswing)
+        stiffness = 2.0 * body.mass * self.baseline.gravity * body.com / body.inertia
+        return np.nan_to_num(np.sqrt(np.maximum(stiffness * drop, 0.0)) * body.length)
+
+    def _seen(
+        self,
+        terms: Sequence[Term],
+        ball: FloatArray,
+        velocity: FloatArray,
+        phi: FloatArray,
+        omega: FloatArray,
+        times: tuple[FloatArray, FloatArray],
+    ) -> FloatArray:
+        ball, phi = np.array(ball), np.array(phi)
+        rest = ball[0, ..., :1], ball[1, ..., :1]
+        if self.mode == "impact":
+            rest = np.zeros((1, 1, 1)), self._rest_y(phi.shape[:2])[..., None]
+        for term in terms:
+            at = term.lanes
+            values = {name: value[..., None] for name, value in term.values.items()}
+            here = (rest[0][at] if rest[0].shape[0] > 1 else rest[0], rest[1][at])
+            if "image" in term.effect.hooks:
+                time = times[0][at] if times[0].ndim == 3 else times[0]
+                x, y, z = ball[:, at]
+                vx, vy, vz = velocity[:, at]
+                view = View(time, x, y, z, vx, vy, vz, 0.0, 0.0, *here, *self.centre)
+                for axis, seen in enumerate(term.effect.image(values, view)):
+                    ball[axis, at] = seen
+            if "angle" in term.effect.hooks:
+                time = times[1][at] if times[1].ndim == 3 else times[1]
+                view = View(
+                    time, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, phi[at], omega[at], *here, *self.centre
+                )
+                phi[at] = term.effect.angle(values, view)
+        stacked = np.concatenate([ball[0], ball[1], ball[2], phi], axis=-1)
+        return np.where(np.isfinite(stacked), np.clip(stacked, -OUTSIDE, OUTSIDE), OUTSIDE)
+
+
+State = TypeVar("State", Contact, Outcome)
+
+
+@dataclass(frozen=True)
+class PendulumBody:
+    """The four numbers of a pendulum that its swing needs, SI."""
+
+    length: float
+    inertia: float
+    mass: float
+    com: float
+
+
+def _lane_values(terms: Sequence[Term], effect_id: str, name: str, lanes: int) -> FloatArray:
+    column = np.zeros((lanes, 1))
+    for term in terms:
+        if term.effect.id == effect_id:
+            column[term.lanes] = term.values[name]
+    return column
+
+
+def _cut(state: State, lanes: slice) -> State:
+    return type(state)(
+        **{
+            name: value[lanes] if np.ndim(value) == 2 else value
+            for name, value in vars(state).items()
+        }
+    )
+
+
+def _paste(outcome: Outcome, part: Outcome, lanes: slice) -> Outcome:
+    whole = {}
+    for name, value in vars(outcome).items():
+        array = np.array(value)
+        array[lanes] = getattr(part, name)
+        whole[name] = array
+    return Outcome(**whole)

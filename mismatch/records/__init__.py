@@ -1,0 +1,1 @@
+"""What was recorded: campaigns, trials, their noise, and what is odd in them."""

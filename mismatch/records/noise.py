@@ -1,0 +1,214 @@
+"""The noise of a record, learnt from the record: white part, correlation, outliers.
+
+Short stretches of a track are all but polynomials whatever physics made it, so what is left after a
+local polynomial is noise.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mismatch.records.records import Records
+from mismatch.records.spectrum import LEAST, SpectrumFit, fit_spectrum, shared_deviance
+from physics.arrays import FloatArray
+
+__all__ = ["Noise", "estimate_noise"]
+
+STRETCH = 36
+OUTLIER = 4.8
+SIGNIFICANT = 9.0
+"""Gain in deviance from which noise is correlated."""
+
+LIKELY = 1.0
+"""Gain in deviance that is enough for a correlated part where another channel clearly has one."""
+
+SMOOTH = 2.0
+"""Variance about a polynomial over the local one up to which what is left counts as noise."""
+
+UNKNOWN_SIGMA = 1e-3
+"""m or rad, where too few rows are left to tell."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What the record says about its own noise.
+
+    Attributes
+    ----------
+    sigma : (T, 4) array
+        White noise of x, y, z (m) and angle (rad) by trial.
+    inflation : (4,) array
+        Noise power at low frequency over white, by channel: what slow physics competes with.
+    outliers : (T, M) bool array
+        Rows that do not belong, in the stacked order of `Records`.
+    """
+
+    sigma: FloatArray
+    inflation: FloatArray
+    outliers: NDArray[np.bool_]
+
+    @property
+    def effective(self) -> FloatArray:
+        """(T, 4) sigma that, taken as white, gives slow quantities their true uncertainty."""
+        return self.sigma * np.sqrt(self.inflation)
+
+
+@dataclass
+class _Sums:
+    squares: float = 0.0
+    dof: float = 0.0
+
+
+def _stretches(time: FloatArray, rows: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Cut rows where the record has a hole, then into stretches of even length."""
+    if rows.size < 5:
+        return []
+    gaps = np.diff(time[rows])
+    cuts = np.flatnonzero(gaps > 6.0 * np.median(gaps)) + 1
+    pieces = []
+    for run in np.split(rows, cuts):
+        if run.size >= 5:
+            pieces.extend(np.array_split(run, max(1, round(run.size / STRETCH))))
+    return pieces
+
+
+def _projector(time: FloatArray) -> FloatArray:
+    degree = 4 if time.size >= 16 else (3 if time.size >= 10 else 2)
+    u = (time - time.mean()) / max(np.ptp(time), 1e-12) * 2.0
+    basis, _ = np.linalg.qr(np.vander(u, degree + 1))
+    return np.asarray(np.eye(time.size) - basis @ basis.T)
+
+
+def _channel(
+    time: FloatArray, value: FloatArray, used: NDArray[np.bool_], segments: FloatArray
+) -> tuple[list[_Sums], NDArray[np.bool_]]:
+    """Sums of one channel over all trials, with outliers found and left out."""
+    outliers = np.zeros_like(used)
+    pieces: list[tuple[int, NDArray[np.int64]]] = []
+    for trial in range(used.shape[0]):
+        for segment in np.unique(segments[trial][used[trial]]):
+            rows = np.flatnonzero(used[trial] & (segments[trial] == segment))
+            pieces.extend((trial, piece) for piece in _stretches(time[trial], rows))
+    spread = []
+    for trial, rows in pieces:
+        project = _projector(time[trial, rows])
+        left = project @ value[trial, rows]
+        spread.append(left / np.sqrt(np.maximum(np.diag(project), 0.05)))
+    sums = [_Sums() for _ in range(used.shape[0])]
+    if not pieces:
+        return sums, outliers
+    rough = max(1.4826 * float(np.median(np.abs(np.concatenate(spread)))), 1e-12)
+    for trial, rows in pieces:
+        kept = rows
+        for _ in range(6):
+            project = _projector(time[trial, kept])
+            left = project @ value[trial, kept]
+            size = np.abs(left) / np.sqrt(np.maximum(np.diag(project), 0.05)) / rough
+            worst = int(np.argmax(size))
+            if size[worst] < OUTLIER or kept.size < 8:
+                break
+            outliers[trial, kept[worst]] = True
+            kept = np.delete(kept, worst)
+        total = sums[trial]
+        total.squares += float(left @ left)
+        total.dof += float(np.trace(project))
+    return sums, outliers
+
+
+def _by_trial(sums: list[_Sums]) -> FloatArray:
+    """Sigma by trial, pooled unless a trial clearly differs."""
+    dof = np.array([s.dof for s in sums])
+    squares = np.array([s.squares for s in sums])
+    if dof.sum() < 3.0:
+        return np.full(len(sums), np.nan)
+    pooled = float(squares.sum() / dof.sum())
+    own = np.where(dof > 3.0, squares / np.maximum(dof, 1.0), pooled)
+    apart = np.abs(np.log(np.maximum(own, 1e-30) / max(pooled, 1e-30)))
+    differs = apart > 4.5 * np.sqrt(2.0 / np.maximum(dof, 1.0))
+    return np.sqrt(np.where(differs, own, pooled))
+
+
+def _spectrum(
+    time: FloatArray,
+    value: FloatArray,
+    used: NDArray[np.bool_],
+    segments: FloatArray,
+    sigma: FloatArray,
+    slow_mode: float,
+) -> SpectrumFit | None:
+    pieces = []
+    for trial in range(used.shape[0]):
+        for segment in np.unique(segments[trial][used[trial]]):
+            rows = used[trial] & (segments[trial] == segment)
+            pieces.append((time[trial, rows], value[trial, rows] / sigma[trial]))
+    # A swing over many periods, or a path through something local, is no polynomial as a whole.
+    while pieces and max(piece[0].size for piece in pieces) >= 2 * LEAST:
+        found = fit_spectrum(pieces, slow_mode)
+        if found is None or found.chosen(SIGNIFICANT).variance < SMOOTH:
+            return found
+        halves: list[tuple[FloatArray, FloatArray]] = []
+        for t, v in pieces:
+            count = 2 if t.size >= 2 * LEAST else 1
+            parts = zip(np.array_split(t, count), np.array_split(v, count), strict=True)
+            halves.extend(parts)
+        pieces = halves
+    return None
+
+
+def estimate_noise(
+    records: Records,
+    ball_segments: FloatArray,
+    pendulum_segments: FloatArray,
+    floor: tuple[float, float] = (1e-6, 1e-6),
+    slow_mode: float = 1.0,
+) -> Noise:
+    """Learn the noise from the record.
+
+    Parameters
+    ----------
+    records : Records
+        Only entries that take part are used.
+    ball_segments : (T, S) array, and
+    pendulum_segments : (T, P) array
+        Labels; a stretch never spans two labels (rest and flight, before and after contact).
+    floor : (position, angle)
+        Smallest sigma believed, m and rad (the resolution of the file).
+    slow_mode : float
+        Cosine of a record at whose pace physics competes with noise: the slowest, or a faster one
+        where free initial states take the slowest along.
+
+    Returns
+    -------
+    Noise
+    """
+    sigma = np.full((records.trials, 4), np.nan)
+    inflation = np.ones(4)
+    parts: list[NDArray[np.bool_]] = []
+    fits: dict[int, SpectrumFit] = {}
+    for channel in range(4):
+        if channel < 3:
+            time, value = records.ball_time, records.position[..., channel]
+            used, segments = records.ball_used[..., channel], ball_segments
+        else:
+            time, value = records.pendulum_time, records.pendulum_angle
+            used, segments = records.pendulum_used, pendulum_segments
+        sums, outliers = _channel(time, value, used, segments)
+        parts.append(outliers)
+        mine = np.maximum(_by_trial(sums), floor[channel // 3])
+        if np.isfinite(mine).all():
+            sigma[:, channel] = mine
+            one = _spectrum(time, value, used & ~outliers, segments, mine, slow_mode)
+            if one is not None:
+                fits[channel] = one
+    # One tracker saw all channels: where one shows memory, less is needed to believe it of others.
+    remembers = any(one.chosen(SIGNIFICANT).share > 0.0 for one in fits.values())
+    shared = shared_deviance(list(fits.values())) if remembers else None
+    for channel, one in fits.items():
+        found = one.chosen(LIKELY if remembers else SIGNIFICANT, shared)
+        if found.share > 0.0:
+            # A local polynomial swallows part of correlated noise; the spectrum sees it all.
+            sigma[:, channel] *= np.sqrt(found.variance)
+            inflation[channel] = found.inflation
+    sigma = np.where(np.isfinite(sigma), sigma, UNKNOWN_SIGMA)
+    return Noise(sigma, inflation, np.concatenate(parts, axis=1))

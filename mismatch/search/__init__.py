@@ -1,0 +1,1 @@
+"""Where a mismatch sits and what was left out."""

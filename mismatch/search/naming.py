@@ -1,0 +1,354 @@
+"""Name what was left out: singles, then growing sets, each refitted before it is believed."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mismatch.fitting.fit import Fit
+from mismatch.fitting.hypotheses import (
+    MISFIT,
+    Hypothesis,
+    fit_hypothesis,
+    group_tolerance,
+    is_known,
+    least_worth,
+    null_threshold,
+    second_effect_share,
+    told_apart,
+)
+from mismatch.fitting.scan import Scan, scan
+from mismatch.fitting.spread import robust_spread
+from mismatch.model.candidates import Candidate, candidates_for
+from mismatch.model.forward import Forward
+from mismatch.records.clock_jumps import dropped_in_each
+from physics.arrays import FloatArray
+from physics.effects import Effect
+
+__all__ = ["Naming", "name_effects"]
+
+MOST_SINGLES = 16
+SCALES = frozenset({"length_scale", "time_base"})
+KNOWN_GAIN = 2.0
+"""Worth per misfit from which an effect of known size, like thinner air aloft, is taken in."""
+
+STEADY = 3.0
+"""Sigma, by the scatter of trials, from which a strength is not chance."""
+
+MOST_EFFECTS = 3
+
+
+@dataclass(frozen=True)
+class Naming:
+    """What the search found.
+
+    Attributes
+    ----------
+    best : Hypothesis or None
+        The answer; None where nothing is missing.
+    tried : tuple of Hypothesis
+        Everything that was refitted, best first.
+    threshold : float
+        Worth that chance alone exceeds in one campaign of a hundred.
+    first_scan : Scan
+        Scores around the baseline.
+    """
+
+    best: Hypothesis | None
+    tried: tuple[Hypothesis, ...]
+    threshold: float
+    first_scan: Scan
+
+    def rivals(self) -> tuple[Hypothesis, ...]:
+        """Answers of the same size that the data can't tell from the best one."""
+        if self.best is None:
+            return ()
+        least = self.best.quality - group_tolerance(self.best)
+        return tuple(
+            h
+            for h in self.tried
+            if h is not self.best
+            and h.fit.inside_bounds
+            and len(h.members) == len(self.best.members)
+            and (h.quality >= least or not told_apart(self.best, h))
+        )
+
+    def suspects(self) -> tuple[str, ...]:
+        """Faults of clock or ruler that take a part of the misfit, though not enough to be named.
+
+        In free flights they trade against the strength of what was named; in a fall both come to
+        the same.
+        """
+        best = self.best
+        if best is None or best.misfit < MISFIT or SCALES.intersection(best.ids):
+            return ()
+        least = best.quality + 7.0 * best.misfit
+        larger = [h for h in self.tried if len(h.ids) == len(best.ids) + 1]
+        blamed = {
+            one for h in larger if set(h.ids) > set(best.ids) and h.quality > least
+            for one in SCALES.difference(best.ids).intersection(h.ids)
+        }  # fmt: skip
+        return tuple(sorted(SCALES)) if blamed else ()
+
+
+def _best_by_law(
+    scored: Scan, inflation: float, anywhere: bool = False
+) -> list[tuple[float, int, FloatArray]]:
+    """Best shape of every law: (worth, candidate, strengths), best first.
+
+    Free swings are scored `anywhere`: far from the answer the sign of an estimate says nothing.
+    """
+    best: dict[tuple[str, str, str], tuple[float, int, FloatArray]] = {}
+    for index, candidate in enumerate(scored.candidates):
+        gain, values = scored.gain(index)
+        known = is_known(candidate.effect)
+        if not anywhere and not known and not scored.allowed(index, values):
+            continue
+        worth = gain / inflation - candidate.fine
+        if candidate.key not in best or worth > best[candidate.key][0]:
+            best[candidate.key] = (worth, index, values)
+    return sorted(best.values(), key=lambda item: -item[0])
+
+
+def _shortlist(
+    ranked: list[tuple[float, int, FloatArray]], most: int, share: float
+) -> list[tuple[float, int, FloatArray]]:
+    if not ranked:
+        return []
+    top = ranked[0][0]
+    return [item for item in ranked[:most] if item[0] > min(share * abs(top), top - 16.0)]
+
+
+def name_effects(
+    forward: Forward,
+    base: Fit,
+    effects: Sequence[Effect],
+    *,
+    inflation: float = 1.0,
+    most: int = MOST_EFFECTS,
+) -> Naming:
+    """Find the set of effects that explains a mismatch.
+
+    Parameters
+    ----------
+    forward : Forward
+        Predictor with the records.
+    base : Fit
+        The refitted baseline.
+    effects : sequence of Effect
+        The catalogue, a user's own included.
+    inflation : float
+        What correlated noise inflates chi-square differences by.
+    most : int
+        Largest set.
+
+    Returns
+    -------
+    Naming
+    """
+    candidates = candidates_for(forward, base.model, _with_jumps(forward, base, effects))
+    first = scan(forward, base, candidates)
+    threshold = null_threshold(first)
+    swinging = forward.mode == "swing"
+    ranked = _best_by_law(first, inflation, swinging)
+    tried: list[Hypothesis] = []
+    if not ranked or ranked[0][0] < 0.6 * threshold:
+        return Naming(None, (), threshold, first)
+    share = -np.inf if swinging else 0.4
+    for _, index, values in _shortlist(ranked, MOST_SINGLES, share):
+        tried.append(fit_hypothesis(forward, base, [candidates[index]], [values]))
+    best = _leader(tried)
+    if best is None or best.worth / inflation < least_worth(best, base, threshold):
+        return Naming(None, _sorted(tried), threshold, first)
+    most = min(most, 2) if _one_throw(forward) else most
+    for size in range(2, most + 1):
+        grown = _grow(forward, base, effects, tried, size, threshold * inflation)
+        tried.extend(grown)
+        worthy = [h for h in grown if _worth_it(h, best, threshold * inflation)]
+        if _one_throw(forward):
+            # Two strengths of one throw trade against each other; only a known size may follow.
+            worthy = [h for h in worthy if is_known(h.members[-1].effect)]
+        larger = _leader(worthy)
+        if larger is None:
+            break
+        best = larger
+    steady = _steady(forward, best, tried)
+    if steady is None:
+        return Naming(None, _sorted(tried), threshold, first)
+    best = steady
+    if best.misfit >= MISFIT and forward.mode == "flight":
+        tried.extend(_with_ruler_or_clock(forward, base, effects, best))
+    return Naming(best, _sorted(tried), threshold, first)
+
+
+def _steady(forward: Forward, best: Hypothesis, tried: Sequence[Hypothesis]) -> Hypothesis | None:
+    """The answer without what is lost in the scatter of trials, where no law fits to the noise.
+
+    A fault that differs from trial to trial leaves a misfit in which something of any law can be
+    found; what then is real pulls all trials the same way.
+    """
+    if best.misfit < MISFIT:
+        return best
+    keys = {member.key for member in best.members}
+    parts = [h for h in _sorted(tried) if h.allowed and {m.key for m in h.members} < keys]
+    # The larger set hides behind each other what two of its members say alike.
+    for answer in (best, *parts):
+        spreads = robust_spread(forward, answer.fit)
+        if all(_significance(answer.fit, m.effect, spreads) > STEADY for m in answer.members):
+            return answer
+    return None
+
+
+def _significance(fit: Fit, effect: Effect, spreads: FloatArray) -> float:
+    """Sigma by which the strongest strength of an effect is off neutral."""
+    found = [
+        abs(fit.value(i)[0] - item.parameter.neutral) / max(float(spreads[i]), 1e-300)
+        for i, item in enumerate(fit.free)
+        if fit.model.entries[item.entry][0] is effect and not item.parameter.is_shape
+    ]
+    return np.inf if is_known(effect) else max(found, default=0.0)
+
+
+def _with_ruler_or_clock(
+    forward: Forward, base: Fit, effects: Sequence[Effect], best: Hypothesis
+) -> list[Hypothesis]:
+    """The answer and a fault of scale or rate, which a law that fits badly leaves room for."""
+    more = [e for e in effects if e.id in SCALES.difference(best.ids)]
+    pool = candidates_for(forward, best.fit.model, more, unnamed=False)
+    scored = scan(forward, best.fit, pool)
+    return [
+        _extended(forward, base, best, pool[index], values)
+        for _, index, values in _best_by_law(scored, 1.0)
+    ]
+
+
+def _with_jumps(forward: Forward, fit: Fit, effects: Sequence[Effect]) -> list[Effect]:
+    """The effects, and frames dropped where each trial's residuals have their step."""
+    jumps = dropped_in_each(forward, fit)
+    return [*effects] if jumps is None else [*effects, jumps]
+
+
+def _one_throw(forward: Forward) -> bool:
+    return forward.mode == "flight" and forward.records.trials == 1
+
+
+def _worth_it(larger: Hypothesis, smaller: Hypothesis, threshold: float) -> bool:
+    more = larger.worth - smaller.worth
+    if is_known(larger.members[-1].effect):
+        return more > KNOWN_GAIN * larger.misfit
+    threshold = threshold * larger.misfit
+    added = [one for one in larger.ids if one not in smaller.ids]
+    share = max(second_effect_share(smaller, one) for one in (added or [""]))
+    if more > max(threshold, share * smaller.gain):
+        return True
+    # Against a baseline that runs away any share is small; then what is left over counts.
+    left = smaller.fit.chi2 - smaller.fit.expected
+    return left > 0.5 * smaller.fit.expected and more > max(threshold, 0.5 * left)
+
+
+def _leader(hypotheses: Sequence[Hypothesis]) -> Hypothesis | None:
+    allowed = [h for h in hypotheses if h.allowed]
+    best = max(allowed, key=lambda h: h.worth, default=None)
+    if best is not None and not best.has_unnamed and best.misfit >= MISFIT:
+        # Where no law fits to the noise, the least surprising of those that fit alike goes first.
+        alike = [h for h in allowed if not h.has_unnamed and len(h.ids) == len(best.ids)]
+        best = min(
+            (h for h in alike if h is best or not told_apart(best, h)),
+            key=lambda h: h.surprise + sum(member.fine for member in h.members),
+        )
+    if best is None or not best.has_unnamed:
+        return best
+    # What has a name and fits as well goes first; the rest stays in its group.
+    known = [h for h in allowed if not h.has_unnamed and len(h.members) <= len(best.members)]
+    second = max(known, key=lambda h: h.worth, default=None)
+    if second is None:
+        return best
+    near = second.worth >= best.worth - group_tolerance(best)
+    return second if near or not told_apart(best, second) else best
+
+
+def _sorted(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
+    return tuple(sorted(hypotheses, key=lambda h: -h.worth))
+
+
+def _grow(
+    forward: Forward,
+    base: Fit,
+    effects: Sequence[Effect],
+    tried: Sequence[Hypothesis],
+    size: int,
+    threshold: float,
+) -> list[Hypothesis]:
+    """Sets one larger than the best ones so far."""
+    # A law without a name is for what nothing else explains, never for the rest of it.
+    seeds = [
+        h for h in _sorted(tried)
+        if len(h.members) == size - 1 and h.allowed and not h.has_unnamed
+    ]  # fmt: skip
+    if not seeds:
+        return []
+    least = min(0.35 * seeds[0].worth, seeds[0].worth - group_tolerance(seeds[0]))
+    leader = _leader([h for h in tried if len(h.members) == size - 1])
+    grown: dict[frozenset[tuple[str, str, str]], Hypothesis] = {}
+    for number, seed in enumerate(_one_per_id(seeds, 6 if size == 2 else 3)):
+        if seed.worth < least:
+            continue
+        more = _with_jumps(forward, seed.fit, effects)
+        pool = candidates_for(forward, seed.fit.model, more, unnamed=False)
+        keys = {member.key for member in seed.members}
+        ids = {member.id for member in seed.members} - {"unnamed"}
+        pool = tuple(c for c in pool if c.key not in keys and c.id not in ids)
+        scored = scan(forward, seed.fit, pool)
+        ranked = _best_by_law(scored, 1.0, forward.mode == "swing")
+        enough = max(threshold, second_effect_share(seed) * seed.gain)
+        known = [one for one in ranked if _shows(scored, one[1], seed.misfit)]
+        if known:
+            ranked, enough = [*known, *ranked], -np.inf
+        elif forward.mode != "swing":
+            ranked = [one for one in ranked if not is_known(pool[one[1]].effect)]
+        if forward.mode != "swing" and (not ranked or ranked[0][0] < enough):
+            if number == 0 and seed is leader and ranked and ranked[0][0] < threshold:
+                # The best smaller set leaves nothing to explain: a larger one would be idle.
+                break
+            continue
+        share = -np.inf if forward.mode == "swing" else 0.6
+        for _, index, values in _shortlist(ranked, 6, share):
+            law = frozenset(keys | {pool[index].key})
+            if law in grown:
+                continue
+            grown[law] = _extended(forward, base, seed, pool[index], values)
+    return list(grown.values())
+
+
+def _shows(scored: Scan, index: int, misfit: float) -> bool:
+    """Whether an effect of known size would be seen at all, and in the right direction."""
+    effect = scored.candidates[index].effect
+    if not is_known(effect):
+        return False
+    gain = 0.0
+    for column, p in zip(scored.columns[index], effect.strengths, strict=True):
+        size = float(p.expected or 0.0) - scored.start[column]
+        gain += size * (2.0 * scored.score[column] - size * scored.information[column, column])
+    return bool(gain > KNOWN_GAIN * misfit)
+
+
+def _one_per_id(seeds: Sequence[Hypothesis], most: int) -> list[Hypothesis]:
+    chosen: dict[tuple[str, ...], Hypothesis] = {}
+    for seed in seeds:
+        chosen.setdefault(seed.ids, seed)
+    return list(chosen.values())[:most]
+
+
+def _extended(
+    forward: Forward, base: Fit, seed: Hypothesis, more: Candidate, values: FloatArray
+) -> Hypothesis:
+    """Refit a set with one more effect, starting from where the smaller set ended."""
+    members, strengths = [], []
+    for member in seed.members:
+        held = next(v for e, v in seed.fit.model.entries if e is member.effect)
+        shape = tuple((p.name, float(held[p.name])) for p in member.effect.shapes)
+        members.append(Candidate(member.effect, shape, member.tries))
+        strengths.append(np.array([held[p.name] for p in member.effect.strengths]))
+    return fit_hypothesis(
+        forward, base, [*members, more], [*strengths, values], start=seed.fit, rounds=8
+    )

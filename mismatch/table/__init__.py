@@ -1,0 +1,1 @@
+"""Tables with a few numbers per trial."""

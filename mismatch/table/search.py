@@ -1,0 +1,320 @@
+"""Which sets of effects a trial table calls for: every set by evidence and prior."""
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import logsumexp
+
+from mismatch.model.candidates import Candidate, start_values
+from mismatch.model.model import Model
+from mismatch.table.candidates import Strength, strengths_of
+from mismatch.table.evidence import (
+    Gram,
+    Posterior,
+    Problem,
+    evidences,
+    gram_of,
+    integrated,
+    posterior_of,
+)
+from mismatch.table.model import NUISANCES, TableForward
+from physics.arrays import FloatArray
+
+__all__ = ["Answer", "Search", "refined", "search"]
+
+SIZE_PRIOR = (0.5, 0.4, 0.09, 0.01)
+"""Prior probability that nothing, one, two, three things are missing, shared by sets of a size."""
+
+SEED_PAIRS = 30
+MOST_REFINED = 24
+WORTH_REFINING = 9.0
+STEPS = np.array([1e-3, 1e-4, 1e-4, 1e-4])
+ROUNDS = 4
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A set of effects with its evidence.
+
+    Attributes
+    ----------
+    members : tuple of Candidate
+        In the form that fits best; empty for the baseline as it is.
+    posterior : Posterior
+        Shared trial-to-trial values first (restitution and launch angle of each ball), then the
+        members' strengths.
+    log_weight : float
+        Evidence times prior, all forms and shapes of these ids together.
+    problem : Problem
+        The table linearised about the answer.
+    model : Model
+        The baseline with the members in it, at their posterior means.
+    """
+
+    members: tuple[Candidate, ...]
+    posterior: Posterior
+    log_weight: float
+    problem: Problem
+    model: Model
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Ids, in order of the alphabet."""
+        return tuple(sorted(member.id for member in self.members))
+
+
+@dataclass(frozen=True)
+class Search:
+    """Every set of effects, weighed.
+
+    Attributes
+    ----------
+    answers : tuple of Answer
+        Those that matter, best first.
+    probabilities : (n,) array
+        Of each answer, among all sets there are.
+    inclusion : mapping
+        Id → probability of all sets that hold it.
+    laws : int
+        How many of the shared parameters are trial-to-trial values of the balls.
+    """
+
+    answers: tuple[Answer, ...]
+    probabilities: FloatArray
+    inclusion: Mapping[str, float]
+    laws: int
+
+
+@dataclass(frozen=True)
+class _Point:
+    """Where to linearise: a model, and shared offsets (2 B,) of restitution and launch angle."""
+
+    model: Model
+    offsets: FloatArray
+
+
+def _linearised(
+    forward: TableForward, point: _Point, free: Sequence[tuple[Candidate, Strength]]
+) -> Problem:
+    """Residuals and derivatives at a point, by finite differences in one prediction."""
+    records = forward.forward.records
+    count, balls = forward.table.trials, len(records.ball_names)
+    base = np.zeros((count, 4))
+    for ball in range(balls):
+        mine = records.ball_index == ball
+        base[mine, 2] += point.offsets[2 * ball]
+        base[mine, 3] += point.offsets[2 * ball + 1]
+    models, lanes, steps = [point.model] * (1 + len(NUISANCES)), [base], []
+    for place, step in enumerate(STEPS):
+        moved = base.copy()
+        moved[:, place] += step
+        lanes.append(moved)
+    for candidate, one in free:
+        held = next((v for e, v in point.model.entries if e is candidate.effect), None)
+        values = dict(held) if held is not None else start_values(candidate, point.model)
+        step = 1e-3 * one.parameter.scale * (one.sign or 1)
+        if not one.parameter.lower <= values[one.parameter.name] + step <= one.parameter.upper:
+            step = -step
+        values[one.parameter.name] += step
+        models.append(_put(point.model, candidate, values))
+        lanes.append(base)
+        steps.append(step)
+    seen = forward.predict(models, np.stack(lanes))
+    plain = seen[0]
+    own = np.moveaxis((seen[1:5] - plain) / STEPS[:, None, None], 0, -1)
+    # What was read as impact speed is the true one less its error.
+    own[:, 0, 0] = -1.0
+    shared = np.zeros((count, 3, 2 * balls))
+    for ball in range(balls):
+        mine = records.ball_index == ball
+        shared[mine, :, 2 * ball : 2 * ball + 2] = own[mine, :, 2:]
+    columns = [shared]
+    if steps:
+        columns.append(np.moveaxis((seen[5:] - plain) / np.array(steps)[:, None, None], 0, -1))
+    return Problem(forward.table.values - plain, np.concatenate(columns, axis=-1), own)
+
+
+def _put(model: Model, candidate: Candidate, values: dict[str, float]) -> Model:
+    kept = tuple((e, v) for e, v in model.entries if e is not candidate.effect)
+    return replace(model, entries=kept).having(candidate.effect, values).order()
+
+
+def _widths(forward: TableForward) -> FloatArray:
+    scatter = forward.forward.baseline.scatter
+    balls = len(forward.forward.records.ball_names)
+    return np.tile([scatter.cor_law, scatter.launch_angle_law], balls)
+
+
+def refined(
+    forward: TableForward, model: Model, members: Sequence[Candidate]
+) -> tuple[Posterior, Problem, Model] | None:
+    """Posterior of one set, linearised again and again where its mean lies.
+
+    Returns
+    -------
+    tuple or None
+        None where a mean leaves what nature allows.
+    """
+    free = [(c, one) for c in members for one in strengths_of(c, model)]
+    scatter, laws = forward.forward.baseline.scatter, _widths(forward)
+    width = np.concatenate([laws, [one.width for _, one in free]])
+    sign = np.concatenate([np.zeros(laws.size), [float(one.sign) for _, one in free]])
+    start = np.concatenate([np.zeros(laws.size), [one.start for _, one in free]])
+    everything = np.arange(width.size, dtype=np.int64)
+    off = np.zeros(width.size)
+    for _ in range(ROUNDS):
+        values, place = model, laws.size
+        for candidate in members:
+            own = start_values(candidate, model)
+            for one in strengths_of(candidate, model):
+                moved = float(start[place] + off[place])
+                own[one.parameter.name] = float(
+                    np.clip(moved, one.parameter.lower, one.parameter.upper)
+                )
+                off[place] = own[one.parameter.name] - start[place]
+                place += 1
+            values = _put(values, candidate, own)
+        problem = _linearised(forward, _Point(values, off[: laws.size]), free)
+        about = Problem(problem.residual + problem.columns @ off, problem.columns, problem.jacobian)
+        posterior = posterior_of(gram_of(about, forward.table, scatter), everything, width, sign)
+        settled = bool(np.all(np.abs(posterior.mean - off) < 0.01 * posterior.std))
+        off = posterior.mean.copy()
+        if settled:
+            break
+    for place, (_, one) in enumerate(free, start=laws.size):
+        value = start[place] + posterior.mean[place]
+        slack = posterior.std[place] if one.sign else 0.0
+        if not one.parameter.lower - slack <= value <= one.parameter.upper + slack:
+            return None
+    return posterior, about, values
+
+
+@dataclass(frozen=True)
+class _Pool:
+    """All candidates around the baseline, with the trial-to-trial values already integrated out."""
+
+    candidates: tuple[Candidate, ...]
+    columns: tuple[tuple[int, ...], ...]
+    width: FloatArray
+    sign: FloatArray
+    gram: Gram
+    laws: int
+
+    def evidence(self, sets: Sequence[tuple[int, ...]]) -> dict[tuple[int, ...], float]:
+        """Log evidence of sets of candidates."""
+        found: dict[tuple[int, ...], float] = {}
+        by_size: dict[int, list[tuple[int, ...]]] = {}
+        for members in sets:
+            free = sum(len(self.columns[m]) for m in members)
+            by_size.setdefault(free, []).append(members)
+        for size, mine in by_size.items():
+            columns = [[c for m in members for c in self.columns[m]] for members in mine]
+            index = np.array(columns, dtype=np.int64).reshape(len(mine), size)
+            worth = evidences(self.gram, index, self.width, self.sign)
+            found |= dict(zip(mine, worth.tolist(), strict=True))
+        return found
+
+
+def _pool(forward: TableForward, model: Model, candidates: Sequence[Candidate]) -> _Pool:
+    laws = _widths(forward)
+    free = [(c, one) for c in candidates for one in strengths_of(c, model)]
+    columns, place = [], 0
+    for candidate in candidates:
+        count = len(strengths_of(candidate, model))
+        columns.append(tuple(range(place, place + count)))
+        place += count
+    problem = _linearised(forward, _Point(model, np.zeros(laws.size)), free)
+    gram = gram_of(problem, forward.table, forward.forward.baseline.scatter)
+    return _Pool(
+        tuple(candidates),
+        tuple(columns),
+        np.array([one.width for _, one in free]),
+        np.array([float(one.sign) for _, one in free]),
+        integrated(gram, laws.size, laws),
+        laws.size,
+    )
+
+
+def _different(pool: _Pool, members: Sequence[int]) -> bool:
+    return len({pool.candidates[m].id for m in members}) == len(members)
+
+
+def _scanned(pool: _Pool, most: int) -> dict[tuple[int, ...], float]:
+    """Log evidence of every single and pair, and of triples grown from the best pairs."""
+    every = range(len(pool.candidates))
+    found = pool.evidence([(), *((m,) for m in every)])
+    if most < 2:
+        return found
+    pairs = pool.evidence([p for p in itertools.combinations(every, 2) if _different(pool, p)])
+    found |= pairs
+    if most < 3:
+        return found
+    triples = {
+        tuple(sorted((*pair, more)))
+        for pair in sorted(pairs, key=lambda p: -pairs[p])[:SEED_PAIRS]
+        for more in every
+        if _different(pool, (*pair, more))
+    }
+    return found | pool.evidence(sorted(triples))
+
+
+def search(
+    forward: TableForward, model: Model, candidates: Sequence[Candidate], most: int = 3
+) -> Search:
+    """Weigh every set of up to `most` effects.
+
+    Parameters
+    ----------
+    forward : TableForward
+    model : Model
+        The baseline's effects.
+    candidates : sequence of Candidate
+        What may be missing.
+    most : int
+        Largest set.
+
+    Returns
+    -------
+    Search
+    """
+    pool = _pool(forward, model, candidates)
+    by_ids: dict[tuple[str, ...], list[tuple[float, tuple[int, ...]]]] = {}
+    for members, evidence in _scanned(pool, most).items():
+        ids = tuple(sorted(pool.candidates[m].id for m in members))
+        by_ids.setdefault(ids, []).append((evidence, members))
+    kinds = len({c.id for c in pool.candidates})
+    weighed = []
+    for ids, forms in by_ids.items():
+        share = math.log(SIZE_PRIOR[len(ids)] / math.comb(kinds, len(ids)))
+        variants = math.prod(sum(c.id == i for c in pool.candidates) for i in ids)
+        together = float(logsumexp([evidence for evidence, _ in forms])) - math.log(variants)
+        best = max(forms)
+        weighed.append((share + together, best[0], best[1]))
+    weighed.sort(key=lambda item: -item[0])
+    answers, ids_of, weights = [], [], []
+    for rank, (weight, evidence, members) in enumerate(weighed):
+        chosen = tuple(pool.candidates[m] for m in members)
+        ids_of.append(tuple(c.id for c in chosen))
+        weights.append(weight)
+        if members and (rank >= MOST_REFINED or weight < weighed[0][0] - WORTH_REFINING):
+            continue
+        again = refined(forward, model, chosen)
+        if again is None:
+            weights[-1] = -np.inf
+            continue
+        posterior, problem, moved = again
+        # All forms of these ids move with the one that fits best.
+        weights[-1] = weight + posterior.log_evidence - evidence
+        answers.append(Answer(chosen, posterior, weights[-1], problem, moved))
+    answers.sort(key=lambda answer: -answer.log_weight)
+    total = float(logsumexp(weights))
+    shares = np.exp(np.array(weights) - total)
+    inclusion = {
+        one: float(sum(p for p, ids in zip(shares, ids_of, strict=True) if one in ids))
+        for one in {c.id for c in pool.candidates}
+    }
+    chances = np.exp(np.array([answer.log_weight for answer in answers]) - total)
+    return Search(tuple(answers), chances, inclusion, pool.laws)

@@ -1,0 +1,1 @@
+"""Pendulum and ball in contact: laws, their solution in time, and the instantaneous impact."""

@@ -1,0 +1,1 @@
+"""The ball in the air: forces, integration, closed form."""

@@ -1,0 +1,1 @@
+"""`vision calibrate`: lenses, walls, rates, plans, and the wizard."""

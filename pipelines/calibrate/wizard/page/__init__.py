@@ -1,0 +1,1 @@
+"""The wizard as a page in the browser."""

@@ -1,0 +1,259 @@
+"""What is drawn over the picture, as SVG in the picture's own pixels."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from html import escape
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.calibration import Calibration
+from calib.grid.grid import WallGrid
+from calib.grid.phase import pixel_grid
+from pipelines.calibrate.wizard.answers import Answers
+
+__all__ = [
+    "MapScale",
+    "encoded",
+    "grid_lines",
+    "handles",
+    "marks",
+    "residual_arrows",
+    "ruler",
+    "shaded_map",
+]
+
+FloatArray = NDArray[np.float64]
+
+LINE, MARK, ARROW, HANDLE = "#00a395", "#d6156c", "#b3261e", "#d35400"
+RAMP = ("#440154", "#3b528b", "#21918c", "#5ec962", "#fde725")
+"""Viridis, dark for small."""
+MOST_LINES = 120
+MOST_ARROWS = 300
+STEPS_ALONG = 24
+
+
+@dataclass(frozen=True)
+class MapScale:
+    """What the colours of the map mean: least and largest uncertainty, m."""
+
+    low: float
+    high: float
+
+
+def encoded(picture: NDArray[np.uint8]) -> bytes:
+    """PNG of a picture."""
+    return bytes(cv2.imencode(".png", picture)[1])
+
+
+def _stroke(size: tuple[int, int], width: float) -> str:
+    """A width that looks alike on small and large pictures."""
+    return f"{width * size[0] / 640:.2f}"
+
+
+def grid_lines(grid: WallGrid) -> str:
+    """The coarse lines as the map has them, where the grid was seen, and its origin."""
+    height, width = grid.area.shape
+    step = max(1, width // 320)
+    coordinates = grid.map(pixel_grid((height, width))[::step, ::step])
+    inside = grid.area[::step, ::step]
+    parts: list[str] = []
+    for family in range(2):
+        values = np.where(np.isfinite(coordinates[..., family]), coordinates[..., family], 0.0)
+        seen = values[inside]
+        first, last = int(np.ceil(seen.min())), int(np.floor(seen.max()))
+        every = max(1, (last - first) // MOST_LINES)
+        for level in range(first, last + 1, every):
+            parts += _level(values - level, inside, step)
+    body = "".join(parts)
+    stroke = _stroke((width, height), 0.7)
+    lines = f'<path d="{body}" fill="none" stroke="{LINE}" stroke-width="{stroke}" opacity="0.8"/>'
+    return lines + _origin(grid)
+
+
+def _level(values: FloatArray, inside: NDArray[np.bool_], step: int) -> Iterable[str]:
+    """Pieces of the line on which values change sign, run by run of the longer axis."""
+    for axis in (0, 1):
+        a, b = (values[:-1], values[1:]) if axis == 0 else (values[:, :-1], values[:, 1:])
+        ok = inside[:-1] if axis == 0 else inside[:, :-1]
+        slope = np.abs(np.gradient(values, axis=axis)) >= np.abs(np.gradient(values, axis=1 - axis))
+        slope = slope[:-1] if axis == 0 else slope[:, :-1]
+        crossing = (a * b <= 0) & (a != b) & ok & slope
+        rows, columns = np.nonzero(crossing)
+        part = a[rows, columns] / (a[rows, columns] - b[rows, columns])
+        x = (columns + (part if axis == 1 else 0.0)) * step
+        y = (rows + (part if axis == 0 else 0.0)) * step
+        order = np.argsort(x if axis == 0 else y)
+        yield from _runs(np.asarray(x[order]), np.asarray(y[order]), 2.5 * step, axis)
+
+
+def _runs(x: FloatArray, y: FloatArray, gap: float, axis: int) -> Iterable[str]:
+    if len(x) < 2:
+        return
+    along = x if axis == 0 else y
+    breaks = np.flatnonzero(np.diff(along) > gap) + 1
+    for run in np.split(np.arange(len(x)), breaks):
+        if len(run) < 2:
+            continue
+        chosen = run[np.unique(np.linspace(0, len(run) - 1, STEPS_ALONG).astype(int))]
+        points = " ".join(f"{x[i]:.1f},{y[i]:.1f}" for i in chosen)
+        yield f"M{points}"
+
+
+def _origin(grid: WallGrid) -> str:
+    start = grid.points_px[np.argmin(np.abs(grid.wall_m).sum(axis=1))]
+    px = grid.map.inverse(-grid.origin_m[np.newaxis] / grid.pitch_m, start[np.newaxis])[0]
+    if not np.isfinite(px).all():
+        return ""
+    size = grid.size
+    x, y = px
+    arm = 14 * size[0] / 640
+    return (
+        f'<path d="M{x - arm:.1f},{y:.1f}H{x + arm:.1f}M{x:.1f},{y - arm:.1f}V{y + arm:.1f}"'
+        f' stroke="{MARK}" stroke-width="{_stroke(size, 1.6)}"/>'
+        + _label(px + 4 * size[0] / 640 * np.array([1.0, -1.0]), "0, 0", MARK, size)
+    )
+
+
+def _label(px: FloatArray, text: str, colour: str, size: tuple[int, int]) -> str:
+    font = 11 * size[0] / 640
+    anchor = "end" if px[0] > 0.85 * size[0] else "start"
+    return (
+        f'<text x="{px[0]:.1f}" y="{px[1]:.1f}" font-size="{font:.1f}" fill="{colour}" '
+        f'style="paint-order: stroke; font-weight: 600" stroke="#fff" '
+        f'stroke-width="{0.3 * font:.2f}" '
+        f'text-anchor="{anchor}" font-family="sans-serif">{escape(text)}</text>'
+    )
+
+
+def handles(corners: FloatArray, active: int | None, size: tuple[int, int]) -> str:
+    """Four handles and the frame between them."""
+    radius = 6 * size[0] / 640
+    frame = " ".join(f"{x:.1f},{y:.1f}" for x, y in corners)
+    stroke = _stroke(size, 1.4)
+    parts = [f'<polygon points="{frame}" fill="none" stroke="{HANDLE}" stroke-width="{stroke}"/>']
+    for number, (x, y) in enumerate(corners):
+        fill = HANDLE if number == active else "none"
+        parts.append(
+            f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}" fill="{fill}" fill-opacity="0.4" '
+            f'stroke="{HANDLE}" stroke-width="{_stroke(size, 2)}"/>'
+        )
+        parts.append(_label(np.array([x + radius, y - radius]), str(number + 1), HANDLE, size))
+    return "".join(parts)
+
+
+def marks(answers: Answers, radius_px: float | None) -> str:
+    """The ball at rest, the landing point and the way between."""
+    size = answers.scene.size
+    parts = []
+    flight = None if answers.seen is None else answers.seen.flight
+    if flight is not None:
+        points = " ".join(f"{x:.1f},{y:.1f}" for x, y in flight.centre_px[::3])
+        parts.append(
+            f'<polyline points="{points}" fill="none" stroke="{MARK}" '
+            f'stroke-width="{_stroke(size, 1)}" stroke-dasharray="{_stroke(size, 4)}"/>'
+        )
+    landing, told = answers.landing
+    named = [(answers.rest, "ball at rest")]
+    named.append((landing, "landing" if told else "landing (supposed)"))
+    for px, name in named:
+        if px is None:
+            continue
+        ring = radius_px or 7 * size[0] / 640
+        dash = "" if told or name == "ball at rest" else f' stroke-dasharray="{_stroke(size, 3)}"'
+        parts.append(
+            f'<circle cx="{px[0]:.1f}" cy="{px[1]:.1f}" r="{ring:.1f}" fill="none" '
+            f'stroke="{MARK}" stroke-width="{_stroke(size, 1.6)}"{dash}/>'
+            f'<circle cx="{px[0]:.1f}" cy="{px[1]:.1f}" r="{_stroke(size, 1.5)}" fill="{MARK}"/>'
+        )
+        parts.append(_label(px - np.array([0.0, 1.3 * ring]), name, MARK, size))
+    return "".join(parts)
+
+
+def residual_arrows(calibration: Calibration, grid: WallGrid) -> tuple[str, float, float]:
+    """Arrows from crossings as fitted to crossings as measured.
+
+    Returns
+    -------
+    svg : str
+    factor : float
+        How many times too long the arrows are drawn.
+    rms : float
+        Root mean square length, px.
+    """
+    wall = np.c_[grid.wall_m, np.zeros(len(grid.nodes))]
+    fitted = calibration.grid_camera.project(wall)
+    error = grid.points_px - fitted
+    length = np.hypot(*error.T)
+    rms = float(np.sqrt(np.mean(length**2)))
+    usual = max(float(np.median(length)), 1e-3)
+    factor = float(10.0 ** np.floor(np.log10(12.0 * grid.size[0] / 640 / usual)))
+    factor *= 5.0 if 5.0 * factor * usual < 12.0 * grid.size[0] / 640 else 1.0
+    chosen = np.unique(np.linspace(0, len(error) - 1, MOST_ARROWS).astype(int))
+    body = "".join(
+        f"M{x:.1f},{y:.1f}l{dx:.2f},{dy:.2f}"
+        for (x, y), (dx, dy) in zip(fitted[chosen], factor * error[chosen], strict=True)
+    )
+    dots = "".join(
+        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{_stroke(grid.size, 1.2)}"/>'
+        for x, y in fitted[chosen]
+    )
+    stroke = _stroke(grid.size, 1.3)
+    svg = f'<path d="{body}" fill="none" stroke="{ARROW}" stroke-width="{stroke}"/>'
+    return f'{svg}<g fill="{ARROW}">{dots}</g>', factor, rms
+
+
+def shaded_map(calibration: Calibration) -> tuple[str, MapScale]:
+    """Uncertainty of positions on the ball plane, from the ball at rest, over the picture."""
+    width = calibration.lens.width
+    step = max(8, width // 40)
+    px, std = calibration.uncertainty_map(step)
+    finite = std[np.isfinite(std)]
+    if len(finite) == 0:
+        return "", MapScale(0.0, 0.0)
+    scale = MapScale(float(finite.min()), float(np.percentile(finite, 98)))
+    colour = _colouring(scale)
+    cells = "".join(
+        f'<rect x="{x - step / 2:.1f}" y="{y - step / 2:.1f}" width="{_reach(x, width, step)}" '
+        f'height="{_reach(y, calibration.lens.height, step)}" '
+        f'fill="{colour(value)}"/>'
+        for (x, y), value in zip(px.reshape(-1, 2), std.ravel(), strict=True)
+        if np.isfinite(value)
+    )
+    return f'<g opacity="0.6">{cells}</g>', scale
+
+
+def _reach(at: float, length: int, step: int) -> float:
+    """Side of a cell: the last one of a row reaches to the picture's edge."""
+    return step + 0.3 if at + step < length else length - at + 0.5 * step
+
+
+def _colouring(scale: MapScale) -> Callable[[float], str]:
+    stops = np.array([[int(c[i : i + 2], 16) for i in (1, 3, 5)] for c in RAMP], dtype=float)
+    places = np.linspace(0.0, 1.0, len(RAMP))
+    span = max(scale.high - scale.low, 1e-12)
+
+    def colour(value: float) -> str:
+        part = min(max((value - scale.low) / span, 0.0), 1.0)
+        red, green, blue = (int(np.interp(part, places, stops[:, i])) for i in range(3))
+        return f"#{red:02x}{green:02x}{blue:02x}"
+
+    return colour
+
+
+def ruler(ends: Mapping[str, FloatArray], size: tuple[int, int]) -> str:
+    """The two ends of a length and the line between them."""
+    arm = 6 * size[0] / 640
+    body = "".join(
+        f"M{x - arm:.1f},{y:.1f}H{x + arm:.1f}M{x:.1f},{y - arm:.1f}V{y + arm:.1f}"
+        for x, y in ends.values()
+    )
+    if len(ends) == 2:
+        (x, y), (u, v) = ends.values()
+        body += f"M{x:.1f},{y:.1f}L{u:.1f},{v:.1f}"
+    return (
+        f'<path d="{body}" fill="none" stroke="{MARK}" stroke-width="{_stroke(size, 1.6)}"/>'
+        if body
+        else ""
+    )

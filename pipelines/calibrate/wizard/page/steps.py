@@ -1,0 +1,345 @@
+"""The first five steps on the page; the sixth has a module of its own."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from nicegui import ui
+
+from calib.camera.lens import Board
+from calib.evidence import Known
+from metrology import UsageError, parse_quantity
+from pipelines.calibrate.wizard.answers import Answers, BallKind
+from pipelines.calibrate.wizard.page.check_step import check_step
+from pipelines.calibrate.wizard.page.parts import field, note, phrase
+from pipelines.calibrate.wizard.page.rows import places_of
+from pipelines.calibrate.wizard.parsing import (
+    board_pictures,
+    board_size,
+    distance_from,
+    fine_pitch_from,
+    lens_from_board,
+    lens_from_file,
+    pitch_from,
+    rate_from,
+)
+from pipelines.calibrate.wizard.session import with_ball, with_corners, with_grid
+
+if TYPE_CHECKING:
+    from pipelines.calibrate.wizard.page.page import WizardPage
+
+__all__ = ["PANELS"]
+
+OTHER = "another ball"
+LENS_WAYS = {"grid": "From the wall grid", "file": "Lens file", "board": "Pictures of a board"}
+
+
+def _do(page: "WizardPage", label: str, changed: Callable[[Answers], Answers]) -> None:
+    page.jobs.submit("working it out", lambda: page.session.apply(label, changed))
+
+
+def _draft(page: "WizardPage", label: str, value: str, name: str) -> Any:
+    """A field that a button sends: what is written in it outlasts a redrawing of the step."""
+    drafts = page.session.drafts
+
+    def keep(text: str) -> None:
+        drafts[name] = text
+
+    return field(label, drafts.get(name, value), keep, test=name)
+
+
+def _clip_step(page: "WizardPage") -> None:
+    answers = page.session.answers
+    info, rate = answers.scene.info, answers.scene.rate
+    told = "nothing" if info.capture_fps_metadata is None else f"{info.capture_fps_metadata:g} fps"
+    facts = (
+        f"{info.codec}, {info.bit_depth} bit, {info.duration_s:.2f} s as it plays. The file plays "
+        f"at {info.container_fps:.4g} frames per second; of the camera's rate it tells {told}."
+    )
+    note(facts)
+    for warning in info.warnings:
+        note(warning, "wz-warn")
+    value = f"{answers.capture_fps:g}" if answers.rate_known else ""
+    field(
+        "Capture rate of the camera, frames per second",
+        value,
+        lambda text: _do(
+            page, f"capture rate {text or 'open'}", lambda a: replace(a, fps=rate_from(text))
+        ),
+        test="fps",
+    )
+    if not answers.rate_known:
+        note(
+            f"Not known yet: {rate.fps:g} fps is assumed. Every time and speed scales with it, and "
+            "gravity can't be used as a scale. Ask the camera's menu or its manual.",
+            "wz-warn",
+        )
+    else:
+        source = "as you say" if answers.fps is not None else f"from the {rate.source}"
+        note(f"{answers.capture_fps:g} fps, {source}: the ball's free fall tells lengths, too.")
+
+
+def _lens_step(page: "WizardPage") -> None:
+    session = page.session
+    lens = session.answers.lens
+    note(
+        "A wall grid tells the lens too. A lens measured beforehand helps where the camera looks "
+        "straight at the wall: there a grid can't tell focal length from distance."
+    )
+
+    def read_file(path: str) -> None:
+        session.lens_path = path
+        if path:
+            size = session.answers.scene.size
+            _do(page, "lens file", lambda a: replace(a, lens=lens_from_file(Path(path), size)))
+
+    ways = ui.radio(
+        LENS_WAYS, value=session.lens_way, on_change=lambda event: choose(event.value)
+    ).props("dense data-test=lens-way")
+    ways.classes("w-full")
+
+    def choose(way: str) -> None:
+        session.lens_way = way
+        if way == "grid" and session.answers.lens is not None:
+            _do(page, "lens from the grid", lambda a: replace(a, lens=None))
+        page.redraw_panel()
+
+    if session.lens_way == "file":
+        field("Path of the lens file (TOML)", session.lens_path, read_file, test="lens-file")
+    elif session.lens_way == "board":
+        _board_fields(page)
+    if lens is not None:
+        focal, std = lens.prior.lens.fx, lens.prior.std[0]
+        note(f"{phrase(lens.told)} Focal length {focal:.1f} ± {focal * std:.1f} px.")
+
+
+def _board_fields(page: "WizardPage") -> None:
+    session = page.session
+    folder = _draft(page, "Folder with the pictures", session.lens_path, "board")
+    size = _draft(page, "Inner corners, columns x rows", "8x6", "board-size")
+    square = _draft(page, "Side of a square", "25 mm", "board-square")
+    charuco = ui.checkbox("ChArUco: markers in the white squares").props("dense")
+
+    def measure() -> None:
+        session.lens_path = str(folder.value)
+        wanted = session.answers.scene.size
+
+        def changed(answers: Answers) -> Answers:
+            columns, rows = board_size(str(size.value))
+            side = parse_quantity(str(square.value), "m")
+            board = Board(columns, rows, side, bool(charuco.value))
+            pictures = board_pictures(Path(str(folder.value)))
+            return replace(answers, lens=lens_from_board(pictures, board, wanted))
+
+        page.jobs.submit("measuring the lens", lambda: session.apply("lens measured", changed))
+
+    ui.button("Measure the lens", on_click=measure).props("outline no-caps color=teal-9")
+
+
+def _wall_step(page: "WizardPage") -> None:
+    session = page.session
+    answers = session.answers
+
+    def set_pitch(text: str) -> None:
+        find(f"squares of {text}", lambda a: replace(a, pitch=pitch_from(text)))
+
+    def set_fine(text: str) -> None:
+        find(
+            f"fine lines {text or 'none'}",
+            lambda a: replace(a, fine_pitch=fine_pitch_from(text, a.pitch)),
+        )
+
+    def find(label: str, changed: Callable[[Answers], Answers]) -> None:
+        again = with_corners if session.by_hand else with_grid
+        page.jobs.submit(
+            "looking for the wall grid", lambda: session.apply(label, lambda a: again(changed(a)))
+        )
+
+    with ui.row().classes("w-full no-wrap gap-2"):
+        pitch = field("Side of a square", f"{1e3 * answers.pitch:g} mm", set_pitch, test="pitch")
+        shown = "" if answers.fine_pitch is None else f"{1e3 * answers.fine_pitch:g} mm"
+        field("Fine lines apart (or empty)", shown, set_fine, test="fine")
+        pitch.classes("grow")
+    _wall_found(page)
+
+    def by_hand(wanted: bool) -> None:
+        session.by_hand = wanted
+        page.places.active = "corner0" if wanted else None
+        if not wanted:
+            page.jobs.submit("looking for the wall grid", session.find_grid)
+        page.redraw_panel()
+        page.draw()
+
+    ui.switch(
+        "Set four corners by hand", value=session.by_hand, on_change=lambda e: by_hand(e.value)
+    ).props("dense data-test=by-hand")
+    if session.by_hand:
+        _corner_fields(page)
+    note("Where wall coordinates start (the nearest crossing is taken):")
+    places_of(page, "origin")
+
+
+def _wall_found(page: "WizardPage") -> None:
+    grid, problem = page.session.answers.grid, page.session.grid_problem
+    if grid is not None:
+        how = {
+            "found": "Found unaided",
+            "corners": "Measured between your corners",
+            "hand": "Your four corners",
+        }[page.session.answers.grid_source]
+        noise = float(np.sqrt(np.median(np.trace(grid.covariance_px2, axis1=1, axis2=2) / 2.0)))
+        note(
+            f"{how}: {len(grid.nodes)} crossings, each ± {noise:.2f} px, "
+            f"{'dark' if grid.dark else 'bright'} lines.",
+            "text-body2",
+        )
+    elif problem:
+        note(phrase(problem), "wz-bad", alert=True)
+        note("You can still set four corners by hand.")
+
+
+def _corner_fields(page: "WizardPage") -> None:
+    session = page.session
+    note(
+        "Drag each handle onto a crossing (the loupe helps), and say how many squares lie between."
+    )
+    places_of(page, "corner0", "corner1", "corner2", "corner3")
+    wide, high = session.answers.squares
+    with ui.row().classes("w-full no-wrap gap-2"):
+        across = _draft(page, "Squares across", str(wide), "across")
+        up = _draft(page, "Squares up", str(high), "up")
+
+    def measure() -> None:
+        corners = page.places.corners.copy()
+
+        def changed(answers: Answers) -> Answers:
+            if not (str(across.value).isdecimal() and str(up.value).isdecimal()):
+                raise UsageError("the squares between the handles are counted in whole numbers")
+            squares = (int(across.value), int(up.value))
+            return with_corners(replace(answers, corners=corners, squares=squares))
+
+        page.jobs.submit(
+            "measuring between the corners", lambda: session.apply("corners set", changed)
+        )
+
+    ui.button("Measure between the corners", on_click=measure).props(
+        "outline no-caps color=teal-9 data-test=measure-corners"
+    )
+
+
+def _ball_step(page: "WizardPage") -> None:
+    session = page.session
+    answers = session.answers
+    names = [kind.name for kind in session.presets]
+    ball = answers.ball
+    chosen = None if ball is None else ball.name if answers.ball_named else OTHER
+    ui.select(
+        [*names, OTHER], value=chosen, label="Ball", on_change=lambda event: choose(event.value)
+    ).props("dense outlined data-test=ball").classes("w-full")
+
+    def choose(name: str) -> None:
+        kind = {kind.name: kind for kind in session.presets}.get(name)
+        if kind is None:
+            like = ball or BallKind("ball", 0.2)
+            own = BallKind("ball", like.diameter, like.mass)
+            _do(page, "another ball", lambda a: with_ball(a, own, named=False))
+        else:
+            _do(page, f"ball {name}", lambda a: with_ball(a, kind, named=True))
+
+    def size(text: str, weight: str) -> None:
+        def changed(answers: Answers) -> Answers:
+            diameter = parse_quantity(text, "m")
+            mass = parse_quantity(weight, "kg") if weight else None
+            if not 0.001 <= diameter <= 2.0 or (mass is not None and not 0.0 < mass < 100.0):
+                raise UsageError(f"a ball of {text}, {weight} makes no sense")
+            return with_ball(answers, BallKind("ball", diameter, mass), named=False)
+
+        _do(page, f"ball of {text}", changed)
+
+    def set_height(text: str) -> None:
+        def changed(answers: Answers) -> Answers:
+            known = distance_from(text)
+            return replace(answers, support_height=None if known is None else known.value)
+
+        _do(page, "support height", changed)
+
+    if ball is not None and not answers.ball_named:
+        diameter = f"{1e3 * ball.diameter:g} mm"
+        mass = "" if ball.mass is None else f"{ball.mass:g} kg"
+        with ui.row().classes("w-full no-wrap gap-2"):
+            field("Diameter", diameter, lambda text: size(text, mass), test="diameter")
+            field("Mass (or empty)", mass, lambda text: size(diameter, text), test="mass")
+    elif ball is not None:
+        weight = "" if ball.mass is None else f", {1e3 * ball.mass:.0f} g"
+        note(f"{1e3 * ball.diameter:.2f} mm across{weight}.")
+    height = "" if answers.support_height is None else f"{answers.support_height:g} m"
+    field("Height of the support: how far the ball falls", height, set_height, test="support")
+    _followed(page)
+    places_of(page, "rest", "landing")
+
+
+def _followed(page: "WizardPage") -> None:
+    session = page.session
+    seen = session.answers.seen
+    if seen is not None and seen.rest_px is not None:
+        landed = "" if seen.landing_px is None else " and to its lowest place, the landing"
+        note(f"The ball was followed from its rest{landed}.", "text-body2")
+        return
+    note(
+        phrase(session.ball_problem.partition(". ")[0])
+        + " Set its places by hand, or point at it and follow it from there."
+        if session.ball_problem
+        else "The ball is not followed yet: that tells where it rests and lands, and its size."
+    )
+
+    def follow() -> None:
+        at = session.answers.rest_px
+        told = None if at is None else (float(at[0]), float(at[1]))
+        page.jobs.submit("following the ball", lambda: session.follow_ball(told))
+
+    ui.button("Follow the ball", on_click=follow).props(
+        "outline no-caps color=teal-9 data-test=follow"
+    )
+
+
+def _distances_step(page: "WizardPage") -> None:
+    answers = page.session.answers
+    note("Both may stay empty: grid, ball and free fall tell them, less sharply than a tape.")
+    _taped_field(page, "camera_distance", "Camera to wall", answers.camera_distance)
+    _taped_field(page, "ball_plane_offset", "Ball's plane to wall", answers.ball_plane_offset)
+    found = page.session.outlook.calibration
+    if found is not None:
+        for estimate in found.depth_estimates:
+            told = f"{estimate.value:.3f} ± {estimate.std:.3f} m"
+            note(f"Ball's plane to wall by {estimate.source} alone: {told}.")
+        note(f"Camera to wall, all together: {found.camera_distance:.3f} m.")
+
+
+def _taped_field(page: "WizardPage", key: str, label: str, known: Known | None) -> None:
+    value = "" if known is None else f"{known.value:.10g} m"
+    std = f"{1e3 * (0.005 if known is None else known.std):g} mm"
+
+    def told(text: str, spread: str) -> None:
+        def changed(answers: Answers) -> Answers:
+            given = distance_from(f"{text} ± {spread}") if text else None
+            return replace(answers, **{key: given})  # type: ignore[arg-type]
+
+        _do(page, f"{label.lower()} {text or 'open'}", changed)
+
+    with ui.row().classes("w-full no-wrap gap-2"):
+        field(f"{label} (tape)", value, lambda text: told(text, std), test=key)
+        spread = field("give or take", std, lambda text: told(value, text), test=f"{key}-std")
+        spread.style("max-width: 8rem")
+
+
+PANELS: tuple[Callable[["WizardPage"], None], ...] = (
+    _clip_step,
+    _lens_step,
+    _wall_step,
+    _ball_step,
+    _distances_step,
+    check_step,
+)
+"""Each draws the panel of one step."""

@@ -1,0 +1,1 @@
+"""`vision explain`: where simulation and recording differ, and what was left out."""

@@ -1,0 +1,335 @@
+"""Campaign files in, bodies and samples out; a user's own effects."""
+
+import importlib.util
+import itertools
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from metrology import SetupError, TooLittleDataError, UsageError
+from mismatch.model.baseline import BallModel, Baseline, ContactTable, Scatter
+from mismatch.records.campaign import Campaign, Trial
+from physics import bodies
+from physics.arrays import FloatArray
+from physics.contact.batch import contact_outcomes
+from physics.effects import CATALOGUE, Effect
+from pipelines.setup.file import BallSetup, Setup
+
+__all__ = ["baseline_for_balls", "baseline_from_setup", "load_campaign", "load_effects"]
+
+BALL_COLUMNS = frozenset(
+    {"trial", "backswing_deg", "ball", "t_s", "x_m", "y_m", "z_m", "x_m_std", "y_m_std", "z_m_std"}
+)
+LEAST_RUN = 6
+"""Rows in a row that are a stretch of record, not rows out of order."""
+
+TABLE_SPEEDS = np.array([0.6, 0.9, 1.3, 1.8, 2.4, 3.0, 3.6, 4.2])
+
+
+def _read(path: Path, needed: tuple[str, ...]) -> pd.DataFrame:
+    try:
+        table = pd.read_csv(path, dtype={"trial": str, "ball": str}, skipinitialspace=True)
+    except (OSError, UnicodeDecodeError, ValueError) as problem:
+        raise UsageError(
+            f"can't read {path}: {problem}", hint="A CSV file with a header line is expected."
+        ) from problem
+    table.columns = [str(name).strip() for name in table.columns]
+    missing = [name for name in needed if name not in table.columns]
+    if missing:
+        raise UsageError(
+            f"{path} has no column {', '.join(missing)}; it has {', '.join(table.columns)}",
+            hint="See the input of `vision explain`: trial, t_s and at least one of x_m, y_m, z_m.",
+        )
+    for name in table.columns:
+        if name.endswith(("_m", "_s", "_rad", "_deg", "_std")):
+            table[name] = pd.to_numeric(table[name], errors="coerce")
+    if table.empty:
+        raise UsageError(f"{path} has a header but no rows")
+    return table
+
+
+def _tidied(
+    table: pd.DataFrame, value_columns: list[str], what: str
+) -> tuple[pd.DataFrame, list[str]]:
+    """Drop rows without a time or any value, and rows given twice; put each trial in order."""
+    notes = []
+    count = len(table)
+    bad = table["t_s"].isna() | ~np.isfinite(table["t_s"]) | table[value_columns].isna().all(axis=1)
+    table = table[~bad]
+    if int(bad.sum()):
+        notes.append(f"{what}: {int(bad.sum())} of {count} rows have no time or no value; left out")
+    doubled = table.duplicated(["trial", "t_s"])
+    if int(doubled.sum()):
+        notes.append(f"{what}: {int(doubled.sum())} rows repeat a time of their trial; left out")
+        table = table[~doubled]
+    times = table.groupby("trial", sort=False)["t_s"]
+    set_back = [str(name) for name, t in times if _set_back(t.to_numpy())]
+    if set_back:
+        names = ", ".join(set_back[:4])
+        table = table[~table["trial"].isin(set_back)]
+        if table.empty:
+            raise UsageError(
+                f"{what}: the clock is set back within trial {names}",
+                hint="Are several trials under one name? Each needs a name and a clock of its own.",
+            )
+        notes.append(f"{what}: the clock is set back within trial {names}; left out")
+        times = table.groupby("trial", sort=False)["t_s"]
+    backwards = times.apply(lambda t: bool((t.diff() < 0).any()))
+    if bool(backwards.any()):
+        names = ", ".join(str(name) for name in backwards[backwards].index[:4])
+        notes.append(f"{what}: the clock runs backwards in trial {names}; rows were sorted by time")
+        table = table.sort_values(["trial", "t_s"], kind="stable")
+    return table, notes
+
+
+def _set_back(time: FloatArray) -> bool:
+    """Whether a clock was set back, so that two runs of rows claim the same time.
+
+    Rows out of order are another matter: sorted, they are one record again.
+    """
+    cuts = np.flatnonzero(np.diff(time) < 0.0) + 1
+    runs = [run for run in np.split(time, cuts) if run.size >= LEAST_RUN]
+    spans = sorted((float(run.min()), float(run.max())) for run in runs)
+    return any(later[0] < earlier[1] for earlier, later in itertools.pairwise(spans))
+
+
+def _numbers(table: pd.DataFrame, column: str) -> FloatArray:
+    return np.asarray(table[column], dtype=np.float64)
+
+
+def load_campaign(ball_csv: Path | None, pendulum_csv: Path | None, setup: Setup) -> Campaign:
+    """Read a campaign.
+
+    Parameters
+    ----------
+    ball_csv, pendulum_csv : Path or None
+        As in the contract; one of them may be missing.
+    setup : Setup
+        For the name of the ball where the file has no column ``ball``.
+
+    Returns
+    -------
+    Campaign
+
+    Raises
+    ------
+    UsageError
+        For files that can't be read, lack a column, or hold nothing.
+    TooLittleDataError
+        If no row of the ball's file is usable.
+    """
+    if ball_csv is None and pendulum_csv is None:
+        raise UsageError("there is neither a ball's nor a pendulum's file to explain")
+    balls: dict[str, pd.DataFrame] = {}
+    swings: dict[str, pd.DataFrame] = {}
+    notes: list[str] = []
+    if ball_csv is not None:
+        table = _read(ball_csv, ("trial", "t_s"))
+        axes = [name for name in ("x_m", "y_m", "z_m") if name in table.columns]
+        if not axes:
+            raise UsageError(
+                f"{ball_csv} has no column with a position", hint="x_m, y_m or z_m is needed."
+            )
+        table, more = _tidied(table, axes, str(ball_csv.name))
+        notes += more
+        balls = {str(name): part for name, part in table.groupby("trial", sort=False)}
+    if pendulum_csv is not None:
+        table = _read(pendulum_csv, ("trial", "t_s", "phi_rad"))
+        table, more = _tidied(table, ["phi_rad"], str(pendulum_csv.name))
+        notes += more
+        if float(np.nanmax(np.abs(_numbers(table, "phi_rad")))) > 2.0 * math.pi:
+            raise UsageError(
+                f"{pendulum_csv} has angles beyond a full turn", hint="phi_rad is in radians."
+            )
+        swings = {str(name): part for name, part in table.groupby("trial", sort=False)}
+    names = list(dict.fromkeys([*balls, *swings]))
+    if ball_csv is not None:
+        names = [name for name in names if name in balls]
+        alone = [name for name in swings if name not in balls]
+        if not names:
+            raise TooLittleDataError(
+                f"{ball_csv}: no row has a time and a position",
+                hint="Without the ball's table the pendulum is taken to swing freely.",
+            )
+        if swings and len(alone) == len(swings):
+            raise UsageError(
+                f"{ball_csv} and {pendulum_csv} have no trial in common",
+                hint="A trial goes by the same name in both tables.",
+            )
+        if alone:
+            notes.append(f"no ball was seen in trial {', '.join(alone[:6])}; left out")
+    trials = tuple(_trial(name, balls.get(name), swings.get(name)) for name in names)
+    return Campaign(trials, tuple(notes))
+
+
+def _trial(name: str, ball: pd.DataFrame | None, swing: pd.DataFrame | None) -> Trial:
+    time, position, std = np.zeros(0), np.zeros((0, 3)), None
+    ball_name, backswing = None, None
+    if ball is not None:
+        time = _numbers(ball, "t_s")
+        blank = np.full(time.shape, np.nan)
+        position = np.column_stack(
+            [_numbers(ball, axis) if axis in ball else blank for axis in ("x_m", "y_m", "z_m")]
+        )
+        if "x_m_std" in ball or "y_m_std" in ball:
+            std = np.column_stack(
+                [
+                    _numbers(ball, axis) if axis in ball else blank
+                    for axis in ("x_m_std", "y_m_std", "z_m_std")
+                ]
+            )
+        if "ball" in ball and ball["ball"].notna().any():
+            ball_name = str(ball["ball"].dropna().iloc[0]).strip()
+        if "backswing_deg" in ball and ball["backswing_deg"].notna().any():
+            backswing = math.radians(float(ball["backswing_deg"].dropna().iloc[0]))
+    swing_time, angle = np.zeros(0), np.zeros(0)
+    if swing is not None:
+        swing_time, angle = _numbers(swing, "t_s"), _numbers(swing, "phi_rad")
+    return Trial(name, time, position, swing_time, angle, ball_name, backswing, std)
+
+
+def baseline_from_setup(setup: Setup, campaign: Campaign) -> Baseline:
+    """What the setup file says, as the engine's baseline.
+
+    A ball with a contact table uses it; without one the project's time-resolved contact is
+    tabulated. Bodies are made only for the balls that the campaign names.
+
+    Raises
+    ------
+    SetupError
+        If a ball is not described, or the model holds an effect that does not exist.
+    """
+    struck = setup.pendulum is not None and all(
+        trial.backswing is not None for trial in campaign.trials if trial.ball_time.size
+    )
+    named = {trial.ball or "" for trial in campaign.trials if trial.ball_time.size}
+    return baseline_for_balls(setup, named, struck)
+
+
+def baseline_for_balls(setup: Setup, named: Iterable[str], struck: bool) -> Baseline:
+    """As `baseline_from_setup`, for balls by name; `struck` by the pendulum, or thrown.
+
+    Raises
+    ------
+    SetupError
+        As there.
+    """
+    balls = {name: _ball_model(name, setup, struck) for name in sorted(named)}
+    known = {f.name for f in fields(Scatter)}
+    scatter = {
+        name: value
+        for name, value in vars(setup.scatter).items()
+        if value is not None and name in known
+    }
+    return Baseline(
+        balls,
+        setup.pendulum,
+        None if setup.support is None else setup.support.height,
+        setup.air.density,
+        setup.air.viscosity,
+        bodies.GRAVITY,
+        _model_effects(setup),
+        replace(Scatter(), **scatter),
+        setup.noise.position,
+        setup.noise.angle,
+    )
+
+
+def _model_effects(setup: Setup) -> Mapping[str, Mapping[str, float]]:
+    effects: dict[str, Mapping[str, float]] = {}
+    for name in setup.model.effects:
+        if name == "gravity":
+            continue
+        if name not in CATALOGUE:
+            raise SetupError(
+                f"[model] effects: there is no effect {name!r}",
+                hint=f"Known effects: {', '.join(CATALOGUE)}.",
+            )
+        given = dict(setup.model.parameters.get(name, {}))
+        if name == "drag" and not given:
+            given = {"drag_coefficient": 0.47}
+        effects[name] = given
+    return effects
+
+
+def _ball_model(name: str, setup: Setup, struck: bool) -> BallModel:
+    ball = setup.balls.get(name)
+    if ball is None:
+        ball = setup.ball
+    if ball is None and len(setup.balls) == 1 and name == "":
+        ball = next(iter(setup.balls.values()))
+    if ball is None and name in bodies.BALLS:
+        preset = bodies.BALLS[name]
+        ball = BallSetup(name, preset.diameter, preset.mass, preset.launch_angle, preset.cor)
+    if ball is None:
+        raise SetupError(
+            f"the setup does not describe the ball {name!r}" if name else "the setup has no ball",
+            hint="Add [ball], or [balls.NAME] for each name in the column `ball`.",
+        )
+    mass = ball.mass
+    if mass is None:
+        raise SetupError(
+            f"the ball {name or ball.name!r} has no mass",
+            hint='Add mass = "0.353 kg" to its table.',
+        )
+    table = _contact_table(ball, setup) if struck and ball.launch_angle is not None else None
+    return BallModel(name, mass, ball.diameter, ball.launch_angle, table)
+
+
+def _contact_table(ball: BallSetup, setup: Setup) -> ContactTable | None:
+    if ball.contact_outcome:
+        rows = sorted(ball.contact_outcome, key=lambda row: row.impact_speed)
+        return ContactTable(
+            np.array([row.impact_speed for row in rows]),
+            np.array(
+                [
+                    (
+                        row.cor, row.contact_time, row.pendulum_speed_after, row.pendulum_angle,
+                        row.ball_x, row.ball_y, row.ball_vx, row.ball_vy,
+                    )
+                    for row in rows
+                ]
+            ),
+        )  # fmt: skip
+    if ball.cor is None or setup.pendulum is None:
+        return None
+    support = setup.support or bodies.PAPER_SUPPORT
+    outcome = contact_outcomes(setup.pendulum, ball.body(), support, TABLE_SPEEDS)
+    columns = (
+        outcome.cor, outcome.contact_time, outcome.pendulum_speed_after, outcome.pendulum_angle,
+        outcome.ball_x, outcome.ball_y, outcome.ball_vx, outcome.ball_vy,
+    )  # fmt: skip
+    return ContactTable(TABLE_SPEEDS, np.column_stack([np.asarray(c) for c in columns]))
+
+
+def load_effects(path: Path) -> tuple[Effect, ...]:
+    """Effects from a user's Python file: the instances in its list ``EFFECTS``, or every one.
+
+    Raises
+    ------
+    UsageError
+        If the file can't be read or run, or holds no effect.
+    """
+    if not path.is_file():
+        raise UsageError(f"there is no file {path}", hint="Check the path given to --effects.")
+    spec = importlib.util.spec_from_file_location("effects_of_the_user", path)
+    if spec is None or spec.loader is None:
+        raise UsageError(f"{path} is no Python file")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as problem:  # a user's file may raise anything; none of it is our bug
+        raise UsageError(f"{path} stops with {type(problem).__name__}: {problem}") from problem
+    listed = getattr(module, "EFFECTS", None)
+    found = list(listed) if listed is not None else list(vars(module).values())
+    effects = tuple(item for item in found if isinstance(item, Effect))
+    if not effects:
+        raise UsageError(
+            f"{path} holds no effect",
+            hint="Subclass physics.effects.Effect and list an instance in EFFECTS.",
+        )
+    return effects

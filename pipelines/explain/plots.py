@@ -1,0 +1,98 @@
+"""One figure for a verdict: residuals before and after, and the missing force with its band."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from metrology import written_whole
+from mismatch import Explained
+from mismatch.fitting.fit import Fit
+from mismatch.model.forward import Forward
+from mismatch.search.latent import missing_force
+from mismatch.table.explain import TableExplained
+from pipelines.explain.table_plots import figure_of_table
+
+__all__ = ["draw_explained", "figure_of"]
+
+LABELS = {
+    "horizontal": "horizontal force / N",
+    "vertical": "vertical force / N",
+    "angle": "torque / N m",
+}
+
+
+def _binned(forward: Forward, fit: Fit, channel: int, axis: Axes, colour: str, name: str) -> None:
+    records = forward.records
+    s = records.ball_time.shape[1]
+    at = slice(channel * s, (channel + 1) * s) if channel < 3 else slice(3 * s, None)
+    mask = records.used[:, at]
+    if not mask.any():
+        return
+    time = records.ball_time if channel < 3 else records.pendulum_time
+    start = fit.nuisance[:, :1] if forward.mode == "impact" else time[:, :1]
+    since = (time - start)[mask]
+    residual = fit.residual[:, at][mask]
+    edges = np.linspace(since.min(), since.max() + 1e-9, 41)
+    place = np.clip(np.searchsorted(edges, since, side="right") - 1, 0, 39)
+    count = np.bincount(place, minlength=40)
+    mean = np.bincount(place, residual, minlength=40) / np.maximum(count, 1)
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    kept = count > 0
+    axis.errorbar(
+        middle[kept], mean[kept], 1.0 / np.sqrt(count[kept]), fmt=".-", ms=4, lw=0.8,
+        color=colour, label=name,
+    )  # fmt: skip
+
+
+def figure_of(explained: Explained | TableExplained) -> Figure:
+    """Residuals by channel, and the missing force by direction; of a table, by impact speed."""
+    if isinstance(explained, TableExplained):
+        return figure_of_table(explained)
+    forward, base = explained.prepared.forward, explained.prepared.fit
+    best = explained.naming.best
+    channels = [k for k in range(3) if forward.records.ball_used[..., k].any()]
+    if forward.records.pendulum_used.any():
+        channels.append(3)
+    forces = missing_force(forward, base)
+    columns = max(len(channels), len(forces), 1)
+    figure = Figure(figsize=(4.2 * columns, 6.4), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = np.atleast_2d(figure.subplots(2, columns, squeeze=False))
+    for place in range(columns):
+        axis = axes[0, place]
+        if place < len(channels):
+            channel = channels[place]
+            _binned(forward, base, channel, axis, "tab:red", "baseline")
+            if best is not None:
+                _binned(forward, best.fit, channel, axis, "tab:blue", " + ".join(best.ids))
+            axis.axhline(0.0, color="0.6", lw=0.8)
+            axis.set_ylabel(f"{('x', 'y', 'z', 'angle')[channel]}: mean residual / sigma")
+            axis.set_xlabel("time after first touch / s")
+            axis.locator_params(axis="x", nbins=6)
+            axis.legend(fontsize=8)
+        else:
+            axis.set_axis_off()
+        axis = axes[1, place]
+        if place < len(forces):
+            force = forces[place]
+            axis.fill_between(
+                force.place, force.value - 1.96 * force.std, force.value + 1.96 * force.std,
+                alpha=0.3, color="tab:green", lw=0,
+            )  # fmt: skip
+            axis.plot(force.place, force.value, color="tab:green")
+            axis.axhline(0.0, color="0.6", lw=0.8)
+            axis.set_ylabel(f"missing {LABELS[force.channel]}")
+            axis.set_xlabel("angle / rad" if force.channel == "angle" else "time after release / s")
+        else:
+            axis.set_axis_off()
+    return figure
+
+
+def draw_explained(explained: Explained | TableExplained, path: Path) -> None:
+    """Write the figure as PNG or SVG."""
+    figure = figure_of(explained)
+    with written_whole(path) as part:
+        figure.savefig(part, format=path.suffix.lstrip(".") or "png", dpi=130)

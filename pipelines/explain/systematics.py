@@ -1,0 +1,143 @@
+"""What the calibration of clips leaves open, against faults of the instrument that are named."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from calib.calibration import Calibration
+from mismatch import Verdict
+from physics.effects import MEASUREMENT_IDS
+from pipelines.measure.inputs import DIAMETER_SHARE
+from pipelines.measure.measurement import Measurement
+from pipelines.measure.metres import CameraMapping
+
+__all__ = ["calibration_widths", "common_widths", "outline_shares", "within_calibration"]
+
+COVERED = 2.5
+"""Standard uncertainties within which a fault is what the calibration itself allows."""
+
+UNSEEN_ROLL = math.radians(1.0)
+"""How far a camera is tilted that nothing in the picture levels."""
+
+OUTLINE_PX = 0.15
+"""How far the outline of a ball may wander along its flight, by its shading against the wall."""
+
+LEAST_AXIS = 1e-12
+
+PARAMETERS = {
+    "time_base": "rate_error",
+    "length_scale": "scale_error",
+    "camera_roll": "roll",
+}
+
+
+def calibration_widths(measured: Measurement) -> dict[str, float]:
+    """Standard uncertainties of rate and scale (relative) and of roll (rad) of one clip.
+
+    The calibration's, and what the ball's outline adds: slow errors that all clips share.
+
+    Returns
+    -------
+    dict
+        By the id of the effect that such an error would be.
+    """
+    rate = measured.rate.std / measured.rate.fps
+    if measured.calibration is None or measured.impact is None:
+        return {"time_base": rate, "length_scale": DIAMETER_SHARE, "camera_roll": UNSEEN_ROLL}
+    rows = np.isin(measured.tracks.ball.frame, measured.impact.tracks.ball_frame)
+    px = measured.tracks.ball.centre_px[rows]
+    scale, roll = _scale_and_roll(measured.calibration, px[:: max(1, len(px) // 40)])
+    # free fall is the clock and the rule of a flight, and it is the picture's rows that show it
+    along, fall = outline_shares(px)
+    return {
+        "time_base": math.hypot(rate, 0.5 * fall),
+        "length_scale": math.hypot(scale, fall),
+        "camera_roll": math.hypot(roll, along),
+    }
+
+
+def outline_shares(px: np.ndarray) -> tuple[float, float]:
+    """What a wandering outline is of a path's (N, 2) extent along and across the picture's rows."""
+    along, fall = OUTLINE_PX / np.maximum(np.ptp(px, axis=0), OUTLINE_PX)
+    return float(along), float(fall)
+
+
+def _scale_and_roll(calibration: Calibration, px: np.ndarray) -> tuple[float, float]:
+    """How far the calibration's covariance stretches and turns a track, one sigma each."""
+    std = np.sqrt(np.maximum(np.diag(calibration.covariance), 0.0))
+    free = std > 0.0
+    outer = np.outer(std[free], std[free])
+    lengths, axes = np.linalg.eigh(calibration.covariance[np.ix_(free, free)] / outer)
+    nothing = np.zeros((len(px), 2, 2))
+
+    def track(step: np.ndarray) -> np.ndarray:
+        moved = np.zeros(std.size)
+        moved[free] = step * std[free]
+        here = calibration.with_parameters(calibration.vector + moved)
+        metres, _ = CameraMapping(here).ball(px, nothing)
+        # As complex numbers about their middle: a stretch and a turn are one factor.
+        flat = metres[:, 0] + 1j * metres[:, 1]
+        return np.asarray(flat - flat.mean())
+
+    base = track(np.zeros(int(free.sum())))
+    factors = [
+        np.vdot(base, track(math.sqrt(length) * axis)) / np.vdot(base, base) - 1.0
+        for length, axis in zip(lengths, axes.T, strict=True)
+        if length > LEAST_AXIS
+    ]
+    return (
+        float(np.sqrt(sum(factor.real**2 for factor in factors))),
+        float(np.sqrt(sum(factor.imag**2 for factor in factors))),
+    )
+
+
+def common_widths(clips: Iterable[Mapping[str, float]]) -> dict[str, float]:
+    """Widths of a campaign: clips of one camera err together, so the median of theirs."""
+    rows = list(clips)
+    return {name: float(np.median([row[name] for row in rows])) for name in PARAMETERS if rows}
+
+
+def within_calibration(verdict: Verdict, widths: Mapping[str, float]) -> Verdict:
+    """The verdict without faults of the instrument that its own calibration allows.
+
+    If nothing but such faults is named, nothing is missing: the calibration's uncertainty already
+    says so. Beside physics, or far beyond the widths, a verdict stays as it is.
+    """
+    if not widths:
+        return verdict
+    told = (
+        f"the calibration knows the rate to {100.0 * widths['time_base']:.2g} %, the scale to"
+        f" {100.0 * widths['length_scale']:.2g} % and the roll to"
+        f" {math.degrees(widths['camera_roll']):.2g} deg"
+    )
+    notes = (*verdict.notes, told)
+    named = [effect.id for effect in verdict.effects]
+    expected = named and all(
+        effect.id in MEASUREMENT_IDS
+        and effect.id in widths
+        and any(
+            p.name == PARAMETERS[effect.id]
+            and abs(p.value) <= COVERED * math.hypot(widths[effect.id], p.std)
+            for p in effect.parameters
+        )
+        for effect in verdict.effects
+    )
+    if not expected:
+        return replace(verdict, notes=notes)
+    sizes = ", ".join(
+        f"{effect.id} {p.name} = {p.value:.2g} ± {p.std:.1g}"
+        for effect in verdict.effects
+        for p in effect.parameters
+        if p.name == PARAMETERS[effect.id]
+    )
+    return replace(
+        verdict,
+        verdict="no_mismatch",
+        location=None,
+        effects=(),
+        indistinguishable=(),
+        next_measurement=None,
+        notes=(*notes, f"{sizes} is no finding: it lies within what the calibration leaves open"),
+    )

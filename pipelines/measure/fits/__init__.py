@@ -1,0 +1,1 @@
+"""Fits of swing, contact and flight, and the checks beside them."""

@@ -1,0 +1,100 @@
+"""The ball's speed the paper's ways, beside the fit: per frame (Fig. 18), and by Eqs 7 and 8."""
+
+import math
+
+import numpy as np
+
+from metrology import Quantity
+from physics.bodies import Pendulum
+from pipelines.measure.fits.flight_fit import FlightFit
+from pipelines.measure.metres import MetricTracks
+from pipelines.report import Check
+
+__all__ = ["BESIDE", "gravity_share", "speed_by_pendulum", "speed_per_frame", "speeds_agree"]
+
+BESIDE: dict[str, str] = {"ball_speed_per_frame": "m/s", "ball_speed_eq7": "m/s"}
+"""Name and unit of what is shown beside the quantities of the contract."""
+
+_STEPS = 4
+_SIGMAS = 3.0
+
+
+def speed_per_frame(tracks: MetricTracks, flight: FlightFit) -> tuple[float, float]:
+    """Displacement per frame just after release: mean over the first frames of the flight.
+
+    Returns
+    -------
+    speed, std : float
+        m/s; the standard uncertainty is that of the two ends.
+    """
+    used = np.flatnonzero(np.isin(tracks.ball_time_s, flight.time_s))[: _STEPS + 1]
+    way = tracks.ball_m[used[-1]] - tracks.ball_m[used[0]]
+    took = float(tracks.ball_time_s[used[-1]] - tracks.ball_time_s[used[0]])
+    spread = sum(float(np.trace(tracks.ball_cov_m2[end])) / 2 for end in (used[0], used[-1]))
+    return float(np.hypot(*way)) / took, math.sqrt(spread) / took
+
+
+def speed_by_pendulum(body: Pendulum, ball_mass: float, before: float, after: float) -> float:
+    """Ball's speed from what the pendulum loses, M_E (v_M⁰ − v_M) / m_B (Eqs 7 and 8), m/s."""
+    return body.mass_at_contact * (before - after) / ball_mass
+
+
+def gravity_share(
+    body: Pendulum, ball_mass: float, angle: float, arm: float, pull: tuple[float, float]
+) -> float:
+    """What of it is no impulse on the ball: the pendulum's own weight slows it meanwhile.
+
+    Parameters
+    ----------
+    body : Pendulum
+    ball_mass : float
+        kg.
+    angle : float
+        Mean angle during contact, rad.
+    arm : float
+        Pivot to the point of contact, m.
+    pull : (2,) tuple of float
+        Gravity (m/s²) and how long the contact lasts (s).
+
+    Returns
+    -------
+    float
+        m/s of ball speed that Eq. 7 gives too much.
+    """
+    gravity, duration = pull
+    slowed = body.mass * gravity * body.com * math.sin(angle) * duration / body.inertia
+    return speed_by_pendulum(body, ball_mass, slowed * arm, 0.0)
+
+
+def speeds_agree(found: dict[str, Quantity]) -> Check | None:
+    """Whether the paper's ways agree with the fitted speed at release.
+
+    Parameters
+    ----------
+    found : dict
+        Quantities by name, those of `BESIDE` and the share of gravity in Eq. 7 among them.
+    """
+    fitted, frames = found["ball_speed"], found["ball_speed_per_frame"]
+    if fitted.value is None or frames.value is None:
+        return None
+    text = f"displacement per frame gives {frames.value:.3f} ± {frames.std:.3f} m/s"
+    agree = _near(frames, fitted, 0.0)
+    pendulum, weight = found["ball_speed_eq7"], found["eq7_by_gravity"]
+    if pendulum.value is not None and weight.value is not None:
+        text += (
+            f"; Eq. 7 gives {pendulum.value:.2f} ± {pendulum.std:.2f} m/s from the pendulum,"
+            f" {weight.value:.2f} m/s of it because gravity slows the pendulum during contact"
+        )
+        agree = agree and _near(pendulum, fitted, weight.value)
+    text += f"; the fitted flight {fitted.value:.3f} ± {fitted.std:.3f} m/s"
+    if not agree:
+        text = f"the ball's speeds disagree: {text}; check masses and inertia in the setup file"
+    return Check("ball speed by the paper's ways", agree, text)
+
+
+def _near(one: Quantity, other: Quantity, apart: float) -> bool:
+    assert one.value is not None
+    assert other.value is not None
+    return abs(one.value - apart - other.value) <= _SIGMAS * math.hypot(
+        one.std or 0.0, other.std or 0.0
+    )

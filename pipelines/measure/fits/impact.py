@@ -1,0 +1,232 @@
+"""Both sides of the contact and the contact between them, from tracks in metres."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metrology import MeasurementError, NotFoundError
+from pipelines.measure.fits.contact_fit import ContactFit, ImpactView, face_speeds, fit_contact
+from pipelines.measure.fits.flight_fit import FlightFit, FlightPriors, fit_flight
+from pipelines.measure.fits.flight_span import LONGEST_CONTACT_S, flight_end
+from pipelines.measure.fits.swing_fit import fit_swing
+from pipelines.measure.inputs import GRAVITY_STD, STIFFNESS_SHARE, Inputs
+from pipelines.measure.metres import MetricTracks
+from pipelines.measure.striking_face import face_lead, pivot_in_plane
+
+__all__ = ["Impact", "departure", "find_impact"]
+
+FloatArray = NDArray[np.float64]
+
+UNSEEN_HALF_CONTACT_S, UNSEEN_HALF_CONTACT_STD_S = 0.006, 0.003
+"""Middle to end of a contact nobody sees: inflated balls stay on for 10 to 20 ms."""
+SWING_STRETCH_S = 0.08
+_ROUNDS = 3
+STRAY_RADII = 0.15
+LEAST_COR, MOST_COR = 0.1, 1.15
+"""No passive contact returns more speed than it takes; the measurement may, by a little."""
+
+
+@dataclass(frozen=True)
+class Impact:
+    """A strike in the ball plane.
+
+    Attributes
+    ----------
+    tracks : MetricTracks
+        What it was fitted to.
+    flight : FlightFit
+        After release.
+    free_flight : FlightFit
+        The same with gravity left to the data.
+    view, contact : ImpactView and ContactFit, or None
+        None where there is no pendulum, or it can't be followed on both sides; `reason` says why.
+    reason : str
+    last_flight_s : float
+        Last frame of the flight that is in view, s.
+    """
+
+    tracks: MetricTracks
+    flight: FlightFit
+    free_flight: FlightFit
+    view: ImpactView | None
+    contact: ContactFit | None
+    reason: str
+    last_flight_s: float
+
+
+def departure(tracks: MetricTracks) -> float:
+    """Time at which the ball has visibly left its rest, s.
+
+    Raises
+    ------
+    NotFoundError
+        If it never does.
+    """
+    std = np.sqrt(np.trace(tracks.ball_cov_m2, axis1=1, axis2=2))
+    moved = np.hypot(*(tracks.ball_m - tracks.rest_m).T)
+    away = moved > np.maximum(6.0 * std, 6.0 * float(np.hypot(*tracks.rest_std_m)))
+    sustained = away & np.append(away[1:], away[-1]) & np.append(away[2:], [away[-1]] * 2)
+    places = np.flatnonzero(sustained)
+    if len(places) == 0:
+        raise NotFoundError(
+            "the ball never leaves its rest in this clip",
+            hint="Film the strike itself, or point at the ball with --ball-at X,Y.",
+        )
+    return float(tracks.ball_time_s[places[0]])
+
+
+def find_impact(
+    tracks: MetricTracks, inputs: Inputs, started: tuple[float, float] | None = None
+) -> Impact:
+    """Fit swing, flight and contact, each on its own frames; the events settle in a few rounds.
+
+    Parameters
+    ----------
+    tracks : MetricTracks
+        Ball plane.
+    inputs : Inputs
+        Forces and bodies.
+    started : (2,) tuple of float, optional
+        Onset and release to start from, s.
+
+    Raises
+    ------
+    NotFoundError, TooLittleDataError
+        If the ball never leaves, or is not seen long enough after it left.
+    """
+    left = departure(tracks)
+    onset, release = started or (left - 0.008, left + LONGEST_CONTACT_S)
+    landed = flight_end(tracks, inputs, left)
+    view: ImpactView | None = None
+    contact: ContactFit | None = None
+    reason = "no pendulum mass is found in the clip; point at it with --mass-at X,Y"
+    flight = _flight(tracks, inputs, release, landed, free=False)
+    for _ in range(_ROUNDS if started is None else 1):
+        if tracks.pivot_m is None:
+            break
+        try:
+            view = _view(tracks, inputs, flight, onset, release)
+            contact = fit_contact(view, 0.5 * (onset + release))
+        except MeasurementError as problem:
+            view, contact, reason = None, None, problem.in_one_line
+            break
+        onset, release = contact.onset_s, contact.release_s
+        flight = _flight(tracks, inputs, release, landed, free=False)
+        view = replace(view, flight=flight)
+    if view is not None and contact is not None:
+        reason = _not_the_striker(view, contact)
+        if reason:
+            view, contact = None, None
+            flight = _flight(tracks, inputs, left + LONGEST_CONTACT_S, landed, free=False)
+    since = release if contact is not None else left + LONGEST_CONTACT_S
+    if contact is None:
+        # the corner of rest and flight is the middle of the push; release comes half a contact on
+        # and a flight that does not fit (a wrong rate) may have its corner anywhere
+        near = LONGEST_CONTACT_S + 2.0 * float(np.median(np.diff(tracks.ball_time_s)))
+        corner = float(np.clip(_corner(tracks, flight), left - near, left + near))
+        release = corner + UNSEEN_HALF_CONTACT_S
+        flight = _flight(tracks, inputs, release, landed, free=False, since=since)
+    free = _flight(tracks, inputs, release, landed, free=True, since=since)
+    _require_flight(free, tracks)
+    return Impact(tracks, flight, free, view, contact, reason, float(flight.time_s[-1]))
+
+
+def _not_the_striker(view: ImpactView, contact: ContactFit) -> str:
+    """Why the mass followed can't be what struck the ball; empty where it can."""
+    approach, parting = face_speeds(view, contact.onset_s, contact.release_s)
+    if approach > 0.0 and LEAST_COR < parting / approach < MOST_COR:
+        return ""
+    return (
+        f"what was followed as the mass meets the ball at {approach:.2f} m/s and parts from it at "
+        f"{parting:.2f} m/s, which no strike does: a shadow, perhaps; point at the mass with "
+        "--mass-at X,Y, or check --fps and the pendulum's numbers"
+    )
+
+
+def _require_flight(free: FlightFit, tracks: MetricTracks) -> None:
+    """Refuse what does not move like a ball in the air: a pendulum, a hand, a rolling ball."""
+    off = float(np.median(np.hypot(*free.residual_m.T)))
+    if off > STRAY_RADII * tracks.radius_m:
+        raise NotFoundError(
+            f"what was followed does not fly: its path is {100 * off:.1f} cm off any flight",
+            hint="Point at the ball with --ball-at X,Y, and check the capture rate (--fps).",
+        )
+
+
+def _flight(
+    tracks: MetricTracks,
+    inputs: Inputs,
+    release: float,
+    landed: float,
+    *,
+    free: bool,
+    since: float | None = None,
+) -> FlightFit:
+    frame_s = float(np.median(np.diff(tracks.ball_time_s)))
+    begin = release if since is None else since
+    used = (tracks.ball_time_s > begin + 1.5 * frame_s) & (tracks.ball_time_s < landed)
+    drag, drag_std = inputs.drag_per_metre
+    gravity_std = np.inf if free else GRAVITY_STD
+    return fit_flight(
+        tracks.ball_time_s[used],
+        tracks.ball_m[used],
+        tracks.ball_cov_m2[used],
+        release,
+        FlightPriors(inputs.gravity, gravity_std, drag, drag_std, 0.0, inputs.lift_std),
+    )
+
+
+def _corner(tracks: MetricTracks, flight: FlightFit) -> float:
+    """Where the flight's line meets the place of rest: the middle of an unseen contact, s."""
+    state = flight.states(np.array([flight.reference_s]))[0]
+    velocity = state[2:]
+    back = float((tracks.rest_m - state[:2]) @ velocity / (velocity @ velocity))
+    return flight.reference_s + back
+
+
+def _view(
+    tracks: MetricTracks, inputs: Inputs, flight: FlightFit, onset: float, release: float
+) -> ImpactView:
+    assert tracks.pivot_m is not None
+    time = tracks.swing_time_s
+    stiffness = inputs.pendulum_stiffness
+    spread = STIFFNESS_SHARE * stiffness
+    before = (time < onset) & (time > onset - SWING_STRETCH_S)
+    after = (time > release) & (time < release + SWING_STRETCH_S)
+    radius = tracks.radius_m if inputs.ball is None else 0.5 * inputs.ball.diameter
+    near = (tracks.ball_time_s > onset - 0.01) & (tracks.ball_time_s < release + 0.005)
+    swinging = (time > onset - 0.01) & (time < release + 0.005)
+    pivot = pivot_in_plane(tracks, inputs)
+    lead, lead_std = face_lead(tracks, inputs, radius, onset)
+    return ImpactView(
+        before=fit_swing(
+            time[before],
+            tracks.swing_rad[before],
+            tracks.swing_std_rad[before],
+            onset,
+            stiffness,
+            spread,
+        ),
+        after=fit_swing(
+            time[after],
+            tracks.swing_rad[after],
+            tracks.swing_std_rad[after],
+            release,
+            stiffness,
+            spread,
+        ),
+        flight=flight,
+        rest=tracks.rest_m,
+        rest_std=tracks.rest_std_m,
+        pivot=pivot,
+        radius=radius,
+        time_s=tracks.ball_time_s[near],
+        position_m=tracks.ball_m[near],
+        std_m=np.sqrt(0.5 * np.trace(tracks.ball_cov_m2[near], axis1=1, axis2=2)),
+        swing_time_s=time[swinging],
+        swing_rad=tracks.swing_rad[swinging],
+        swing_std_rad=tracks.swing_std_rad[swinging],
+        lead=lead,
+        lead_std=lead_std,
+    )

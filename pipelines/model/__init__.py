@@ -1,0 +1,1 @@
+"""`vision simulate` and `vision plan`: the forward model and its inversion."""

@@ -1,0 +1,216 @@
+"""What `simulate` and `plan` share: which ball, law and experiment, and how results go out."""
+
+import csv
+import io
+import json
+import math
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from metrology import Quantity, UsageError, parse_quantity, write_text_whole
+from physics import bodies
+from physics.domain import require_non_negative
+from physics.flight.drag_curves import SUBCRITICAL_DRAG, DragCurve, drag_curve
+from physics.forward import Experiment
+from physics.planning import PlanScatter
+from physics.restitution.restitution import ConstantCor, CorLaw, parse_cor_law
+from pipelines.setup.file import Setup, ball_from_option, load_setup
+
+__all__ = [
+    "angle_of",
+    "choose_ball",
+    "choose_cor",
+    "choose_drag",
+    "experiment_of",
+    "quantities_as_csv",
+    "quantities_as_json",
+    "scatter_of",
+    "send_out",
+    "setup_or_default",
+]
+
+_DEFAULT_BALL = "jokku"
+
+
+def setup_or_default(path: Path | None) -> Setup:
+    """The setup file, or the paper's experiment where none is given."""
+    return Setup() if path is None else load_setup(path)
+
+
+def choose_ball(setup: Setup, option: str | None) -> bodies.Ball:
+    """The ball of ``--ball``, of the setup file, or the paper's jokku ball.
+
+    Raises
+    ------
+    UsageError
+        If the option names nothing, or the setup has several balls and none is chosen.
+    """
+    if option is not None:
+        chosen = setup.balls.get(option)
+        return (chosen or ball_from_option(option)).body()
+    if setup.ball is not None:
+        return setup.ball.body()
+    if len(setup.balls) == 1:
+        return next(iter(setup.balls.values())).body()
+    if setup.balls:
+        raise UsageError(
+            f"the setup file has several balls: {', '.join(setup.balls)}",
+            hint="Choose one with --ball NAME.",
+        )
+    return bodies.BALLS[_DEFAULT_BALL]
+
+
+def choose_cor(ball: bodies.Ball, option: str) -> tuple[CorLaw, bool]:
+    """The law that ``--cor`` asks for, and whether it is the ball's own fitted law.
+
+    ``variable`` is the ball's law, ``constant`` its value at zero speed (as the paper defines its
+    constant law), anything else a number or a formula in v.
+
+    Raises
+    ------
+    UsageError
+        If the text is none of these.
+    """
+    if option == "variable":
+        return ball.cor, True
+    if option == "constant":
+        return ConstantCor(float(ball.cor(0.0))), False
+    return parse_cor_law(option), False
+
+
+def angle_of(text: str) -> float:
+    """An angle in rad; a bare number is in degrees, as a protractor reads."""
+    try:
+        return math.radians(float(text))
+    except ValueError:
+        return parse_quantity(text, "rad")
+
+
+def choose_drag(option: str) -> float | DragCurve:
+    """``--drag``: a number, or the name of a drag curve.
+
+    Raises
+    ------
+    UsageError
+        If it is neither.
+    """
+    try:
+        number = float(option)
+    except ValueError:
+        return drag_curve(option)
+    require_non_negative("the drag coefficient", number)
+    return number
+
+
+def experiment_of(setup: Setup, ball: bodies.Ball, drag_option: str | None = None) -> Experiment:
+    """Bodies and air of the setup, the paper's where it is silent."""
+    effects = setup.model.effects
+    drag = setup.model.parameters.get("drag", {}).get("drag_coefficient", SUBCRITICAL_DRAG)
+    chosen: float | DragCurve = drag if "drag" in effects else 0.0
+    if drag_option is not None:
+        chosen = choose_drag(drag_option)
+    return Experiment(
+        ball,
+        setup.pendulum or bodies.PAPER_PENDULUM,
+        setup.support or bodies.PAPER_SUPPORT,
+        setup.air,
+        bodies.GRAVITY,
+        chosen,
+    )
+
+
+def scatter_of(setup: Setup) -> PlanScatter:
+    """The setup's scatter; where it is silent, 0.2 deg, 0.2 deg, 0.005, 0.01 and 0.3 deg."""
+    given = {
+        name: value
+        for name in ("backswing", "launch_angle", "cor", "cor_law", "launch_angle_law")
+        if (value := getattr(setup.scatter, name)) is not None
+    }
+    return PlanScatter(**given)
+
+
+def quantities_as_json(
+    quantities: Sequence[Quantity], warnings: Sequence[str], **extra: Any
+) -> str:
+    """The contract's ``{"quantities": …, "warnings": …}`` with any further keys."""
+    table: dict[str, Any] = {}
+    for quantity in quantities:
+        if quantity.known:
+            table[quantity.name] = {
+                "value": quantity.value,
+                "std": quantity.std,
+                "unit": quantity.unit,
+            }
+        else:
+            table[quantity.name] = {
+                "value": None,
+                "unit": quantity.unit,
+                "reason": quantity.reason,
+            }
+    document = {"quantities": table, "warnings": list(warnings), **extra}
+    return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+
+
+_UNIT_SUFFIX = {"1": "", "m/s": "_m_s", "N s": "_N_s"}
+
+
+def quantities_as_csv(quantities: Sequence[Quantity]) -> str:
+    """One row; columns NAME_UNIT and NAME_UNIT_std as the contract spells them."""
+    row: dict[str, object] = {}
+    for quantity in quantities:
+        name = quantity.name + _UNIT_SUFFIX.get(quantity.unit, f"_{quantity.unit}")
+        row[name] = quantity.value
+        row[f"{name}_std"] = quantity.std
+    text = io.StringIO()
+    writer = csv.DictWriter(text, fieldnames=list(row), lineterminator="\n")
+    writer.writeheader()
+    writer.writerow(row)
+    return text.getvalue()
+
+
+def send_out(
+    title: str,
+    quantities: Sequence[Quantity],
+    warnings: Sequence[str],
+    *,
+    json_to: str | None,
+    csv_to: Path | None,
+    quiet: bool,
+) -> None:
+    """Write what was asked for: JSON, CSV, and a table on stdout unless JSON goes there."""
+    document = quantities_as_json(quantities, warnings)
+    if csv_to is not None:
+        write_text_whole(csv_to, quantities_as_csv(quantities))
+    if json_to not in (None, "-"):
+        write_text_whole(Path(str(json_to)), document + "\n")
+    if json_to == "-":
+        sys.stdout.write(document + "\n")
+    elif not quiet:
+        Console().print(_table(title, quantities))
+    if not quiet:
+        shell = Console(stderr=True)
+        for warning in warnings:
+            shell.print(f"warning: {warning}", highlight=False, markup=False, soft_wrap=True)
+
+
+def _table(title: str, quantities: Sequence[Quantity]) -> Table:
+    table = Table(title=title)
+    table.add_column("quantity")
+    table.add_column("value", justify="right")
+    table.add_column("std", justify="right")
+    table.add_column("unit")
+    for quantity in quantities:
+        if quantity.value is None or quantity.std is None:
+            table.add_row(quantity.name, "–", "", quantity.reason or quantity.unit)
+            continue
+        digits = 4
+        if quantity.std > 0.0:
+            digits = min(max(1 - math.floor(math.log10(quantity.std)), 0), 8)
+        std = f"{quantity.std:.{digits}f}" if quantity.std > 0.0 else "exact"
+        table.add_row(quantity.name, f"{quantity.value:.{digits}f}", std, quantity.unit)
+    return table

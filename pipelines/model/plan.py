@@ -1,0 +1,231 @@
+"""`vision plan`: the back-swing angle and impact speed for a wanted distance (section V.3)."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from metrology import Contribution, DomainError, Quantity, parse_quantity
+from physics.arrays import FloatArray
+from physics.forward import (
+    Experiment,
+    impulsive_launch,
+    numerical_landing,
+    time_resolved_landing,
+)
+from physics.planning import Plan, PlanScatter, plan_distance
+from physics.restitution.restitution import ConstantCor, CorLaw
+from physics.swing import backswing_for_speed, frictionless_speed
+from pipelines.model.options import (
+    choose_ball,
+    choose_cor,
+    experiment_of,
+    scatter_of,
+    send_out,
+    setup_or_default,
+)
+from pipelines.model.plots import draw_plan
+
+__all__ = ["Planning", "plan", "plan_command"]
+
+
+_CONTACT_ANGLE = ("backswing_angle_contact_model", "deg")
+
+
+@dataclass(frozen=True)
+class Planning:
+    """A plan in numbers.
+
+    Attributes
+    ----------
+    quantities : tuple of Quantity
+    warnings : tuple of str
+    plan : Plan
+    """
+
+    quantities: tuple[Quantity, ...]
+    warnings: tuple[str, ...]
+    plan: Plan
+
+
+def plan(
+    experiment: Experiment,
+    distance: float,
+    *,
+    cor: CorLaw | None = None,
+    scatter: PlanScatter | None = None,
+) -> Planning:
+    """Back-swing and speed for `distance` (m), by the variable and by the constant COR.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    distance : float
+        m.
+    cor : CorLaw, optional
+        Default the ball's law.
+    scatter : PlanScatter, optional
+
+    Returns
+    -------
+    Planning
+
+    Raises
+    ------
+    DomainError
+        If the distance is out of the pendulum's reach.
+    """
+    law = experiment.ball.cor if cor is None else cor
+    found = plan_distance(experiment, distance, cor=law, scatter=scatter)
+    quantities = [
+        _quantity(
+            "backswing_angle",
+            math.degrees(found.backswing),
+            "deg",
+            math.degrees(found.backswing_std),
+        ),
+        _quantity("impact_speed", found.impact_speed, "m/s", found.speed_std),
+        _quantity("landing_distance", distance, "m", found.distance_std),
+        _quantity("landing_distance_low_95", found.interval[0], "m", 0.0),
+        _quantity("landing_distance_high_95", found.interval[1], "m", 0.0),
+    ]
+    constant = ConstantCor(float(law(0.0)))
+    if not isinstance(law, ConstantCor):
+        quantities += _alternative(experiment, distance, constant, scatter)
+    try:
+        quantities += _by_contact_model(experiment, distance, law, found)
+    except DomainError as problem:
+        quantities.append(Quantity.missing(*_CONTACT_ANGLE, problem.message))
+    return Planning(tuple(quantities), _warnings(experiment, found, law), found)
+
+
+def _quantity(name: str, value: float, unit: str, std: float) -> Quantity:
+    return Quantity.measured(name, value, unit, (Contribution("scatter of the trials", std),))
+
+
+def _alternative(
+    experiment: Experiment, distance: float, law: CorLaw, scatter: PlanScatter | None
+) -> list[Quantity]:
+    """The same plan with the constant COR of the paper, where it reaches that far."""
+    other = plan_distance(experiment, distance, cor=law, scatter=scatter)
+    return [
+        _quantity(
+            "backswing_angle_constant_cor",
+            math.degrees(other.backswing),
+            "deg",
+            math.degrees(other.backswing_std),
+        ),
+        _quantity("impact_speed_constant_cor", other.impact_speed, "m/s", other.speed_std),
+    ]
+
+
+def _by_contact_model(
+    experiment: Experiment, distance: float, law: CorLaw, found: Plan
+) -> list[Quantity]:
+    """Angle and speed when the contact is followed in time instead of taken as instantaneous."""
+    name, unit = _CONTACT_ANGLE
+    angle, gravity = experiment.ball.launch_angle, experiment.gravity
+    fastest = frictionless_speed(experiment.pendulum, math.pi, angle, gravity)
+
+    def lands(speed: FloatArray) -> FloatArray:
+        _, landing = time_resolved_landing(experiment, speed, cor=np.asarray(law(speed)))
+        return np.asarray(landing.distance)
+
+    slowest, speed = 0.6 * found.impact_speed, min(1.5 * found.impact_speed, fastest)
+    for _ in range(3):
+        grid = np.linspace(slowest, speed, 7)
+        reached = lands(grid)
+        if not reached[0] <= distance <= reached[-1]:
+            return [Quantity.missing(name, unit, "out of reach when contact is followed in time")]
+        above = int(np.clip(np.searchsorted(reached, distance), 1, 6))
+        slowest, speed = float(grid[above - 1]), float(grid[above])
+    speed = float(np.interp(distance, reached, grid))
+    swing = backswing_for_speed(experiment.pendulum, speed, angle, gravity)
+    return [
+        _quantity(name, math.degrees(swing), unit, math.degrees(found.backswing_std)),
+        _quantity("impact_speed_contact_model", speed, "m/s", found.speed_std),
+    ]
+
+
+def _warnings(experiment: Experiment, found: Plan, law: CorLaw) -> tuple[str, ...]:
+    low, high = experiment.ball.cor_range
+    notes = list(experiment.air.notes)
+    if law == experiment.ball.cor and not low * 0.98 <= found.impact_speed <= high * 1.02:
+        notes.append(
+            f"an impact speed of {found.impact_speed:.3f} m/s is outside {low:.2f} to {high:.2f}"
+            f" m/s, where the law of restitution of the {experiment.ball.name} was fitted:"
+            " the plan is an extrapolation"
+        )
+    return tuple(notes)
+
+
+def _draw(path: Path, experiment: Experiment, law: CorLaw, planned: Planning) -> None:
+    low, high = experiment.ball.cor_range
+    pendulum, ball = experiment.pendulum, experiment.ball
+    angles = np.linspace(1.5 * ball.launch_angle, math.pi, 90)
+    speeds = np.asarray(frictionless_speed(pendulum, angles, ball.launch_angle, experiment.gravity))
+
+    def distances(by: CorLaw) -> FloatArray:
+        launch = impulsive_launch(experiment, speeds, np.asarray(by(speeds)))
+        return np.asarray(numerical_landing(experiment, launch).distance)
+
+    curves = {"variable COR": distances(law), "constant COR": distances(ConstantCor(law(0.0)))}
+    relative = planned.plan.distance_std / planned.plan.distance
+
+    def fitted(angle: float) -> bool:
+        speed = float(frictionless_speed(pendulum, angle, ball.launch_angle, experiment.gravity))
+        return low <= speed <= high
+
+    draw_plan(
+        path,
+        angles,
+        curves,
+        relative * curves["variable COR"],
+        (planned.plan.backswing, planned.plan.distance),
+        fitted,
+    )
+
+
+def plan_command(
+    distance: Annotated[str, typer.Option(help="Wanted landing distance, such as 2.5m.")],
+    ball: Annotated[
+        str | None, typer.Option(help="A preset, or a ball of the setup file.", metavar="NAME")
+    ] = None,
+    cor: Annotated[
+        str,
+        typer.Option(help="variable, constant, a number, or a law in v (m/s).", metavar="LAW"),
+    ] = "variable",
+    drag: Annotated[
+        str | None,
+        typer.Option(help="Drag coefficient, or a curve: smooth, soccer, basketball.", metavar="C"),
+    ] = None,
+    setup: Annotated[Path | None, typer.Option(help="Setup file (TOML).")] = None,
+    json_to: Annotated[
+        str | None, typer.Option("--json", help="Results as JSON; - for stdout.", metavar="FILE")
+    ] = None,
+    csv_to: Annotated[Path | None, typer.Option("--csv", help="Results as CSV, one row.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw distance by angle: .png or .svg.")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No table, no warnings.")] = False,
+) -> None:
+    """Plan a strike: the back-swing angle and impact speed that reach a distance.
+
+    Example: vision plan --distance 2.5m --ball jokku
+    """
+    known = setup_or_default(setup)
+    struck = choose_ball(known, ball)
+    law, _ = choose_cor(struck, cor)
+    experiment = experiment_of(known, struck, drag)
+    planned = plan(experiment, parse_quantity(distance, "m"), cor=law, scatter=scatter_of(known))
+    if plot is not None:
+        _draw(plot, experiment, law, planned)
+    send_out(
+        f"{struck.name}, {distance}",
+        planned.quantities,
+        planned.warnings,
+        json_to=json_to,
+        csv_to=csv_to,
+        quiet=quiet,
+    )

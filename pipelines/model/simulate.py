@@ -1,0 +1,238 @@
+"""`vision simulate`: the forward model, from back-swing or impact speed to landing."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from metrology import Contribution, DomainError, Quantity, UsageError, parse_quantity
+from physics.bodies import Ball
+from physics.contact.outcome import ContactOutcome
+from physics.domain import require_positive
+from physics.flight.drag_curves import DragCurve
+from physics.flight.flight import Flight
+from physics.forward import Experiment
+from physics.planning import PlanScatter
+from physics.restitution.restitution import CorLaw
+from pipelines.model.effects import AddedEffect, added_effects
+from pipelines.model.options import (
+    angle_of,
+    choose_ball,
+    choose_cor,
+    experiment_of,
+    scatter_of,
+    send_out,
+    setup_or_default,
+)
+from pipelines.model.plots import draw_flights
+from pipelines.model.strike import (
+    UNITS,
+    Shift,
+    followed_contacts,
+    strike_inputs,
+    strike_numbers,
+)
+
+__all__ = ["Simulation", "simulate", "simulate_command"]
+
+CONTACT_TIME_STD = 0.001
+"""s; the contact times of the presets are assumed, not measured."""
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A simulated strike.
+
+    Attributes
+    ----------
+    quantities : tuple of Quantity
+        Named as in the contract.
+    warnings : tuple of str
+    flight : Flight
+        The numerical path by the paper's launch, with all forces.
+    contact_flight : Flight or None
+        The path from the time-resolved contact; None where that contact can't be followed.
+    """
+
+    quantities: tuple[Quantity, ...]
+    warnings: tuple[str, ...]
+    flight: Flight
+    contact_flight: Flight | None
+
+
+def simulate(
+    experiment: Experiment,
+    *,
+    backswing: float | None = None,
+    impact_speed: float | None = None,
+    cor: CorLaw | None = None,
+    scatter: PlanScatter | None = None,
+    effects: tuple[AddedEffect, ...] = (),
+) -> Simulation:
+    """Steps a to e of the paper from a back-swing angle (rad) or an impact speed (m/s).
+
+    Parameters
+    ----------
+    experiment : Experiment
+    backswing, impact_speed : float, optional
+        Exactly one of them, rad or m/s.
+    cor : CorLaw, optional
+        Default the ball's.
+    scatter : PlanScatter
+        For the standard uncertainties.
+    effects : tuple of AddedEffect
+        Further physics from the catalogue.
+
+    Returns
+    -------
+    Simulation
+
+    Raises
+    ------
+    UsageError
+        If both or neither of back-swing and impact speed are given.
+    DomainError
+        For inputs that no law holds for.
+    """
+    if (backswing is None) == (impact_speed is None):
+        raise UsageError(
+            "give either a back-swing angle or an impact speed",
+            hint="For example --backswing 90deg, or --impact-speed 3.2.",
+        )
+    if impact_speed is not None:
+        require_positive("the impact speed", impact_speed, "m/s")
+    law = experiment.ball.cor if cor is None else cor
+    sources = _sources(PlanScatter() if scatter is None else scatter, backswing is not None)
+    shifts = [Shift()] + [shift for _, both in sources for shift in both]
+    strikes = [strike_inputs(experiment, backswing, impact_speed, law, effects, s) for s in shifts]
+    turned: list[ContactOutcome | None] = [None] * len(strikes)
+    why = ""
+    try:
+        followed = followed_contacts(strikes)
+        turned = [followed.at(i) for i in range(len(strikes))]
+    except DomainError as problem:
+        why = problem.message
+    runs = [strike_numbers(s, t, effects)[0] for s, t in zip(strikes, turned, strict=True)]
+    best, flight, contact_flight = strike_numbers(strikes[0], turned[0], effects, samples=201)
+    quantities = [
+        Quantity.measured(name, value, UNITS[name], _budget(name, runs, sources))
+        for name, value in best.items()
+    ]
+    if contact_flight is None:
+        quantities += [
+            Quantity.missing(n, unit, why)
+            for n, unit in UNITS.items()
+            if n not in best and "model" in n
+        ]
+    warnings = _warnings(experiment, best["impact_speed"], law, best["ball_speed"])
+    return Simulation(tuple(quantities), warnings, flight, contact_flight)
+
+
+def _sources(scatter: PlanScatter, by_backswing: bool) -> list[tuple[str, tuple[Shift, Shift]]]:
+    """What repeats imperfectly, each one standard deviation down and up."""
+    cor = math.hypot(scatter.cor, scatter.cor_law)
+    angle = math.hypot(scatter.launch_angle, scatter.launch_angle_law)
+    time = CONTACT_TIME_STD
+    sources = [
+        ("coefficient of restitution", (Shift(cor=-cor), Shift(cor=cor))),
+        ("launch angle", (Shift(launch_angle=-angle), Shift(launch_angle=angle))),
+        ("contact time", (Shift(contact_time=-time), Shift(contact_time=time))),
+    ]
+    swing = scatter.backswing
+    if by_backswing:
+        sources.append(("back-swing", (Shift(backswing=-swing), Shift(backswing=swing))))
+    return sources
+
+
+def _budget(
+    name: str,
+    runs: list[dict[str, float]],
+    sources: list[tuple[str, tuple[Shift, Shift]]],
+) -> tuple[Contribution, ...]:
+    """Half the change of a quantity between minus and plus one standard deviation, by source."""
+    return tuple(
+        Contribution(source, 0.5 * abs(runs[2 * i + 2][name] - runs[2 * i + 1][name]))
+        for i, (source, _) in enumerate(sources)
+    )
+
+
+def _warnings(
+    experiment: Experiment, speed: float, law: CorLaw, highest_speed: float
+) -> tuple[str, ...]:
+    ball, air = experiment.ball, experiment.air
+    notes = list(air.notes)
+    low, high = ball.cor_range
+    if law == ball.cor and not low * 0.98 <= speed <= high * 1.02:
+        notes.append(
+            f"the impact speed of {speed:.3f} m/s is outside {low:.2f} to {high:.2f} m/s,"
+            f" where the law of restitution of the {ball.name} was fitted: extrapolated"
+        )
+    reynolds = air.reynolds(highest_speed, ball.diameter)
+    if isinstance(experiment.drag_coefficient, DragCurve):
+        notes += experiment.drag_coefficient.notes(0.3 * reynolds, reynolds)
+    elif reynolds > 1.5e5:
+        notes.append(
+            f"at Re = {reynolds:.2g} the drag coefficient may fall (drag crisis);"
+            " it is taken as constant here"
+        )
+    return tuple(notes)
+
+
+def simulate_command(
+    backswing: Annotated[
+        str | None, typer.Option(help="Back-swing angle, such as '90 deg'.", metavar="ANGLE")
+    ] = None,
+    impact_speed: Annotated[
+        str | None, typer.Option(help="Impact speed, such as '3.2 m/s'.", metavar="V")
+    ] = None,
+    cor: Annotated[
+        str,
+        typer.Option(help="variable, constant, a number, or a law in v (m/s).", metavar="LAW"),
+    ] = "variable",
+    ball: Annotated[
+        str | None, typer.Option(help="A preset, or a ball of the setup file.", metavar="NAME")
+    ] = None,
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(help="Add an effect of the catalogue: magnus:spin=10.", metavar="ID:NAME=X"),
+    ] = None,
+    drag: Annotated[
+        str | None,
+        typer.Option(help="Drag coefficient, or a curve: smooth, soccer, basketball.", metavar="C"),
+    ] = None,
+    setup: Annotated[Path | None, typer.Option(help="Setup file (TOML).")] = None,
+    json_to: Annotated[
+        str | None, typer.Option("--json", help="Results as JSON; - for stdout.", metavar="FILE")
+    ] = None,
+    csv_to: Annotated[Path | None, typer.Option("--csv", help="Results as CSV, one row.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw the path: .png or .svg.")] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No table, no warnings.")] = False,
+) -> None:
+    """Simulate a strike and the flight after it.
+
+    Example: vision simulate --backswing "90 deg" --ball jokku --effect magnus:spin=10
+    """
+    known = setup_or_default(setup)
+    struck: Ball = choose_ball(known, ball)
+    law, _ = choose_cor(struck, cor)
+    experiment = experiment_of(known, struck, drag)
+    result = simulate(
+        experiment,
+        backswing=None if backswing is None else angle_of(backswing),
+        impact_speed=None if impact_speed is None else parse_quantity(impact_speed, "m/s"),
+        cor=law,
+        scatter=scatter_of(known),
+        effects=added_effects(known, tuple(effect or ())),
+    )
+    if plot is not None:
+        draw_flights(plot, experiment, result.flight, result.contact_flight)
+    send_out(
+        f"{struck.name}, simulated",
+        result.quantities,
+        result.warnings,
+        json_to=json_to,
+        csv_to=csv_to,
+        quiet=quiet,
+    )

@@ -1,0 +1,1 @@
+"""The setup file: what a lab knows, read once and checked."""

@@ -1,0 +1,1 @@
+"""The scene renderer: stage, light, bodies and sensor to pictures."""

@@ -1,0 +1,246 @@
+"""Frame after frame of a scene: who is where in each exposure, and the picture of it."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.camera.camera import Camera, rotation_matrix
+from sample_videos.motion import Motion
+from sample_videos.renderer.actors import Actor, RoundActor, SolidActor
+from sample_videos.renderer.ball_shape import BallPose
+from sample_videos.renderer.bodies import Solid
+from sample_videos.renderer.coverage import PixelGrid
+from sample_videos.renderer.picture import Canvas, exposed
+from sample_videos.renderer.rig import (
+    pendulum_solids,
+    pivot,
+    scale_pose,
+    scale_solids,
+    swing_rotation,
+)
+from sample_videos.renderer.sensor import developed, flicker_gain, vignette
+from sample_videos.renderer.stage import Panorama, build_stage
+from sample_videos.scene import LooseBall, Scene
+
+__all__ = ["Film"]
+
+FloatArray = NDArray[np.float64]
+
+STEP_PX = 0.4
+"""Longest way between sub-exposures: well inside a pixel, so that they add up to a smear."""
+
+MOST_PARTS = 24
+
+
+class Film:
+    """Renders the frames of a scene one by one; frames are independent of each other.
+
+    Parameters
+    ----------
+    scene : Scene
+    motion : Motion
+    """
+
+    def __init__(self, scene: Scene, motion: Motion) -> None:
+        self.scene, self.motion = scene, motion
+        lens = scene.camera.lens
+        self._grid = PixelGrid.of_lens(lens)
+        self._vignette = vignette(lens, scene.sensor)
+        rng = np.random.default_rng([scene.seed, 1])
+        self._phase = float(rng.uniform(0.0, 2.0 * np.pi))
+        self._sway = _sway(scene, rng)
+        self._stage = build_stage(scene, scene.camera) if scene.shake.still else None
+        margin = 2 + int(np.ceil(np.abs(self._sway).max()))
+        self._panorama = None if scene.shake.still else Panorama(scene, margin)
+        self._pendulum, self._pivot = pendulum_solids(scene), pivot(scene)
+
+    def camera(self, frame: int) -> Camera:
+        """Camera during a captured frame: that of the scene, turned by what it shakes."""
+        camera = self.scene.camera
+        if self.scene.shake.still:
+            return camera
+        right, down = self._sway[frame]
+        lens = camera.lens
+        turn = rotation_matrix([-down / lens.fy, right / lens.fx, 0.0])
+        return Camera(lens, turn @ camera.rotation, camera.position)
+
+    def row_times(self, frame: int) -> FloatArray:
+        """Mid-exposure of each row, (H,) s; a single entry with a global shutter."""
+        middle = self.scene.frame_time(frame)
+        readout = self.scene.shutter.readout
+        if readout == 0.0:
+            return np.array([middle])
+        height = self.scene.camera.lens.height
+        return middle + readout * (np.arange(height) / (height - 1) - 0.5)
+
+    def frame(self, frame: int) -> NDArray[np.uint8]:
+        """Picture (H, W, 3), uint8, blue green red, of a captured frame."""
+        scene = self.scene
+        light = self.light(frame)
+        rows = np.broadcast_to(self.row_times(frame), (scene.camera.lens.height,))
+        exposure = scene.shutter.exposure
+        gain = flicker_gain(rows - 0.5 * exposure, exposure, scene.room.lighting, self._phase)
+        noise = np.random.default_rng([scene.seed, 2, frame])
+        picture = developed(light, gain, self._vignette, scene.sensor, noise)
+        return np.ascontiguousarray(picture[:, ::-1]) if scene.mirrored else picture
+
+    def light(self, frame: int) -> NDArray[np.float32]:
+        """Light (H, W, 3) on the sensor before the optics blur it, not mirrored."""
+        camera = self.camera(frame)
+        stage = self._stage if self._panorama is None else self._panorama.stage(camera)
+        if stage is None:
+            raise AssertionError("a film has either a stage or a panorama")
+        canvas = Canvas(camera, self._grid, stage, self.scene.room.lighting.lamps)
+        return exposed(canvas, self._actors(frame, camera))
+
+    def ball_coverage(self, frame: int) -> FloatArray:
+        """Share of each pixel that the ball covers on the mean over the exposure, (H, W)."""
+        camera = self.camera(frame)
+        total = np.zeros(self._grid.xy.shape[1:])
+        struck = [
+            actor
+            for actor in self._actors(frame, camera)
+            if isinstance(actor, RoundActor) and actor.struck
+        ]
+        for actor in struck:
+            for part, window in enumerate(actor.windows):
+                cover, _ = actor.layer(part, window, self._grid.crop(window))
+                total[window.slices] += cover / len(actor.windows)
+        return total
+
+    def frames(self) -> Iterator[NDArray[np.uint8]]:
+        """All frames that are not dropped, in order."""
+        for index in self.kept():
+            yield self.frame(index)
+
+    def kept(self) -> list[int]:
+        """Captured frames that reach the file."""
+        dropped = set(self.scene.encoding.dropped)
+        return [i for i in range(self.scene.frames) if i not in dropped]
+
+    def _parts(self, times: FloatArray, way_px: float) -> FloatArray:
+        """Instants (S, R) of the sub-exposures for what moves `way_px` in the exposure."""
+        count = int(np.clip(np.ceil(way_px / STEP_PX), 1, MOST_PARTS))
+        offsets = ((np.arange(count) + 0.5) / count - 0.5) * self.scene.shutter.exposure
+        return np.asarray(times[np.newaxis, :] + offsets[:, np.newaxis])
+
+    def _way(self, points: FloatArray, camera: Camera) -> float:
+        """Longest way in the picture between first and last row of points (2, N, 3), px."""
+        px = camera.project(points)
+        return float(np.nan_to_num(np.linalg.norm(px[1] - px[0], axis=-1)).max())
+
+    def _actors(self, frame: int, camera: Camera) -> list[Actor]:
+        scene, times = self.scene, self.row_times(frame)
+        ends = self.scene.frame_time(frame) + np.array([-0.5, 0.5]) * scene.shutter.exposure
+        moments = self.motion.at(ends)
+        actors: list[Actor] = []
+        for scale in scene.room.scales:
+            way = scale.frequency * scale.length * scale.amplitude * 6.3 * scene.shutter.exposure
+            parts = self._parts(times, way * camera.lens.fx / 3.0)
+            turns = swing_rotation(scale_pose(scale, parts))
+            actors += [
+                SolidActor(s, s.moved(turns, np.array(scale.hook)), scene, camera)
+                for s in scale_solids(scale)
+            ]
+        for loose in scene.room.loose_balls:
+            actors.append(self._loose(loose, times, camera))
+        block = self._block_path(moments.phi)
+        parts = self._parts(
+            times,
+            max(self._way(block, camera), self._way(moments.ball[:, np.newaxis], camera)),
+        )
+        if not self._near(block, moments.ball, camera):
+            swing_parts = self._parts(times, self._way(block, camera))
+            ball_parts = self._parts(times, self._way(moments.ball[:, np.newaxis], camera))
+        else:
+            swing_parts = ball_parts = parts
+        striker = block.mean(axis=(0, 1))
+        ball = self._ball(ball_parts, camera, [(striker, 0.048)] if self._pendulum else [])
+        phi = self.motion.at(swing_parts.ravel()).phi.reshape(swing_parts.shape)
+        turns = swing_rotation(phi)
+        pendulum: list[Actor] = [self._swinging(s, turns, camera, ball) for s in self._pendulum]
+        actors += self._ordered(pendulum, ball, float(np.mean(phi)), camera)
+        return actors
+
+    def _swinging(
+        self, solid: Solid, turns: FloatArray, camera: Camera, ball: RoundActor | None
+    ) -> SolidActor:
+        return SolidActor(solid, solid.moved(turns, self._pivot), self.scene, camera, ball)
+
+    def _ordered(
+        self, pendulum: list[Actor], ball: RoundActor | None, phi: float, camera: Camera
+    ) -> list[Actor]:
+        """The ball hides the pendulum if the camera is on the ball's side of the striking face."""
+        if ball is None:
+            return pendulum
+        normal = np.array([np.cos(phi), np.sin(phi), 0.0])
+        ahead = float(normal @ (camera.position - self._pivot))
+        in_front = ahead > self.scene.pendulum.face_offset
+        return [*pendulum, ball] if in_front else [ball, *pendulum]
+
+    def _block_path(self, phi: FloatArray) -> FloatArray:
+        """Corners of the lower end of the pendulum at both ends of the exposure, (2, N, 3)."""
+        length = self.scene.pendulum.length
+        low = np.array([[-0.05, -length - 0.05, 0.0], [0.05, -length - 0.05, 0.0], [0, -length, 0]])
+        turns = swing_rotation(phi)
+        return np.asarray(low @ np.swapaxes(turns, -1, -2) + self._pivot)
+
+    def _near(self, block: FloatArray, ball: FloatArray, camera: Camera) -> bool:
+        gap = np.linalg.norm(block.mean(axis=(0, 1)) - ball.mean(axis=0))
+        return bool(gap < 3.0 * self.scene.ball.radius)
+
+    def _ball(
+        self, parts: FloatArray, camera: Camera, shaded_by: list[tuple[FloatArray, float]]
+    ) -> RoundActor | None:
+        if not self.scene.room.show_ball:
+            return None
+        moments = self.motion.at(parts.ravel())
+        count, rows = parts.shape
+        centres = moments.ball.reshape(count, rows, 3)
+        # turn and squeeze hardly change within a readout: the ball's own row stands for all
+        row = self._row_of(centres[count // 2], camera) if rows > 1 else 0
+        poses = [
+            BallPose(
+                centres[i],
+                moments.attitude[i * rows + row],
+                moments.compression[i * rows + row],
+                self.scene.ball.radius,
+                self.scene.look,
+            )
+            for i in range(count)
+        ]
+        return RoundActor(poses, self.scene, camera, shaded_by, struck=True)
+
+    def _row_of(self, centres: FloatArray, camera: Camera) -> int:
+        v = camera.project(centres)[:, 1]
+        return int(np.nanargmin(np.abs(v - np.arange(len(v)))))
+
+    def _loose(self, loose: LooseBall, times: FloatArray, camera: Camera) -> RoundActor:
+        way = np.linalg.norm(loose.velocity) * self.scene.shutter.exposure
+        parts = self._parts(times, float(way) * camera.lens.fx / 3.0)
+        poses = []
+        for instants in parts:
+            centre = np.array(loose.centre) + instants[:, np.newaxis] * np.array(loose.velocity)
+            rolled = -instants[len(instants) // 2] * loose.velocity[0] / loose.radius
+            attitude = (
+                rotation_matrix([0.3, 0.2, 0.0])
+                if rolled == 0
+                else rotation_matrix([0.0, 0.0, rolled])
+            )
+            poses.append(BallPose(centre, attitude, np.zeros(3), loose.radius, loose.look))
+        return RoundActor(poses, self.scene, camera, [])
+
+
+def _sway(scene: Scene, rng: np.random.Generator) -> FloatArray:
+    """How far the view has moved right and down in each frame, (N, 2) px."""
+    shake, count = scene.shake, scene.frames
+    times = np.arange(count) / scene.shutter.fps
+    phase = rng.uniform(0.0, 2.0 * np.pi, (2, 5))
+    speed = shake.frequency * rng.uniform(0.4, 1.6, (2, 5))
+    tremor = np.sin(2.0 * np.pi * speed[..., np.newaxis] * times + phase[..., np.newaxis])
+    moved = shake.amplitude * np.sqrt(2.0 / 5.0) * tremor.sum(axis=1).T
+    moved = moved + times[:, np.newaxis] * np.array(shake.drift)
+    if shake.bump is not None:
+        moved[shake.bump[0] :] += np.array(shake.bump[1:])
+    return np.asarray(moved)

@@ -1,0 +1,252 @@
+"""The still part of the picture: wall, floor, bracket and support under each lamp."""
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.camera.camera import Camera, Lens
+from sample_videos.renderer.bodies import Solid, face_coverage, shade_behind
+from sample_videos.renderer.coverage import PixelGrid, Window
+from sample_videos.renderer.light import lamp_light
+from sample_videos.renderer.rig import standing_solids
+from sample_videos.renderer.textures import floor_reflectance, mottle, wall_reflectance
+from sample_videos.scene import Lamp, Scene
+
+__all__ = ["Panorama", "Stage", "build_stage", "face_lights", "into_camera", "window_of"]
+
+FloatArray = NDArray[np.float64]
+Float32 = NDArray[np.float32]
+
+FINE = 3
+MARGIN_PX = 2
+FARTHEST = 50.0
+"""m; a sight line that meets nothing ends here."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Light that leaves the still things, apart by where it came from, with nothing moving about.
+
+    Attributes
+    ----------
+    lights : tuple of (H, W, 3) arrays
+        Towards the camera, blue green red: first from everywhere, then from each lamp.
+    points : (3, H, W) array
+        Where each pixel's sight line ends, world, m.
+    normals : (3, H, W) array
+        Of the surface there.
+    """
+
+    lights: tuple[Float32, ...]
+    points: FloatArray
+    normals: FloatArray
+
+
+def into_camera(points: FloatArray, camera: Camera) -> FloatArray:
+    """World points (..., 3) in the camera's frame."""
+    return np.asarray((points - camera.position) @ camera.rotation.T)
+
+
+def window_of(px: FloatArray, width: int, height: int, margin: float = MARGIN_PX) -> Window:
+    """Window around pixels (..., 2); the whole picture where one of them can't be seen."""
+    flat = px.reshape(-1, 2)
+    if not np.all(np.isfinite(flat)):
+        return Window(0, height, 0, width)
+    low, high = flat.min(axis=0) - margin, flat.max(axis=0) + margin + 1.0
+    left, right = np.clip([np.floor(low[0]), np.ceil(high[0])], 0, width).astype(int)
+    top, bottom = np.clip([np.floor(low[1]), np.ceil(high[1])], 0, height).astype(int)
+    return Window(int(top), int(bottom), int(left), int(right))
+
+
+def _finer(lens: Lens, times: int) -> Lens:
+    return lens.resized(lens.width * times, lens.height * times)
+
+
+def _surfaces(camera: Camera, grid: PixelGrid) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Where the sight lines meet wall or floor (3, H, W), and which meet the floor (H, W)."""
+    xy = grid.xy
+    ray = np.tensordot(camera.rotation.T, np.stack([*xy, np.ones_like(xy[0])]), axes=1)
+    start = camera.position
+    with np.errstate(divide="ignore", invalid="ignore"):
+        to_wall = np.where(ray[2] < 0, -start[2] / ray[2], np.inf)
+        to_floor = np.where(ray[1] < 0, -start[1] / ray[1], np.inf)
+    reach = np.nan_to_num(np.minimum(to_wall, to_floor), nan=FARTHEST, posinf=FARTHEST)
+    points = start[:, np.newaxis, np.newaxis] + ray * np.minimum(reach, FARTHEST)
+    return points, to_floor < to_wall
+
+
+def _normals(on_floor: NDArray[np.bool_]) -> FloatArray:
+    up, out = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
+    return np.where(on_floor, up[:, np.newaxis, np.newaxis], out[:, np.newaxis, np.newaxis])
+
+
+def build_stage(scene: Scene, camera: Camera) -> Stage:
+    """Render the still things as `camera` sees them."""
+    grid = PixelGrid.of_lens(camera.lens)
+    layers = _layers(scene, camera, grid)
+    lights = tuple(_shrunk(layer, camera.lens) for layer in layers)
+    return Stage(lights, *_places(scene, camera, grid))
+
+
+class Panorama:
+    """The still things a little beyond the picture's edges, for a camera that turns.
+
+    Parameters
+    ----------
+    scene : Scene
+    margin : int
+        By how many pixels the view may move.
+    """
+
+    def __init__(self, scene: Scene, margin: int) -> None:
+        self._scene = scene
+        lens = scene.camera.lens
+        self._grid = PixelGrid.of_lens(lens)
+        self._wide = replace(
+            lens,
+            width=lens.width + 2 * margin,
+            height=lens.height + 2 * margin,
+            cx=lens.cx + margin,
+            cy=lens.cy + margin,
+        )
+        camera = Camera(self._wide, scene.camera.rotation, scene.camera.position)
+        layers = _layers(scene, camera, PixelGrid.of_lens(self._wide))
+        # averaged over a pixel at every fine place, so that looking up one place is enough
+        self._layers = [
+            cv2.blur(np.moveaxis(layer[::-1], 0, -1).astype(np.float32), (FINE, FINE))
+            for layer in layers
+        ]
+
+    def stage(self, camera: Camera) -> Stage:
+        """What the scene's camera sees once it has turned to `camera`'s attitude."""
+        x, y = self._grid.xy
+        turned = np.stack([x, y, np.ones_like(x)], axis=-1) @ (
+            camera.rotation @ self._scene.camera.rotation.T
+        )
+        px = self._wide.to_pixels(self._wide.distort(turned[..., :2] / turned[..., 2:]))
+        where = ((px + 0.5) * FINE - 0.5).astype(np.float32)
+        lights = tuple(
+            np.asarray(
+                cv2.remap(layer, where[..., 0], where[..., 1], cv2.INTER_LINEAR), dtype=np.float32
+            )
+            for layer in self._layers
+        )
+        return Stage(lights, *_places(self._scene, camera, self._grid))
+
+
+def _layers(scene: Scene, camera: Camera, coarse: PixelGrid) -> list[FloatArray]:
+    """Light (3, H, W) of the still things on a finer grid: from everywhere, then from each lamp."""
+    lighting = scene.room.lighting
+    points, _ = _surfaces(camera, coarse)
+    solids = standing_solids(scene)
+    grid = PixelGrid.of_lens(_finer(camera.lens, FINE))
+    fine_points, on_floor = _surfaces(camera, grid)
+    normals = _normals(on_floor)
+    paint = _paint(scene, fine_points, on_floor)
+    layers = [paint * np.reshape(lighting.ambient, (3, 1, 1))]
+    patches = 1.0 + lighting.unevenness * mottle(
+        fine_points[0] + fine_points[2], fine_points[1] - fine_points[2], 0.6, scene.seed + 9
+    )
+    for lamp in lighting.lamps:
+        shade = _standing_shade(points, solids, lamp)
+        lit = lamp_light(fine_points, normals, lamp) * patches
+        lit *= 1.0 - cv2.resize(shade, on_floor.shape[::-1], interpolation=cv2.INTER_LINEAR)
+        layers.append(paint * lit * np.reshape(lamp.colour, (3, 1, 1)))
+    for solid in solids:
+        _draw(solid, scene, camera, grid, layers)
+    return layers
+
+
+def _places(scene: Scene, camera: Camera, grid: PixelGrid) -> tuple[FloatArray, FloatArray]:
+    """Where the pixels' sight lines end, and the normals there, both (3, H, W)."""
+    points, on_floor = _surfaces(camera, grid)
+    normals = _normals(on_floor)
+    for solid in standing_solids(scene):
+        _mark(solid, camera, grid, points, normals)
+    return points, normals
+
+
+def _shrunk(layer: FloatArray, lens: Lens) -> Float32:
+    picture = np.moveaxis(layer[::-1], 0, -1)
+    shape = (lens.height, FINE, lens.width, FINE, 3)
+    return np.ascontiguousarray(picture.reshape(shape).mean(axis=(1, 3)), dtype=np.float32)
+
+
+def _paint(scene: Scene, points: FloatArray, on_floor: NDArray[np.bool_]) -> FloatArray:
+    x, y, z = points
+    step_x = np.abs(np.gradient(x, axis=1))
+    step_y = np.abs(np.gradient(y, axis=0))
+    wall = wall_reflectance(x, y, step_x, step_y, scene.room.wall, scene.seed)
+    floor = floor_reflectance(x, z, scene.room.floor_colour, scene.seed)
+    return np.where(on_floor, floor, wall)
+
+
+def _standing_shade(points: FloatArray, solids: list[Solid], lamp: Lamp) -> FloatArray:
+    free = np.ones(points.shape[1:])
+    for solid in solids:
+        shade = shade_behind(points, solid.vertices, solid, np.array(lamp.position), lamp.radius)
+        free *= 1.0 - shade
+    return 1.0 - free
+
+
+def _draw(
+    solid: Solid, scene: Scene, camera: Camera, grid: PixelGrid, layers: list[FloatArray]
+) -> None:
+    vertices = into_camera(solid.vertices, camera)
+    height, width = grid.xy.shape[1:]
+    fine_camera = Camera(_finer(camera.lens, FINE), camera.rotation, camera.position)
+    window = window_of(fine_camera.project(solid.vertices), width, height)
+    if window.empty:
+        return
+    crop = grid.crop(window)
+    where = (slice(None), *window.slices)
+    paint = np.reshape(solid.colour, (3, 1, 1))
+    for face in solid.faces:
+        cover = face_coverage(vertices, face, crop)
+        if not cover.any():
+            continue
+        lights = face_lights(solid.vertices, face, scene)
+        for layer, light in zip(layers, lights, strict=True):
+            layer[where] += cover * (paint * np.reshape(light, (3, 1, 1)) - layer[where])
+
+
+def face_lights(vertices: FloatArray, face: tuple[int, ...], scene: Scene) -> list[FloatArray]:
+    """Irradiance (3,) on the middle of a face: from everywhere, then from each lamp."""
+    a, b, c = (vertices[i] for i in face[:3])
+    normal = np.cross(b - a, c - b)
+    normal /= np.linalg.norm(normal)
+    middle = vertices[list(face)].mean(axis=0)[:, np.newaxis]
+    lighting = scene.room.lighting
+    sky = np.array(lighting.ambient) * (0.75 + 0.25 * normal[1])
+    lamps = [
+        np.array(lamp.colour) * lamp_light(middle, normal[:, np.newaxis], lamp)[0]
+        for lamp in lighting.lamps
+    ]
+    return [sky, *lamps]
+
+
+def _mark(
+    solid: Solid, camera: Camera, grid: PixelGrid, points: FloatArray, normals: FloatArray
+) -> None:
+    """Pixels whose centre is on the solid get its place, so that shadows fall on it."""
+    lens = camera.lens
+    window = window_of(camera.project(solid.vertices), lens.width, lens.height)
+    if window.empty:
+        return
+    crop = grid.crop(window)
+    vertices = into_camera(solid.vertices, camera)
+    for face in solid.faces:
+        on_face = face_coverage(vertices, face, crop) > 0.5
+        if not on_face.any():
+            continue
+        a, b, c = (solid.vertices[i] for i in face[:3])
+        normal = np.cross(b - a, c - b)
+        normal /= np.linalg.norm(normal)
+        x, y = crop.xy[:, on_face]
+        ray = camera.rotation.T @ np.stack([x, y, np.ones_like(x)])
+        reach = float(normal @ (a - camera.position)) / (normal @ ray)
+        rows, columns = window.slices
+        points[:, rows, columns][:, on_face] = camera.position[:, np.newaxis] + ray * reach
+        normals[:, rows, columns][:, on_face] = normal[:, np.newaxis]

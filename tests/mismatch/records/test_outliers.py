@@ -1,0 +1,31 @@
+"""Rows that do not belong are found wherever they stand."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from mismatch.explain import explain
+from mismatch.fitting.prepare import prepare
+from mismatch.records.campaign import Campaign
+from tests.mismatch.synthetic import struck_campaign
+
+
+def spoilt(campaign: Campaign) -> Campaign:
+    """A hole before the last row of the first flight, and that row found in a wrong place."""
+    first, *others = campaign.trials
+    kept = np.r_[0 : first.ball_time.size - 12, first.ball_time.size - 1]
+    position = first.position[kept].copy()
+    position[-1, :2] += [0.03, 0.003]
+    last = replace(first, ball_time=first.ball_time[kept], position=position)
+    return Campaign((last, *others))
+
+
+def test_a_wrong_last_row_behind_a_hole_is_left_out_whole_and_names_nothing():
+    campaign, baseline = struck_campaign(seed=3)
+    campaign = spoilt(campaign)
+    prepared = prepare(campaign, baseline)
+    row = campaign.trials[0].ball_time.size - 1
+    # Off in x by thirty sigma, in y by three: the ball was not there at all.
+    assert not prepared.forward.records.ball_used[0, row].any()
+    assert prepared.forward.records.ball_used[0, row - 1, :2].all()
+    assert explain(campaign, baseline).verdict == "no_mismatch"

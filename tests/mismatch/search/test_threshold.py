@@ -1,0 +1,69 @@
+"""When a find is more than chance."""
+
+import numpy as np
+import pytest
+
+from mismatch.explain import explain
+from mismatch.fitting.hypotheses import null_threshold
+from mismatch.fitting.prepare import prepare
+from mismatch.fitting.scan import scan
+from mismatch.model.baseline import BallModel, Baseline
+from mismatch.model.candidates import candidates_for
+from mismatch.records.campaign import Campaign, Trial
+from mismatch.records.clock_jumps import dropped_in_each
+from mismatch.search.naming import name_effects
+from physics.effects import CATALOGUE
+from tests.mismatch.synthetic import struck_campaign
+
+EFFECTS = [effect for forms in CATALOGUE.values() for effect in forms]
+
+
+@pytest.fixture(scope="module")
+def blameless():
+    return prepare(*struck_campaign(seed=3))
+
+
+def test_the_threshold_holds_for_the_whole_catalogue(blameless):
+    pool = candidates_for(blameless.forward, blameless.model, EFFECTS)
+    scored = scan(blameless.forward, blameless.fit, pool)
+    often, seldom = null_threshold(scored, 0.05), null_threshold(scored, 0.001)
+    # One effect alone with a sign: 2.7 and 9.5; a few dozen unlike ones cost several units more.
+    assert 7.0 < often < 12.0
+    assert 14.0 < seldom < 20.0
+
+
+def test_a_law_in_no_catalogue_pays_for_being_rare(blameless):
+    pool = candidates_for(blameless.forward, blameless.model, EFFECTS)
+    named = scan(blameless.forward, blameless.fit, [c for c in pool if c.id != "unnamed"])
+    every = scan(blameless.forward, blameless.fit, pool)
+    # Looking for all of them makes it little harder to find what has a name.
+    assert null_threshold(every) - null_threshold(named) < 0.5
+
+
+def dropped_ball(drag: float) -> tuple[Campaign, Baseline]:
+    """A fall of one second, seen roughly, whose baseline is gravity alone."""
+    rng = np.random.default_rng(2)
+    time = np.arange(0.0, 1.0, 1.0 / 60.0)
+    height = 8.0 - 0.5 * 9.806 * time**2 + drag * time**4 + rng.normal(0.0, 0.02, time.size)
+    position = np.column_stack([np.full((time.size, 2), np.nan), np.zeros(time.size)])
+    position[:, 1], position[:, 2] = height, np.nan
+    trial = Trial("1", time, position, np.zeros(0), np.zeros(0))
+    return Campaign((trial,)), Baseline({"": BallModel("", 0.06, 0.1)})
+
+
+def test_drag_on_a_model_without_it_needs_no_search_to_be_paid():
+    prepared = prepare(*dropped_ball(0.045))
+    naming = name_effects(prepared.forward, prepared.fit, EFFECTS)
+    assert naming.best is not None
+    assert naming.best.ids == ("drag",)
+    assert naming.best.worth < naming.threshold
+
+
+def test_a_fall_without_drag_names_none():
+    assert explain(*dropped_ball(0.0)).effects == ()
+
+
+def test_frames_are_lost_and_never_found(blameless):
+    jumps = dropped_in_each(blameless.forward, blameless.fit)
+    assert jumps is not None
+    assert jumps.parameters[0].lower == 0.0

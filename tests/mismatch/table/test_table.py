@@ -1,0 +1,171 @@
+"""The engine on a few numbers per trial: known truth, the paper's Table 5, bad tables."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from metrology import SetupError, TooLittleDataError, UsageError
+from mismatch.model.model import Model
+from mismatch.table.explain import explain_table
+from mismatch.table.model import table_forward
+from mismatch.table.table import TrialTable
+from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT
+from physics.effects import CATALOGUE
+from physics.forward import Experiment, time_resolved_landing
+from physics.restitution.restitution import ConstantCor
+from pipelines.explain.io import baseline_for_balls
+from pipelines.paper import printed
+from pipelines.paper.speeds import constant_law, measured_speeds
+from pipelines.setup.file import parse_setup
+from tests.mismatch.table.trial_tables import BALLS, SETUP, lab, simulated_table
+
+
+def test_the_table_model_is_the_forward_model_of_the_physics_room():
+    table = simulated_table(1, speeds=True)
+    baseline = lab()
+    model = Model(((CATALOGUE["drag"][0], {"drag_coefficient": 0.47}),))
+    seen = table_forward(table, baseline).predict([model], np.zeros((1, table.trials, 4)))[0]
+    ball = parse_setup(SETUP).balls["jokku"].body()
+    mine = np.array([name == "jokku" for name in table.balls])
+    experiment = Experiment(replace(ball, cor=ConstantCor(0.75)), PAPER_PENDULUM, PAPER_SUPPORT)
+    outcome, landing = time_resolved_landing(experiment, table.values[mine, 0], step=0.005)
+    # The engine interpolates a table of contacts.
+    np.testing.assert_allclose(seen[mine, 2], landing.distance, atol=5e-4)
+    speed = np.hypot(outcome.ball_vx, outcome.ball_vy)
+    np.testing.assert_allclose(seen[mine, 1], speed, rtol=1e-3)
+
+
+def test_nothing_is_named_where_nothing_is_missing():
+    verdict = explain_table(simulated_table(3), lab()).verdict
+    assert verdict.verdict == "no_mismatch"
+    assert not verdict.effects
+    assert verdict.location is None
+
+
+def test_falling_restitution_is_named_and_measured_where_ball_speeds_are_known():
+    verdict = explain_table(simulated_table(4, "velocity_dependent_cor"), lab()).verdict
+    assert [e.id for e in verdict.effects] == ["velocity_dependent_cor"]
+    slope = verdict.effects[0].parameters[0]
+    assert abs(slope.value + 0.02) < 3.0 * slope.std
+    assert verdict.held_out is not None
+    assert verdict.held_out.rmse_after < verdict.held_out.rmse_before
+    assert verdict.location is not None
+    assert "m/s" in verdict.location.statement
+
+
+def test_ranges_alone_leave_an_offset_and_a_stretch_about_a_point_together():
+    table = simulated_table(2, "origin_offset", speeds=False, stated=False)
+    verdict = explain_table(table, lab()).verdict
+    assert verdict.verdict == "ambiguous"
+    assert {"origin_offset", "parallax"} <= set(verdict.indistinguishable[0])
+    assert verdict.next_measurement
+    assert any("without uncertainties" in note for note in verdict.notes)
+
+
+def test_a_swing_that_loses_shows_in_the_impact_speeds():
+    table = simulated_table(5, "pendulum_drag", backswing=True)
+    verdict = explain_table(table, lab()).verdict
+    swing = {"pendulum_drag", "viscous_damping", "bearing_friction", "backswing_offset"}
+    assert {e.id for e in verdict.effects} <= swing
+    assert verdict.effects
+    assert verdict.location is not None
+    assert verdict.location.phase == "swing"
+
+
+def _table_5(kind: str) -> TrialTable:
+    """The paper's measured ranges at its impact speeds."""
+    names = [ball for ball in BALLS for _ in range(4)]
+    values = np.full((8, 3), np.nan)
+    values[:, 0] = np.concatenate([measured_speeds(ball) for ball in BALLS])
+    values[:, 2] = [float(text) for ball in BALLS for text in printed.TABLE_5[ball][kind]]
+    angle = np.deg2rad(np.tile(printed.BACKSWINGS_DEG, 2))
+    return TrialTable(
+        tuple(str(k) for k in range(1, 9)), tuple(names), values, np.full((8, 3), np.nan), angle
+    )
+
+
+def _constant_lab():
+    from physics.bodies import BALLS as PRESETS
+
+    text = SETUP
+    for ball, old in (("jokku", "0.75"), ("basketball", "0.90")):
+        law = constant_law(PRESETS[ball])
+        text = text.replace(f'cor = "{old}"', f'cor = "{float(law(1.0)):.4f}"')
+    return baseline_for_balls(parse_setup(text), BALLS, struck=True)
+
+
+def test_table_5_asks_for_falling_restitution_and_says_what_ranges_leave_open():
+    table = replace(_table_5("experiment"), backswing=np.full(8, np.nan))
+    verdict = explain_table(table, _constant_lab()).verdict
+    assert verdict.verdict == "ambiguous"
+    assert verdict.effects[0].id == "velocity_dependent_cor"
+    assert verdict.effects[0].parameters[0].value < 0.0
+    assert verdict.next_measurement is not None
+    assert "ball_speed_m_s" in verdict.next_measurement
+    tried = {one for other in verdict.alternatives for one in other.ids}
+    grouped = {one for group in verdict.indistinguishable for one in group}
+    assert tried | grouped >= {"velocity_dependent_cor", "drag"}
+    # Nothing in the catalogue brings the ranges down to what a scale is read to.
+    assert not verdict.remainder.white
+
+
+def test_the_swing_that_is_faster_than_free_fall_allows_is_pointed_out():
+    verdict = explain_table(_table_5("experiment"), _constant_lab()).verdict
+    faster = [note for note in verdict.notes if "without losses" in note]
+    assert len(faster) == 1
+    assert faster[0].startswith("trial 2 ")
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"values": (2, 1000.0)}, "metres"),
+        ({"values": (2, 3.0)}, "contradicts"),
+        ({"values": (1, 0.01)}, "times what the setup expects"),
+        ({"values": (2, -1.0)}, "positive"),
+    ],
+)
+def test_units_and_swapped_columns_are_refused(change, said):
+    table = simulated_table(6)
+    column, factor = change["values"]
+    values = table.values.copy()
+    values[:, column] *= factor
+    with pytest.raises(UsageError, match=said) as caught:
+        explain_table(replace(table, values=values), lab())
+    assert caught.value.hint
+
+
+def test_too_few_trials_or_no_start_are_told():
+    table = simulated_table(7)
+    with pytest.raises(TooLittleDataError, match="too little"):
+        explain_table(table.chosen(np.arange(table.trials) < 3), lab())
+    blank = table.values.copy()
+    blank[:, 0] = np.nan
+    with pytest.raises(UsageError, match="neither an impact speed nor a back-swing"):
+        explain_table(replace(table, values=blank), lab())
+    blank = table.values.copy()
+    blank[:, 1:] = np.nan
+    with pytest.raises(UsageError, match="neither a ball speed nor a range"):
+        explain_table(replace(table, values=blank), lab())
+
+
+def test_trials_all_alike_are_noted():
+    table = simulated_table(8, "origin_offset", angles=(90.0,), repeats=4)
+    verdict = explain_table(table, lab()).verdict
+    assert any("alike" in note for note in verdict.notes)
+
+
+def test_a_setup_without_a_pendulum_is_told():
+    baseline = replace(lab(), pendulum=None)
+    with pytest.raises(SetupError, match="pendulum"):
+        explain_table(simulated_table(9), baseline)
+
+
+def test_trials_can_be_held_out_by_name():
+    table = simulated_table(4, "velocity_dependent_cor")
+    verdict = explain_table(table, lab(), hold_out=["1", "16"]).verdict
+    assert verdict.held_out is not None
+    assert verdict.held_out.trials == ("1", "16")
+    with pytest.raises(UsageError, match="no trial"):
+        explain_table(table, lab(), hold_out=["nobody"])

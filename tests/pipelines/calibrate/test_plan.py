@@ -1,0 +1,103 @@
+"""`vision calibrate plan`: what to expect before anyone films, and what would help."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from bench.planning import COMPARED, SETTINGS, compared
+from pipelines.calibrate.filming import Filming
+from pipelines.calibrate.foresight import Foreseen, changes_of, foresee
+from pipelines.cli import app
+from pipelines.measure.measurement import QUANTITY_UNITS
+
+SMALL = Filming(width=432, height=240)
+
+
+@pytest.fixture(scope="module")
+def foreseen() -> Foreseen:
+    return foresee(SMALL)
+
+
+def test_every_quantity_has_an_uncertainty_or_a_reason(foreseen: Foreseen) -> None:
+    assert [one.name for one in foreseen.quantities] == list(QUANTITY_UNITS)
+    for quantity in foreseen.quantities:
+        assert (quantity.std is not None and quantity.std > 0.0) or quantity.reason
+    assert 0.005 < foreseen.metres_per_px < 0.008
+    assert foreseen.std("landing_distance") == pytest.approx(0.005, rel=0.5)
+
+
+def test_tape_rate_and_pixels_help_where_they_should(foreseen: Foreseen) -> None:
+    untaped = foresee(replace(SMALL, tape_std_m=None))
+    finer = foresee(replace(SMALL, width=864, height=480))
+    for name in ("landing_distance", "ball_speed"):
+        taped = foreseen.std(name)
+        assert untaped.std(name) > 2.0 * taped
+        assert finer.std(name) < 0.8 * taped
+    # a tape tells lengths, and angles only as far as the camera's distance bends them
+    assert untaped.std("launch_angle") < 1.3 * foreseen.std("launch_angle")
+
+
+def test_a_landing_out_of_view_is_foreseen() -> None:
+    near = foresee(replace(SMALL, view_rad=0.58))
+    landing = next(one for one in near.quantities if one.name == "landing_distance")
+    assert landing.value is None
+    assert "leaves the picture" in str(landing.reason)
+
+
+@pytest.mark.slow
+def test_the_change_that_helps_most_comes_first() -> None:
+    untaped = foresee(replace(SMALL, tape_std_m=None))
+    changes = changes_of(untaped)
+    assert changes[0].words.startswith("tape camera distance")
+    assert changes[0].gain > 1.5
+    assert changes[0].ratio(untaped, "landing_distance") < 0.5
+    assert any(change.closes for change in changes)
+
+
+def test_the_command_writes_json_for_scripts(tmp_path: Path) -> None:
+    out = tmp_path / "plan.json"
+    told = CliRunner().invoke(
+        app,
+        ["calibrate", "plan", "--resolution", "432x240", "--no-changes", "--json", str(out)],
+    )
+    assert told.exit_code == 0, told.output
+    assert "landing_distance" in told.stdout
+    found = json.loads(out.read_text())
+    assert found["quantities"]["landing_distance"]["std"] > 0.0
+    assert found["quantities"]["backswing_angle"]["reason"]
+    assert found["changes"] == []
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--resolution", "wide"], "no picture size"),
+        (["--resolution", "9x9"], "64 to 8192"),
+        (["--field-of-view", "170 deg"], "field of view"),
+        (["--field-of-view", "50 deg", "--focal-length", "28mm"], "same thing"),
+        (["--light", "0"], "--light"),
+        (["--tape", "-3 mm"], "--tape"),
+        (["--shutter", "1/100 s"], "shutter"),
+        (["--ball-plane", "9 m"], "behind the ball"),
+        (["--lens", "nowhere.toml"], "lens file"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(options: list[str], words: str) -> None:
+    told = CliRunner().invoke(app, ["calibrate", "plan", "--no-changes", *options])
+    assert told.exit_code == 2, told.output
+    assert words in told.output
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+def test_the_renderer_confirms_the_plan() -> None:
+    rows = compared(SETTINGS["dim, small picture, taped"], 2)
+    assert {row.name for row in rows} == set(COMPARED)
+    z = np.concatenate([np.array(row.errors) / row.predicted for row in rows])
+    assert len(z) >= 12
+    # sixteen values, correlated within a clip: a factor of two about 1 is what they can tell
+    assert 0.3 < np.sqrt(np.mean(z**2)) < 2.0

@@ -1,0 +1,181 @@
+"""Clips as a campaign: what is told, what is left out, what is assumed."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from metrology import ClipError, NotFoundError, Quantity, UsageError
+from mismatch import Verdict
+from mismatch.verdict import Location, NamedEffect, ParameterValue, Remainder
+from physics.bodies import PAPER_PENDULUM
+from pipelines.explain.clips import ClipFacts, campaign_from_clips, clip_facts, with_rig
+from pipelines.explain.systematics import (
+    calibration_widths,
+    common_widths,
+    outline_shares,
+    within_calibration,
+)
+from pipelines.setup.file import parse_setup
+
+SETUP = parse_setup('[ball]\npreset = "jokku"\n')
+
+
+def measured(speed: float | None = 2.0, backswing_deg: float | None = None):
+    """A measurement as the chain hands it over: at rest, struck at 0.1 s, in flight to 0.4 s."""
+    time = np.arange(0.0, 0.5, 0.01)
+    flying = np.maximum(time - 0.1, 0.0)
+    path = np.stack([0.7 + 3.0 * flying, 1.1 + flying - 4.9 * flying**2], axis=1)
+    tracks = SimpleNamespace(
+        ball_time_s=time, ball_m=path, rest_m=np.array([0.7, 1.1]), radius_m=0.1,
+        ball_cov_m2=np.broadcast_to(np.diag([1e-6, 4e-6]), (time.size, 2, 2)),
+        swing_time_s=time[:20], swing_rad=np.linspace(-0.5, 0.3, 20),
+    )  # fmt: skip
+    impact = SimpleNamespace(
+        tracks=tracks, last_flight_s=0.4, flight=SimpleNamespace(time_s=time[(time > 0.12)])
+    )
+
+    def quantity(name: str) -> Quantity:
+        value = {"pendulum_speed_before": speed, "backswing_angle": backswing_deg}[name]
+        if value is None:
+            return Quantity.missing(name, "1", "not in view")
+        return Quantity.measured(name, value, "1", ())
+
+    rate = SimpleNamespace(fps=600.0, std=0.6)
+    return SimpleNamespace(
+        impact=impact, warnings=("a", "b", "c", "d"), quantity=quantity, rate=rate,
+        calibration=None,
+    )  # fmt: skip
+
+
+def chain(answers):
+    def measure(path, options):
+        answer = answers[path.stem]
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    return measure
+
+
+def test_tracks_start_at_rest_on_the_support_and_end_where_the_flight_does():
+    answers = chain({"one": measured()})
+    campaign = campaign_from_clips([Path("one.mp4")], SETUP, None, answers, strikes=True)
+    trial = campaign.trials[0]
+    rig = with_rig(SETUP)
+    assert trial.position[0, :2] == pytest.approx([0.0, rig.support.height + 0.201750 / 2])
+    assert trial.ball_time[-1] == pytest.approx(0.4)
+    assert trial.position_std[3, :2].tolist() == pytest.approx([1e-3, 2e-3])
+    assert rig.pendulum is PAPER_PENDULUM
+
+
+def test_a_backswing_is_told_seen_or_taken_from_the_speed_in_that_order():
+    clips = [Path("a.mp4"), Path("b.mp4"), Path("c.mp4")]
+    answers = {"a": measured(backswing_deg=50.0), "b": measured(backswing_deg=50.0),
+               "c": measured()}  # fmt: skip
+    facts = {"a": ClipFacts(math.radians(61.0))}
+    campaign = campaign_from_clips(clips, SETUP, facts, chain(answers), strikes=True)
+    angles = [math.degrees(trial.backswing) for trial in campaign.trials]
+    assert angles[:2] == pytest.approx([61.0, 50.0])
+    assert 45.0 < angles[2] < 60.0
+    assert any("speed before contact" in note for note in campaign.notes)
+
+
+def test_a_clip_that_fails_is_left_out_and_said_so():
+    clips = [Path("good.mp4"), Path("torn.mp4"), Path("empty.mp4")]
+    answers = {
+        "good": measured(),
+        "torn": ClipError("the file ends too early"),
+        "empty": replace_impact(None),
+    }
+    campaign = campaign_from_clips(clips, SETUP, None, chain(answers))
+    assert [trial.name for trial in campaign.trials] == ["good"]
+    assert "torn.mp4 could not be measured" in campaign.notes[0]
+    assert "the file ends too early" in campaign.notes[0]
+    assert "empty.mp4" in campaign.notes[1]
+
+
+def replace_impact(impact):
+    nothing = measured()
+    nothing.impact = impact
+    return nothing
+
+
+def test_when_every_clip_fails_the_first_reason_is_raised():
+    answers = {"a": ClipError("no such file"), "b": NotFoundError("nothing moves")}
+    with pytest.raises(ClipError, match="no such file"):
+        campaign_from_clips([Path("a.mp4"), Path("b.mp4")], SETUP, None, chain(answers))
+
+
+def test_without_a_backswing_flights_alone_are_compared():
+    answers = {"a": measured(speed=None), "b": measured()}
+    campaign = campaign_from_clips([Path("a.mp4"), Path("b.mp4")], SETUP, None, chain(answers))
+    for trial in campaign.trials:
+        assert trial.backswing is None
+        assert trial.ball_time[0] > 0.12
+        assert trial.pendulum_time.size == 0
+    assert "flights are compared" in campaign.notes[0]
+    bare = replace(SETUP, ball=replace(SETUP.ball, cor=None))
+    campaign = campaign_from_clips([Path("b.mp4")], bare, None, chain(answers), strikes=True)
+    assert campaign.trials[0].backswing is None
+
+
+def test_strikes_are_compared_only_where_that_is_asked_for():
+    answers = chain({"b": measured(backswing_deg=50.0)})
+    flights = campaign_from_clips([Path("b.mp4")], SETUP, None, answers)
+    strikes = campaign_from_clips([Path("b.mp4")], SETUP, None, answers, strikes=True)
+    assert flights.trials[0].backswing is None
+    assert "--strikes" in flights.notes[0]
+    assert strikes.trials[0].backswing == pytest.approx(math.radians(50.0))
+    assert strikes.trials[0].pendulum_time.size > 0
+
+
+def test_two_clips_of_one_name_are_refused():
+    with pytest.raises(UsageError, match="two clips"):
+        campaign_from_clips([Path("x/a.mp4"), Path("y/a.mp4")], SETUP, None, chain({}))
+
+
+def test_a_table_of_clips_is_read_by_name_without_ending(tmp_path):
+    table = tmp_path / "trials.csv"
+    table.write_text("clip,backswing_deg,ball\nfilms/a.mp4,60,jokku\nb,,\n")
+    facts = clip_facts(table)
+    assert facts["a"] == ClipFacts(math.radians(60.0), "jokku")
+    assert facts["b"] == ClipFacts()
+    table.write_text("film,angle\na,1\n")
+    with pytest.raises(UsageError, match="columns"):
+        clip_facts(table)
+
+
+def _named(identity: str, name: str, value: float) -> Verdict:
+    effect = NamedEffect(identity, "…", 0.9, (ParameterValue(name, value, 1e-4, "1"),))
+    location = Location("measurement", None, None, "horizontal", "…")
+    return Verdict(
+        "explained", ("gravity",), 2.0, location, (effect,), (), (), None, None,
+        Remainder(True, "…"),
+    )  # fmt: skip
+
+
+def test_an_error_that_the_calibration_allows_is_no_finding():
+    widths = common_widths([calibration_widths(measured()), calibration_widths(measured())])
+    assert widths["time_base"] == pytest.approx(0.001)
+    inside = within_calibration(_named("time_base", "rate_error", 0.002), widths)
+    assert inside.verdict == "no_mismatch"
+    assert not inside.effects
+    assert "no finding" in inside.notes[-1]
+    outside = within_calibration(_named("time_base", "rate_error", 0.017), widths)
+    assert outside.verdict == "explained"
+    assert outside.effects
+    physics = within_calibration(_named("wind", "wind_x", 0.001), widths)
+    assert physics.effects
+    assert "the calibration knows" in physics.notes[-1]
+
+
+def test_an_outline_that_wanders_matters_the_more_the_smaller_the_picture():
+    path = np.array([[10.0, 80.0], [110.0, 50.0], [210.0, 110.0]])
+    along, fall = outline_shares(path)
+    assert (along, fall) == pytest.approx((0.15 / 200.0, 0.15 / 60.0))
+    assert outline_shares(0.5 * path) == pytest.approx((2.0 * along, 2.0 * fall))
+    assert outline_shares(path[:1]) == (1.0, 1.0)

@@ -1,0 +1,71 @@
+"""The ball's speed the paper's ways, and what is said when they disagree."""
+
+import pytest
+
+from metrology import Contribution, Quantity
+from physics.bodies import JOKKU, PAPER_PENDULUM, PAPER_SUPPORT
+from physics.contact.contact import simulate_contact
+from pipelines.measure.fits.beside import gravity_share, speed_by_pendulum, speeds_agree
+
+
+def test_eq_7_less_the_share_of_gravity_is_the_balls_speed() -> None:
+    history = simulate_contact(PAPER_PENDULUM, JOKKU, PAPER_SUPPORT, 3.0)
+    out = history.outcome
+    mass = JOKKU.mass
+    by_pendulum = speed_by_pendulum(PAPER_PENDULUM, mass, 3.0, float(out.pendulum_speed_after))
+    share = gravity_share(
+        PAPER_PENDULUM,
+        mass,
+        float(history.phi.mean()),
+        PAPER_PENDULUM.length,
+        (9.806, float(history.time[-1])),
+    )
+    assert 0.2 < share < 0.5
+    assert by_pendulum - share == pytest.approx(float(out.ball_speed), rel=0.02)
+
+
+def found(**values: tuple[float, float]) -> dict[str, Quantity]:
+    return {
+        name: Quantity.measured(name, value, "m/s", (Contribution("noise", std),))
+        for name, (value, std) in values.items()
+    }
+
+
+def test_speeds_that_agree_pass() -> None:
+    check = speeds_agree(
+        found(
+            ball_speed=(3.80, 0.005),
+            ball_speed_per_frame=(3.78, 0.02),
+            ball_speed_eq7=(4.20, 0.16),
+            eq7_by_gravity=(0.30, 0.01),
+        )
+    )
+    assert check is not None
+    assert check.passed is True
+
+
+@pytest.mark.parametrize(
+    ("per_frame", "eq7"), [(3.6, 4.2), (3.79, 6.0)], ids=["frames", "pendulum"]
+)
+def test_speeds_that_disagree_are_told(per_frame: float, eq7: float) -> None:
+    check = speeds_agree(
+        found(
+            ball_speed=(3.80, 0.005),
+            ball_speed_per_frame=(per_frame, 0.02),
+            ball_speed_eq7=(eq7, 0.16),
+            eq7_by_gravity=(0.30, 0.01),
+        )
+    )
+    assert check is not None
+    assert check.passed is False
+    assert "disagree" in check.statement
+
+
+def test_without_a_pendulum_only_the_frames_are_compared() -> None:
+    speeds = found(ball_speed=(3.80, 0.005), ball_speed_per_frame=(3.79, 0.02))
+    for name in ("ball_speed_eq7", "eq7_by_gravity"):
+        speeds[name] = Quantity.missing(name, "m/s", "no pendulum")
+    check = speeds_agree(speeds)
+    assert check is not None
+    assert check.passed is True
+    assert "Eq. 7" not in check.statement

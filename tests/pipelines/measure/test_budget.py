@@ -1,0 +1,93 @@
+"""The budget of the measuring chain: what strongly correlated inputs do together."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from calib.calibration import PARAMETERS, Calibration, Source
+from calib.camera.camera import Camera, Lens
+from pipelines.measure.budget import Scene, merged, systematic_budget
+from pipelines.measure.inputs import gather_inputs
+from pipelines.measure.metres import BallScale
+from pipelines.setup.file import Setup
+from vision.clip.capture_rate import CaptureRate
+
+DISTANCE, FOCAL = PARAMETERS.index("log_distance"), PARAMETERS.index("log_focal")
+
+
+def a_calibration(distance_std: float, scale_std: float) -> Calibration:
+    """Distance and focal length open by `distance_std`, their ratio known to `scale_std`."""
+    vector = np.zeros(len(PARAMETERS))
+    vector[DISTANCE], vector[FOCAL] = np.log(4.0), np.log(900.0)
+    together = np.zeros((len(PARAMETERS), len(PARAMETERS)))
+    together[np.ix_([DISTANCE, FOCAL], [DISTANCE, FOCAL])] = distance_std**2
+    apart = np.zeros_like(together)
+    apart[FOCAL, FOCAL] = scale_std**2
+    return Calibration(
+        Lens.centred(400, 300, 900.0),
+        np.eye(3),
+        vector,
+        (Source("lens not known beforehand", together), Source("grid lines", apart)),
+    )
+
+
+def a_scene(calibration: Calibration) -> Scene:
+    inputs = gather_inputs(Setup(), None, None)
+    return Scene(inputs, CaptureRate(600.0, 0.0, "option", None), calibration)
+
+
+def scale_of(scene: Scene) -> NDArray[np.float64]:
+    assert scene.calibration is not None
+    vector = scene.calibration.vector
+    return np.array([np.exp(vector[FOCAL] - vector[DISTANCE])])
+
+
+def test_a_scale_is_as_sure_as_the_ratio_it_hangs_on() -> None:
+    scene = a_scene(a_calibration(0.4, 0.001))
+    table = systematic_budget(scene, scale_of, np.inf)
+    assert table["grid lines"][0] == pytest.approx(0.001 * 225.0, rel=0.01)
+    assert table["lens not known beforehand"][0] < 0.1 * table["grid lines"][0]
+
+
+def test_each_input_is_moved_by_itself() -> None:
+    scene = a_scene(a_calibration(0.05, 0.001))
+    scene = replace(scene, rate=CaptureRate(600.0, 0.6, "setup", None))
+    table = systematic_budget(scene, lambda moved: np.array([moved.rate.fps**2]), np.inf)
+    assert table["capture rate"][0] == pytest.approx(2 * 600 * 0.6, rel=0.001)
+    assert table["inertia of the pendulum"][0] == 0.0
+    budget = merged(table, 0, 100.0)
+    assert [line.source for line in budget] == ["capture rate", "noise of the tracks"]
+
+
+def test_without_a_grid_roll_and_slant_of_the_camera_count() -> None:
+    camera = Camera.facing_wall(Lens.centred(640, 360, 800.0), [1.0, 0.6, 4.0], yaw=0.1)
+    path = np.column_stack(
+        [np.linspace(0.0, 1.8, 60), 0.6 - 0.2 * np.linspace(-1.0, 1.0, 60) ** 2, np.full(60, 0.4)]
+    )
+    px, radius = camera.sphere_outline(path, 0.1)
+    usual = np.median(px, axis=0)
+    scale = 0.1 / float(np.median(radius))
+
+    def speed(moved: Scene) -> NDArray[np.float64]:
+        growth = np.tan(moved.slant_rad) / 800.0
+        mapping = BallScale(scale, px[0], usual, moved.roll_rad, float(growth))
+        start = mapping.point(px[:2])
+        return np.asarray(np.append(np.hypot(*(start[1] - start[0])), np.diff(start, axis=0)[0, 1]))
+
+    scene = replace(a_scene(a_calibration(0.05, 0.001)), calibration=None)
+    table = systematic_budget(scene, speed, 0.005)
+    std = np.sqrt(sum(column**2 for column in table.values()))
+    true = (path[1] - path[0])[:2]
+    error = np.abs(speed(scene) - [np.hypot(*true), true[1]])
+    assert np.all(error < 2.0 * std)
+    assert error[0] > 2.0 * table["ball diameter"][0]
+
+
+def test_a_rolled_camera_is_turned_upright_about_the_ball_at_rest() -> None:
+    mapping = BallScale(0.01, np.array([50.0, 80.0]), np.array([70.0, 80.0]), roll_rad=0.1)
+    assert mapping.point(np.array([50.0, 80.0])) == pytest.approx([0.0, 0.0])
+    along = mapping.point(np.array([150.0, 80.0]))
+    assert np.hypot(*along) == pytest.approx(1.0)
+    assert abs(np.arctan2(along[1], along[0])) == pytest.approx(0.1)

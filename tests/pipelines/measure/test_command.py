@@ -1,0 +1,206 @@
+"""The commands that measure clips, on a clip that ships with the package and on bad input."""
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+import sample_videos
+from metrology import SetupError, UnitError, parse_quantity, parse_with_uncertainty
+from pipelines.cli import app
+from pipelines.measure.fits.discs import disc_contact
+from pipelines.setup.file import parse_setup
+from tests.shared_data import shared_folder
+from vision.clip.clip import Clip
+from vision.following import follow
+
+CLIPS = Path(sample_videos.__file__).parent / "clips"
+TRACK_COLUMNS = "frame,t_s,object,x_px,y_px,x_px_std,y_px_std,x_m,y_m,x_m_std,y_m_std,radius_px"
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("measured")
+    clip = CLIPS / "basketball_60.mp4"
+    arguments = ["measure", str(clip), "--setup", str(clip.with_suffix(".toml")), "--quiet"]
+    for option, name in [
+        ("--json", "r.json"),
+        ("--csv", "r.csv"),
+        ("--tracks", "t.csv"),
+        ("--overlay", "o.mp4"),
+        ("--report", "r.html"),
+        ("--plot", "p.png"),
+    ]:
+        arguments += [option, str(folder / name)]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    return folder
+
+
+def truth() -> dict[str, float]:
+    text = (CLIPS / "basketball_60.truth.json").read_text(encoding="utf-8")
+    values = {name: item["value"] for name, item in json.loads(text)["quantities"].items()}
+    return values | {"cor": values["cor_speeds"]}
+
+
+@pytest.mark.parametrize(
+    ("name", "within"),
+    [
+        ("ball_speed", 0.005 * 3.79),
+        ("launch_angle", 0.3),
+        ("landing_distance", 0.003 * 1.35),
+        ("landing_distance_on_wall", 0.003 * 1.5),
+        ("landing_time", 0.002),
+        ("contact_time", 2.5 / 600),
+        ("contact_frames", 2),
+        ("pendulum_speed_before", 0.03),
+        ("cor_speeds", 0.03),
+        ("cor_launch", 0.02),
+        ("cor", 0.02),
+        ("ball_plane_offset", 0.02),
+    ],
+)
+def test_the_sample_clip_is_measured(measured: Path, name: str, within: float) -> None:
+    quantity = json.loads((measured / "r.json").read_text(encoding="utf-8"))["quantities"][name]
+    assert quantity["value"] == pytest.approx(truth()[name], abs=within)
+    assert abs(quantity["value"] - truth()[name]) < 4 * quantity["std"]
+
+
+def test_the_papers_ways_to_the_balls_speed_stand_beside_it(measured: Path) -> None:
+    document = json.loads((measured / "r.json").read_text(encoding="utf-8"))
+    beside = document["beside"]
+    frames, pendulum = beside["ball_speed_per_frame"], beside["ball_speed_eq7"]
+    assert abs(frames["value"] - truth()["ball_speed"]) < 3 * frames["std"]
+    # Eq. 7 lets all of the pendulum's change of speed act on the ball, its weight's share too
+    assert pendulum["value"] > truth()["ball_speed"]
+    check = next(item for item in document["checks"] if "paper's ways" in item["name"])
+    assert check["passed"] is True
+    assert "Eq. 7" in check["statement"]
+
+
+def test_json_and_csv_are_the_contracts(measured: Path) -> None:
+    document = json.loads((measured / "r.json").read_text(encoding="utf-8"))
+    assert {"clip", "time_base", "quantities", "warnings", "software"} <= set(document)
+    assert document["time_base"]["source"] == "setup"
+    assert document["time_base"]["gravity_check"]["value"] == pytest.approx(9.806, abs=0.3)
+    assert document["quantities"]["backswing_angle"]["value"] is None
+    assert document["quantities"]["backswing_angle"]["reason"]
+    row = next(csv.DictReader(io.StringIO((measured / "r.csv").read_text(encoding="utf-8"))))
+    assert {"clip", "ball_speed_m_s", "ball_speed_m_s_std", "external_impulse_N_s"} <= set(row)
+    assert {"contact_frames", "launch_angle_deg", "cor_launch"} <= set(row)
+    tracks = (measured / "t.csv").read_text(encoding="utf-8").splitlines()
+    assert tracks[0] == TRACK_COLUMNS
+    assert {line.split(",")[2] for line in tracks[1:]} == {"ball", "pendulum"}
+
+
+def greens(clip: Clip) -> int:
+    """Pixels of the colour in which the wall's grid is drawn."""
+    _, picture = next(iter(clip.colour_frames(100, 101)))
+    blue, green, red = picture.astype(int).transpose(2, 0, 1)
+    return int(((green > red + 40) & (green > blue + 15)).sum())
+
+
+def test_pictures_are_written(measured: Path) -> None:
+    overlay = Clip.open(measured / "o.mp4")
+    assert overlay.info.frames > 250
+    assert greens(overlay) > greens(Clip.open(CLIPS / "basketball_60.mp4")) + 500
+    assert "<html" in (measured / "r.html").read_text(encoding="utf-8").lower()
+    assert (measured / "p.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "said"),
+    [
+        (["measure", "nowhere.mp4"], 3, "nowhere.mp4"),
+        (["landing", "x.mp4", "--ball", "football-ish"], 2, "preset"),
+        (["landing", "x.mp4", "--wall-grid", "50 kg"], 2, "50 kg"),
+        (["launch", "x.mp4", "--fps", "-3"], 2, "--fps"),
+        (["launch", "x.mp4", "--ball-at", "12"], 2, "--ball-at"),
+        (["cor", "x.mp4", "--setup", "none.toml"], 2, "none.toml"),
+        (["measure", "a.mp4", "b.mp4", "--report", "r.html"], 2, "one clip"),
+    ],
+)
+def test_bad_input_is_told(arguments: list[str], code: int, said: str) -> None:
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == code
+    assert said in result.output
+    assert "Traceback" not in result.output
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--json", "nowhere/r.json"], "no folder nowhere"),
+        (["--csv", "."], "a folder"),
+        (["--overlay", "o.txt"], ".mp4"),
+        (["--plot", "p.bmp"], ".png"),
+        (["--overlay", "clip.mp4"], "overwrite"),
+        (["--csv", "r.csv", "--tracks", "r.csv"], "two results"),
+    ],
+)
+def test_files_that_cannot_be_written_are_told_before_anything_is_measured(
+    options: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    clip = tmp_path / "clip.mp4"
+    clip.write_bytes(b"not looked at")
+    for command in ("measure", "launch"):
+        result = CliRunner().invoke(app, [command, "clip.mp4", *options])
+        assert result.exit_code == 2
+        assert said in result.output
+    assert list(tmp_path.iterdir()) == [clip]
+    assert clip.read_bytes() == b"not looked at"
+
+
+@pytest.mark.parametrize(
+    "options",
+    [["--fps", "30"], ["--wall-grid", "100mm", "--setup", str(CLIPS / "basketball_60.toml")]],
+    ids=["wrong rate", "wrong pitch"],
+)
+def test_what_gravity_contradicts_is_withheld(options: list[str]) -> None:
+    clip = str(CLIPS / "basketball_60.mp4")
+    result = CliRunner().invoke(app, ["landing", clip, "--ball", "basketball", *options])
+    assert result.exit_code == 4
+    assert "free fall gives" in result.output
+
+
+def test_a_text_under_a_videos_name_is_refused(tmp_path: Path) -> None:
+    clip = tmp_path / "notes.mp4"
+    clip.write_text("not a video", encoding="utf-8")
+    result = CliRunner().invoke(app, ["contact-time", str(clip)])
+    assert result.exit_code == 3
+    assert "video" in result.output
+
+
+@pytest.mark.parametrize("text", ["5 kg", "", "nan", "1/0 s", "50 parsecs of mm", "[1]"])
+def test_what_is_no_length_is_refused(text: str) -> None:
+    with pytest.raises(UnitError):
+        parse_quantity(text, "m")
+
+
+def test_quantities_are_parsed_with_their_uncertainty() -> None:
+    assert parse_quantity("50mm", "m") == pytest.approx(0.05)
+    assert parse_quantity("1/2000 s", "s") == pytest.approx(0.0005)
+    assert parse_quantity("26 degC", "kelvin") == pytest.approx(299.15)
+    assert parse_with_uncertainty("4.00 m ± 5 mm", "m", 1.0) == pytest.approx((4.0, 0.005))
+
+
+def test_a_slip_in_the_setup_names_the_nearest_key() -> None:
+    with pytest.raises(SetupError, match="nearest is 'capture_fps'"):
+        parse_setup("[camera]\ncapture_fsp = 600")
+
+
+def test_a_pendulum_of_ones_own_has_its_own_effective_mass() -> None:
+    setup = parse_setup('[pendulum]\nlength = "0.6 m"\ninertia = "1.8 kg m^2"')
+    assert setup.pendulum is not None
+    assert setup.pendulum.mass_at_contact == pytest.approx(1.8 / 0.36)
+
+
+def test_real_pucks_meet_at_frame_67() -> None:
+    clip = Clip.open(shared_folder("clips") / "puck_collision_A_canon240.mp4")
+    met = disc_contact(follow(clip, 240.0))
+    assert met is not None
+    assert met.time_s * 240.0 == pytest.approx(67.0, abs=1.0)

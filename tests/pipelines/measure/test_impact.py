@@ -1,0 +1,187 @@
+"""Contact, launch and landing from tracks of a stroke that is known exactly."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from metrology import NotFoundError
+from pipelines.measure.derived import DERIVED, derived_values, random_covariance
+from pipelines.measure.fits.flight_span import flight_end
+from pipelines.measure.fits.impact import departure, find_impact
+from pipelines.measure.inputs import gather_inputs
+from pipelines.measure.metres import MetricTracks
+from pipelines.measure.striking_face import NEAR_SHARE, STEEL
+from pipelines.setup.file import Setup
+from sample_videos import Shot
+from tests.pipelines.measure.ideal_tracks import Noise, ideal_tracks, known_stroke
+
+FIRST = -0.0838
+STROKES = [("basketball", 60.0), ("jokku", 120.0), ("jokku", 30.0)]
+
+
+def truth(shot: Shot) -> dict[str, float]:
+    out = shot.contact.outcome
+    return {
+        "contact_time": shot.contact_time,
+        "contact_start": -FIRST,
+        "contact_end": shot.contact_time - FIRST,
+        "pendulum_speed_before": float(out.impact_speed),
+        "pendulum_speed_after": float(out.pendulum_speed_after),
+        "ball_speed": float(out.ball_speed),
+        "launch_angle": float(np.degrees(out.launch_angle)),
+        "landing_distance": float(shot.flight.landing_position[0]),
+        "landing_time": shot.landing_time - FIRST,
+        "cor_speeds": float(out.cor),
+    }
+
+
+def measured(tracks: MetricTracks, ball: str) -> tuple[dict[str, float], dict[str, float]]:
+    inputs = gather_inputs(Setup(), ball, None)
+    impact = find_impact(tracks, inputs)
+    values = derived_values(impact, inputs)
+    std = np.sqrt(np.diag(random_covariance(impact, inputs)))
+    return dict(zip(DERIVED, values, strict=True)), dict(zip(DERIVED, std, strict=True))
+
+
+@pytest.mark.parametrize(("ball", "backswing"), STROKES)
+def test_clean_tracks_give_the_stroke_back(ball: str, backswing: float) -> None:
+    scene, shot = known_stroke(ball, backswing)
+    found, _ = measured(ideal_tracks(scene, shot, Noise()), ball)
+    true = truth(shot)
+    frame = 1.0 / 600.0
+    for name in ("contact_time", "contact_start", "contact_end"):
+        assert found[name] == pytest.approx(true[name], abs=0.25 * frame), name
+    assert found["landing_time"] == pytest.approx(true["landing_time"], abs=2e-4)
+    for name in ("pendulum_speed_before", "pendulum_speed_after", "ball_speed"):
+        assert found[name] == pytest.approx(true[name], rel=1e-3), name
+    assert found["launch_angle"] == pytest.approx(true["launch_angle"], abs=0.04)
+    assert found["landing_distance"] == pytest.approx(true["landing_distance"], rel=2e-4)
+    for road in ("cor_speeds", "cor_launch", "cor_range"):
+        assert found[road] == pytest.approx(true["cor_speeds"], abs=0.004), road
+
+
+def test_the_stated_uncertainties_hold_the_errors() -> None:
+    scene, shot = known_stroke("jokku", 120.0)
+    true, z = truth(shot), []
+    for seed in range(14):
+        noisy = ideal_tracks(scene, shot, Noise(1e-4, 3e-4, 3e-3, seed))
+        found, std = measured(noisy, "jokku")
+        z.append([(found[name] - true[name]) / std[name] for name in true])
+    rms = np.sqrt(np.mean(np.square(z), axis=0))
+    assert dict(zip(true, rms < 1.7, strict=True)) == dict.fromkeys(true, True)
+    assert np.mean(np.abs(z) < 1.96) > 0.88
+
+
+def test_a_contact_shorter_than_a_frame_is_found_between_frames() -> None:
+    scene, shot = known_stroke("basketball", 60.0)
+    found, std = measured(ideal_tracks(scene, shot, Noise(), fps=75.0), "basketball")
+    assert found["contact_time"] == pytest.approx(shot.contact_time, abs=3 * std["contact_time"])
+    assert found["ball_speed"] == pytest.approx(truth(shot)["ball_speed"], rel=3e-3)
+
+
+@pytest.mark.parametrize("fps", [30.0, 60.0, 600.0])
+def test_the_flight_ends_before_the_bounce(fps: float) -> None:
+    scene, shot = known_stroke("basketball", 60.0)
+    tracks = ideal_tracks(scene, shot, Noise(), fps=fps)
+    inputs = gather_inputs(Setup(), "basketball", None)
+    end = flight_end(tracks, inputs, departure(tracks))
+    landing = shot.landing_time - FIRST
+    assert landing - 2.5 / fps < end <= landing + 1.01 / fps
+    flying = tracks.ball_time_s[tracks.ball_time_s < end]
+    assert flying[-1] <= landing
+
+
+def test_the_flight_ends_where_the_path_jumps_to_something_else() -> None:
+    scene, shot = known_stroke("jokku", 120.0)
+    tracks = ideal_tracks(scene, shot, Noise(1e-4))
+    place = tracks.ball_m.copy()
+    place[160:] = [0.1, 0.15]
+    lost = replace(tracks, ball_m=place)
+    end = flight_end(lost, gather_inputs(Setup(), "jokku", None), departure(lost))
+    assert end == pytest.approx(tracks.ball_time_s[160])
+
+
+def test_a_ghost_after_a_gap_is_not_the_flight() -> None:
+    scene, shot = known_stroke("jokku", 120.0)
+    tracks = ideal_tracks(scene, shot, Noise(1e-4), fps=200.0)
+    seen = np.r_[0:34, 70 : len(tracks.ball_m)]
+    place = tracks.ball_m[seen]
+    place[34:] = place[33]
+    ghost = replace(
+        tracks,
+        ball_frame=tracks.ball_frame[seen],
+        ball_time_s=tracks.ball_time_s[seen],
+        ball_m=place,
+        ball_cov_m2=tracks.ball_cov_m2[seen],
+    )
+    end = flight_end(ghost, gather_inputs(Setup(), "jokku", None), departure(ghost))
+    assert end == pytest.approx(70 / 200.0)
+
+
+def test_one_frame_that_is_off_does_not_end_the_flight() -> None:
+    scene, shot = known_stroke("jokku", 120.0)
+    tracks = ideal_tracks(scene, shot, Noise(1e-4))
+    place = tracks.ball_m.copy()
+    place[160] += 0.3
+    once = replace(tracks, ball_m=place)
+    inputs = gather_inputs(Setup(), "jokku", None)
+    assert flight_end(once, inputs, departure(once)) > shot.landing_time - FIRST - 0.01
+
+
+def test_a_ball_that_stays_is_no_strike() -> None:
+    scene, shot = known_stroke("jokku", 120.0)
+    tracks = ideal_tracks(scene, shot, Noise())
+    still = replace(tracks, ball_m=np.tile(tracks.rest_m, (len(tracks.ball_m), 1)))
+    with pytest.raises(NotFoundError, match="never leaves its rest"):
+        find_impact(still, gather_inputs(Setup(), "jokku", None))
+
+
+def test_what_swings_on_an_arc_does_not_fly() -> None:
+    scene, shot = known_stroke("jokku", 120.0)
+    tracks = ideal_tracks(scene, shot, Noise())
+    turn = 5.0 * np.clip(tracks.ball_time_s + FIRST, 0.0, None)
+    arc = 0.6 * np.stack([np.sin(turn), 1.0 - np.cos(turn)], axis=1)
+    swinging = replace(tracks, ball_m=tracks.rest_m + arc, pivot_m=None)
+    inputs = replace(gather_inputs(Setup(), "jokku", None), fall=None)
+    with pytest.raises(NotFoundError, match="does not fly"):
+        find_impact(swinging, inputs)
+
+
+def test_a_mass_too_slow_to_have_struck_the_ball_is_refused() -> None:
+    scene, shot = known_stroke("basketball", 60.0)
+    tracks = ideal_tracks(scene, shot, Noise())
+    middle = float(tracks.swing_rad[np.argmin(np.abs(tracks.swing_time_s + FIRST))])
+    slowed = replace(tracks, swing_rad=middle + 0.6 * (tracks.swing_rad - middle))
+    impact = find_impact(slowed, gather_inputs(Setup(), "basketball", None))
+    assert impact.contact is None
+    assert "--mass-at" in impact.reason
+
+
+def test_a_mass_followed_by_its_near_side_gives_the_speeds_of_its_middle() -> None:
+    scene, shot = known_stroke("jokku", 120.0)
+    ideal = ideal_tracks(scene, shot, Noise())
+    assert ideal.pivot_m is not None
+    eye = np.array([0.8, -0.1, 3.5])
+    inputs = gather_inputs(Setup(), "jokku", None)
+    half = 0.5 * (inputs.pendulum.mass / STEEL) ** (1.0 / 3.0)
+    larger = 1.0 + NEAR_SHARE * half / eye[2]
+    pivot = eye[:2] + larger * (ideal.pivot_m - eye[:2])
+    phi = truth(shot)["contact_start"]
+    normal_at = float(np.interp(phi, ideal.swing_time_s, ideal.swing_rad))
+    shift = (pivot - ideal.pivot_m) @ [np.cos(normal_at), np.sin(normal_at)]
+    slant = float((ideal.rest_m[0] - ideal.radius_m - eye[0]) / eye[2])
+    seen = replace(
+        ideal,
+        pivot_m=pivot,
+        eye_m=eye,
+        face_slant=slant,
+        middle_lead_m=ideal.middle_lead_m - shift,
+        lead_m=ideal.middle_lead_m - shift - slant * half,
+    )
+    found, _ = measured(seen, "jokku")
+    blind, _ = measured(replace(seen, eye_m=None), "jokku")
+    true = truth(shot)
+    for name in ("pendulum_speed_before", "pendulum_speed_after", "cor_speeds"):
+        assert found[name] == pytest.approx(true[name], rel=2e-3), name
+    assert blind["pendulum_speed_before"] / true["pendulum_speed_before"] > 1.004

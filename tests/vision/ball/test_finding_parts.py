@@ -1,0 +1,180 @@
+import numpy as np
+import pytest
+
+from tests.vision.ball.painted import exposed, wall, with_ball
+from vision.ball.circles import Circles, find_circles
+from vision.ball.linking import link_circles
+from vision.ball.rest import find_rest
+from vision.pendulum.arc import fit_arc
+from vision.scene.alignment import Aligner, warp_to_scene
+from vision.scene.background import brightness, estimate_background
+from vision.scene.stack import densest, sorted_stack
+
+
+def _film(places: list[tuple[float, float]], flicker: float = 0.0) -> list[np.ndarray]:
+    scene = wall(80, 160)
+    return [
+        exposed(with_ball(scene, place, 9.0), 1.5, i, 1.0 + flicker * (i % 2)).astype(np.float32)
+        for i, place in enumerate(places)
+    ]
+
+
+def test_a_ball_that_rests_for_most_of_the_clip_is_not_background() -> None:
+    places = [(40.0, 40.0)] * 34 + [(55.0 + 12 * i, 40.0) for i in range(8)] + [(300.0, 40.0)] * 6
+    background = estimate_background(_film(places))
+    bare = exposed(wall(80, 160), 0.0, 0).astype(float)
+    assert np.abs(background.image - bare)[32:49, 32:49].mean() < 2.0
+
+
+def test_flicker_does_not_blur_the_background() -> None:
+    background = estimate_background(_film([(20.0 + 5 * i, 40.0) for i in range(28)], 0.2))
+    bare = exposed(wall(80, 160), 0.0, 0).astype(np.float32)
+    gain = brightness(background.image, bare, 1.0)
+    assert np.median(np.abs(background.image / gain - bare)) < 1.5
+
+
+def test_noise_is_estimated_from_the_clip() -> None:
+    background = estimate_background(_film([(20.0 + 5 * i, 40.0) for i in range(28)]))
+    assert float(np.median(background.noise)) == pytest.approx(1.7, abs=0.5)
+
+
+def test_a_moved_camera_is_registered_to_a_few_hundredths_of_a_pixel() -> None:
+    big = exposed(wall(140, 220), 0.0, 0).astype(np.float32)
+    rng = np.random.default_rng(1)
+    scene = np.ascontiguousarray(big[20:120, 20:200])
+    moved = big[17:117, 25:205] + rng.normal(0, 1.5, (100, 180))
+    view = Aligner(scene, 1.5).view(np.asarray(moved, dtype=np.float32))
+    assert view.shift_px == pytest.approx([-5.0, 3.0], abs=0.05)
+    back = warp_to_scene(np.asarray(moved, dtype=np.float32), view)
+    assert np.abs(back - scene)[10:-10, 10:-10].mean() < 3.0
+
+
+def test_brightness_ignores_what_stands_in_front() -> None:
+    scene = exposed(wall(80, 160), 0.0, 0).astype(np.float32)
+    frame = scene * np.float32(1.1)
+    frame[:, :50] = 10
+    assert brightness(frame, scene, 1.0) == pytest.approx(1.1, abs=0.005)
+
+
+@pytest.mark.parametrize("radius", [3.0, 5.5, 12.0, 24.0])
+def test_circles_of_all_sizes_are_found(radius: float) -> None:
+    scene = wall(120, 200)
+    gray = exposed(with_ball(scene, (90.3, 61.7), radius), 1.0, 0).astype(np.float32)
+    found = find_circles(
+        gray, exposed(scene, 0.0, 0).astype(np.float32), np.full((120, 200), 1.2, np.float32)
+    )
+    assert found.centre_px[0] == pytest.approx([90.3, 61.7], abs=0.5)
+    assert found.radius_px[0] == pytest.approx(radius, rel=0.15)
+
+
+def test_an_even_shadow_is_worth_less_than_a_ball() -> None:
+    scene = exposed(wall(120, 200), 0.0, 0).astype(np.float32)
+    y, x = np.mgrid[0:120, 0:200]
+    gray = np.where(np.hypot(x - 150, y - 60) < 14, 0.6 * scene, scene).astype(np.float32)
+    ball = exposed(with_ball(wall(120, 200), (60.0, 60.0), 12.0), 0.0, 0).astype(np.float32)
+    gray[:, :100] = ball[:, :100]
+    found = find_circles(gray, scene, np.full((120, 200), 1.2, np.float32))
+    shadow = np.hypot(*(found.centre_px - [150, 60]).T) < 4
+    thing = np.hypot(*(found.centre_px - [60, 60]).T) < 4
+    assert found.sharpness[thing].max() > 2 * found.sharpness[shadow].max()
+
+
+def test_two_balls_that_collide_keep_their_names() -> None:
+    frames = np.arange(40)
+    circles = []
+    for frame in frames:
+        striker = (20.0 + 3.0 * min(frame, 20), 50.0)
+        target = (98.0 + 3.0 * max(frame - 20, 0), 50.0)
+        circles.append(
+            Circles(
+                np.array([striker, target]), np.full(2, 9.0), np.full(2, 0.95), np.full(2, 60.0)
+            )
+        )
+    paths = link_circles(frames, circles)
+    ends = sorted((path.centre_px[0][0], path.centre_px[-1][0]) for path in paths[:2])
+    assert ends == [(20.0, 80.0), (98.0, 155.0)]
+
+
+def test_rest_ends_when_the_ball_leaves() -> None:
+    frame = np.arange(60)
+    centre = np.column_stack(
+        [np.where(frame < 30, 50.0, 50.0 + 2.0 * (frame - 29)), np.full(60, 20.0)]
+    )
+    centre += np.random.default_rng(0).normal(0, 0.02, centre.shape)
+    rest = find_rest(frame, centre, 10.0)
+    assert rest is not None
+    assert abs(rest.last - 29) <= 1
+    assert rest.direction == pytest.approx([1.0, 0.0], abs=0.02)
+
+
+def test_no_rest_in_a_throw() -> None:
+    frame = np.arange(40)
+    assert find_rest(frame, np.column_stack([3.0 * frame, 0.1 * frame**2]), 10.0) is None
+
+
+def test_turns_help_to_the_pivot_of_a_short_arc() -> None:
+    angle = np.linspace(-0.15, 0.15, 40)
+    points = np.column_stack([100 + 80 * np.sin(angle), 20 + 80 * np.cos(angle)])
+    points += np.random.default_rng(2).normal(0, 0.08, points.shape)
+    turns = -angle + np.random.default_rng(3).normal(0, 0.002, 40)
+    arc, by_points = fit_arc(points, turns), fit_arc(points)
+    assert arc is not None
+    assert by_points is not None
+    assert arc.centre_px == pytest.approx([100.0, 20.0], abs=4.0)
+    assert abs(arc.radius_px - 80.0) < abs(by_points.radius_px - 80.0)
+
+
+def test_turns_that_drift_do_not_bend_the_arc() -> None:
+    angle = np.linspace(-0.3, 0.3, 60)
+    points = np.column_stack([100 + 80 * np.sin(angle), 20 + 80 * np.cos(angle)])
+    points += np.random.default_rng(2).normal(0, 0.05, points.shape)
+    arc = fit_arc(points, -0.6 * angle)
+    assert arc is not None
+    assert arc.radius_px == pytest.approx(80.0, abs=3.0)
+
+
+def test_points_on_a_line_have_no_pivot_to_speak_of() -> None:
+    arc = fit_arc(np.column_stack([np.arange(4.0), np.arange(4.0)]))
+    assert arc is None
+
+
+def test_the_level_about_which_most_crowd_is_taken_though_others_are_seen_more_often() -> None:
+    rng = np.random.default_rng(0)
+    still = rng.normal(12_000, 30, (16, 8, 8))
+    passing = rng.uniform(2_000, 30_000, (24, 8, 8))
+    levels = np.concatenate([passing, still]).astype(np.uint16)
+    found = densest(sorted_stack(list(levels)), 0.35)
+    assert found == pytest.approx(np.full((8, 8), 12_000.0), abs=60)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 13, 45])
+def test_pictures_are_sorted_pixel_by_pixel(count: int) -> None:
+    levels = np.random.default_rng(count).integers(0, 9_999, (count, 6, 7)).astype(np.uint16)
+    assert np.array_equal(np.stack(sorted_stack(list(levels))), np.sort(levels, axis=0))
+
+
+def test_a_swinging_thing_of_one_colour_leaves_no_ghost() -> None:
+    pictures = []
+    for index in range(45):
+        scene = wall(80, 160)
+        left = int(60 + 40 * np.sin(0.29 * index))
+        scene[30:50, left : left + 24] = 0.1
+        pictures.append(exposed(scene, 1.5, index).astype(np.float32))
+    background = estimate_background(pictures)
+    bare = exposed(wall(80, 160), 0.0, 0).astype(float)
+    assert np.mean(np.abs(background.image - bare)[30:50] > 10.0) < 0.03
+
+
+def test_a_panelled_ball_as_bright_as_the_wall_is_seen_whole() -> None:
+    scene = wall(120, 200)
+    light = with_ball(scene, (100.0, 60.0), 20.0, albedo=1.1)
+    y, x = np.mgrid[0:120, 0:200]
+    for dx, dy in ((-9.0, -4.0), (8.0, -6.0), (0.0, 10.0)):
+        light = np.where(np.hypot(x - 100 - dx, y - 60 - dy) < 5.0, 0.12, light)
+    empty = exposed(scene, 0.0, 0).astype(np.float32)
+    found = find_circles(
+        exposed(light, 1.0, 1).astype(np.float32), empty, np.full(empty.shape, 1.2, np.float32)
+    )
+    best = int(np.argmax(found.coverage * np.sqrt(found.radius_px)))
+    assert found.radius_px[best] == pytest.approx(20.0, abs=1.5)
+    assert found.centre_px[best] == pytest.approx([100.0, 60.0], abs=1.5)

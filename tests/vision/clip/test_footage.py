@@ -1,0 +1,69 @@
+import tracemalloc
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from vision import footage
+from vision.clip.footage import Footage
+from vision.clip.info import Frame
+from vision.scene.scene import Scene
+
+
+class LongClip:
+    """Frames made on demand, as many as wanted; counts how many were decoded."""
+
+    def __init__(self, count: int, height: int, width: int) -> None:
+        self._count, self._shape = count, (height, width)
+        rng = np.random.default_rng(0)
+        self._wall = rng.integers(90, 110, self._shape).astype(np.uint8)
+        self.decoded = 0
+
+    def frames(self, start: int = 0, stop: int | None = None) -> Iterator[Frame]:
+        for index in range(self._count if stop is None else min(stop, self._count)):
+            self.decoded += 1
+            if index >= start:
+                picture = self._wall.copy()
+                picture[20:30, index % 100 : index % 100 + 10] = 200
+                yield Frame(index, index / 30.0, picture)
+
+
+def test_frames_of_a_long_clip_are_the_same_as_those_of_a_short_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clip = LongClip(60, 40, 120)
+    held = Footage(clip)  # type: ignore[arg-type]
+    monkeypatch.setattr(footage, "_HELD_BYTES", 10_000)
+    monkeypatch.setattr(footage, "_BLOCK_BYTES", 50_000)
+    decoded = Footage(clip)  # type: ignore[arg-type]
+    for wanted in ([3], [58, 59], list(range(0, 60, 7))):
+        indices = np.array(wanted)
+        for (one, here), (other, there) in zip(
+            held.frames(indices), decoded.frames(indices), strict=True
+        ):
+            assert one == other
+            assert np.array_equal(here, there)
+
+
+def test_stepping_back_through_a_long_clip_does_not_decode_it_for_each_frame(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(footage, "_HELD_BYTES", 10_000)
+    monkeypatch.setattr(footage, "_BLOCK_BYTES", 40 * 40 * 120)
+    clip = LongClip(200, 40, 120)
+    decoded = Footage(clip)  # type: ignore[arg-type]
+    clip.decoded = 0
+    for index in range(180, 100, -1):
+        next(decoded.frames(np.array([index])))
+    assert clip.decoded < 8 * 200
+
+
+@pytest.mark.slow
+def test_memory_does_not_grow_with_the_length_of_a_full_hd_clip() -> None:
+    clip = LongClip(18_000, 1080, 1920)
+    tracemalloc.start()
+    scene = Scene(Footage(clip))  # type: ignore[arg-type]
+    scene.picture(9_000)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 400_000_000

@@ -1,0 +1,1 @@
+"""The ball: candidates among what moved, joined into paths, chosen, and followed."""

@@ -1,0 +1,300 @@
+"""The ball, frame by frame: from a rough path to a fitted outline in each frame that shows it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.ball.linking import Path
+from vision.ball.outline.cutout import Cutouts, Wanted, cut_out, ring_widths
+from vision.ball.outline.edge_profile import EdgeProfile
+from vision.ball.outline.fits import OutlineFits, joined, nothing_found
+from vision.ball.outline.outline import FitRules, Start, fit_outlines
+from vision.ball.outline.voted import voted_outlines
+from vision.scene.scene import Scene
+
+__all__ = ["SMALL_RADIUS", "BallFits", "follow_ball"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+BoolArray = NDArray[np.bool_]
+
+_LEAST_CONTRAST = 0.35
+# Balls smaller than this are too few pixels for the outline model; the circle of their edges is
+# used.
+SMALL_RADIUS = 6.0
+_LOST_AFTER = 4
+_AHEAD = 8
+# An outline of which so much less stands out than usual is looked at twice.
+_DIM = 0.8
+_PATH_FRAMES = 12
+_OFF_PATH = 0.08
+# From a guess as near as this the sharp edge is found.
+_NEAR_PX = 1.5
+_SAME_START = 0.05
+
+
+@dataclass(frozen=True)
+class BallFits:
+    """Outline fits of one ball in time order.
+
+    Attributes
+    ----------
+    frame : (N,) int array
+        Frame indices.
+    fits : OutlineFits
+        One row per frame, in scene coordinates.
+    """
+
+    frame: IntArray
+    fits: OutlineFits
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    @property
+    def centre(self) -> FloatArray:
+        """Centres (N, 2), px."""
+        return self.fits.centre
+
+    @property
+    def radius(self) -> FloatArray:
+        """Radii (N,), px."""
+        return self.fits.radius
+
+    def at(self, places: IntArray | BoolArray) -> "BallFits":
+        """Some of the rows."""
+        return BallFits(self.frame[places], self.fits.at(places))
+
+
+def follow_ball(scene: Scene, path: Path) -> BallFits:
+    """Fit the ball along a path, between its looks, and beyond both ends for as long as it is seen.
+
+    Parameters
+    ----------
+    scene : Scene
+        Footage with its static scene.
+    path : Path
+        Where the ball was in some frames.
+
+    Returns
+    -------
+    BallFits
+        With radius free; for later refinement.
+    """
+    search = _Search(scene, path.radius)
+    inside = np.arange(int(path.frame[0]), int(path.frame[-1]) + 1)
+    guess = np.column_stack(
+        [np.interp(inside, path.frame, path.centre_px[:, axis]) for axis in (0, 1)]
+    )
+    near_look = np.isin(inside, np.add.outer(path.frame, (-1, 0, 1)))
+    fits = search.run(inside, guess, near_look)
+    found = BallFits(inside, fits).at(fits.found)
+    found = found.at(_plausible(found, path.radius))
+    table = _Table(scene.count, _gaps_filled(search, found, inside))
+    for direction in (-1, 1):
+        _extend(scene, search, table, direction)
+    found = table.rows()
+    return found if path.radius < SMALL_RADIUS else _reconsidered(search, found)
+
+
+def _gaps_filled(search: "_Search", found: BallFits, inside: IntArray) -> BallFits:
+    """Look once more, between their neighbours, for frames in which nothing plausible was found."""
+    missing = np.setdiff1d(inside, found.frame)
+    if len(missing) == 0 or len(found) < 2:
+        return found
+    guess = np.column_stack(
+        [np.interp(missing, found.frame, found.centre[:, axis]) for axis in (0, 1)]
+    )
+    fits = search.run(missing, guess, np.zeros(len(missing), dtype=bool), afar=True)
+    more = BallFits(missing, fits).at(fits.found)
+    order = np.argsort(np.concatenate([found.frame, more.frame]), kind="stable")
+    every = BallFits(np.concatenate([found.frame, more.frame]), joined([found.fits, more.fits]))
+    every = every.at(order)
+    return every.at(_plausible(every, search.radius))
+
+
+def _reconsidered(search: "_Search", found: BallFits) -> BallFits:
+    """Look again where a dim outline leaves the path of the frames before it.
+
+    Over its own shadow on the floor a ball's edge is easily taken for the shadow's.
+    """
+    fits, frame = found.fits, found.frame
+    clear = fits.contrast >= _DIM * np.median(fits.contrast)
+    for place in np.nonzero(~clear)[0]:
+        before = np.nonzero(clear[:place])[0][-_PATH_FRAMES:]
+        if len(before) < _PATH_FRAMES or frame[place] - frame[before[0]] > 2 * _PATH_FRAMES:
+            continue
+        time = (frame[before] - frame[place]).astype(np.float64)
+        ahead = np.asarray(np.polyfit(time, fits.centre[before], 2)[2])
+        away = float(np.hypot(*(fits.centre[place] - ahead)))
+        if away > _OFF_PATH * search.radius + 1.0:
+            row = np.array([place])
+            again = search.run(frame[row], ahead[None], np.zeros(1, dtype=bool))
+            nearer = float(np.hypot(*(again.centre[0] - ahead)))
+            if again.found[0] and nearer < 0.5 * away:
+                fits.put(row, again)
+                away = nearer
+        clear[place] = away <= _OFF_PATH * search.radius
+    return found
+
+
+class _Search:
+    """Fits coarse, then fine; where a start was too far off, votes for the circle nearby first."""
+
+    def __init__(self, scene: Scene, radius: float) -> None:
+        self._scene = scene
+        self.radius = radius
+        inner, outer = ring_widths(radius)
+        self._coarse = EdgeProfile(radius, max(0.6, 0.12 * radius), 0.0)
+        self._sharp = EdgeProfile(radius, 0.6, 0.0)
+        self._fine_rules = FitRules(3, 0.1 * radius, inner, outer, 6, 0.05)
+        self._coarse_rules = replace(
+            self._fine_rules, inner=1.6 * inner, outer=1.6 * outer, iterations=6, tolerance=0.05
+        )
+        self._reach = radius + 1.6 * outer + min(6.0, 0.4 * radius) + 2.0
+
+    def run(
+        self, frame: IntArray, guess: FloatArray, trusted: BoolArray, *, afar: bool = False
+    ) -> OutlineFits:
+        """Outlines near the guesses; a trusted guess stands for itself where nothing fits.
+
+        With `afar`, no guess is taken to be near enough for the sharp edge to be felt.
+        """
+        if self.radius < SMALL_RADIUS:
+            return voted_outlines(self._scene, frame, guess, self.radius)
+        fits = self._fitted(frame, guess, afar)
+        lost = np.nonzero(~fits.found)[0]
+        if len(lost):
+            voted = voted_outlines(self._scene, frame[lost], guess[lost], self.radius)
+            again = self._fitted(frame[lost], voted.centre, True)
+            again.found[:] &= voted.found
+            # A ball too smeared for the outline model is still where its circle was found.
+            stays = trusted[lost] & ~again.found
+            again.put(stays, voted.at(stays))
+            fits.put(lost, again)
+        return fits
+
+    def _fitted(self, frame: IntArray, guess: FloatArray, afar: bool) -> OutlineFits:
+        fits = nothing_found(len(frame))
+        for part, pieces in cut_out(self._scene, Wanted(frame, guess, self._reach)):
+            places, start = np.arange(part.start, part.stop), _round_start(guess[part], self.radius)
+            fits.put(places, (self._from_afar if afar else self._from_near)(pieces, start))
+        return fits
+
+    def _from_near(self, pieces: Cutouts, start: Start) -> OutlineFits:
+        """Fit with a sharp edge at once; from afar only what looks as if it needs it."""
+        fine = fit_outlines(pieces, self._sharp, start, self._fine_rules)
+        fine.found[:] &= self._believable(fine, start.centre)
+        again = np.nonzero(_doubtful(fine, start.centre))[0]
+        if len(again):
+            fine.put(again, self._from_afar(pieces.at(again), start.at(again)))
+        return fine
+
+    def _from_afar(self, pieces: Cutouts, start: Start) -> OutlineFits:
+        """Fit with a soft edge, which is felt from further off, and then with a sharp one."""
+        radius = self.radius
+        coarse = fit_outlines(pieces, self._coarse, start, self._coarse_rules)
+        centre = np.where(coarse.found[:, None], coarse.centre, start.centre)
+        size = np.where(coarse.found, coarse.radius, radius)
+        better = _round_start(centre, np.clip(size, 0.85 * radius, 1.15 * radius))
+        fine = fit_outlines(pieces, self._sharp, better, self._fine_rules)
+        fine.found[:] &= coarse.found & self._believable(fine, start.centre)
+        return fine
+
+    def _believable(self, fits: OutlineFits, guess: FloatArray) -> BoolArray:
+        swollen = np.abs(np.log(np.maximum(fits.radius, 0.1) / self.radius))
+        moved = np.hypot(*(fits.centre - guess).T)
+        clear = fits.contrast >= _LEAST_CONTRAST
+        return np.asarray(clear & (swollen < 0.2) & (moved < 0.8 * self.radius))
+
+
+def _doubtful(fits: OutlineFits, guess: FloatArray) -> BoolArray:
+    """Whether a fit may have settled on a panel or a shadow near the guess."""
+    away = np.hypot(*(fits.centre - guess).T)
+    doubtful = ~fits.found | (away > _NEAR_PX)
+    if len(fits) >= _AHEAD:
+        doubtful |= fits.contrast < 0.8 * np.median(fits.contrast)
+        doubtful |= fits.misfit > 1.4 * np.median(fits.misfit)
+    return np.asarray(doubtful)
+
+
+def _round_start(centre: FloatArray, radius: float | FloatArray) -> Start:
+    shape = np.zeros((len(centre), 3))
+    shape[:, 0] = radius
+    return Start(centre, shape, np.zeros((len(centre), 2)))
+
+
+def _plausible(found: BallFits, radius: float) -> BoolArray:
+    """Leave out fits that leap off the path of their neighbours and back."""
+    count = len(found)
+    if count < 5:
+        return np.ones(count, dtype=bool)
+    places = np.arange(count)[:, None] + np.array([-3, -2, -1, 1, 2, 3])
+    known = (places >= 0) & (places < count)
+    near = found.centre[np.clip(places, 0, count - 1)]
+    near[~known] = np.nan
+    expected = np.nanmedian(near, axis=1)
+    span = np.nanmedian(np.abs(near - expected[:, None]), axis=1)
+    near_by = np.abs(found.centre - expected) <= 3.0 * span + 0.3 * radius + 1.0
+    return np.asarray(np.all(near_by, axis=1))
+
+
+class _Table:
+    """Fits by frame index, found or not yet."""
+
+    def __init__(self, count: int, known: BallFits) -> None:
+        self.fits = nothing_found(count)
+        self.fits.put(known.frame, known.fits)
+
+    def known(self, direction: int, most: int) -> IntArray:
+        """The outermost known frames in one direction, in time order."""
+        known = np.nonzero(self.fits.found)[0]
+        return known[-most:] if direction > 0 else known[:most]
+
+    def rows(self) -> BallFits:
+        """What is known, in time order."""
+        known = np.nonzero(self.fits.found)[0]
+        return BallFits(known, self.fits.at(known))
+
+
+def _extend(scene: Scene, search: _Search, table: _Table, direction: int) -> None:
+    """Go on from one end until the ball is lost, a few frames predicted at a time."""
+    known = table.known(direction, 2)
+    if len(known) < 2:
+        return
+    missed, frame = 0, int(known[-1 if direction > 0 else 0]) + direction
+    while 0 <= frame < scene.count and missed < _LOST_AFTER:
+        block = frame + direction * np.arange(_AHEAD if missed == 0 else 1)
+        block = block[(block >= 0) & (block < scene.count)]
+        guess = np.array([_predicted(table, direction, int(index))[0] for index in block])
+        inside = np.all((guess >= 0) & (guess < [scene.shape[1], scene.shape[0]]), axis=1)
+        if not inside[0]:
+            return
+        block, guess = block[inside], guess[inside]
+        order = np.argsort(block)
+        nothing = np.zeros(len(block), dtype=bool)
+        fits = search.run(block[order], guess[order], nothing, afar=True)
+        for row, index in enumerate(block.tolist()):
+            start, speed = _predicted(table, direction, index)
+            if row and np.hypot(*(guess[row] - start)) > _SAME_START * search.radius:
+                # Predicted from too far back: once more, from its neighbours.
+                break
+            fit = fits.at(np.argsort(order)[row : row + 1])
+            away = float(np.hypot(*(fit.centre[0] - start)))
+            frame = index + direction
+            if not fit.found[0] or away > 0.4 * search.radius + 0.3 * speed:
+                missed += 1
+                break
+            table.fits.put(np.array([index]), fit)
+            missed = 0
+
+
+def _predicted(table: _Table, direction: int, index: int) -> tuple[FloatArray, float]:
+    """Where the last few frames lead, and the speed there, px per frame."""
+    known = table.known(direction, 4)
+    time = (known - index).astype(np.float64)
+    centre = table.fits.centre[known]
+    slope = (centre[-1] - centre[0]) / (time[-1] - time[0])
+    end = -1 if direction > 0 else 0
+    return centre[end] - slope * time[end], float(np.hypot(*slope))

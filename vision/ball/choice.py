@@ -1,0 +1,156 @@
+"""Which of the round things that moved is the ball."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.ball.linking import Path
+
+__all__ = ["Choice", "choose_ball", "rivals", "trimmed"]
+
+FloatArray = NDArray[np.float64]
+
+# A thing that came less far than this (in radii) only wobbles: a swinging scale, a codec's blocks.
+_LEAST_TRAVEL = 2.0
+_RADIUS_TOLERANCE = 0.3
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The ball's path, other candidates', and whether the choice was close.
+
+    Attributes
+    ----------
+    ball : Path
+        The one chosen.
+    others : tuple of Path
+        Other round things that travelled and are about as clear, best first.
+    struck : bool
+        Whether another of them met it while it lay still.
+    """
+
+    ball: Path
+    others: tuple[Path, ...]
+    struck: bool
+
+
+def trimmed(path: Path) -> Path:
+    """Leave out candidates whose radius is not that of the clearest ones."""
+    # a panel or a highlight inside the ball is round too: what counts is the length of edge seen
+    worth = path.coverage**2 * np.log1p(path.sharpness) * path.radius_px**2
+    order = np.argsort(np.log(path.radius_px))
+    half = np.searchsorted(np.cumsum(worth[order]), 0.5 * worth.sum())
+    typical = path.radius_px[order[min(half, len(order) - 1)]]
+    keep = np.abs(np.log(path.radius_px / typical)) < _RADIUS_TOLERANCE
+    keep &= path.sharpness > 0.3 * np.median(path.sharpness[keep])
+    return Path(
+        path.frame[keep],
+        path.centre_px[keep],
+        path.radius_px[keep],
+        path.coverage[keep],
+        path.sharpness[keep],
+    )
+
+
+def choose_ball(paths: list[Path], at: tuple[float, float, int | None] | None) -> Choice | None:
+    """Choose the ball: clear all around, far-travelled, long in view; or what the user points at.
+
+    Of several alike, it is the one that lay still and was met by another.
+
+    Parameters
+    ----------
+    paths : list of Path
+        What was linked.
+    at : tuple, optional
+        x, y (px) and frame (or None) of a point on the ball.
+
+    Returns
+    -------
+    Choice or None
+        None if nothing round moved.
+    """
+    clean = [trimmed(path) for path in paths]
+    if at is not None:
+        near = [path for path in clean if len(path.frame) >= 2 and _passes(path, at)]
+        if not near:
+            return None
+        ball = min(near, key=lambda path: _gap(path, at))
+        return Choice(
+            ball, tuple(path for path in clean if path is not ball and _moves(path)), False
+        )
+    moving = [path for path in clean if _moves(path)]
+    if not moving:
+        return None
+    ranked = sorted(moving, key=_score, reverse=True)
+    best = ranked[0]
+    alike = [path for path in ranked if path is best or _alike(path, best)]
+    for path in alike:
+        if any(_met_at_rest(path, other) for other in alike if other is not path):
+            others = tuple(other for other in alike if other is not path)
+            return Choice(path, others, True)
+    return Choice(best, tuple(alike[1:]), False)
+
+
+def rivals(paths: list[Path]) -> list[Path]:
+    """The clearest path of something that moves, and those that might be taken for it."""
+    moving = [path for path in (trimmed(path) for path in paths) if _moves(path)]
+    if not moving:
+        return []
+    best = max(moving, key=_score)
+    return [path for path in moving if path is best or _alike(path, best)]
+
+
+def _moves(path: Path) -> bool:
+    return len(path.frame) >= 4 and path.travel >= _LEAST_TRAVEL
+
+
+def _score(path: Path) -> float:
+    far = np.log1p(min(path.travel, 30.0))
+    steady = 1.0 / (1.0 + 10.0 * float(np.std(np.log(path.radius_px))))
+    size = np.sqrt(path.radius)
+    return float(size * path.clarity * far * np.sqrt(len(path.frame)) * steady * _smoothness(path))
+
+
+def _smoothness(path: Path) -> float:
+    """1 for motion that runs on, 0 for a hand's or a blob's jitter."""
+    if len(path.frame) < 5:
+        return 0.7
+    step = np.diff(path.centre_px, axis=0) / np.diff(path.frame)[:, None]
+    speed = float(np.median(np.hypot(*step.T)))
+    bend = float(np.median(np.hypot(*np.diff(step, axis=0).T)))
+    return 1.0 / (1.0 + bend / (speed + 0.02 * path.radius))
+
+
+def _alike(path: Path, best: Path) -> bool:
+    same_size = abs(np.log(path.radius / best.radius)) < 0.2
+    return bool(
+        same_size and path.clarity > 0.5 * best.clarity and _score(path) > 0.2 * _score(best)
+    )
+
+
+def _met_at_rest(path: Path, other: Path) -> bool:
+    """Whether `path` lay still until `other` touched it."""
+    start = path.centre_px[: max(3, len(path.frame) // 10)].mean(axis=0)
+    away = np.hypot(*(path.centre_px - start).T)
+    moved = np.nonzero(away > 0.7 * path.radius)[0]
+    if len(moved) == 0 or moved[0] < 2:
+        return False
+    departure = path.frame[moved[0]]
+    gap = np.hypot(*(other.centre_px - start).T)
+    beside = np.abs(other.frame - departure) <= max(3, int(np.median(np.diff(path.frame))) * 3)
+    own_start = other.centre_px[: max(3, len(other.frame) // 10)].mean(axis=0)
+    came = np.hypot(*(own_start - start)) > 2.5 * path.radius
+    return bool(np.any(beside) and gap[beside].min() < 3.2 * path.radius and came)
+
+
+def _passes(path: Path, at: tuple[float, float, int | None]) -> bool:
+    return _gap(path, at) < 1.5 * path.radius
+
+
+def _gap(path: Path, at: tuple[float, float, int | None]) -> float:
+    distance = np.hypot(path.centre_px[:, 0] - at[0], path.centre_px[:, 1] - at[1])
+    if at[2] is not None:
+        nearest = int(np.argmin(np.abs(path.frame - at[2])))
+        return float(distance[max(0, nearest - 1) : nearest + 2].min())
+    return float(distance.min())

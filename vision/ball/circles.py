@@ -1,0 +1,341 @@
+"""Round things among what moved: circles voted for by the edges that the static scene lacks.
+
+Each edge pixel of the difference image votes for the centres that lie a radius away along its
+gradient,
+on both sides, since a panelled ball is brighter than the wall here and darker there. The vote is
+taken at several picture scales, so that one short list of radii covers balls of 5 to 200 pixels.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import reduce
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.ball.circle_relations import Circle, middle, panel_of, part_of, rank, same, shown
+from vision.ball.outline.edge_points import EdgePoints, edge_points, places
+
+__all__ = ["Circles", "find_circles"]
+
+FloatImage = NDArray[np.float32]
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+# Radii at each scale, px of that scale; an octave, so that the scales join without a gap.
+_RADII = np.array([2.6, 3.0, 3.5, 4.0, 4.6, 5.3])
+_COARSE_RADII = np.array([3.5, 4.0, 4.6, 5.3, 6.1, 7.0])
+_SECTORS = 16
+_FEWEST_EDGES = 8
+# A change of so many units of noise is a change for certain; how strong it is no longer counts, so
+# that a ball's panels and its shading vanish, and its outline stays.
+_CHANGED = 12.0
+# A level of fewer pixels than this is searched whole.
+_SMALL_LEVEL = 20_000
+# Mean change of a cell of a few pixels, in units of a pixel's noise, that may belong to an edge of
+# 6 units: far above that mean's own noise.
+_STIRRED = 1.5
+_SUBSTANCE_RADIUS = 10.0
+_BOTH_SIDES = np.array([[-1.0], [1.0]], dtype=np.float32)
+
+
+@dataclass(frozen=True)
+class Circles:
+    """Circle candidates of one frame, best first.
+
+    Attributes
+    ----------
+    centre_px : (N, 2) array
+        Centres, px.
+    radius_px : (N,) array
+        Radii, px.
+    coverage : (N,) array
+        Part of the outline with an edge along it, 0 to 1.
+    sharpness : (N,) array
+        Mean edge steepness along the outline, in units of what the picture noise alone gives.
+    """
+
+    centre_px: FloatArray
+    radius_px: FloatArray
+    coverage: FloatArray
+    sharpness: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.radius_px)
+
+
+def find_circles(
+    picture: FloatImage,
+    expected: FloatImage,
+    noise: FloatImage,
+    *,
+    radii: tuple[float, float] | None = None,
+    most: int = 8,
+    least_coverage: float = 0.55,
+) -> Circles:
+    """Find round things that stand before the static scene.
+
+    Parameters
+    ----------
+    picture : (H, W) float32 array
+        A frame, gray levels.
+    expected : (H, W) float32 array
+        The static scene in its brightness.
+    noise : (H, W) float32 array
+        Standard deviation of a pixel of their difference, gray levels.
+    radii : tuple of float, optional
+        Smallest and largest radius wanted, px; by default 2.5 px to a quarter of the picture
+        height.
+    most : int
+        How many candidates to return at most.
+    least_coverage : float
+        Part of the outline that must have an edge.
+
+    Returns
+    -------
+    Circles
+    """
+    low, high = radii if radii is not None else (2.5, 0.25 * min(picture.shape))
+    normalised = (picture - expected) / noise
+    changed = np.minimum(np.abs(normalised), np.float32(_CHANGED))
+    found: list[Circle] = []
+    whole: list[Circle] = []
+    for scale, wanted in _scales(low, high, min(picture.shape)):
+        level = _shrunk(normalised, scale)
+        circles, edges = _searched(level, scale, wanted, most)
+        found += [_enlarged(circle, scale) for circle in circles if circle[3] >= least_coverage]
+        if scale > 1 and radii is None:
+            circles, _ = _searched(_shrunk(changed, scale), scale, wanted, most)
+            sharp = [_resharpened(circle, edges) for circle in circles]
+            whole += [_enlarged(circle, scale) for circle in sharp if circle[3] >= least_coverage]
+    # The change grows a little beyond a soft outline: where both show a circle, it is not needed.
+    solid = [
+        circle for circle in whole if not any(shown(circle, other, normalised) for other in found)
+    ]
+    found = [circle for circle in found if not any(part_of(circle, other) for other in solid)]
+    found += solid
+    if radii is None:
+        found += _blobs(normalised, low, high)
+    else:
+        found = [circle for circle in found if 0.95 * low < circle[2] < 1.05 * high]
+    found = sorted(found, key=rank)[: 3 * most]
+    weighed = [
+        (*circle[:4], circle[4] * _substance(circle, picture, expected, noise)) for circle in found
+    ]
+    return _distinct(weighed, most)
+
+
+def _searched(
+    level: FloatImage, scale: int, radii: FloatArray, most: int
+) -> tuple[list[Circle], EdgePoints]:
+    """Circles of one scale, px of that scale, and the edges there are."""
+    voted = [
+        (edges, peaks)
+        for left, top, window in _windows(level, scale, float(radii.max()))
+        if len((edges := edge_points(window, left, top)).x) >= _FEWEST_EDGES
+        and len(peaks := _peaks(edges, left, top, window.shape, radii, most))
+    ]
+    # Of each scale only the best go on, wherever they lie.
+    support = np.concatenate([peaks[:, 3] for _, peaks in voted] or [np.zeros(0)])
+    least = float(np.sort(support)[-most]) if len(support) > most else 0.0
+    found: list[Circle] = []
+    for edges, peaks in voted:
+        found += _refined(edges, peaks[peaks[:, 3] >= least, :3])
+    columns = zip(*(vars(edges).values() for edges, _ in voted), strict=True)
+    every = [np.concatenate(column) for column in columns] or [np.zeros(0, np.float32)] * 5
+    return found, EdgePoints(*every)
+
+
+def _resharpened(circle: Circle, edges: EdgePoints) -> Circle:
+    """The same circle, as steep as the signed difference is along it."""
+    x, y, radius, coverage, sharpness = circle
+    dx, dy = edges.x - np.float32(x), edges.y - np.float32(y)
+    rho = np.maximum(np.sqrt(dx * dx + dy * dy), np.float32(1e-6))
+    near = np.abs(rho - np.float32(radius)) < max(1.0, 0.15 * radius)
+    near &= np.abs(dx * edges.nx + dy * edges.ny) > np.float32(0.85) * rho
+    turn = np.arctan2(dy[near], dx[near]) / (2 * np.pi) + 0.5
+    best = np.zeros(_SECTORS)
+    np.maximum.at(best, (turn * _SECTORS).astype(np.int64) % _SECTORS, edges.strength[near])
+    return x, y, radius, coverage, max(sharpness, float(np.mean(np.minimum(best, 200.0))))
+
+
+def _scales(low: float, high: float, size: int) -> Iterator[tuple[int, FloatArray]]:
+    """Scales at which to look, and the radii to look for at each, px of that scale."""
+    scale = 1
+    while True:
+        table = _RADII if scale == 1 else _COARSE_RADII
+        wanted = table[(table * scale >= 0.8 * low) & (table * scale <= 1.25 * high)]
+        if len(wanted):
+            yield scale, wanted
+        scale *= 2
+        if _COARSE_RADII[0] * scale > high or size // scale < 16:
+            return
+
+
+def _windows(
+    level: FloatImage, scale: int, largest: float
+) -> Iterator[tuple[int, int, FloatImage]]:
+    """The parts of a level in which something moved, with a margin of the largest radius.
+
+    Coarse levels are small and taken whole.
+    """
+    if level.size < _SMALL_LEVEL:
+        yield 0, 0, level
+        return
+    cell = 4 if scale == 1 else 2
+    coarse = np.abs(_shrunk(level, cell))
+    # A codec's errors run over many pixels: their own spread tells what is stirred.
+    usual = 7.5 * middle(coarse[::2, ::2].ravel())
+    stirred = coarse > min(max(usual, _STIRRED), 2.0 * _STIRRED)
+    reach = int(np.ceil(largest / cell)) + 1
+    grown = cv2.dilate(stirred.astype(np.uint8), np.ones((2 * reach + 1,) * 2, np.uint8))
+    count, _, boxes, _ = cv2.connectedComponentsWithStats(grown)
+    height, width = level.shape
+    for label in range(1, count):
+        left, top, wide, tall = (int(value) * cell for value in boxes[label, :4])
+        # Cells at the far edges stand for the pixels beyond the last whole cell too.
+        right = width if left + wide > width - 2 * cell else left + wide
+        bottom = height if top + tall > height - 2 * cell else top + tall
+        yield left, top, level[top:bottom, left:right]
+
+
+def _enlarged(circle: Circle, scale: int) -> Circle:
+    """A circle of a level in px of the picture."""
+    half = 0.5 * (scale - 1)
+    x, y, radius, coverage, sharpness = circle
+    return x * scale + half, y * scale + half, radius * scale, coverage, sharpness
+
+
+def _blobs(normalised: FloatImage, low: float, high: float) -> list[Circle]:
+    """Compact things whose outline is too blurred or too ragged for a circle of edges."""
+    height, width = normalised.shape
+    scale = 2 if min(height, width) >= 240 else 1
+    level = _shrunk(normalised, scale)
+    above = (np.abs(level) > 5.0 / scale).astype(np.uint8)
+    mask = cv2.morphologyEx(above, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+    count, labels, boxes, centres = cv2.connectedComponentsWithStats(mask)
+    found = []
+    for label in range(1, count):
+        left, top, wide, tall, area = (int(value) for value in boxes[label])
+        radius = float(np.sqrt(area / np.pi))
+        if not low <= radius * scale <= high or max(wide, tall) > 3.5 * radius:
+            continue
+        x, y = centres[label]
+        rows, columns = np.nonzero(labels[top : top + tall, left : left + wide] == label)
+        reach = np.hypot(columns + left - x, rows + top - y)
+        round_part = float(np.mean(reach <= 1.1 * radius))
+        if round_part < 0.8:
+            continue
+        strength = float(np.median(np.abs(level[rows + top, columns + left])))
+        half = 0.5 * (scale - 1)
+        found.append(
+            (x * scale + half, y * scale + half, radius * scale, 0.7 * round_part, strength)
+        )
+    return found
+
+
+def _substance(
+    circle: Circle, picture: FloatImage, expected: FloatImage, noise: FloatImage
+) -> float:
+    """1 for a thing, less for a shadow, which only dims what lies under it evenly."""
+    x, y, radius = circle[:3]
+    reach = 0.7 * radius
+    height, width = picture.shape
+    step = 1 + int(reach / _SUBSTANCE_RADIUS)
+    rows = slice(max(0, int(y - reach)), min(height, int(y + reach) + 2), step)
+    columns = slice(max(0, int(x - reach)), min(width, int(x + reach) + 2), step)
+    row, column = np.ogrid[rows, columns]
+    inside = (column - x) ** 2 + (row - y) ** 2 <= reach * reach
+    if np.count_nonzero(inside) < 5:
+        return 1.0
+    seen, scene = picture[rows, columns][inside], expected[rows, columns][inside]
+    ratio = middle(seen / np.maximum(scene, np.float32(1.0)))
+    if ratio > 0.97:
+        return 1.0
+    left_over = 1.4826 * middle(np.abs(seen - np.float32(ratio) * scene))
+    even = math.hypot(middle(noise[rows, columns].ravel()), 0.02 * middle(seen))
+    return min(max((left_over / (3.0 * even)) ** 2, 0.15), 1.0)
+
+
+def _shrunk(image: FloatImage, scale: int) -> FloatImage:
+    if scale == 1:
+        return image
+    size = (image.shape[1] // scale, image.shape[0] // scale)
+    trimmed = image[: size[1] * scale, : size[0] * scale]
+    return np.asarray(cv2.resize(trimmed, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
+
+
+def _peaks(
+    edges: EdgePoints, left: int, top: int, shape: tuple[int, ...], radii: FloatArray, most: int
+) -> FloatArray:
+    """Centres (x, y), radius and support of the circles that most edges of a window vote for."""
+    height, width = shape
+    margin = int(np.ceil(radii.max()))
+    rows, columns = height + 2 * margin, width + 2 * margin
+    layers = []
+    for radius in radii:
+        reach = np.float32(radius) * _BOTH_SIDES
+        x = np.rint(edges.x + reach * edges.nx).astype(np.int64) + (margin - left)
+        y = np.rint(edges.y + reach * edges.ny).astype(np.int64) + (margin - top)
+        # Edges lie inside the picture: no vote leaves the margin.
+        votes = np.bincount((y * columns + x).ravel(), minlength=rows * columns)
+        count = votes.astype(np.float32).reshape(rows, columns)
+        around = cv2.boxFilter(count, -1, (3, 3), normalize=False)
+        layers.append(around * np.float32(1.0 / (2 * np.pi * radius)))
+    best = reduce(np.maximum, layers)
+    crest = (best > 0.3) & (best == cv2.dilate(best, np.ones((3, 3), np.uint8)))
+    y, x = places(crest)
+    order = np.argsort(-best[y, x])[:most]
+    y, x = y[order], x[order]
+    radius = radii[np.argmax([layer[y, x] for layer in layers], axis=0)]
+    return np.column_stack([x - margin + left, y - margin + top, radius, best[y, x]])
+
+
+def _refined(edges: EdgePoints, start: FloatArray) -> list[Circle]:
+    """Fit circles (x, y, radius) to the edges near them, and say how much of them is covered."""
+    if len(start) == 0:
+        return []
+    circle = start.astype(np.float64)
+    alive = np.ones(len(circle), dtype=bool)
+    for _ in range(3):
+        column = circle.astype(np.float32)[:, :, None]
+        tolerance = np.maximum(np.float32(1.0), np.float32(0.15) * column[:, 2])
+        dx, dy = edges.x - column[:, 0], edges.y - column[:, 1]
+        rho = np.maximum(np.sqrt(dx * dx + dy * dy), np.float32(1e-6))
+        ux, uy = dx / rho, dy / rho
+        gap = rho - column[:, 2]
+        good = (np.abs(gap) < tolerance) & (np.abs(ux * edges.nx + uy * edges.ny) > 0.85)
+        alive &= np.count_nonzero(good, axis=1) >= 6
+        weight = np.exp(np.float32(-2.0) * (gap / tolerance) ** 2) * good
+        design = np.stack([ux, uy, np.ones_like(ux)])
+        weighted = design * weight
+        normal = np.einsum("ick,jck->cij", weighted, design) + 1e-3 * np.eye(3)
+        pull = np.einsum("ick,ck->ci", weighted, gap).astype(np.float64)
+        circle += np.linalg.solve(normal, pull[:, :, None])[:, :, 0] * alive[:, None]
+        alive &= circle[:, 2] >= 1.5
+    places = np.nonzero(weight > 0.3)
+    turn = np.arctan2(uy[places], ux[places]) / (2 * np.pi) + 0.5
+    sector = (turn * _SECTORS).astype(np.int64) % _SECTORS
+    best = np.zeros((len(circle), _SECTORS))
+    np.maximum.at(best, (places[0], sector), edges.strength[places[1]])
+    coverage = np.mean(best > 0, axis=1)
+    sharpness = np.mean(np.minimum(best, 200.0), axis=1)
+    table = np.column_stack([circle, coverage, sharpness])[alive]
+    return [(row[0], row[1], row[2], row[3], row[4]) for row in table.tolist()]
+
+
+def _distinct(found: list[Circle], most: int) -> Circles:
+    """Keep the best of those that describe the same circle."""
+    ranked = sorted(found, key=rank)
+    outer = [circle for circle in ranked if circle[3] >= 0.7]
+    ranked = [circle for circle in ranked if not any(panel_of(circle, other) for other in outer)]
+    kept: list[Circle] = []
+    for circle in ranked:
+        if not any(same(circle, other) for other in kept):
+            kept.append(circle)
+        if len(kept) == most:
+            break
+    table = np.array(kept, dtype=np.float64).reshape(-1, 5)
+    return Circles(table[:, :2], table[:, 2], table[:, 3], table[:, 4])

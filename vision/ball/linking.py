@@ -1,0 +1,220 @@
+"""Circle candidates of many frames joined into paths: the best smooth chains there are.
+
+Found by dynamic programming. The state is a pair of candidates, so that each has a velocity; a
+change
+of velocity costs, up to the price of a collision, and so does a change of radius. The best chain
+is taken out, then the next.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.ball.circles import Circles
+
+__all__ = ["Path", "link_circles"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_REACH = 3
+_COLLISION_PRICE = 1.2
+_MISS_PRICE = 0.25
+# Edges less steep than this (over noise) may be noise, and count next to nothing.
+_FAINT = 5.0
+# A ball's outline does not swell by more than this (natural logarithm) from one look to the next.
+_MOST_SWELLING = 0.45
+
+
+@dataclass(frozen=True)
+class Path:
+    """One round thing followed over the frames looked at.
+
+    Attributes
+    ----------
+    frame : (N,) int array
+        Frame indices, increasing.
+    centre_px : (N, 2) array
+        Centres, px.
+    radius_px : (N,) array
+        Radii, px.
+    coverage, sharpness : (N,) arrays
+        As in `Circles`.
+    """
+
+    frame: IntArray
+    centre_px: FloatArray
+    radius_px: FloatArray
+    coverage: FloatArray
+    sharpness: FloatArray
+
+    @property
+    def radius(self) -> float:
+        """Typical radius, px."""
+        return float(np.median(self.radius_px))
+
+    @property
+    def travel(self) -> float:
+        """How far it came, in radii."""
+        span = np.ptp(self.centre_px, axis=0)
+        return float(np.hypot(span[0], span[1]) / self.radius)
+
+    @property
+    def clarity(self) -> float:
+        """How clear the outline is: covered part times steepness over noise, typical value."""
+        return float(np.median(self.coverage) * np.median(self.sharpness))
+
+
+@dataclass(frozen=True)
+class _Nodes:
+    step: IntArray
+    frame: IntArray
+    table: FloatArray
+    worth: FloatArray
+
+
+def link_circles(frames: IntArray, circles: list[Circles], *, most: int = 6) -> list[Path]:
+    """Join candidates into paths, best first.
+
+    Parameters
+    ----------
+    frames : (K,) int array
+        The frames looked at, increasing.
+    circles : list of Circles
+        Candidates of each.
+    most : int
+        How many paths to return at most.
+
+    Returns
+    -------
+    list of Path
+    """
+    nodes = _nodes(frames, circles)
+    alive = np.ones(len(nodes.step), dtype=bool)
+    paths = []
+    for _ in range(most):
+        chain = _best_chain(nodes, alive, len(frames))
+        if len(chain) < 3:
+            break
+        table = nodes.table[chain]
+        paths.append(Path(nodes.frame[chain], table[:, :2], table[:, 2], table[:, 3], table[:, 4]))
+        alive &= ~_claimed(nodes, chain)
+    return paths
+
+
+def _nodes(frames: IntArray, circles: list[Circles]) -> _Nodes:
+    step = np.concatenate(
+        [np.full(len(found), index) for index, found in enumerate(circles)]
+    ).astype(np.int64)
+    tables = [
+        np.column_stack([found.centre_px, found.radius_px, found.coverage, found.sharpness])
+        for found in circles
+    ]
+    table = np.concatenate(tables) if tables else np.zeros((0, 5))
+    steepness = np.log(np.maximum(table[:, 4], 1.0) / _FAINT) / np.log(60.0 / _FAINT)
+    # Of two round things that move as one, the larger is the ball and the smaller its panel.
+    size = np.clip(table[:, 2] / 10.0, 0.1, 4.0) ** 0.2
+    worth = table[:, 3] ** 2 * np.clip(steepness, 0.02, 1.3) * size
+    return _Nodes(step, frames[step], table, worth)
+
+
+def _claimed(nodes: _Nodes, chain: IntArray) -> NDArray[np.bool_]:
+    """Nodes of the chain, and those that describe part of the same thing at the same moment."""
+    claimed = np.zeros(len(nodes.step), dtype=bool)
+    for member in chain:
+        x, y, radius = nodes.table[member, :3]
+        same = nodes.step == nodes.step[member]
+        gap = np.hypot(nodes.table[:, 0] - x, nodes.table[:, 1] - y)
+        claimed |= same & (gap < np.maximum(radius, 0.6 * (radius + nodes.table[:, 2])))
+    claimed[chain] = True
+    return claimed
+
+
+def _best_chain(nodes: _Nodes, alive: NDArray[np.bool_], steps: int) -> IntArray:
+    members = [np.nonzero(alive & (nodes.step == step))[0] for step in range(steps)]
+    links = _Links(nodes, max(len(found) for found in members) * _REACH)
+    for step in range(1, steps):
+        targets = members[step]
+        sources = np.concatenate(members[max(0, step - _REACH) : step])
+        if len(sources) and len(targets):
+            links.add(targets, sources)
+    return links.best()
+
+
+class _Links:
+    """Links between candidates, each with the score of the best chain that ends in it.
+
+    Of every node the links that arrive there are kept in rows of equal length.
+    """
+
+    def __init__(self, nodes: _Nodes, most: int) -> None:
+        count = len(nodes.step)
+        self._nodes, self._most = nodes, most
+        self._source = np.full((count, most), -1, dtype=np.int64)
+        self._velocity = np.zeros((count, most, 2))
+        self._score = np.full((count, most), -np.inf)
+        self._previous = np.full((count, most), -1, dtype=np.int64)
+        self._continued = np.zeros((count, most), dtype=bool)
+
+    def best(self) -> IntArray:
+        """Nodes of the best chain there is, in time order."""
+        if self._score.size == 0 or not np.isfinite(self._score.max()):
+            return np.zeros(0, dtype=np.int64)
+        link = int(np.argmax(self._score))
+        chain = []
+        while link >= 0:
+            node, place = divmod(link, self._most)
+            chain.append(node)
+            first = int(self._source[node, place])
+            link = int(self._previous[node, place])
+        chain.append(first)
+        return np.array(chain[::-1], dtype=np.int64)
+
+    def add(self, targets: IntArray, sources: IntArray) -> None:
+        """Score the links from each source to each target, with the best that led to the source.
+
+        Where something stands about where a link would go on to, a leap to something else is no
+        motion but a mistake of identity, and not allowed.
+        """
+        nodes = self._nodes
+        place, radius = nodes.table[targets, :2], nodes.table[targets, 2]
+        elapsed = (nodes.frame[targets[0]] - nodes.frame[sources]).astype(np.float64)
+        moved = place[:, None] - nodes.table[sources, :2][None]
+        velocity = moved / elapsed[None, :, None]
+        ratio = np.abs(np.log(radius[:, None] / nodes.table[sources, 2][None]))
+        missed = nodes.step[targets[0]] - nodes.step[sources] - 1
+        own = nodes.worth[targets][:, None] - np.minimum((ratio / 0.2) ** 2, 9.0) * 0.3
+        own = np.where(ratio > _MOST_SWELLING, -np.inf, own - _MISS_PRICE * missed)
+        distance = np.hypot(moved[..., 0], moved[..., 1])
+        total = self._continuing(sources, velocity, elapsed, ratio, distance, radius)
+        top = np.argmax(total, axis=2)
+        through = np.take_along_axis(total, top[..., None], axis=2)[..., 0] + own
+        alone = nodes.worth[sources][None] + own - 0.03 * distance / radius[:, None]
+        better = through > alone
+        count = len(sources)
+        self._source[targets, :count] = sources
+        self._velocity[targets, :count] = velocity
+        self._score[targets, :count] = np.where(better, through, alone)
+        self._previous[targets, :count] = np.where(better, sources * self._most + top, -1)
+
+    def _continuing(
+        self,
+        sources: IntArray,
+        velocity: FloatArray,
+        elapsed: FloatArray,
+        ratio: FloatArray,
+        distance: FloatArray,
+        radius: FloatArray,
+    ) -> FloatArray:
+        """Score of each link into a source (last axis) that goes on to a target (first axis)."""
+        allowed = 1.0 * radius[:, None] + 0.2 * distance + 1.0
+        arrived, reached = self._velocity[sources], self._score[sources]
+        turned = (velocity[:, :, None] - arrived[None]) * elapsed[None, :, None, None]
+        bend = (turned[..., 0] ** 2 + turned[..., 1] ** 2) / allowed[..., None] ** 2
+        straight = (bend < 0.25) & (ratio < _MOST_SWELLING)[..., None]
+        goes_on = np.any(straight, axis=0) | self._continued[sources]
+        self._continued[sources] = goes_on
+        cap = (_COLLISION_PRICE + 0.02 * distance / radius[:, None])[..., None]
+        price = np.where((bend > 1.0) & goes_on[None], np.inf, np.minimum(0.3 * bend, cap))
+        return np.asarray(reached[None] - price)

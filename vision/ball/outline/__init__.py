@@ -1,0 +1,1 @@
+"""The sub-pixel outline of a ball against the known background."""

@@ -1,0 +1,276 @@
+"""The ball's outlines fitted again, all of one shape, with the optics learnt from the clip."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.ball.ball import SMALL_RADIUS, BallFits
+from vision.ball.outline.cutout import Cutouts, Hides, Wanted, cut_out, ring_widths
+from vision.ball.outline.edge_profile import EdgeProfile
+from vision.ball.outline.fits import OutlineFits, nothing_found
+from vision.ball.outline.outline import FitRules, Start, fit_outlines
+from vision.scene.scene import Scene
+
+__all__ = ["Optics", "refine_ball"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_SPREADS = (0.25, 0.45, 0.7, 1.0, 1.5)
+_DUTIES = (0.1, 0.35, 0.6, 0.85)
+_TRIAL_FRAMES = 9
+_SHAPE_FRAMES = 40
+_SHAPE_STEPS = 2
+_TOLERANCE = 5e-3
+# How far inside pixels are used, in radii: once the outline is found, less of a ball's panels and
+# shading is better.
+_INNER = 0.15
+_LEAST_INNER_PX = 2.2
+# Frames between the positions compared: errors of neighbours are alike, as the ball looks alike.
+_LAG = 4
+
+
+@dataclass(frozen=True)
+class Optics:
+    """What the camera does to an edge.
+
+    Attributes
+    ----------
+    spread : float
+        Standard deviation of the point spread, px.
+    duty : float
+        Exposure time over frame interval.
+    """
+
+    spread: float
+    duty: float
+
+
+def refine_ball(
+    scene: Scene, rough: BallFits, hides: Callable[[int], Hides | None] | None = None
+) -> BallFits:
+    """Fit again with one shape for the whole clip, and point spread and smear known.
+
+    Parameters
+    ----------
+    scene : Scene
+        Footage with its static scene.
+    rough : BallFits
+        Fits with free radius.
+    hides : callable, optional
+        Gives for a frame what may stand before the ball.
+
+    Returns
+    -------
+    BallFits
+        With the centre free and the shape common to all frames. Balls of a few pixels stay as they
+        are.
+    """
+    typical = float(np.median(rough.radius))
+    if typical < SMALL_RADIUS or len(rough.frame) < 5:
+        return _calibrated(rough)
+    refiner = _Refiner(scene, rough, typical, hides)
+    refiner.learn_optics()
+    shape = _CommonShape(typical, scene.shape)
+    for _ in range(_SHAPE_STEPS):
+        shaped = refiner.fit(_evenly(refiner.clear, _SHAPE_FRAMES), 2, shape)
+        if len(shaped.frame) < 3:
+            return _calibrated(rough)
+        shape.improve(shaped.fits)
+    refined = shape.improved_by(refiner.fit(np.arange(len(rough.frame)), 2, shape))
+    # Where the model does not hold (a sharpened picture, a puck with a rim), the plain fits may
+    # scatter less; the clip itself says so.
+    return _calibrated(refined if _unrest(refined) <= 1.1 * _unrest(rough) else rough)
+
+
+def _unrest(fits: BallFits) -> float:
+    """Typical third difference of successive positions, px: nought for smooth motion."""
+    if len(fits.frame) < 8:
+        return np.inf
+    run = fits.frame[3:] - fits.frame[:-3] == 3
+    third = np.abs(np.diff(fits.centre, 3, axis=0))[run]
+    return float(np.quantile(third, 0.75)) if len(third) else np.inf
+
+
+class _Refiner:
+    def __init__(
+        self,
+        scene: Scene,
+        rough: BallFits,
+        radius: float,
+        hides: Callable[[int], Hides | None] | None,
+    ) -> None:
+        self._scene = scene
+        self._rough = rough
+        self._radius = radius
+        self._hides = hides
+        self._velocity = np.column_stack(
+            [np.gradient(rough.centre[:, axis], rough.frame.astype(np.float64)) for axis in (0, 1)]
+        )
+        self.optics = Optics(0.6, 0.5)
+        contrast = rough.fits.contrast
+        near = np.abs(rough.radius / radius - 1.0) < 0.1
+        self.clear = np.nonzero((contrast >= np.median(contrast) - 0.05) & near)[0]
+        if len(self.clear) < 3:
+            self.clear = np.arange(len(rough.frame))
+        self._kept: tuple[IntArray, list[tuple[slice, Cutouts]]] | None = None
+
+    def learn_optics(self) -> None:
+        """Take the optics under which a few outlines fit best, one property after another."""
+        speed = np.hypot(*self._velocity[self.clear].T)
+        quick = self.clear[speed >= np.median(speed)]
+        trial = _evenly(quick, _TRIAL_FRAMES)
+        for name, values in (
+            ("spread", _SPREADS),
+            ("duty", _DUTIES if np.median(speed) > 0.7 else ()),
+            ("spread", _SPREADS),
+        ):
+            if values:
+                self._learn(name, values, trial)
+
+    def _learn(self, name: str, values: tuple[float, ...], trial: IntArray) -> None:
+        before = self.optics
+        misfits = []
+        for value in values:
+            self.optics = replace(before, **{name: value})
+            fits = self.fit(trial, 3, None).fits
+            misfits.append(float(np.median(fits.misfit)) if len(fits) else np.inf)
+        self.optics = replace(before, **{name: _lowest(np.array(values), np.array(misfits))})
+
+    def _pieces(self, places: IntArray) -> Iterable[tuple[slice, Cutouts]]:
+        """Cut-outs of these places; those of the last few asked for are kept."""
+        if self._kept is not None and np.array_equal(self._kept[0], places):
+            return self._kept[1]
+        reach = self._radius + ring_widths(self._radius)[1] + min(4.0, 0.4 * self._radius) + 1.0
+        rough = self._rough
+        wanted = Wanted(rough.frame[places], rough.centre[places], reach, self._hides)
+        pieces = cut_out(self._scene, wanted)
+        if len(places) > _SHAPE_FRAMES:
+            return pieces
+        self._kept = (places, list(pieces))
+        return self._kept[1]
+
+    def fit(self, places: IntArray, free: int, shape: "_CommonShape | None") -> BallFits:
+        """Fit the outlines at these places of the rough track."""
+        optics, radius = self.optics, self._radius
+        centre, smear = self._rough.centre[places], self._velocity[places] * optics.duty
+        longest = min(float(np.hypot(*smear.T).max(initial=0.0)), 2.0 * radius)
+        profile = EdgeProfile(radius, optics.spread, longest)
+        inner, outer = ring_widths(radius)
+        inner = max(_LEAST_INNER_PX, min(inner, _INNER * radius))
+        rules = FitRules(
+            free, 0.1 * radius, inner, outer, shape_pull=shape is not None, tolerance=_TOLERANCE
+        )
+        known = np.tile([radius, 0.0, 0.0], (len(places), 1)) if shape is None else shape.at(centre)
+        start = Start(centre, known, smear)
+        fits = nothing_found(len(places))
+        for part, pieces in self._pieces(places):
+            rows = np.arange(part.start, part.stop)
+            fits.put(rows, fit_outlines(pieces, profile, start.at(part), rules))
+        near = np.hypot(*(fits.centre - centre).T) < 0.4 * radius
+        kept = fits.found & near
+        return BallFits(self._rough.frame[places[kept]], fits.at(kept))
+
+
+def _evenly(places: IntArray, count: int) -> IntArray:
+    chosen = np.unique(np.linspace(0, len(places) - 1, min(count, len(places))).astype(int))
+    return np.asarray(places[chosen])
+
+
+def _lowest(values: FloatArray, misfits: FloatArray) -> float:
+    """Where a parabola through the lowest misfit and its neighbours has its bottom."""
+    best = int(np.argmin(misfits))
+    if best in (0, len(values) - 1) or not np.all(np.isfinite(misfits[best - 1 : best + 2])):
+        return float(values[best])
+    bend, slope, _ = np.polyfit(values[best - 1 : best + 2], misfits[best - 1 : best + 2], 2)
+    if bend <= 0:
+        return float(values[best])
+    return float(np.clip(-0.5 * slope / bend, values[best - 1], values[best + 1]))
+
+
+class _CommonShape:
+    """One shape for the whole clip: how a sphere's outline widens away from the picture's centre.
+
+    A sphere of constant depth appears as an ellipse whose tangential axis is constant while the
+    radial one grows as 1/cos of the angle off the axis; a lens' distortion adds terms of the same
+    form. So
+
+        r = r₀ + κᵣ ρ² + gₓ x + g_y y,   a + i b = κₑ ρ² exp(2iψ),
+
+    with ρ, ψ the polar coordinates about the picture's centre and g for a camera that looks
+    askance: five numbers for all frames.
+    """
+
+    def __init__(self, radius: float, shape: tuple[int, int]) -> None:
+        self._centre = np.array([0.5 * (shape[1] - 1), 0.5 * (shape[0] - 1)])
+        self._scale = 0.5 * float(np.hypot(*shape))
+        self.values = np.array([radius, 0.0, 0.0, 0.0, 0.0])
+
+    def _design(self, centre: FloatArray) -> FloatArray:
+        x, y = ((centre - self._centre) / self._scale).T
+        design = np.zeros((len(centre), 3, 5))
+        design[:, 0] = np.column_stack([np.ones_like(x), x * x + y * y, x, y, np.zeros_like(x)])
+        design[:, 1, 4] = x * x - y * y
+        design[:, 2, 4] = 2 * x * y
+        return design
+
+    def at(self, centre: FloatArray) -> FloatArray:
+        """Shape (N, 3) of the outline where the ball is: radius, ellipse a and b, px."""
+        return np.asarray(self._design(centre) @ self.values)
+
+    def improved_by(self, found: BallFits) -> BallFits:
+        """Learn once more from all outlines, and move their centres as the new shape asks for."""
+        fits = found.fits
+        before = self.at(fits.centre)
+        self.improve(fits)
+        grown = self.at(fits.centre) - before
+        asked = np.einsum("nij,nj->ni", fits.normal[:, :2, 2:], grown)
+        middle = fits.normal[:, :2, :2] + 1e-9 * np.eye(2)
+        moved = np.linalg.solve(middle, asked[:, :, None])[:, :, 0]
+        better = replace(fits, centre=fits.centre - moved, radius=fits.radius + grown[:, 0])
+        return BallFits(found.frame, better)
+
+    def improve(self, fits: OutlineFits) -> None:
+        """One Gauss–Newton step on the outlines of many frames, their centres eliminated."""
+        radius = self.values[0]
+        # A sphere 45 degrees off the axis at the picture's corner is the most that is expected.
+        widths = np.array([np.inf, 0.25, 0.1, 0.1, 0.25]) * radius
+        held = np.diag(widths**-2.0)
+        middle = np.linalg.inv(fits.normal[:, :2, :2] + 1e-9 * np.eye(2))
+        cross = fits.normal[:, 2:, :2] @ middle
+        information = fits.normal[:, 2:, 2:] - cross @ fits.normal[:, :2, 2:]
+        pull = fits.pull[:, 2:] - np.einsum("nij,nj->ni", cross, fits.pull[:, :2])
+        # How far off each frame's own radius is: those that are far off count less.
+        size = pull[:, 0] / np.maximum(information[:, 0, 0], 1e-9)
+        usual = max(float(np.median(np.abs(size))), 1e-6)
+        weight = 1.0 / (1.0 + (size / (3.0 * usual)) ** 2)
+        design = self._design(fits.centre)
+        normal = held + np.einsum("n,nki,nkl,nlj->ij", weight, design, information, design)
+        total = np.einsum("n,nki,nk->i", weight, design, pull) - held @ self.values
+        self.values = self.values + np.linalg.solve(normal + 1e-9 * np.eye(5), total)
+
+
+def _calibrated(fits: BallFits) -> BallFits:
+    """Scale all covariances so that they account for the scatter about smooth motion.
+
+    Third differences of evenly spaced positions vanish for motion under a constant force; for
+    independent errors of variance σ² their variance is 20 σ².
+    """
+    lag = _LAG if len(fits.frame) > 40 else 1
+    if len(fits.frame) < 12:
+        return fits
+    run = fits.frame[3 * lag :] - fits.frame[: -3 * lag] == 3 * lag
+    if np.count_nonzero(run) < 8:
+        return fits
+    x, variance = fits.centre, np.diagonal(fits.fits.covariance, axis1=1, axis2=2)
+    parts = [slice(k * lag, len(x) - (3 - k) * lag) for k in range(4)]
+    third = (x[parts[3]] - 3 * x[parts[2]] + 3 * x[parts[1]] - x[parts[0]])[run]
+    expected = (
+        variance[parts[3]] + 9 * variance[parts[2]] + 9 * variance[parts[1]] + variance[parts[0]]
+    )[run]
+    # 0.455 is the median of a squared unit normal.
+    ratio = float(np.median(third**2 / np.maximum(expected, 1e-12))) / 0.455
+    factor = float(np.clip(ratio, 0.05, 20.0))
+    return BallFits(fits.frame, replace(fits.fits, covariance=fits.fits.covariance * factor))

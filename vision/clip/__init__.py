@@ -1,0 +1,1 @@
+"""Clips as they come: opened, timed, decoded into upright frames."""

@@ -1,0 +1,168 @@
+"""From a decoded picture to an upright gray or colour image with square pixels."""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.clip.info import GrayImage
+
+__all__ = ["Upright", "bit_depth", "colour_image", "luma_image", "upright_of"]
+
+_FULL_RANGE = 2  # AVCOL_RANGE_JPEG
+_UNITY = 65536
+
+
+@dataclass(frozen=True)
+class Upright:
+    """How stored pictures are turned, mirrored and stretched to be seen as the camera saw them.
+
+    Attributes
+    ----------
+    swap, mirror_x, mirror_y : bool
+        Transpose first, then mirror.
+    stretch : float
+        Width over height of a stored pixel; pictures are resampled along their lines to
+        square pixels.
+    """
+
+    swap: bool = False
+    mirror_x: bool = False
+    mirror_y: bool = False
+    stretch: float = 1.0
+
+    @property
+    def rotation(self) -> int:
+        """Degrees counterclockwise by which the stored picture is turned."""
+        if self.swap:
+            return 90 if self.mirror_y else 270
+        return 180 if self.mirror_x and self.mirror_y else 0
+
+    def apply(self, image: NDArray[Any]) -> NDArray[Any]:
+        """Turn one image (H, W) or (H, W, 3)."""
+        if self.stretch != 1.0:
+            image = _stretched(image, self.stretch)
+        if self.swap:
+            image = image.swapaxes(0, 1)
+        if self.mirror_x:
+            image = image[:, ::-1]
+        if self.mirror_y:
+            image = image[::-1]
+        return np.ascontiguousarray(image)
+
+
+def _stretched(image: NDArray[Any], stretch: float) -> NDArray[Any]:
+    height, width = image.shape[:2]
+    # Pixel centres at integers: the picture's left edge at -1/2 stays where it is.
+    matrix = np.array([[stretch, 0.0, 0.5 * (stretch - 1.0)], [0.0, 1.0, 0.0]])
+    return cv2.warpAffine(
+        image,
+        matrix,
+        (round(width * stretch), height),
+        flags=cv2.INTER_LINEAR,
+        borderMode=cv2.BORDER_REPLICATE,
+    )
+
+
+def upright_of(frame: Any, pixel_aspect: float) -> tuple[Upright, str | None]:
+    """Read a decoded frame's display matrix.
+
+    Parameters
+    ----------
+    frame : av.VideoFrame
+        The first frame of the clip.
+    pixel_aspect : float
+        Width over height of a stored pixel.
+
+    Returns
+    -------
+    upright : Upright
+    warning : str or None
+        Said where the matrix asks for more than quarter turns and mirrors.
+    """
+    data = frame.side_data.get("DISPLAYMATRIX")
+    if data is None:
+        return Upright(stretch=pixel_aspect), None
+    matrix = np.frombuffer(bytes(data), dtype=np.int32).reshape(3, 3)[:2, :2] / _UNITY
+    whole = np.round(matrix).astype(int)
+    (a, b), (c, d) = whole.tolist()
+    straight, crossed = a * d != 0 and b == c == 0, b * c != 0 and a == d == 0
+    if not (straight or crossed) or np.max(np.abs(matrix - whole)) > 1e-3:
+        return Upright(stretch=pixel_aspect), (
+            "The file asks for its pictures to be turned by something else than a quarter turn; "
+            "they are measured as they are stored."
+        )
+    if straight:
+        return Upright(False, a < 0, d < 0, pixel_aspect), None
+    return Upright(True, c < 0, b < 0, pixel_aspect), None
+
+
+def bit_depth(frame: Any) -> int:
+    """Bits of a decoded frame's luma samples."""
+    return int(max(component.bits for component in frame.format.components[:3]))
+
+
+def luma_image(frame: Any) -> GrayImage:
+    """Gray image of a decoded frame, straight from the luma plane where there is one.
+
+    Returns
+    -------
+    (H, W) uint8 array, or uint16 scaled to 16 bit for deeper pictures. Limited range (16 to 235) is
+    stretched to the full scale.
+    """
+    name = frame.format.name
+    depth = bit_depth(frame)
+    if not _has_luma_plane(name):
+        deep = depth > 8
+        pixels = frame.to_ndarray(format="rgb48le" if deep else "rgb24")
+        mixed: GrayImage = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), pixels.dtype)
+        return mixed
+    plane = frame.planes[0]
+    if depth <= 8:
+        stored = np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)
+        gray = stored[: frame.height, : frame.width]
+        if _full_range(frame):
+            return gray.copy()
+        return np.asarray(cv2.LUT(gray, _limited_table(8)), np.uint8)
+    order = ">u2" if name.endswith("be") else "<u2"
+    words = np.frombuffer(plane, order).reshape(-1, plane.line_size // 2)
+    shift = 16 - depth if name.startswith(("p0", "p2", "p4")) else 0
+    levels = words[: frame.height, : frame.width] >> shift
+    table = _full_table(depth) if _full_range(frame) else _limited_table(depth)
+    scaled: GrayImage = table[np.minimum(levels, len(table) - 1)]
+    return scaled
+
+
+def colour_image(frame: Any) -> NDArray[np.uint8]:
+    """Colour image (H, W, 3), blue first, of a decoded frame."""
+    return np.asarray(frame.to_ndarray(format="bgr24"))
+
+
+def _has_luma_plane(name: str) -> bool:
+    return name.startswith(("yuv4", "yuvj4", "yuva4", "nv", "gray", "p01", "p21", "p41"))
+
+
+def _full_range(frame: Any) -> bool:
+    name = frame.format.name
+    if name.startswith("yuvj"):
+        return True
+    declared = int(frame.color_range)
+    return declared == _FULL_RANGE or (name.startswith("gray") and declared != 1)
+
+
+@cache
+def _limited_table(depth: int) -> GrayImage:
+    scale = 1 << (depth - 8)
+    white = 255.0 if depth == 8 else 65535.0
+    level = (np.arange(1 << depth) - 16 * scale) * white / (219 * scale)
+    rounded = np.round(np.clip(level, 0, white))
+    return rounded.astype(np.uint8) if depth == 8 else rounded.astype(np.uint16)
+
+
+@cache
+def _full_table(depth: int) -> GrayImage:
+    top = (1 << depth) - 1
+    return np.round(np.arange(1 << depth) * (65535.0 / top)).astype(np.uint16)

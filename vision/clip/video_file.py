@@ -1,0 +1,284 @@
+"""Video files through PyAV: opened, checked, and decoded from first to last picture."""
+
+import hashlib
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import av
+import numpy as np
+from av.error import FFmpegError
+from av.stream import Disposition
+from numpy.typing import NDArray
+
+from metrology import ClipError
+from vision.clip.capture_metadata import capture_fps_in_file, capture_fps_in_tags
+from vision.clip.frame_times import FrameTimes, frame_times
+from vision.clip.info import GrayImage, Weave
+from vision.clip.picture import colour_image, luma_image
+
+__all__ = ["Packets", "VideoFile", "VideoPicture"]
+
+_MOST_THREADS = 8
+_BOTTOM_SHOWN_FIRST = (3, 4)  # AV_FIELD_BB, AV_FIELD_TB
+# Pictures decoded when a clip is opened, to see whether their time stamps can be trusted: more than
+# any codec reorders.
+_TRIAL_PICTURES = 24
+
+
+@dataclass(frozen=True)
+class VideoPicture:
+    """One decoded picture as stored."""
+
+    index: int
+    time_s: float
+    frame: Any
+
+    def gray(self) -> GrayImage:
+        """Luma (H, W) on the full scale."""
+        return luma_image(self.frame)
+
+    def colour(self) -> NDArray[np.uint8]:
+        """Colour (H, W, 3), blue first."""
+        return colour_image(self.frame)
+
+
+@dataclass(frozen=True)
+class Packets:
+    """What the packets tell without being decoded.
+
+    Attributes
+    ----------
+    times : FrameTimes
+        Time of every picture, in the order of presentation.
+    declared : int
+        Pictures that the container says it holds; 0 where it does not say.
+    declared_s : float or None
+        Duration that the container declares, s.
+    edited_out : int
+        Pictures that an edit list hides.
+    whole : bool
+        Whether the container could be read to its end, and pictures set its duration.
+    corrupt : int
+        Packets that the container's reader found damaged.
+    stamped : bool
+        Whether packets carry time stamps at all.
+    """
+
+    times: FrameTimes
+    declared: int
+    declared_s: float | None
+    edited_out: int
+    whole: bool
+    corrupt: int
+    stamped: bool
+
+
+class VideoFile:
+    """One video file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Raises
+    ------
+    ClipError
+        If it is missing, empty, no video, or nothing in it can be decoded.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.damaged = 0
+        with self._opened() as (container, stream):
+            self.codec = str(stream.codec_context.name)
+            self.tags = {**container.metadata, **stream.metadata}
+            aspect = stream.sample_aspect_ratio
+            self.pixel_aspect = float(aspect) if aspect else 1.0
+            declared = (stream.average_rate, stream.guessed_rate, stream.base_rate)
+            self._declared_rates = tuple(float(rate) for rate in declared if rate)
+            self.declared_rate = self._declared_rates[0] if self._declared_rates else 25.0
+            self.packets = self._read_packets(container, stream)
+            self.declared_order: Weave = (
+                "bottom_first"
+                if stream.codec_context.field_order in _BOTTOM_SHOWN_FIRST
+                else "top_first"
+            )
+        self._by_order = False
+        trial = list(islice(self.pictures(), _TRIAL_PICTURES))
+        if not trial:
+            raise ClipError(
+                f"no picture of {path} can be decoded",
+                hint="The file is damaged. Copy it from the camera once more.",
+            )
+        stamps = [picture.frame.pts for picture in trial]
+        self._by_order = None in stamps or bool(np.any(np.diff(np.array(stamps)) <= 0))
+        self.first_picture = trial[0].frame
+        self.declared_interlaced = any(picture.frame.interlaced_frame for picture in trial)
+
+    def pictures(self) -> Iterator[VideoPicture]:
+        """Decode from the beginning; damaged packets are left out and counted in `damaged`."""
+        self.damaged = 0
+        times = self.packets.times
+        index, zero, last, size = 0, None, -np.inf, None
+        with self._opened() as (container, stream):
+            for frame in self._decoded(container, stream):
+                if self._by_order or frame.pts is None:
+                    time = self._time_by_order(index)
+                else:
+                    place = int(np.searchsorted(times.stamps, frame.pts))
+                    known = place < len(times.stamps) and times.stamps[place] == frame.pts
+                    tick = float(frame.time_base or stream.time_base)
+                    first = times.stamps[0] if len(times.stamps) else frame.pts
+                    time = float(times.seconds[place]) if known else (frame.pts - int(first)) * tick
+                size = size or (frame.width, frame.height)
+                if (frame.width, frame.height) != size:
+                    raise ClipError(
+                        f"the pictures of {self.path} change size at frame {index}, from "
+                        f"{size[0]}×{size[1]} to {frame.width}×{frame.height} px",
+                        hint="Cut the recording there and measure the parts.",
+                    )
+                zero = time if zero is None else zero
+                if time <= last:
+                    time = last + (times.interval_s if np.isfinite(times.interval_s) else 0.0)
+                last = time
+                yield VideoPicture(index, time - zero, frame)
+                index += 1
+
+    @property
+    def times_s(self) -> NDArray[np.float64]:
+        """Time of every picture after its packet's stamp, s, 0 at the first."""
+        return self.packets.times.seconds
+
+    def sha256(self) -> str:
+        """Digest of the file."""
+        with self.path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+
+    def capture_fps(self) -> float | None:
+        """Frame rate of the camera, where the file tells it, 1/s."""
+        return capture_fps_in_tags(self.tags) or capture_fps_in_file(self.path)
+
+    def _time_by_order(self, index: int) -> float:
+        times = self.packets.times
+        if index < len(times.seconds):
+            return float(times.seconds[index])
+        beyond = index + 1 - len(times.seconds)
+        end = float(times.seconds[-1]) if len(times.seconds) else -times.interval_s
+        return end + beyond * times.interval_s
+
+    def _decoded(self, container: Any, stream: Any) -> Iterator[Any]:
+        stream.thread_type = "AUTO"
+        stream.codec_context.thread_count = min(_MOST_THREADS, os.cpu_count() or 1)
+        for packet in self._demuxed(container, stream):
+            try:
+                frames = packet.decode()
+            except FFmpegError:
+                self.damaged += 1
+                continue
+            for frame in frames:
+                if frame.is_corrupt:
+                    self.damaged += 1
+                else:
+                    yield frame
+
+    def _demuxed(self, container: Any, stream: Any) -> Iterator[Any]:
+        try:
+            yield from container.demux(stream)
+        except FFmpegError:
+            # The container breaks off here; what came before stands, its count tells how much.
+            self._broken_off = True
+
+    def _read_packets(self, container: Any, stream: Any) -> Packets:
+        shown: list[int] = []
+        stamped, corrupt, count, hidden = True, 0, 0, 0
+        self._broken_off = False
+        for packet in self._demuxed(container, stream):
+            if packet.size == 0 or packet.is_discard:
+                hidden += packet.size > 0
+                continue
+            count += 1
+            corrupt += bool(packet.is_corrupt)
+            stamp = packet.pts if packet.pts is not None else packet.dts
+            if stamp is None:
+                stamped = False
+            else:
+                shown.append(int(stamp))
+        tick = float(stream.time_base)
+        if len(set(shown)) < count:
+            # Packets that share a stamp or have none leave an even clock at the declared rate.
+            stamped = False
+            step = max(1, round(1.0 / (self.declared_rate * tick)))
+            shown = list(range(0, count * step, step))
+        return Packets(
+            frame_times(np.array(shown, dtype=np.int64), tick, self._declared_rates),
+            int(stream.frames),
+            _declared_duration(container, stream),
+            hidden,
+            not self._broken_off and len(container.streams) > 1,
+            corrupt,
+            stamped,
+        )
+
+    @contextmanager
+    def _opened(self) -> Iterator[tuple[Any, Any]]:
+        try:
+            # An absolute name is never taken for a protocol; a playlist must not reach the network.
+            name = str(self.path.resolve())
+            container = av.open(name, options={"protocol_whitelist": "file"})
+        except FFmpegError as problem:
+            raise _unreadable(self.path, problem) from problem
+        try:
+            stream = _moving_pictures(container)
+            if stream is None:
+                raise ClipError(
+                    f"{self.path} holds {_contents(container)} and no video",
+                    hint="Give the file with the pictures.",
+                )
+            yield container, stream
+        finally:
+            container.close()
+
+
+def _declared_duration(container: Any, stream: Any) -> float | None:
+    if stream.duration is not None:
+        return float(stream.duration * stream.time_base)
+    return None if container.duration is None else float(container.duration) / av.time_base
+
+
+def _moving_pictures(container: Any) -> Any | None:
+    """The video stream with the largest pictures, cover art aside."""
+    streams = [
+        stream
+        for stream in container.streams.video
+        if not stream.disposition & Disposition.attached_pic
+    ]
+    return max(streams, key=lambda stream: stream.width * stream.height, default=None)
+
+
+def _contents(container: Any) -> str:
+    kinds = sorted({str(stream.type) for stream in container.streams})
+    return " and ".join(kinds) if kinds else "nothing"
+
+
+def _unreadable(path: Path, problem: FFmpegError) -> ClipError:
+    head = b""
+    if os.access(path, os.R_OK):
+        with path.open("rb") as file:
+            head = file.read(12)
+    if head[4:8] in (b"ftyp", b"mdat", b"wide", b"moov", b"free", b"skip"):
+        return ClipError(
+            f"{path} is cut off: its index (moov) is missing or broken",
+            hint="The recording was not finished or not copied whole. Copy it from the camera once "
+            "more; where that does not help, a repair tool such as untrunc can rebuild the index.",
+        )
+    return ClipError(
+        f"{path} is no video that can be read ({problem.strerror or 'unknown format'})",
+        hint="MP4, MOV, AVI, MKV, MJPEG and folders of images can be read. The file may be "
+        "something else under a video's name, or damaged at its beginning.",
+    )

@@ -1,0 +1,1 @@
+"""The overlay video: every frame with what was found in it."""

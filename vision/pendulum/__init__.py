@@ -1,0 +1,1 @@
+"""The pendulum mass: found, followed on its arc, and its striking face."""

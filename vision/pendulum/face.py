@@ -1,0 +1,321 @@
+"""The striking face of the pendulum mass as it is seen on its way to the ball.
+
+From a camera off to one side a thick mass shows its face as a strip: its foremost edge is the far
+rim, and where its side meets its face is the near rim. The ball meets the face between the two.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.special import ndtr
+
+from vision.ball.outline.cutout import TYPICAL_GAMMA
+from vision.ball.rest import Rest
+from vision.pendulum.mass import MassPoses
+from vision.pendulum.rigid import Pose
+from vision.scene.scene import Scene
+from vision.tracks import Face
+
+__all__ = ["find_face"]
+
+FloatArray = NDArray[np.float64]
+FloatImage = NDArray[np.float32]
+
+_FRAMES = 10
+_FEWEST = 3
+_STEP_PX = 0.5
+# How far from the middle of the mass, and from the ball's height, it is looked at, in ball radii.
+_BACK, _AHEAD, _HALF_HEIGHT = 0.7, 1.8, 0.35
+_LEAST_HALF_HEIGHT_PX = 2.0
+# What stands around the edge: the strip of the face behind it, and the wall ahead of it.
+_STRIP, _WALL, _LEAST_WALL_PX = 0.5, 0.2, 3.0
+# How far ahead of the anchor a face may be, in ball radii.
+_REACH = 1.2
+_CORNER_PX = 1.5
+# Share of its contrast that a row across the mass has at least.
+_COVERED = 0.85
+_BESIDE_BALL_PX = 2.5
+_DARKEST = 0.02
+# Samples half a pixel apart, interpolated, coded in blocks: so many count as one.
+_CORRELATED = 8.0
+_LEAST_STD_PX = 0.08
+# F of two more parameters that is not met by chance, where a slot of the side may look alike.
+_TELLING = 12.0
+_LEAST_CONTRAST = 0.06
+_LEAST_STRIP_PX = 0.7
+# Light that a shadow leaves, between that of the face and of the wall.
+_LEAST_SHADE = 0.25
+_BLUR_PX = (0.4, 2.5)
+_MOST_TILT = 0.5
+
+
+@dataclass(frozen=True)
+class _Strip:
+    """What is seen about the face, in the body's own axes, averaged over frames.
+
+    Attributes
+    ----------
+    ahead, height : (n,) arrays
+        Along the motion from the anchor, and along the arm from the ball's height, px.
+    ratio : (n,) array
+        Light over that of the scene behind: 1 where nothing is in front.
+    """
+
+    ahead: FloatArray
+    height: FloatArray
+    ratio: FloatArray
+
+    def between(self, low: float, high: float) -> "_Strip":
+        """The part of it from `low` to `high` along the motion."""
+        kept = (self.ahead > low) & (self.ahead < high)
+        return _Strip(self.ahead[kept], self.height[kept], self.ratio[kept])
+
+    def on_the_mass(self, edge: float) -> "_Strip":
+        """The heights at which the mass reaches from its middle to near the edge."""
+        within = (self.ahead > 0.0) & (self.ahead < edge - _CORNER_PX)
+        rows = np.unique(self.height[within])
+        shade = [float(np.median(self.ratio[within & (self.height == row)])) for row in rows]
+        contrast = np.abs(np.array(shade) - 1.0)
+        usual = float(np.median(contrast)) if len(rows) else 0.0
+        outside = rows[contrast < _COVERED * usual]
+        away = np.abs(self.height[:, None] - outside[None]).min(axis=1, initial=np.inf)
+        kept = away > _CORNER_PX
+        return _Strip(self.ahead[kept], self.height[kept], self.ratio[kept])
+
+
+def find_face(scene: Scene, mass: MassPoses, rest: Rest, radius: float, before: FloatImage) -> Face:
+    """Find the foremost edge of the mass at the ball's height, and the middle of its face.
+
+    Parameters
+    ----------
+    scene : Scene
+        Footage with its static scene.
+    mass : MassPoses
+        The mass as it was followed.
+    rest : Rest
+        The ball before it is struck.
+    radius : float
+        Its radius, px.
+    before : (H, W) float32 array
+        The scene before the strike.
+
+    Returns
+    -------
+    Face
+        Where no edge stands out, as far ahead as half of the mass that was followed is wide, and
+        as unsure.
+    """
+    body = _Body.of(mass, rest)
+    look = _Look(scene, body, rest, radius, before)
+    start = look.outermost(look.clear_by(_REACH * radius))
+    found, place = None, len(body.poses) - 1
+    if start is not None:
+        places = look.clear_by(start + max(_WALL * radius, _LEAST_WALL_PX))
+        strip = look.seen(places)
+        if strip is not None:
+            found = _fitted(strip, start, radius)
+            place = int(places[-1])
+    if found is None:
+        half = 0.5 * float(np.sqrt(mass.patch.opacity.sum()))
+        found = _Edges(half, 0.5 * half, None, np.inf)
+
+    def picture_px(ahead: float) -> FloatArray:
+        return np.asarray(body.placed(np.array([[ahead, 0.0]]), place)[0])
+
+    return Face(
+        frame=int(body.frame[place]),
+        edge_px=picture_px(found.edge),
+        edge_std_px=found.edge_std,
+        middle_px=None if found.middle is None else picture_px(found.middle),
+        middle_std_px=found.middle_std,
+    )
+
+
+@dataclass(frozen=True)
+class _Body:
+    """Axes that go with the mass: its motion from the anchor, the arm from the ball's height."""
+
+    frame: NDArray[np.int64]
+    poses: tuple[Pose, ...]
+    axes: FloatArray
+    height: float
+
+    @classmethod
+    def of(cls, mass: MassPoses, rest: Rest) -> "_Body":
+        """From the poses before the strike, or from the first where there is none."""
+        count = max(int(np.count_nonzero(mass.frame <= rest.last)), 1)
+        last = mass.poses[count - 1]
+        arm = last.anchor - mass.arc.centre_px
+        arm = arm / np.hypot(*arm)
+        forward = np.array([arm[1], -arm[0]])
+        forward = forward if forward @ rest.direction > 0 else -forward
+        height = float((rest.centre_px - last.anchor) @ arm)
+        return cls(mass.frame[:count], mass.poses[:count], np.stack([forward, arm]), height)
+
+    def placed(self, spot: FloatArray, place: int) -> FloatArray:
+        """Where points (n, 2) of the body lie in the picture, px."""
+        pose = self.poses[place]
+        turn = pose.turn - self.poses[-1].turn
+        turning = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+        return np.asarray(pose.anchor + (spot + np.array([0.0, self.height])) @ self.axes @ turning)
+
+
+@dataclass(frozen=True)
+class _Look:
+    """What is seen about the face."""
+
+    scene: Scene
+    body: _Body
+    rest: Rest
+    radius: float
+    before: FloatImage
+
+    def clear_by(self, ahead: float) -> NDArray[np.int64]:
+        """The last poses in which so much ahead of the anchor is free of the ball, px."""
+        middle = np.zeros((1, 2))
+        every = range(len(self.body.poses))
+        spot = np.array([self.body.placed(middle, place)[0] for place in every])
+        gap = np.hypot(*(self.rest.centre_px - spot).T) - self.radius - _BESIDE_BALL_PX
+        clear = np.flatnonzero(gap > ahead)
+        return clear[-_FRAMES:] if len(clear) >= _FEWEST else np.argsort(-gap)[:_FEWEST][::-1]
+
+    def seen(self, places: NDArray[np.int64]) -> _Strip | None:
+        """Light over that of the scene behind, averaged over poses; None if hardly in view."""
+        reach = max(_HALF_HEIGHT * self.radius, _LEAST_HALF_HEIGHT_PX)
+        along = np.arange(-_BACK * self.radius, _AHEAD * self.radius, _STEP_PX)
+        rows = np.linspace(-reach, reach, 2 * int(np.ceil(reach)) + 1)
+        spot = np.column_stack([grid.ravel() for grid in np.meshgrid(along, rows)])
+        total, count = np.zeros(len(spot)), np.zeros(len(spot))
+        for place in places:
+            index = int(self.body.frame[place])
+            at = self.body.placed(spot, int(place))
+            free = np.hypot(*(at - self.rest.centre_px).T) > self.radius + _BESIDE_BALL_PX
+            height, width = self.scene.shape
+            free &= (at > 1).all(axis=1) & (at < [width - 2, height - 2]).all(axis=1)
+            light = _light(_at(self.scene.picture(index), at) / self.scene.views[index].gain)
+            total += free * light / _light(_at(self.before, at))
+            count += free
+        enough = count >= max(_FEWEST, 0.7 * len(places))
+        if not enough.any():
+            return None
+        return _Strip(spot[enough, 0], spot[enough, 1], total[enough] / count[enough])
+
+    def outermost(self, places: NDArray[np.int64]) -> float | None:
+        """Where, going ahead from the middle of the mass, the wall begins, px; None if nowhere."""
+        strip = self.seen(places)
+        if strip is None:
+            return None
+        place = np.unique(strip.ahead)
+        profile = np.array([np.median(strip.ratio[strip.ahead == one]) for one in place])
+        inside = np.abs(place) < max(0.15 * self.radius, _STEP_PX)
+        if not inside.any():
+            return None
+        side = float(np.median(profile[inside]))
+        covered = np.abs(profile - 1.0) > 0.5 * abs(side - 1.0)
+        wall = np.flatnonzero((place > 0) & ~covered)
+        if abs(side - 1.0) < _LEAST_CONTRAST or len(wall) == 0:
+            return None
+        return float(place[wall[0]]) - 0.5 * _STEP_PX
+
+
+def _at(picture: FloatImage, spot: FloatArray) -> FloatArray:
+    x, y = spot.T.astype(np.float32)[:, None]
+    border = cv2.BORDER_REPLICATE
+    return np.asarray(cv2.remap(picture, x, y, cv2.INTER_CUBIC, borderMode=border)[0], dtype=float)
+
+
+def _light(gray: FloatArray) -> FloatArray:
+    """Light of a gray level, kept off zero, for it is divided by."""
+    return np.asarray(np.maximum(gray / 255.0, _DARKEST) ** TYPICAL_GAMMA)
+
+
+@dataclass(frozen=True)
+class _Edges:
+    edge: float
+    edge_std: float
+    middle: float | None
+    middle_std: float
+
+
+def _fitted(strip: _Strip, start: float, radius: float) -> _Edges | None:
+    """The edge alone, or the two rims of the face where they can be told apart."""
+    beyond = max(_WALL * radius, _LEAST_WALL_PX)
+    strip = strip.on_the_mass(start).between(start - _STRIP * radius - 2.0, start + beyond)
+    if len(strip.ahead) < 40:
+        return None
+    side = float(np.median(strip.ratio[strip.ahead < start - 1.0]))
+    one = _Fit.of(strip, np.array([start, 0.0, 0.8, 1.0, side]))
+    span = start - float(strip.ahead.min())
+    twos = [
+        _Fit.of(strip, np.array([start - 0.5 * width, 0.0, 0.8, 1.0, side, side, width]))
+        for width in np.linspace(0.15, 0.85, 5) * span
+    ]
+    two = min(twos, key=lambda fit: fit.cost)
+    shaded = [
+        _Fit.of(strip, np.array([*two.values, 0.5 * (two.values[3] + two.values[5]), width]))
+        for width in (1.0, 3.0)
+    ]
+    three = min(shaded, key=lambda fit: fit.cost)
+    wall, face, shade, deep = three.values[[3, 5, 7, 8]]
+    between = _LEAST_SHADE < (shade - face) / (wall - face + 1e-9) < 1.0 - _LEAST_CONTRAST
+    if three.tells_more_than(two) and between and deep > _LEAST_STRIP_PX:
+        two = three
+    middle, width = float(two.values[0]), float(two.values[6])
+    apart = abs(float(two.values[5] - two.values[4])) > _LEAST_CONTRAST
+    sharp = float(two.values[2]) < 0.95 * _BLUR_PX[1]
+    if two.tells_more_than(one) and apart and sharp and _LEAST_STRIP_PX < width < span - 1.0:
+        return _Edges(
+            middle + 0.5 * width,
+            max(float(np.hypot(two.std[0], 0.5 * two.std[6])), _LEAST_STD_PX),
+            middle,
+            max(float(two.std[0]), _LEAST_STD_PX),
+        )
+    return _Edges(float(one.values[0]), max(float(one.std[0]), _LEAST_STD_PX), None, np.inf)
+
+
+@dataclass(frozen=True)
+class _Fit:
+    values: FloatArray
+    std: FloatArray
+    cost: float
+    free: float
+
+    @classmethod
+    def of(cls, strip: _Strip, start: FloatArray) -> "_Fit":
+        """Least squares of a blurred step, or of two of them."""
+
+        def misfit(values: FloatArray) -> FloatArray:
+            return _model(strip, values) - strip.ratio
+
+        first, last = float(strip.ahead.min()), float(strip.ahead.max())
+        low = np.array([first, -_MOST_TILT, _BLUR_PX[0], *[0.0] * 6])[: len(start)]
+        most = [last, _MOST_TILT, _BLUR_PX[1], *[np.inf] * 3, last - first, np.inf, last - first]
+        high = np.array(most)[: len(start)]
+        scale = 1.4826 * float(np.median(np.abs(misfit(start)))) + 1e-3
+        found = least_squares(misfit, start, bounds=(low, high), loss="soft_l1", f_scale=scale)
+        left = misfit(found.x)
+        cost = float(left @ left)
+        jacobian = np.asarray(found.jac, dtype=float)
+        spread = cost / max(len(left) - len(start), 1) * _CORRELATED
+        covariance = np.linalg.pinv(jacobian.T @ jacobian) * spread
+        std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        return cls(found.x, std, cost, len(left) / _CORRELATED - len(start))
+
+    def tells_more_than(self, simpler: "_Fit") -> bool:
+        """Whether two parameters more make it better than chance does."""
+        left = max(self.cost / max(self.free, 1.0), 1e-12)
+        return 0.5 * (simpler.cost - self.cost) / left > _TELLING
+
+
+def _model(strip: _Strip, values: FloatArray) -> FloatArray:
+    """Light over that behind: the wall, maybe the mass' shadow on it, the face, and the side."""
+    place, tilt, blur, wall, side = values[:5]
+    face, width = (values[5], values[6]) if len(values) > 5 else (side, 0.0)
+    shade, deep = (values[7], values[8]) if len(values) > 7 else (wall, 0.0)
+    behind = place + tilt * strip.height - strip.ahead
+    shown = wall + (shade - wall) * ndtr((behind + 0.5 * width + deep) / blur)
+    shown += (face - shade) * ndtr((behind + 0.5 * width) / blur)
+    return np.asarray(shown + (side - face) * ndtr((behind - 0.5 * width) / blur))

@@ -1,0 +1,133 @@
+"""Footage together with its static scene: differences, expected pictures, each frame's view."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.clip.footage import Footage, GrayFrame
+from vision.scene.alignment import Aligner, View, warp_to_scene
+from vision.scene.background import Background, LightMeter, estimate_background
+
+__all__ = ["Scene", "Window"]
+
+FloatImage = NDArray[np.float32]
+IntArray = NDArray[np.int64]
+Window = tuple[slice, slice]
+
+_WHOLE: Window = (slice(None), slice(None))
+
+_SAMPLES = 45
+# Of these, every so many tell whether the camera moves.
+_TRIAL_STEP = 2
+# A camera whose pictures wander by less than this (95th percentile) stands on a tripod; codecs do
+# as much.
+_UNSTEADY_PX = 0.25
+
+
+class Scene:
+    """A clip's frames seen against the static scene.
+
+    All positions are those of the scene: frames of a hand-held camera are resampled onto it.
+
+    Parameters
+    ----------
+    footage : Footage
+        The frames.
+
+    Attributes
+    ----------
+    background : Background
+        The static scene.
+    views : dict of int to View
+        How each frame looked at so far sees it.
+    hand_held : bool
+        Whether the camera moves.
+    """
+
+    def __init__(self, footage: Footage) -> None:
+        self._footage = footage
+        self._full_scale = np.float32(255.0 / footage.full_scale)
+        step = max(1, len(footage.sample_frames) // _SAMPLES)
+        samples = footage.sample_frames[::step]
+        rough = Aligner(self._gray(samples[len(samples) // 2]), 2.0)
+        trial = [rough.view(self._gray(sample)) for sample in samples[::_TRIAL_STEP]]
+        shifts = np.array([view.shift_px for view in trial])
+        shifts -= np.median(shifts, axis=0)
+        wander = float(np.percentile(np.hypot(shifts[:, 0], shifts[:, 1]), 95))
+        self.hand_held = wander > _UNSTEADY_PX
+        self.background = self._still(samples, rough)
+        self.noise = float(np.median(self.background.noise))
+        self.views: dict[int, View] = {}
+        self._aligner = Aligner(self.background.image, self.noise)
+        self._meter = LightMeter(self.background.image, self.noise)
+
+    def _still(self, samples: list[GrayFrame], rough: Aligner) -> Background:
+        if not self.hand_held:
+            return estimate_background(samples, float(self._full_scale))
+        grays = [self._gray(sample) for sample in samples]
+        return estimate_background([warp_to_scene(gray, rough.view(gray)) for gray in grays])
+
+    @property
+    def count(self) -> int:
+        """Number of frames."""
+        return self._footage.count
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width, px."""
+        return self._footage.shape
+
+    def _gray(self, frame: GrayFrame) -> FloatImage:
+        return np.asarray(frame.astype(np.float32) * self._full_scale)
+
+    def view(self, index: int, frame: GrayFrame) -> View:
+        """How a frame, as it was stored, sees the scene; registered once."""
+        known = self.views.get(index)
+        if known is None:
+            if self.hand_held:
+                known = self._aligner.view(self._gray(frame), self.views.get(index - 1))
+            else:
+                gain = self._meter.gain(frame, float(self._full_scale))
+                known = View(gain, np.zeros(2), 0.0, 0.0)
+            self.views[index] = known
+        return known
+
+    def pictures(self, wanted: IntArray) -> Iterator[tuple[int, FloatImage]]:
+        """Give frames as the reference camera would have seen them, 0 to 255."""
+        for index, frame in self._footage.frames(wanted):
+            yield index, warp_to_scene(self._gray(frame), self.view(index, frame))
+
+    def windows(
+        self, wanted: IntArray, windows: list[Window]
+    ) -> Iterator[tuple[int, FloatImage | NDArray[np.uint8]]]:
+        """Give a window (rows, columns) of each of these frames, 0 to 255."""
+        for (index, frame), window in zip(self._footage.frames(wanted), windows, strict=True):
+            view = self.view(index, frame)
+            if not view.still:
+                yield index, warp_to_scene(self._gray(frame), view)[window]
+            elif frame.dtype == np.uint8:
+                yield index, frame[window].astype(np.uint8, copy=False)
+            else:
+                yield index, self._gray(frame[window])
+
+    def picture(self, index: int) -> FloatImage:
+        """One such frame."""
+        return next(self.pictures(np.array([index])))[1]
+
+    def expected(self, index: int, window: Window = _WHOLE) -> FloatImage:
+        """The static scene in this frame's brightness, all of it or a window (rows, columns)."""
+        return np.asarray(self.background.image[window] * np.float32(self.views[index].gain))
+
+    def difference(self, index: int, picture: FloatImage, window: Window = _WHOLE) -> FloatImage:
+        """Picture minus static scene, all of it or a window (rows, columns)."""
+        return np.asarray(picture[window] - self.expected(index, window))
+
+    def shifts(self) -> NDArray[np.float64] | None:
+        """Shift of the scene in every frame (F, 2), px; None for a camera that stands still."""
+        if not self.hand_held:
+            return None
+        missing = np.setdiff1d(np.arange(self.count), np.array(sorted(self.views), dtype=np.int64))
+        for _ in self.pictures(missing):
+            pass
+        return np.array([self.views[index].shift_px for index in range(self.count)])
