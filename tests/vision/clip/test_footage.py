@@ -4,7 +4,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from vision import footage
+from vision.clip import footage
 from vision.clip.footage import Footage
 from vision.clip.info import Frame
 from vision.scene.scene import Scene
