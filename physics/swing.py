@@ -14,7 +14,7 @@ from physics.flight.events import Event, Path, follow_until
 
 __all__ = [
     "Bearing",
-    "Swing",
+    "SwingPath",
     "backswing_for_speed",
     "frictionless_speed",
     "small_period",
@@ -128,7 +128,7 @@ class Bearing:
 
 
 @dataclass(frozen=True)
-class Swing:
+class SwingPath:
     """A swing from release to the ball.
 
     Attributes
@@ -156,7 +156,7 @@ def swing(
     torque: Callable[[float, float], float] | None = None,
     gravity: float = GRAVITY,
     samples: int = 201,
-) -> Swing:
+) -> SwingPath:
     """Let the pendulum go at `backswing` and follow it to the ball.
 
     I φ̈ = −m g d sin φ − τ_dry sgn φ̇ − b φ̇ − q φ̇|φ̇|.
@@ -179,7 +179,7 @@ def swing(
 
     Returns
     -------
-    Swing
+    SwingPath
 
     Raises
     ------
@@ -199,7 +199,7 @@ def swing(
     path = _approach(pendulum, start, contact_angle, losses, torque, gravity)
     time = np.linspace(0.0, path.end, samples)
     states = path.at(time)
-    return Swing(time, states[0], states[1], float(path.state[1]) * pendulum.length)
+    return SwingPath(time, states[0], states[1], float(path.state[1]) * pendulum.length)
 
 
 def _approach(

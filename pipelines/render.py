@@ -157,7 +157,7 @@ def _torque(
     body = experiment.pendulum
 
     def torque(phi: float, omega: float) -> float:
-        state = catalogue.Swing(
+        state = catalogue.SwingState(
             phi, omega, body.inertia, body.mass, body.com, body.length, experiment.gravity
         )
         return float(sum(np.asarray(b.effect.torque(b.values, state)) for b in braking))

@@ -13,9 +13,9 @@ from physics.bodies import GRAVITY
 from physics.contact.contact import ContactHistory, simulate_contact
 from physics.flight.air import PAPER_AIR, Air
 from physics.flight.drag_curves import SUBCRITICAL_DRAG
-from physics.flight.flight import Flight, fly
+from physics.flight.flight import FlightPath, fly
 from physics.flight.forces import Acceleration, CoefficientCurve, Drag, Gravity, Magnus
-from physics.swing import Bearing, Swing, swing
+from physics.swing import Bearing, SwingPath, swing
 from sample_videos.motion import Curve, Piece, SampledMotion
 from sample_videos.scene import Scene
 
@@ -83,9 +83,9 @@ class Shot:
     physics : Physics
     """
 
-    swing: Swing
+    swing: SwingPath
     contact: ContactHistory
-    flight: Flight
+    flight: FlightPath
     motion: SampledMotion
     physics: Physics
 
@@ -156,7 +156,7 @@ def _forces(scene: Scene, physics: Physics) -> Sequence[Acceleration]:
 
 
 def _motion(
-    scene: Scene, physics: Physics, down: Swing, contact: ContactHistory, flight: Flight
+    scene: Scene, physics: Physics, down: SwingPath, contact: ContactHistory, flight: FlightPath
 ) -> SampledMotion:
     start = down.time[-1]
     swinging = Piece(down.time - start, _column(down.phi), _column(down.omega))
@@ -212,7 +212,9 @@ def _compression_curve(contact: ContactHistory) -> Curve:
     )
 
 
-def _ball_curve(scene: Scene, physics: Physics, contact: ContactHistory, flight: Flight) -> Curve:
+def _ball_curve(
+    scene: Scene, physics: Physics, contact: ContactHistory, flight: FlightPath
+) -> Curve:
     plane = np.full_like(contact.ball_x, scene.room.plane)
     rest = np.array([0.0, scene.support.height + scene.ball.radius, scene.room.plane])
     zero = np.zeros_like(plane)

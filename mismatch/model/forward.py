@@ -11,12 +11,12 @@ from typing import Literal, TypeAlias, TypeVar
 import numpy as np
 
 from mismatch.model.baseline import COLUMNS, Baseline
-from mismatch.model.dynamics import Rates, Trajectory, crossing, integrate
 from mismatch.model.model import Model, Term, lane_terms
 from mismatch.records.records import Records
 from physics.arrays import FloatArray
-from physics.effects import CATALOGUE, Contact, Flight, Outcome, Swing, View
+from physics.effects import CATALOGUE, Contact, FlightState, Outcome, SwingState, View
 from physics.effects.impact import add_normal_speeds, change_restitution, turn_launch
+from physics.integrator import Rates, Trajectory, crossing, integrate
 
 __all__ = ["NUISANCES", "OUTSIDE", "Forward", "Mode"]
 
@@ -180,7 +180,7 @@ class Forward:
             slope[1] = -weight * np.sin(state[0])
             for term in acting:
                 at = term.lanes
-                swing = Swing(
+                swing = SwingState(
                     state[0, at], state[1, at], body.inertia, body.mass, body.com, body.length,
                     gravity, order,
                 )  # fmt: skip
@@ -218,7 +218,7 @@ class Forward:
             at = term.lanes
             if "torque" in term.effect.hooks:
                 # While they touch, a torque on the pendulum brakes ball and pendulum together.
-                swing = Swing(
+                swing = SwingState(
                     angle[at], rate[at], body.inertia, body.mass, body.com, body.length,
                     self.baseline.gravity, records.order,
                 )  # fmt: skip
@@ -262,7 +262,7 @@ class Forward:
             slope[4] = -base.gravity
             for term in acting:
                 at = term.lanes
-                flight = Flight(
+                flight = FlightState(
                     time, now[0, at], now[1, at], now[2, at], now[3, at], now[4, at], now[5, at],
                     records.mass, records.diameter, base.air_density,
                     base.air_viscosity, base.gravity, drag[at], spin[at], speed, order,

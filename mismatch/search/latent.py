@@ -13,7 +13,7 @@ from mismatch.fitting.scan import scan
 from mismatch.model.candidates import Candidate
 from mismatch.model.forward import Forward
 from physics.arrays import FloatArray, Number, Vector
-from physics.effects import Effect, Flight, Parameter, Phase, Swing, Values
+from physics.effects import Effect, FlightState, Parameter, Phase, SwingState, Values
 
 __all__ = ["LatentForce", "missing_force"]
 
@@ -32,7 +32,7 @@ class _Hat(Effect):
     middle: float = 0.0
     width: float = 1.0
 
-    def force(self, values: Values, flight: Flight) -> Vector:
+    def force(self, values: Values, flight: FlightState) -> Vector:
         """Hat in time."""
         shape = np.maximum(0.0, 1.0 - np.abs(flight.time - self.middle) / self.width)
         size = values["strength"] * shape + 0.0 * np.asarray(flight.x)
@@ -48,7 +48,7 @@ class _AngleHat(_Hat):
     parameters: tuple[Parameter, ...] = (Parameter("strength", "N m", 0.02, -1e9, 1e9),)
     form: str = "angle"
 
-    def torque(self, values: Values, swing: Swing) -> Number:
+    def torque(self, values: Values, swing: SwingState) -> Number:
         """Hat in the angle."""
         shape = np.maximum(0.0, 1.0 - np.abs(swing.phi - self.middle) / self.width)
         return values["strength"] * shape

@@ -10,7 +10,7 @@ from mismatch.fitting.normal_equations import spread_laws
 from mismatch.model.forward import Forward
 from mismatch.verdict import Location
 from physics.arrays import FloatArray
-from physics.effects import Effect, Flight, Swing, Values
+from physics.effects import Effect, FlightState, SwingState, Values
 
 __all__ = ["Scanned", "locate", "scan_windows"]
 
@@ -139,7 +139,7 @@ def _force_along(
     velocity = (moved - place) / step
     base = forward.baseline
     gap = _release(forward, fit)
-    flight = Flight(
+    flight = FlightState(
         ball - gap, place[0], place[1], place[2], velocity[0], velocity[1], velocity[2],
         records.mass[:, None], records.diameter[:, None],
         base.air_density, base.air_viscosity, base.gravity,
@@ -223,7 +223,7 @@ def _swing_location(forward: Forward, fit: Fit, effect: Effect) -> Location:
         and forward.baseline.pendulum is not None
     ):
         body = forward.baseline.pendulum
-        swing = Swing(
+        swing = SwingState(
             records.pendulum_angle, np.ones_like(time), body.inertia, body.mass, body.com,
             body.length, forward.baseline.gravity, records.order[:, None],
         )  # fmt: skip

@@ -9,7 +9,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from physics.arrays import FloatArray, Number, Vector
-from physics.effects import Contact, Effect, Flight, Outcome, Parameter, Phase, Swing, Values
+from physics.effects import (
+    Contact,
+    Effect,
+    FlightState,
+    Outcome,
+    Parameter,
+    Phase,
+    SwingState,
+    Values,
+)
 from physics.effects.impact import change_restitution, turn_launch
 
 __all__ = ["Ageing", "Bump", "Gust", "Magnet", "NearFloor", "Notch", "SpeedPower", "unnamed_laws"]
@@ -18,7 +27,7 @@ SOURCE = "fitted to this campaign"
 FORCE = 0.05
 
 
-def _along(direction: str, strength: FloatArray, flight: Flight) -> Vector:
+def _along(direction: str, strength: FloatArray, flight: FlightState) -> Vector:
     """A force of given strength along a named direction."""
     if direction == "horizontal":
         nothing = np.zeros_like(strength)
@@ -52,7 +61,7 @@ class SpeedPower(Effect):
     form: str = "along_velocity"
     separating: str = "another launch speed"
 
-    def force(self, values: Values, flight: Flight) -> Vector:
+    def force(self, values: Values, flight: FlightState) -> Vector:
         """Power law."""
         size = values["strength"] * np.maximum(flight.speed, 1e-6) ** values["power"]
         return _along(self.form, size, flight)
@@ -78,7 +87,7 @@ class Gust(Effect):
     form: str = "horizontal"
     separating: str = "the same shot at another time of day, fans and doors shut"
 
-    def force(self, values: Values, flight: Flight) -> Vector:
+    def force(self, values: Values, flight: FlightState) -> Vector:
         """Full strength within the window, with edges of a twelfth of its length."""
         edge = values["duration"] / 12.0
         begin = flight.time - (values["middle"] - 0.5 * values["duration"])
@@ -103,7 +112,7 @@ class NearFloor(Effect):
     form: str = "vertical"
     separating: str = "a flight well above the floor"
 
-    def force(self, values: Values, flight: Flight) -> Vector:
+    def force(self, values: Values, flight: FlightState) -> Vector:
         """Exponential in the height of the ball's lowest point."""
         height = flight.y - 0.5 * np.asarray(flight.diameter)
         size = values["strength"] * np.exp(-np.clip(height / values["decay_length"], -3.0, 60.0))
@@ -130,7 +139,7 @@ class Magnet(Effect):
     form: str = "towards a point"
     separating: str = "the same shot with the apparatus moved by half a metre"
 
-    def force(self, values: Values, flight: Flight) -> Vector:
+    def force(self, values: Values, flight: FlightState) -> Vector:
         """Radial, strongest at one reach from the point."""
         dx, dy = values["place_x"] - flight.x, values["place_y"] - flight.y
         reach = values["reach"]
@@ -156,7 +165,7 @@ class Bump(Effect):
     form: str = "horizontal"
     separating: str = "the same shot with the apparatus moved by half a metre"
 
-    def force(self, values: Values, flight: Flight) -> Vector:
+    def force(self, values: Values, flight: FlightState) -> Vector:
         """Gaussian in the distance flown."""
         apart = (flight.x - values["place"]) / values["reach"]
         return _along(self.form, values["strength"] * np.exp(-0.5 * np.square(apart)), flight)
@@ -182,7 +191,7 @@ class Notch(Effect):
     form: str = "angle"
     separating: str = "a slow swing by hand through that angle"
 
-    def torque(self, values: Values, swing: Swing) -> Number:
+    def torque(self, values: Values, swing: SwingState) -> Number:
         """Gaussian in the angle."""
         apart = (swing.phi - values["place"]) / values["reach"]
         return values["strength"] * np.exp(-0.5 * np.square(apart))

@@ -7,13 +7,13 @@ import numpy as np
 
 from metrology import SetupError
 from mismatch.model.baseline import Baseline
-from mismatch.model.dynamics import Trajectory, crossing, integrate
 from mismatch.model.forward import Forward
 from mismatch.model.model import Model, Term, lane_terms
 from mismatch.records.records import Records
 from mismatch.table.table import TrialTable
 from physics.arrays import FloatArray
 from physics.effects import Outcome, View
+from physics.integrator import Trajectory, crossing, integrate
 
 __all__ = ["NUISANCES", "TableForward", "table_forward"]
 

@@ -29,11 +29,11 @@ from physics.effects.parameter import Parameter
 __all__ = [
     "Contact",
     "Effect",
-    "Flight",
+    "FlightState",
     "Outcome",
     "Parameter",
     "Phase",
-    "Swing",
+    "SwingState",
     "Values",
     "View",
 ]
@@ -43,7 +43,7 @@ Values: TypeAlias = Mapping[str, Number]
 
 
 @dataclass(frozen=True)
-class Flight:
+class FlightState:
     """A ball in the air. Shapes broadcast; SI; x along the wall, y up from the floor, z off it.
 
     Attributes
@@ -106,7 +106,7 @@ class Flight:
 
 
 @dataclass(frozen=True)
-class Swing:
+class SwingState:
     """A pendulum on its way.
 
     Attributes
@@ -308,11 +308,11 @@ class Effect:
         """Parameters that say where or how."""
         return tuple(p for p in self.parameters if p.is_shape)
 
-    def force(self, values: Values, flight: Flight) -> Vector:
+    def force(self, values: Values, flight: FlightState) -> Vector:
         """Force on the ball, N."""
         raise NotImplementedError(f"{self.id} puts no force on the ball")
 
-    def torque(self, values: Values, swing: Swing) -> Number:
+    def torque(self, values: Values, swing: SwingState) -> Number:
         """Torque on the pendulum, N m, positive forward."""
         raise NotImplementedError(f"{self.id} puts no torque on the pendulum")
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from physics.arrays import Number, Vector
-from physics.effects.base import Effect, Flight, Parameter, Phase, Values
+from physics.effects.base import Effect, FlightState, Parameter, Phase, Values
 
 __all__ = [
     "AsymmetricWake",
@@ -35,7 +35,7 @@ class Drag(Effect):
     separating: str = "the same ball at a clearly different launch speed, over a longer flight"
     certain: bool = True
 
-    def force(self, values: Values, flight: Flight) -> Vector:
+    def force(self, values: Values, flight: FlightState) -> Vector:
         """Against the velocity, with its square."""
         k = -flight.dynamic_area * values["drag_coefficient"] * flight.speed
         return k * flight.vx, k * flight.vy, k * flight.vz
@@ -67,7 +67,7 @@ class DragCrisis(Effect):
     separating: str = "launch speeds on both sides of the critical speed"
     requires: tuple[str, ...] = ("drag",)
 
-    def force(self, values: Values, flight: Flight) -> Vector:
+    def force(self, values: Values, flight: FlightState) -> Vector:
         """What the lower coefficient gives back."""
         speed = flight.speed
         reynolds = flight.air_density * speed * flight.diameter / flight.air_viscosity
@@ -103,7 +103,7 @@ class DensityLapse(Effect):
     separating: str = "flights through the same speeds at another height"
     requires: tuple[str, ...] = ("drag",)
 
-    def force(self, values: Values, flight: Flight) -> Vector:
+    def force(self, values: Values, flight: FlightState) -> Vector:
         """What thinner air gives back of the drag."""
         thinned = -np.expm1(-np.asarray(flight.y) * values["inverse_scale_height"])
         k = flight.dynamic_area * flight.drag_coefficient * flight.speed * thinned
@@ -125,7 +125,7 @@ class Magnus(Effect):
     confusable: tuple[str, ...] = ("buoyancy", "asymmetric_wake", "time_base")
     separating: str = "a mark on the ball that shows its spin"
 
-    def force(self, values: Values, flight: Flight) -> Vector:
+    def force(self, values: Values, flight: FlightState) -> Vector:
         """Lift with a coefficient of one per spin ratio Rω/v."""
         k = 0.5 * flight.dynamic_area * flight.diameter * values["spin"]
         return -k * flight.vy, k * flight.vx, np.zeros_like(np.asarray(flight.vz) * k)
@@ -147,7 +147,7 @@ class SpinDecay(Effect):
     separating: str = "a mark on the ball that shows its spin over the whole flight"
     requires: tuple[str, ...] = ("magnus",)
 
-    def force(self, values: Values, flight: Flight) -> Vector:
+    def force(self, values: Values, flight: FlightState) -> Vector:
         """The lift that has been lost."""
         lost = np.expm1(-np.asarray(flight.time) * values["decay_rate"])
         k = 0.5 * flight.dynamic_area * flight.diameter * flight.spin * lost
@@ -170,7 +170,7 @@ class Wind(Effect):
     separating: str = "one shot in the opposite direction, or one drop from rest"
     requires: tuple[str, ...] = ("drag",)
 
-    def force(self, values: Values, flight: Flight) -> Vector:
+    def force(self, values: Values, flight: FlightState) -> Vector:
         """Drag on the relative velocity less drag on the velocity."""
         k = flight.dynamic_area * flight.drag_coefficient
         still = flight.speed
@@ -199,7 +199,7 @@ class Buoyancy(Effect):
     confusable: tuple[str, ...] = ("magnus", "time_base", "length_scale", "asymmetric_wake")
     separating: str = "one drop from rest of this ball beside a small dense one"
 
-    def force(self, values: Values, flight: Flight) -> Vector:
+    def force(self, values: Values, flight: FlightState) -> Vector:
         """Straight up."""
         lift: Number = values["fraction"] * flight.air_density * flight.volume * flight.gravity
         nothing = np.zeros_like(np.asarray(flight.vx) * lift)
@@ -221,7 +221,7 @@ class AsymmetricWake(Effect):
     confusable: tuple[str, ...] = ("magnus", "buoyancy")
     separating: str = "the same ball turned by half a turn on its support"
 
-    def force(self, values: Values, flight: Flight) -> Vector:
+    def force(self, values: Values, flight: FlightState) -> Vector:
         """At right angles to the velocity in the plane of flight."""
         k = flight.dynamic_area * values["side_coefficient"] * flight.speed
         return -k * flight.vy, k * flight.vx, np.zeros_like(np.asarray(flight.vz) * k)

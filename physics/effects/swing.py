@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from physics.arrays import Number
-from physics.effects.base import Effect, Parameter, Phase, Swing, Values
+from physics.effects.base import Effect, Parameter, Phase, SwingState, Values
 
 __all__ = ["BackswingOffset", "BearingFriction", "PendulumDrag", "ViscousDamping"]
 
@@ -28,7 +28,7 @@ class BearingFriction(Effect):
     confusable: tuple[str, ...] = ("viscous_damping", "pendulum_drag", "backswing_offset")
     separating: str = "a free swing over many periods: amplitude falls linearly under dry friction"
 
-    def torque(self, values: Values, swing: Swing) -> Number:
+    def torque(self, values: Values, swing: SwingState) -> Number:
         """Constant, against the motion."""
         return -values["dry_torque"] * np.tanh(swing.omega / STICTION_RATE)
 
@@ -48,7 +48,7 @@ class ViscousDamping(Effect):
     confusable: tuple[str, ...] = ("bearing_friction", "pendulum_drag")
     separating: str = "a free swing over many periods: amplitude falls exponentially"
 
-    def torque(self, values: Values, swing: Swing) -> Number:
+    def torque(self, values: Values, swing: SwingState) -> Number:
         """In proportion to the rate."""
         return -values["viscous_coefficient"] * swing.omega
 
@@ -68,7 +68,7 @@ class PendulumDrag(Effect):
     confusable: tuple[str, ...] = ("bearing_friction", "viscous_damping")
     separating: str = "a free swing over many periods from a large angle"
 
-    def torque(self, values: Values, swing: Swing) -> Number:
+    def torque(self, values: Values, swing: SwingState) -> Number:
         """With the square of the rate."""
         return -values["drag_torque"] * np.abs(swing.omega) * swing.omega
 

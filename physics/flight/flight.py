@@ -11,11 +11,11 @@ from physics.domain import require_finite, require_positive
 from physics.flight.events import Event, Path, follow_until
 from physics.flight.forces import Acceleration, SpinRate, total_acceleration
 
-__all__ = ["Flight", "fly"]
+__all__ = ["FlightPath", "fly"]
 
 
 @dataclass(frozen=True)
-class Flight:
+class FlightPath:
     """A path from launch (time 0) to landing (last row).
 
     World frame: x along the wall, y up, z towards the camera.
@@ -62,7 +62,7 @@ def fly(
     longest: float = 60.0,
     samples: int = 201,
     tolerance: float = 1e-10,
-) -> Flight:
+) -> FlightPath:
     """Fly a ball until its centre comes down to `floor` (steps b to e of the paper).
 
     Parameters
@@ -86,7 +86,7 @@ def fly(
 
     Returns
     -------
-    Flight
+    FlightPath
 
     Raises
     ------
@@ -103,7 +103,7 @@ def fly(
     time = np.linspace(0.0, path.end, samples)
     states = path.at(time).T
     states[-1] = path.state
-    return Flight(time, states[:, :3], states[:, 3:6], states[:, 6:])
+    return FlightPath(time, states[:, :3], states[:, 3:6], states[:, 6:])
 
 
 def _path(

@@ -54,7 +54,7 @@ class AddedEffect:
         ball, air = experiment.ball, experiment.air
 
         def accelerate(time: Number, position: Vector, velocity: Vector, spin: Vector) -> Vector:
-            flight = catalogue.Flight(
+            flight = catalogue.FlightState(
                 time,
                 *position,
                 *velocity,
@@ -144,7 +144,7 @@ def speed_with_losses(
         return float(frictionless_speed(pendulum, start, angle, experiment.gravity))
 
     def torque(phi: float, omega: float) -> float:
-        state = catalogue.Swing(
+        state = catalogue.SwingState(
             phi,
             omega,
             pendulum.inertia,

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from metrology import UsageError, written_whole
 from physics.arrays import FloatArray
-from physics.flight.flight import Flight
+from physics.flight.flight import FlightPath
 from physics.forward import Experiment
 
 __all__ = ["BLUE", "GRAY", "ORANGE", "draw_flights", "draw_plan", "saved_figure"]
@@ -49,7 +49,7 @@ def saved_figure(path: Path, width: float = 6.4, height: float = 3.6) -> Iterato
 
 
 def draw_flights(
-    path: Path, experiment: Experiment, impulsive: Flight, turned: Flight | None
+    path: Path, experiment: Experiment, impulsive: FlightPath, turned: FlightPath | None
 ) -> None:
     """The ball's path by the paper's launch and by the contact followed in time."""
     with saved_figure(path) as figure:

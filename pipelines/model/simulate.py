@@ -12,7 +12,7 @@ from physics.bodies import Ball
 from physics.contact.outcome import ContactOutcome
 from physics.domain import require_positive
 from physics.flight.drag_curves import DragCurve
-from physics.flight.flight import Flight
+from physics.flight.flight import FlightPath
 from physics.forward import Experiment
 from physics.planning import PlanScatter
 from physics.restitution.restitution import CorLaw
@@ -50,16 +50,16 @@ class Simulation:
     quantities : tuple of Quantity
         Named as in the contract.
     warnings : tuple of str
-    flight : Flight
+    flight : FlightPath
         The numerical path by the paper's launch, with all forces.
-    contact_flight : Flight or None
+    contact_flight : FlightPath or None
         The path from the time-resolved contact; None where that contact can't be followed.
     """
 
     quantities: tuple[Quantity, ...]
     warnings: tuple[str, ...]
-    flight: Flight
-    contact_flight: Flight | None
+    flight: FlightPath
+    contact_flight: FlightPath | None
 
 
 def simulate(

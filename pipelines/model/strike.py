@@ -8,7 +8,7 @@ import numpy as np
 from physics.contact.batch import contact_outcomes
 from physics.contact.outcome import ContactOutcome
 from physics.energy import lost_by_pendulum
-from physics.flight.flight import Flight, fly
+from physics.flight.flight import FlightPath, fly
 from physics.flight.forces import Acceleration
 from physics.forward import Experiment, closed_form_landing, impulsive_launch, paper_impact
 from physics.restitution.restitution import CorLaw
@@ -105,7 +105,7 @@ def strike_numbers(
     effects: tuple[AddedEffect, ...],
     *,
     samples: int = 2,
-) -> tuple[dict[str, float], Flight, Flight | None]:
+) -> tuple[dict[str, float], FlightPath, FlightPath | None]:
     """One strike's numbers, the flight from the paper's launch and from the contact in time."""
     moved, speed, e, time = strike.experiment, strike.speed, strike.cor, strike.contact_time
     carried = alter_outcome(moved, speed, e, _paper_outcome(moved, speed, e, time), effects)
@@ -171,7 +171,7 @@ def _fly(
     outcome: ContactOutcome,
     effects: tuple[AddedEffect, ...],
     samples: int,
-) -> Flight:
+) -> FlightPath:
     spin = sum(effect.values.get("spin", 0.0) for effect in effects)
     forces: list[Acceleration] = [
         *experiment.forces,

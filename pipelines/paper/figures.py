@@ -14,7 +14,7 @@ from physics.contact.impact import external_impulse
 from physics.energy import lost_by_pendulum, lost_by_pendulum_approximate
 from physics.flight.air import PAPER_AIR
 from physics.flight.drag_curves import DRAG_CURVES, SOCCER_LIFT, SUBCRITICAL_DRAG
-from physics.flight.flight import Flight, fly
+from physics.flight.flight import FlightPath, fly
 from physics.forward import (
     Experiment,
     impulsive_launch,
@@ -81,7 +81,7 @@ def _figure_5(axes: Axes, ball: Ball) -> None:
     axes.legend()
 
 
-def _paper_flight(ball: Ball, speed: float, kind: str) -> tuple[Experiment, Flight]:
+def _paper_flight(ball: Ball, speed: float, kind: str) -> tuple[Experiment, FlightPath]:
     experiment = Experiment(ball)
     launch = impulsive_launch(experiment, speed, float(law_of(ball, kind)(speed)))
     angle, advance = ball.launch_angle, float(launch.advance)

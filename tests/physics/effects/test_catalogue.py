@@ -8,9 +8,9 @@ from physics.effects import (
     CATALOGUE,
     Contact,
     Effect,
-    Flight,
+    FlightState,
     Outcome,
-    Swing,
+    SwingState,
     View,
     catalogue_with,
     effect_named,
@@ -47,8 +47,8 @@ CONTRACT = [
 ]
 ALL = [effect for forms in CATALOGUE.values() for effect in forms]
 
-FLIGHT = Flight(0.1, 0.5, 0.4, 0.0, 3.0, 4.0, 0.0, 0.35, 0.2, 1.2, 1.8e-5, 9.81, 0.5, 10.0)
-SWING = Swing(0.3, 4.0, 1.6, 6.0, 0.45, 0.55, 9.81)
+FLIGHT = FlightState(0.1, 0.5, 0.4, 0.0, 3.0, 4.0, 0.0, 0.35, 0.2, 1.2, 1.8e-5, 9.81, 0.5, 10.0)
+SWING = SwingState(0.3, 4.0, 1.6, 6.0, 0.45, 0.55, 9.81)
 CONTACT = Contact(6.0, 0.15, 0.55, 1.6, 0.35, 0.2, 0.72, 9.81)
 OUTCOME = Outcome(0.015, 2.9, 0.2, 0.04, 0.42, 0.0, 5.2, 0.8, 0.0)
 VIEW = View(0.1, 0.5, 0.3, 0.0, 3.0, -1.0, 0.0, 0.2, 4.0, 0.0, 0.41, 1.0, 0.3, 1.0)
@@ -109,7 +109,7 @@ def test_buoyancy_is_the_weight_of_the_air():
 
 
 def test_wind_as_fast_as_the_ball_leaves_the_drag_of_the_rest():
-    flight = Flight(0.0, 0.0, 1.0, 0.0, 3.0, 0.0, 0.0, 0.35, 0.2, 1.2, 1.8e-5, 9.81, 0.5)
+    flight = FlightState(0.0, 0.0, 1.0, 0.0, 3.0, 0.0, 0.0, 0.35, 0.2, 1.2, 1.8e-5, 9.81, 0.5)
     drag = effect_named("drag").force({"drag_coefficient": 0.5}, flight)[0]
     wind = effect_named("wind").force({"wind_x": 3.0}, flight)[0]
     assert drag + wind == pytest.approx(0.0)
