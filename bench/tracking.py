@@ -90,7 +90,7 @@ def real_rows(folder: Path) -> list[str]:
                     if row.get("object", "ball") == name
                 ]
             )
-            track = tracks.others[0] if name == "striker" and tracks.others else tracks.ball
+            track = tracks.others[0].track if name == "striker" and tracks.others else tracks.ball
             found, rms = against(track, truth, tracks.shift_px)
             lines.append(f"| {marked.stem} | {name} | {found}/{len(truth)} | {rms:.2f} |")
     return lines

@@ -14,13 +14,14 @@ from vision.ball.linking import Path, link_circles
 from vision.ball.outline.refine import refine_ball
 from vision.ball.rest import Rest, find_rest
 from vision.clip.footage import Footage
+from vision.motion.kind import motion_of
 from vision.pendulum.face import find_face
 from vision.pendulum.mass import MassPoses
 from vision.pendulum.mass_search import find_mass
 from vision.pendulum.pendulum import follow_mass
 from vision.scene.scene import Scene
 from vision.scene.still import scene_before_strike
-from vision.tracks import Face, PendulumTrack, Track, Tracks
+from vision.tracks import Face, Followed, MotionModel, PendulumTrack, Track, Tracks
 from vision.workers import side_by_side
 
 if TYPE_CHECKING:
@@ -89,26 +90,31 @@ def follow(
     _tell(progress, 0.8)
     fits = refine_ball(scene, rough, None if mass is None else mass.hides)
     _tell(progress, 1.0)
+    ball = _track(fits, capture_fps)
+    rest_frames = None if rest is None else (rest.first, rest.last)
     return Tracks(
-        ball=_track(fits, capture_fps),
+        ball=ball,
         pendulum=_pendulum(mass, face, rest, capture_fps),
         background=scene.background.image,
-        rest_frames=None if rest is None else (rest.first, rest.last),
+        rest_frames=rest_frames,
         others=_others(scene, choice, capture_fps),
         warnings=tuple(_warnings(choice, rest, mass) + _camera_warnings(scene)),
         shift_px=scene.shifts(),
+        motion=motion_of(
+            ball, rest_frames, pendulum=mass is not None, struck_by_another=choice.struck
+        ),
     )
 
 
-def _others(scene: Scene, choice: Choice, fps: float) -> tuple[Track, ...]:
+def _others(scene: Scene, choice: Choice, fps: float) -> tuple[Followed, ...]:
     """What else is round and moves; the one that struck the ball as finely as the ball itself."""
     tracks = []
     for place, path in enumerate(choice.others):
         fits = follow_ball(scene, path) if choice.struck and place == 0 else None
         if fits is not None and len(fits.frame) >= 5:
-            tracks.append(_track(refine_ball(scene, fits), fps))
+            tracks.append(Followed(_track(refine_ball(scene, fits), fps), MotionModel.ROLL))
         else:
-            tracks.append(_path_track(path, fps))
+            tracks.append(Followed(_path_track(path, fps)))
     return tuple(tracks)
 
 

@@ -2,15 +2,84 @@
 
 import math
 from dataclasses import dataclass, replace
+from enum import Enum
 from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Face", "PendulumTrack", "Track", "TrackedFeature", "Tracks"]
+__all__ = [
+    "Face",
+    "Followed",
+    "Motion",
+    "MotionKind",
+    "MotionModel",
+    "PendulumTrack",
+    "Track",
+    "TrackedFeature",
+    "Tracks",
+]
 
 FloatArray = NDArray[np.float64]
 TrackedFeature = Literal["outline", "edge", "centre"]
+
+
+class MotionKind(Enum):
+    """What happens in a clip."""
+
+    STRIKE = "strike"
+    """A ball lies still, a pendulum strikes it, it flies."""
+    FLIGHT = "flight"
+    """Something flies freely that nothing in the clip was seen to strike: thrown, launched."""
+    DROP = "drop"
+    """Something falls freely from rest, straight down."""
+    SWING = "swing"
+    """Something swings on an arc and strikes nothing."""
+    COLLISION = "collision"
+    """Of two like balls one moves, meets the other at rest, and sets it in motion."""
+    NONE = "none"
+    """Nothing moves in a way that any of these explains."""
+
+
+class MotionModel(Enum):
+    """How one followed object moves, or what it is instead of an object."""
+
+    STILL = "still"
+    FLIGHT = "free flight"
+    SWING = "swing on an arc"
+    ROLL = "roll or slide"
+    CARRIED = "carried by a hand or another thing"
+    SHADOW = "shadow of another object"
+    GHOST = "ghost of the background"
+    GLINT = "glint or panel on another object"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What was seen to happen, with the doubt that the other explanations leave.
+
+    Attributes
+    ----------
+    kind : MotionKind
+        The likeliest explanation.
+    probability : float
+        Its probability beside the other kinds, 0 to 1.
+    reasons : tuple of str
+        What speaks for it, in whole sentences.
+    frames : (2,) tuple of int or None
+        First and last frame of `Tracks.ball` to which it applies: the free flight without the
+        throw and the bounce, the swing; for a strike and a collision from rest to the end of the
+        free motion. None where there is no such stretch.
+    alternatives : tuple of (MotionKind, float)
+        Every other kind and its probability, likeliest first.
+    """
+
+    kind: MotionKind
+    probability: float
+    reasons: tuple[str, ...] = ()
+    frames: tuple[int, int] | None = None
+    alternatives: tuple[tuple[MotionKind, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -54,6 +123,25 @@ class Track:
     def where(self, keep: NDArray[np.bool_]) -> Self:
         """Rows for which `keep` (N,) is true."""
         return replace(self, **{name: getattr(self, name)[keep] for name in Track.__annotations__})
+
+
+@dataclass(frozen=True)
+class Followed:
+    """A further object that was followed, and what it is.
+
+    Attributes
+    ----------
+    track : Track
+        Where it was.
+    model : MotionModel
+        How it moves.
+    reasons : tuple of str
+        Why it is not what was measured, in whole sentences.
+    """
+
+    track: Track
+    model: MotionModel = MotionModel.UNKNOWN
+    reasons: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -121,7 +209,8 @@ class Tracks:
     Attributes
     ----------
     ball : Track
-        The ball that is struck (or the only thing that flies).
+        What is measured: the ball that is struck, the thing that flies or falls, the bob that
+        swings (`motion` says which).
     pendulum : PendulumTrack or None
         None where no pendulum is in view.
     background : (H, W) float32 array
@@ -129,19 +218,22 @@ class Tracks:
     rest_frames : (2,) tuple of int or None
         First and last frame in which the ball lies still before it is struck; None if it never
         does.
-    others : tuple of Track
-        Other ball-like things that moved or lie about (a struck puck's striker, a second ball).
+    others : tuple of Followed
+        Other things that were followed (a struck puck's striker first, a second ball).
     warnings : tuple of str
         What the user should know, in whole sentences.
     shift_px : (F, 2) array or None
         Hand-held camera: where the scene's points lie in each frame of the clip, relative to the
         scene (all positions above are the scene's); None for a camera that stands still.
+    motion : Motion
+        What happens in the clip.
     """
 
     ball: Track
     pendulum: PendulumTrack | None
     background: NDArray[np.float32]
     rest_frames: tuple[int, int] | None
-    others: tuple[Track, ...] = ()
+    others: tuple[Followed, ...] = ()
     warnings: tuple[str, ...] = ()
     shift_px: FloatArray | None = None
+    motion: Motion = Motion(MotionKind.NONE, 0.0)

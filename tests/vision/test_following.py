@@ -109,5 +109,5 @@ def test_both_real_pucks_are_followed_and_the_struck_one_is_told() -> None:
     name = "puck_collision_A_canon240"
     tracks = follow(Clip.open(shared_folder("clips") / f"{name}.mp4"), 240.0)
     assert _rms(tracks.ball, _truth(name, "target")) < 1.0
-    assert _rms(tracks.others[0], _truth(name, "striker")) < 1.0
+    assert _rms(tracks.others[0].track, _truth(name, "striker")) < 1.0
     assert any("struck" in warning for warning in tracks.warnings)

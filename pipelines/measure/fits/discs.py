@@ -51,7 +51,7 @@ def disc_contact(tracks: Tracks) -> DiscContact | None:
     """
     if tracks.pendulum is not None or not tracks.others or tracks.rest_frames is None:
         return None
-    ball, striker, last = tracks.ball, tracks.others[0], tracks.rest_frames[1]
+    ball, striker, last = tracks.ball, tracks.others[0].track, tracks.rest_frames[1]
     still = ball.frame <= last - 1
     if still.sum() < 3:
         return None

@@ -1,0 +1,93 @@
+"""Every clip whose truth is known: foreign scenes, rendered clips, real ones marked by eye."""
+
+import csv
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bench.trackers_side_by_side import outline
+
+FloatArray = NDArray[np.float64]
+
+RATES = {
+    "projectile": 240.0,
+    "puck": 240.0,
+    "diabolo": 240.0,
+    "freefall": 1000.0,
+    "balltoss_480p15": 15.15,
+    "red": 25.0,
+    "tennis_ball_bounce": 10.0,
+}
+USUAL_RATE = 30.0
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Where one object truly is: frames, centres (N, 2), radius (N,) and own uncertainty (N,)."""
+
+    name: str
+    frame: NDArray[np.int64]
+    centre: FloatArray
+    radius: FloatArray
+    std: FloatArray
+
+
+def scene_truth(folder: Path) -> Truth:
+    """The ball from release to landing, wholly in view."""
+    truth = json.loads((folder / "truth.json").read_text())
+    setup = json.loads((folder / "setup.json").read_text())
+    camera, rows = truth["camera"], truth["frames"]
+    land = truth["flight"].get("frame_land") or np.inf
+    frames, centres, radii = [], [], []
+    for index in range(truth["contact"]["last"] + 2, int(min(len(rows["x_m"]), land))):
+        place = np.array([rows["x_m"][index], rows["y_m"][index], truth["ball_plane_z"]])
+        centre, radius = outline(camera, place, 0.5 * setup["ball"]["diameter_m"])
+        inside = np.all(centre > radius) and np.all(
+            centre < np.array([camera["W"], camera["H"]]) - radius - 1
+        )
+        if inside:
+            frames.append(index)
+            centres.append(centre)
+            radii.append(radius)
+    return Truth(
+        "ball", np.array(frames), np.array(centres), np.array(radii), np.zeros(len(frames))
+    )
+
+
+def marked_truths(path: Path) -> list[Truth]:
+    """The objects that somebody marked in a real clip."""
+    with path.open() as file:
+        rows = list(csv.DictReader(file))
+    truths = []
+    for name in sorted({row.get("object") or "ball" for row in rows}):
+        chosen = [row for row in rows if (row.get("object") or "ball") == name]
+        table = np.array(
+            [
+                [float(r[key]) for key in ("frame", "x_px", "y_px", "radius_px", "uncertainty_px")]
+                for r in chosen
+            ]
+        )
+        truths.append(
+            Truth(name, table[:, 0].astype(np.int64), table[:, 1:3], table[:, 3], table[:, 4])
+        )
+    return truths
+
+
+def clips_of(shared: Path) -> Iterator[tuple[Path, str, list[Truth], float]]:
+    """Every clip with its truths and capture rate."""
+    for room in ("scenes", "rendered"):
+        for folder in sorted(path for path in (shared / room).iterdir() if path.is_dir()):
+            rate = json.loads((folder / "truth.json").read_text())["fps_nominal"]
+            yield folder / "clip.mp4", folder.name, [scene_truth(folder)], float(rate)
+    files = sorted(
+        p for p in (shared / "clips").iterdir() if p.suffix in {".mp4", ".mov", ".avi", ".gif"}
+    )
+    for path in files:
+        marked = shared / "clips" / "truth" / f"{path.stem}.csv"
+        truths = marked_truths(marked) if marked.exists() else []
+        rate = next((r for key, r in RATES.items() if path.name.startswith(key)), USUAL_RATE)
+        yield path, path.stem, truths, rate

@@ -1,0 +1,1 @@
+"""What moves how: motion models of followed things, and what happens in a clip."""
