@@ -53,9 +53,9 @@ class Candidate:
         return self.effect.id
 
     @property
-    def key(self) -> tuple[str, str, str]:
-        """What tells one law from another: id, class and form."""
-        return self.effect.id, type(self.effect).__name__, self.effect.form
+    def key(self) -> Effect:
+        """What tells one law from another: everything but where its parameters may lie."""
+        return replace(self.effect, parameters=())
 
     @property
     def fine(self) -> float:

@@ -72,17 +72,17 @@ def lane_terms(models: Iterable[Model]) -> tuple[Term, ...]:
     """Terms for one model per lane, runs of lanes with the same effect gathered.
 
     An effect takes part in a lane only if that lane's model holds it, so a lane pays for its own
-    effects alone.
+    effects alone. Effects are told apart as objects: two of one class and form may differ in any
+    field of their own (the hats of a smooth force, laws that a user wrote).
     """
-    runs: dict[tuple[str, str, str, int], list[list[tuple[int, Mapping[str, float]]]]] = {}
-    effects: dict[tuple[str, str, str, int], Effect] = {}
+    runs: dict[tuple[int, int], list[list[tuple[int, Mapping[str, float]]]]] = {}
+    effects: dict[tuple[int, int], Effect] = {}
     for lane, model in enumerate(models):
-        seen: dict[tuple[str, str, str], int] = {}
+        seen: dict[int, int] = {}
         for effect, values in model.entries:
-            law = (effect.id, type(effect).__name__, effect.form)
-            copy = seen.get(law, 0)
-            seen[law] = copy + 1
-            key = (*law, copy)
+            copy = seen.get(id(effect), 0)
+            seen[id(effect)] = copy + 1
+            key = (id(effect), copy)
             effects[key] = effect
             here = runs.setdefault(key, [])
             if here and here[-1][-1][0] == lane - 1:

@@ -98,7 +98,7 @@ def _best_by_law(
 
     Free swings are scored `anywhere`: far from the answer the sign of an estimate says nothing.
     """
-    best: dict[tuple[str, str, str], tuple[float, int, FloatArray]] = {}
+    best: dict[Effect, tuple[float, int, FloatArray]] = {}
     for index, candidate in enumerate(scored.candidates):
         gain, values = scored.gain(index)
         known = is_known(candidate.effect)
@@ -289,7 +289,7 @@ def _grow(
         return []
     least = min(0.35 * seeds[0].worth, seeds[0].worth - group_tolerance(seeds[0]))
     leader = _leader([h for h in tried if len(h.members) == size - 1])
-    grown: dict[frozenset[tuple[str, str, str]], Hypothesis] = {}
+    grown: dict[frozenset[Effect], Hypothesis] = {}
     for number, seed in enumerate(_one_per_id(seeds, 6 if size == 2 else 3)):
         if seed.worth < least:
             continue

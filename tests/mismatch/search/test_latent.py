@@ -1,0 +1,67 @@
+"""The missing force over time, held against forces that were put in."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from mismatch.fitting.prepare import prepare
+from mismatch.fitting.scan import scan
+from mismatch.model.candidates import Candidate
+from mismatch.model.model import Model, lane_terms
+from mismatch.search.latent import missing_force
+from physics.effects import CATALOGUE, Effect, Parameter
+from tests.mismatch.synthetic import struck_campaign
+
+
+@dataclass(frozen=True)
+class Blown(Effect):
+    """A horizontal force in proportion to a sine in time, of a phase that no parameter holds."""
+
+    id: str = "blown"
+    statement: str = "A draught that comes and goes."
+    law: str = r"F = a \sin(\omega t + \phi)"
+    source: str = "made for this test"
+    phase: str = "flight"
+    parameters: tuple[Parameter, ...] = (Parameter("a", "N", 0.1, -9.0, 9.0),)
+    lag: float = 0.0
+
+    def force(self, values, flight):
+        size = values["a"] * np.sin(15.0 * flight.time + self.lag) + 0.0 * np.asarray(flight.x)
+        return size, np.zeros_like(size), np.zeros_like(size)
+
+
+@pytest.fixture(scope="module")
+def blown():
+    campaign, baseline = struck_campaign((Blown(), {"a": 0.3}), noise=3e-4)
+    return prepare(campaign, baseline)
+
+
+def test_the_missing_force_follows_a_force_that_changes_its_sign(blown):
+    horizontal, vertical = missing_force(blown.forward, blown.fit)[:2]
+    inner = (horizontal.place > 0.05) & (horizontal.place < 0.35)
+    true = 0.3 * np.sin(15.0 * horizontal.place)
+    off = np.abs(horizontal.value - true)[inner]
+    assert np.ptp(horizontal.value) > 0.4
+    assert np.all(off < 3.0 * horizontal.std[inner] + 0.03)
+    assert np.all(np.abs(vertical.value)[inner] < 4.0 * vertical.std[inner] + 0.03)
+
+
+def test_laws_of_one_class_and_id_stay_apart_in_one_scan(blown):
+    laws = [Candidate(Blown(lag=lag), (), 1) for lag in (0.0, 1.2)]
+    scored = scan(blown.forward, blown.fit, laws)
+    correlation = scored.information[0, 1] / np.sqrt(np.prod(np.diag(scored.information)))
+    assert abs(correlation) < 0.9
+    gains = [scored.gain(index)[0] for index in range(2)]
+    assert gains[0] > 2.0 * gains[1]
+
+
+def test_lanes_gather_what_is_the_same_object_and_nothing_else():
+    drag, other = CATALOGUE["drag"][0], Blown()
+    models = [Model(((drag, {"drag_coefficient": 0.1 * k}),)) for k in range(3)]
+    models.append(Model(((drag, {"drag_coefficient": 0.5}), (Blown(lag=1.0), {"a": 1.0}))))
+    models.append(Model(((other, {"a": 2.0}), (other, {"a": 3.0}))))
+    terms = lane_terms(models)
+    assert [(type(t.effect).__name__, t.lanes.start, t.lanes.stop) for t in terms] == [
+        ("Drag", 0, 4), ("Blown", 3, 4), ("Blown", 4, 5), ("Blown", 4, 5),
+    ]  # fmt: skip
