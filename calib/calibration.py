@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calib.camera.camera import Camera, Lens, rotation_matrix
-from metrology import Contribution
+from metrology import Contribution, UncertaintySource
 
 __all__ = ["PARAMETERS", "Calibration", "DepthEstimate", "Source"]
 
@@ -37,13 +37,13 @@ class Source:
 
     Attributes
     ----------
-    name : str
-        The input, in words.
+    name : UncertaintySource
+        The input.
     covariance : (12, 12) array
         Its share of the covariance of the parameters; the shares add up to the whole.
     """
 
-    name: str
+    name: UncertaintySource
     covariance: FloatArray
 
 
@@ -51,7 +51,7 @@ class Source:
 class DepthEstimate:
     """Ball plane offset from one input alone, m."""
 
-    source: str
+    source: UncertaintySource
     value: float
     std: float
 

@@ -1,7 +1,7 @@
 """Lengths on the ball plane from a fall: gravity is a scale that nobody has to tape."""
 
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +13,7 @@ from calib.plausibility import plausible
 from calib.pose import LensPrior, calibrate
 from metrology import CalibrationError
 
-__all__ = ["with_free_fall"]
+__all__ = ["CalibrationByFall", "with_free_fall"]
 
 FloatArray = NDArray[np.float64]
 
@@ -21,6 +21,21 @@ DISAGREE_AT = 3.0
 # Not among the fitted inputs: what the pitch of a printed grid is good to
 PITCH_STD = 0.005
 PATH_POINTS = 9
+
+
+@dataclass(frozen=True)
+class CalibrationByFall:
+    """A calibration that a free fall took part in.
+
+    Attributes
+    ----------
+    calibration : Calibration
+    contradiction : str or None
+        What disagrees, where the fall contradicts everything else; None where it does not.
+    """
+
+    calibration: Calibration
+    contradiction: str | None = None
 
 
 def with_free_fall(
@@ -32,7 +47,7 @@ def with_free_fall(
     *,
     px: ArrayLike | None = None,
     lens: LensPrior | None = None,
-) -> Calibration:
+) -> CalibrationByFall:
     """Fit a calibration anew with a measured free fall as a further input.
 
     Parameters
@@ -56,8 +71,7 @@ def with_free_fall(
 
     Returns
     -------
-    Calibration
-        With a further warning if the fall contradicts the calibration.
+    CalibrationByFall
 
     Raises
     ------
@@ -83,9 +97,9 @@ def with_free_fall(
     prior = float(slope @ calibration.covariance @ slope)
     wanted = math.log(true_gravity / value)
     if abs(wanted) < DISAGREE_AT * math.hypot(math.sqrt(max(prior, 0.0)), std / value):
-        return fused
+        return CalibrationByFall(fused)
     told = _contradiction(calibration, slope, wanted, apparent_gravity, true_gravity)
-    return replace(fused, warnings=(*fused.warnings, told))
+    return CalibrationByFall(replace(fused, warnings=(*fused.warnings, told)), contradiction=told)
 
 
 def _path(
@@ -120,7 +134,7 @@ def _contradiction(
     true_gravity: float,
 ) -> str:
     """Say what disagrees, and which input would have to be off by the fewest uncertainties."""
-    candidates = [(abs(wanted) / PITCH_STD, "the pitch of the grid")]
+    candidates: list[tuple[float, str]] = [(abs(wanted) / PITCH_STD, "the pitch of the grid")]
     for source in calibration.sources:
         effect = math.sqrt(max(0.0, float(slope @ source.covariance @ slope)))
         if effect > 0.0:

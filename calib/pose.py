@@ -17,7 +17,7 @@ from calib.camera.camera import Lens
 from calib.camera.lens_prior import LensPrior
 from calib.evidence import BallOutlines, Evidence, Known
 from calib.grid.grid import WallGrid
-from metrology import CalibrationError
+from metrology import CalibrationError, UncertaintySource
 
 __all__ = ["LensPrior", "calibrate"]
 
@@ -31,11 +31,16 @@ PRINCIPAL_STD = 0.01
 K1_STD, K2_STD = 0.3, 0.1
 DEPTH_SHARE, DEPTH_SHARE_STD = 0.1, 0.1
 DEPTH_SOURCES = {
-    "ball plane offset by tape": ("ball_plane_offset",),
-    "ball diameter": ("outlines",),
-    "free fall": ("fall",),
+    UncertaintySource.BALL_PLANE_OFFSET: ("ball_plane_offset",),
+    UncertaintySource.BALL_DIAMETER: ("outlines",),
+    UncertaintySource.FREE_FALL: ("fall",),
 }
-ALWAYS = ("grid lines", "lens not known beforehand", "lens calibration", "ball plane guessed")
+ALWAYS = (
+    UncertaintySource.GRID_LINES,
+    UncertaintySource.LENS_UNKNOWN,
+    UncertaintySource.LENS_CALIBRATION,
+    UncertaintySource.BALL_PLANE_GUESS,
+)
 DISAGREE_AT = 3.5
 WORST_CHI2 = 10.0
 """The crossings' covariance is as large as their scatter about a smooth map: a camera that misses
@@ -79,11 +84,13 @@ def calibrate(
     blocks = _blocks(grid, evidence, lens)
     fitted, sources = _fit(start, blocks)
     if grid.line_share.any():
-        rows = _jacobian(blocks["grid lines"], fitted)
+        rows = _jacobian(blocks[UncertaintySource.GRID_LINES], fitted)
         covariance = np.sum([s.covariance for s in sources], axis=0)
-        together = Source("grid lines", covariance @ _lines_together(grid, rows) @ covariance)
-        sources = tuple(together if s.name == "grid lines" else s for s in sources)
-    nodes = blocks["grid lines"](fitted)
+        together = Source(
+            UncertaintySource.GRID_LINES, covariance @ _lines_together(grid, rows) @ covariance
+        )
+        sources = tuple(together if s.name is UncertaintySource.GRID_LINES else s for s in sources)
+    nodes = blocks[UncertaintySource.GRID_LINES](fitted)
     chi2 = float(nodes @ nodes / max(len(nodes) - 10, 1))
     if not np.isfinite(chi2) or chi2 > WORST_CHI2:
         raise CalibrationError(
@@ -94,7 +101,7 @@ def calibrate(
     estimates = tuple(_alone(name, fitted, blocks) for name in present)
     if chi2 > 1.0:
         sources = tuple(
-            Source(s.name, s.covariance * (chi2 if s.name == "grid lines" else 1.0))
+            Source(s.name, s.covariance * (chi2 if s.name is UncertaintySource.GRID_LINES else 1.0))
             for s in sources
         )
     return Calibration(
@@ -145,7 +152,9 @@ def _start(grid: WallGrid, evidence: Evidence, lens: LensPrior | None) -> Calibr
     )
 
 
-def _blocks(grid: WallGrid, evidence: Evidence, lens: LensPrior | None) -> dict[str, Residuals]:
+def _blocks(
+    grid: WallGrid, evidence: Evidence, lens: LensPrior | None
+) -> dict[UncertaintySource, Residuals]:
     """Whitened residuals by source; each source is independent of the others."""
     wall = np.c_[grid.wall_m, np.zeros(len(grid.nodes))]
     whitened = _whitening(grid)
@@ -154,20 +163,23 @@ def _blocks(grid: WallGrid, evidence: Evidence, lens: LensPrior | None) -> dict[
         error = whitened(c.grid_camera.project(wall) - grid.points_px)
         return np.asarray(np.nan_to_num(error.ravel(), nan=1e3))
 
-    blocks: dict[str, Residuals] = {"grid lines": nodes}
+    blocks: dict[UncertaintySource, Residuals] = {UncertaintySource.GRID_LINES: nodes}
     if lens is None:
         width, height = grid.size
         centre = [np.log(FOCAL_OVER_WIDTH * width), (width - 1) / 2, (height - 1) / 2, 0.0, 0.0]
         spread = [LOG_FOCAL_STD, PRINCIPAL_STD * width, PRINCIPAL_STD * width, K1_STD, K2_STD]
-        name, known_to = "lens not known beforehand", np.diag(1.0 / np.array(spread))
+        name, known_to = UncertaintySource.LENS_UNKNOWN, np.diag(1.0 / np.array(spread))
     else:
         known = lens.lens
         centre = [np.log(known.fx), known.cx, known.cy, known.k1, known.k2]
-        name, known_to = "lens calibration", np.linalg.inv(np.linalg.cholesky(lens.covariance))
+        name, known_to = (
+            UncertaintySource.LENS_CALIBRATION,
+            np.linalg.inv(np.linalg.cholesky(lens.covariance)),
+        )
     blocks[name] = lambda c: known_to @ (c.vector[6:11] - np.array(centre))
     _add_tape(blocks, evidence)
     _add_ball(blocks, evidence)
-    blocks["ball plane guessed"] = lambda c: np.array(
+    blocks[UncertaintySource.BALL_PLANE_GUESS] = lambda c: np.array(
         [(c.vector[11] / c.camera_distance - DEPTH_SHARE) / DEPTH_SHARE_STD]
     )
     return blocks
@@ -200,20 +212,22 @@ def _lines_together(grid: WallGrid, rows: FloatArray) -> FloatArray:
     return np.asarray(spread)
 
 
-def _add_tape(blocks: dict[str, Residuals], evidence: Evidence) -> None:
-    def add(name: str, known: Known | None, value: Callable[[Calibration], float]) -> None:
+def _add_tape(blocks: dict[UncertaintySource, Residuals], evidence: Evidence) -> None:
+    def add(
+        name: UncertaintySource, known: Known | None, value: Callable[[Calibration], float]
+    ) -> None:
         if known is not None:
             blocks[name] = lambda c: np.array([(value(c) - known.value) / known.std])
 
-    add("camera distance by tape", evidence.camera_distance, lambda c: c.camera_distance)
-    add("camera place by tape, x", evidence.camera_x, lambda c: c.vector[3] + c.origin[0])
-    add("camera place by tape, y", evidence.camera_y, lambda c: c.vector[4] + c.origin[1])
-    add("axis foot by tape, x", evidence.axis_foot_x, lambda c: c.camera.axis_foot[0])
-    add("axis foot by tape, y", evidence.axis_foot_y, lambda c: c.camera.axis_foot[1])
-    add("ball plane offset by tape", evidence.ball_plane_offset, lambda c: c.vector[11])
+    add(UncertaintySource.CAMERA_DISTANCE, evidence.camera_distance, lambda c: c.camera_distance)
+    add(UncertaintySource.CAMERA_X, evidence.camera_x, lambda c: c.vector[3] + c.origin[0])
+    add(UncertaintySource.CAMERA_Y, evidence.camera_y, lambda c: c.vector[4] + c.origin[1])
+    add(UncertaintySource.AXIS_FOOT_X, evidence.axis_foot_x, lambda c: c.camera.axis_foot[0])
+    add(UncertaintySource.AXIS_FOOT_Y, evidence.axis_foot_y, lambda c: c.camera.axis_foot[1])
+    add(UncertaintySource.BALL_PLANE_OFFSET, evidence.ball_plane_offset, lambda c: c.vector[11])
 
 
-def _add_ball(blocks: dict[str, Residuals], evidence: Evidence) -> None:
+def _add_ball(blocks: dict[UncertaintySource, Residuals], evidence: Evidence) -> None:
     outlines, fall = evidence.outlines, evidence.fall
     if outlines is not None:
         radius = 0.5 * outlines.diameter.value
@@ -228,9 +242,9 @@ def _add_ball(blocks: dict[str, Residuals], evidence: Evidence) -> None:
             seen = camera.sphere_outline(centre, radius)[1]
             return np.asarray(whitening @ (seen - outlines.radius_px[chosen]))
 
-        blocks["ball diameter"] = size
+        blocks[UncertaintySource.BALL_DIAMETER] = size
     if fall is not None:
-        blocks["free fall"] = lambda c: np.array([_fall_misfit(c, evidence)])
+        blocks[UncertaintySource.FREE_FALL] = lambda c: np.array([_fall_misfit(c, evidence)])
 
 
 def _size_whitening(outlines: BallOutlines, chosen: NDArray[np.intp]) -> FloatArray:
@@ -268,7 +282,7 @@ def _fall_misfit(c: Calibration, evidence: Evidence) -> float:
 
 
 def _fit(
-    start: Calibration, blocks: dict[str, Residuals]
+    start: Calibration, blocks: dict[UncertaintySource, Residuals]
 ) -> tuple[Calibration, tuple[Source, ...]]:
     """Gauss–Newton with step halving, and the share of each block in the covariance."""
 
@@ -323,20 +337,24 @@ def _halved(
     return current, residuals(current)
 
 
-def _alone(name: str, fitted: Calibration, blocks: dict[str, Residuals]) -> DepthEstimate:
+def _alone(
+    name: UncertaintySource, fitted: Calibration, blocks: dict[UncertaintySource, Residuals]
+) -> DepthEstimate:
     """Ball plane offset with only one of the inputs that tell it."""
-    kept = {n: block for n, block in blocks.items() if n == name or n not in DEPTH_SOURCES}
+    kept = {n: block for n, block in blocks.items() if n is name or n not in DEPTH_SOURCES}
     alone, sources = _fit(fitted, kept)
     variance = sum(float(s.covariance[11, 11]) for s in sources)
     return DepthEstimate(name, alone.ball_plane_offset, float(np.sqrt(variance)))
 
 
-def _total(c: Calibration, blocks: dict[str, Residuals]) -> float:
+def _total(c: Calibration, blocks: dict[UncertaintySource, Residuals]) -> float:
     return float(sum(float(np.sum(block(c) ** 2)) for block in blocks.values()))
 
 
 def _disagreement(
-    fitted: Calibration, blocks: dict[str, Residuals], estimates: tuple[DepthEstimate, ...]
+    fitted: Calibration,
+    blocks: dict[UncertaintySource, Residuals],
+    estimates: tuple[DepthEstimate, ...],
 ) -> tuple[str, ...]:
     """Say so if the inputs contradict each other, and which is the likeliest to be wrong."""
     inputs = [name for name in blocks if name not in ALWAYS]
@@ -347,7 +365,7 @@ def _disagreement(
     whole = _total(fitted, blocks)
     relief = {}
     for name in inputs:
-        kept = {other: block for other, block in blocks.items() if other != name}
+        kept = {other: block for other, block in blocks.items() if other is not name}
         relief[name] = whole - _total(_fit(fitted, kept)[0], kept) - spare[name]
     suspects = sorted(relief, key=lambda name: relief[name], reverse=True)
     if relief[suspects[0]] < DISAGREE_AT**2:

@@ -14,6 +14,7 @@ from metrology.errors import (
 )
 from metrology.files import write_text_whole, written_whole
 from metrology.quantity import Contribution, Quantity
+from metrology.sources import UncertaintySource
 from metrology.units import parse_quantity, parse_with_uncertainty
 
 __all__ = [
@@ -27,6 +28,7 @@ __all__ = [
     "Quantity",
     "SetupError",
     "TooLittleDataError",
+    "UncertaintySource",
     "UnitError",
     "UsageError",
     "parse_quantity",

@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass
 
+from metrology.sources import UncertaintySource
+
 __all__ = ["Contribution", "Quantity"]
 
 
@@ -12,13 +14,13 @@ class Contribution:
 
     Attributes
     ----------
-    source : str
-        The input the uncertainty comes from, in words ("capture rate", "ball diameter").
+    source : UncertaintySource
+        The input the uncertainty comes from.
     std : float
         What it adds to the quantity, one standard deviation, in the quantity's unit.
     """
 
-    source: str
+    source: UncertaintySource
     std: float
 
 

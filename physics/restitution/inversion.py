@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from metrology import Contribution, DomainError, Quantity
+from metrology import Contribution, DomainError, Quantity, UncertaintySource
 from physics.arrays import FloatArray, Number
 from physics.bodies import GRAVITY, Ball, Pendulum, Support
 from physics.contact.impact import cor_from_ball_speed
@@ -246,7 +246,8 @@ def propagate_cor(inputs: RangeInputs, stds: dict[str, float]) -> Quantity:
         raise DomainError(f"{sorted(unknown)} are no inputs of Eq. 17; they are {sorted(names)}")
     slopes = sensitivities(inputs)
     budget = tuple(
-        Contribution(name.replace("_", " "), abs(slopes[name]) * std) for name, std in stds.items()
+        Contribution(UncertaintySource(name.replace("_", " ")), abs(slopes[name]) * std)
+        for name, std in stds.items()
     )
     return Quantity.measured("cor_range", float(cor_from_range(inputs)), "1", budget)
 

@@ -29,7 +29,7 @@ from pipelines.measure.metres import CameraMapping, tracks_in_metres
 from pipelines.measure.results import Evaluated, NoScale, results_of
 from pipelines.setup.file import BallSetup, CameraSetup, Setup, WallSetup
 from sample_videos.scene import Scene
-from vision.clip.capture_rate import CaptureRate, nominal_rate_std
+from vision.clip.capture_rate import CaptureRate, RateSource, nominal_rate_std
 from vision.tracks import Tracks
 
 __all__ = ["Change", "Foreseen", "changes_of", "foresee", "planned_setup"]
@@ -124,7 +124,7 @@ def foresee(filming: Filming) -> Foreseen:
     scene, shot = film_scene(filming)
     tracks = planned_tracks(filming, scene, shot)
     inputs = gather_inputs(planned_setup(filming, scene), None, None)
-    rate = CaptureRate(filming.fps, nominal_rate_std(filming.fps), "setup")
+    rate = CaptureRate(filming.fps, nominal_rate_std(filming.fps), RateSource.SETUP)
     calibration = _calibrated(filming, scene, tracks, Known(inputs, rate, None))
     known = Known(inputs, rate, calibration)
     results = results_of(_evaluated(known, tracks, scene), tracks, NoScale(""))
@@ -172,7 +172,7 @@ def _calibrated(filming: Filming, scene: Scene, tracks: Tracks, known: Known) ->
             known.inputs.gravity,
             px=tracks.ball.centre_px[flying],
             lens=filming.lens,
-        )
+        ).calibration
     except MeasurementError:
         return found
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.calibration import Calibration
-from metrology import Contribution
+from metrology import Contribution, UncertaintySource
 from physics.bodies import Pendulum
 from pipelines.measure.inputs import HEIGHT_STD_M, Inputs
 from vision.clip.capture_rate import CaptureRate
@@ -52,7 +52,7 @@ class Scene:
 
 def systematic_budget(
     scene: Scene, values: Callable[[Scene], FloatArray], scale_std: float
-) -> dict[str, FloatArray]:
+) -> dict[UncertaintySource, FloatArray]:
     """Contribution of each input to each value.
 
     Parameters
@@ -67,10 +67,10 @@ def systematic_budget(
     Returns
     -------
     dict
-        Source in words to (Q,) one-sigma contributions, NaN where a value is missing.
+        Source to (Q,) one-sigma contributions, NaN where a value is missing.
     """
     base = values(scene)
-    table: dict[str, FloatArray] = {}
+    table: dict[UncertaintySource, FloatArray] = {}
     for source, moved in _moved(scene, scale_std):
         table[source] = np.abs(values(moved) - base)
     if scene.calibration is not None:
@@ -82,7 +82,7 @@ def systematic_budget(
 
 def _by_calibration(
     calibration: Calibration, base: FloatArray, values: Callable[[Calibration], FloatArray]
-) -> dict[str, FloatArray]:
+) -> dict[UncertaintySource, FloatArray]:
     """Contribution of each source of the calibration, by steps along its principal axes.
 
     Distance, focal length and depth may each be open by a third while the scale of the ball plane
@@ -110,35 +110,50 @@ def _by_calibration(
     return table
 
 
-def _moved(scene: Scene, scale_std: float) -> list[tuple[str, Scene]]:
+def _moved(scene: Scene, scale_std: float) -> list[tuple[UncertaintySource, Scene]]:
     inputs, rate = scene.inputs, scene.rate
-    moved = [("capture rate", replace(scene, rate=replace(rate, fps=rate.fps + rate.std)))]
+    moved: list[tuple[UncertaintySource, Scene]] = []
+    if rate.known:
+        faster = replace(rate, fps=rate.fps + rate.std)
+        moved.append((UncertaintySource.CAPTURE_RATE, replace(scene, rate=faster)))
     body = inputs.pendulum
     heavier: Pendulum = replace(body, inertia=body.inertia * (1 + INERTIA_SHARE))
     moved.append(
-        ("inertia of the pendulum", replace(scene, inputs=replace(inputs, pendulum=heavier)))
+        (
+            UncertaintySource.PENDULUM_INERTIA,
+            replace(scene, inputs=replace(inputs, pendulum=heavier)),
+        )
     )
     nearer = replace(inputs, arm_share=inputs.arm_share * (1 + ARM_SHARE_STD))
-    moved.append(("depth of the mass' visible side", replace(scene, inputs=nearer)))
+    moved.append((UncertaintySource.PENDULUM_ARM, replace(scene, inputs=nearer)))
     ringing = replace(inputs, after_share=inputs.after_share * (1 + AFTER_SHARE_STD))
-    moved.append(("pendulum just after contact", replace(scene, inputs=ringing)))
+    moved.append((UncertaintySource.PENDULUM_RINGING, replace(scene, inputs=ringing)))
     if inputs.fall is not None:
         higher = replace(inputs, fall=inputs.fall + HEIGHT_STD_M)
-        moved.append(("height of the support", replace(scene, inputs=higher)))
+        moved.append((UncertaintySource.SUPPORT_HEIGHT, replace(scene, inputs=higher)))
     if inputs.ball is not None and inputs.ball.mass is not None:
         ball = replace(inputs.ball, mass=inputs.ball.mass * (1 + MASS_SHARE))
-        moved.append(("mass of the ball", replace(scene, inputs=replace(inputs, ball=ball))))
+        moved.append(
+            (UncertaintySource.BALL_MASS, replace(scene, inputs=replace(inputs, ball=ball)))
+        )
     if scene.calibration is None:
-        moved.append(("roll of the camera, no grid to tell", replace(scene, roll_rad=ROLL_STD)))
-        moved.append(("slant of the camera, no grid to tell", replace(scene, slant_rad=SLANT_STD)))
+        moved.append((UncertaintySource.CAMERA_ROLL, replace(scene, roll_rad=ROLL_STD)))
+        moved.append((UncertaintySource.CAMERA_SLANT, replace(scene, slant_rad=SLANT_STD)))
         if np.isfinite(scale_std):
-            moved.append(("ball diameter", replace(scene, scale=scene.scale * (1 + scale_std))))
+            moved.append(
+                (
+                    UncertaintySource.BALL_DIAMETER,
+                    replace(scene, scale=scene.scale * (1 + scale_std)),
+                )
+            )
     return moved
 
 
-def merged(table: dict[str, FloatArray], index: int, noise: float) -> tuple[Contribution, ...]:
+def merged(
+    table: dict[UncertaintySource, FloatArray], index: int, noise: float
+) -> tuple[Contribution, ...]:
     """Budget of one value, largest first, from the table and the noise of the tracks."""
-    lines = [Contribution("noise of the tracks", noise)]
+    lines = [Contribution(UncertaintySource.TRACK_NOISE, noise)]
     lines += [Contribution(name, float(column[index])) for name, column in table.items()]
     kept = [line for line in lines if np.isfinite(line.std) and line.std > 0]
     return tuple(sorted(kept, key=lambda line: -line.std))

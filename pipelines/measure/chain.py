@@ -28,7 +28,7 @@ from vision.clip.clip import Clip
 from vision.following import follow
 from vision.tracks import Tracks
 
-__all__ = ["MeasureOptions", "measure_clip"]
+__all__ = ["MeasureOptions", "measure_clip", "weighed_by_fall"]
 
 FloatArray = NDArray[np.float64]
 Point = tuple[float, float] | tuple[float, float, int]
@@ -144,10 +144,12 @@ def _calibrated(tracks: Tracks, inputs: Inputs, rate: CaptureRate, clip: Clip) -
         return _Wall(refusal=NoScale(problem.in_one_line))
     camera, wall = inputs.setup.camera, inputs.setup.wall
     taped = camera.distance_to_wall is not None and wall.ball_plane_offset is not None
-    if taped or rate.source == "assumed":
+    if taped or not rate.known:
         return _Wall(calibration, grid)
     scene = Scene(inputs, rate, calibration)
-    return _Wall(_weighed_by_fall(calibration, grid, tracks, scene, clip), grid)
+    return _Wall(
+        weighed_by_fall(calibration, grid, tracks, scene, clip.capture_times(rate.fps)), grid
+    )
 
 
 def _sizes(inputs: Inputs) -> str:
@@ -161,21 +163,21 @@ def _sizes(inputs: Inputs) -> str:
     )
 
 
-def _weighed_by_fall(
-    calibration: Calibration, grid: WallGrid, tracks: Tracks, scene: Scene, clip: Clip
+def weighed_by_fall(
+    calibration: Calibration, grid: WallGrid, tracks: Tracks, scene: Scene, time_s: FloatArray
 ) -> Calibration:
     """Where nothing is taped, the flight's own free fall tells the scale of the ball plane.
 
     A fall that contradicts the rest is left to the self-check by gravity.
     """
     try:
-        free = find_impact(_in_metres(scene, clip, tracks), scene.inputs).free_flight
+        free = find_impact(_in_metres(scene, time_s, tracks), scene.inputs).free_flight
         gravity = float(free.fitted.values[6])
         if contradicts_gravity(gravity, scene.inputs.gravity):
             return calibration
         by_rate = 2.0 * gravity * scene.rate.std / scene.rate.fps
         std = float(np.hypot(np.sqrt(free.fitted.covariance[6, 6]), by_rate))
-        flying = np.isin(clip.capture_times(scene.rate.fps)[tracks.ball.frame], free.time_s)
+        flying = np.isin(time_s[tracks.ball.frame], free.time_s)
         fused = with_free_fall(
             calibration,
             grid,
@@ -187,7 +189,7 @@ def _weighed_by_fall(
         )
     except MeasurementError:
         return calibration
-    return calibration if set(fused.warnings) - set(calibration.warnings) else fused
+    return calibration if fused.contradiction is not None else fused.calibration
 
 
 def _evaluate(
@@ -195,7 +197,7 @@ def _evaluate(
 ) -> Evaluated:
     nothing = Evaluated(scene, None, None, np.zeros(0), np.zeros((0, 0)), {}, "")
     try:
-        metric = _in_metres(scene, clip, tracks)
+        metric = _in_metres(scene, clip.capture_times(scene.rate.fps), tracks)
         impact = find_impact(metric, scene.inputs)
     except MeasurementError as problem:
         return replace(nothing, refusal=problem.in_one_line)
@@ -213,7 +215,9 @@ def _evaluate(
             share = scene.rate.fps / moved.rate.fps
             times = (started[0] * share, started[1] * share)
         try:
-            again = find_impact(_in_metres(moved, clip, tracks), moved.inputs, times)
+            again = find_impact(
+                _in_metres(moved, clip.capture_times(moved.rate.fps), tracks), moved.inputs, times
+            )
             return derived_values(again, moved.inputs)
         except MeasurementError:
             return np.full(len(DERIVED), np.nan)
@@ -229,8 +233,7 @@ def _evaluate(
     )
 
 
-def _in_metres(scene: Scene, clip: Clip, tracks: Tracks) -> MetricTracks:
-    times = clip.capture_times(scene.rate.fps)
+def _in_metres(scene: Scene, times: FloatArray, tracks: Tracks) -> MetricTracks:
     if scene.calibration is not None:
         return tracks_in_metres(tracks, CameraMapping(scene.calibration), times)
     ball = tracks.ball

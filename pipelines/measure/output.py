@@ -50,7 +50,7 @@ def measurement_as_json(measured: Measurement, names: Sequence[str] | None = Non
         },
         "time_base": {
             "capture_fps": rate.fps,
-            "std": rate.std,
+            "std": rate.std if rate.known else None,
             "source": rate.source,
             "gravity_check": _as_json(measured.gravity),
         },

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import norm, qmc
 
 from calib.calibration import Calibration
-from metrology import Contribution, Quantity
+from metrology import Contribution, Quantity, UncertaintySource
 from pipelines.measure.budget import Scene, merged
 from pipelines.measure.derived import DERIVED
 from pipelines.measure.fits.beside import BESIDE, speeds_agree
@@ -22,7 +22,7 @@ from pipelines.measure.metres import MetricTracks
 from pipelines.report import Check
 from vision.tracks import Tracks
 
-__all__ = ["Evaluated", "NoScale", "Results", "results_of"]
+__all__ = ["Evaluated", "NoScale", "Results", "reading_on_wall", "results_of"]
 
 FloatArray = NDArray[np.float64]
 
@@ -33,7 +33,16 @@ _DRAWS = norm.ppf(qmc.Sobol(2, seed=0).random(1024)).T
 """Even draws of two independent unit normals."""
 VAGUE = 0.3
 """A depth known to no better than this share, and mostly from what is usual, is a guess."""
-SUPPOSED = ("lens not known beforehand", "ball plane guessed")
+SUPPOSED = (UncertaintySource.LENS_UNKNOWN, UncertaintySource.BALL_PLANE_GUESS)
+_DEPTHS = (
+    UncertaintySource.BALL_PLANE_OFFSET,
+    UncertaintySource.BALL_DIAMETER,
+    UncertaintySource.CAMERA_DISTANCE,
+)
+NO_CLOCK = (
+    "the camera's rate is not known, and no free fall with a known scale tells it:"
+    " give it with --fps RATE or capture_fps in the setup file"
+)
 _LANDING = ("landing_distance", "landing_time", "landing_distance_on_wall", "cor_range")
 
 
@@ -61,7 +70,7 @@ class Evaluated:
     impact: Impact | None
     values: FloatArray
     random: FloatArray
-    systematic: dict[str, FloatArray]
+    systematic: dict[UncertaintySource, FloatArray]
     refusal: str
 
 
@@ -156,7 +165,7 @@ def _moment_of_release(evaluated: Evaluated, name: str) -> Contribution:
     speeds = np.hypot(states[:, 2], states[:, 3])
     angles = np.degrees(np.arctan2(states[:, 3], states[:, 2]))
     change = speeds[1] - speeds[0] if name == "ball_speed" else angles[1] - angles[0]
-    return Contribution("moment of release", abs(float(change)))
+    return Contribution(UncertaintySource.RELEASE_INSTANT, abs(float(change)))
 
 
 def _unknown(evaluated: Evaluated, name: str) -> str:
@@ -175,6 +184,8 @@ def _unknown(evaluated: Evaluated, name: str) -> str:
 def _reasons(evaluated: Evaluated, no_grid: NoScale) -> dict[str, str]:
     """Quantities that must not be given although a number could be computed."""
     reasons: dict[str, str] = {}
+    if not evaluated.scene.rate.known:
+        reasons = dict.fromkeys(DERIVED, NO_CLOCK)
     scene, impact = evaluated.scene, evaluated.impact
     if scene.calibration is None:
         landing = f"the wall's grid is needed: {no_grid.reason}"
@@ -235,7 +246,7 @@ def _contact_frames(evaluated: Evaluated, tracks: Tracks, reasons: dict[str, str
     counts = np.maximum(np.floor(ended) - np.ceil(begun) + 1.0, 0.0)
     spread = float(np.sqrt(np.mean((counts - count) ** 2)))
     return Quantity.measured(
-        "contact_frames", count, "1", (Contribution("onset and release between frames", spread),)
+        "contact_frames", count, "1", (Contribution(UncertaintySource.FRAME_COUNT, spread),)
     )
 
 
@@ -244,7 +255,7 @@ def _apart_from_the_rate(evaluated: Evaluated, index: int) -> float:
     systematic = sum(
         float(column[index]) ** 2
         for name, column in evaluated.systematic.items()
-        if name != "capture rate"
+        if name is not UncertaintySource.CAPTURE_RATE
     )
     return max(math.sqrt(evaluated.random[index, index] + systematic), 1e-6)
 
@@ -254,8 +265,13 @@ def _met_by_another(evaluated: Evaluated, tracks: Tracks) -> dict[str, Quantity]
     met = disc_contact(tracks)
     if met is None:
         return {}
+    if not evaluated.scene.rate.known:
+        return {}
     clock = met.time_s * evaluated.scene.rate.std / evaluated.scene.rate.fps
-    budget = (Contribution("noise of the tracks", met.std_s), Contribution("capture rate", clock))
+    budget = (
+        Contribution(UncertaintySource.TRACK_NOISE, met.std_s),
+        Contribution(UncertaintySource.CAPTURE_RATE, clock),
+    )
     short = (
         f"the contact is too short for this frame rate: at most {met.longest_s:.2g} s;"
         " film at a higher rate"
@@ -285,7 +301,7 @@ def _geometry(
     if landing.value is None:
         wall = Quantity.missing("landing_distance_on_wall", "m", str(landing.reason))
         return out | {"landing_distance_on_wall": wall}
-    return out | {"landing_distance_on_wall": _on_wall(evaluated, landing)}
+    return out | {"landing_distance_on_wall": reading_on_wall(evaluated, landing)}
 
 
 def _depth(name: str, calibration: Calibration, value: Callable[[Calibration], float]) -> Quantity:
@@ -309,7 +325,7 @@ def _depth(name: str, calibration: Calibration, value: Callable[[Calibration], f
     return Quantity.measured(name, found, "m", widened)
 
 
-def _on_wall(evaluated: Evaluated, landing: Quantity) -> Quantity:
+def reading_on_wall(evaluated: Evaluated, landing: Quantity) -> Quantity:
     """Reading of the landing point against that of the rest, both seen through the camera."""
     calibration, impact = evaluated.scene.calibration, evaluated.impact
     assert calibration is not None
@@ -328,12 +344,11 @@ def _on_wall(evaluated: Evaluated, landing: Quantity) -> Quantity:
     seen = calibration.on_wall(calibration.camera.project(spots))
     reading = direction * float(seen[1, 0] - seen[0, 0])
     enlarged = reading / landing.value
-    geometry = {"ball plane offset by tape", "ball diameter", "distance to the wall by tape"}
     budget = tuple(
         replace(line, std=line.std * enlarged)
         for line in landing.budget
         # depth and distance move the corrected value, not what is read on the wall
-        if line.source not in geometry
+        if line.source not in _DEPTHS
     )
     return Quantity.measured("landing_distance_on_wall", reading, "m", budget)
 
@@ -354,5 +369,5 @@ def _backswing(evaluated: Evaluated) -> Quantity:
     angle = -math.degrees(float(np.median(metric.swing_rad[first])))
     std = math.degrees(float(np.median(metric.swing_std_rad[first])))
     return Quantity.measured(
-        "backswing_angle", angle, "deg", (Contribution("noise of the tracks", std),)
+        "backswing_angle", angle, "deg", (Contribution(UncertaintySource.TRACK_NOISE, std),)
     )

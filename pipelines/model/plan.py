@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from metrology import Contribution, DomainError, Quantity, parse_quantity
+from metrology import Contribution, DomainError, Quantity, UncertaintySource, parse_quantity
 from physics.arrays import FloatArray
 from physics.forward import (
     Experiment,
@@ -103,7 +103,9 @@ def plan(
 
 
 def _quantity(name: str, value: float, unit: str, std: float) -> Quantity:
-    return Quantity.measured(name, value, unit, (Contribution("scatter of the trials", std),))
+    return Quantity.measured(
+        name, value, unit, (Contribution(UncertaintySource.TRIAL_SCATTER, std),)
+    )
 
 
 def _alternative(

@@ -7,7 +7,14 @@ from typing import Annotated
 
 import typer
 
-from metrology import Contribution, DomainError, Quantity, UsageError, parse_quantity
+from metrology import (
+    Contribution,
+    DomainError,
+    Quantity,
+    UncertaintySource,
+    UsageError,
+    parse_quantity,
+)
 from physics.bodies import Ball
 from physics.contact.outcome import ContactOutcome
 from physics.domain import require_positive
@@ -130,26 +137,30 @@ def simulate(
     return Simulation(tuple(quantities), warnings, flight, contact_flight)
 
 
-def _sources(scatter: PlanScatter, by_backswing: bool) -> list[tuple[str, tuple[Shift, Shift]]]:
+def _sources(
+    scatter: PlanScatter, by_backswing: bool
+) -> list[tuple[UncertaintySource, tuple[Shift, Shift]]]:
     """What repeats imperfectly, each one standard deviation down and up."""
     cor = math.hypot(scatter.cor, scatter.cor_law)
     angle = math.hypot(scatter.launch_angle, scatter.launch_angle_law)
     time = CONTACT_TIME_STD
     sources = [
-        ("coefficient of restitution", (Shift(cor=-cor), Shift(cor=cor))),
-        ("launch angle", (Shift(launch_angle=-angle), Shift(launch_angle=angle))),
-        ("contact time", (Shift(contact_time=-time), Shift(contact_time=time))),
+        (UncertaintySource.COR, (Shift(cor=-cor), Shift(cor=cor))),
+        (UncertaintySource.LAUNCH_ANGLE, (Shift(launch_angle=-angle), Shift(launch_angle=angle))),
+        (UncertaintySource.CONTACT_TIME, (Shift(contact_time=-time), Shift(contact_time=time))),
     ]
     swing = scatter.backswing
     if by_backswing:
-        sources.append(("back-swing", (Shift(backswing=-swing), Shift(backswing=swing))))
+        sources.append(
+            (UncertaintySource.BACKSWING, (Shift(backswing=-swing), Shift(backswing=swing)))
+        )
     return sources
 
 
 def _budget(
     name: str,
     runs: list[dict[str, float]],
-    sources: list[tuple[str, tuple[Shift, Shift]]],
+    sources: list[tuple[UncertaintySource, tuple[Shift, Shift]]],
 ) -> tuple[Contribution, ...]:
     """Half the change of a quantity between minus and plus one standard deviation, by source."""
     return tuple(

@@ -115,7 +115,7 @@ def test_a_fall_narrows_the_scale_where_nothing_is_taped(
         (seen_gravity(untaped, scene), 0.01),
         GRAVITY,
         px=scene.flight_px if where == "flight" else None,
-    )
+    ).calibration
     after = scale_std(fused, scene)
     assert after < 0.5 * before
     assert abs(length_error(fused, scene)) < max(2.0 * after, 0.001)
@@ -127,7 +127,7 @@ def test_a_fall_measured_too_fast_pulls_the_scale(untaped: Calibration, scene: S
     apparent = 1.01 * seen_gravity(untaped, scene)
     fused = with_free_fall(
         untaped, scene.grid, scene.untaped, (apparent, 0.005), GRAVITY, px=scene.flight_px
-    )
+    ).calibration
     assert length_error(fused, scene) == pytest.approx(-0.01, abs=0.002)
 
 
@@ -143,7 +143,9 @@ def test_a_fall_that_contradicts_the_tape_is_told(scene: Scene) -> None:
         GRAVITY,
         px=scene.flight_px,
     )
-    told = fused.warnings[-1]
+    told = fused.contradiction
+    assert told is not None
+    assert told in fused.calibration.warnings
     assert "instead of 9.81" in told
     assert "too long" in told
     assert "pitch of the grid" in told
@@ -155,8 +157,8 @@ def test_a_fall_that_agrees_is_silent(scene: Scene) -> None:
     fused = with_free_fall(
         taped, scene.grid, scene.taped, (seen_gravity(taped, scene), 0.01), GRAVITY
     )
-    assert fused.warnings == ()
-    assert scale_std(fused, scene) < scale_std(taped, scene)
+    assert fused.contradiction is None
+    assert scale_std(fused.calibration, scene) < scale_std(taped, scene)
 
 
 def test_a_fall_upwards_is_refused(untaped: Calibration, scene: Scene) -> None:

@@ -2,14 +2,23 @@
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from enum import StrEnum
 
 from metrology import UsageError
 from vision.clip.info import ClipInfo
 
 __all__ = ["CaptureRate", "RateSource", "choose_capture_rate", "nominal_rate_std"]
 
-RateSource = Literal["option", "setup", "metadata", "container", "assumed"]
+
+class RateSource(StrEnum):
+    """Who says how fast the camera ran; in the order in which they are believed."""
+
+    OPTION = "option"
+    SETUP = "setup"
+    METADATA = "metadata"
+    CONTAINER = "container"
+    ASSUMED = "assumed"
+
 
 ASSUMED_FPS = 600.0
 HIGH_SPEED_FPS = 119.0
@@ -28,8 +37,8 @@ class CaptureRate:
     fps : float
         Frames (fields, where they are separated) per second of real time.
     std : float
-        Its standard uncertainty, 1/s. For an assumed rate it does not cover a wrong assumption.
-    source : {"option", "setup", "metadata", "container", "assumed"}
+        Its standard uncertainty, 1/s; infinite where the rate is only assumed.
+    source : RateSource
         Where the number comes from.
     notice : str or None
         What the user must know about it.
@@ -39,6 +48,11 @@ class CaptureRate:
     std: float
     source: RateSource
     notice: str | None = None
+
+    @property
+    def known(self) -> bool:
+        """Whether anything tells the rate: only then are there seconds."""
+        return math.isfinite(self.std)
 
 
 def nominal_rate_std(fps: float) -> float:
@@ -76,24 +90,24 @@ def choose_capture_rate(
         If a given rate is not positive.
     """
     if option is not None:
-        return _given(option, option_std, "option", info)
+        return _given(option, option_std, RateSource.OPTION, info)
     if setup is not None:
-        return _given(setup, setup_std, "setup", info)
+        return _given(setup, setup_std, RateSource.SETUP, info)
     if info.capture_fps_metadata is not None:
         metadata_fps = info.capture_fps_metadata
-        return CaptureRate(metadata_fps, nominal_rate_std(metadata_fps), "metadata")
+        return CaptureRate(metadata_fps, nominal_rate_std(metadata_fps), RateSource.METADATA)
     rate = info.container_fps
     if info.container_declares_rate and rate >= HIGH_SPEED_FPS:
-        return CaptureRate(rate, nominal_rate_std(rate), "container")
+        return CaptureRate(rate, nominal_rate_std(rate), RateSource.CONTAINER)
     said = f"{rate:.4g} frames per second" if info.container_declares_rate else "no frame rate"
     return CaptureRate(
         ASSUMED_FPS,
-        nominal_rate_std(ASSUMED_FPS),
-        "assumed",
+        math.inf,
+        RateSource.ASSUMED,
         f"CAPTURE RATE ASSUMED: {info.path.name} declares {said} and not the camera's rate; "
-        f"{ASSUMED_FPS:g} fps is assumed. Every time and speed scales with it, and the "
-        "uncertainties do not cover a wrong guess: give the true rate with --fps RATE or "
-        "capture_fps in the setup file.",
+        f"{ASSUMED_FPS:g} fps is assumed. Times and speeds are given only where a free fall with a "
+        "known scale tells the rate: give the true one with --fps RATE or capture_fps in the "
+        "setup file.",
     )
 
 

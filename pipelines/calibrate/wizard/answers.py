@@ -11,6 +11,7 @@ from calib.camera.lens_prior import LensPrior
 from calib.evidence import Known
 from calib.grid.grid import WallGrid
 from pipelines.calibrate.wizard.scene import BallSeen, Scene
+from vision.clip.capture_rate import RateSource
 
 __all__ = ["STEPS", "Answers", "BallKind", "LensChoice", "WallSource"]
 
@@ -122,7 +123,7 @@ class Answers:
     @property
     def rate_known(self) -> bool:
         """Whether the capture rate is more than a guess."""
-        return self.fps is not None or self.scene.rate.source != "assumed"
+        return self.fps is not None or self.scene.rate.source is not RateSource.ASSUMED
 
     @property
     def capture_fps(self) -> float:

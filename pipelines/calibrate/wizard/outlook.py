@@ -10,7 +10,7 @@ from calib.calibration import Calibration
 from calib.evidence import BallOutlines, Evidence, FreeFall, Known
 from calib.plausibility import plausible
 from calib.pose import calibrate
-from metrology import CalibrationError, Contribution
+from metrology import CalibrationError, Contribution, UncertaintySource
 from pipelines.calibrate.wizard.answers import Answers
 from vision.clip.capture_rate import nominal_rate_std
 
@@ -95,7 +95,10 @@ def outlook(answers: Answers) -> Outlook:
     if not math.isfinite(distance):
         return Outlook(found, problem="The landing point looks past the wall.")
     noise = found.position(landing, _landing_noise(answers))[1]
-    lines = [*found.budget(reach), Contribution("ball in the picture", math.sqrt(noise[0, 0]))]
+    lines = [
+        *found.budget(reach),
+        Contribution(UncertaintySource.BALL_CENTRE, math.sqrt(noise[0, 0])),
+    ]
     shown = [line for line in lines if line.std > 0.0]
     shown.sort(key=lambda line: -line.std)
     return Outlook(found, distance, tuple(shown), not told, warnings=found.warnings)

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
-from metrology import Contribution, Quantity
+from metrology import Contribution, Quantity, UncertaintySource
 from pipelines.measure.derived import DERIVED
 from pipelines.report import Check
 
@@ -20,7 +20,7 @@ MODEL_STD = {"cor_speeds": 0.002, "cor_launch": 0.004, "cor_range": 0.004}
 def fused_cor(
     values: FloatArray,
     random: FloatArray,
-    systematic: dict[str, FloatArray],
+    systematic: dict[UncertaintySource, FloatArray],
     found: dict[str, Quantity],
 ) -> tuple[Quantity, Check | None]:
     """Best linear unbiased mean of the roads that exist, and their agreement.
@@ -50,7 +50,7 @@ def fused_cor(
     weight /= weight.sum()
     value = float(weight @ values[at])
     std = float(np.sqrt(weight @ covariance @ weight))
-    fused = Quantity.measured("cor", value, "1", (Contribution("the roads together", std),))
+    fused = Quantity.measured("cor", value, "1", (Contribution(UncertaintySource.COR_MEAN, std),))
     if len(at) < 2:
         return fused, None
     return fused, _agreement(values[at], covariance, roads)

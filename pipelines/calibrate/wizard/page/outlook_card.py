@@ -2,13 +2,14 @@
 
 from nicegui import ui
 
+from metrology import UncertaintySource
 from pipelines.calibrate.wizard.page.parts import millimetres, note, phrase
 from pipelines.calibrate.wizard.session import Session
 
 __all__ = ["outlook_card"]
 
 LINES_SHOWN, CHANGES_SHOWN = 5, 5
-WORDS = {"ball plane guessed": "ball plane only guessed"}
+WORDS = {UncertaintySource.BALL_PLANE_GUESS: "ball plane only guessed"}
 
 
 def outlook_card(session: Session) -> None:
