@@ -18,7 +18,7 @@ from pipelines.measure.commands import (
     launch_command,
     measure_command,
 )
-from pipelines.measure.output import software_version
+from pipelines.measure.files.output import software_version
 from pipelines.model.plan import plan_command
 from pipelines.model.simulate import simulate_command
 from pipelines.paper import paper_command

@@ -9,7 +9,6 @@ from typing import Annotated, Literal, cast
 
 import numpy as np
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from calib.camera.camera import Camera, rotation_matrix
@@ -20,6 +19,7 @@ from physics.forward import Experiment
 from pipelines.model.effects import AddedEffect, added_effects, speed_with_losses
 from pipelines.model.options import angle_of, choose_ball, experiment_of, setup_or_default
 from pipelines.setup.file import Setup
+from pipelines.terminal import screen
 from sample_videos import Encoding, Physics, Scene, Shake, Shot, Truth, render_clip, strike
 from sample_videos.encode import SUFFIXES
 from sample_videos.presets import View, default_scene
@@ -218,7 +218,7 @@ def _rolled(camera: Camera, roll: float) -> Camera:
 
 
 def _filmed(scene: Scene, shot: Shot, out: Path, quiet: bool) -> Truth:
-    console = Console(stderr=True)
+    console = screen(errors=True)
     columns = (TextColumn("rendering"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     hidden = quiet or not console.is_terminal
     with Progress(*columns, console=console, transient=True, disable=hidden) as bar:

@@ -24,6 +24,7 @@ from pipelines.model.options import (
     quantities_as_json,
     setup_or_default,
 )
+from pipelines.terminal import screen
 
 __all__ = ["plan_filming_command"]
 
@@ -104,11 +105,11 @@ def plan_filming_command(
         pendulum=known.pendulum or PAPER_PENDULUM,
         support=known.support or PAPER_SUPPORT,
     )
-    screen = Console(stderr=True)
+    errors = screen(errors=True)
     foreseen = foresee(filming)
     tried: tuple[Change, ...] = ()
     if changes:
-        with screen.status("") as status:
+        with errors.status("") as status:
             tried = changes_of(foreseen, lambda words: status.update(f"trying: {words}"))
     document = _document(foreseen, tried)
     if json_to not in (None, "-"):
@@ -116,10 +117,10 @@ def plan_filming_command(
     if json_to == "-":
         sys.stdout.write(document + "\n")
     elif not quiet:
-        _print(Console(), foreseen, tried)
+        _print(screen(), foreseen, tried)
     if not quiet:
         for warning in foreseen.warnings:
-            screen.print(f"warning: {warning}", highlight=False, markup=False, soft_wrap=True)
+            errors.print(f"warning: {warning}", soft_wrap=True)
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -185,7 +186,6 @@ def _print(console: Console, foreseen: Foreseen, tried: tuple[Change, ...]) -> N
         f"{f.ball.name}, {f.backswing_deg:g} deg, filmed with {f.width} × {f.height} px at "
         f"{f.fps:g} fps from {f.distance_m:g} m: {1e3 * foreseen.metres_per_px:.1f} mm per px, "
         f"{_degrees(foreseen):.0f} deg of view",
-        highlight=False,
     )
     keys = dict(zip((change.words for change in tried), ascii_lowercase, strict=False))
     table = Table(box=box.SIMPLE_HEAD)
@@ -197,7 +197,7 @@ def _print(console: Console, foreseen: Foreseen, tried: tuple[Change, ...]) -> N
     console.print(table)
     for reason in dict.fromkeys(one.reason for one in foreseen.quantities if one.reason):
         names = ", ".join(one.name for one in foreseen.quantities if one.reason == reason)
-        console.print(f"– {names}: {reason}", highlight=False)
+        console.print(f"– {names}: {reason}")
     if tried:
         _print_changes(console, foreseen, tried, keys)
 
@@ -238,13 +238,12 @@ def _print_changes(
         for verb, names in (("makes measurable", change.opens), ("loses", change.closes)):
             if names:
                 words = f"{keys[change.words]} {verb} {', '.join(names)}"
-                console.print(words, highlight=False)
+                console.print(words)
     best = tried[0]
     if best.opens or best.gain > WORTH_SAYING:
         console.print(
             f"Helps most: {best.words} (± shrinks to {100.0 / best.gain:.0f} % on the mean"
             f"{', and more can be measured' if best.opens else ''})",
-            highlight=False,
         )
     else:
-        console.print("None of these would help noticeably.", highlight=False)
+        console.print("None of these would help noticeably.")

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 import sample_videos
@@ -20,11 +19,12 @@ from metrology import (
 )
 from metrology.formatting import format_quantity
 from pipelines.measure.chain import MeasureOptions, measure_clip
+from pipelines.measure.files.output import measurement_as_json, measurements_as_csv, results_table
+from pipelines.measure.files.wanted import Wanted
 from pipelines.measure.measurement import QUANTITY_UNITS, Measurement
-from pipelines.measure.output import measurement_as_json, measurements_as_csv, results_table
-from pipelines.measure.wanted import Wanted
 from pipelines.report import quantity_label
 from pipelines.setup.file import Setup, load_setup
+from pipelines.terminal import screen
 
 __all__ = [
     "contact_time_command",
@@ -187,7 +187,7 @@ def demo_command(
     )
     options = MeasureOptions(setup=load_setup(clip.with_suffix(".toml")))
     _one(clip, options, wanted, tuple(QUANTITY_UNITS), budgets=False)
-    Console().print(f"report, overlay, plots and CSV are in {out}/", highlight=False)
+    screen().print(f"report, overlay, plots and CSV are in {out}/")
 
 
 def _options(
@@ -248,7 +248,7 @@ def _several(
             done.append(_one(clip, options, Wanted(quiet=wanted.quiet), names))
         except ImpactVisionError as problem:
             failures.append(problem)
-            Console(stderr=True).print(f"vision: {problem}", markup=False, highlight=False)
+            screen(errors=True).print(f"vision: {problem}", soft_wrap=True)
     if wanted.csv is not None and done:
         write_text_whole(wanted.csv, measurements_as_csv(done, names))
     if failures:
@@ -263,7 +263,7 @@ def _one(
     *,
     budgets: bool = True,
 ) -> Measurement:
-    errors = Console(stderr=True)
+    errors = screen(errors=True)
     with Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -283,25 +283,23 @@ def _one(
     if wanted.json == "-":
         sys.stdout.write(measurement_as_json(measured, names) + "\n")
     elif not wanted.quiet:
-        Console().print(results_table(measured, names))
+        screen().print(results_table(measured, names))
         if wanted.report is not None and budgets:
             _print_budgets(measured, names)
     if not wanted.quiet:
         for warning in measured.warnings:
-            errors.print(f"warning: {warning}", markup=False, highlight=False, soft_wrap=True)
+            errors.print(f"warning: {warning}", soft_wrap=True)
     return measured
 
 
 def _print_budgets(measured: Measurement, names: tuple[str, ...]) -> None:
-    console = Console()
-    console.print("uncertainty budgets (one standard uncertainty each)", highlight=False)
+    console = screen()
+    console.print("uncertainty budgets (one standard uncertainty each)")
     for item in measured.quantities:
         if item.name not in names or not item.known:
             continue
         lines = ", ".join(f"{line.source} {line.std:.2g}" for line in item.budget[:4])
         console.print(
             f"  {quantity_label(item.name)}: {format_quantity(item)} = {lines}",
-            highlight=False,
-            markup=False,
             soft_wrap=True,
         )

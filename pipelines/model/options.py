@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
 from metrology import Quantity, UsageError, parse_quantity, write_text_whole
@@ -20,6 +19,7 @@ from physics.forward import Experiment
 from physics.planning import PlanScatter
 from physics.restitution.restitution import ConstantCor, CorLaw, parse_cor_law
 from pipelines.setup.file import Setup, ball_from_option, load_setup
+from pipelines.terminal import screen
 
 __all__ = [
     "angle_of",
@@ -191,11 +191,11 @@ def send_out(
     if json_to == "-":
         sys.stdout.write(document + "\n")
     elif not quiet:
-        Console().print(_table(title, quantities))
+        screen().print(_table(title, quantities))
     if not quiet:
-        shell = Console(stderr=True)
+        shell = screen(errors=True)
         for warning in warnings:
-            shell.print(f"warning: {warning}", highlight=False, markup=False, soft_wrap=True)
+            shell.print(f"warning: {warning}", soft_wrap=True)
 
 
 def _table(title: str, quantities: Sequence[Quantity]) -> Table:

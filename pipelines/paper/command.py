@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 from metrology import UsageError, write_text_whole
@@ -17,6 +16,7 @@ from pipelines.paper.cells import Cell, as_rows
 from pipelines.paper.conclusions import conclusions, draw_sensitivities, swing_checks
 from pipelines.paper.figures import draw_figures
 from pipelines.paper.table5 import Explanation, investigate
+from pipelines.terminal import screen
 
 __all__ = ["paper_command", "paper_document"]
 
@@ -127,25 +127,24 @@ def _write_csv(path: Path, cells: tuple[Cell, ...]) -> None:
 
 
 def _show(cells: tuple[Cell, ...], candidates: tuple[Explanation, ...]) -> None:
-    console = Console()
+    console = screen()
     for number in sorted({cell.table for cell in cells}):
         notes = list(dict.fromkeys(c.note for c in cells if c.table == number and c.note))
         console.print(_cell_table(cells, number, notes))
         for count, note in enumerate(notes, 1):
-            console.print(f"  {count}: {note}", highlight=False, markup=False)
+            console.print(f"  {count}: {note}")
     if candidates:
         console.print(_candidate_table(candidates))
     for conclusion in conclusions():
         values = ", ".join(f"{name} {value:+.3f}" for name, value in conclusion.elasticity.items())
         word = "holds" if conclusion.holds else "does not hold"
-        console.print(f"{conclusion.claim}: {word} ({values})", highlight=False)
+        console.print(f"{conclusion.claim}: {word} ({values})")
     for check in swing_checks():
         if check.flagged:
             console.print(
                 f"{check.ball}, {check.backswing_deg} deg: the measured {check.measured:.4f} m/s is"
                 f" above the frictionless limit of {check.limit:.4f} m/s; it needs"
                 f" {check.backswing_needed_deg:.1f} deg",
-                highlight=False,
             )
     for verdict, count in Counter(cell.verdict for cell in cells).most_common():
-        console.print(f"{count:4d} cells: {verdict}", highlight=False)
+        console.print(f"{count:4d} cells: {verdict}")

@@ -3,8 +3,11 @@
 import csv
 import io
 import json
+import math
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
@@ -18,7 +21,10 @@ from vision.clip.clip import Clip
 from vision.following import follow
 
 CLIPS = Path(sample_videos.__file__).parent / "clips"
-TRACK_COLUMNS = "frame,t_s,object,x_px,y_px,x_px_std,y_px_std,x_m,y_m,x_m_std,y_m_std,radius_px"
+TRACK_COLUMNS = (
+    "frame,t_s,object,x_px,y_px,x_px_std,y_px_std,x_m,y_m,x_m_std,y_m_std,radius_px,"
+    "phi_rad,phi_rad_std"
+)
 
 
 @pytest.fixture(scope="module")
@@ -91,9 +97,42 @@ def test_json_and_csv_are_the_contracts(measured: Path) -> None:
     row = next(csv.DictReader(io.StringIO((measured / "r.csv").read_text(encoding="utf-8"))))
     assert {"clip", "ball_speed_m_s", "ball_speed_m_s_std", "external_impulse_N_s"} <= set(row)
     assert {"contact_frames", "launch_angle_deg", "cor_launch"} <= set(row)
+    assert row["reason_backswing_angle"] == document["quantities"]["backswing_angle"]["reason"]
+    assert (row["capture_fps"], row["capture_fps_source"]) == ("600.0", "setup")
+    eq7 = document["beside"]["ball_speed_eq7"]["value"]
+    assert float(row["ball_speed_eq7_m_s"]) == pytest.approx(eq7)
     tracks = (measured / "t.csv").read_text(encoding="utf-8").splitlines()
     assert tracks[0] == TRACK_COLUMNS
     assert {line.split(",")[2] for line in tracks[1:]} == {"ball", "pendulum"}
+
+
+def test_a_budget_adds_up_to_its_uncertainty_largest_line_first(measured: Path) -> None:
+    document = json.loads((measured / "r.json").read_text(encoding="utf-8"))
+    for name, quantity in document["quantities"].items():
+        if quantity["value"] is None:
+            assert name not in document["budget"]
+            continue
+        stds = [line["std"] for line in document["budget"][name]]
+        assert stds == sorted(stds, reverse=True)
+        assert math.hypot(*stds) == pytest.approx(quantity["std"], rel=1e-9)
+
+
+def test_the_pendulums_track_is_that_of_the_rendered_one(measured: Path) -> None:
+    table = pd.read_csv(measured / "t.csv")
+    truth = json.loads((CLIPS / "basketball_60.truth.json").read_text(encoding="utf-8"))
+    swing = table[table["object"] == "pendulum"]
+    phi = np.asarray(truth["frames"]["phi_rad"])[swing["frame"]]
+    off = swing["phi_rad"] - phi
+    # all angles of a clip share an error of half a degree or so: where the pivot is taken to be
+    assert np.abs(off).max() < np.radians(1.5)
+    scatter = np.median(np.abs(np.diff(off[::2]))) / (0.6745 * np.sqrt(2))
+    assert 0.4 < scatter / swing["phi_rad_std"].median() < 2.0
+    resting = table[(table["object"] == "ball") & (table["t_s"] < 0.06)][["x_m", "y_m"]].median()
+    pivot = np.subtract(truth["pivot_m"], truth["frames"]["ball_m"][0])[:2] + resting
+    x, y = (swing[["x_m", "y_m"]] - pivot).to_numpy().T
+    assert np.abs(np.arctan2(x, -y) - phi).max() < np.radians(2.5)
+    assert np.ptp(np.hypot(x, y)) < 0.03
+    assert table.loc[table["object"] == "ball", "phi_rad"].isna().all()
 
 
 def greens(clip: Clip) -> int:

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology.formatting import format_quantity
+from pipelines.measure.files.output import software_version
 from pipelines.measure.fits.contact_fit import arm_along_bar, gap_after, gap_before
 from pipelines.measure.fits.impact import Impact
 from pipelines.measure.measurement import Measurement
-from pipelines.measure.output import software_version
 from pipelines.report import (
     Curve,
     GapRecord,

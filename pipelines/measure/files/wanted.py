@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from metrology import UsageError, write_text_whole
+from pipelines.measure.files.output import measurement_as_json, measurements_as_csv
+from pipelines.measure.files.pictures import overlay_marks, report_input
+from pipelines.measure.files.tracks import tracks_as_csv
 from pipelines.measure.measurement import Measurement
-from pipelines.measure.output import measurement_as_json, measurements_as_csv, tracks_as_csv
-from pipelines.measure.pictures import overlay_marks, report_input
 from pipelines.report import write_plot, write_report
 from vision.clip.clip import Clip
 from vision.overlay.overlay import OVERLAY_SUFFIXES, write_overlay

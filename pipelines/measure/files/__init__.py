@@ -1,0 +1,1 @@
+"""A measurement as files: table, JSON, CSV, tracks, pictures."""

@@ -1,0 +1,40 @@
+"""Words on the terminal stay as they are."""
+
+from pathlib import Path
+
+import pytest
+from rich.table import Table
+
+import pipelines
+from metrology import Contribution, Quantity
+from pipelines.model.options import send_out
+from pipelines.terminal import screen
+
+
+def test_brackets_and_colons_in_tables_are_words(capsys: pytest.CaptureFixture[str]) -> None:
+    table = Table(title="[title] :smile:")
+    table.add_column("[b]head[/b]")
+    table.add_row("give [support] height, see [/] and [link=x]y")
+    screen().print(table)
+    screen(errors=True).print("warning: [support] height")
+    printed = capsys.readouterr()
+    for words in ("[title] :smile:", "[b]head[/b]", "give [support] height, see [/]", "[link=x]y"):
+        assert words in printed.out
+    assert "[support] height" in printed.err
+
+
+def test_a_reason_that_names_a_table_of_the_setup_file_is_told_whole(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    known = Quantity.measured("ball_speed", 3.0, "m/s", (Contribution("noise", 0.1),))
+    missing = Quantity.missing("landing_time", "s", "give [support] height")
+    send_out("[x]", (known, missing), ("[air]",), json_to=None, csv_to=None, quiet=False)
+    printed = capsys.readouterr()
+    assert "[support] height" in printed.out
+    assert "[air]" in printed.err
+
+
+def test_nobody_prints_past_it() -> None:
+    folder = Path(pipelines.__file__).parent
+    makers = [path.name for path in folder.rglob("*.py") if " Console(" in path.read_text("utf-8")]
+    assert [name for name in makers if name not in ("terminal.py", "cli.py")] == []
