@@ -77,7 +77,7 @@ def _objects(measured: Measurement) -> dict[str, Track]:
     named = {"ball": tracks.ball}
     if tracks.pendulum is not None:
         named["pendulum"] = tracks.pendulum.track
-    return named | {f"ball_{number}": track for number, track in enumerate(tracks.others, start=2)}
+    return named | {f"ball_{k}": other.track for k, other in enumerate(tracks.others, start=2)}
 
 
 def _in_metres(measured: Measurement, name: str, track: Track) -> Metric | None:
