@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,25 +10,38 @@ from numpy.typing import ArrayLike, NDArray
 from calib.camera.camera import Camera, Lens, rotation_matrix
 from metrology import Contribution, UncertaintySource
 
-__all__ = ["PARAMETERS", "Calibration", "DepthEstimate", "Source"]
+__all__ = ["PARAMETERS", "Calibration", "DepthEstimate", "Parameters", "Source"]
 
 FloatArray = NDArray[np.float64]
 
-PARAMETERS = (
-    "turn_x",
-    "turn_y",
-    "turn_z",
-    "camera_x",
-    "camera_y",
-    "log_distance",
-    "log_focal",
-    "principal_x",
-    "principal_y",
-    "k1",
-    "k2",
-    "ball_plane_offset",
-)
-"""Turns in rad about the camera's axes; places in m in the grid's frame; principal point in px."""
+
+class Parameters(NamedTuple):
+    """What a calibration determines, in the order of its vectors; of stacks, arrays.
+
+    Turns in rad about the camera's axes; places in m in the grid's frame; principal point in px.
+    """
+
+    turn_x: Any
+    turn_y: Any
+    turn_z: Any
+    camera_x: Any
+    camera_y: Any
+    log_distance: Any
+    log_focal: Any
+    principal_x: Any
+    principal_y: Any
+    k1: Any
+    k2: Any
+    ball_plane_offset: Any
+
+    @classmethod
+    def of(cls, vector: FloatArray) -> Self:
+        """Names for the numbers of a vector (12,), or of vectors (..., 12)."""
+        return cls(*np.moveaxis(vector, -1, 0))
+
+
+PARAMETERS = Parameters._fields
+"""Their names, in order."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +75,9 @@ class Calibration:
 
     The world's origin is bound to the ball at rest: whatever the parameters, the ball at rest is at
     `rest_xy` on its plane. Without a ball at rest, the world is the grid's own frame.
+
+    A stack of K calibrations has a vector (K, 12): its camera is a stack, and places come out as
+    (K, N, 2) for N pixels.
 
     Attributes
     ----------
@@ -106,47 +122,63 @@ class Calibration:
         return np.asarray(sum((s.covariance for s in self.sources), np.zeros((12, 12))))
 
     @property
+    def parameters(self) -> Parameters:
+        """The numbers of `vector` by name."""
+        return Parameters.of(self.vector)
+
+    @property
     def ball_plane_offset(self) -> float:
         """Ball plane in front of the wall, m."""
-        return float(self.vector[11])
+        return float(self.parameters.ball_plane_offset)
 
     @property
     def camera_distance(self) -> float:
         """Camera in front of the wall, m."""
-        return float(np.exp(self.vector[5]))
+        return float(np.exp(self.parameters.log_distance))
+
+    @property
+    def _depth(self) -> Any:
+        """Ball plane in front of the wall, m: a float, or (K, 1) of a stack."""
+        depth = self.parameters.ball_plane_offset
+        return depth[:, np.newaxis] if self.vector.ndim > 1 else depth
 
     @property
     def grid_camera(self) -> Camera:
         """The camera in the frame of the grid."""
-        v = self.vector
-        focal = float(np.exp(v[6]))
+        stacked = self.vector.ndim > 1
+        p = Parameters.of(self.vector[:, np.newaxis] if stacked else self.vector)
+        focal = np.exp(p.log_focal)
         lens = replace(
             self.lens,
             fx=focal,
-            fy=focal * self.lens.fy / self.lens.fx,
-            cx=float(v[7]),
-            cy=float(v[8]),
-            k1=float(v[9]),
-            k2=float(v[10]),
+            fy=focal * (self.lens.fy / self.lens.fx),
+            cx=p.principal_x,
+            cy=p.principal_y,
+            k1=p.k1,
+            k2=p.k2,
         )
-        position = np.array([v[3], v[4], np.exp(v[5])])
-        return Camera(lens, rotation_matrix(v[:3]) @ self.orientation, position)
+        position = np.stack([p.camera_x, p.camera_y, np.exp(p.log_distance)], axis=-1)
+        turn = rotation_matrix(self.vector[..., :3])
+        return Camera(lens, turn @ self.orientation, position)
 
     @property
     def origin(self) -> FloatArray:
-        """World coordinates of the grid's origin, (2,), m."""
+        """World coordinates of the grid's origin, (2,), m; (K, 1, 2) of a stack."""
         if self.rest_px is None or self.rest_xy is None:
             return np.zeros(2)
-        return np.asarray(self.rest_xy - self._on_ball_plane(self.grid_camera, self.rest_px))
+        rest = self.rest_px if self.vector.ndim == 1 else self.rest_px[np.newaxis]
+        return np.asarray(self.rest_xy - self._on_ball_plane(self.grid_camera, rest))
 
     @property
     def camera(self) -> Camera:
         """The camera in the world."""
         seen = self.grid_camera
-        return replace(seen, position=seen.position + np.append(self.origin, 0.0))
+        origin = self.origin
+        moved = np.concatenate([origin, np.zeros_like(origin[..., :1])], axis=-1)
+        return replace(seen, position=seen.position + moved)
 
     def with_parameters(self, vector: ArrayLike) -> Self:
-        """The same scene with other parameters: for propagation by finite differences."""
+        """The same scene with other parameters (12,), or a stack of them (K, 12)."""
         return replace(self, vector=np.asarray(vector, dtype=np.float64))
 
     def position(
@@ -174,12 +206,26 @@ class Calibration:
         if covariance_px2 is None:
             return xy, np.zeros((*px.shape, 2))
         steps = [
-            camera.to_plane(px + 0.5 * e, self.vector[11])
-            - camera.to_plane(px - 0.5 * e, self.vector[11])
+            camera.to_plane(px + 0.5 * e, self._depth) - camera.to_plane(px - 0.5 * e, self._depth)
             for e in np.eye(2)
         ]
         jacobian = np.stack(steps, axis=-1)
         return xy, np.asarray(jacobian @ np.asarray(covariance_px2) @ np.swapaxes(jacobian, -1, -2))
+
+    def outline_radius(self, px: ArrayLike, radius: float) -> FloatArray:
+        """Radius (..., N) of the outlines, centred on pixels (N, 2), of balls on their plane, px.
+
+        Parameters
+        ----------
+        px : (N, 2) array
+            Outline centres.
+        radius : float
+            Of the balls, m.
+        """
+        camera = self.grid_camera
+        xy = camera.sphere_on_plane(px, radius, self._depth)
+        depth = np.broadcast_to(self._depth, xy.shape[:-1])
+        return camera.sphere_outline(np.concatenate([xy, depth[..., np.newaxis]], -1), radius)[1]
 
     def on_wall(self, px: ArrayLike) -> FloatArray:
         """Reading on the wall behind pixels (..., 2): world coordinates (..., 2), m."""
@@ -242,7 +288,6 @@ class Calibration:
         return px, np.sqrt(np.trace(covariance, axis1=-2, axis2=-1))
 
     def _on_ball_plane(self, camera: Camera, px: ArrayLike) -> FloatArray:
-        offset = self.vector[11]
         if self.ball_radius is None:
-            return camera.to_plane(px, offset)
-        return camera.sphere_on_plane(px, self.ball_radius, offset)
+            return camera.to_plane(px, self._depth)
+        return camera.sphere_on_plane(px, self.ball_radius, self._depth)

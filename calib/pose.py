@@ -10,12 +10,12 @@ from collections.abc import Callable
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from calib.calibration import Calibration, DepthEstimate, Source
+from calib.calibration import PARAMETERS, Calibration, DepthEstimate, Source
 from calib.camera.camera import Lens
 from calib.camera.lens_prior import LensPrior
-from calib.evidence import BallOutlines, Evidence, Known
+from calib.evidence import BallOutlines, Evidence, FreeFall, Known
 from calib.grid.grid import WallGrid
 from metrology import CalibrationError, UncertaintySource
 
@@ -23,6 +23,7 @@ __all__ = ["LensPrior", "calibrate"]
 
 FloatArray = NDArray[np.float64]
 Residuals = Callable[[Calibration], FloatArray]
+"""Whitened residuals (n,) of a calibration, or (K, n) of a stack of them."""
 
 # A lens nobody knows: 24° to 100° of view, its distortion anything from a fish-eye to a telephoto,
 # its principal point within a few per cent of the middle.
@@ -35,6 +36,7 @@ DEPTH_SOURCES = {
     UncertaintySource.BALL_DIAMETER: ("outlines",),
     UncertaintySource.FREE_FALL: ("fall",),
 }
+INTRINSICS = ("log_focal", "principal_x", "principal_y", "k1", "k2")
 ALWAYS = (
     UncertaintySource.GRID_LINES,
     UncertaintySource.LENS_UNKNOWN,
@@ -107,7 +109,7 @@ def calibrate(
     return Calibration(
         lens=fitted.grid_camera.lens,
         orientation=fitted.grid_camera.rotation,
-        vector=np.concatenate([np.zeros(3), fitted.vector[3:]]),
+        vector=np.where(np.char.startswith(PARAMETERS, "turn"), 0.0, fitted.vector),
         sources=sources,
         rest_px=fitted.rest_px,
         rest_xy=fitted.rest_xy,
@@ -161,7 +163,7 @@ def _blocks(
 
     def nodes(c: Calibration) -> FloatArray:
         error = whitened(c.grid_camera.project(wall) - grid.points_px)
-        return np.asarray(np.nan_to_num(error.ravel(), nan=1e3))
+        return np.asarray(np.nan_to_num(error.reshape(*error.shape[:-2], -1), nan=1e3))
 
     blocks: dict[UncertaintySource, Residuals] = {UncertaintySource.GRID_LINES: nodes}
     if lens is None:
@@ -176,23 +178,32 @@ def _blocks(
             UncertaintySource.LENS_CALIBRATION,
             np.linalg.inv(np.linalg.cholesky(lens.covariance)),
         )
-    blocks[name] = lambda c: known_to @ (c.vector[6:11] - np.array(centre))
+    intrinsics = [PARAMETERS.index(n) for n in INTRINSICS]
+    blocks[name] = lambda c: (c.vector[..., intrinsics] - np.array(centre)) @ known_to.T
     _add_tape(blocks, evidence)
     _add_ball(blocks, evidence)
-    blocks[UncertaintySource.BALL_PLANE_GUESS] = lambda c: np.array(
-        [(c.vector[11] / c.camera_distance - DEPTH_SHARE) / DEPTH_SHARE_STD]
-    )
+
+    def share(c: Calibration) -> FloatArray:
+        p = c.parameters
+        return _one((p.ball_plane_offset / np.exp(p.log_distance) - DEPTH_SHARE) / DEPTH_SHARE_STD)
+
+    blocks[UncertaintySource.BALL_PLANE_GUESS] = share
     return blocks
+
+
+def _one(residual: ArrayLike) -> FloatArray:
+    """A single residual, or that of each of a stack, as a block of one."""
+    return np.asarray(residual, dtype=np.float64)[..., np.newaxis]
 
 
 def _whitening(grid: WallGrid) -> Callable[[FloatArray], FloatArray]:
     """What makes errors of variance 1 of errors (N, 2), px, of the crossings."""
     if not grid.line_share.any():
         root = np.linalg.inv(np.linalg.cholesky(grid.covariance_px2))
-        return lambda error: np.einsum("nij,nj->ni", root, error)
+        return lambda error: np.einsum("nij,...nj->...ni", root, error)
     across = grid.map.jacobian(grid.points_px)
     std = np.sqrt(np.einsum("nfi,nij,nfj->nf", across, grid.covariance_px2, across))
-    return lambda error: np.asarray(np.einsum("nfi,ni->nf", across, error) / std)
+    return lambda error: np.asarray(np.einsum("nfi,...ni->...nf", across, error) / std)
 
 
 def _lines_together(grid: WallGrid, rows: FloatArray) -> FloatArray:
@@ -214,17 +225,36 @@ def _lines_together(grid: WallGrid, rows: FloatArray) -> FloatArray:
 
 def _add_tape(blocks: dict[UncertaintySource, Residuals], evidence: Evidence) -> None:
     def add(
-        name: UncertaintySource, known: Known | None, value: Callable[[Calibration], float]
+        name: UncertaintySource, known: Known | None, value: Callable[[Calibration], FloatArray]
     ) -> None:
         if known is not None:
-            blocks[name] = lambda c: np.array([(value(c) - known.value) / known.std])
+            blocks[name] = lambda c: _one((value(c) - known.value) / known.std)
 
-    add(UncertaintySource.CAMERA_DISTANCE, evidence.camera_distance, lambda c: c.camera_distance)
-    add(UncertaintySource.CAMERA_X, evidence.camera_x, lambda c: c.vector[3] + c.origin[0])
-    add(UncertaintySource.CAMERA_Y, evidence.camera_y, lambda c: c.vector[4] + c.origin[1])
-    add(UncertaintySource.AXIS_FOOT_X, evidence.axis_foot_x, lambda c: c.camera.axis_foot[0])
-    add(UncertaintySource.AXIS_FOOT_Y, evidence.axis_foot_y, lambda c: c.camera.axis_foot[1])
-    add(UncertaintySource.BALL_PLANE_OFFSET, evidence.ball_plane_offset, lambda c: c.vector[11])
+    def place(axis: int) -> Callable[[Calibration], FloatArray]:
+        return lambda c: _of_each(c, c.camera.position)[..., axis]
+
+    def foot(axis: int) -> Callable[[Calibration], FloatArray]:
+        return lambda c: _of_each(c, c.camera.axis_foot)[..., axis]
+
+    add(UncertaintySource.CAMERA_DISTANCE, evidence.camera_distance, lambda c: _distance(c))
+    add(UncertaintySource.CAMERA_X, evidence.camera_x, place(0))
+    add(UncertaintySource.CAMERA_Y, evidence.camera_y, place(1))
+    add(UncertaintySource.AXIS_FOOT_X, evidence.axis_foot_x, foot(0))
+    add(UncertaintySource.AXIS_FOOT_Y, evidence.axis_foot_y, foot(1))
+    add(
+        UncertaintySource.BALL_PLANE_OFFSET,
+        evidence.ball_plane_offset,
+        lambda c: c.parameters.ball_plane_offset,
+    )
+
+
+def _of_each(c: Calibration, points: FloatArray) -> FloatArray:
+    """The one point of a calibration (D,), or of each of a stack (K, D) out of (K, 1, D)."""
+    return points if c.vector.ndim == 1 else points[:, 0]
+
+
+def _distance(c: Calibration) -> FloatArray:
+    return np.asarray(np.exp(c.parameters.log_distance))
 
 
 def _add_ball(blocks: dict[UncertaintySource, Residuals], evidence: Evidence) -> None:
@@ -235,16 +265,12 @@ def _add_ball(blocks: dict[UncertaintySource, Residuals], evidence: Evidence) ->
         whitening = _size_whitening(outlines, chosen)
 
         def size(c: Calibration) -> FloatArray:
-            camera = c.grid_camera
-            px = outlines.centre_px[chosen]
-            xy = camera.sphere_on_plane(px, radius, c.vector[11])
-            centre = np.c_[xy, np.full(len(xy), c.vector[11])]
-            seen = camera.sphere_outline(centre, radius)[1]
-            return np.asarray(whitening @ (seen - outlines.radius_px[chosen]))
+            seen = c.outline_radius(outlines.centre_px[chosen], radius)
+            return np.asarray((seen - outlines.radius_px[chosen]) @ whitening.T)
 
         blocks[UncertaintySource.BALL_DIAMETER] = size
     if fall is not None:
-        blocks[UncertaintySource.FREE_FALL] = lambda c: np.array([_fall_misfit(c, evidence)])
+        blocks[UncertaintySource.FREE_FALL] = lambda c: _one(_fall_misfit(c, fall))
 
 
 def _size_whitening(outlines: BallOutlines, chosen: NDArray[np.intp]) -> FloatArray:
@@ -263,22 +289,22 @@ def _size_whitening(outlines: BallOutlines, chosen: NDArray[np.intp]) -> FloatAr
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
 
 
-def _fall_misfit(c: Calibration, evidence: Evidence) -> float:
-    fall = evidence.fall
-    assert fall is not None
+def _fall_misfit(c: Calibration, fall: FreeFall) -> FloatArray:
     # Means over short runs in time change the acceleration only to fourth order
     runs = np.array_split(np.arange(len(fall.time_s)), min(FALL_POINTS, len(fall.time_s)))
     time = np.array([fall.time_s[run].mean() for run in runs])
     time -= time.mean()
     px = np.array([fall.centre_px[run].mean(axis=0) for run in runs])
-    y = c.position(px)[0][:, 1]
+    y = c.position(px)[0][..., 1]
     noise = np.array([np.sqrt((fall.std_px[run] ** 2).mean() / len(run)) for run in runs])
-    std = noise * (c.camera_distance - c.vector[11]) / np.exp(c.vector[6])
-    design = np.stack([np.ones_like(time), time, -0.5 * time**2], axis=1) / std[:, np.newaxis]
+    # the weights hang on the noise alone: the scale is the same for all runs
+    design = np.stack([np.ones_like(time), time, -0.5 * time**2], axis=1) / noise[:, np.newaxis]
     normal = np.linalg.inv(design.T @ design)
-    acceleration = float((normal @ design.T @ (y / std))[2])
-    spread = np.hypot(np.sqrt(normal[2, 2]), fall.acceleration.std)
-    return float((acceleration - fall.acceleration.value) / spread)
+    acceleration = (y / noise) @ (design @ normal[2])
+    p = c.parameters
+    scale = (np.exp(p.log_distance) - p.ball_plane_offset) / np.exp(p.log_focal)
+    spread = np.hypot(np.sqrt(normal[2, 2]) * scale, fall.acceleration.std)
+    return np.asarray((acceleration - fall.acceleration.value) / spread)
 
 
 def _fit(
@@ -287,7 +313,7 @@ def _fit(
     """Gauss–Newton with step halving, and the share of each block in the covariance."""
 
     def residuals(c: Calibration) -> FloatArray:
-        return np.concatenate([block(c) for block in blocks.values()])
+        return np.concatenate([block(c) for block in blocks.values()], axis=-1)
 
     current, value = start, residuals(start)
     for _ in range(MOST_STEPS):
@@ -312,15 +338,12 @@ def _fit(
     return current, tuple(sources)
 
 
-def _jacobian(residuals: Callable[[Calibration], FloatArray], at: Calibration) -> FloatArray:
-    columns = []
-    for index, size in enumerate(STEPS):
-        step = np.zeros(len(STEPS))
-        step[index] = size
-        ahead = residuals(at.with_parameters(at.vector + step))
-        behind = residuals(at.with_parameters(at.vector - step))
-        columns.append((ahead - behind) / (2.0 * size))
-    return np.stack(columns, axis=1)
+def _jacobian(residuals: Residuals, at: Calibration) -> FloatArray:
+    """Central differences by all parameters, from one stack of calibrations."""
+    moved = np.diag(STEPS)
+    stack = at.with_parameters(np.concatenate([at.vector + moved, at.vector - moved]))
+    ahead, behind = np.split(residuals(stack), 2)
+    return np.asarray((ahead - behind).T / (2.0 * STEPS))
 
 
 def _halved(
@@ -343,7 +366,8 @@ def _alone(
     """Ball plane offset with only one of the inputs that tell it."""
     kept = {n: block for n, block in blocks.items() if n is name or n not in DEPTH_SOURCES}
     alone, sources = _fit(fitted, kept)
-    variance = sum(float(s.covariance[11, 11]) for s in sources)
+    depth = PARAMETERS.index("ball_plane_offset")
+    variance = sum(float(s.covariance[depth, depth]) for s in sources)
     return DepthEstimate(name, alone.ball_plane_offset, float(np.sqrt(variance)))
 
 

@@ -20,14 +20,19 @@ FloatArray = NDArray[np.float64]
 SQUARE_TO_WALL: FloatArray = np.diag([1.0, -1.0, -1.0])
 """Rotation of a camera that looks straight at the wall, its rows along the picture's rows."""
 
-OUTLINE_POINTS = 24
+OUTLINE_POINTS = 8
+"""An outline's harmonics fall by about radius over distance from one to the next: that of a sphere
+three of its diameters away, off to the side of a 56° lens, is right to 2e-5 px with these."""
+_TURN: FloatArray = 2.0 * np.pi * np.arange(OUTLINE_POINTS)[:, np.newaxis] / OUTLINE_POINTS
+RIM_COSINE, RIM_SINE = np.cos(_TURN), np.sin(_TURN)
 
 
 def rotation_matrix(vector: ArrayLike) -> FloatArray:
-    """Rotation by |vector| rad about `vector` (Rodrigues), (3, 3)."""
+    """Rotations by |vector| rad about `vector` (..., 3) (Rodrigues), (..., 3, 3)."""
     v = np.asarray(vector, dtype=np.float64)
-    angle = float(np.linalg.norm(v))
-    cross = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
+    angle = np.linalg.norm(v, axis=-1)[..., np.newaxis, np.newaxis]
+    # (v ×): the cross product with each of the axes, as columns
+    cross = np.cross(v[..., np.newaxis, :], np.eye(3)).swapaxes(-1, -2)
     # np.sinc keeps both factors finite, and their derivatives right, at angle 0
     return np.asarray(
         np.eye(3)
@@ -39,6 +44,9 @@ def rotation_matrix(vector: ArrayLike) -> FloatArray:
 @dataclass(frozen=True, eq=False)
 class Camera:
     """A lens somewhere in the room.
+
+    A stack of K cameras has a stack of lenses, `rotation` (K, 3, 3) and `position` (K, 1, 3); its
+    methods take points (K, N, …), or (N, …) that all of them look at, and give (K, N, …).
 
     Attributes
     ----------
@@ -78,7 +86,7 @@ class Camera:
     @property
     def axis_foot(self) -> FloatArray:
         """Where the optical axis meets the wall, (x, y) in m; NaN where it does not."""
-        return self.to_plane([self.lens.cx, self.lens.cy], 0.0)
+        return self.to_plane(np.stack([self.lens.cx, self.lens.cy], axis=-1), 0.0)
 
     def project(self, points: ArrayLike) -> FloatArray:
         """Project world points into the picture.
@@ -93,7 +101,8 @@ class Camera:
         (..., 2) array
             Px; NaN for points behind the camera or outside what the lens can see.
         """
-        seen = (np.asarray(points, dtype=np.float64) - self.position) @ self.rotation.T
+        seen = np.asarray(points, dtype=np.float64) - self.position
+        seen = seen @ np.swapaxes(self.rotation, -1, -2)
         depth = np.where(seen[..., 2] > 0.0, seen[..., 2], np.nan)
         return self.lens.to_pixels(self.lens.distort(seen[..., :2] / depth[..., np.newaxis]))
 
@@ -129,9 +138,10 @@ class Camera:
             x, y in m; NaN where the ray does not meet the plane in front of the camera.
         """
         ray = self.rays(px)
-        reach = np.asarray(z, dtype=np.float64) - self.position[2]
+        reach = np.asarray(z, dtype=np.float64) - self.position[..., 2]
         falling = np.where(ray[..., 2] * np.sign(reach) > 0.0, ray[..., 2], np.nan)
-        return np.asarray(self.position[:2] + ray[..., :2] * (reach / falling)[..., np.newaxis])
+        across = ray[..., :2] * (reach / falling)[..., np.newaxis]
+        return np.asarray(self.position[..., :2] + across)
 
     def sphere_outline(self, centre: ArrayLike, radius: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Outline of a sphere in the picture: not centred on the projection of its centre.
@@ -160,14 +170,14 @@ class Camera:
         # a camera inside the sphere sees no outline
         with np.errstate(invalid="ignore"):
             rim_radius = radius * np.sqrt(1.0 - (radius / distance) ** 2)
-        across = np.cross(towards, self.rotation[1])
+        down = self.rotation[..., 1, :]
+        across = np.cross(towards, down[:, np.newaxis] if down.ndim == 2 else down)
         across /= np.linalg.norm(across, axis=-1, keepdims=True)
         along = np.cross(towards, across)
-        turn = 2.0 * np.pi * np.arange(OUTLINE_POINTS) / OUTLINE_POINTS
-        rim = np.cos(turn)[:, np.newaxis] * across[..., np.newaxis, :]
-        rim = rim + np.sin(turn)[:, np.newaxis] * along[..., np.newaxis, :]
+        rim = RIM_COSINE * across[..., np.newaxis, :] + RIM_SINE * along[..., np.newaxis, :]
         rim = rim_centre[..., np.newaxis, :] + rim * rim_radius[..., np.newaxis, np.newaxis]
-        return _centroid_and_radius(self.project(rim))
+        seen = self.project(rim.reshape(*rim.shape[:-3], -1, 3))
+        return _centroid_and_radius(seen.reshape(*rim.shape[:-1], 2))
 
     def sphere_on_plane(self, outline_px: ArrayLike, radius: ArrayLike, z: ArrayLike) -> FloatArray:
         """Centre of a sphere on the plane z from its outline's centroid; undoes `sphere_outline`.
@@ -186,8 +196,8 @@ class Camera:
             x, y of the centre, m.
         """
         outline_px = np.asarray(outline_px, dtype=np.float64)
-        height = np.broadcast_to(np.asarray(z, dtype=np.float64), outline_px.shape[:-1])
-        xy = self.to_plane(outline_px, height)
+        xy = self.to_plane(outline_px, z)
+        height = np.broadcast_to(np.asarray(z, dtype=np.float64), xy.shape[:-1])
         for _ in range(2):
             centre = np.concatenate([xy, height[..., np.newaxis]], axis=-1)
             shift = self.sphere_outline(centre, radius)[0] - self.project(centre)

@@ -9,7 +9,7 @@ cameras*, CVPR 2005, in the radial form that OpenCV gave it.
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +24,9 @@ INVERSION_STEPS = 40
 @dataclass(frozen=True)
 class Lens:
     """Intrinsics and distortion of a camera.
+
+    A stack of K lenses has arrays (K, 1) for numbers; its methods then take points (K, N, 2), or
+    (N, 2) that all of them look at.
 
     Attributes
     ----------
@@ -87,27 +90,29 @@ class Lens:
             cy=(self.cy + 0.5) * sy - 0.5,
         )
 
-    @property
+    @cached_property
     def _rational(self) -> bool:
-        return self.k4 != 0.0 or self.k5 != 0.0 or self.k6 != 0.0
+        return bool(np.any(self.k4) or np.any(self.k5) or np.any(self.k6))
 
     @cached_property
-    def fold(self) -> float:
+    def fold(self) -> Any:
         """Undistorted radius at which the distortion turns back or has a pole; inf without either.
 
         Beyond it the model maps two directions to one pixel and means nothing.
         """
-        above = np.array([1.0, self.k1, self.k2, self.k3])
-        below = np.array([1.0, self.k4, self.k5, self.k6])
-        order = np.arange(4)
+        above = _coefficients(1.0, self.k1, self.k2, self.k3)
         # of r n(s) / d(s) with s = r²: the slope has the sign of (n + 2 s n') d - 2 s n d'
-        slope = np.convolve((1.0 + 2.0 * order) * above, below)
-        slope -= np.convolve(above, 2.0 * order * below)
-        # In 1/s both polynomials have leading coefficient 1, whatever coefficients are 0
-        roots = np.concatenate([np.roots(slope), np.roots(below)])
-        real = roots[np.abs(roots.imag) < 1e-9 * (1e-9 + np.abs(roots))].real
-        largest = float(real.max(initial=0.0))
-        return 1.0 / float(np.sqrt(largest)) if largest > 1e-12 else float("inf")
+        slope = above * (1.0 + 2.0 * np.arange(4))
+        poles = np.zeros((*above.shape[:-1], 0))
+        if self._rational:
+            below = _coefficients(1.0, self.k4, self.k5, self.k6)
+            slope = _product(slope, below) - _product(above, 2.0 * np.arange(4) * below)
+            poles = _inverse_roots(below)
+        roots = np.concatenate([_inverse_roots(slope), poles], axis=-1)
+        real = np.abs(roots.imag) < 1e-9 * (1e-9 + np.abs(roots))
+        largest = np.where(real, roots.real, 0.0).max(axis=-1, initial=0.0)
+        safe = np.where(largest > 1e-12, largest, 1.0)
+        return np.where(largest > 1e-12, 1.0 / np.sqrt(safe), np.inf)[()]
 
     def distort(self, xy: ArrayLike) -> FloatArray:
         """Where the lens puts a direction.
@@ -144,7 +149,7 @@ class Lens:
         """
         given = np.asarray(xy, dtype=np.float64)
         found = self._undo_radial(given)
-        if self.p1 == 0.0 and self.p2 == 0.0:
+        if not (np.any(self.p1) or np.any(self.p2)):
             return found
         for _ in range(INVERSION_STEPS):
             x, y = found[..., 0], found[..., 1]
@@ -156,11 +161,15 @@ class Lens:
 
     def to_pixels(self, xy: ArrayLike) -> FloatArray:
         """Distorted normalised coordinates (..., 2) to px."""
-        return np.asarray(np.asarray(xy) * [self.fx, self.fy] + [self.cx, self.cy])
+        xy = np.asarray(xy)
+        return np.stack([xy[..., 0] * self.fx + self.cx, xy[..., 1] * self.fy + self.cy], axis=-1)
 
     def from_pixels(self, px: ArrayLike) -> FloatArray:
         """Px (..., 2) to distorted normalised coordinates."""
-        return np.asarray((np.asarray(px) - [self.cx, self.cy]) / [self.fx, self.fy])
+        px = np.asarray(px)
+        return np.stack(
+            [(px[..., 0] - self.cx) / self.fx, (px[..., 1] - self.cy) / self.fy], axis=-1
+        )
 
     def _decentring(
         self, x: FloatArray, y: FloatArray, r2: FloatArray
@@ -181,10 +190,10 @@ class Lens:
         return above / below, (slope - above * steep / below) / below
 
     def _undo_radial(self, xy: FloatArray) -> FloatArray:
-        if self.k1 == 0.0 and self.k2 == 0.0 and self.k3 == 0.0 and not self._rational:
+        if not (np.any(self.k1) or np.any(self.k2) or np.any(self.k3) or self._rational):
             return xy
         distorted = np.hypot(xy[..., 0], xy[..., 1])
-        limit = min(self.fold, 1e6)
+        limit = np.minimum(self.fold, 1e6)
         radius = np.minimum(distorted, limit)
         residual = np.zeros_like(distorted)
         for _ in range(INVERSION_STEPS):
@@ -196,3 +205,28 @@ class Lens:
         ratio = np.where(distorted > 0.0, radius / np.where(distorted > 0.0, distorted, 1.0), 1.0)
         ratio = np.where(np.abs(residual) < 1e-9 * (1.0 + distorted), ratio, np.nan)
         return xy * ratio[..., np.newaxis]
+
+
+def _coefficients(*numbers: ArrayLike) -> FloatArray:
+    """Polynomials of a stack of lenses, (..., P), lowest order first."""
+    return np.stack(np.broadcast_arrays(*(np.asarray(n, dtype=np.float64) for n in numbers)), -1)
+
+
+def _product(one: FloatArray, other: FloatArray) -> FloatArray:
+    """Products of polynomials (..., P) and (..., Q): (..., P + Q - 1)."""
+    out = np.zeros((*one.shape[:-1], one.shape[-1] + other.shape[-1] - 1))
+    for power in range(other.shape[-1]):
+        out[..., power : power + one.shape[-1]] += one * other[..., power : power + 1]
+    return out
+
+
+def _inverse_roots(polynomial: FloatArray) -> NDArray[np.complex128]:
+    """One over the roots of polynomials (..., P) whose constant term is 1: (..., P - 1).
+
+    In 1/s the leading coefficient is that 1, whatever other coefficients are 0.
+    """
+    order = polynomial.shape[-1] - 1
+    companion = np.zeros((*polynomial.shape[:-1], order, order))
+    companion[..., 0, :] = -polynomial[..., 1:]
+    companion[..., np.arange(1, order), np.arange(order - 1)] = 1.0
+    return np.asarray(np.linalg.eigvals(companion), dtype=np.complex128)

@@ -9,6 +9,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from calib.calibration import Parameters
 from calib.camera.lens import Board, calibrate_lens, find_board
 from calib.camera.lens_file import read_lens, write_board, write_lens
 from calib.evidence import Evidence, Known
@@ -83,13 +84,13 @@ def wall_command(
     tape = None if camera_distance is None else Known(parse_quantity(camera_distance, "m"), 0.005)
     prior = None if lens is None else read_lens(lens, width=grid.size[0], height=grid.size[1])
     found = calibrate(grid, Evidence(camera_distance=tape), lens=prior)
-    std = np.sqrt(np.diag(found.covariance))
+    value, std = found.parameters, Parameters.of(np.sqrt(np.diag(found.covariance)))
     distance, focal = found.camera_distance, found.grid_camera.lens.fx
     typer.echo(f"{len(grid.nodes)} crossings, lines {'dark' if grid.dark else 'bright'}")
-    typer.echo(f"camera {distance:.3f} ± {distance * std[5]:.3f} m from the wall")
-    typer.echo(f"focal length {focal:.1f} ± {focal * std[6]:.1f} px")
-    typer.echo(f"distortion k1 {found.vector[9]:.3f} ± {std[9]:.3f}")
-    if std[5] > 0.1:
+    typer.echo(f"camera {distance:.3f} ± {distance * std.log_distance:.3f} m from the wall")
+    typer.echo(f"focal length {focal:.1f} ± {focal * std.log_focal:.1f} px")
+    typer.echo(f"distortion k1 {value.k1:.3f} ± {std.k1:.3f}")
+    if std.log_distance > 0.1:
         typer.echo(
             "the view is nearly square on: tape the camera's distance to pin it down", err=True
         )
