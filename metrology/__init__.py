@@ -1,5 +1,7 @@
 """The ground every room stands on: error tree, quantities, unit strings, whole files."""
 
+from metrology import measurands
+from metrology.defaults import Default, Defaults
 from metrology.errors import (
     CalibrationError,
     ClipError,
@@ -13,16 +15,21 @@ from metrology.errors import (
     UsageError,
 )
 from metrology.files import write_text_whole, written_whole
+from metrology.measurands import Given, Measurand, read_given, read_number
 from metrology.quantity import Contribution, Quantity
 from metrology.sources import UncertaintySource
-from metrology.units import parse_quantity, parse_with_uncertainty
+from metrology.units import parse_measured, parse_quantity, parse_with_uncertainty
 
 __all__ = [
     "CalibrationError",
     "ClipError",
     "Contribution",
+    "Default",
+    "Defaults",
     "DomainError",
+    "Given",
     "ImpactVisionError",
+    "Measurand",
     "MeasurementError",
     "NotFoundError",
     "Quantity",
@@ -31,8 +38,12 @@ __all__ = [
     "UncertaintySource",
     "UnitError",
     "UsageError",
+    "measurands",
+    "parse_measured",
     "parse_quantity",
     "parse_with_uncertainty",
+    "read_given",
+    "read_number",
     "write_text_whole",
     "written_whole",
 ]

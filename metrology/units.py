@@ -10,10 +10,12 @@ from pint.errors import PintError
 
 from metrology.errors import UnitError
 
-__all__ = ["parse_quantity", "parse_with_uncertainty"]
+__all__ = ["parse_measured", "parse_quantity", "parse_with_uncertainty"]
 
 
 _FLOAT = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_PLUS_MINUS = ("±", "+/-", "+-")
+_IN_BRACKETS = re.compile(r"\(([^()]*)\)\s*([^()]*)")
 _NUMBER_AND_UNIT = re.compile(rf"({_FLOAT})(?:\s*/\s*({_FLOAT}))?\s*([A-Za-zµμ°%][\w\s*/^°%-]*)?")
 
 
@@ -94,12 +96,60 @@ def parse_with_uncertainty(text: str | float, unit: str, default_std: float) -> 
     UnitError
         If either part is no quantity of that dimension, or the uncertainty is negative.
     """
-    if isinstance(text, str):
-        for sign in ("±", "+/-", "+-"):
-            if sign in text:
-                value, std = (part.strip() for part in text.split(sign, 1))
-                spread = parse_quantity(std, unit)
-                if spread < 0:
-                    raise UnitError(f"the uncertainty in {text!r} is negative")
-                return parse_quantity(value, unit), spread
-    return parse_quantity(text, unit), default_std
+    value, std = parse_measured(text, unit)
+    return value, default_std if std is None else std
+
+
+def parse_measured(text: str | float, unit: str) -> tuple[float, float | None]:
+    """Turn ``"0.353 kg ± 1 g"`` into value and standard uncertainty, None where none is written.
+
+    A unit on one side of the sign serves both (``"450 ± 10 mm"``); ``± 0.5 %`` is a share of the
+    value; a temperature's uncertainty is a difference (``"26 degC ± 1 degC"`` is ± 1 K).
+
+    Parameters
+    ----------
+    text : str or float
+        A quantity, with or without its standard uncertainty.
+    unit : str
+        The unit wanted.
+
+    Returns
+    -------
+    value : float
+    std : float or None
+
+    Raises
+    ------
+    UnitError
+        If either part is no quantity of that dimension, or the uncertainty is negative.
+    """
+    if not isinstance(text, str):
+        return parse_quantity(text, unit), None
+    plain = text.strip()
+    bracketed = _IN_BRACKETS.fullmatch(plain)
+    if bracketed is not None:
+        plain = f"{bracketed[1]} {bracketed[2]}"
+    for sign in _PLUS_MINUS:
+        if sign in plain:
+            value, _, spread = (part.strip() for part in plain.partition(sign))
+            return _value_and_std(value, spread, unit, text)
+    return parse_quantity(plain, unit), None
+
+
+def _value_and_std(value: str, spread: str, unit: str, text: str) -> tuple[float, float]:
+    left, right = _NUMBER_AND_UNIT.fullmatch(value), _NUMBER_AND_UNIT.fullmatch(spread)
+    if left is None or right is None:
+        raise _no_quantity(text, unit)
+    share = (right[3] or "").strip() == "%"
+    own = left[3] or ("" if share else right[3]) or ""
+    number = parse_quantity(f"{left[1]}/{left[2] or 1} {own}", unit)
+    size = float(right[1]) / float(right[2] or 1)
+    if share:
+        std = 0.01 * size * abs(number)
+    else:
+        step = (right[3] or own).strip()
+        # a difference: where a unit has another zero (degC), that zero drops out
+        std = size * (parse_quantity(f"1 {step}", unit) - parse_quantity(f"0 {step}", unit))
+    if not std >= 0:
+        raise UnitError(f"the uncertainty in {text!r} is negative")
+    return number, _finite(std, text, unit)

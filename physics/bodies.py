@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, field
 
+from metrology import Defaults
 from physics.contact.contact_time import ContactTimeLaw
 from physics.domain import require_angle, require_non_negative, require_positive
 from physics.restitution.restitution import CorLaw, ExponentialCor
@@ -19,8 +20,8 @@ __all__ = [
     "Support",
 ]
 
-GRAVITY = 9.806
-"""m/s², Table 3 of the paper."""
+GRAVITY = Defaults.GRAVITY.known
+"""m/s²."""
 
 
 @dataclass(frozen=True)

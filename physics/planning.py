@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import brentq
 
-from metrology import DomainError
+from metrology import Defaults, DomainError
 from physics.arrays import FloatArray
 from physics.domain import require_positive
 from physics.forward import Experiment, impulsive_launch, numerical_landing
@@ -38,11 +38,11 @@ class PlanScatter:
         rad, shared by all trials.
     """
 
-    backswing: float = math.radians(0.2)
-    launch_angle: float = math.radians(0.2)
-    cor: float = 0.005
-    cor_law: float = 0.01
-    launch_angle_law: float = math.radians(0.3)
+    backswing: float = Defaults.BACKSWING_SCATTER.std
+    launch_angle: float = Defaults.LAUNCH_ANGLE_SCATTER.std
+    cor: float = Defaults.COR_SCATTER.std
+    cor_law: float = Defaults.COR_LAW.std
+    launch_angle_law: float = Defaults.LAUNCH_ANGLE_LAW.std
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from calib.camera.camera import Camera, rotation_matrix
-from metrology import UsageError, parse_quantity
+from metrology import UsageError, measurands, parse_quantity, read_number
 from physics import effects as catalogue
 from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT
 from physics.forward import Experiment
@@ -287,8 +287,8 @@ def render_command(
         size=parse_size(size),
         frames=frames,
         seed=seed,
-        fps=None if fps is None else _positive("--fps", fps, "fps"),
-        shutter=None if shutter is None else _positive("--shutter", shutter, "s"),
+        fps=None if fps is None else read_number(fps, measurands.CAPTURE_RATE),
+        shutter=None if shutter is None else read_number(shutter, measurands.SHUTTER),
         readout=parse_quantity(readout, "s"),
         container_fps=container_fps,
         bitrate=None if bitrate is None else 1000.0 * bitrate,
@@ -307,10 +307,3 @@ def render_command(
     _filmed(scene, shot, out, quiet)
     if not quiet:
         typer.echo(f"{out}\n{truth_path(out)}")
-
-
-def _positive(name: str, text: str, unit: str) -> float:
-    value = float(text) if re.fullmatch(r"[0-9.]+", text) else parse_quantity(text, unit)
-    if not value > 0.0:
-        raise UsageError(f"{name} {text} is not above zero")
-    return value

@@ -1,13 +1,12 @@
 """What the lab believes: bodies, contact, scatter, and the effects its model already holds."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from metrology import SetupError
+from metrology import Defaults, SetupError
 from physics.arrays import FloatArray
 from physics.bodies import GRAVITY, Pendulum
 
@@ -93,11 +92,11 @@ class BallModel:
 class Scatter:
     """What repeats imperfectly, one sigma; angles in rad."""
 
-    backswing: float = math.radians(0.2)
-    cor: float = 0.005
-    launch_angle: float = math.radians(0.2)
-    cor_law: float = 0.01
-    launch_angle_law: float = math.radians(0.3)
+    backswing: float = Defaults.BACKSWING_SCATTER.std
+    cor: float = Defaults.COR_SCATTER.std
+    launch_angle: float = Defaults.LAUNCH_ANGLE_SCATTER.std
+    cor_law: float = Defaults.COR_LAW.std
+    launch_angle_law: float = Defaults.LAUNCH_ANGLE_LAW.std
     natural_frequency: float = 0.02
 
 
@@ -126,8 +125,8 @@ class Baseline:
     balls: Mapping[str, BallModel]
     pendulum: Pendulum | None = None
     rest_height: float | None = None
-    air_density: float = 1.18
-    air_viscosity: float = 1.852e-5
+    air_density: float = Defaults.AIR_DENSITY.known
+    air_viscosity: float = Defaults.AIR_VISCOSITY.known
     gravity: float = GRAVITY
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     scatter: Scatter = Scatter()

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Self
 
-from metrology import DomainError
+from metrology import Defaults, DomainError
 from physics.domain import require_non_negative, require_positive
 
 __all__ = ["PAPER_AIR", "Air", "moist_air_density", "moist_air_viscosity", "vapour_fraction"]
@@ -209,5 +209,5 @@ def _sutherland(temperature: float, reference: float, at: float, constant: float
     return reference * warmer * math.sqrt(warmer) * (at + constant) / (temperature + constant)
 
 
-PAPER_AIR = Air(density=1.180, viscosity=1.852e-5)
+PAPER_AIR = Air(Defaults.AIR_DENSITY.known, Defaults.AIR_VISCOSITY.known)
 """Table 3 of the paper, 26 °C. The printed density is that of dry air at 1013 hPa."""

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from metrology import DomainError
+from metrology import Defaults, DomainError
 from physics.arrays import FloatArray, Number
 
 __all__ = [
@@ -23,8 +23,8 @@ __all__ = [
     "standard_drag",
 ]
 
-SUBCRITICAL_DRAG = 0.47
-"""C_D of a sphere between Re = 1e3 and 1e5, the value every textbook plot shows there."""
+SUBCRITICAL_DRAG = Defaults.DRAG_COEFFICIENT.known
+"""C_D of a sphere between Re = 1e3 and 1e5."""
 
 
 def standard_drag(reynolds: Number) -> Number:

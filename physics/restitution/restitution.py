@@ -17,11 +17,18 @@ __all__ = [
     "CorLaw",
     "ExponentialCor",
     "ExpressionCor",
+    "NoValueError",
     "PowerLawCor",
     "ShiftedCor",
+    "law_as_text",
     "parse_cor_law",
     "require_cor",
+    "require_real",
 ]
+
+
+class NoValueError(DomainError):
+    """A law of restitution that gives no real number at an impact speed."""
 
 
 class CorLaw(Protocol):
@@ -204,10 +211,13 @@ class ExpressionCor:
             with np.errstate(all="ignore"):
                 value = _evaluate(self._tree, speed) + speed * 0.0
         except (ZeroDivisionError, OverflowError, TypeError) as problem:
-            raise DomainError(
-                f"the law of restitution {self.text!r} has no value at {speed} m/s"
-            ) from problem
+            raise self._no_value(speed) from problem
+        if np.iscomplexobj(value) or not np.all(np.isfinite(np.asarray(value))):
+            raise self._no_value(speed)
         return _checked(cast(FloatOrArray, value))
+
+    def _no_value(self, speed: Number) -> NoValueError:
+        return NoValueError(f"the law of restitution {self.text!r} has no value at {speed} m/s")
 
 
 def _bad_law(text: str, why: str) -> UsageError:
@@ -279,3 +289,56 @@ def parse_cor_law(text: str | float) -> CorLaw:
         raise
     except ValueError:
         return ExpressionCor(text)
+
+
+_SPEEDS_TRIED = 200
+
+
+def require_real(law: CorLaw, slowest: float, fastest: float) -> None:
+    """Refuse a law that has no real value at some impact speed, or is no COR at any.
+
+    Parameters
+    ----------
+    law : CorLaw
+    slowest, fastest : float
+        m/s; looked at from one to the other.
+
+    Raises
+    ------
+    DomainError
+        If the law is not a real number at one of the speeds, or outside (0, 1] at all of them.
+    """
+    outside: DomainError | None = None
+    within = 0
+    for speed in np.geomspace(slowest, fastest, _SPEEDS_TRIED).tolist():
+        try:
+            law(speed)
+            within += 1
+        except NoValueError:
+            raise
+        except DomainError as problem:
+            outside = problem
+    if within == 0 and outside is not None:
+        raise outside
+
+
+def law_as_text(law: CorLaw) -> str | float:
+    """A law as it is written in a setup file: a number, or a formula in v (m/s).
+
+    Raises
+    ------
+    UsageError
+        For a law of a kind that has no formula.
+    """
+    match law:
+        case ConstantCor(value=value):
+            return value
+        case ExponentialCor(amplitude=a, rate=b, shift=c, floor=d):
+            return f"{a!r}*exp(-({b!r})*v - ({c!r})) + {d!r}"
+        case ExpressionCor(text=text):
+            return text
+        case PowerLawCor(coefficient=a, exponent=p):
+            return f"1 - {a!r}*v**{p!r}"
+        case ShiftedCor(law=inner, offset=offset, slope=slope, pivot_speed=pivot):
+            return f"{law_as_text(inner)} + ({offset!r}) + ({slope!r})*(v - {pivot!r})"
+    raise UsageError(f"a law of kind {type(law).__name__} has no formula")

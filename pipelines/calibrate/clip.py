@@ -26,7 +26,7 @@ from pipelines.calibrate.wizard.parsing import (
 from pipelines.calibrate.wizard.scene import look_at
 from pipelines.calibrate.wizard.session import Session, with_ball
 from pipelines.calibrate.wizard.terminal import Dialogue, ask_all, told_of
-from pipelines.setup.file import load_setup, parse_setup
+from pipelines.setup.file import load_setup, read_setup
 from pipelines.web.jobs import Jobs
 
 __all__ = ["ClipOrCommand", "clip_command", "old_view"]
@@ -157,7 +157,7 @@ def _require_folder(out: Path) -> None:
 
 
 def _readable(text: str, folder: Path) -> None:
-    parse_setup(text, "the new setup file", folder=folder)
+    read_setup(text, "the new setup file", folder=folder)
 
 
 def _say(line: str) -> None:

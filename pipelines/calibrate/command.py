@@ -12,16 +12,16 @@ from numpy.typing import NDArray
 from calib.calibration import Parameters
 from calib.camera.lens import Board, calibrate_lens, find_board
 from calib.camera.lens_file import read_lens, write_board, write_lens
-from calib.evidence import Evidence, Known
+from calib.evidence import Evidence
 from calib.grid.grid import WallGrid, find_wall_grid
 from calib.moved import camera_movement
 from calib.pose import calibrate
-from metrology import ClipError, UsageError, parse_quantity
+from metrology import ClipError, UsageError
 from pipelines.calibrate.clip import ClipOrCommand, clip_command, old_view
 from pipelines.calibrate.plan import plan_filming_command
 from pipelines.calibrate.rate import rate_command
 from pipelines.calibrate.wizard.files import read_view
-from pipelines.calibrate.wizard.parsing import board_size
+from pipelines.calibrate.wizard.parsing import board_size, distance_from, pitch_from
 from vision.clip.clip import Clip
 
 __all__ = ["CALIBRATE_COMMANDS", "ClipOrCommand"]
@@ -35,7 +35,7 @@ Charuco = Annotated[bool, typer.Option(help="A ChArUco board: markers in the whi
 
 def _board(size: str, square: str, charuco: bool) -> Board:
     columns, rows = board_size(size)
-    return Board(columns, rows, parse_quantity(square, "m"), charuco)
+    return Board(columns, rows, pitch_from(square), charuco)
 
 
 def board_command(
@@ -81,7 +81,7 @@ def wall_command(
 ) -> None:
     """Find the wall grid of a clip and tell where the camera stands."""
     grid = _grid(clip, wall_grid)
-    tape = None if camera_distance is None else Known(parse_quantity(camera_distance, "m"), 0.005)
+    tape = None if camera_distance is None else distance_from(camera_distance)
     prior = None if lens is None else read_lens(lens, width=grid.size[0], height=grid.size[1])
     found = calibrate(grid, Evidence(camera_distance=tape), lens=prior)
     value, std = found.parameters, Parameters.of(np.sqrt(np.diag(found.covariance)))
@@ -136,7 +136,7 @@ def _grid(path: Path, pitch: str) -> WallGrid:
     clip = Clip.open(path)
     stride = max(1, clip.info.frames // FRAMES_AVERAGED)
     frames = [frame.gray for frame in clip.frames() if frame.index % stride == 0]
-    return find_wall_grid(np.median(frames, axis=0), pitch_m=parse_quantity(pitch, "m"))
+    return find_wall_grid(np.median(frames, axis=0), pitch_m=pitch_from(pitch))
 
 
 def _picture(path: Path) -> NDArray[np.uint8]:

@@ -14,7 +14,14 @@ from rich.console import Console
 from rich.table import Table
 
 from calib.camera.lens_file import read_lens
-from metrology import Quantity, UsageError, parse_quantity, write_text_whole
+from metrology import (
+    Quantity,
+    UsageError,
+    measurands,
+    parse_quantity,
+    read_number,
+    write_text_whole,
+)
 from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT
 from pipelines.calibrate.filming import Filming
 from pipelines.calibrate.foresight import Change, Foreseen, changes_of, foresee
@@ -93,10 +100,10 @@ def plan_filming_command(
         backswing_deg=math.degrees(angle_of(backswing)),
         width=width,
         height=height,
-        fps=parse_quantity(fps, "1/s"),
-        exposure_s=parse_quantity(shutter, "s"),
-        distance_m=parse_quantity(distance, "m"),
-        plane_m=parse_quantity(ball_plane, "m"),
+        fps=read_number(fps, measurands.CAPTURE_RATE),
+        exposure_s=read_number(shutter, measurands.SHUTTER),
+        distance_m=read_number(distance, measurands.CAMERA_DISTANCE),
+        plane_m=read_number(ball_plane, measurands.BALL_PLANE_OFFSET),
         view_rad=_view(field_of_view, focal_length),
         light=_positive("--light", light),
         gray_std=None if noise is None else _positive("--noise", noise),

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from metrology import SetupError, TooLittleDataError, UsageError
+from metrology import Defaults, SetupError, TooLittleDataError, UsageError
 from mismatch.model.baseline import BallModel, Baseline, ContactTable, Scatter
 from mismatch.records.campaign import Campaign, Trial
 from physics import bodies
 from physics.arrays import FloatArray
 from physics.contact.batch import contact_outcomes
-from physics.effects import CATALOGUE, Effect
+from physics.effects import Effect
 from pipelines.setup.file import BallSetup, Setup
 
 __all__ = ["baseline_for_balls", "baseline_from_setup", "load_campaign", "load_effects"]
@@ -244,14 +244,9 @@ def _model_effects(setup: Setup) -> Mapping[str, Mapping[str, float]]:
     for name in setup.model.effects:
         if name == "gravity":
             continue
-        if name not in CATALOGUE:
-            raise SetupError(
-                f"[model] effects: there is no effect {name!r}",
-                hint=f"Known effects: {', '.join(CATALOGUE)}.",
-            )
         given = dict(setup.model.parameters.get(name, {}))
         if name == "drag" and not given:
-            given = {"drag_coefficient": 0.47}
+            given = {"drag_coefficient": Defaults.DRAG_COEFFICIENT.known}
         effects[name] = given
     return effects
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from calib.calibration import Calibration
+from metrology import Defaults
 from mismatch import Verdict
 from physics.effects import MEASUREMENT_IDS
-from pipelines.measure.inputs import DIAMETER_SHARE
 from pipelines.measure.measurement import Measurement
 from pipelines.measure.metres import CameraMapping
 
@@ -45,7 +45,11 @@ def calibration_widths(measured: Measurement) -> dict[str, float]:
     """
     rate = measured.rate.std / measured.rate.fps
     if measured.calibration is None or measured.impact is None:
-        return {"time_base": rate, "length_scale": DIAMETER_SHARE, "camera_roll": UNSEEN_ROLL}
+        return {
+            "time_base": rate,
+            "length_scale": Defaults.BALL_DIAMETER.std,
+            "camera_roll": UNSEEN_ROLL,
+        }
     rows = np.isin(measured.tracks.ball.frame, measured.impact.tracks.ball_frame)
     px = measured.tracks.ball.centre_px[rows]
     scale, roll = _scale_and_roll(measured.calibration, px[:: max(1, len(px) // 40)])

@@ -7,20 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.calibration import Calibration
-from metrology import Contribution, UncertaintySource
+from metrology import Contribution, Defaults, UncertaintySource
 from physics.bodies import Pendulum
-from pipelines.measure.inputs import HEIGHT_STD_M, Inputs
+from pipelines.measure.inputs import Inputs
 from vision.clip.capture_rate import CaptureRate
 
 __all__ = ["Scene", "merged", "systematic_budget"]
 
 FloatArray = NDArray[np.float64]
 
-INERTIA_SHARE, MASS_SHARE = 0.01, 0.003
-ARM_SHARE_STD, AFTER_SHARE_STD = 0.007, 0.01
-"""A mass 6 cm thick seen from 4 m: its near side is enlarged by that much."""
-ROLL_STD, SLANT_STD = float(np.radians(1.0)), float(np.radians(6.0))
-"""A camera set up by eye, rad."""
 _STEP_SIGMAS = 0.3
 _LEAST_AXIS = 1e-12
 """Of the correlation's largest: below lies rounding, not knowledge."""
@@ -116,29 +111,33 @@ def _moved(scene: Scene, scale_std: float) -> list[tuple[UncertaintySource, Scen
     if rate.known:
         faster = replace(rate, fps=rate.fps + rate.std)
         moved.append((UncertaintySource.CAPTURE_RATE, replace(scene, rate=faster)))
-    body = inputs.pendulum
-    heavier: Pendulum = replace(body, inertia=body.inertia * (1 + INERTIA_SHARE))
+    body, rig = inputs.pendulum, inputs.rig
+    heavier: Pendulum = replace(body, inertia=body.inertia * (1 + rig.inertia.relative_std))
     moved.append(
         (
             UncertaintySource.PENDULUM_INERTIA,
             replace(scene, inputs=replace(inputs, pendulum=heavier)),
         )
     )
-    nearer = replace(inputs, arm_share=inputs.arm_share * (1 + ARM_SHARE_STD))
+    nearer = replace(inputs, arm_share=inputs.arm_share * (1 + Defaults.VISIBLE_DEPTH.std))
     moved.append((UncertaintySource.PENDULUM_ARM, replace(scene, inputs=nearer)))
-    ringing = replace(inputs, after_share=inputs.after_share * (1 + AFTER_SHARE_STD))
+    ringing = replace(inputs, after_share=inputs.after_share * (1 + Defaults.RINGING.std))
     moved.append((UncertaintySource.PENDULUM_RINGING, replace(scene, inputs=ringing)))
-    if inputs.fall is not None:
-        higher = replace(inputs, fall=inputs.fall + HEIGHT_STD_M)
+    if inputs.fall is not None and rig.support_height is not None:
+        higher = replace(inputs, fall=inputs.fall + rig.support_height.std)
         moved.append((UncertaintySource.SUPPORT_HEIGHT, replace(scene, inputs=higher)))
-    if inputs.ball is not None and inputs.ball.mass is not None:
-        ball = replace(inputs.ball, mass=inputs.ball.mass * (1 + MASS_SHARE))
+    if inputs.ball is not None and inputs.ball.mass is not None and rig.ball_mass is not None:
+        ball = replace(inputs.ball, mass=inputs.ball.mass + rig.ball_mass.std)
         moved.append(
             (UncertaintySource.BALL_MASS, replace(scene, inputs=replace(inputs, ball=ball)))
         )
     if scene.calibration is None:
-        moved.append((UncertaintySource.CAMERA_ROLL, replace(scene, roll_rad=ROLL_STD)))
-        moved.append((UncertaintySource.CAMERA_SLANT, replace(scene, slant_rad=SLANT_STD)))
+        moved.append(
+            (UncertaintySource.CAMERA_ROLL, replace(scene, roll_rad=Defaults.CAMERA_ROLL.std))
+        )
+        moved.append(
+            (UncertaintySource.CAMERA_SLANT, replace(scene, slant_rad=Defaults.CAMERA_SLANT.std))
+        )
         if np.isfinite(scale_std):
             moved.append(
                 (

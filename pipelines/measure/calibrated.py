@@ -11,7 +11,7 @@ from calib.evidence import BallOutlines, Evidence, Known
 from calib.grid.grid import WallGrid, find_wall_grid
 from calib.plausibility import plausible
 from calib.pose import calibrate
-from pipelines.measure.inputs import DIAMETER_SHARE, Inputs
+from pipelines.measure.inputs import Inputs
 from vision.tracks import Track, Tracks
 
 __all__ = ["calibrate_clip", "known_lens", "scene_evidence"]
@@ -87,7 +87,8 @@ def scene_evidence(tracks: Tracks, inputs: Inputs) -> Evidence:
 
 
 def _outlines(ball: Track, tracks: Tracks, inputs: Inputs) -> BallOutlines | None:
-    assert inputs.ball is not None
+    diameter = inputs.rig.ball_diameter
+    assert diameter is not None
     after = -1 if tracks.rest_frames is None else tracks.rest_frames[1]
     # the ball is squashed in the first hundredths of a second after its rest
     round_again = ball.frame > after + (0.03 / np.median(np.diff(ball.time_s)))
@@ -99,6 +100,6 @@ def _outlines(ball: Track, tracks: Tracks, inputs: Inputs) -> BallOutlines | Non
         good.centre_px,
         good.radius_px,
         good.radius_std_px,
-        Known(inputs.ball.diameter, DIAMETER_SHARE * inputs.ball.diameter),
+        Known(diameter.value, diameter.std),
         float(np.hypot(_RADIUS_COMMON_STD_PX, _RADIUS_COMMON_OVER_RANDOM * usual)),
     )

@@ -18,7 +18,7 @@ from pipelines.measure.calibrated import calibrate_clip, known_lens, scene_evide
 from pipelines.measure.derived import DERIVED, derived_values, random_covariance
 from pipelines.measure.fits.gravity import contradicts_gravity
 from pipelines.measure.fits.impact import find_impact
-from pipelines.measure.inputs import DIAMETER_SHARE, Inputs, gather_inputs
+from pipelines.measure.inputs import Inputs, gather_inputs
 from pipelines.measure.measurement import Measurement
 from pipelines.measure.metres import BallScale, CameraMapping, MetricTracks, tracks_in_metres
 from pipelines.measure.results import Evaluated, NoScale, results_of
@@ -42,6 +42,7 @@ class MeasureOptions:
 
     setup: Setup = field(default_factory=Setup)
     fps: float | None = None
+    fps_std: float | None = None
     ball: str | None = None
     wall_grid: str | None = None
     ball_at: Point | None = None
@@ -78,7 +79,14 @@ def measure_clip(
     tell = progress or (lambda _step, _part: None)
     inputs = gather_inputs(options.setup, options.ball, options.wall_grid)
     clip = Clip.open(path)
-    rate = choose_capture_rate(clip.info, options.fps, options.setup.camera.capture_fps)
+    camera = options.setup.camera
+    rate = choose_capture_rate(
+        clip.info,
+        options.fps,
+        camera.capture_fps,
+        option_std=options.fps_std,
+        setup_std=camera.capture_fps_std,
+    )
     tracks = follow(
         clip,
         rate.fps,
@@ -112,6 +120,7 @@ def measure_clip(
         grid=wall.grid,
         calibration=calibration,
         impact=evaluated.impact,
+        defaults=inputs.rig.defaults_used,
     )
 
 
@@ -256,6 +265,7 @@ def _in_metres(scene: Scene, times: FloatArray, tracks: Tracks) -> MetricTracks:
 
 
 def _scale_std(scene: Scene, tracks: Tracks) -> float:
-    if scene.inputs.ball is None:
+    diameter = scene.inputs.rig.ball_diameter
+    if diameter is None:
         return np.inf
-    return float(np.hypot(DIAMETER_SHARE, _RADIUS_STD_PX / np.median(tracks.ball.radius_px)))
+    return float(np.hypot(diameter.relative_std, _RADIUS_STD_PX / np.median(tracks.ball.radius_px)))

@@ -14,7 +14,8 @@ from metrology import (
     ImpactVisionError,
     MeasurementError,
     UsageError,
-    parse_quantity,
+    measurands,
+    read_given,
     write_text_whole,
 )
 from metrology.formatting import format_quantity
@@ -198,21 +199,16 @@ def _options(
     ball_at: str | None,
     mass_at: str | None,
 ) -> MeasureOptions:
+    rate = None if fps is None else read_given(fps, measurands.CAPTURE_RATE)
     return MeasureOptions(
         setup=Setup() if setup is None else load_setup(setup),
-        fps=None if fps is None else _rate(fps),
+        fps=None if rate is None else rate.value,
+        fps_std=None if rate is None else rate.std,
         ball=ball,
         wall_grid=wall_grid,
         ball_at=_point("--ball-at", ball_at),
         mass_at=_point("--mass-at", mass_at),
     )
-
-
-def _rate(text: str) -> float:
-    rate = parse_quantity(text, "1/s")
-    if rate <= 0:
-        raise UsageError(f"--fps {text} is no capture rate", hint="Give it as 600 or '600 fps'.")
-    return rate
 
 
 def _point(option: str, text: str | None) -> tuple[float, float] | tuple[float, float, int] | None:

@@ -1,25 +1,21 @@
 """What the chain starts from besides the pictures: setup file, options and presets, merged."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-import numpy as np
-
-from metrology import UsageError, parse_quantity
+from metrology import measurands, read_given
 from physics import bodies
 from physics.flight.air import Air
 from pipelines.setup.file import BallSetup, Setup, ball_from_option
+from pipelines.setup.rig import Origin, Rig, rig_of
 
 __all__ = ["Inputs", "gather_inputs"]
 
-DIAMETER_SHARE = 0.002
-"""Standard uncertainty of a ball's diameter over the diameter (a tape around the girth)."""
-HEIGHT_STD_M = 0.001
-GRAVITY_STD = 0.01
-DRAG_COEFFICIENT, DRAG_STD = 0.45, 0.1
-SPIN_STD = 4.0
-"""rad/s: what friction at the face gives a ball struck off the side; nobody sees it in the clip."""
-STIFFNESS_SHARE = 0.02
+UNKNOWN_DRAG = 0.02
+"""1/m, value and std of ½ρSC_D/m for a ball of unknown mass: 0.018 to 0.02 for the paper's balls,
+0.02 to 0.05 for lighter ones."""
+UNKNOWN_LIFT_STD = 0.02
+"""1/s, lift per speed of such a ball at the spin that is supposed: 0.02 for the paper's balls."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +37,8 @@ class Inputs:
         m/s².
     grid_pitch, fine_pitch : float
         m.
+    rig : Rig
+        Every number of the rig with its uncertainty, and which of them are defaults.
     assumed : tuple of str
         What was taken from the paper because nobody said otherwise.
     arm_share : float
@@ -57,6 +55,7 @@ class Inputs:
     gravity: float
     grid_pitch: float
     fine_pitch: float
+    rig: Rig
     assumed: tuple[str, ...]
     arm_share: float = 1.0
     after_share: float = 1.0
@@ -71,19 +70,21 @@ class Inputs:
     def drag_per_metre(self) -> tuple[float, float]:
         """K = ρ S C_D / 2 m with its std, 1/m; a guess where the mass is unknown."""
         if self.ball is None or self.ball.mass is None:
-            return 0.02, 0.02
+            return UNKNOWN_DRAG, UNKNOWN_DRAG
         area = math.pi * self.ball.diameter**2 / 4
         per_coefficient = 0.5 * self.air.density * area / self.ball.mass
-        return DRAG_COEFFICIENT * per_coefficient, DRAG_STD * per_coefficient
+        drag = self.rig.drag_coefficient
+        std = math.hypot(drag.std, drag.value * self.rig.air_density.relative_std)
+        return drag.value * per_coefficient, std * per_coefficient
 
     @property
     def lift_std(self) -> float:
         """Lift per speed that an unseen slow spin may cause, 1/s: ½ ρ S R ω / m."""
         if self.ball is None or self.ball.mass is None:
-            return 0.02
+            return UNKNOWN_LIFT_STD
         radius = self.ball.diameter / 2
         area = math.pi * radius**2
-        return 0.5 * self.air.density * area * radius * SPIN_STD / self.ball.mass
+        return 0.5 * self.air.density * area * radius * self.rig.spin.std / self.ball.mass
 
 
 def gather_inputs(setup: Setup, ball: str | None, wall_grid: str | None) -> Inputs:
@@ -92,27 +93,24 @@ def gather_inputs(setup: Setup, ball: str | None, wall_grid: str | None) -> Inpu
     Raises
     ------
     UsageError
-        If an option is no quantity, preset or pitch.
+        If an option is no quantity, preset or pitch, or out of range.
     """
     chosen = ball_from_option(ball) if ball is not None else setup.ball
     if chosen is None and len(setup.balls) == 1:
         chosen = next(iter(setup.balls.values()))
-    pitch = setup.wall.grid or 0.05
     if wall_grid is not None:
-        pitch = parse_quantity(wall_grid, "m")
-        if not 0.001 <= pitch <= 2.0:
-            raise UsageError(
-                f"--wall-grid {wall_grid} would be squares of {pitch:g} m",
-                hint="Give the side of a square with its unit, such as 50mm.",
-            )
+        squares = read_given(wall_grid, measurands.GRID_PITCH)
+        wall = replace(setup.wall, grid=squares.value, grid_std=squares.std)
+        setup = replace(setup, wall=wall)
+    rig = rig_of(setup, chosen)
+    pitch = rig.grid_pitch.value
     assumed = []
     pendulum = setup.pendulum
     if pendulum is None:
         pendulum = bodies.PAPER_PENDULUM
         assumed.append("inertia and mass of the pendulum are the paper's (Table 2)")
-    fall = None if setup.support is None else setup.support.height
-    if fall is None and chosen is not None and chosen.name in bodies.BALLS:
-        fall = bodies.PAPER_SUPPORT.height
+    fall = None if rig.support_height is None else rig.support_height.value
+    if rig.support_height is not None and rig.support_height.value_from is Origin.PRESET:
         assumed.append("the support is as high as the paper's (0.312 m)")
     return Inputs(
         setup=setup,
@@ -120,8 +118,9 @@ def gather_inputs(setup: Setup, ball: str | None, wall_grid: str | None) -> Inpu
         pendulum=pendulum,
         fall=fall,
         air=setup.air,
-        gravity=float(np.float64(bodies.GRAVITY)),
+        gravity=rig.gravity.value,
         grid_pitch=pitch,
         fine_pitch=setup.wall.fine_grid or pitch / 5,
+        rig=rig,
         assumed=tuple(assumed),
     )

@@ -7,6 +7,7 @@ from calib.grid.grid import WallGrid
 from metrology import Quantity
 from pipelines.measure.fits.impact import Impact
 from pipelines.report import Check
+from pipelines.setup.rig import Known
 from vision.clip.capture_rate import CaptureRate
 from vision.clip.info import ClipInfo
 from vision.tracks import Tracks
@@ -62,6 +63,8 @@ class Measurement:
         None where no grid was found.
     impact : Impact or None
         None where no strike could be measured.
+    defaults : tuple of Known
+        Numbers of the rig whose value or uncertainty nobody gave.
     """
 
     info: ClipInfo
@@ -75,6 +78,7 @@ class Measurement:
     grid: WallGrid | None
     calibration: Calibration | None
     impact: Impact | None
+    defaults: tuple[Known, ...] = ()
 
     def quantity(self, name: str) -> Quantity:
         """The quantity of that name."""

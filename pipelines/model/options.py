@@ -11,9 +11,8 @@ from typing import Any
 
 from rich.table import Table
 
-from metrology import Quantity, UsageError, parse_quantity, write_text_whole
+from metrology import Quantity, UsageError, measurands, read_number, write_text_whole
 from physics import bodies
-from physics.domain import require_non_negative
 from physics.flight.drag_curves import SUBCRITICAL_DRAG, DragCurve, drag_curve
 from physics.forward import Experiment
 from physics.planning import PlanScatter
@@ -86,9 +85,10 @@ def choose_cor(ball: bodies.Ball, option: str) -> tuple[CorLaw, bool]:
 def angle_of(text: str) -> float:
     """An angle in rad; a bare number is in degrees, as a protractor reads."""
     try:
-        return math.radians(float(text))
+        typed: str | float = math.radians(float(text))
     except ValueError:
-        return parse_quantity(text, "rad")
+        typed = text
+    return read_number(typed, measurands.BACKSWING)
 
 
 def choose_drag(option: str) -> float | DragCurve:
@@ -103,8 +103,7 @@ def choose_drag(option: str) -> float | DragCurve:
         number = float(option)
     except ValueError:
         return drag_curve(option)
-    require_non_negative("the drag coefficient", number)
-    return number
+    return measurands.DRAG_COEFFICIENT.require(number, option)
 
 
 def experiment_of(setup: Setup, ball: bodies.Ball, drag_option: str | None = None) -> Experiment:

@@ -8,7 +8,14 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from metrology import Contribution, DomainError, Quantity, UncertaintySource, parse_quantity
+from metrology import (
+    Contribution,
+    DomainError,
+    Quantity,
+    UncertaintySource,
+    measurands,
+    read_number,
+)
 from physics.arrays import FloatArray
 from physics.forward import (
     Experiment,
@@ -220,7 +227,9 @@ def plan_command(
     struck = choose_ball(known, ball)
     law, _ = choose_cor(struck, cor)
     experiment = experiment_of(known, struck, drag)
-    planned = plan(experiment, parse_quantity(distance, "m"), cor=law, scatter=scatter_of(known))
+    planned = plan(
+        experiment, read_number(distance, measurands.DISTANCE), cor=law, scatter=scatter_of(known)
+    )
     if plot is not None:
         _draw(plot, experiment, law, planned)
     send_out(

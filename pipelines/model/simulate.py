@@ -9,11 +9,13 @@ import typer
 
 from metrology import (
     Contribution,
+    Defaults,
     DomainError,
     Quantity,
     UncertaintySource,
     UsageError,
-    parse_quantity,
+    measurands,
+    read_number,
 )
 from physics.bodies import Ball
 from physics.contact.outcome import ContactOutcome
@@ -43,9 +45,6 @@ from pipelines.model.strike import (
 )
 
 __all__ = ["Simulation", "simulate", "simulate_command"]
-
-CONTACT_TIME_STD = 0.001
-"""s; the contact times of the presets are assumed, not measured."""
 
 
 @dataclass(frozen=True)
@@ -143,7 +142,7 @@ def _sources(
     """What repeats imperfectly, each one standard deviation down and up."""
     cor = math.hypot(scatter.cor, scatter.cor_law)
     angle = math.hypot(scatter.launch_angle, scatter.launch_angle_law)
-    time = CONTACT_TIME_STD
+    time = Defaults.CONTACT_TIME.std
     sources = [
         (UncertaintySource.COR, (Shift(cor=-cor), Shift(cor=cor))),
         (UncertaintySource.LAUNCH_ANGLE, (Shift(launch_angle=-angle), Shift(launch_angle=angle))),
@@ -232,7 +231,7 @@ def simulate_command(
     result = simulate(
         experiment,
         backswing=None if backswing is None else angle_of(backswing),
-        impact_speed=None if impact_speed is None else parse_quantity(impact_speed, "m/s"),
+        impact_speed=None if impact_speed is None else read_number(impact_speed, measurands.SPEED),
         cor=law,
         scatter=scatter_of(known),
         effects=added_effects(known, tuple(effect or ())),

@@ -6,27 +6,51 @@ Contract: every key is optional; an unknown key is an error that names the neare
 import difflib
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import BaseModel, ValidationError
 
-from metrology import SetupError, UnitError, UsageError, parse_quantity
+from metrology import (
+    Defaults,
+    DomainError,
+    Given,
+    Measurand,
+    SetupError,
+    UnitError,
+    UsageError,
+    measurands,
+    read_given,
+)
 from physics import bodies
-from physics.flight.air import PAPER_AIR, Air
-from physics.restitution.restitution import CorLaw, parse_cor_law
+from physics.effects import CATALOGUE, Parameter
+from physics.restitution.restitution import CorLaw, parse_cor_law, require_real
+from physics.swing import frictionless_speed
 from pipelines.setup.schema import (
     AirTable,
     BallTable,
     ContactOutcomeRow,
-    Measured,
     ModelTable,
     PendulumTable,
     SetupSchema,
 )
+from pipelines.setup.tables import (
+    AirSetup,
+    BallSetup,
+    CameraSetup,
+    Measured,
+    ModelSetup,
+    NoiseSetup,
+    PendulumStd,
+    ScatterSetup,
+    Setup,
+    WallSetup,
+)
 
 __all__ = [
+    "AirSetup",
     "BallSetup",
     "CameraSetup",
     "ModelSetup",
@@ -36,115 +60,16 @@ __all__ = [
     "WallSetup",
     "ball_from_option",
     "load_setup",
-    "parse_setup",
+    "read_setup",
+    "setup_from_document",
 ]
 
+GRAVITY_EFFECT = "gravity"
+"""Always in a model; named in its list of effects, but no entry of the catalogue."""
 
-@dataclass(frozen=True)
-class CameraSetup:
-    """What is known of the camera, SI; lengths as (value, standard uncertainty)."""
-
-    capture_fps: float | None = None
-    distance_to_wall: Measured | None = None
-    principal_point_on_wall: tuple[Measured, Measured] | None = None
-    shutter: float | None = None
-    lens: Path | None = None
-
-
-@dataclass(frozen=True)
-class WallSetup:
-    """Pitch of the grid and of its gradations, m; offset of the ball plane as (value, std), m."""
-
-    grid: float | None = None
-    fine_grid: float | None = None
-    ball_plane_offset: Measured | None = None
-
-
-@dataclass(frozen=True)
-class BallSetup:
-    """What is known of a ball: at least its diameter, m; mass kg, angle rad, COR where given.
-
-    `contact_outcome` is what the baseline expects a contact to do, by impact speed (may be empty).
-    """
-
-    name: str
-    diameter: float
-    mass: float | None = None
-    launch_angle: float | None = None
-    cor: CorLaw | None = None
-    contact_outcome: tuple[ContactOutcomeRow, ...] = ()
-
-    def body(self) -> bodies.Ball:
-        """The ball as the physics needs it.
-
-        Raises
-        ------
-        SetupError
-            If mass, launch angle or coefficient of restitution is not known.
-        """
-        missing = [key for key in ("mass", "launch_angle", "cor") if getattr(self, key) is None]
-        if missing or self.mass is None or self.launch_angle is None or self.cor is None:
-            raise SetupError(
-                f"the ball {self.name!r} has no {' and no '.join(missing)}",
-                hint="Add it to the ball's table in the setup file, or name a preset.",
-            )
-        preset = bodies.BALLS.get(self.name)
-        if preset is None:
-            return bodies.Ball(self.name, self.mass, self.diameter, self.launch_angle, self.cor)
-        return replace(
-            preset,
-            mass=self.mass,
-            diameter=self.diameter,
-            launch_angle=self.launch_angle,
-            cor=self.cor,
-        )
-
-
-@dataclass(frozen=True)
-class ScatterSetup:
-    """Trial-to-trial scatter, one sigma; angles in rad."""
-
-    backswing: float | None = None
-    launch_angle: float | None = None
-    cor: float | None = None
-    cor_law: float | None = None
-    launch_angle_law: float | None = None
-
-
-@dataclass(frozen=True)
-class NoiseSetup:
-    """A claim about the noise of the tracks: m and rad."""
-
-    position: float | None = None
-    angle: float | None = None
-
-
-@dataclass(frozen=True)
-class ModelSetup:
-    """Effects of the baseline model and their parameters."""
-
-    effects: tuple[str, ...] = ("gravity", "drag")
-    parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Setup:
-    """All that the setup file and the options say.
-
-    `pendulum`, `ball` are None where nothing was said; `balls` holds the named balls of a campaign.
-    """
-
-    camera: CameraSetup = CameraSetup()
-    wall: WallSetup = WallSetup()
-    ball: BallSetup | None = None
-    balls: Mapping[str, BallSetup] = field(default_factory=dict)
-    pendulum: bodies.Pendulum | None = None
-    support: bodies.Support | None = None
-    air: Air = PAPER_AIR
-    scatter: ScatterSetup = ScatterSetup()
-    noise: NoiseSetup = NoiseSetup()
-    model: ModelSetup = ModelSetup()
-    path: Path | None = None
+SLOWEST, FASTEST = 0.05, 8.0
+"""m/s: impact speeds at which a law of restitution must have a value where no pendulum says more;
+8 m/s is what a pendulum of 1.6 m length reaches from upright."""
 
 
 def load_setup(path: Path) -> Setup:
@@ -161,11 +86,11 @@ def load_setup(path: Path) -> Setup:
         raise SetupError(
             f"can't read the setup file {path}: {problem}", hint="Check the path given to --setup."
         ) from problem
-    return replace(parse_setup(text, str(path), folder=path.parent), path=path)
+    return replace(read_setup(text, str(path), folder=path.parent), path=path)
 
 
-def parse_setup(text: str, name: str = "setup", *, folder: Path = Path()) -> Setup:
-    """Parse the text of a setup file; `folder` is where relative paths in it start.
+def read_setup(text: str, name: str = "setup", *, folder: Path = Path()) -> Setup:
+    """Read the text of a setup file; `folder` is where relative paths in it start.
 
     Raises
     ------
@@ -173,11 +98,24 @@ def parse_setup(text: str, name: str = "setup", *, folder: Path = Path()) -> Set
         As `load_setup`.
     """
     try:
-        raw = tomllib.loads(text)
+        document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as problem:
         raise SetupError(f"{name} is not valid TOML: {problem}") from problem
+    return setup_from_document(document, name, folder=folder)
+
+
+def setup_from_document(
+    document: Mapping[str, Any], name: str = "setup", *, folder: Path = Path()
+) -> Setup:
+    """Check the document of a setup file (nested tables) and turn it into SI.
+
+    Raises
+    ------
+    SetupError
+        As `load_setup`.
+    """
     try:
-        schema = SetupSchema.model_validate(raw)
+        schema = SetupSchema.model_validate(document)
     except ValidationError as problem:
         raise SetupError(_explain(problem, name)) from problem
     try:
@@ -195,115 +133,173 @@ def ball_from_option(text: str) -> BallSetup:
         If it is neither.
     """
     if text in bodies.BALLS:
-        return _preset(text)
+        return BallSetup.preset(text)
     try:
-        diameter = parse_quantity(text, "m")
+        diameter = read_given(text, measurands.BALL_DIAMETER)
     except UnitError as problem:
         raise UsageError(
             f"--ball {text!r} is neither a preset nor a diameter",
             hint=f"Presets: {', '.join(bodies.BALLS)}; or a diameter such as '220 mm'.",
         ) from problem
-    if not 0.001 <= diameter <= 2:
-        raise UsageError(
-            f"--ball {text!r} would be a ball of {diameter:g} m",
-            hint="Give the diameter with its unit, such as '220 mm'.",
-        )
-    return BallSetup(text, diameter)
-
-
-def _preset(name: str) -> BallSetup:
-    ball = bodies.BALLS[name]
-    return BallSetup(name, ball.diameter, ball.mass, ball.launch_angle, ball.cor)
+    except DomainError as problem:
+        raise UsageError(f"--ball {problem.message}", hint=problem.hint) from problem
+    return BallSetup(text, diameter.value, diameter_std=diameter.std)
 
 
 def _build(schema: SetupSchema, folder: Path) -> Setup:
-    camera = schema.camera
-    lens = None if camera.lens is None else folder / camera.lens
+    camera, wall = schema.camera, schema.wall
+    point = camera.principal_point_on_wall
+    pendulum = None if schema.pendulum is None else _pendulum(schema.pendulum)
+    fastest = FASTEST
+    if pendulum is not None:
+        fastest = float(frictionless_speed(pendulum, np.pi, 0.0))
     return Setup(
         camera=CameraSetup(
-            camera.capture_fps,
-            camera.distance_to_wall,
-            camera.principal_point_on_wall,
-            camera.shutter,
-            lens,
+            _value(camera.capture_fps),
+            _taped(camera.distance_to_wall),
+            None if point is None else (_tape(point[0]), _tape(point[1])),
+            _value(camera.shutter),
+            None if camera.lens is None else folder / camera.lens,
+            _std(camera.capture_fps),
+            _std(camera.shutter),
         ),
-        wall=WallSetup(schema.wall.grid, schema.wall.fine_grid, schema.wall.ball_plane_offset),
-        ball=None if schema.ball is None else _ball("ball", schema.ball),
-        balls={name: _ball(name, table) for name, table in schema.balls.items()},
-        pendulum=None if schema.pendulum is None else _pendulum(schema.pendulum),
-        support=None if schema.support.height is None else bodies.Support(schema.support.height),
-        air=_air(schema.air),
+        wall=WallSetup(
+            _value(wall.grid),
+            _value(wall.fine_grid),
+            _taped(wall.ball_plane_offset),
+            _std(wall.grid),
+            _std(wall.fine_grid),
+        ),
+        ball=None if schema.ball is None else _ball("ball", schema.ball, fastest),
+        balls={name: _ball(name, table, fastest) for name, table in schema.balls.items()},
+        pendulum=pendulum,
+        support=None
+        if schema.support.height is None
+        else bodies.Support(schema.support.height.value),
+        air_known=_air(schema.air),
         scatter=ScatterSetup(**schema.scatter.model_dump()),
         noise=NoiseSetup(**schema.noise.model_dump()),
         model=_model(schema.model),
+        pendulum_std=PendulumStd()
+        if schema.pendulum is None
+        else PendulumStd(**{key: _std(given) for key, given in schema.pendulum}),
+        support_std=_std(schema.support.height),
     )
 
 
-def _ball(name: str, table: BallTable) -> BallSetup:
+def _value(given: Given | None) -> float | None:
+    return None if given is None else given.value
+
+
+def _std(given: Given | None) -> float | None:
+    return None if given is None else given.std
+
+
+def _tape(given: Given) -> Measured:
+    std = Defaults.TAPE.std_of(given.value) if given.std is None else given.std
+    return given.value, std
+
+
+def _taped(given: Given | None) -> Measured | None:
+    return None if given is None else _tape(given)
+
+
+def _ball(name: str, table: BallTable, fastest: float) -> BallSetup:
     preset_name = table.preset or (name if name in bodies.BALLS else None)
     if preset_name is not None and preset_name not in bodies.BALLS:
         raise SetupError(
             f"there is no ball preset {preset_name!r}", hint=f"Presets: {', '.join(bodies.BALLS)}."
         )
     if preset_name is not None:
-        base = _preset(preset_name)
+        base = BallSetup.preset(preset_name)
     elif table.diameter is not None:
-        base = BallSetup(name, table.diameter)
+        base = BallSetup(name, table.diameter.value)
     else:
         raise SetupError(
             f"the ball {name!r} has no diameter",
             hint='Add diameter = "220 mm", or preset = "jokku".',
         )
-    given: dict[str, Any] = {
-        key: value
-        for key in ("mass", "diameter", "launch_angle")
-        if (value := getattr(table, key)) is not None
-    }
+    changes: dict[str, Any] = {}
+    for key in ("mass", "diameter", "launch_angle"):
+        given: Given | None = getattr(table, key)
+        if given is not None:
+            changes |= {key: given.value, f"{key}_std": given.std}
     if table.cor is not None:
-        try:
-            given["cor"] = parse_cor_law(table.cor)
-        except UsageError as problem:
-            raise SetupError(
-                f"ball {name!r}, cor: {problem.message}", hint=problem.hint
-            ) from problem
-    return replace(base, contact_outcome=table.contact_outcome, **given)
+        speeds = [row.impact_speed for row in table.contact_outcome]
+        changes["cor"] = _cor_law(name, table.cor, max([fastest, *speeds]))
+    return replace(base, contact_outcome=table.contact_outcome, **changes)
+
+
+def _cor_law(name: str, text: str | float, fastest: float) -> CorLaw:
+    try:
+        law = parse_cor_law(text)
+        require_real(law, SLOWEST, fastest)
+    except UsageError as problem:
+        raise SetupError(f"ball {name!r}, cor: {problem.message}", hint=problem.hint) from problem
+    return law
 
 
 def _pendulum(table: PendulumTable) -> bodies.Pendulum:
     paper = bodies.PAPER_PENDULUM
-    given = {key: value for key, value in table.model_dump().items() if value is not None}
+    given = {key: value.value for key, value in table if value is not None}
     # a pendulum of the lab's own does not have the paper's effective mass: I/L² then
     effective_mass = given.pop("effective_mass", None if given else paper.effective_mass)
     return replace(paper, **given, effective_mass=effective_mass)
 
 
-def _air(table: AirTable) -> Air:
-    if {"temperature", "pressure", "humidity"} & table.model_fields_set:
-        base = Air.moist(
-            table.temperature or 299.15,
-            table.pressure or 101325.0,
-            0.5 if table.humidity is None else table.humidity,
-        )
-    else:
-        base = PAPER_AIR
-    overrides = {
-        key: value for key in ("density", "viscosity") if (value := getattr(table, key)) is not None
-    }
-    return replace(base, **overrides)
+def _air(table: AirTable) -> AirSetup:
+    values = {key: _value(given) for key, given in table}
+    stds = {f"{key}_std": _std(given) for key, given in table}
+    return AirSetup(**values, **stds)
 
 
 def _model(table: ModelTable) -> ModelSetup:
+    known = (GRAVITY_EFFECT, *CATALOGUE)
+    for name in table.effects:
+        if name not in known:
+            raise SetupError(f"[model] effects: there is no effect {name!r}{_nearest(name, known)}")
     parameters: dict[str, dict[str, float]] = {}
-    for name, values in (table.model_extra or {}).items():
-        if not isinstance(values, dict) or not all(
-            isinstance(value, int | float) for value in values.values()
-        ):
+    stds: dict[str, dict[str, float]] = {}
+    for effect, values in (table.model_extra or {}).items():
+        if effect not in CATALOGUE:
+            raise SetupError(f"there is no key 'model.{effect}'{_nearest(effect, CATALOGUE)}")
+        if not isinstance(values, dict):
             raise SetupError(
-                f"[model] {name} is not a table of numbers",
-                hint=f"Write [model.{name}] and a line for each parameter.",
+                f"[model] {effect} is not a table of numbers",
+                hint=f"Write [model.{effect}] and a line for each parameter.",
             )
-        parameters[name] = {key: float(value) for key, value in values.items()}
-    return ModelSetup(table.effects, parameters)
+        read = {key: _parameter(effect, key, typed) for key, typed in values.items()}
+        parameters[effect] = {key: given.value for key, given in read.items()}
+        stds[effect] = {key: g.std for key, g in read.items() if g.std is not None}
+    return ModelSetup(table.effects, parameters, {k: v for k, v in stds.items() if v})
+
+
+def _parameter(effect: str, key: str, typed: Any) -> Given:
+    """A parameter of an effect, with or without its unit and uncertainty."""
+    known: dict[str, Parameter] = {p.name: p for e in CATALOGUE[effect] for p in e.parameters}
+    if key not in known:
+        raise SetupError(f"there is no key 'model.{effect}.{key}'{_nearest(key, known)}")
+    p = known[key]
+    what = Measurand(
+        p.meaning or p.name, p.unit, p.lower, p.upper, f"nature allows {p.lower:g} to {p.upper:g}",
+        f"{p.expected if p.expected is not None else p.scale:g} {p.unit if p.unit != '1' else ''}",
+    )  # fmt: skip
+    try:
+        return read_given(typed, what)
+    except UnitError as problem:
+        raise SetupError(
+            f"[model.{effect}] is not a table of numbers: {key}: {problem.message}",
+            hint=problem.hint,
+        ) from problem
+    except DomainError as problem:
+        raise SetupError(
+            f"[model.{effect}] {key}: {problem.message}", hint=problem.hint
+        ) from problem
+
+
+def _nearest(name: str, known: Any) -> str:
+    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.0)
+    return f"; the nearest is '{near[0]}'" if near else ""
 
 
 def _explain(problem: ValidationError, name: str) -> str:
@@ -337,5 +333,4 @@ def _nearest_key(location: tuple[str, ...]) -> str:
                 ),
                 model,
             )
-    near = difflib.get_close_matches(location[-1], model.model_fields, n=1, cutoff=0.0)
-    return f"; the nearest is '{near[0]}'" if near else ""
+    return _nearest(location[-1], model.model_fields)

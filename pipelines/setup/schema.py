@@ -2,89 +2,90 @@
 
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator
 
-from metrology import UnitError, parse_quantity, parse_with_uncertainty
+from metrology import Given, Measurand, UsageError, measurands, read_given, read_number
 
-__all__ = ["Measured", "SetupSchema"]
+__all__ = [
+    "AirTable",
+    "BallTable",
+    "ContactOutcomeRow",
+    "ModelTable",
+    "PendulumTable",
+    "SetupSchema",
+]
 
-TAPE_STD_M = 0.005
 
-Measured = tuple[float, float]
-"""Value and standard uncertainty, SI."""
-
-
-def _parsed(unit: str) -> BeforeValidator:
-    def parse(value: Any, info: ValidationInfo) -> float:
+def _given(what: Measurand) -> PlainValidator:
+    def parse(typed: Any) -> Given:
         try:
-            return parse_quantity(value, unit)
-        except UnitError as problem:
-            raise ValueError(problem.message) from problem
+            return read_given(typed, what)
+        except UsageError as problem:
+            raise ValueError(problem.in_one_line) from problem
+
+    return PlainValidator(parse)
+
+
+def _number(what: Measurand) -> BeforeValidator:
+    def parse(typed: Any) -> float:
+        try:
+            return read_number(typed, what)
+        except UsageError as problem:
+            raise ValueError(problem.in_one_line) from problem
 
     return BeforeValidator(parse)
 
 
-def _taped(unit: str, default_std: float) -> BeforeValidator:
-    def parse(value: Any, info: ValidationInfo) -> Measured:
-        try:
-            return parse_with_uncertainty(value, unit, default_std)
-        except UnitError as problem:
-            raise ValueError(problem.message) from problem
-
-    return BeforeValidator(parse)
-
-
-Length = Annotated[float, _parsed("m"), Field(gt=0)]
-Position = Annotated[float, _parsed("m")]
-Mass = Annotated[float, _parsed("kg"), Field(gt=0)]
-Angle = Annotated[float, _parsed("rad"), Field(ge=-3.1416, le=3.1416)]
-Spread = Annotated[float, Field(ge=0)]
-TapedLength = Annotated[Measured, _taped("m", TAPE_STD_M)]
+Angle = Annotated[float, _number(measurands.ANGLE_STD)]
+Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+CameraDistance = Annotated[Given, _given(measurands.CAMERA_DISTANCE)]
+WallCoordinate = Annotated[Given, _given(measurands.WALL_COORDINATE)]
 
 
 class _Table(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=False)
 
 
 class CameraTable(_Table):
     """``[camera]``."""
 
-    capture_fps: Annotated[float, _parsed("1/s"), Field(gt=0)] | None = None
-    distance_to_wall: TapedLength | None = None
-    principal_point_on_wall: tuple[TapedLength, TapedLength] | None = None
-    shutter: Annotated[float, _parsed("s"), Field(gt=0)] | None = None
+    capture_fps: Annotated[Given, _given(measurands.CAPTURE_RATE)] | None = None
+    distance_to_wall: CameraDistance | None = None
+    principal_point_on_wall: tuple[WallCoordinate, WallCoordinate] | None = None
+    shutter: Annotated[Given, _given(measurands.SHUTTER)] | None = None
     lens: str | None = None
 
 
 class WallTable(_Table):
     """``[wall]``."""
 
-    grid: Length | None = None
-    fine_grid: Length | None = None
-    ball_plane_offset: TapedLength | None = None
+    grid: Annotated[Given, _given(measurands.GRID_PITCH)] | None = None
+    fine_grid: Annotated[Given, _given(measurands.FINE_PITCH)] | None = None
+    ball_plane_offset: Annotated[Given, _given(measurands.BALL_PLANE_OFFSET)] | None = None
 
 
 class ContactOutcomeRow(_Table):
     """One row of ``[[balls.NAME.contact_outcome]]``, SI throughout."""
 
-    impact_speed: float = Field(gt=0)
+    impact_speed: Annotated[float, _number(measurands.SPEED)]
     cor: float = Field(gt=0, le=1)
-    contact_time: float = Field(gt=0)
-    pendulum_speed_after: float
-    pendulum_angle: float
-    ball_x: float
-    ball_y: float
-    ball_vx: float
-    ball_vy: float
+    contact_time: float = Field(gt=0, le=10)
+    pendulum_speed_after: Finite
+    pendulum_angle: Finite
+    ball_x: Finite
+    ball_y: Finite
+    ball_vx: Finite
+    ball_vy: Finite
 
 
 class BallTable(_Table):
     """``[ball]`` and ``[balls.NAME]``."""
 
     preset: str | None = None
-    mass: Mass | None = None
-    diameter: Length | None = None
-    launch_angle: Angle | None = None
+    mass: Annotated[Given, _given(measurands.BALL_MASS)] | None = None
+    diameter: Annotated[Given, _given(measurands.BALL_DIAMETER)] | None = None
+    launch_angle: Annotated[Given, _given(measurands.LAUNCH_ANGLE)] | None = None
     cor: float | str | None = None
     contact_outcome: tuple[ContactOutcomeRow, ...] = ()
 
@@ -92,44 +93,44 @@ class BallTable(_Table):
 class PendulumTable(_Table):
     """``[pendulum]``."""
 
-    length: Length | None = None
-    inertia: Annotated[float, _parsed("kg*m^2"), Field(gt=0)] | None = None
-    mass: Mass | None = None
-    com: Length | None = None
-    effective_mass: Mass | None = None
+    length: Annotated[Given, _given(measurands.PENDULUM_LENGTH)] | None = None
+    inertia: Annotated[Given, _given(measurands.PENDULUM_INERTIA)] | None = None
+    mass: Annotated[Given, _given(measurands.PENDULUM_MASS)] | None = None
+    com: Annotated[Given, _given(measurands.CENTRE_OF_MASS)] | None = None
+    effective_mass: Annotated[Given, _given(measurands.EFFECTIVE_MASS)] | None = None
 
 
 class SupportTable(_Table):
     """``[support]``."""
 
-    height: Length | None = None
+    height: Annotated[Given, _given(measurands.SUPPORT_HEIGHT)] | None = None
 
 
 class AirTable(_Table):
     """``[air]``."""
 
-    temperature: Annotated[float, _parsed("kelvin"), Field(gt=0)] | None = None
-    pressure: Annotated[float, _parsed("Pa"), Field(gt=0)] | None = None
-    humidity: Annotated[float, Field(ge=0, le=1)] | None = None
-    density: Annotated[float, _parsed("kg/m^3"), Field(gt=0)] | None = None
-    viscosity: Annotated[float, _parsed("Pa*s"), Field(gt=0)] | None = None
+    temperature: Annotated[Given, _given(measurands.AIR_TEMPERATURE)] | None = None
+    pressure: Annotated[Given, _given(measurands.AIR_PRESSURE)] | None = None
+    humidity: Annotated[Given, _given(measurands.HUMIDITY)] | None = None
+    density: Annotated[Given, _given(measurands.AIR_DENSITY)] | None = None
+    viscosity: Annotated[Given, _given(measurands.AIR_VISCOSITY)] | None = None
 
 
 class ScatterTable(_Table):
     """``[scatter]``: trial to trial, one sigma."""
 
-    backswing: Annotated[float, _parsed("rad"), Field(ge=0)] | None = None
-    launch_angle: Annotated[float, _parsed("rad"), Field(ge=0)] | None = None
-    cor: Spread | None = None
-    cor_law: Spread | None = None
-    launch_angle_law: Annotated[float, _parsed("rad"), Field(ge=0)] | None = None
+    backswing: Angle | None = None
+    launch_angle: Angle | None = None
+    cor: Share | None = None
+    cor_law: Share | None = None
+    launch_angle_law: Angle | None = None
 
 
 class NoiseTable(_Table):
     """``[noise]``: a claim about the tracks."""
 
-    position: Annotated[float, _parsed("m"), Field(gt=0)] | None = None
-    angle: Annotated[float, _parsed("rad"), Field(gt=0)] | None = None
+    position: Annotated[float, _number(measurands.POSITION_STD)] | None = None
+    angle: Annotated[float, _number(measurands.ANGLE_STD), Field(gt=0)] | None = None
 
 
 class ModelTable(BaseModel):

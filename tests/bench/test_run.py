@@ -9,7 +9,7 @@ from bench.concealed.filmed.scenes import FILMED, setup_text, takes
 from bench.concealed.filmed.section import right, section
 from bench.concealed.run import Stop, run_until
 from bench.concealed.world.draw import draw_campaign
-from pipelines.setup.file import parse_setup
+from pipelines.setup.file import read_setup
 
 
 def _double(task):
@@ -46,7 +46,7 @@ def test_an_interrupted_run_hands_back_what_is_answered():
 
 
 def test_filmed_campaigns_differ_in_what_is_concealed_alone():
-    setups = {filmed.name: parse_setup(setup_text(filmed)) for filmed in FILMED}
+    setups = {filmed.name: read_setup(setup_text(filmed)) for filmed in FILMED}
     assert {s.camera.capture_fps for s in setups.values()} == {600.0}
     assert setups["tilt"].wall.grid is None
     rate = next(filmed for filmed in FILMED if filmed.name == "rate")

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from metrology import ImpactVisionError, UsageError
 from pipelines.render import RenderOptions, parse_size, planned_scene, render_command
-from pipelines.setup.file import Setup, parse_setup
+from pipelines.setup.file import Setup, read_setup
 
 app = typer.Typer()
 app.command()(render_command)
@@ -82,7 +82,7 @@ def test_faults_of_the_recording_are_options(tmp_path: Path) -> None:
 
 
 def test_a_principal_point_in_the_setup_places_the_camera() -> None:
-    setup = parse_setup(
+    setup = read_setup(
         '[camera]\nprincipal_point_on_wall = ["1.10 m", "0.60 m"]\ndistance_to_wall = "4 m"\n'
     )
     scene, shot = planned_scene(setup, RenderOptions(size=(96, 54)))

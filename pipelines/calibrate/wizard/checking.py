@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.calibration import Calibration
-from metrology import UsageError, parse_quantity
+from metrology import UsageError, measurands, read_number
 from pipelines.calibrate.wizard.outlook import length_between
 
 __all__ = ["Verdict", "verdict"]
@@ -54,7 +54,7 @@ def verdict(
     if not known.strip():
         return Verdict(told)
     try:
-        true = parse_quantity(known, "m")
+        true = read_number(known, measurands.DISTANCE)
     except UsageError as problem:
         return Verdict(f"{told} {problem.in_one_line}", disagrees=True)
     off = length.value - true

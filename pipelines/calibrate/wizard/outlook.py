@@ -10,7 +10,7 @@ from calib.calibration import Calibration
 from calib.evidence import BallOutlines, Evidence, FreeFall, Known
 from calib.plausibility import plausible
 from calib.pose import calibrate
-from metrology import CalibrationError, Contribution, UncertaintySource
+from metrology import CalibrationError, Contribution, Defaults, UncertaintySource
 from pipelines.calibrate.wizard.answers import Answers
 from vision.clip.capture_rate import nominal_rate_std
 
@@ -21,11 +21,12 @@ FloatArray = NDArray[np.float64]
 PLACE_STD_PX = 0.2
 """Of a ball at landing, along x, where following did not tell."""
 CLICK_STD_PX = 0.5
-GRAVITY = Known(9.806, 0.01)
-AIR_DENSITY, DRAG_COEFFICIENT, DRAG_SHARE = 1.18, 0.45, 0.4
+GRAVITY = Known(Defaults.GRAVITY.known, Defaults.GRAVITY.std)
+DRAG_SHARE = 0.4
+"""Of the mean drag taken as a constant over the flight: C_D's default is good to a fifth, and the
+speed is squared."""
 UNKNOWN_DRAG = Known(0.1, 0.1)
 """What the air takes from the fall of a ball of unknown mass, m/s²."""
-DIAMETER_SHARE = 0.002
 RADIUS_COMMON_STD_PX, RADIUS_COMMON_OVER_RANDOM = 0.05, 4.0
 
 
@@ -134,7 +135,7 @@ def _outlines(answers: Answers) -> BallOutlines | None:
         flight.centre_px,
         flight.radius_px,
         flight.radius_std_px,
-        Known(answers.ball.diameter, DIAMETER_SHARE * answers.ball.diameter),
+        Known(answers.ball.diameter, Defaults.BALL_DIAMETER.std_of(answers.ball.diameter)),
         float(np.hypot(RADIUS_COMMON_STD_PX, RADIUS_COMMON_OVER_RANDOM * usual)),
     )
 
@@ -164,7 +165,7 @@ def _drag(answers: Answers, time: FloatArray) -> Known:
     path = seen.flight.centre_px * metres
     mean = (path[-1] - path[0]) / (time[-1] - time[0])
     area = math.pi * ball.diameter**2 / 4.0
-    rate = 0.5 * AIR_DENSITY * DRAG_COEFFICIENT * area / ball.mass
+    rate = 0.5 * Defaults.AIR_DENSITY.known * Defaults.DRAG_COEFFICIENT.known * area / ball.mass
     taken = rate * float(np.hypot(*mean)) * float(mean[1])
     return Known(taken, DRAG_SHARE * abs(taken) + 0.01)
 

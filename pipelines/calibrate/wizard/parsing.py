@@ -11,11 +11,18 @@ from numpy.typing import NDArray
 from calib.camera.lens import Board, calibrate_lens, find_board
 from calib.camera.lens_file import lens_toml, read_lens
 from calib.evidence import Known
-from metrology import ClipError, UnitError, UsageError, parse_quantity, parse_with_uncertainty
+from metrology import (
+    ClipError,
+    Defaults,
+    UnitError,
+    UsageError,
+    measurands,
+    read_given,
+    read_number,
+)
 from pipelines.calibrate.wizard.answers import BallKind, LensChoice
 
 __all__ = [
-    "TAPE_STD_M",
     "ball_from",
     "board_pictures",
     "board_size",
@@ -30,8 +37,6 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 
-TAPE_STD_M = 0.005
-"""A tape measure, where nobody says better."""
 PICTURES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff")
 NOTHING = ("", "none", "-", "no")
 
@@ -46,10 +51,7 @@ def rate_from(text: str) -> float | None:
     """
     if text.strip().lower() in NOTHING:
         return None
-    fps = parse_quantity(text, "1/s")
-    if not 1.0 <= fps <= 1e6:
-        raise UsageError(f"{text!r} is no capture rate", hint="Write frames per second: 600.")
-    return fps
+    return read_number(text, measurands.CAPTURE_RATE)
 
 
 def pitch_from(text: str) -> float:
@@ -60,13 +62,7 @@ def pitch_from(text: str) -> float:
     UsageError
         If it is no length of 1 mm to 2 m.
     """
-    pitch = parse_quantity(text, "m")
-    if not 0.001 <= pitch <= 2.0:
-        raise UsageError(
-            f"{text!r} would be squares of {pitch:g} m",
-            hint="Give the side of a square with its unit, such as 50 mm.",
-        )
-    return pitch
+    return read_number(text, measurands.GRID_PITCH)
 
 
 def fine_pitch_from(text: str, pitch: float) -> float | None:
@@ -79,7 +75,7 @@ def fine_pitch_from(text: str, pitch: float) -> float | None:
     """
     if text.strip().lower() in NOTHING:
         return None
-    fine = pitch_from(text)
+    fine = read_number(text, measurands.FINE_PITCH)
     if fine >= pitch:
         raise UsageError(
             f"fine lines {1e3 * fine:g} mm apart are no finer than the grid's {1e3 * pitch:g} mm",
@@ -98,10 +94,8 @@ def distance_from(text: str) -> Known | None:
     """
     if text.strip().lower() in NOTHING:
         return None
-    value, std = parse_with_uncertainty(text, "m", TAPE_STD_M)
-    if not 0.0 < value < 1000.0 or not std > 0.0:
-        raise UsageError(f"{text!r} is no taped length", hint="Write '4.00 m ± 5 mm'.")
-    return Known(value, std)
+    taped = read_given(text, measurands.CAMERA_DISTANCE)
+    return Known(taped.value, Defaults.TAPE.std if taped.std is None else taped.std)
 
 
 def ball_from(text: str, presets: Sequence[BallKind]) -> BallKind | None:
@@ -119,18 +113,13 @@ def ball_from(text: str, presets: Sequence[BallKind]) -> BallKind | None:
         return named[text.strip()]
     size, _, weight = text.partition(",")
     try:
-        diameter = parse_quantity(size, "m")
+        diameter = read_number(size, measurands.BALL_DIAMETER)
     except UnitError as problem:
         raise UsageError(
             f"the ball {text!r} is neither a preset nor a diameter",
             hint=f"Presets: {', '.join(named)}; or a diameter such as '220 mm'.",
         ) from problem
-    mass = parse_quantity(weight, "kg") if weight.strip() else None
-    if not 0.001 <= diameter <= 2.0 or (mass is not None and not 0.0 < mass < 100.0):
-        raise UsageError(
-            f"{text!r} is no ball: {diameter:g} m across" + (f", {mass:g} kg" if mass else ""),
-            hint="Give the diameter with its unit, such as '220 mm'.",
-        )
+    mass = read_number(weight, measurands.BALL_MASS) if weight.strip() else None
     return BallKind("ball", diameter, mass)
 
 

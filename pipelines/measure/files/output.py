@@ -69,6 +69,19 @@ def measurement_as_dict(
             {"name": item.name, "passed": item.passed, "statement": item.statement}
             for item in measured.checks
         ],
+        "defaults": [
+            {
+                "name": known.name,
+                "key": known.key or None,
+                "value": known.value,
+                "value_from": known.value_from,
+                "std": known.std,
+                "std_from": known.std_from,
+                "unit": known.unit,
+                "source": known.source,
+            }
+            for known in measured.defaults
+        ],
         "warnings": list(measured.warnings),
         "software": {"version": software_version()},
     }

@@ -10,7 +10,7 @@ from pipelines.measure.fits.contact_fit import ContactFit, ImpactView, face_spee
 from pipelines.measure.fits.flight_fit import FlightFit, FlightPriors, fit_flight
 from pipelines.measure.fits.flight_span import LONGEST_CONTACT_S, flight_end
 from pipelines.measure.fits.swing_fit import fit_swing
-from pipelines.measure.inputs import GRAVITY_STD, STIFFNESS_SHARE, Inputs
+from pipelines.measure.inputs import Inputs
 from pipelines.measure.metres import MetricTracks
 from pipelines.measure.striking_face import face_lead, pivot_in_plane
 
@@ -167,7 +167,7 @@ def _flight(
     begin = release if since is None else since
     used = (tracks.ball_time_s > begin + 1.5 * frame_s) & (tracks.ball_time_s < landed)
     drag, drag_std = inputs.drag_per_metre
-    gravity_std = np.inf if free else GRAVITY_STD
+    gravity_std = np.inf if free else inputs.rig.gravity.std
     return fit_flight(
         tracks.ball_time_s[used],
         tracks.ball_m[used],
@@ -191,7 +191,7 @@ def _view(
     assert tracks.pivot_m is not None
     time = tracks.swing_time_s
     stiffness = inputs.pendulum_stiffness
-    spread = STIFFNESS_SHARE * stiffness
+    spread = inputs.rig.stiffness_share * stiffness
     before = (time < onset) & (time > onset - SWING_STRETCH_S)
     after = (time > release) & (time < release + SWING_STRETCH_S)
     radius = tracks.radius_m if inputs.ball is None else 0.5 * inputs.ball.diameter

@@ -17,7 +17,7 @@ from physics.restitution.restitution import ConstantCor
 from pipelines.explain.io import baseline_for_balls
 from pipelines.paper import printed
 from pipelines.paper.speeds import constant_law, measured_speeds
-from pipelines.setup.file import parse_setup
+from pipelines.setup.file import read_setup
 from tests.mismatch.table.trial_tables import BALLS, SETUP, lab, simulated_table
 
 
@@ -26,7 +26,7 @@ def test_the_table_model_is_the_forward_model_of_the_physics_room():
     baseline = lab()
     model = Model(((CATALOGUE["drag"][0], {"drag_coefficient": 0.47}),))
     seen = table_forward(table, baseline).predict([model], np.zeros((1, table.trials, 4)))[0]
-    ball = parse_setup(SETUP).balls["jokku"].body()
+    ball = read_setup(SETUP).balls["jokku"].body()
     mine = np.array([name == "jokku" for name in table.balls])
     experiment = Experiment(replace(ball, cor=ConstantCor(0.75)), PAPER_PENDULUM, PAPER_SUPPORT)
     outcome, landing = time_resolved_landing(experiment, table.values[mine, 0], step=0.005)
@@ -92,7 +92,7 @@ def _constant_lab():
     for ball, old in (("jokku", "0.75"), ("basketball", "0.90")):
         law = constant_law(PRESETS[ball])
         text = text.replace(f'cor = "{old}"', f'cor = "{float(law(1.0)):.4f}"')
-    return baseline_for_balls(parse_setup(text), BALLS, struck=True)
+    return baseline_for_balls(read_setup(text), BALLS, struck=True)
 
 
 def test_table_5_asks_for_falling_restitution_and_says_what_ranges_leave_open():

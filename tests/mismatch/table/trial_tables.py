@@ -14,7 +14,7 @@ from physics.flight.march import BallState, fly_many
 from physics.forward import Experiment
 from physics.swing import frictionless_speed
 from pipelines.explain.io import baseline_for_balls
-from pipelines.setup.file import parse_setup
+from pipelines.setup.file import read_setup
 
 SETUP = """
 [pendulum]
@@ -43,7 +43,7 @@ RANGE_STD, SPEED_SHARE = 0.004, 0.002
 @cache
 def lab() -> Baseline:
     """What the lab believes: constant restitution, drag."""
-    return baseline_for_balls(parse_setup(SETUP), BALLS, struck=True)
+    return baseline_for_balls(read_setup(SETUP), BALLS, struck=True)
 
 
 def simulated_table(
@@ -67,7 +67,7 @@ def simulated_table(
         "pendulum_drag": 0.015,
     }
     size = sizes.get(concealed, 0.0) if amplitude is None else amplitude
-    setup = parse_setup(SETUP)
+    setup = read_setup(SETUP)
     parts, names = [], []
     for name in BALLS:
         ball = setup.balls[name].body()

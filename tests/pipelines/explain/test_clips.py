@@ -19,9 +19,9 @@ from pipelines.explain.systematics import (
     outline_shares,
     within_calibration,
 )
-from pipelines.setup.file import parse_setup
+from pipelines.setup.file import read_setup
 
-SETUP = parse_setup('[ball]\npreset = "jokku"\n')
+SETUP = read_setup('[ball]\npreset = "jokku"\n')
 
 
 def measured(speed: float | None = 2.0, backswing_deg: float | None = None):

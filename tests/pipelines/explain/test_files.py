@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from metrology import ImpactVisionError, TooLittleDataError, UsageError
 from pipelines.explain.command import explain_command, explain_files
 from pipelines.explain.io import load_campaign, load_effects
-from pipelines.setup.file import parse_setup
+from pipelines.setup.file import read_setup
 from tests.mismatch.synthetic import thrown_campaign
 
 SETUP = """
@@ -61,7 +61,7 @@ def test_command_writes_json_plot_report_and_model(thrown, tmp_path):
             assert math.isfinite(parameter["value"])
     assert "<h1>" in (tmp_path / "r.html").read_text()
     assert (tmp_path / "p.png").read_bytes()[1:4] == b"PNG"
-    again = parse_setup((tmp_path / "m.toml").read_text())
+    again = read_setup((tmp_path / "m.toml").read_text())
     assert "gravity" in again.model.effects
 
 
@@ -78,13 +78,13 @@ def test_bad_tables_are_refused_with_the_reason(tmp_path, text, said):
     ball = tmp_path / "ball.csv"
     ball.write_text(text)
     with pytest.raises(UsageError, match=said):
-        load_campaign(ball, None, parse_setup(SETUP))
+        load_campaign(ball, None, read_setup(SETUP))
 
 
 def test_doubled_rows_nan_and_a_clock_that_jumps_back_are_told(tmp_path):
     ball = tmp_path / "ball.csv"
     ball.write_text("trial,t_s,x_m\n1,0,0\n1,0.1,1\n1,0.1,1\n1,0.05,0.5\n1,0.2,nan\n")
-    campaign = load_campaign(ball, None, parse_setup(SETUP))
+    campaign = load_campaign(ball, None, read_setup(SETUP))
     assert np.all(np.diff(campaign.trials[0].ball_time) > 0.0)
     assert len(campaign.notes) == 3
 
@@ -93,7 +93,7 @@ def test_degrees_for_radians_are_noticed(tmp_path):
     swing = tmp_path / "pendulum.csv"
     swing.write_text("trial,t_s,phi_rad\n1,0,-30\n1,0.1,-20\n")
     with pytest.raises(UsageError, match="full turn"):
-        load_campaign(None, swing, parse_setup(SETUP))
+        load_campaign(None, swing, read_setup(SETUP))
 
 
 def test_a_handful_of_points_is_too_little(tmp_path, thrown):
@@ -126,7 +126,7 @@ def test_a_clock_that_is_set_back_leaves_its_trial_out(thrown):
         for number, t, rest in [row.split(",", 2)]
     ]
     ball.write_text("\n".join([header, *back]) + "\n")
-    campaign = load_campaign(ball, None, parse_setup(SETUP))
+    campaign = load_campaign(ball, None, read_setup(SETUP))
     assert [trial.name for trial in campaign.trials] == ["1", "2", "3"]
     assert any("set back within trial 0" in note for note in campaign.notes)
 
@@ -135,7 +135,7 @@ def test_rows_out_of_order_are_sorted(thrown):
     ball, _ = thrown
     header, *rows = rows_of(ball)
     ball.write_text("\n".join([header, *reversed(rows)]) + "\n")
-    campaign = load_campaign(ball, None, parse_setup(SETUP))
+    campaign = load_campaign(ball, None, read_setup(SETUP))
     assert len(campaign.trials) == 4
 
 

@@ -15,7 +15,7 @@ import sample_videos
 from metrology import SetupError, UnitError, parse_quantity, parse_with_uncertainty
 from pipelines.cli import app
 from pipelines.measure.fits.discs import disc_contact
-from pipelines.setup.file import parse_setup
+from pipelines.setup.file import read_setup
 from tests.shared_data import shared_folder
 from vision.clip.clip import Clip
 from vision.following import follow
@@ -229,11 +229,11 @@ def test_quantities_are_parsed_with_their_uncertainty() -> None:
 
 def test_a_slip_in_the_setup_names_the_nearest_key() -> None:
     with pytest.raises(SetupError, match="nearest is 'capture_fps'"):
-        parse_setup("[camera]\ncapture_fsp = 600")
+        read_setup("[camera]\ncapture_fsp = 600")
 
 
 def test_a_pendulum_of_ones_own_has_its_own_effective_mass() -> None:
-    setup = parse_setup('[pendulum]\nlength = "0.6 m"\ninertia = "1.8 kg m^2"')
+    setup = read_setup('[pendulum]\nlength = "0.6 m"\ninertia = "1.8 kg m^2"')
     assert setup.pendulum is not None
     assert setup.pendulum.mass_at_contact == pytest.approx(1.8 / 0.36)
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from metrology import SetupError
-from pipelines.setup.file import load_setup, parse_setup
+from pipelines.setup.file import load_setup, read_setup
 
 WHOLE = """
 [camera]
@@ -69,7 +69,7 @@ drag_coefficient = 0.47
 
 
 def test_every_key_is_read() -> None:
-    setup = parse_setup(WHOLE, folder=Path("lab"))
+    setup = read_setup(WHOLE, folder=Path("lab"))
     camera, wall = setup.camera, setup.wall
     assert camera.capture_fps == 600.0
     assert camera.distance_to_wall == pytest.approx((4.0, 0.005))
@@ -92,7 +92,7 @@ def test_every_key_is_read() -> None:
 
 
 def test_bodies_and_air_are_read() -> None:
-    setup = parse_setup(WHOLE)
+    setup = read_setup(WHOLE)
     assert setup.ball is not None
     assert setup.ball.mass == pytest.approx(0.353)
     assert setup.ball.diameter == pytest.approx(0.20175)
@@ -116,13 +116,13 @@ def test_bodies_and_air_are_read() -> None:
 
 
 def test_weather_gives_the_air_where_no_density_does() -> None:
-    warm = parse_setup('[air]\ntemperature = "35 degC"\npressure = "1013.25 hPa"\nhumidity = 0.5')
-    cold = parse_setup('[air]\ntemperature = "5 degC"\npressure = "1013.25 hPa"\nhumidity = 0.5')
+    warm = read_setup('[air]\ntemperature = "35 degC"\npressure = "1013.25 hPa"\nhumidity = 0.5')
+    cold = read_setup('[air]\ntemperature = "5 degC"\npressure = "1013.25 hPa"\nhumidity = 0.5')
     assert cold.air.density > 1.25 > 1.15 > warm.air.density
 
 
 def test_an_empty_file_says_nothing() -> None:
-    setup = parse_setup("")
+    setup = read_setup("")
     assert setup.ball is None
     assert setup.pendulum is None
     assert setup.camera.capture_fps is None
@@ -146,7 +146,7 @@ def test_an_empty_file_says_nothing() -> None:
 )
 def test_an_unknown_key_names_the_nearest(text: str, nearest: str) -> None:
     with pytest.raises(SetupError, match=f"nearest is '{nearest}'"):
-        parse_setup(text)
+        read_setup(text)
 
 
 @pytest.mark.parametrize(
@@ -165,7 +165,7 @@ def test_an_unknown_key_names_the_nearest(text: str, nearest: str) -> None:
 )
 def test_a_wrong_value_is_told_with_its_place(text: str, said: str) -> None:
     with pytest.raises(SetupError) as refused:
-        parse_setup(text, "lab.toml")
+        read_setup(text, "lab.toml")
     assert said in str(refused.value)
 
 
@@ -175,7 +175,7 @@ def test_a_missing_file_is_told(tmp_path: Path) -> None:
 
 
 def test_an_incomplete_ball_says_what_is_missing() -> None:
-    ball = parse_setup('[ball]\ndiameter = "0.2 m"\nmass = "0.3 kg"').ball
+    ball = read_setup('[ball]\ndiameter = "0.2 m"\nmass = "0.3 kg"').ball
     assert ball is not None
     with pytest.raises(SetupError, match="no launch_angle and no cor"):
         ball.body()

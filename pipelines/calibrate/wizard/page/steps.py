@@ -10,7 +10,7 @@ from nicegui import ui
 
 from calib.camera.lens import Board
 from calib.evidence import Known
-from metrology import UsageError, parse_quantity
+from metrology import UsageError, measurands, read_number
 from pipelines.calibrate.wizard.answers import Answers, BallKind
 from pipelines.calibrate.wizard.page.check_step import check_step
 from pipelines.calibrate.wizard.page.parts import field, note, phrase
@@ -128,7 +128,7 @@ def _board_fields(page: "WizardPage") -> None:
 
         def changed(answers: Answers) -> Answers:
             columns, rows = board_size(str(size.value))
-            side = parse_quantity(str(square.value), "m")
+            side = pitch_from(str(square.value))
             board = Board(columns, rows, side, bool(charuco.value))
             pictures = board_pictures(Path(str(folder.value)))
             return replace(answers, lens=lens_from_board(pictures, board, wanted))
@@ -250,10 +250,8 @@ def _ball_step(page: "WizardPage") -> None:
 
     def size(text: str, weight: str) -> None:
         def changed(answers: Answers) -> Answers:
-            diameter = parse_quantity(text, "m")
-            mass = parse_quantity(weight, "kg") if weight else None
-            if not 0.001 <= diameter <= 2.0 or (mass is not None and not 0.0 < mass < 100.0):
-                raise UsageError(f"a ball of {text}, {weight} makes no sense")
+            diameter = read_number(text, measurands.BALL_DIAMETER)
+            mass = read_number(weight, measurands.BALL_MASS) if weight else None
             return with_ball(answers, BallKind("ball", diameter, mass), named=False)
 
         _do(page, f"ball of {text}", changed)

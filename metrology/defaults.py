@@ -1,0 +1,163 @@
+"""What is taken where a lab says nothing: value, standard uncertainty, unit and source of each.
+
+The one place for such numbers: measuring, simulating, explaining and the wizard take them from
+here, and results list which of them they used.
+"""
+
+import math
+from dataclasses import dataclass
+
+__all__ = ["Default", "Defaults"]
+
+
+@dataclass(frozen=True)
+class Default:
+    """A number that holds until somebody gives a better one.
+
+    Attributes
+    ----------
+    name : str
+        In words.
+    value : float or None
+        In `unit`; None where only an uncertainty is supposed (nobody knows the lab's inertia).
+    std : float
+        Standard uncertainty: in `unit`, or as a share of the value where `relative`.
+    unit : str
+        SI.
+    source : str
+        Where the numbers come from.
+    relative : bool
+        Whether `std` is a share of the value.
+    """
+
+    name: str
+    value: float | None
+    std: float
+    unit: str
+    source: str
+    relative: bool = False
+
+    def std_of(self, value: float) -> float:
+        """Standard uncertainty of a given value, in its unit."""
+        return self.std * abs(value) if self.relative else self.std
+
+    @property
+    def known(self) -> float:
+        """The value.
+
+        Raises
+        ------
+        ValueError
+            If there is none.
+        """
+        if self.value is None:
+            raise ValueError(f"there is no default of {self.name}")
+        return self.value
+
+
+class Defaults:
+    """Every default by name."""
+
+    GRAVITY = Default(
+        "gravity", 9.806, 0.01, "m/s^2",
+        "Table 3 of the paper; on the ground between 9.780 (equator) and 9.832 (poles), a"
+        " rectangle of 0.015 standard deviation, less for who is not at its ends",
+    )  # fmt: skip
+    DRAG_COEFFICIENT = Default(
+        "drag coefficient", 0.47, 0.1, "1",
+        "smooth sphere at Re 1e3 to 1e5 (Clift and Gauvin 1971: 0.39 to 0.51); seams, panels and"
+        " a nearing drag crisis leave 0.1 open",
+    )  # fmt: skip
+    SPIN = Default(
+        "spin of a ball struck off a face", 0.0, 4.0, "rad/s",
+        "supposed: friction at the face gives a few rad/s, and nobody sees it in the clip",
+    )  # fmt: skip
+    AIR_DENSITY = Default(
+        "air density", 1.180, 0.02, "kg/m^3",
+        "Table 3 of the paper (26 degC, dry); ±4 K and ±10 hPa of another lab are 1.6 %",
+    )  # fmt: skip
+    AIR_VISCOSITY = Default(
+        "viscosity of air", 1.852e-5, 0.02, "Pa s", "Table 3 of the paper; Sutherland's law is good"
+        " to 2 %", relative=True,
+    )  # fmt: skip
+    AIR_TEMPERATURE = Default(
+        "air temperature", 299.15, 1.0, "K", "Table 3 of the paper; a room's thermometer"
+    )
+    AIR_PRESSURE = Default(
+        "air pressure", 101325.0, 1000.0, "Pa", "standard atmosphere (ISO 2533); weather at sea"
+        " level has ±10 hPa",
+    )  # fmt: skip
+    HUMIDITY = Default("relative humidity", 0.5, 0.2, "1", "rooms have 20 % to 80 %")
+    BALL_MASS = Default(
+        "mass of the ball", None, 0.003, "kg", "kitchen scale: 1 g in 350 g", relative=True
+    )
+    BALL_DIAMETER = Default(
+        "diameter of the ball", None, 0.002, "m", "tape around the girth: 1.3 mm in 630 mm",
+        relative=True,
+    )  # fmt: skip
+    LAUNCH_ANGLE = Default(
+        "angle of the face at contact", None, math.radians(0.3), "rad",
+        "a bubble level held to the bar: a third of a degree",
+    )  # fmt: skip
+    PENDULUM_LENGTH = Default(
+        "length of the pendulum", None, 0.002, "m", "tape from pivot to face: 1 mm in 0.55 m",
+        relative=True,
+    )  # fmt: skip
+    PENDULUM_INERTIA = Default(
+        "inertia of the pendulum", None, 0.01, "kg m^2",
+        "I = m g d (T/2π)²: a period timed over ten swings by hand is good to 0.5 %, its square"
+        " to 1 %; added up from parts it is no better", relative=True,
+    )  # fmt: skip
+    PENDULUM_MASS = Default(
+        "mass of the pendulum", None, 0.01, "kg", "bathroom scale: 50 g in 6 kg", relative=True
+    )
+    CENTRE_OF_MASS = Default(
+        "pivot to centre of mass", None, 0.015, "m", "balanced on an edge: 7 mm in 0.46 m",
+        relative=True,
+    )  # fmt: skip
+    EFFECTIVE_MASS = Default(
+        "effective mass of the pendulum", None, 0.01, "kg", "I/L², as the inertia", relative=True
+    )
+    SUPPORT_HEIGHT = Default("height of the support", None, 0.001, "m", "steel rule: 1 mm")
+    TAPE = Default("a taped length", None, 0.005, "m", "tape measure over metres: 5 mm")
+    GRID_PITCH = Default(
+        "pitch of the wall grid", 0.05, 0.001, "m",
+        "the paper's grid of 50 mm; printed and hung within 0.1 %", relative=True,
+    )  # fmt: skip
+    VISIBLE_DEPTH = Default(
+        "depth of the mass' visible side", 0.0, 0.007, "1",
+        "a mass 6 cm thick seen from 4 m: its near side, 3 cm nearer, is enlarged by 0.03/4",
+    )  # fmt: skip
+    RINGING = Default(
+        "pendulum's rate just after contact", 0.0, 0.01, "1",
+        "supposed: the bar rings after the blow, and the ball hides a part of it",
+    )  # fmt: skip
+    CAMERA_ROLL = Default(
+        "roll of a camera set up by eye", 0.0, math.radians(1.0), "rad", "a degree is just seen"
+    )
+    CAMERA_SLANT = Default(
+        "slant of a camera set up by eye", 0.0, math.radians(6.0), "rad",
+        "a wall's vanishing lines are not seen below some 10°, a rectangle of 6° deviation",
+    )  # fmt: skip
+    BACKSWING_SCATTER = Default(
+        "scatter of the back-swing", 0.0, math.radians(0.2), "rad",
+        "a protractor with lines of 1°, read to a fifth",
+    )  # fmt: skip
+    LAUNCH_ANGLE_SCATTER = Default(
+        "scatter of the launch angle", 0.0, math.radians(0.2), "rad",
+        "a ball laid down by hand 0.7 mm higher or lower against the face",
+    )  # fmt: skip
+    COR_SCATTER = Default(
+        "scatter of the coefficient of restitution", 0.0, 0.005, "1",
+        "supposed: repeated strikes of one setting; [scatter] of the setup replaces it",
+    )  # fmt: skip
+    COR_LAW = Default(
+        "offset of a law of restitution", 0.0, 0.01, "1",
+        "supposed: a law fitted at a handful of speeds; [scatter] of the setup replaces it",
+    )  # fmt: skip
+    LAUNCH_ANGLE_LAW = Default(
+        "offset of a ball's launch angle", 0.0, math.radians(0.3), "rad", "as a bubble level"
+    )
+    CONTACT_TIME = Default(
+        "contact time of the presets", None, 0.001, "s", "assumed, see `physics.bodies.Ball`"
+    )

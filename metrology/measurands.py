@@ -1,0 +1,226 @@
+"""The one door for numbers that people type: option, setup file and wizard are read here alike.
+
+Every length, mass, rate and angle has a `Measurand`: its unit and the range in which it can be
+meant, with the reason. A number outside is refused before any work, in the same words everywhere.
+"""
+
+import math
+from dataclasses import dataclass
+
+from metrology.errors import DomainError
+from metrology.units import parse_measured, parse_quantity
+
+__all__ = [
+    "AIR_DENSITY",
+    "AIR_PRESSURE",
+    "AIR_TEMPERATURE",
+    "AIR_VISCOSITY",
+    "ANGLE_STD",
+    "BACKSWING",
+    "BALL_DIAMETER",
+    "BALL_MASS",
+    "BALL_PLANE_OFFSET",
+    "CAMERA_DISTANCE",
+    "CAPTURE_RATE",
+    "CENTRE_OF_MASS",
+    "DISTANCE",
+    "DRAG_COEFFICIENT",
+    "EFFECTIVE_MASS",
+    "FINE_PITCH",
+    "GRID_PITCH",
+    "HUMIDITY",
+    "LAUNCH_ANGLE",
+    "PENDULUM_INERTIA",
+    "PENDULUM_LENGTH",
+    "PENDULUM_MASS",
+    "POSITION_STD",
+    "SHUTTER",
+    "SPEED",
+    "SUPPORT_HEIGHT",
+    "WALL_COORDINATE",
+    "Given",
+    "Measurand",
+    "read_given",
+    "read_number",
+]
+
+
+@dataclass(frozen=True)
+class Measurand:
+    """A kind of number that people type.
+
+    Attributes
+    ----------
+    name : str
+        What it is, as in a sentence ("the side of a square of the wall grid").
+    unit : str
+        SI unit that the number is turned into.
+    lowest, highest : float
+        Range in which it can be meant, both ends included, in `unit`.
+    why : str
+        Where the range comes from.
+    example : str
+        How to write one.
+    """
+
+    name: str
+    unit: str
+    lowest: float
+    highest: float
+    why: str
+    example: str
+
+    def require(self, value: float, typed: object = None) -> float:
+        """Refuse a number outside the range.
+
+        Parameters
+        ----------
+        value : float
+            In `unit`.
+        typed : object, optional
+            What the person typed, for the message.
+
+        Returns
+        -------
+        float
+            `value`.
+
+        Raises
+        ------
+        DomainError
+            If it is not finite or outside the range; the message says why there is a range.
+        """
+        if math.isfinite(value) and self.lowest <= value <= self.highest:
+            return value
+        said = f"{value:g} {self.unit}" if self.unit != "1" else f"{value:g}"
+        told = "" if typed is None or str(typed) == said else f"{typed!r}: "
+        raise DomainError(
+            f"{told}{self.name} can't be {said}; {self.why}",
+            hint=f"Give it with its unit, such as {self.example!r}."
+            if self.unit != "1"
+            else f"Write for example {self.example!r}.",
+        )
+
+
+@dataclass(frozen=True)
+class Given:
+    """A number as a person gave it: value and, where written, standard uncertainty, SI."""
+
+    value: float
+    std: float | None = None
+
+
+def read_number(typed: str | float, what: Measurand) -> float:
+    """A number without uncertainty, in the measurand's unit.
+
+    Raises
+    ------
+    UnitError
+        If it is no quantity of that dimension.
+    DomainError
+        If it is out of range.
+    """
+    return what.require(parse_quantity(typed, what.unit), typed)
+
+
+def read_given(typed: str | float, what: Measurand) -> Given:
+    """A number with or without its standard uncertainty, in the measurand's unit.
+
+    Raises
+    ------
+    UnitError
+        If either part is no quantity of that dimension.
+    DomainError
+        If the value is out of range, or the uncertainty is zero.
+    """
+    value, std = parse_measured(typed, what.unit)
+    what.require(value, typed)
+    if std == 0.0:
+        raise DomainError(
+            f"{typed!r}: nothing is known without uncertainty",
+            hint="Leave the ± out, and the usual uncertainty is taken.",
+        )
+    return Given(value, std)
+
+
+_RIG = "rigs on a bench or a stand are meant, from a finger's breadth to a house"
+CAPTURE_RATE = Measurand(
+    "a capture rate", "1/s", 1.0, 1e7, "cameras take 1 to ten million frames per second", "600 fps"
+)
+SHUTTER = Measurand(
+    "a shutter time", "s", 1e-9, 10.0, "shutters are open for nanoseconds to seconds", "1/2000 s"
+)
+CAMERA_DISTANCE = Measurand(
+    "a camera's distance from the wall", "m", 0.02, 1000.0,
+    "a camera sees a wall from 2 cm to 1 km", "4.00 m ± 5 mm",
+)  # fmt: skip
+WALL_COORDINATE = Measurand(
+    "a place on the wall", "m", -1000.0, 1000.0, "walls are less than 1 km wide", "1.10 m"
+)
+GRID_PITCH = Measurand(
+    "a square of the wall grid", "m", 1e-3, 2.0, "squares are 1 mm to 2 m wide", "50 mm"
+)
+FINE_PITCH = Measurand(
+    "the distance between fine lines", "m", 1e-4, 2.0, "fine lines are 0.1 mm to 2 m apart", "10 mm"
+)
+BALL_PLANE_OFFSET = Measurand(
+    "the ball plane's distance from the wall", "m", 0.0, 100.0,
+    "the ball flies in front of the wall, less than 100 m from it", "0.45 m",
+)  # fmt: skip
+BALL_MASS = Measurand(
+    "a ball's mass", "kg", 1e-6, 100.0, "balls weigh a milligram to 100 kg", "0.353 kg"
+)
+BALL_DIAMETER = Measurand(
+    "a ball's diameter", "m", 1e-3, 2.0, "balls are 1 mm to 2 m across", "220 mm"
+)
+LAUNCH_ANGLE = Measurand(
+    "a launch angle", "rad", -math.pi / 2, math.pi / 2, "it lies within ±90° of the horizontal",
+    "8.5 deg",
+)  # fmt: skip
+BACKSWING = Measurand(
+    "a back-swing angle", "rad", -math.pi, math.pi, "a pendulum is let go within ±180° of its"
+    " lowest point", "90 deg",
+)  # fmt: skip
+PENDULUM_LENGTH = Measurand("a pendulum's length", "m", 0.01, 100.0, _RIG, "0.5541 m")
+PENDULUM_INERTIA = Measurand(
+    "a pendulum's moment of inertia", "kg*m^2", 1e-9, 1e7, _RIG, "1.579 kg m^2"
+)
+PENDULUM_MASS = Measurand("a pendulum's mass", "kg", 1e-4, 1e5, _RIG, "6.0 kg")
+CENTRE_OF_MASS = Measurand(
+    "the distance from the pivot to the centre of mass", "m", 1e-3, 100.0, _RIG, "0.4553 m"
+)
+EFFECTIVE_MASS = Measurand("an effective mass", "kg", 1e-4, 1e5, _RIG, "5.1667 kg")
+SUPPORT_HEIGHT = Measurand(
+    "the height of the support", "m", 0.0, 100.0, "the ball falls from 0 to 100 m", "0.3120 m"
+)
+AIR_TEMPERATURE = Measurand(
+    "an air temperature", "kelvin", 200.0, 350.0, "air outdoors and in labs has 200 K to 350 K",
+    "26 degC",
+)  # fmt: skip
+AIR_PRESSURE = Measurand(
+    "an air pressure", "Pa", 1e4, 2e5, "people film at 100 hPa to 2000 hPa", "1013.25 hPa"
+)
+HUMIDITY = Measurand("a relative humidity", "1", 0.0, 1.0, "it is 0 to 1", "50 %")
+AIR_DENSITY = Measurand(
+    "a density of the air", "kg/m^3", 1e-6, 20.0, "gases have up to 20 kg/m³", "1.180 kg/m^3"
+)
+AIR_VISCOSITY = Measurand(
+    "a viscosity of the air", "Pa*s", 1e-7, 1e-3, "gases have 1e-7 to 1e-3 Pa s", "1.852e-5 Pa s"
+)
+DRAG_COEFFICIENT = Measurand(
+    "a drag coefficient", "1", 0.0, 3.0, "blunt bodies have up to 2, spheres about 0.5", "0.47"
+)
+SPEED = Measurand(
+    "a speed", "m/s", 1e-3, 1000.0, "impacts have millimetres to a kilometre per second", "3.2 m/s"
+)
+DISTANCE = Measurand(
+    "a distance", "m", 1e-3, 1000.0, "balls land between 1 mm and 1 km away", "2.5 m"
+)
+ANGLE_STD = Measurand(
+    "the scatter of an angle", "rad", 0.0, math.pi, "angles scatter by less than half a turn",
+    "0.2 deg",
+)  # fmt: skip
+POSITION_STD = Measurand(
+    "the noise of positions", "m", 1e-9, 100.0, "positions are known to between 1 nm and 100 m",
+    "1.7 mm",
+)  # fmt: skip

@@ -1,0 +1,248 @@
+"""What a lab knows, table by table of its setup file: frozen, SI, checked when it was read.
+
+A value is a float; its standard uncertainty stands beside it as ``…_std``, None where nobody gave
+one. `pipelines.setup.rig` says what holds then.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from metrology import Defaults, SetupError
+from physics import bodies
+from physics.flight.air import Air
+from physics.restitution.restitution import CorLaw
+from pipelines.setup.schema import ContactOutcomeRow
+
+__all__ = [
+    "AirSetup",
+    "BallSetup",
+    "CameraSetup",
+    "Measured",
+    "ModelSetup",
+    "NoiseSetup",
+    "PendulumStd",
+    "ScatterSetup",
+    "Setup",
+    "WallSetup",
+]
+
+Measured: TypeAlias = tuple[float, float]
+"""Value and standard uncertainty, SI."""
+
+
+@dataclass(frozen=True)
+class CameraSetup:
+    """What is known of the camera, SI; taped lengths as (value, standard uncertainty)."""
+
+    capture_fps: float | None = None
+    distance_to_wall: Measured | None = None
+    principal_point_on_wall: tuple[Measured, Measured] | None = None
+    shutter: float | None = None
+    lens: Path | None = None
+    capture_fps_std: float | None = None
+    shutter_std: float | None = None
+
+
+@dataclass(frozen=True)
+class WallSetup:
+    """Pitch of the grid and of its gradations, m; offset of the ball plane as (value, std), m."""
+
+    grid: float | None = None
+    fine_grid: float | None = None
+    ball_plane_offset: Measured | None = None
+    grid_std: float | None = None
+    fine_grid_std: float | None = None
+
+
+@dataclass(frozen=True)
+class BallSetup:
+    """What is known of a ball: at least its diameter, m; mass kg, angle rad, COR where given.
+
+    `contact_outcome` is what the baseline expects a contact to do, by impact speed (may be empty).
+    """
+
+    name: str
+    diameter: float
+    mass: float | None = None
+    launch_angle: float | None = None
+    cor: CorLaw | None = None
+    contact_outcome: tuple[ContactOutcomeRow, ...] = ()
+    diameter_std: float | None = None
+    mass_std: float | None = None
+    launch_angle_std: float | None = None
+
+    @classmethod
+    def preset(cls, name: str) -> "BallSetup":
+        """One of the paper's balls (Table 4).
+
+        Raises
+        ------
+        KeyError
+            If there is none of that name.
+        """
+        ball = bodies.BALLS[name]
+        return cls(name, ball.diameter, ball.mass, ball.launch_angle, ball.cor)
+
+    def body(self) -> bodies.Ball:
+        """The ball as the physics needs it.
+
+        Raises
+        ------
+        SetupError
+            If mass, launch angle or coefficient of restitution is not known.
+        """
+        missing = [key for key in ("mass", "launch_angle", "cor") if getattr(self, key) is None]
+        if missing or self.mass is None or self.launch_angle is None or self.cor is None:
+            raise SetupError(
+                f"the ball {self.name!r} has no {' and no '.join(missing)}",
+                hint="Add it to the ball's table in the setup file, or name a preset.",
+            )
+        preset = bodies.BALLS.get(self.name)
+        if preset is None:
+            return bodies.Ball(self.name, self.mass, self.diameter, self.launch_angle, self.cor)
+        return replace(
+            preset,
+            mass=self.mass,
+            diameter=self.diameter,
+            launch_angle=self.launch_angle,
+            cor=self.cor,
+        )
+
+
+@dataclass(frozen=True)
+class PendulumStd:
+    """Standard uncertainties of the pendulum's numbers, SI, where somebody gave them."""
+
+    length: float | None = None
+    inertia: float | None = None
+    mass: float | None = None
+    com: float | None = None
+    effective_mass: float | None = None
+
+
+@dataclass(frozen=True)
+class AirSetup:
+    """What is known of the air, SI: thermometer, barometer and hygrometer, or the numbers."""
+
+    temperature: float | None = None
+    pressure: float | None = None
+    humidity: float | None = None
+    density: float | None = None
+    viscosity: float | None = None
+    temperature_std: float | None = None
+    pressure_std: float | None = None
+    humidity_std: float | None = None
+    density_std: float | None = None
+    viscosity_std: float | None = None
+
+    @property
+    def read_off(self) -> bool:
+        """Whether anything of thermometer, barometer and hygrometer is given."""
+        return not (self.temperature is None and self.pressure is None and self.humidity is None)
+
+    @property
+    def air(self) -> Air:
+        """The air: moist air after what was read off, the defaults where nothing was."""
+        base = self.at(0.0, 0.0, 0.0)
+        return replace(
+            base,
+            density=base.density if self.density is None else self.density,
+            viscosity=base.viscosity if self.viscosity is None else self.viscosity,
+        )
+
+    def at(self, warmer: float, denser: float, damper: float) -> Air:
+        """Air with temperature (K), pressure (Pa) and humidity moved by so much."""
+        if not self.read_off:
+            return Air(Defaults.AIR_DENSITY.known, Defaults.AIR_VISCOSITY.known)
+        temperature = self.temperature or Defaults.AIR_TEMPERATURE.known
+        pressure = self.pressure or Defaults.AIR_PRESSURE.known
+        humidity = Defaults.HUMIDITY.known if self.humidity is None else self.humidity
+        moved = min(max(humidity + damper, 0.0), 1.0)
+        return Air.moist(temperature + warmer, pressure + denser, moved)
+
+
+@dataclass(frozen=True)
+class ScatterSetup:
+    """Trial-to-trial scatter, one sigma; angles in rad."""
+
+    backswing: float | None = None
+    launch_angle: float | None = None
+    cor: float | None = None
+    cor_law: float | None = None
+    launch_angle_law: float | None = None
+
+
+@dataclass(frozen=True)
+class NoiseSetup:
+    """A claim about the noise of the tracks: m and rad."""
+
+    position: float | None = None
+    angle: float | None = None
+
+
+@dataclass(frozen=True)
+class ModelSetup:
+    """Effects of the baseline model, their parameters and what is given of their uncertainty."""
+
+    effects: tuple[str, ...] = ("gravity", "drag")
+    parameters: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    stds: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Setup:
+    """All that the setup file and the options say; SI, frozen, editable by `having`.
+
+    `pendulum`, `ball` are None where nothing was said; `balls` holds the named balls of a campaign.
+
+    Examples
+    --------
+    >>> setup = Setup().having({"ball.preset": "jokku", "ball.mass": "0.351 kg ± 1 g"})
+    >>> setup.ball.mass, setup.ball.mass_std
+    (0.351, 0.001)
+    """
+
+    camera: CameraSetup = CameraSetup()
+    wall: WallSetup = WallSetup()
+    ball: BallSetup | None = None
+    balls: Mapping[str, BallSetup] = field(default_factory=dict)
+    pendulum: bodies.Pendulum | None = None
+    support: bodies.Support | None = None
+    air_known: AirSetup = AirSetup()
+    scatter: ScatterSetup = ScatterSetup()
+    noise: NoiseSetup = NoiseSetup()
+    model: ModelSetup = ModelSetup()
+    path: Path | None = field(default=None, compare=False)
+    pendulum_std: PendulumStd = PendulumStd()
+    support_std: float | None = None
+
+    @property
+    def air(self) -> Air:
+        """The air of the lab."""
+        return self.air_known.air
+
+    def to_toml(self) -> str:
+        """The text of a setup file that reads back as this setup."""
+        from pipelines.setup.writing import setup_as_toml
+
+        return setup_as_toml(self)
+
+    def having(self, keys: Mapping[str, Any]) -> "Setup":
+        """Give the setup with some keys changed, checked as a file would be.
+
+        Parameters
+        ----------
+        keys : mapping
+            Dotted keys of the setup file to what would stand there; None takes a key out.
+
+        Raises
+        ------
+        SetupError
+            As `pipelines.setup.file.read_setup`.
+        """
+        from pipelines.setup.file import setup_from_document
+        from pipelines.setup.writing import changed, document_of
+
+        return replace(setup_from_document(changed(document_of(self), keys)), path=self.path)
