@@ -7,7 +7,7 @@ meant, with the reason. A number outside is refused before any work, in the same
 import math
 from dataclasses import dataclass
 
-from metrology.errors import DomainError
+from metrology.errors import DomainError, UsageError
 from metrology.units import parse_measured, parse_quantity
 
 __all__ = [
@@ -110,8 +110,15 @@ class Given:
     std: float | None = None
 
 
-def read_number(typed: str | float, what: Measurand) -> float:
+def read_number(typed: str | float, what: Measurand, place: str = "") -> float:
     """A number without uncertainty, in the measurand's unit.
+
+    Parameters
+    ----------
+    typed : str or float
+    what : Measurand
+    place : str
+        The option it was typed at (``--fps``), for the message.
 
     Raises
     ------
@@ -120,11 +127,21 @@ def read_number(typed: str | float, what: Measurand) -> float:
     DomainError
         If it is out of range.
     """
-    return what.require(parse_quantity(typed, what.unit), typed)
+    try:
+        return what.require(parse_quantity(typed, what.unit), typed)
+    except UsageError as problem:
+        raise _at(place, problem) from problem
 
 
-def read_given(typed: str | float, what: Measurand) -> Given:
+def read_given(typed: str | float, what: Measurand, place: str = "") -> Given:
     """A number with or without its standard uncertainty, in the measurand's unit.
+
+    Parameters
+    ----------
+    typed : str or float
+    what : Measurand
+    place : str
+        The option it was typed at (``--fps``), for the message.
 
     Raises
     ------
@@ -133,14 +150,22 @@ def read_given(typed: str | float, what: Measurand) -> Given:
     DomainError
         If the value is out of range, or the uncertainty is zero.
     """
-    value, std = parse_measured(typed, what.unit)
-    what.require(value, typed)
+    try:
+        value, std = parse_measured(typed, what.unit)
+        what.require(value, typed)
+    except UsageError as problem:
+        raise _at(place, problem) from problem
     if std == 0.0:
         raise DomainError(
-            f"{typed!r}: nothing is known without uncertainty",
+            f"{place} {typed!r}: nothing is known without uncertainty".strip(),
             hint="Leave the ± out, and the usual uncertainty is taken.",
         )
     return Given(value, std)
+
+
+def _at(place: str, problem: UsageError) -> UsageError:
+    """The same refusal with the option's name before it."""
+    return type(problem)(f"{place} {problem.message}".strip(), hint=problem.hint)
 
 
 _RIG = "rigs on a bench or a stand are meant, from a finger's breadth to a house"

@@ -199,7 +199,7 @@ def _options(
     ball_at: str | None,
     mass_at: str | None,
 ) -> MeasureOptions:
-    rate = None if fps is None else read_given(fps, measurands.CAPTURE_RATE)
+    rate = None if fps is None else read_given(fps, measurands.CAPTURE_RATE, "--fps")
     return MeasureOptions(
         setup=Setup() if setup is None else load_setup(setup),
         fps=None if rate is None else rate.value,

@@ -99,7 +99,7 @@ def gather_inputs(setup: Setup, ball: str | None, wall_grid: str | None) -> Inpu
     if chosen is None and len(setup.balls) == 1:
         chosen = next(iter(setup.balls.values()))
     if wall_grid is not None:
-        squares = read_given(wall_grid, measurands.GRID_PITCH)
+        squares = read_given(wall_grid, measurands.GRID_PITCH, "--wall-grid")
         wall = replace(setup.wall, grid=squares.value, grid_std=squares.std)
         setup = replace(setup, wall=wall)
     rig = rig_of(setup, chosen)

@@ -228,7 +228,10 @@ def plan_command(
     law, _ = choose_cor(struck, cor)
     experiment = experiment_of(known, struck, drag)
     planned = plan(
-        experiment, read_number(distance, measurands.DISTANCE), cor=law, scatter=scatter_of(known)
+        experiment,
+        read_number(distance, measurands.DISTANCE, "--distance"),
+        cor=law,
+        scatter=scatter_of(known),
     )
     if plot is not None:
         _draw(plot, experiment, law, planned)

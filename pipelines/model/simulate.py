@@ -231,7 +231,9 @@ def simulate_command(
     result = simulate(
         experiment,
         backswing=None if backswing is None else angle_of(backswing),
-        impact_speed=None if impact_speed is None else read_number(impact_speed, measurands.SPEED),
+        impact_speed=None
+        if impact_speed is None
+        else read_number(impact_speed, measurands.SPEED, "--impact-speed"),
         cor=law,
         scatter=scatter_of(known),
         effects=added_effects(known, tuple(effect or ())),

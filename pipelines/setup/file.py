@@ -135,14 +135,12 @@ def ball_from_option(text: str) -> BallSetup:
     if text in bodies.BALLS:
         return BallSetup.preset(text)
     try:
-        diameter = read_given(text, measurands.BALL_DIAMETER)
+        diameter = read_given(text, measurands.BALL_DIAMETER, "--ball")
     except UnitError as problem:
         raise UsageError(
             f"--ball {text!r} is neither a preset nor a diameter",
             hint=f"Presets: {', '.join(bodies.BALLS)}; or a diameter such as '220 mm'.",
         ) from problem
-    except DomainError as problem:
-        raise UsageError(f"--ball {problem.message}", hint=problem.hint) from problem
     return BallSetup(text, diameter.value, diameter_std=diameter.std)
 
 

@@ -173,7 +173,7 @@ def test_a_wrong_grid_is_refused_alike_by_option_setup_and_wizard(typed: object)
         gather_inputs(Setup(), None, str(typed))
     with pytest.raises(UsageError) as by_wizard:
         pitch_from(str(typed))
-    assert str(by_option.value) == str(by_wizard.value)
+    assert str(by_option.value) == f"--wall-grid {by_wizard.value}"
 
 
 @pytest.mark.parametrize(
