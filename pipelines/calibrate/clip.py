@@ -29,7 +29,7 @@ from pipelines.calibrate.wizard.terminal import Dialogue, ask_all, told_of
 from pipelines.setup.file import load_setup, read_setup
 from pipelines.web.jobs import Jobs
 
-__all__ = ["ClipOrCommand", "clip_command", "old_view"]
+__all__ = ["ClipOrCommand", "clip_command", "find_unattended", "old_view", "session_of"]
 
 PRESETS = tuple(
     BallKind(name, ball.diameter, ball.mass, PAPER_SUPPORT.height) for name, ball in BALLS.items()
@@ -87,31 +87,20 @@ def clip_command(
     Example: vision calibrate strike.mp4 --wall-grid 50mm --ball jokku --fps 600 --yes
     """
     _require_folder(out)
-    scene = look_at(clip)
-    answers = Answers(scene, out=out)
-    if fps is not None:
-        answers = replace(answers, fps=rate_from(fps))
-    if lens is not None:
-        answers = replace(answers, lens=lens_from_file(lens, scene.size))
-    if wall_grid is not None:
-        pitch = pitch_from(wall_grid)
-        answers = replace(answers, pitch=pitch, fine_pitch=pitch / 5)
-    if fine_grid is not None:
-        answers = replace(answers, fine_pitch=fine_pitch_from(fine_grid, answers.pitch))
-    if origin_at is not None:
-        answers = replace(answers, origin_px=point_from(origin_at, scene.size))
-    if ball is not None:
-        kind = ball_from(ball, PRESETS)
-        answers = with_ball(answers, kind, named=kind in PRESETS)
-    if ball_at is not None:
-        answers = replace(answers, rest_px=point_from(ball_at, scene.size))
-    for key, text in (("camera_distance", camera_distance), ("ball_plane_offset", ball_plane)):
-        if text is not None:
-            answers = replace(answers, **{key: distance_from(text)})  # type: ignore[arg-type]
-    if support_height is not None:
-        known = distance_from(support_height)
-        answers = replace(answers, support_height=None if known is None else known.value)
-    session = Session(answers, PRESETS, _readable)
+    session = session_of(
+        clip,
+        out,
+        fps=fps,
+        lens=lens,
+        wall_grid=wall_grid,
+        fine_grid=fine_grid,
+        origin_at=origin_at,
+        ball=ball,
+        ball_at=ball_at,
+        support_height=support_height,
+        camera_distance=camera_distance,
+        ball_plane=ball_plane,
+    )
     if yes:
         _unattended(session)
     elif terminal:
@@ -127,6 +116,57 @@ def clip_command(
         _on_terminal(session, frozenset(key for key, text in said.items() if text is not None))
     else:
         _in_browser(session, browser, port)
+
+
+def session_of(
+    clip: Path,
+    out: Path,
+    *,
+    fps: str | None = None,
+    lens: Path | None = None,
+    wall_grid: str | None = None,
+    fine_grid: str | None = None,
+    origin_at: str | None = None,
+    ball: str | None = None,
+    ball_at: str | None = None,
+    support_height: str | None = None,
+    camera_distance: str | None = None,
+    ball_plane: str | None = None,
+) -> Session:
+    """A calibration with what was said beforehand; the options of `vision calibrate CLIP`.
+
+    Raises
+    ------
+    ClipError
+        If the clip can't be read.
+    UsageError
+        If one of them can't be.
+    """
+    answers = Answers(look_at(clip), out=out)
+    size = answers.scene.size
+    if fps is not None:
+        answers = replace(answers, fps=rate_from(fps))
+    if lens is not None:
+        answers = replace(answers, lens=lens_from_file(lens, size))
+    if wall_grid is not None:
+        pitch = pitch_from(wall_grid)
+        answers = replace(answers, pitch=pitch, fine_pitch=pitch / 5)
+    if fine_grid is not None:
+        answers = replace(answers, fine_pitch=fine_pitch_from(fine_grid, answers.pitch))
+    if origin_at is not None:
+        answers = replace(answers, origin_px=point_from(origin_at, size))
+    if ball is not None:
+        kind = ball_from(ball, PRESETS)
+        answers = with_ball(answers, kind, named=kind in PRESETS)
+    if ball_at is not None:
+        answers = replace(answers, rest_px=point_from(ball_at, size))
+    for key, text in (("camera_distance", camera_distance), ("ball_plane_offset", ball_plane)):
+        if text is not None:
+            answers = replace(answers, **{key: distance_from(text)})  # type: ignore[arg-type]
+    if support_height is not None:
+        known = distance_from(support_height)
+        answers = replace(answers, support_height=None if known is None else known.value)
+    return Session(answers, PRESETS, _readable)
 
 
 def old_view(against: Path) -> Path | None:
@@ -164,7 +204,14 @@ def _say(line: str) -> None:
     typer.echo(line, err=True)
 
 
-def _unattended(session: Session) -> None:
+def find_unattended(session: Session) -> str:
+    """Find grid and ball with nobody asked; says what was not found.
+
+    Raises
+    ------
+    CalibrationError
+        If there is no wall grid.
+    """
     session.find_grid()
     if session.answers.grid is None:
         raise CalibrationError(session.grid_problem, hint="Say --wall-grid, or leave --yes out.")
@@ -172,7 +219,13 @@ def _unattended(session: Session) -> None:
         try:
             session.follow_ball()
         except NotFoundError as problem:
-            _say(f"the ball was not followed: {problem.in_one_line}")
+            return f"the ball was not followed: {problem.in_one_line}"
+    return ""
+
+
+def _unattended(session: Session) -> None:
+    if missing := find_unattended(session):
+        _say(missing)
     _write(session)
 
 

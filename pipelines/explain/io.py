@@ -17,6 +17,8 @@ from physics import bodies
 from physics.arrays import FloatArray
 from physics.contact.batch import contact_outcomes
 from physics.effects import Effect
+from pipelines.explain.tabular import TableLike, name_of, read_table
+from pipelines.explain.tracks import flight_rows, is_track_table, swing_rows
 from pipelines.setup.file import BallSetup, Setup
 
 __all__ = ["baseline_for_balls", "baseline_from_setup", "load_campaign", "load_effects"]
@@ -30,25 +32,19 @@ LEAST_RUN = 6
 TABLE_SPEEDS = np.array([0.6, 0.9, 1.3, 1.8, 2.4, 3.0, 3.6, 4.2])
 
 
-def _read(path: Path, needed: tuple[str, ...]) -> pd.DataFrame:
-    try:
-        table = pd.read_csv(path, dtype={"trial": str, "ball": str}, skipinitialspace=True)
-    except (OSError, UnicodeDecodeError, ValueError) as problem:
-        raise UsageError(
-            f"can't read {path}: {problem}", hint="A CSV file with a header line is expected."
-        ) from problem
-    table.columns = [str(name).strip() for name in table.columns]
+def _checked(table: pd.DataFrame, what: str, needed: tuple[str, ...]) -> pd.DataFrame:
+    """The table with its numbers as numbers."""
     missing = [name for name in needed if name not in table.columns]
     if missing:
         raise UsageError(
-            f"{path} has no column {', '.join(missing)}; it has {', '.join(table.columns)}",
+            f"{what} has no column {', '.join(missing)}; it has {', '.join(table.columns)}",
             hint="See the input of `vision explain`: trial, t_s and at least one of x_m, y_m, z_m.",
         )
     for name in table.columns:
         if name.endswith(("_m", "_s", "_rad", "_deg", "_std")):
             table[name] = pd.to_numeric(table[name], errors="coerce")
     if table.empty:
-        raise UsageError(f"{path} has a header but no rows")
+        raise UsageError(f"{what} has a header but no rows")
     return table
 
 
@@ -101,13 +97,38 @@ def _numbers(table: pd.DataFrame, column: str) -> FloatArray:
     return np.asarray(table[column], dtype=np.float64)
 
 
-def load_campaign(ball_csv: Path | None, pendulum_csv: Path | None, setup: Setup) -> Campaign:
+def _samples(source: TableLike, needed: tuple[str, ...], setup: Setup) -> pd.DataFrame:
+    """Rows of the ball, or where `phi_rad` is needed, of the pendulum."""
+    table = read_table(source, {"trial": str, "ball": str})
+    what = str(source) if isinstance(source, Path) else "the table"
+    if is_track_table(table):
+        trial = source.stem if isinstance(source, Path) else "1"
+        if "phi_rad" in needed:
+            table = swing_rows(table, trial)
+        else:
+            table = flight_rows(table, trial, _rest_height(setup))
+        table = table.assign(trial=table.get("trial", trial))
+    return _checked(table, what, needed)
+
+
+def _rest_height(setup: Setup) -> float:
+    """Height of the resting ball's centre, m; 0 where the support or the ball is not known."""
+    ball = setup.ball or next(iter(setup.balls.values()), None)
+    if setup.support is None or ball is None:
+        return 0.0
+    return setup.support.height + 0.5 * ball.diameter
+
+
+def load_campaign(
+    ball_csv: TableLike | None, pendulum_csv: TableLike | None, setup: Setup
+) -> Campaign:
     """Read a campaign.
 
     Parameters
     ----------
-    ball_csv, pendulum_csv : Path or None
-        As in the contract; one of them may be missing.
+    ball_csv, pendulum_csv : Path, DataFrame or None
+        As in the contract; one of them may be missing. A track table of ``vision measure --tracks``
+        serves as either: the free flight, or the free swing, is cut out of it.
     setup : Setup
         For the name of the ball where the file has no column ``ball``.
 
@@ -128,22 +149,24 @@ def load_campaign(ball_csv: Path | None, pendulum_csv: Path | None, setup: Setup
     swings: dict[str, pd.DataFrame] = {}
     notes: list[str] = []
     if ball_csv is not None:
-        table = _read(ball_csv, ("trial", "t_s"))
+        table = _samples(ball_csv, ("trial", "t_s"), setup)
         axes = [name for name in ("x_m", "y_m", "z_m") if name in table.columns]
         if not axes:
             raise UsageError(
-                f"{ball_csv} has no column with a position", hint="x_m, y_m or z_m is needed."
+                f"{name_of(ball_csv)} has no column with a position",
+                hint="x_m, y_m or z_m is needed.",
             )
-        table, more = _tidied(table, axes, str(ball_csv.name))
+        table, more = _tidied(table, axes, name_of(ball_csv))
         notes += more
         balls = {str(name): part for name, part in table.groupby("trial", sort=False)}
     if pendulum_csv is not None:
-        table = _read(pendulum_csv, ("trial", "t_s", "phi_rad"))
-        table, more = _tidied(table, ["phi_rad"], str(pendulum_csv.name))
+        table = _samples(pendulum_csv, ("trial", "t_s", "phi_rad"), setup)
+        table, more = _tidied(table, ["phi_rad"], name_of(pendulum_csv))
         notes += more
         if float(np.nanmax(np.abs(_numbers(table, "phi_rad")))) > 2.0 * math.pi:
             raise UsageError(
-                f"{pendulum_csv} has angles beyond a full turn", hint="phi_rad is in radians."
+                f"{name_of(pendulum_csv)} has angles beyond a full turn",
+                hint="phi_rad is in radians.",
             )
         swings = {str(name): part for name, part in table.groupby("trial", sort=False)}
     names = list(dict.fromkeys([*balls, *swings]))
@@ -152,12 +175,12 @@ def load_campaign(ball_csv: Path | None, pendulum_csv: Path | None, setup: Setup
         alone = [name for name in swings if name not in balls]
         if not names:
             raise TooLittleDataError(
-                f"{ball_csv}: no row has a time and a position",
+                f"{name_of(ball_csv)}: no row has a time and a position",
                 hint="Without the ball's table the pendulum is taken to swing freely.",
             )
-        if swings and len(alone) == len(swings):
+        if pendulum_csv is not None and swings and len(alone) == len(swings):
             raise UsageError(
-                f"{ball_csv} and {pendulum_csv} have no trial in common",
+                f"{name_of(ball_csv)} and {name_of(pendulum_csv)} have no trial in common",
                 hint="A trial goes by the same name in both tables.",
             )
         if alone:

@@ -4,8 +4,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from metrology import written_whole
 from mismatch import Explained
@@ -14,6 +12,7 @@ from mismatch.model.forward import Forward
 from mismatch.search.latent import missing_force
 from mismatch.table.explain import TableExplained
 from pipelines.explain.table_plots import figure_of_table
+from pipelines.figures import Picture
 
 __all__ = ["draw_explained", "figure_of"]
 
@@ -47,7 +46,7 @@ def _binned(forward: Forward, fit: Fit, channel: int, axis: Axes, colour: str, n
     )  # fmt: skip
 
 
-def figure_of(explained: Explained | TableExplained) -> Figure:
+def figure_of(explained: Explained | TableExplained) -> Picture:
     """Residuals by channel, and the missing force by direction; of a table, by impact speed."""
     if isinstance(explained, TableExplained):
         return figure_of_table(explained)
@@ -58,8 +57,7 @@ def figure_of(explained: Explained | TableExplained) -> Figure:
         channels.append(3)
     forces = missing_force(forward, base)
     columns = max(len(channels), len(forces), 1)
-    figure = Figure(figsize=(4.2 * columns, 6.4), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = Picture(figsize=(4.2 * columns, 6.4), layout="constrained")
     axes = np.atleast_2d(figure.subplots(2, columns, squeeze=False))
     for place in range(columns):
         axis = axes[0, place]

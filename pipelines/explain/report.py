@@ -7,11 +7,11 @@ from pathlib import Path
 from jinja2 import Environment
 
 from metrology import write_text_whole
-from mismatch import Explained
+from mismatch import Explained, Verdict
 from mismatch.table.explain import TableExplained
 from pipelines.explain.plots import figure_of
 
-__all__ = ["explain_report_html", "write_explain_report"]
+__all__ = ["explain_report_html", "verdict_html", "write_explain_report"]
 
 PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>What was left out</title>
@@ -47,6 +47,16 @@ ratio {{ "%.3g"|format(v.held_out.ratio_95[0]) }} to
 {% if v.notes %}<h2>About the data</h2><ul>{% for n in v.notes %}<li>{{ n }}</li>{% endfor %}</ul>
 {% endif %}</body></html>
 """
+
+
+CELL = """<div style="max-width:60rem"><p><b>{{ headline }}</b></p>
+{% for line in lines %}<p>{{ line }}</p>{% endfor %}</div>"""
+
+
+def verdict_html(verdict: Verdict) -> str:
+    """The story in plain words as HTML for a notebook's cell."""
+    headline, *lines = verdict.text().splitlines()
+    return Environment(autoescape=True).from_string(CELL).render(headline=headline, lines=lines)
 
 
 def explain_report_html(explained: Explained | TableExplained) -> str:

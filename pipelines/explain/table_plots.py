@@ -2,11 +2,10 @@
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 
 from mismatch.table.explain import TableExplained
 from mismatch.table.search import Answer
+from pipelines.figures import Picture
 
 __all__ = ["figure_of_table"]
 
@@ -15,15 +14,14 @@ LABELS = ("impact speed: recorded − model / (m/s)", "ball speed: recorded − 
 MARKERS = "osD^v<>P"
 
 
-def figure_of_table(explained: TableExplained) -> Figure:
+def figure_of_table(explained: TableExplained) -> Picture:
     """Residuals against impact speed, one panel for each number, balls by marker."""
     forward = explained.forward
     table = forward.table
     channels = [k for k in range(3) if table.present[k]]
     if not np.isfinite(table.backswing).any() and 0 in channels:
         channels.remove(0)
-    figure = Figure(figsize=(5.6 * len(channels), 4.2), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = Picture(figsize=(5.6 * len(channels), 4.2), layout="constrained")
     axes = figure.subplots(1, len(channels), squeeze=False)[0]
     speed = table.values[:, 0]
     if not np.isfinite(speed).all():

@@ -1,7 +1,6 @@
 """Tables with a few numbers per trial: read, and held against the setup's model."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -12,6 +11,7 @@ from mismatch.table.table import CHANNELS, TrialTable
 from physics.arrays import FloatArray
 from physics.effects import Effect
 from pipelines.explain.io import baseline_for_balls
+from pipelines.explain.tabular import TableLike, read_table
 from pipelines.setup.file import Setup
 
 __all__ = ["explain_trial_table", "is_trial_table", "load_trial_table"]
@@ -27,10 +27,10 @@ BACKSWING = ("backswing_deg", "backswing_angle_deg")
 TRIAL = ("trial", "clip")
 
 
-def is_trial_table(path: Path) -> bool:
-    """Whether a file's header is that of a trial table: numbers of trials, and no times."""
+def is_trial_table(path: TableLike) -> bool:
+    """Whether a table's header is that of a trial table: numbers of trials, and no times."""
     try:
-        header = pd.read_csv(path, nrows=0)
+        header = read_table(path) if isinstance(path, pd.DataFrame) else pd.read_csv(path, nrows=0)
     except (OSError, UnicodeDecodeError, ValueError):
         return False
     names = {str(name).strip() for name in header.columns}
@@ -38,7 +38,7 @@ def is_trial_table(path: Path) -> bool:
     return "t_s" not in names and bool(names & (results | {*COLUMNS["impact_speed"]}))
 
 
-def load_trial_table(path: Path) -> TrialTable:
+def load_trial_table(path: TableLike) -> TrialTable:
     """Read a trial table.
 
     Raises
@@ -46,13 +46,7 @@ def load_trial_table(path: Path) -> TrialTable:
     UsageError
         If it can't be read, has no rows, or holds numbers that can't be.
     """
-    try:
-        table = pd.read_csv(path, skipinitialspace=True)
-    except (OSError, UnicodeDecodeError, ValueError) as problem:
-        raise UsageError(
-            f"can't read {path}: {problem}", hint="A CSV file with a header line is expected."
-        ) from problem
-    table.columns = [str(name).strip() for name in table.columns]
+    table = read_table(path)
     notes: list[str] = []
     table = _without_doubles(table, notes)
     found = {key: _first(table, names) for key, names in COLUMNS.items()}
@@ -82,7 +76,7 @@ def load_trial_table(path: Path) -> TrialTable:
 
 
 def explain_trial_table(
-    path: Path,
+    path: TableLike,
     setup: Setup,
     hold_out: Sequence[str] = (),
     own: Sequence[Effect] = (),

@@ -1,6 +1,5 @@
 """The commands that measure clips: demo, measure, contact-time, launch, landing, cor."""
 
-import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,17 +13,16 @@ from metrology import (
     ImpactVisionError,
     MeasurementError,
     UsageError,
-    measurands,
-    read_given,
     write_text_whole,
 )
 from metrology.formatting import format_quantity
+from pipelines.api.asked import measure_options
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measure.files.output import measurement_as_json, measurements_as_csv, results_table
 from pipelines.measure.files.wanted import Wanted
 from pipelines.measure.measurement import QUANTITY_UNITS, Measurement
 from pipelines.report import quantity_label
-from pipelines.setup.file import Setup, load_setup
+from pipelines.setup.file import load_setup
 from pipelines.terminal import screen
 
 __all__ = [
@@ -97,7 +95,7 @@ def measure_command(
     """
     wanted = Wanted(csv, json, tracks, overlay, plot, report, quiet)
     wanted.require_writable((*clips, setup))
-    options = _options(setup, fps, ball, wall_grid, ball_at, mass_at)
+    options = measure_options(setup, fps, ball, wall_grid, ball_at, mass_at)
     if len(clips) > 1 and (tracks or overlay or plot or report or json):
         raise UsageError(
             "--tracks, --overlay, --plot, --report and --json take one clip at a time",
@@ -127,7 +125,7 @@ def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # t
     ) -> None:
         wanted = Wanted(csv, json, tracks, overlay, plot, report, quiet)
         wanted.require_writable((clip, setup))
-        options = _options(setup, fps, ball, wall_grid, ball_at, mass_at)
+        options = measure_options(setup, fps, ball, wall_grid, ball_at, mass_at)
         measured = _one(clip, options, wanted, names)
         quantity = measured.quantity(needed)
         if not quantity.known:
@@ -189,42 +187,6 @@ def demo_command(
     options = MeasureOptions(setup=load_setup(clip.with_suffix(".toml")))
     _one(clip, options, wanted, tuple(QUANTITY_UNITS), budgets=False)
     screen().print(f"report, overlay, plots and CSV are in {out}/")
-
-
-def _options(
-    setup: Path | None,
-    fps: str | None,
-    ball: str | None,
-    wall_grid: str | None,
-    ball_at: str | None,
-    mass_at: str | None,
-) -> MeasureOptions:
-    rate = None if fps is None else read_given(fps, measurands.CAPTURE_RATE, "--fps")
-    return MeasureOptions(
-        setup=Setup() if setup is None else load_setup(setup),
-        fps=None if rate is None else rate.value,
-        fps_std=None if rate is None else rate.std,
-        ball=ball,
-        wall_grid=wall_grid,
-        ball_at=_point("--ball-at", ball_at),
-        mass_at=_point("--mass-at", mass_at),
-    )
-
-
-def _point(option: str, text: str | None) -> tuple[float, float] | tuple[float, float, int] | None:
-    if text is None:
-        return None
-    try:
-        parts = [float(part) for part in text.split(",")]
-    except ValueError:
-        parts = []
-    if len(parts) not in (2, 3) or not all(math.isfinite(part) for part in parts):
-        raise UsageError(
-            f"{option} {text!r} is not X,Y or X,Y,FRAME", hint=f"As in {option} 120,88"
-        )
-    if len(parts) == 2:
-        return parts[0], parts[1]
-    return parts[0], parts[1], int(parts[2])
 
 
 def _several(

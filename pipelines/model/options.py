@@ -6,6 +6,7 @@ import json
 import math
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,9 @@ from pipelines.setup.file import Setup, ball_from_option, load_setup
 from pipelines.terminal import screen
 
 __all__ = [
+    "Asked",
     "angle_of",
+    "asked",
     "choose_ball",
     "choose_cor",
     "choose_drag",
@@ -121,6 +124,27 @@ def experiment_of(setup: Setup, ball: bodies.Ball, drag_option: str | None = Non
         bodies.GRAVITY,
         chosen,
     )
+
+
+@dataclass(frozen=True)
+class Asked:
+    """The experiment that was asked for, and its law of restitution."""
+
+    experiment: Experiment
+    law: CorLaw
+
+
+def asked(setup: Setup, ball: str | None, cor: str, drag: str | None) -> Asked:
+    """Setup and options together: which ball, with which restitution and drag.
+
+    Raises
+    ------
+    UsageError
+        If an option names nothing.
+    """
+    struck = choose_ball(setup, ball)
+    law, _ = choose_cor(struck, cor)
+    return Asked(experiment_of(setup, struck, drag), law)
 
 
 def scatter_of(setup: Setup) -> PlanScatter:

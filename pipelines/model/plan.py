@@ -26,17 +26,16 @@ from physics.forward import (
 from physics.planning import Plan, PlanScatter, plan_distance
 from physics.restitution.restitution import ConstantCor, CorLaw
 from physics.swing import backswing_for_speed, frictionless_speed
+from pipelines.figures import Picture, save_figure
 from pipelines.model.options import (
-    choose_ball,
-    choose_cor,
-    experiment_of,
+    asked,
     scatter_of,
     send_out,
     setup_or_default,
 )
-from pipelines.model.plots import draw_plan
+from pipelines.model.plots import plan_figure
 
-__all__ = ["Planning", "plan", "plan_command"]
+__all__ = ["Planning", "plan", "plan_command", "planned_figure"]
 
 
 _CONTACT_ANGLE = ("backswing_angle_contact_model", "deg")
@@ -171,7 +170,8 @@ def _warnings(experiment: Experiment, found: Plan, law: CorLaw) -> tuple[str, ..
     return tuple(notes)
 
 
-def _draw(path: Path, experiment: Experiment, law: CorLaw, planned: Planning) -> None:
+def planned_figure(experiment: Experiment, law: CorLaw, planned: Planning) -> Picture:
+    """Distance over back-swing by the law and by a constant one, with the plan on it."""
     low, high = experiment.ball.cor_range
     pendulum, ball = experiment.pendulum, experiment.ball
     angles = np.linspace(1.5 * ball.launch_angle, math.pi, 90)
@@ -188,8 +188,7 @@ def _draw(path: Path, experiment: Experiment, law: CorLaw, planned: Planning) ->
         speed = float(frictionless_speed(pendulum, angle, ball.launch_angle, experiment.gravity))
         return low <= speed <= high
 
-    draw_plan(
-        path,
+    return plan_figure(
         angles,
         curves,
         relative * curves["variable COR"],
@@ -224,19 +223,17 @@ def plan_command(
     Example: vision plan --distance 2.5m --ball jokku
     """
     known = setup_or_default(setup)
-    struck = choose_ball(known, ball)
-    law, _ = choose_cor(struck, cor)
-    experiment = experiment_of(known, struck, drag)
+    wanted = asked(known, ball, cor, drag)
     planned = plan(
-        experiment,
+        wanted.experiment,
         read_number(distance, measurands.DISTANCE, "--distance"),
-        cor=law,
+        cor=wanted.law,
         scatter=scatter_of(known),
     )
     if plot is not None:
-        _draw(plot, experiment, law, planned)
+        save_figure(planned_figure(wanted.experiment, wanted.law, planned), plot)
     send_out(
-        f"{struck.name}, {distance}",
+        f"{wanted.experiment.ball.name}, {distance}",
         planned.quantities,
         planned.warnings,
         json_to=json_to,

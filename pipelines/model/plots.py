@@ -8,14 +8,13 @@ from typing import Any
 
 import matplotlib
 import numpy as np
-from matplotlib.figure import Figure
 
-from metrology import UsageError, written_whole
 from physics.arrays import FloatArray
 from physics.flight.flight import FlightPath
 from physics.forward import Experiment
+from pipelines.figures import Picture, save_figure
 
-__all__ = ["BLUE", "GRAY", "ORANGE", "draw_flights", "draw_plan", "saved_figure"]
+__all__ = ["BLUE", "GRAY", "ORANGE", "flights_figure", "plan_figure", "saved_figure"]
 
 BLUE, ORANGE, GRAY = "#1f6fb4", "#d95f02", "#666666"
 _STYLE: Any = {
@@ -30,7 +29,14 @@ _STYLE: Any = {
 
 
 @contextmanager
-def saved_figure(path: Path, width: float = 6.4, height: float = 3.6) -> Iterator[Figure]:
+def styled_figure(width: float = 6.4, height: float = 3.6) -> Iterator[Picture]:
+    """A figure to draw on in the style of these plots; sizes in inches."""
+    with matplotlib.rc_context(_STYLE):
+        yield Picture(figsize=(width, height), dpi=150, layout="constrained")
+
+
+@contextmanager
+def saved_figure(path: Path, width: float = 6.4, height: float = 3.6) -> Iterator[Picture]:
     """A figure that is written whole to `path` (.png or .svg) when the block succeeds.
 
     Raises
@@ -38,21 +44,16 @@ def saved_figure(path: Path, width: float = 6.4, height: float = 3.6) -> Iterato
     UsageError
         For another kind of file.
     """
-    if path.suffix.lower() not in (".png", ".svg"):
-        raise UsageError(f"a plot is a .png or .svg file, not {path.name}")
-    with matplotlib.rc_context(_STYLE):
-        figure = Figure(figsize=(width, height), dpi=150, layout="constrained")
+    with styled_figure(width, height) as figure:
         yield figure
-        metadata: dict[str, Any] = {"Date": None} if path.suffix.lower() == ".svg" else {}
-        with written_whole(path) as temporary:
-            figure.savefig(temporary, metadata=metadata)
+        save_figure(figure, path)
 
 
-def draw_flights(
-    path: Path, experiment: Experiment, impulsive: FlightPath, turned: FlightPath | None
-) -> None:
+def flights_figure(
+    experiment: Experiment, impulsive: FlightPath, turned: FlightPath | None
+) -> Picture:
     """The ball's path by the paper's launch and by the contact followed in time."""
-    with saved_figure(path) as figure:
+    with styled_figure() as figure:
         axes = figure.subplots()
         axes.axhline(experiment.ball.radius, color=GRAY, lw=0.8, ls=":")
         for flight, colour, label in (
@@ -68,19 +69,19 @@ def draw_flights(
         axes.set(xlabel="x from rest (m)", ylabel="height of the centre (m)")
         axes.set_ylim(bottom=0.0)
         axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
+    return figure
 
 
-def draw_plan(
-    path: Path,
+def plan_figure(
     angles: FloatArray,
     curves: dict[str, FloatArray],
     std: FloatArray,
     wanted: tuple[float, float],
     fitted: Callable[[float], bool],
-) -> None:
+) -> Picture:
     """Distance over back-swing angle (rad), the wanted point, and where the law is extrapolated."""
     degrees = np.rad2deg(angles)
-    with saved_figure(path) as figure:
+    with styled_figure() as figure:
         axes = figure.subplots()
         inside = np.array([fitted(float(angle)) for angle in angles])
         for (label, distance), colour in zip(curves.items(), (BLUE, ORANGE), strict=False):
@@ -94,3 +95,4 @@ def draw_plan(
         axes.set(xlabel="back-swing angle (deg)", ylabel="landing distance (m)")
         axes.plot([], [], color=GRAY, lw=1.0, ls="--", label="beyond the fitted speeds")
         axes.legend(loc="upper left")
+    return figure

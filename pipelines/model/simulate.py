@@ -17,7 +17,6 @@ from metrology import (
     measurands,
     read_number,
 )
-from physics.bodies import Ball
 from physics.contact.outcome import ContactOutcome
 from physics.domain import require_positive
 from physics.flight.drag_curves import DragCurve
@@ -25,17 +24,16 @@ from physics.flight.flight import FlightPath
 from physics.forward import Experiment
 from physics.planning import PlanScatter
 from physics.restitution.restitution import CorLaw
+from pipelines.figures import save_figure
 from pipelines.model.effects import AddedEffect, added_effects
 from pipelines.model.options import (
     angle_of,
-    choose_ball,
-    choose_cor,
-    experiment_of,
+    asked,
     scatter_of,
     send_out,
     setup_or_default,
 )
-from pipelines.model.plots import draw_flights
+from pipelines.model.plots import flights_figure
 from pipelines.model.strike import (
     UNITS,
     Shift,
@@ -225,23 +223,21 @@ def simulate_command(
     Example: vision simulate --backswing "90 deg" --ball jokku --effect magnus:spin=10
     """
     known = setup_or_default(setup)
-    struck: Ball = choose_ball(known, ball)
-    law, _ = choose_cor(struck, cor)
-    experiment = experiment_of(known, struck, drag)
+    wanted = asked(known, ball, cor, drag)
     result = simulate(
-        experiment,
+        wanted.experiment,
         backswing=None if backswing is None else angle_of(backswing),
         impact_speed=None
         if impact_speed is None
         else read_number(impact_speed, measurands.SPEED, "--impact-speed"),
-        cor=law,
+        cor=wanted.law,
         scatter=scatter_of(known),
         effects=added_effects(known, tuple(effect or ())),
     )
     if plot is not None:
-        draw_flights(plot, experiment, result.flight, result.contact_flight)
+        save_figure(flights_figure(wanted.experiment, result.flight, result.contact_flight), plot)
     send_out(
-        f"{struck.name}, simulated",
+        f"{wanted.experiment.ball.name}, simulated",
         result.quantities,
         result.warnings,
         json_to=json_to,

@@ -1,6 +1,9 @@
-"""What the quantities of the results table are called on paper."""
+"""What the quantities of the results table are called on paper, and how they are printed."""
 
-__all__ = ["quantity_label"]
+from metrology import Quantity
+from metrology.formatting import format_quantity, format_value
+
+__all__ = ["quantity_label", "quantity_text"]
 
 _LABELS = {
     "contact_frames": "contact frames",
@@ -32,3 +35,14 @@ _LABELS = {
 def quantity_label(name: str) -> str:
     """Label of a quantity; names without one are spelled out."""
     return _LABELS.get(name, name.replace("_", " "))
+
+
+def quantity_text(quantity: Quantity) -> str:
+    """Value ± std with its unit, a count without decimals; the reason where there is no value."""
+    if quantity.value is None:
+        return f"– {quantity.reason}"
+    if quantity.name == "contact_frames":
+        return f"{quantity.value:.0f} ± {quantity.std:.1f}"
+    if quantity.std == 0.0:
+        return format_value(quantity.value, None, quantity.unit)
+    return format_quantity(quantity)

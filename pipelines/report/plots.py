@@ -8,12 +8,12 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from metrology import UsageError, written_whole
+from metrology import UsageError
+from pipelines.figures import Picture, save_figure
 from pipelines.report.inputs import GapRecord, Moment, PathRecord, ReportInput, SpeedRecord
 
-__all__ = ["Panel", "panel_svg", "panels_of", "write_plot"]
+__all__ = ["Panel", "panel_svg", "panels_of", "plots_figure", "write_plot"]
 
 # Told apart with any colour vision (Okabe and Ito 2008).
 BLUE, ORANGE, GREEN, PINK, GRAY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#555555"
@@ -56,11 +56,38 @@ def panels_of(report: ReportInput) -> tuple[Panel, ...]:
 def panel_svg(panel: Panel, width: float = 6.2, height: float = 3.1) -> str:
     """Draw one panel as an SVG document; sizes in inches."""
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(width, height), layout="constrained")
+        figure = Picture(figsize=(width, height), layout="constrained")
         _fill(figure.subplots(), panel)
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", metadata={"Date": None})
     return buffer.getvalue()
+
+
+def plots_figure(report: ReportInput) -> Picture:
+    """All panels in one figure.
+
+    Raises
+    ------
+    UsageError
+        If there is nothing to draw.
+    """
+    panels = panels_of(report)
+    if not panels:
+        raise UsageError(
+            "there is nothing to plot: neither ball nor pendulum was followed in the clip",
+            hint="Leave --plot out, or point at the ball with --ball-at X,Y.",
+        )
+    columns = 2 if len(panels) > 1 else 1
+    rows = -(-len(panels) // columns)
+    with matplotlib.rc_context(STYLE):
+        figure = Picture(figsize=(5.6 * columns, 3.3 * rows), dpi=130, layout="constrained")
+        figure.suptitle(report.title, fontsize=11)
+        grid = figure.subplots(rows, columns, squeeze=False).ravel()
+        for axes, panel in zip(grid, panels, strict=False):
+            _fill(axes, panel)
+        for axes in grid[len(panels) :]:
+            axes.set_axis_off()
+    return figure
 
 
 def write_plot(path: Path, report: ReportInput) -> None:
@@ -71,29 +98,8 @@ def write_plot(path: Path, report: ReportInput) -> None:
     UsageError
         If the file is neither .png nor .svg, or there is nothing to draw.
     """
-    if path.suffix.lower() not in (".png", ".svg"):
-        raise UsageError(
-            f"a plot is a .png or .svg file, not {path.name}", hint="Try --plot results.png."
-        )
-    panels = panels_of(report)
-    if not panels:
-        raise UsageError(
-            "there is nothing to plot: neither ball nor pendulum was followed in the clip",
-            hint="Leave --plot out, or point at the ball with --ball-at X,Y.",
-        )
-    columns = 2 if len(panels) > 1 else 1
-    rows = -(-len(panels) // columns)
     with matplotlib.rc_context(STYLE):
-        figure = Figure(figsize=(5.6 * columns, 3.3 * rows), dpi=130, layout="constrained")
-        figure.suptitle(report.title, fontsize=11)
-        grid = figure.subplots(rows, columns, squeeze=False).ravel()
-        for axes, panel in zip(grid, panels, strict=False):
-            _fill(axes, panel)
-        for axes in grid[len(panels) :]:
-            axes.set_axis_off()
-        dated: dict[str, Any] = {"Date": None} if path.suffix.lower() == ".svg" else {}
-        with written_whole(path) as temporary:
-            figure.savefig(temporary, metadata=dated)
+        save_figure(plots_figure(report), path, hint="Try --plot results.png.")
 
 
 def _fill(axes: Axes, panel: Panel) -> None:

@@ -10,9 +10,9 @@ import pandas as pd
 from rich.table import Table
 
 from metrology import Quantity
-from metrology.formatting import format_quantity
 from pipelines.measure.measurement import Measurement
-from pipelines.report import quantity_label
+from pipelines.report.labels import quantity_label, quantity_text
+from vision.tracks import Motion
 
 __all__ = [
     "column_of",
@@ -22,7 +22,6 @@ __all__ = [
     "measurement_as_row",
     "measurements_as_csv",
     "results_table",
-    "shown",
     "software_version",
 ]
 
@@ -60,6 +59,7 @@ def measurement_as_dict(
             "source": rate.source,
             "gravity_check": _as_json(measured.gravity),
         },
+        "motion": _motion(measured.tracks.motion),
         "quantities": {item.name: _as_json(item) for item in kept},
         "beside": {item.name: _as_json(item) for item in beside},
         "budget": {
@@ -91,6 +91,16 @@ def measurement_as_json(measured: Measurement, names: Sequence[str] | None = Non
     """JSON of one clip, as the contract has it; `names` keeps only some quantities."""
     document = measurement_as_dict(measured, names)
     return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
+
+
+def _motion(motion: Motion) -> dict[str, Any]:
+    """What was seen to happen, what speaks for it, and what else it could be."""
+    return {
+        "kind": motion.kind.value,
+        "probability": motion.probability,
+        "reasons": list(motion.reasons),
+        "alternatives": {kind.value: share for kind, share in motion.alternatives},
+    }
 
 
 def _beside(measured: Measurement, names: Sequence[str] | None) -> tuple[Quantity, ...]:
@@ -131,8 +141,9 @@ def measurement_as_row(
         row[column_of(item)], row[f"{column_of(item)}_std"] = item.value, item.std
     row |= {
         "capture_fps": measured.rate.fps,
-        "capture_fps_std": measured.rate.std,
+        "capture_fps_std": measured.rate.std if measured.rate.known else None,
         "capture_fps_source": str(measured.rate.source),
+        "motion": measured.tracks.motion.kind.value,
     }
     return row | {f"reason_{item.name}": item.reason or "" for item in items}
 
@@ -162,14 +173,5 @@ def results_table(measured: Measurement, names: Sequence[str] | None = None) -> 
     beside = [item for item in _beside(measured, names) if item.known]
     for item in (*measured.quantities, *beside):
         if names is None or item.name in names or item in beside:
-            table.add_row(quantity_label(item.name), shown(item))
+            table.add_row(quantity_label(item.name), quantity_text(item))
     return table
-
-
-def shown(item: Quantity) -> str:
-    """As it is printed; a count has no decimals, a missing value its reason."""
-    if item.value is None:
-        return f"– {item.reason}"
-    if item.name == "contact_frames":
-        return f"{item.value:.0f} ± {item.std:.1f}"
-    return format_quantity(item)

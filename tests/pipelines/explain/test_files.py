@@ -9,8 +9,9 @@ import typer
 from typer.testing import CliRunner
 
 from metrology import ImpactVisionError, TooLittleDataError, UsageError
-from pipelines.explain.command import explain_command, explain_files
+from pipelines.explain.command import explain_command
 from pipelines.explain.io import load_campaign, load_effects
+from pipelines.explain.run import explain_files
 from pipelines.setup.file import read_setup
 from tests.mismatch.synthetic import thrown_campaign
 

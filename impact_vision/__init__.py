@@ -1,0 +1,80 @@
+"""Impact and flight from video, each number with an uncertainty: the front door for notebooks.
+
+>>> import impact_vision as iv
+>>> m = iv.measure("a.mp4", setup="lab.toml", wall_grid="50mm", ball="jokku")  # doctest: +SKIP
+>>> m.ball_speed  # doctest: +SKIP
+ball_speed: 5.2012 ± 0.0093 m/s
+
+Importing takes no time: what a name needs is loaded when it is first used.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from physics import effects as effects
+    from pipelines.api.calibrated import CalibratedClip as CalibratedClip
+    from pipelines.api.calibrated import calibrate as calibrate
+    from pipelines.api.clip import Clip as Clip
+    from pipelines.api.explained import Verdict as Verdict
+    from pipelines.api.explained import explain as explain
+    from pipelines.api.filmed import render as render
+    from pipelines.api.measured import Measurement as Measurement
+    from pipelines.api.measured import measure as measure
+    from pipelines.api.modelled import ModelResult as ModelResult
+    from pipelines.api.modelled import cor as cor
+    from pipelines.api.modelled import plan as plan
+    from pipelines.api.modelled import simulate as simulate
+    from pipelines.api.quantities import QuantityView as QuantityView
+    from pipelines.setup.file import Setup as Setup
+
+__all__ = [
+    "CalibratedClip",
+    "Clip",
+    "Measurement",
+    "ModelResult",
+    "QuantityView",
+    "Setup",
+    "Verdict",
+    "calibrate",
+    "cor",
+    "effects",
+    "explain",
+    "measure",
+    "plan",
+    "render",
+    "simulate",
+]
+
+_HOMES = {
+    "CalibratedClip": "pipelines.api.calibrated",
+    "Clip": "pipelines.api.clip",
+    "Measurement": "pipelines.api.measured",
+    "ModelResult": "pipelines.api.modelled",
+    "QuantityView": "pipelines.api.quantities",
+    "Setup": "pipelines.setup.file",
+    "Verdict": "pipelines.api.explained",
+    "calibrate": "pipelines.api.calibrated",
+    "cor": "pipelines.api.modelled",
+    "explain": "pipelines.api.explained",
+    "measure": "pipelines.api.measured",
+    "plan": "pipelines.api.modelled",
+    "render": "pipelines.api.filmed",
+    "simulate": "pipelines.api.modelled",
+}
+_MODULES = {"effects": "physics.effects"}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _MODULES:
+        found: Any = import_module(_MODULES[name])
+    elif name in _HOMES:
+        found = getattr(import_module(_HOMES[name]), name)
+    else:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = found
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

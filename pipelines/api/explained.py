@@ -1,0 +1,138 @@
+"""`explain`: where simulation and recording differ, and what physics was left out."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from metrology import UsageError
+from mismatch import Explained
+from mismatch import Verdict as Answer
+from mismatch.table.explain import TableExplained
+from physics.effects import Effect
+from pipelines.api.asked import SetupLike, setup_from
+from pipelines.explain.plots import figure_of
+from pipelines.explain.report import verdict_html, write_explain_report
+from pipelines.explain.run import explain_files_in_full, explain_table_file
+from pipelines.explain.tabular import TableLike
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pipelines.figures import Picture
+
+__all__ = ["Verdict", "explain"]
+
+
+class Verdict:
+    """The engine's answer; it prints itself.
+
+    Parameters
+    ----------
+    explained : Explained or TableExplained
+        Answer and fits.
+
+    Attributes
+    ----------
+    answer : mismatch.Verdict
+        Location, effects, alternatives, held-out test and what remains, as dataclasses.
+    """
+
+    def __init__(self, explained: Explained | TableExplained) -> None:
+        self._explained = explained
+        self.answer: Answer = explained.verdict
+
+    @property
+    def verdict(self) -> str:
+        """In one word: no_mismatch, explained, ambiguous or unexplained."""
+        return str(self.to_dict()["verdict"])
+
+    @property
+    def effects(self) -> dict[str, float]:
+        """Ids of what was left out, strongest first, with their probabilities."""
+        return {effect.id: effect.probability for effect in self.answer.effects}
+
+    def to_dict(self) -> dict[str, Any]:
+        """The contract's JSON of `vision explain`."""
+        return self.answer.to_json()
+
+    def plot(self) -> "Picture":
+        """Residuals before and after, and the missing force with its band."""
+        return figure_of(self._explained)
+
+    def report(self, path: str | os.PathLike[str]) -> Path:
+        """Write the story as one HTML page."""
+        out = Path(path)
+        write_explain_report(self._explained, out)
+        return out
+
+    def __repr__(self) -> str:
+        return self.answer.text()
+
+    def _repr_html_(self) -> str:
+        return verdict_html(self.answer)
+
+
+def explain(
+    *,
+    balls: "pd.DataFrame | str | os.PathLike[str] | None" = None,
+    pendulum: "pd.DataFrame | str | os.PathLike[str] | None" = None,
+    trials: "pd.DataFrame | str | os.PathLike[str] | None" = None,
+    setup: SetupLike = None,
+    hold_out: Sequence[str] = (),
+    effects: Sequence[Effect] | str | os.PathLike[str] = (),
+) -> Verdict:
+    """Find where simulation and recording differ and what physics was left out.
+
+    Parameters
+    ----------
+    balls : DataFrame or path, optional
+        Samples of the ball: ``trial``, ``t_s`` and ``x_m``, ``y_m`` or ``z_m``, m; optionally
+        ``ball``, ``backswing_deg``, ``…_std``. Or a track table of `measure`.
+    pendulum : DataFrame or path, optional
+        Samples of the pendulum: ``trial``, ``t_s``, ``phi_rad`` (0 at the lowest point).
+    trials : DataFrame or path, optional
+        Instead of samples, a few numbers per trial: impact speed, ball speed, range.
+    setup : Setup or path
+        What the model already knows.
+    hold_out : sequence of str
+        Names of trials to keep out of the fit; default the engine's own split.
+    effects : sequence of Effect, or path
+        Effects of your own, or a Python file with them.
+
+    Returns
+    -------
+    Verdict
+
+    Raises
+    ------
+    UsageError
+        For tables that don't hold what is needed.
+    TooLittleDataError
+        If there is too little to tell.
+    """
+    known = setup_from(setup)
+    own = Path(effects) if isinstance(effects, str | os.PathLike) else tuple(effects)
+    held = tuple(str(name) for name in hold_out) or None
+    if trials is not None:
+        if balls is not None or pendulum is not None:
+            raise UsageError(
+                "explain takes samples or a table of trials, not both",
+                hint="Leave `trials` away, or `balls` and `pendulum`.",
+            )
+        return Verdict(explain_table_file(_table(trials), known, held, own))
+    return Verdict(
+        explain_files_in_full(
+            None if balls is None else _table(balls),
+            None if pendulum is None else _table(pendulum),
+            known,
+            held,
+            own,
+        )
+    )
+
+
+def _table(given: "pd.DataFrame | str | os.PathLike[str]") -> TableLike:
+    if isinstance(given, str | os.PathLike):
+        return Path(given)
+    return cast("TableLike", given)

@@ -1,0 +1,243 @@
+"""`simulate`, `plan` and `cor`: the forward model and its inversions."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from metrology import Quantity, measurands, read_number
+from physics.bodies import GRAVITY
+from physics.flight.air import PAPER_AIR
+from physics.flight.drag_curves import SUBCRITICAL_DRAG
+from physics.restitution.inversion import RangeInputs, cor_from_range
+from pipelines.api.asked import Given, SetupLike, setup_from
+from pipelines.api.quantities import Quantities, QuantityView, as_document, as_row
+from pipelines.model.effects import added_effects
+from pipelines.model.options import angle_of, asked, scatter_of
+from pipelines.model.plan import plan as plan_strike
+from pipelines.model.plan import planned_figure
+from pipelines.model.plots import flights_figure
+from pipelines.model.simulate import simulate as simulate_strike
+from pipelines.report.notebook import results_html
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from pipelines.figures import Picture
+
+__all__ = ["ModelResult", "cor", "plan", "simulate"]
+
+
+class ModelResult:
+    """Numbers of the forward model. Every quantity is an attribute, too: ``r.landing_distance``.
+
+    Parameters
+    ----------
+    quantities : sequence of Quantity
+    warnings : tuple of str
+    title : str
+    draw : callable
+        Makes the figure.
+
+    Attributes
+    ----------
+    quantities : Mapping of str to QuantityView
+    warnings : tuple of str
+    """
+
+    def __init__(
+        self,
+        quantities: Sequence[Quantity],
+        warnings: tuple[str, ...],
+        title: str,
+        draw: "Callable[[], Picture]",
+    ) -> None:
+        self._plain, self._title, self._draw = tuple(quantities), title, draw
+        self._named = Quantities(quantities, title)
+        self.quantities: Mapping[str, QuantityView] = self._named
+        self.warnings = warnings
+
+    def __getattr__(self, name: str) -> QuantityView:
+        quantities = self.__dict__.get("quantities", {})
+        if name in quantities:
+            found: QuantityView = quantities[name]
+            return found
+        raise AttributeError(f"there is no {name!r}; there are: {[*quantities]}")
+
+    def __dir__(self) -> list[str]:
+        return [*super().__dir__(), *self.quantities]
+
+    def to_dict(self) -> dict[str, Any]:
+        """The contract's JSON of `simulate` and `plan`."""
+        return as_document(self._named, self.warnings)
+
+    def to_frame(self) -> "pd.DataFrame":
+        """One row, columns NAME_UNIT and NAME_UNIT_std."""
+        import pandas as pd
+
+        return pd.DataFrame([as_row(self._named)])
+
+    def plot(self) -> "Picture":
+        """The path, or distance over back-swing, as a matplotlib figure."""
+        return self._draw()
+
+    def __repr__(self) -> str:
+        return repr(self._named)
+
+    def _repr_html_(self) -> str:
+        return results_html(self._title, self._plain, self.warnings)
+
+
+def simulate(
+    *,
+    backswing: Given | None = None,
+    impact_speed: Given | None = None,
+    ball: str | None = None,
+    cor: Given = "variable",
+    drag: Given | None = None,
+    effects: Sequence[str] = (),
+    setup: SetupLike = None,
+) -> ModelResult:
+    """Follow a strike from back-swing or impact speed to landing (steps a to e of the paper).
+
+    Parameters
+    ----------
+    backswing : float or str, optional
+        Angle, deg or such as "90 deg"; or give `impact_speed`.
+    impact_speed : float or str, optional
+        m/s.
+    ball : str, optional
+        A preset, or a ball of the setup; default the setup's, else "jokku".
+    cor : str or float
+        "variable", "constant", a number, or a law in v (m/s).
+    drag : str or float, optional
+        Drag coefficient, or a curve: "smooth", "soccer", "basketball".
+    effects : sequence of str
+        Of the catalogue, with their values: "magnus:spin=10".
+    setup : Setup or path, optional
+
+    Returns
+    -------
+    ModelResult
+
+    Raises
+    ------
+    UsageError
+        For options that can't be.
+    DomainError
+        For inputs that no law holds for.
+    """
+    known = setup_from(setup)
+    wanted = asked(known, ball, str(cor), None if drag is None else str(drag))
+    found = simulate_strike(
+        wanted.experiment,
+        backswing=None if backswing is None else angle_of(str(backswing)),
+        impact_speed=None
+        if impact_speed is None
+        else read_number(impact_speed, measurands.SPEED, "impact_speed"),
+        cor=wanted.law,
+        scatter=scatter_of(known),
+        effects=added_effects(known, tuple(effects)),
+    )
+    return ModelResult(
+        found.quantities,
+        found.warnings,
+        f"{wanted.experiment.ball.name}, simulated",
+        lambda: flights_figure(wanted.experiment, found.flight, found.contact_flight),
+    )
+
+
+def plan(
+    distance: Given,
+    *,
+    ball: str | None = None,
+    cor: Given = "variable",
+    drag: Given | None = None,
+    setup: SetupLike = None,
+) -> ModelResult:
+    """Back-swing angle and impact speed that reach a distance (section V.3).
+
+    Parameters
+    ----------
+    distance : float or str
+        Of the ball's centre from rest to landing, m or such as "2.5m".
+    ball, cor, drag, setup
+        As in `simulate`.
+
+    Returns
+    -------
+    ModelResult
+
+    Raises
+    ------
+    DomainError
+        If the distance is out of the pendulum's reach.
+    """
+    known = setup_from(setup)
+    wanted = asked(known, ball, str(cor), None if drag is None else str(drag))
+    metres = read_number(distance, measurands.DISTANCE, "distance")
+    found = plan_strike(wanted.experiment, metres, cor=wanted.law, scatter=scatter_of(known))
+    return ModelResult(
+        found.quantities,
+        found.warnings,
+        f"{wanted.experiment.ball.name}, {metres:g} m",
+        lambda: planned_figure(wanted.experiment, wanted.law, found),
+    )
+
+
+def cor(
+    *,
+    distance: ArrayLike,
+    impact_speed: ArrayLike,
+    contact_time: ArrayLike,
+    launch_angle: ArrayLike,
+    support_height: ArrayLike,
+    ball_mass: ArrayLike,
+    effective_mass: ArrayLike,
+    ball_diameter: ArrayLike,
+    drag_coefficient: ArrayLike = SUBCRITICAL_DRAG,
+    air_density: ArrayLike = PAPER_AIR.density,
+    gravity: ArrayLike = GRAVITY,
+) -> Any:
+    """Coefficient of restitution from where the ball landed: Eq. 17 solved for e.
+
+    Parameters
+    ----------
+    distance : float or array
+        Of the ball's centre from rest to landing, m. All arrays broadcast.
+    impact_speed : float or array
+        Of the pendulum at the point of contact, m/s.
+    contact_time : float or array
+        s.
+    launch_angle : float or array
+        deg above the horizontal.
+    support_height : float or array
+        How far the ball falls, m.
+    ball_mass, effective_mass : float or array
+        Of the ball, and I/L² of the pendulum, kg.
+    ball_diameter : float or array
+        m.
+    drag_coefficient, air_density : float or array
+        1 and kg/m³; the paper's unless given.
+    gravity : float or array
+        m/s².
+
+    Returns
+    -------
+    float or array
+        e; not limited to (0, 1], since measured distances may say otherwise.
+
+    Raises
+    ------
+    DomainError
+        For inputs outside their domain, or a distance that no launch at that angle reaches.
+    """
+    given = (
+        distance, impact_speed, contact_time, np.radians(launch_angle), support_height,
+        ball_mass, effective_mass, ball_diameter, drag_coefficient, air_density, gravity,
+    )  # fmt: skip
+    arrays: list[NDArray[np.float64]] = [np.asarray(value, dtype=np.float64) for value in given]
+    plain = all(array.ndim == 0 for array in arrays)
+    found = cor_from_range(RangeInputs(*(float(a) if plain else a for a in arrays)))
+    return float(found) if plain else np.asarray(found)

@@ -1,0 +1,137 @@
+"""Quantities as a notebook shows them: value ± std, the budget as a table."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from metrology import Contribution, MeasurementError, Quantity
+from pipelines.measure.files.output import column_of, harmless
+from pipelines.report.labels import quantity_label, quantity_text
+from pipelines.report.notebook import results_html
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+__all__ = ["Quantities", "QuantityView", "as_document", "as_row"]
+
+
+@dataclass(frozen=True)
+class QuantityView:
+    """A number with its standard uncertainty, or the reason why there is none.
+
+    Attributes
+    ----------
+    name : str
+        As in the results table ("launch_angle").
+    value : float or None
+        Best estimate; None where it could not be measured.
+    std : float or None
+        Combined standard uncertainty, k = 1.
+    unit : str
+    reason : str or None
+        Why there is no value.
+    contributions : tuple of Contribution
+        What `std` is made of, largest first.
+    """
+
+    name: str
+    value: float | None
+    std: float | None
+    unit: str
+    reason: str | None = None
+    contributions: tuple[Contribution, ...] = ()
+
+    @classmethod
+    def of(cls, quantity: Quantity) -> "QuantityView":
+        """A quantity of the chain."""
+        lines = tuple(sorted(quantity.budget, key=lambda line: -line.std))
+        return cls(
+            quantity.name, quantity.value, quantity.std, quantity.unit, quantity.reason, lines
+        )
+
+    @property
+    def known(self) -> bool:
+        """Whether there is a value."""
+        return self.value is not None
+
+    @property
+    def budget(self) -> "pd.DataFrame":
+        """Sources with their `std` and their `share` of the variance, largest first."""
+        import pandas as pd
+
+        total = sum(line.std**2 for line in self.contributions)
+        rows = [
+            (str(line.source), line.std, line.std**2 / total if total else 0.0)
+            for line in self.contributions
+        ]
+        return pd.DataFrame(rows, columns=["source", "std", "share"])
+
+    def _plain(self) -> Quantity:
+        return Quantity(self.name, self.value, self.std, self.unit, self.reason, self.contributions)
+
+    def __float__(self) -> float:
+        if self.value is None:
+            raise MeasurementError(f"there is no {quantity_label(self.name)}: {self.reason}")
+        return self.value
+
+    def __str__(self) -> str:
+        return quantity_text(self._plain())
+
+    def __repr__(self) -> str:
+        return f"{self.name}: {self}"
+
+    def _repr_html_(self) -> str:
+        return results_html("", [self._plain()])
+
+
+class Quantities(Mapping[str, QuantityView]):
+    """Quantities by name, in the order of the results table.
+
+    Parameters
+    ----------
+    quantities : iterable of Quantity
+    title : str
+        What they are of.
+    """
+
+    def __init__(self, quantities: Iterable[Quantity], title: str = "") -> None:
+        self._plain = tuple(quantities)
+        self._views = {item.name: QuantityView.of(item) for item in self._plain}
+        self._title = title
+
+    def __getitem__(self, name: str) -> QuantityView:
+        return self._views[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._views)
+
+    def __len__(self) -> int:
+        return len(self._views)
+
+    def __repr__(self) -> str:
+        wide = max((len(quantity_label(name)) for name in self), default=0)
+        lines = [f"{quantity_label(name):<{wide}}  {view}" for name, view in self.items()]
+        return "\n".join([self._title, *lines] if self._title else lines)
+
+    def _repr_html_(self) -> str:
+        return results_html(self._title, self._plain)
+
+
+def as_document(quantities: Quantities, warnings: Iterable[str]) -> dict[str, Any]:
+    """The contract's ``{"quantities": …, "warnings": …}``."""
+    table: dict[str, Any] = {}
+    for name, item in quantities.items():
+        if item.value is None:
+            table[name] = {"value": None, "unit": item.unit, "reason": item.reason}
+        else:
+            table[name] = {"value": item.value, "std": item.std, "unit": item.unit}
+    return {"quantities": table, "warnings": list(warnings)}
+
+
+def as_row(quantities: Quantities) -> dict[str, object]:
+    """One row: NAME_UNIT and NAME_UNIT_std for each quantity."""
+    row: dict[str, object] = {}
+    for item in quantities.values():
+        column = column_of(item._plain())
+        row[column], row[f"{column}_std"] = item.value, item.std
+    return harmless(row)

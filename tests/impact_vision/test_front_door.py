@@ -1,0 +1,173 @@
+"""`import impact_vision as iv`: quick to import, results that show themselves, tables that fit."""
+
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import impact_vision as iv
+import sample_videos
+from metrology import MeasurementError, UsageError
+from physics.bodies import BALLS, PAPER_PENDULUM, PAPER_SUPPORT
+from physics.restitution.restitution import ConstantCor
+
+CLIPS = Path(sample_videos.__file__).parent / "clips"
+CLIP = CLIPS / "jokku_90_small.mp4"
+MEASURE = ["path", "setup", "fps", "ball", "wall_grid", "ball_at", "mass_at", "cache"]
+EXPLAIN = ["balls", "pendulum", "trials", "setup", "hold_out", "effects"]
+
+
+@pytest.fixture(scope="module")
+def measured() -> iv.Measurement:
+    return iv.measure(CLIP, setup=CLIP.with_suffix(".toml"))
+
+
+def test_importing_it_loads_nothing_heavy() -> None:
+    told = subprocess.run(
+        [sys.executable, "-c", "import impact_vision, sys; print(*sorted(sys.modules))"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    loaded = {name.partition(".")[0] for name in told.stdout.split()}
+    assert not loaded & {"cv2", "scipy", "pandas", "numpy", "matplotlib", "pipelines", "rich"}
+    assert len(told.stdout.split()) < 120
+
+
+def test_every_name_is_there_and_no_other() -> None:
+    for name in iv.__all__:
+        assert getattr(iv, name) is not None
+        assert name in dir(iv)
+    with pytest.raises(AttributeError, match="no_such"):
+        iv.no_such  # noqa: B018
+
+
+def test_it_only_hands_on() -> None:
+    source = Path(str(iv.__file__)).read_text(encoding="utf-8")
+    assert len(source.splitlines()) < 150
+
+
+@pytest.mark.parametrize(("function", "names"), [(iv.measure, MEASURE), (iv.explain, EXPLAIN)])
+def test_signatures_are_the_contracts(function: object, names: list[str]) -> None:
+    assert [*inspect.signature(function).parameters][: len(names)] == names  # type: ignore[arg-type]
+
+
+def test_a_quantity_knows_its_budget(measured: iv.Measurement) -> None:
+    speed = measured.ball_speed
+    assert speed is measured.quantities["ball_speed"]
+    assert float(speed) == speed.value
+    assert "±" in str(speed)
+    assert "m/s" in speed._repr_html_()
+    budget = speed.budget
+    assert list(budget.columns) == ["source", "std", "share"]
+    assert budget["std"].is_monotonic_decreasing
+    assert np.hypot.reduce(budget["std"]) == pytest.approx(speed.std)
+    assert budget["share"].sum() == pytest.approx(1.0)
+
+
+def test_a_missing_quantity_says_why_and_is_no_number(measured: iv.Measurement) -> None:
+    missing = measured.backswing_angle
+    assert missing.value is None
+    assert missing.budget.empty
+    assert str(missing.reason) in str(missing)
+    with pytest.raises(MeasurementError):
+        float(missing)
+    with pytest.raises(AttributeError, match="no_such"):
+        measured.no_such  # noqa: B018
+
+
+def test_a_measurement_is_a_document_a_row_a_table_and_a_page(
+    measured: iv.Measurement, tmp_path: Path
+) -> None:
+    document = measured.to_dict()
+    assert document["quantities"]["ball_speed"]["value"] == measured.ball_speed.value
+    assert document["motion"]["kind"] == measured.motion.kind.value == "strike"
+    row = measured.to_frame()
+    assert len(row) == 1
+    assert row["ball_speed_m_s"].item() == measured.ball_speed.value
+    tracks = measured.tracks
+    assert set(tracks["object"]) >= {"ball", "pendulum"}
+    stds = np.sqrt(np.diagonal(measured.covariance("ball"), axis1=1, axis2=2))
+    assert stds == pytest.approx(tracks.loc[tracks["object"] == "ball", ["x_m_std", "y_m_std"]])
+    assert "ball speed" in repr(measured)
+    shown = measured._repr_html_()
+    assert "data:image/png" in shown
+    assert "ball speed at release" in shown
+    assert len(measured.plot().axes) >= 3
+    assert "<html" in measured.report(tmp_path / "r.html").read_text(encoding="utf-8")
+    overlay = iv.Clip(measured.overlay(tmp_path / "o.mp4"))
+    assert len(overlay) == document["clip"]["frames"]
+
+
+def test_its_tracks_can_be_explained_without_a_detour(measured: iv.Measurement) -> None:
+    setup = CLIP.with_suffix(".toml")
+    flight = iv.explain(balls=measured.tracks, setup=setup)
+    swing = iv.explain(pendulum=measured.tracks, setup=setup)
+    for verdict in (flight, swing):
+        assert verdict.verdict in ("no_mismatch", "explained", "ambiguous", "unexplained")
+        assert verdict.to_dict()["verdict"] == verdict.verdict
+        assert verdict._repr_html_()
+    assert flight.plot().axes
+
+
+def test_a_clip_is_frames_and_times() -> None:
+    clip = iv.Clip(CLIP, fps=600)
+    times = [time for image, time in clip if image.shape == (116, 208)]
+    assert len(times) == len(clip)
+    assert times == pytest.approx(clip.times)
+    assert times[6] == pytest.approx(0.01)
+    image, time = clip.frame(6)
+    assert (time, image.ndim) == (times[6], 2)
+    with pytest.raises(IndexError):
+        clip.frame(len(clip))
+
+
+def test_simulate_plan_and_cor_close_the_circle() -> None:
+    planned = iv.plan("2 m", ball="jokku")
+    struck = iv.simulate(backswing=planned.backswing_angle.value, ball="jokku")
+    assert struck.landing_distance.value == pytest.approx(2.0, abs=0.002)
+    assert planned.to_dict()["quantities"]["impact_speed"]["unit"] == "m/s"
+    assert struck.to_frame()["landing_distance_m"].item() == struck.landing_distance.value
+    assert struck.plot().axes
+    ball = BALLS["jokku"]
+    given = {
+        "impact_speed": struck.impact_speed.value,
+        "contact_time": struck.contact_time.value,
+        "launch_angle": np.degrees(ball.launch_angle),
+        "support_height": PAPER_SUPPORT.height,
+        "ball_mass": ball.mass,
+        "effective_mass": PAPER_PENDULUM.mass_at_contact,
+        "ball_diameter": ball.diameter,
+    }
+    distance = struck.quantities["landing_distance"].value
+    e = iv.cor(distance=distance, **given)
+    assert isinstance(e, float)
+    assert e == pytest.approx(struck.cor_speeds.value, abs=0.01)
+    many = iv.cor(distance=np.array([distance, 1.1 * distance]), **given)
+    assert many[0] == pytest.approx(e)
+    assert many[1] > many[0]
+
+
+def test_a_constant_law_may_be_a_number() -> None:
+    half = iv.simulate(impact_speed="3 m/s", ball="jokku", cor=0.5)
+    assert half.cor_speeds.value == pytest.approx(float(ConstantCor(0.5)(3.0)))
+
+
+def test_what_cannot_be_is_refused_before_any_work() -> None:
+    with pytest.raises(UsageError, match="grid"):
+        iv.measure(CLIP, wall_grid=50.0)
+    with pytest.raises(UsageError, match="capture rate"):
+        iv.measure(CLIP, fps=-600)
+    with pytest.raises(UsageError, match="X,Y"):
+        iv.measure(CLIP, ball_at=(1, 2, 3, 4))
+    with pytest.raises(UsageError, match="not both"):
+        iv.explain(balls=pd.DataFrame(), trials=pd.DataFrame())
+
+
+def test_the_catalogue_and_its_base_class_are_there() -> None:
+    assert "magnus" in iv.effects.CATALOGUE
+    assert inspect.isclass(iv.effects.Effect)
