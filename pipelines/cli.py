@@ -9,6 +9,7 @@ from rich.console import Console
 
 from metrology import ImpactVisionError
 from pipelines.calibrate.command import CALIBRATE_COMMANDS, ClipOrCommand
+from pipelines.campaign.command import CAMPAIGN_COMMANDS, ClipsOrCommand
 from pipelines.explain.command import explain_command
 from pipelines.measure.commands import (
     contact_time_command,
@@ -96,3 +97,14 @@ _calibrate = typer.Typer(
 for _name, _command in CALIBRATE_COMMANDS.items():
     _calibrate.command(_name)(_guarded(_command))
 app.add_typer(_calibrate, name="calibrate")
+
+_campaign = typer.Typer(
+    cls=ClipsOrCommand,
+    no_args_is_help=True,
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    help="A folder of clips to a law of restitution: campaign CLIPS, its status, bad trials.",
+)
+for _name, _command in CAMPAIGN_COMMANDS.items():
+    _campaign.command(_name)(_guarded(_command))
+app.add_typer(_campaign, name="campaign")

@@ -95,7 +95,9 @@ def gather_inputs(setup: Setup, ball: str | None, wall_grid: str | None) -> Inpu
     UsageError
         If an option is no quantity, preset or pitch, or out of range.
     """
-    chosen = ball_from_option(ball) if ball is not None else setup.ball
+    chosen = setup.ball
+    if ball is not None:
+        chosen = setup.balls.get(ball) or ball_from_option(ball)
     if chosen is None and len(setup.balls) == 1:
         chosen = next(iter(setup.balls.values()))
     if wall_grid is not None:

@@ -15,6 +15,7 @@ from pipelines.report.labels import quantity_label, quantity_text
 from vision.tracks import Motion
 
 __all__ = [
+    "column_name",
     "column_of",
     "harmless",
     "measurement_as_dict",
@@ -122,12 +123,20 @@ def _as_json(quantity: Quantity) -> dict[str, Any]:
 def _budget(quantity: Quantity) -> list[dict[str, Any]]:
     """Lines of the budget, largest first."""
     lines = sorted(quantity.budget, key=lambda line: -line.std)
-    return [{"source": str(line.source), "std": line.std} for line in lines]
+    return [
+        {"source": str(line.source), "std": line.std, "shared": line.source.shared_by_setup}
+        for line in lines
+    ]
+
+
+def column_name(name: str, unit: str) -> str:
+    """NAME_UNIT as the CSV spells it, nothing for 1."""
+    return name + _SUFFIX.get(unit, f"_{unit}")
 
 
 def column_of(quantity: Quantity) -> str:
     """Column of a quantity in the CSV: NAME_UNIT, nothing for 1."""
-    return quantity.name + _SUFFIX.get(quantity.unit, f"_{quantity.unit}")
+    return column_name(quantity.name, quantity.unit)
 
 
 def measurement_as_row(

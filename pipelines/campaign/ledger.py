@@ -1,0 +1,337 @@
+"""The ledger of a campaign: one row per clip, in a file that survives whatever ends the run."""
+
+import fcntl
+import json
+import os
+import sqlite3
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, Self
+
+from metrology import UsageError
+
+__all__ = ["Entry", "Ledger", "Outcome", "State", "WorkOrder", "lock_folder"]
+
+
+class State(StrEnum):
+    """How far a clip is."""
+
+    WAITING = "waiting"
+    RUNNING = "running"
+    DONE = "done"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True)
+class WorkOrder:
+    """A clip to be measured and all that its result depends on.
+
+    Attributes
+    ----------
+    clip : str
+        Name, the key everywhere.
+    path : str
+    sha256 : str
+        Of the clip's bytes.
+    options : str
+        Digest of setup, ball and options.
+    version : str
+        Of the software.
+    """
+
+    clip: str
+    path: str
+    sha256: str
+    options: str
+    version: str
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of one try.
+
+    Attributes
+    ----------
+    clip : str
+    state : State
+        Done or failed; waiting where another try is due.
+    seconds : float
+        Wall time.
+    document : mapping or None
+        The clip's JSON as `vision measure --json` writes it.
+    error : str or None
+    died : bool
+        The clip ended its worker: a run that is killed from outside does not count against it.
+    """
+
+    clip: str
+    state: State
+    seconds: float
+    document: Mapping[str, Any] | None = None
+    error: str | None = None
+    died: bool = False
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A row of the ledger, as `WorkOrder` and `Outcome` left it.
+
+    Attributes
+    ----------
+    order : WorkOrder
+    state : State
+    attempts : int
+        Tries begun with this order.
+    seconds : float or None
+    error : str or None
+    excluded : str or None
+        Why somebody marked the trial as bad.
+    document : mapping or None
+    """
+
+    order: WorkOrder
+    state: State
+    attempts: int
+    seconds: float | None
+    error: str | None
+    excluded: str | None
+    document: Mapping[str, Any] | None
+
+
+_LAYOUT = 1
+_TABLES = """
+CREATE TABLE IF NOT EXISTS clips (
+    clip TEXT PRIMARY KEY, path TEXT NOT NULL, sha256 TEXT NOT NULL, options TEXT NOT NULL,
+    version TEXT NOT NULL,
+    state TEXT NOT NULL CHECK (state IN ('waiting', 'running', 'done', 'failed')),
+    started TEXT, finished TEXT, seconds REAL, error TEXT,
+    attempts INTEGER NOT NULL DEFAULT 0, deaths INTEGER NOT NULL DEFAULT 0,
+    excluded TEXT, ball_at TEXT, document TEXT
+);
+CREATE TABLE IF NOT EXISTS stages (
+    clip TEXT NOT NULL, stage TEXT NOT NULL, input TEXT NOT NULL, options TEXT NOT NULL,
+    version TEXT NOT NULL, state TEXT NOT NULL, seconds REAL, finished TEXT, error TEXT,
+    PRIMARY KEY (clip, stage)
+);
+"""
+
+
+class Ledger:
+    """The rows of a campaign in ``ledger.sqlite``.
+
+    Every change is one transaction: after a kill each clip is either as before or as after it.
+    Use it as a context manager.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the campaign.
+
+    Raises
+    ------
+    UsageError
+        If the folder's ledger can't be opened, or was written by a later version.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        path = folder / "ledger.sqlite"
+        try:
+            self._base = sqlite3.connect(path, timeout=60.0, isolation_level=None)
+            self._base.row_factory = sqlite3.Row
+            self._base.execute("PRAGMA journal_mode=WAL")
+            # a finished clip costs seconds to minutes; its row is on the disk before the next
+            self._base.execute("PRAGMA synchronous=FULL")
+            layout = self._base.execute("PRAGMA user_version").fetchone()[0]
+            if layout > _LAYOUT:
+                raise UsageError(
+                    f"{path} was written by a later version of vision",
+                    hint="Install that version, or give another folder with --out.",
+                )
+            self._base.executescript(_TABLES)
+            self._base.execute(f"PRAGMA user_version={_LAYOUT}")
+        except sqlite3.Error as problem:
+            raise UsageError(
+                f"can't use {path} as ledger: {problem}",
+                hint="Give a folder that you may write to, on a disk with room.",
+            ) from problem
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._base.close()
+
+    @contextmanager
+    def _change(self) -> Iterator[sqlite3.Connection]:
+        self._base.execute("BEGIN IMMEDIATE")
+        try:
+            yield self._base
+        except BaseException:
+            self._base.execute("ROLLBACK")
+            raise
+        self._base.execute("COMMIT")
+
+    def plan(self, orders: Sequence[WorkOrder], *, retry_failed: bool) -> dict[str, str]:
+        """Enter what is to be done, keep what was done with the same inputs.
+
+        A row left `running` by a run that was killed waits again.
+
+        Returns
+        -------
+        dict of str to str
+            Clips that are measured again although they were done, and what changed.
+        """
+        again: dict[str, str] = {}
+        with self._change() as base:
+            known = {row["clip"]: row for row in base.execute("SELECT * FROM clips")}
+            for order in orders:
+                row = known.get(order.clip)
+                if row is None:
+                    base.execute(
+                        "INSERT INTO clips (clip, path, sha256, options, version, state)"
+                        " VALUES (?, ?, ?, ?, ?, 'waiting')",
+                        (order.clip, order.path, order.sha256, order.options, order.version),
+                    )
+                    continue
+                changed = [
+                    what
+                    for what, column, now in (
+                        ("clip", "sha256", order.sha256),
+                        ("setup or options", "options", order.options),
+                        ("version", "version", order.version),
+                    )
+                    if row[column] != now
+                ]
+                if changed and row["state"] in (State.DONE, State.FAILED):
+                    again[order.clip] = " and ".join(changed)
+                retried = retry_failed and row["state"] == State.FAILED
+                if changed or retried or row["state"] == State.RUNNING:
+                    afresh = bool(changed) or retried
+                    base.execute(
+                        "UPDATE clips SET path=?, sha256=?, options=?, version=?, state='waiting',"
+                        " attempts=CASE WHEN ? THEN 0 ELSE attempts END,"
+                        " deaths=CASE WHEN ? THEN 0 ELSE deaths END, error=NULL,"
+                        " document=CASE WHEN ? THEN NULL ELSE document END WHERE clip=?",
+                        (
+                            order.path,
+                            order.sha256,
+                            order.options,
+                            order.version,
+                            afresh,
+                            afresh,
+                            bool(changed),
+                            order.clip,
+                        ),
+                    )
+                elif row["path"] != order.path:
+                    base.execute("UPDATE clips SET path=? WHERE clip=?", (order.path, order.clip))
+        return again
+
+    def begin(self, clip: str) -> int:
+        """Mark a clip as being measured; returns how often it has ended its worker before."""
+        with self._change() as base:
+            base.execute(
+                "UPDATE clips SET state='running', started=?, finished=NULL, attempts=attempts+1"
+                " WHERE clip=?",
+                (_now(), clip),
+            )
+            row = base.execute("SELECT deaths FROM clips WHERE clip=?", (clip,)).fetchone()
+        return int(row["deaths"])
+
+    def finish(self, outcome: Outcome) -> None:
+        """Write what came of a try, and its stage, in one transaction."""
+        document = None if outcome.document is None else json.dumps(outcome.document)
+        with self._change() as base:
+            base.execute(
+                "UPDATE clips SET state=?, finished=?, seconds=?, error=?, document=?,"
+                " deaths=deaths+? WHERE clip=?",
+                (
+                    outcome.state,
+                    _now(),
+                    outcome.seconds,
+                    outcome.error,
+                    document,
+                    int(outcome.died),
+                    outcome.clip,
+                ),
+            )
+            base.execute(
+                "INSERT OR REPLACE INTO stages SELECT clip, 'measure', sha256, options, version,"
+                " state, seconds, finished, error FROM clips WHERE clip=?",
+                (outcome.clip,),
+            )
+
+    def exclude(self, clip: str, reason: str | None) -> None:
+        """Mark a trial as bad with a reason, or take the mark back with None.
+
+        Raises
+        ------
+        UsageError
+            If there is no such clip.
+        """
+        with self._change() as base:
+            done = base.execute("UPDATE clips SET excluded=? WHERE clip=?", (reason, clip))
+            if done.rowcount == 0:
+                raise UsageError(f"there is no clip {clip!r} in this campaign")
+
+    def entries(self) -> Iterator[Entry]:
+        """All rows in the order they were entered, read one at a time."""
+        for row in self._base.execute("SELECT * FROM clips ORDER BY rowid"):
+            yield Entry(
+                WorkOrder(row["clip"], row["path"], row["sha256"], row["options"], row["version"]),
+                State(row["state"]),
+                int(row["attempts"]),
+                row["seconds"],
+                row["error"],
+                row["excluded"],
+                None if row["document"] is None else json.loads(row["document"]),
+            )
+
+    def waiting(self) -> list[str]:
+        """Names of the clips still to be measured."""
+        rows = self._base.execute("SELECT clip FROM clips WHERE state='waiting' ORDER BY rowid")
+        return [row["clip"] for row in rows]
+
+    def counts(self) -> dict[State, int]:
+        """How many clips are in each state."""
+        rows = self._base.execute("SELECT state, COUNT(*) AS number FROM clips GROUP BY state")
+        found = {State(row["state"]): int(row["number"]) for row in rows}
+        return {state: found.get(state, 0) for state in State}
+
+
+@contextmanager
+def lock_folder(folder: Path) -> Iterator[None]:
+    """Hold a campaign's folder for one run; the lock ends with the process, however it ends.
+
+    Raises
+    ------
+    UsageError
+        If another run holds it, or the folder can't be made or written to.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        handle = os.open(folder / ".run.lock", os.O_RDWR | os.O_CREAT, 0o644)
+    except OSError as problem:
+        raise UsageError(
+            f"can't write to {folder}: {problem.strerror}",
+            hint="Give a folder that you may write to with --out.",
+        ) from problem
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as problem:
+            raise UsageError(
+                f"another run is at work in {folder}",
+                hint=f"Look at it with: vision campaign status {folder}",
+            ) from problem
+        yield
+    finally:
+        os.close(handle)
+
+
+def _now() -> str:
+    return time.strftime("%Y-%m-%dT%H:%M:%S%z")

@@ -1,0 +1,385 @@
+"""The run of a campaign: every clip measured once, on many cores or machines, whatever happens."""
+
+import hashlib
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+from metrology import UsageError
+from pipelines.campaign.lab_book import Matched, Strike
+from pipelines.campaign.ledger import Ledger, Outcome, State, WorkOrder
+from pipelines.campaign.worker import Request, WorkerDied, WorkerProcess
+
+__all__ = ["CLIP_SUFFIXES", "Crew", "Plan", "RunOptions", "find_clips", "local_crew", "run"]
+
+CLIP_SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm", ".gif", ".mpg", ".mpeg", ".mts")
+MOST_TRIES = 2
+"""A clip that ends its worker twice is put aside: once may be the machine's fault."""
+_IN_FLIGHT_PER_WORKER = 2
+"""One being measured and one ready, so that no worker waits for the coordinator."""
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How clips are measured.
+
+    Attributes
+    ----------
+    setup : Path or None
+    fps, ball, wall_grid : str or None
+        As typed; the lab book's ball goes before `ball`.
+    timeout_s : float
+        Longest wall time of one clip.
+    memory_bytes : int
+        Largest memory of one worker.
+    command : tuple of str or None
+        What to start as worker instead of the package's own (a scheduler's simulation).
+    """
+
+    setup: Path | None = None
+    fps: str | None = None
+    ball: str | None = None
+    wall_grid: str | None = None
+    timeout_s: float = 900.0
+    memory_bytes: int = 4 * 2**30
+    command: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a run has to do.
+
+    Attributes
+    ----------
+    folder : Path
+        Of the campaign.
+    options : RunOptions
+    matched : Matched
+    version : str
+    """
+
+    folder: Path
+    options: RunOptions
+    matched: Matched
+    version: str
+
+    def order(self, clip: Path, sha256: str) -> WorkOrder:
+        """Build the work order of a clip."""
+        strike = self.matched.strikes[clip]
+        return WorkOrder(
+            clip.name, str(clip.resolve()), sha256, _digest(self.options, strike), self.version
+        )
+
+    def request(self, clip: Path) -> Request:
+        """Build what the worker is told."""
+        strike, options = self.matched.strikes[clip], self.options
+        return Request(
+            path=str(clip.resolve()),
+            setup=None if options.setup is None else str(options.setup.resolve()),
+            fps=options.fps,
+            ball=_ball(options, strike),
+            wall_grid=options.wall_grid,
+            tracks=str((self.folder / "tracks" / f"{clip.name}.csv").resolve()),
+            picture=str((self.folder / "frames" / f"{clip.name}.jpg").resolve()),
+        )
+
+
+def _ball(options: RunOptions, strike: Strike | None) -> str | None:
+    return strike.ball if strike is not None and strike.ball is not None else options.ball
+
+
+def _digest(options: RunOptions, strike: Strike | None) -> str:
+    """Digest of all that a result depends on besides clip and version."""
+    setup = b"" if options.setup is None else options.setup.read_bytes()
+    parts = (options.fps, _ball(options, strike), options.wall_grid)
+    return hashlib.sha256(setup + repr(parts).encode()).hexdigest()
+
+
+def find_clips(given: Sequence[Path]) -> tuple[Path, ...]:
+    """Clips among files and folders, in the order given and by name within a folder.
+
+    Raises
+    ------
+    UsageError
+        If a path does not exist, or no clip is found.
+    """
+    clips: list[Path] = []
+    for path in given:
+        if path.is_dir():
+            clips += sorted(
+                file
+                for file in path.iterdir()
+                if file.suffix.lower() in CLIP_SUFFIXES and not file.name.startswith(".")
+            )
+        elif path.exists():
+            clips.append(path)
+        else:
+            raise UsageError(f"there is no clip or folder {path}")
+    unique = list(dict.fromkeys(clips))
+    if not unique:
+        raise UsageError(
+            "there is no clip in " + ", ".join(str(path) for path in given),
+            hint=f"Clips end in {', '.join(CLIP_SUFFIXES)}.",
+        )
+    return tuple(unique)
+
+
+class Crew(Protocol):
+    """Whoever measures clips: processes here, or a cluster."""
+
+    size: int
+
+    def submit(self, request: Request) -> "Future[dict[str, Any]]":
+        """Begin to measure a clip; the future raises `WorkerDied` if its worker ended."""
+        ...
+
+
+_PROCESS = threading.local()
+
+
+def measure_in_worker(request: Request, options: RunOptions) -> dict[str, Any]:
+    """Measure a clip in this thread's own worker process; what a cluster's workers run.
+
+    Returns
+    -------
+    dict
+        As `worker.answer`; ``{"died": …}`` where the worker ended, hung or outgrew its memory.
+    """
+    process: WorkerProcess | None = getattr(_PROCESS, "worker", None)
+    if process is None:
+        process = WorkerProcess(options.timeout_s, options.memory_bytes, options.command)
+        _PROCESS.worker = process
+        with _STARTED_LOCK:
+            _STARTED.append(process)
+    try:
+        return process.ask(request)
+    except WorkerDied as problem:
+        return {"died": str(problem)}
+
+
+_STARTED: list[WorkerProcess] = []
+_STARTED_LOCK = threading.Lock()
+
+
+def _end_workers() -> None:
+    with _STARTED_LOCK:
+        for process in _STARTED:
+            process.close()
+        _STARTED.clear()
+
+
+class _DaskCrew:
+    """Threads or workers of a Dask cluster, each with a process of its own beside it."""
+
+    def __init__(self, client: Any, options: RunOptions, size: int) -> None:
+        self._client, self._options, self.size = client, options, size
+
+    def submit(self, request: Request) -> "Future[dict[str, Any]]":
+        answered: Future[dict[str, Any]] = Future()
+        task = self._client.submit(
+            measure_in_worker,
+            request,
+            self._options,
+            pure=False,
+            retries=0,
+        )
+        task.add_done_callback(lambda done: _hand_on(done, answered))
+        return answered
+
+
+def _hand_on(task: Any, answered: "Future[dict[str, Any]]") -> None:
+    try:
+        answered.set_result(task.result())
+    except Exception as problem:  # a worker of the cluster went away, with whatever error
+        answered.set_result({"died": f"its worker was lost ({type(problem).__name__})"})
+    finally:
+        task.release()
+
+
+@contextmanager
+def local_crew(jobs: int, options: RunOptions) -> Iterator[Crew]:
+    """A Dask cluster on this machine: `jobs` threads, each with a worker process."""
+    import dask
+    from distributed import Client, LocalCluster
+
+    with (
+        dask.config.set({"distributed.worker.memory.target": False}),
+        LocalCluster(  # type: ignore[no-untyped-call]
+            n_workers=1,
+            threads_per_worker=jobs,
+            processes=False,
+            dashboard_address="127.0.0.1:0",
+            worker_dashboard_address="127.0.0.1:0",
+            memory_limit=0,
+            silence_logs=50,
+        ) as cluster,
+        Client(cluster) as client,  # type: ignore[no-untyped-call]
+    ):
+        try:
+            yield _DaskCrew(client, options, jobs)
+        finally:
+            _end_workers()
+
+
+@contextmanager
+def cluster_crew(address: str, options: RunOptions) -> Iterator[Crew]:
+    """Workers of a lab's Dask cluster; clips and folder must have the same paths there.
+
+    Raises
+    ------
+    UsageError
+        If no scheduler answers at `address`, or it has no workers.
+    """
+    from distributed import Client
+
+    try:
+        client = Client(address, timeout="20s")  # type: ignore[no-untyped-call]
+    except (OSError, TimeoutError, ValueError) as problem:
+        raise UsageError(
+            f"no Dask scheduler answers at {address}: {problem}",
+            hint="Start one with `dask scheduler`, or leave out --dask to use this machine.",
+        ) from problem
+    with client:
+        threads = sum(client.nthreads().values())  # type: ignore[no-untyped-call]
+        if threads == 0:
+            raise UsageError(
+                f"the cluster at {address} has no workers",
+                hint=f"Start some with `dask worker {address}`.",
+            )
+        yield _DaskCrew(client, options, threads)
+
+
+@dataclass
+class Progress:
+    """How far the run is; handed to whoever shows it.
+
+    Attributes
+    ----------
+    todo, done, failed : int
+    again : dict of str to str
+        Clips measured again, and what changed.
+    """
+
+    todo: int = 0
+    done: int = 0
+    failed: int = 0
+    again: dict[str, str] = field(default_factory=dict)
+
+
+def run(
+    plan: Plan,
+    crew: Callable[[], Any],
+    *,
+    retry_failed: bool = False,
+    only: Sequence[str] = (),
+    after_each: Callable[[Progress, Outcome], None] = lambda progress, outcome: None,
+) -> Progress:
+    """Measure what the ledger does not hold yet.
+
+    Parameters
+    ----------
+    plan : Plan
+    crew : callable
+        Gives a context manager of a `Crew`; entered only if there is something to do.
+    retry_failed : bool
+    only : sequence of str
+        Names of clips; the others keep waiting.
+    after_each : callable
+        Called after each clip with the progress and what came of it.
+
+    Returns
+    -------
+    Progress
+    """
+    (plan.folder / "tracks").mkdir(parents=True, exist_ok=True)
+    (plan.folder / "frames").mkdir(exist_ok=True)
+    paths = {clip.name: clip for clip in plan.matched.strikes}
+    with Ledger(plan.folder) as ledger:
+        orders = [plan.order(clip, _sha256(clip)) for clip in paths.values()]
+        again = ledger.plan(orders, retry_failed=retry_failed)
+        names = [name for name in ledger.waiting() if name in paths and (not only or name in only)]
+        progress = Progress(todo=len(names), again=again)
+        if names:
+            with crew() as hands:
+                _work(plan, ledger, hands, paths, names, progress, after_each)
+    return progress
+
+
+def _work(
+    plan: Plan,
+    ledger: Ledger,
+    crew: Crew,
+    paths: dict[str, Path],
+    names: Sequence[str],
+    progress: Progress,
+    after_each: Callable[[Progress, Outcome], None],
+) -> None:
+    """Keep the crew busy with a window of clips, so that memory stays flat whatever the number."""
+    answered = threading.Semaphore(0)
+    pending: dict[str, tuple[Future[dict[str, Any]], int, float]] = {}
+    left = list(reversed(names))
+    while left or pending:
+        while left and len(pending) < _IN_FLIGHT_PER_WORKER * crew.size:
+            name = left.pop()
+            deaths = ledger.begin(name)
+            future = crew.submit(plan.request(paths[name]))
+            pending[name] = future, deaths, time.monotonic()
+            future.add_done_callback(lambda _: answered.release())
+        answered.acquire()
+        name = next(name for name, (future, *_) in pending.items() if future.done())
+        future, deaths, began = pending.pop(name)
+        outcome = _outcome(name, future.result(), deaths, time.monotonic() - began)
+        ledger.finish(outcome)
+        if outcome.state == State.WAITING:
+            left.append(name)
+            continue
+        progress.done += outcome.state == State.DONE
+        progress.failed += outcome.state == State.FAILED
+        after_each(progress, outcome)
+
+
+def _outcome(clip: str, reply: dict[str, Any], deaths: int, waited_s: float) -> Outcome:
+    seconds = float(reply.get("seconds", waited_s))
+    if "died" in reply:
+        again = deaths + 1 < MOST_TRIES
+        why = f"{reply['died']}, {'once' if again else f'{deaths + 1} times'}"
+        state = State.WAITING if again else State.FAILED
+        return Outcome(clip, state, seconds, error=why, died=True)
+    error = reply.get("error")
+    state = State.DONE if error is None else State.FAILED
+    return Outcome(clip, state, seconds, reply.get("document"), error)
+
+
+def _sha256(clip: Path) -> str:
+    """Digest of a clip's bytes, or of its pictures' where it is a folder; of nothing if gone."""
+    digest = hashlib.sha256()
+    for path in sorted(clip.iterdir()) if clip.is_dir() else [clip]:
+        try:
+            with path.open("rb") as file:
+                while block := file.read(2**20):
+                    digest.update(block)
+        except OSError:
+            # told by the worker, which can't read it either
+            return "unreadable"
+    return digest.hexdigest()
+
+
+def stop_on_signals() -> None:
+    """Let SIGTERM end a run as Ctrl-C does: with the ledger closed and a line how to go on."""
+
+    def stop(number: int, frame: object) -> None:
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGTERM, stop)
+
+
+def cores() -> int:
+    """How many processes to use where nobody says."""
+    return max(1, len(os.sched_getaffinity(0)))

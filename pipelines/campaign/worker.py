@@ -1,0 +1,263 @@
+"""One clip at a time in a process of its own, so that no clip can take the campaign with it.
+
+``python -m pipelines.campaign.worker`` reads one request a line (JSON) from standard input and
+answers with one line; `WorkerProcess` is the other end. A clip that crashes the process, hangs or
+eats the memory ends its worker only, and the next clip gets a new one.
+"""
+
+import json
+import os
+import queue
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+from numpy.typing import NDArray
+
+__all__ = ["Request", "WorkerDied", "WorkerProcess", "answer"]
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a worker is asked to do.
+
+    Attributes
+    ----------
+    path : str
+        The clip.
+    setup : str or None
+        Path of the setup file.
+    fps, ball, wall_grid, ball_at : str or None
+        As the options of `vision measure` are typed.
+    tracks, picture : str or None
+        Where the tracks (CSV) and an overlay frame (JPEG) go.
+    """
+
+    path: str
+    setup: str | None = None
+    fps: str | None = None
+    ball: str | None = None
+    wall_grid: str | None = None
+    ball_at: str | None = None
+    tracks: str | None = None
+    picture: str | None = None
+
+
+class WorkerDied(Exception):
+    """The process ended, hung or outgrew its memory while it had a clip; says which."""
+
+
+_WATCH_S = 0.5
+"""How often a worker's memory is looked at: it fills a gigabyte in about as long."""
+
+
+class WorkerProcess:
+    """A worker process, started when first asked and again after it died.
+
+    Parameters
+    ----------
+    timeout_s : float
+        A clip that takes longer is given up.
+    memory_bytes : int
+        A worker that holds more is ended.
+    command : tuple of str, optional
+        What to start instead of the real worker.
+    """
+
+    def __init__(
+        self, timeout_s: float, memory_bytes: int, command: tuple[str, ...] | None = None
+    ) -> None:
+        self._timeout_s, self._memory = timeout_s, memory_bytes
+        self._command = command or (sys.executable, "-m", "pipelines.campaign.worker")
+        self._process: subprocess.Popen[str] | None = None
+        self._lines: queue.Queue[str | None] = queue.Queue()
+        self._pump: threading.Thread | None = None
+
+    def ask(self, request: Request) -> dict[str, Any]:
+        """Send a request and wait for its answer.
+
+        Raises
+        ------
+        WorkerDied
+        """
+        process = self._running()
+        assert process.stdin is not None
+        try:
+            process.stdin.write(json.dumps(asdict(request)) + "\n")
+            process.stdin.flush()
+        except OSError as problem:
+            raise WorkerDied(self._ended(process)) from problem
+        until = time.monotonic() + self._timeout_s
+        while True:
+            try:
+                line = self._lines.get(timeout=_WATCH_S)
+            except queue.Empty:
+                self._watch(process, until)
+                continue
+            if line is None:
+                raise WorkerDied(self._ended(process))
+            if line.startswith("{"):
+                return dict(json.loads(line))
+
+    def close(self) -> None:
+        """End the process, if there is one."""
+        if self._process is not None:
+            self._process.kill()
+            self._put_away(self._process)
+
+    def _running(self) -> "subprocess.Popen[str]":
+        if self._process is None or self._process.poll() is not None:
+            environment = dict(os.environ)
+            for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+                # workers share the cores already; threads inside each would only wait on others
+                environment[name] = "1"
+            self._lines = queue.Queue()
+            self._process = subprocess.Popen(
+                self._command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.DEVNULL,
+                text=True,
+                env=environment,
+                # Ctrl-C is the coordinator's to answer
+                start_new_session=True,
+            )
+            self._pump = threading.Thread(
+                target=_pump, args=(self._process, self._lines), daemon=True
+            )
+            self._pump.start()
+        return self._process
+
+    def _watch(self, process: "subprocess.Popen[str]", until: float) -> None:
+        if time.monotonic() > until:
+            self.close()
+            raise WorkerDied(f"it took longer than {self._timeout_s:g} s")
+        try:
+            held = psutil.Process(process.pid).memory_info().rss
+        except psutil.NoSuchProcess:
+            return
+        if held > self._memory:
+            self.close()
+            raise WorkerDied(f"it needed more than {self._memory / 2**20:.0f} MB of memory")
+
+    def _put_away(self, process: "subprocess.Popen[str]") -> int:
+        code = process.wait()
+        if self._pump is not None:
+            self._pump.join()
+        if process.stdin is not None:
+            with suppress(OSError):
+                # what was still to be sent has no reader any more
+                process.stdin.close()
+        self._process = self._pump = None
+        return code
+
+    def _ended(self, process: "subprocess.Popen[str]") -> str:
+        code = self._put_away(process)
+        return f"it ended the process that measured it ({_ending(code)})"
+
+
+def _ending(code: int) -> str:
+    return f"signal {-code}" if code < 0 else f"exit code {code}"
+
+
+def _pump(process: "subprocess.Popen[str]", lines: "queue.Queue[str | None]") -> None:
+    assert process.stdout is not None
+    with process.stdout:
+        for line in process.stdout:
+            lines.put(line)
+    lines.put(None)
+
+
+def answer(request: Request) -> dict[str, Any]:
+    """Measure one clip, write its files, and say what came out.
+
+    Returns
+    -------
+    dict
+        ``{"document": …}`` or ``{"error": …, "document": …}``; the document may be None.
+    """
+    from metrology import ImpactVisionError
+
+    try:
+        return _measured(request)
+    except ImpactVisionError as problem:
+        return {"error": problem.in_one_line, "document": None}
+    except MemoryError:
+        return {"error": "there is not enough memory for it", "document": None}
+
+
+def _measured(request: Request) -> dict[str, Any]:
+    from metrology import write_text_whole
+    from metrology.files import written_whole
+    from pipelines.measure.chain import MeasureOptions, measure_clip
+    from pipelines.measure.files.output import measurement_as_dict
+    from pipelines.measure.files.pictures import overlay_marks
+    from pipelines.measure.files.tracks import tracks_as_csv
+    from pipelines.setup.file import Setup, load_setup
+    from vision.clip.clip import Clip
+    from vision.overlay.overlay import overlay_still
+
+    setup = Setup() if request.setup is None else load_setup(Path(request.setup))
+    options = MeasureOptions(
+        setup=setup,
+        fps=None if request.fps is None else float(request.fps),
+        ball=request.ball,
+        wall_grid=request.wall_grid,
+        ball_at=None if request.ball_at is None else _point(request.ball_at),
+    )
+    measured = measure_clip(Path(request.path), options, lambda step, part: None)
+    document = measurement_as_dict(measured)
+    if request.tracks is not None:
+        write_text_whole(Path(request.tracks), tracks_as_csv(measured))
+    if request.picture is not None:
+        still = overlay_still(
+            Clip.open(Path(request.path)), measured.tracks, overlay_marks(measured)
+        )
+        with written_whole(Path(request.picture)) as temporary:
+            temporary.write_bytes(_small_jpeg(still))
+    if not any(item.known for item in measured.quantities):
+        reason = measured.quantity("ball_speed").reason
+        return {"error": f"nothing can be measured from it: {reason}", "document": document}
+    return {"document": document}
+
+
+_PICTURE_WIDTH = 640
+"""px: reads well on a page, and 160 of them stay below the report's 5 MB."""
+
+
+def _small_jpeg(image: NDArray[np.uint8]) -> bytes:
+    import cv2
+
+    share = min(1.0, _PICTURE_WIDTH / image.shape[1])
+    small = cv2.resize(image, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
+    return bytes(cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 70])[1])
+
+
+def _point(text: str) -> tuple[float, float] | tuple[float, float, int]:
+    x, y, *frame = text.split(",")
+    return (float(x), float(y), int(frame[0])) if frame else (float(x), float(y))
+
+
+def _serve() -> None:
+    # whatever a library prints must not be taken for an answer
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    for line in sys.stdin:
+        given: Mapping[str, Any] = json.loads(line)
+        started = time.monotonic()
+        reply = answer(Request(**given))
+        reply["seconds"] = time.monotonic() - started
+        answers.write(json.dumps(reply, allow_nan=False) + "\n")
+        answers.flush()
+
+
+if __name__ == "__main__":
+    _serve()

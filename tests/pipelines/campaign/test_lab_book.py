@@ -1,0 +1,71 @@
+"""The lab book as people write it: separators, commas, spreadsheets, slips."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from metrology import UsageError
+from pipelines.campaign.lab_book import SENSORS, match_clips, read_lab_book
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize(("mark", "comma"), [(",", "."), (";", ","), ("\t", ","), (";", ".")])
+def test_separators_commas_and_encodings_are_recognised(
+    tmp_path: Path, mark: str, comma: str, encoding: str
+) -> None:
+    path = tmp_path / "trials.csv"
+    rows = [["clip", "ball", "backswing_deg", "wer"], ["a.mp4", "jokku", f"62{comma}5", "Jürgen"]]
+    path.write_text("\n".join(mark.join(row) for row in rows) + "\n", encoding=encoding)
+    (strike,) = read_lab_book(path).strikes
+    assert (strike.clip, strike.ball, strike.backswing_deg) == ("a.mp4", "jokku", 62.5)
+    assert strike.cells["wer"] == "Jürgen"
+
+
+def test_a_spreadsheet_with_dates_is_read(tmp_path: Path) -> None:
+    path = tmp_path / "trials.xlsx"
+    when = pd.Timestamp("2026-03-01")
+    pd.DataFrame({"clip": ["a"], "session": [when], "landing_tape_m": [1.5]}).to_excel(
+        path, index=False
+    )
+    (strike,) = read_lab_book(path).strikes
+    assert strike.session is not None
+    assert strike.session.startswith("2026-03-01")
+    landing = next(sensor for sensor in SENSORS if sensor.column == "landing_tape_m")
+    assert strike.sensor(landing)[0] == 1.5
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("name,ball\na,jokku\n", "no column 'clip'"),
+        ("clip,ball\na,jokku\na,jokku\n", "twice"),
+        ("clip,backswing_deg\na,sixty\n", "line 2: backswing_deg"),
+        ("clip,landing_tape_m\na,-3\n", "line 2: landing_tape_m"),
+        ("clip,contact_time_fsr_s\na,15\n", "15 s"),
+        ("clip,landing_tape_m,landing_tape_m_std\na,1.2,0\n", "above zero"),
+        ("clip,ball,ball\na,x,y\n", "two columns"),
+        ("clip,ball\n", "no line"),
+        ("clip,backswing_deg\na,nan\n", "no number"),
+        ("clip,ball\n,jokku\n", "line 2: the clip's name is missing"),
+    ],
+)
+def test_slips_are_named_with_their_line(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "trials.csv"
+    path.write_text(text)
+    with pytest.raises(UsageError, match=said):
+        read_lab_book(path)
+
+
+def test_clips_match_with_and_without_ending_and_absent_ones_are_told(tmp_path: Path) -> None:
+    path = tmp_path / "trials.csv"
+    path.write_text("clip,ball\na,jokku\nb.mov,jokku\nc,jokku\n")
+    clips = (Path("one/a.mp4"), Path("one/b.mov"), Path("one/d.mp4"))
+    matched = match_clips(read_lab_book(path), clips)
+    assert [strike and strike.clip for strike in matched.strikes.values()] == ["a", "b.mov", None]
+    assert [strike.clip for strike in matched.absent] == ["c"]
+
+
+def test_two_clips_of_one_name_are_refused() -> None:
+    with pytest.raises(UsageError, match="two clips are called"):
+        match_clips(None, (Path("one/a.mp4"), Path("two/a.mp4")))
