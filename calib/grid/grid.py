@@ -22,6 +22,9 @@ LEAST_NODES = 12
 MOST_OFF_AXIS = 0.3
 MOST_SKEW = 0.08
 REJECT_AT = 4.0
+MOST_ROUNDS, SETTLED = 4, 0.1
+"""Rounds of measuring the nodes and moving the map; it has settled where it moves by less than this
+share of their standard uncertainty, for the nodes hang on it to second order only."""
 LEAST_PERIOD = 2.5
 """Px; what repeats faster may as well be something finer that the pixels have folded over."""
 MOST_ASTRAY = 1.0 / 6.0
@@ -139,12 +142,16 @@ def find_wall_grid(
     sign = -1.0 if lattices[0].dark else 1.0
     templates = (sign * lattices[0].template, sign * lattices[1].template)
     frequency = np.linalg.norm(grid_map.jacobian(seen), axis=-1).max(axis=0)
-    for _ in range(4):
+    for _ in range(MOST_ROUNDS):
         nodes = measured_nodes(flat, grid_map(pixels), area, frequency, templates)
         nodes, px = _located(nodes, grid_map, seen)
         inlier, factor = _agreeing(nodes)
         variance = np.einsum("nff->nf", nodes.covariance) * factor
+        before = grid_map(px)
         grid_map = refitted(grid_map, px, -nodes.shift, inlier[:, np.newaxis] / variance)
+        moved = np.abs(grid_map(px) - before) / np.sqrt(variance)
+        if np.max(moved[inlier], initial=0.0) < SETTLED:
+            break
     nodes, px = _kept(nodes, px, inlier)
     if len(px) < LEAST_NODES:
         raise CalibrationError(
@@ -258,8 +265,12 @@ def _require_squares(values: FloatArray, grid: FloatArray, grid_map: GridMap) ->
 def _located(nodes: Nodes, grid_map: GridMap, seen: FloatArray) -> tuple[Nodes, FloatArray]:
     """Pixels of the nodes; those whose pixel can't be had are dropped."""
     coordinates = grid_map(seen[::5])
-    cell = {tuple(key): i for i, key in enumerate(np.round(coordinates / nodes.block).astype(int))}
-    start = seen[::5][[cell.get(tuple(key), 0) for key in nodes.index // nodes.block]]
+    cell = np.round(coordinates / nodes.block).astype(np.int64)
+    first = cell.min(axis=0)
+    some_pixel = np.zeros(cell.max(axis=0) - first + 1, dtype=np.int64)
+    some_pixel[tuple((cell - first).T)] = np.arange(len(cell))
+    wanted = np.clip(nodes.index // nodes.block - first, 0, np.array(some_pixel.shape) - 1)
+    start = seen[::5][some_pixel[tuple(wanted.T)]]
     px = grid_map.inverse(nodes.index.astype(np.float64), start)
     good = np.isfinite(px).all(axis=1) & (np.abs(grid_map(px) - nodes.index).max(axis=1) < 1e-6)
     return _kept(nodes, px, good)

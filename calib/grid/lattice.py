@@ -70,10 +70,13 @@ def analysed(values: FloatArray, coordinate: FloatArray, period_px: float) -> La
         values, coordinate, FAINTEST if period_px > ALIAS_FREE else FAINTEST_ALIASED
     )
     coordinate = coordinate / multiple
-    turns = 2j * np.pi * coordinate
-    harmonics = np.array(
-        [2.0 * np.mean(values * np.exp(-k * turns)) for k in range(1, HIGHEST_HARMONIC + 1)]
-    )
+    turn = np.exp(-2j * np.pi * coordinate)
+    wave = values * turn
+    means = [2.0 * np.mean(wave)]
+    for _ in range(1, HIGHEST_HARMONIC):
+        wave = wave * turn
+        means.append(2.0 * np.mean(wave))
+    harmonics = np.array(means)
     index = (np.floor((coordinate % 1.0) * BINS)).astype(np.int64) % BINS
     counts = np.maximum(np.bincount(index, minlength=BINS), 1)
     profile = np.bincount(index, weights=values, minlength=BINS) / counts

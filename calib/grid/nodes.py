@@ -18,6 +18,7 @@ EVEN = 1.0 / 12.0
 What is finer than the lines, or folded over by the pixels, shifts small blocks, more than noise.
 """
 BELOW_NYQUIST = 0.46
+PIXELS_AT_ONCE = 8192
 
 
 @dataclass(frozen=True)
@@ -106,21 +107,17 @@ def _blocks(
     shape = cell.max(axis=0) - first + 1
     label = (cell[:, 0] - first[0]) * shape[1] + cell[:, 1] - first[1]
     size = int(shape[0] * shape[1])
-    within = coordinates / block - cell
-    columns = [np.ones_like(values), within[:, 0], within[:, 1]]
-    for family in range(2):
-        for k in orders[family]:
-            turn = 2.0 * np.pi * k * coordinates[:, family]
-            columns += [np.cos(turn), np.sin(turn)]
-    count = np.bincount(label, minlength=size)
-    normal, right, square = _normal_equations(columns, values, label, size)
-    full = count > max(0.6 * np.percentile(count[count > 0], 80), 1.5 * len(columns))
+    count, normal, right, square = _normal_equations(
+        values, coordinates, coordinates / block - cell, label, size, orders
+    )
+    unknowns = normal.shape[-1]
+    full = count > max(0.6 * np.percentile(count[count > 0], 80), 1.5 * unknowns)
     normal, right, square, count = normal[full], right[full], square[full], count[full]
-    ridge = 1e-6 * count[:, np.newaxis, np.newaxis] * np.eye(len(columns))
+    ridge = 1e-6 * count[:, np.newaxis, np.newaxis] * np.eye(unknowns)
     inverse = np.linalg.inv(normal + ridge)
     solution = np.einsum("nij,nj->ni", inverse, right)
     left_over = square - np.einsum("ni,ni->n", solution, right)
-    variance = np.maximum(left_over, 1e-12) / np.maximum(count - len(columns), 1)
+    variance = np.maximum(left_over, 1e-12) / np.maximum(count - unknowns, 1)
     index = np.argwhere(np.ones(shape, dtype=bool))[full] + first
     shift, covariance, strength, clarity = _shifts(
         solution, inverse * variance[:, np.newaxis, np.newaxis], orders, templates
@@ -129,18 +126,50 @@ def _blocks(
 
 
 def _normal_equations(
-    columns: list[FloatArray], values: FloatArray, label: NDArray[np.int64], size: int
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    unknowns = len(columns)
-    normal = np.empty((size, unknowns, unknowns))
-    right = np.empty((size, unknowns))
-    for i, column in enumerate(columns):
-        right[:, i] = np.bincount(label, weights=column * values, minlength=size)
-        for j in range(i + 1):
-            total = np.bincount(label, weights=column * columns[j], minlength=size)
-            normal[:, i, j] = normal[:, j, i] = total
-    square = np.bincount(label, weights=values * values, minlength=size)
-    return normal, right, square.astype(np.float64)
+    values: FloatArray,
+    coordinates: FloatArray,
+    within: FloatArray,
+    label: NDArray[np.int64],
+    size: int,
+    orders: tuple[tuple[int, ...], ...],
+) -> tuple[NDArray[np.int64], FloatArray, FloatArray, FloatArray]:
+    """Per block: how many pixels, and the normal equations of its light and waves.
+
+    Block after block, some thousand pixels at a time: what is worked on stays in the caches.
+    """
+    count = np.bincount(label, minlength=size)
+    order = np.argsort(label, kind="stable")
+    ends = np.cumsum(count)
+    unknowns = 3 + 2 * sum(len(some) for some in orders)
+    products = np.zeros((size, unknowns + 1, unknowns + 1))
+    begin = 0
+    while begin < size:
+        at = int(ends[begin] - count[begin])
+        end = max(begin + 1, int(np.searchsorted(ends, at + PIXELS_AT_ONCE)))
+        some = order[at : ends[end - 1]]
+        columns = np.empty((len(some), unknowns + 1))
+        columns[:, 0] = 1.0
+        columns[:, 1:3] = within[some]
+        columns[:, 3:-1] = _waves(coordinates[some], orders)
+        columns[:, -1] = values[some]
+        for block in range(begin, end):
+            own = columns[ends[block] - count[block] - at : ends[block] - at]
+            products[block] = own.T @ own
+        begin = end
+    return count, products[:, :-1, :-1], products[:, :-1, -1], products[:, -1, -1]
+
+
+def _waves(coordinates: FloatArray, orders: tuple[tuple[int, ...], ...]) -> FloatArray:
+    """Cosine and sine of every order of both families, (N, 2 O)."""
+    columns = []
+    for family in range(2):
+        once = np.exp(2j * np.pi * coordinates[:, family])
+        power = once
+        for order in range(1, max(orders[family]) + 1):
+            power = power * once if order > 1 else once
+            if order in orders[family]:
+                columns += [power.real, power.imag]
+    return np.stack(columns, axis=-1)
 
 
 def _shifts(

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calib.grid.spectrum import Seed, flattened
+from calib.grid.spectrum import Seed, flattened, smoothed
 
 __all__ = ["GridMap", "Support", "demodulated", "grow", "pixel_grid", "refitted"]
 
@@ -157,13 +157,13 @@ def demodulated(flat: FloatArray, phase: FloatArray, sigma: float) -> Support:
     sigma : float
         Standard deviation of the Gaussian average, px.
     """
-    energy = np.maximum(cv2.GaussianBlur(flat * flat, (0, 0), sigma), 1e-12)
+    energy = np.maximum(smoothed(flat * flat, sigma), 1e-12)
     independent = 4.0 * np.pi * sigma**2
     angles, coherences, shares = [], [], []
     for family in range(2):
         turn = 2.0 * np.pi * np.nan_to_num(phase[..., family])
-        real = cv2.GaussianBlur(flat * np.cos(turn), (0, 0), sigma)
-        imaginary = cv2.GaussianBlur(flat * np.sin(turn), (0, 0), sigma)
+        real = smoothed(flat * np.cos(turn), sigma)
+        imaginary = smoothed(flat * np.sin(turn), sigma)
         square = real**2 + imaginary**2
         angles.append(np.arctan2(-imaginary, real) / (2.0 * np.pi))
         coherences.append(square * independent / energy)

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import scipy.fft
 from numpy.typing import NDArray
 
-__all__ = ["PERIODS_ACROSS", "Seed", "find_seeds", "flattened"]
+__all__ = ["PERIODS_ACROSS", "Seed", "find_seeds", "flattened", "smoothed"]
 
 FloatArray = NDArray[np.float64]
 
@@ -18,6 +19,11 @@ FOLDED_FREQUENCY = 1.0 / 3.0
 """Cycles per px; waves above may be fine lines folded over, so longer ones are looked for, too."""
 SMALLEST_ANGLE = np.radians(30.0)
 CLIP_AT = 4.0
+SMOOTH_FROM = 4.0
+"""Px: an average as wide as this is smooth enough to be interpolated between pixels twice as far
+apart."""
+SPECTRA_AT_ONCE = 2**18
+"""Pixels of the windows that are transformed in one go: as much as the caches hold."""
 ALIKE = 0.2
 """Waves this near in length, by its logarithm, are of one kind."""
 
@@ -64,12 +70,33 @@ def flattened(image: FloatArray, scale: float) -> FloatArray:
     (H, W) array
         Relative contrast, clipped at 4 of its robust standard deviations.
     """
-    light = cv2.GaussianBlur(image, (0, 0), scale)
+    light = smoothed(image, scale)
     floor = 0.02 * float(np.percentile(light, 95)) + 1e-12
     contrast = image / np.maximum(light, floor) - 1.0
     spread = 1.4826 * float(np.median(np.abs(contrast)))
     limit = CLIP_AT * max(spread, 0.2 * float(contrast.std()))
     return np.asarray(np.clip(contrast, -limit, limit), dtype=np.float64)
+
+
+def smoothed(image: FloatArray, sigma: float) -> FloatArray:
+    """Gaussian average of a picture (H, W), wide ones of a smaller picture.
+
+    Parameters
+    ----------
+    image : (H, W) array
+    sigma : float
+        Standard deviation, px.
+    """
+    factor = int(sigma / SMOOTH_FROM)
+    height, width = image.shape
+    if factor < 2 or min(height, width) < 4 * factor:
+        return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma))
+    size = (width // factor, height // factor)
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    # the means over factor x factor pixels have averaged already
+    left = np.sqrt(sigma**2 - (factor**2 - 1.0) / 12.0) / factor
+    small = cv2.GaussianBlur(small, (0, 0), left)
+    return np.asarray(cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR))
 
 
 def find_seeds(image: FloatArray, *, keep: int = 8) -> list[Seed]:
@@ -91,11 +118,7 @@ def find_seeds(image: FloatArray, *, keep: int = 8) -> list[Seed]:
         if window > min(image.shape):
             break
         flat = flattened(image, window / 6.0)
-        here = [
-            _window_seeds(flat, left, top, window)
-            for top in _starts(image.shape[0], window)
-            for left in _starts(image.shape[1], window)
-        ]
+        here = _window_seeds(flat, window)
         for alike in (
             [pair[0] for pair in here if pair],
             [one for pair in here for one in pair[1:]],
@@ -109,36 +132,86 @@ def _starts(length: int, window: int) -> NDArray[np.int64]:
     return np.unique(np.linspace(0, length - window, count).astype(np.int64))
 
 
-def _window_seeds(flat: FloatArray, left: int, top: int, window: int) -> list[Seed]:
-    """The seed of a window; where it is very fine, also that of its longer waves."""
-    seed = _seed(flat, left, top, window, HIGHEST_FREQUENCY)
-    if seed is None or np.linalg.norm(seed.waves, axis=1).max() < FOLDED_FREQUENCY:
-        return [] if seed is None else [seed]
-    longer = _seed(flat, left, top, window, FOLDED_FREQUENCY)
-    return [seed] if longer is None else [seed, longer]
+def _window_seeds(flat: FloatArray, window: int) -> list[list[Seed]]:
+    """The seed of each window; where it is very fine, also that of its longer waves."""
+    corners = np.array(
+        [
+            (left, top)
+            for top in _starts(flat.shape[0], window)
+            for left in _starts(flat.shape[1], window)
+        ]
+    )
+    waves = _Waves.of(window)
+    found: list[list[Seed]] = []
+    for some in np.array_split(corners, max(1, len(corners) * window**2 // SPECTRA_AT_ONCE)):
+        patches = np.array([flat[y : y + window, x : x + window] for x, y in some])
+        power = _powers(patches)
+        seeds = _seeds(power, some, waves, HIGHEST_FREQUENCY)
+        fine = [
+            one is not None and np.linalg.norm(one.waves, axis=1).max() >= FOLDED_FREQUENCY
+            for one in seeds
+        ]
+        longer = iter(_seeds(power[fine], some[fine], waves, FOLDED_FREQUENCY))
+        for seed, also in zip(seeds, fine, strict=True):
+            both = [seed, next(longer) if also else None]
+            found.append([one for one in both if one is not None])
+    return found
 
 
-def _seed(flat: FloatArray, left: int, top: int, window: int, highest: float) -> Seed | None:
-    patch = flat[top : top + window, left : left + window]
+@dataclass(frozen=True)
+class _Waves:
+    """Wave vectors of a window's spectrum (2 W, W + 1): lengths, twice their angles, their side."""
+
+    window: int
+    radius: FloatArray
+    cosine: FloatArray
+    sine: FloatArray
+
+    @classmethod
+    def of(cls, window: int) -> "_Waves":
+        fx = np.fft.rfftfreq(2 * window)[np.newaxis, :]
+        fy = np.fft.fftshift(np.fft.fftfreq(2 * window))[:, np.newaxis]
+        twice = 2.0 * np.arctan2(fy, fx)
+        radius = np.maximum(np.hypot(fx, fy), 1e-9)
+        return cls(window, radius, np.cos(twice), np.sin(twice))
+
+
+def _powers(patches: FloatArray) -> FloatArray:
+    """Power spectra (N, 2 W, W + 1) of windows (N, W, W), tapered."""
+    window = patches.shape[-1]
     taper = np.hanning(window + 2)[1:-1]
-    size = 2 * window
-    spectrum = np.fft.rfft2((patch - patch.mean()) * np.outer(taper, taper), (size, size))
-    power = np.abs(np.fft.fftshift(spectrum, axes=0)) ** 2
-    fx = np.fft.rfftfreq(size)[np.newaxis, :]
-    fy = np.fft.fftshift(np.fft.fftfreq(size))[:, np.newaxis]
-    radius = np.maximum(np.hypot(fx, fy), 1e-9)
-    ring = (radius > PERIODS_ACROSS / window) & (radius < highest)
-    floor = float(np.median(power[ring]))
-    if floor <= 0.0:
-        return None
-    first = _peak(np.where(ring, power, 0.0))
-    angle = np.arctan2(fy, fx)
-    apart = np.abs(np.angle(np.exp(2j * (angle - angle[first])))) / 2.0
-    second = _peak(np.where(ring & (apart > SMALLEST_ANGLE), power, 0.0))
-    waves = np.array([_refined(power, place, size) for place in (first, second)])
-    strengths = [_above_its_kind(power, radius, place) for place in (first, second)]
-    centre = np.array([left, top]) + (window - 1) / 2.0
-    return Seed(centre, waves, window, min(strengths), strengths[0])
+    patches = (patches - patches.mean(axis=(1, 2), keepdims=True)) * np.outer(taper, taper)
+    spectrum = scipy.fft.rfft2(patches, (2 * window, 2 * window))
+    return np.asarray(np.fft.fftshift(spectrum.real**2 + spectrum.imag**2, axes=1))
+
+
+def _seeds(
+    power: FloatArray, corners: NDArray[np.int64], waves: _Waves, highest: float
+) -> list[Seed | None]:
+    """The two waves with the most power in each window, of those up to a frequency."""
+    ring = (waves.radius > PERIODS_ACROSS / waves.window) & (waves.radius < highest)
+    kept = power[:, ring]
+    if len(kept) == 0:
+        return []
+    floor = np.median(kept, axis=1)
+    rows = np.argwhere(ring)
+    cosine, sine = waves.cosine[ring], waves.sine[ring]
+    first = kept.argmax(axis=1)
+    alike = cosine * cosine[first, np.newaxis] + sine * sine[first, np.newaxis]
+    apart = alike < np.cos(2.0 * SMALLEST_ANGLE)
+    second = np.where(apart, kept, 0.0).argmax(axis=1)
+    seeds: list[Seed | None] = []
+    for index, corner in enumerate(corners):
+        if floor[index] <= 0.0:
+            seeds.append(None)
+            continue
+        here = power[index]
+        places = [(int(row), int(column)) for row, column in rows[[first[index], second[index]]]]
+        vectors = np.array([_refined(here, place, 2 * waves.window) for place in places])
+        strengths = [_above_its_kind(here, waves.radius, place) for place in places]
+        centre = corner + (waves.window - 1) / 2.0
+        seeds.append(Seed(centre, vectors, waves.window, min(strengths), strengths[0]))
+    return seeds
 
 
 def _above_its_kind(power: FloatArray, radius: FloatArray, place: tuple[int, int]) -> float:
@@ -147,13 +220,9 @@ def _above_its_kind(power: FloatArray, radius: FloatArray, place: tuple[int, int
     Most textures are the stronger the longer the wave: what stands out of all waves need not stand
     out of its own kind.
     """
-    alike = np.abs(np.log(radius / radius[place])) < ALIKE
+    ratio = np.exp(ALIKE)
+    alike = (radius < radius[place] * ratio) & (radius > radius[place] / ratio)
     return float(power[place] / max(float(np.median(power[alike])), 1e-300))
-
-
-def _peak(power: FloatArray) -> tuple[int, int]:
-    row, column = np.unravel_index(int(np.argmax(power)), power.shape)
-    return int(row), int(column)
 
 
 def _refined(power: FloatArray, place: tuple[int, int], size: int) -> FloatArray:
