@@ -9,9 +9,10 @@ and flight.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from metrology import NotFoundError
 from pipelines.measure.fits.flight_fit import FlightFit
@@ -148,7 +149,7 @@ def fit_contact(view: ImpactView, around_s: float) -> ContactFit:
         slow_error_whitening(view.time_s, offset=True),
         slow_error_whitening(view.swing_time_s, offset=True),
     )
-    tried = [_tried(view, whitening, float(lead), around_s) for lead in leads]
+    tried = _all_tried(view, whitening, leads, around_s)
     if all(one is None for one in tried):
         raise NotFoundError(
             "the mass and the ball never meet along their paths",
@@ -163,7 +164,7 @@ def fit_contact(view: ImpactView, around_s: float) -> ContactFit:
     share /= share.sum()
     lead = float(share @ leads)
     std = float(np.sqrt(share @ (leads - lead) ** 2))
-    found = _tried(view, whitening, lead, around_s) or likely
+    found = _all_tried(view, whitening, np.array([lead]), around_s)[0] or likely
     return ContactFit(found.onset_s, found.release_s, lead, std, found.exponent, found.left)
 
 
@@ -191,132 +192,166 @@ class _Tried:
         return float(soft.sum()) / widened + self.priors
 
 
-def _tried(view: ImpactView, whitening: _Whitening, lead: float, around_s: float) -> _Tried | None:
-    """The best of a few exponents, with the outline's lag solved for."""
-    touch = _touch(view, lead, around_s)
-    if touch is None:
-        return None
-    onset, release = touch
-    ends = _Ends.of(view, onset, release)
-    best: _Tried | None = None
-    for exponent in _EXPONENTS:
-        left, per_lag = _path_residuals(view, whitening, ends, float(exponent))
-        lag = float(per_lag @ left) / (float(per_lag @ per_lag) + OUTLINE_LAG_STD**-2)
-        priors = ((exponent - EXPONENT) / EXPONENT_STD) ** 2 + (lag / OUTLINE_LAG_STD) ** 2
-        one = _Tried(onset, release, float(exponent), left - lag * per_lag, float(priors))
-        if best is None or one.cost(1.0) < best.cost(1.0):
-            best = one
-    return best
+def _all_tried(
+    view: ImpactView, whitening: _Whitening, leads: FloatArray, around_s: float
+) -> list[_Tried | None]:
+    """For each lead the best of a few exponents, with the outline's lag solved for."""
+    onset, release = _touches(view, leads, around_s)
+    meet = np.isfinite(onset) & np.isfinite(release)
+    found: list[_Tried | None] = [None] * len(leads)
+    if not meet.any():
+        return found
+    ends = _Ends.of(view, onset[meet], release[meet])
+    left, per_lag = _path_residuals(view, whitening, ends, _EXPONENTS)
+    lag = (per_lag * left).sum(axis=0) / ((per_lag**2).sum(axis=0) + OUTLINE_LAG_STD**-2)
+    priors = ((_EXPONENTS - EXPONENT) / EXPONENT_STD) ** 2 + (lag / OUTLINE_LAG_STD) ** 2
+    for place, index in enumerate(np.flatnonzero(meet)):
+        alike = [
+            _Tried(
+                float(ends.onset_s[place]),
+                float(ends.onset_s[place] + ends.duration[place]),
+                float(exponent),
+                left[:, place, column] - lag[place, column] * per_lag[:, place, column],
+                float(priors[place, column]),
+            )
+            for column, exponent in enumerate(_EXPONENTS)
+        ]
+        found[index] = min(alike, key=lambda one: one.cost(1.0))
+    return found
 
 
 def touch_times(view: ImpactView, lead: float, around_s: float) -> tuple[float, float]:
     """Onset and release for a given lead of the face, s; NaN where they never meet."""
-    return _touch(view, lead, around_s) or (math.nan, math.nan)
+    onset, release = _touches(view, np.array([lead]), around_s)
+    return float(onset[0]), float(release[0])
 
 
 def face_speeds(view: ImpactView, onset: float, release: float) -> tuple[float, float]:
     """Approach speed at onset and parting speed at release, along the face normal, m/s (Eq. 2)."""
-    phi, omega = view.before.state(onset)
+    approach, parting = _face_speeds(view, np.array([onset]), np.array([release]))
+    return float(approach[0]), float(parting[0])
+
+
+def _face_speeds(
+    view: ImpactView, onset: FloatArray, release: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Approach and parting speeds (L,) of contacts from onset (L,) to release (L,), s."""
+    phi, omega = view.before.states(onset)
     approach = omega * arm_along_bar(view.rest - view.pivot, phi)
-    phi, omega = view.after.state(release)
-    state = view.flight.states(np.array([release]))[0]
-    normal = np.array([np.cos(phi), np.sin(phi)])
-    parting = float(state[2:] @ normal) - omega * arm_along_bar(state[:2] - view.pivot, phi)
+    phi, omega = view.after.states(release)
+    state = view.flight.states(release)
+    normal = np.stack([np.cos(phi), np.sin(phi)], axis=-1)
+    arm = np.moveaxis(state[:, :2] - view.pivot, -1, 0)
+    parting = (state[:, 2:] * normal).sum(axis=-1) - omega * arm_along_bar(arm, phi)
     return approach, parting
 
 
-def arm_along_bar(arm: FloatArray, phi: float) -> float:
-    """Distance from the pivot to the point of contact, along the bar, m."""
-    return float(arm[0] * np.sin(phi) - arm[1] * np.cos(phi))
+def arm_along_bar(arm: FloatArray, phi: ArrayLike) -> Any:
+    """Distance from the pivot to the point of contact (2,) or (2, L), along the bar, m."""
+    return arm[0] * np.sin(phi) - arm[1] * np.cos(phi)
 
 
-def _touch(view: ImpactView, lead: float, around_s: float) -> tuple[float, float] | None:
+def _touches(view: ImpactView, leads: FloatArray, around_s: float) -> tuple[FloatArray, FloatArray]:
+    """Onset and release (L,) for leads of the face (L,), s; NaN where they never meet or part."""
     grid = around_s + np.linspace(-0.06, 0.06, 121)
-    onset = _crossing(grid, gap_before(view, grid) - lead, falling=True)
-    release = _crossing(grid, gap_after(view, grid) - lead, falling=False)
-    if onset is None or release is None:
-        return None
-    return onset, max(release, onset + 1e-4)
+    closing, opening = gap_before(view, grid), gap_after(view, grid)
+    onset = np.array([_crossing(grid, closing - lead) for lead in leads])
+    release = np.array([_crossing(grid, lead - opening) for lead in leads])
+    return onset, np.maximum(release, onset + 1e-4)
 
 
-def _crossing(time_s: FloatArray, gap: FloatArray, *, falling: bool) -> float | None:
-    signed = gap if falling else -gap
-    places = np.flatnonzero((signed[:-1] > 0) & (signed[1:] <= 0))
+def _crossing(time_s: FloatArray, gap: FloatArray) -> float:
+    """Where a gap falls through zero, from a cubic through its neighbourhood, s; NaN if nowhere."""
+    places = np.flatnonzero((gap[:-1] > 0) & (gap[1:] <= 0))
     if len(places) == 0:
-        return None
+        return math.nan
     place = int(places[0])
     lo, hi = max(place - 2, 0), min(place + 4, len(gap))
-    curve = np.polynomial.Polynomial.fit(gap[lo:hi], time_s[lo:hi], 3)
-    return float(curve(0.0))
+    # time as a cubic of the gap in units of its size here, by its four nearest powers
+    scale = float(np.abs(gap[lo:hi]).max())
+    powers = (gap[lo:hi, np.newaxis] / scale) ** np.arange(4)
+    return float(time_s[lo] + np.linalg.lstsq(powers, time_s[lo:hi] - time_s[lo])[0][0])
 
 
 @dataclass(frozen=True)
 class _Ends:
-    """Motion at both ends of a contact that lasts from onset to release."""
+    """Motion at both ends of contacts, one for each lead: arrays (L,), the normals (L, 2)."""
 
-    onset_s: float
-    duration: float
+    onset_s: FloatArray
+    duration: FloatArray
     normal: FloatArray
-    speed: float
-    cor: float
-    approach: float
-    by_speeds: float
+    speed: FloatArray
+    cor: FloatArray
+    approach: FloatArray
+    by_speeds: FloatArray
 
     @classmethod
-    def of(cls, view: ImpactView, onset: float, release: float) -> "_Ends":
+    def of(cls, view: ImpactView, onset: FloatArray, release: FloatArray) -> "_Ends":
         duration = release - onset
-        state = view.flight.states(np.array([release]))[0]
-        normal = state[:2] - view.rest
-        way = float(np.hypot(*normal))
-        speed = float(state[2:] @ normal) / way
+        state = view.flight.states(release)
+        normal = state[:, :2] - view.rest
+        way = np.hypot(*normal.T)
+        speed = (state[:, 2:] * normal).sum(axis=-1) / way
         # the impulse's centroid puts the way gone at release at v Δt / (1 + e)
         cor = speed * duration / way - 1.0
-        approach, parting = face_speeds(view, onset, release)
+        approach, parting = _face_speeds(view, onset, release)
         by_speeds = (parting / approach - cor) / COR_STD
         return cls(
             onset,
             duration,
-            normal / way,
+            normal / way[:, np.newaxis],
             speed,
-            float(np.clip(cor, 0.2, 0.999)),
+            np.clip(cor, 0.2, 0.999),
             approach,
             by_speeds,
         )
 
 
 def _path_residuals(
-    view: ImpactView, whitening: _Whitening, ends: _Ends, exponent: float
+    view: ImpactView, whitening: _Whitening, ends: _Ends, exponents: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Whitened residuals of ball, pendulum and COR, and what one unit of outline lag adds."""
-    release = ends.onset_s + ends.duration
-    pulse = contact_pulse(exponent, ends.cor)
-    phase = np.clip((view.time_s - ends.onset_s) / ends.duration, 0.0, 1.0)
-    path = np.interp(phase, pulse.phase, pulse.path) * ends.duration
-    path += np.maximum(view.time_s - release, 0.0)
-    lagging = np.interp(phase, pulse.phase, pulse.compression) * ends.approach * ends.duration
-    moved = (view.position_m - view.rest) @ ends.normal
-    std = np.hypot(view.std_m, SHAPE_STD * ends.speed * ends.duration)
-    ball = whitening.ball((moved - path * ends.speed) / std)
-    held = whitening.mass(_pendulum_held_back(view, ends.onset_s, release, pulse))
-    left = np.concatenate([ball, held, [ends.by_speeds]])
-    per_lag = np.zeros(len(left))
-    per_lag[: len(phase)] = whitening.ball(lagging / std)
+    """Whitened residuals of ball, pendulum and COR, and what one unit of outline lag adds.
+
+    Both (R, L, E) for L contacts and E exponents.
+    """
+    shape = (len(ends.duration), len(exponents))
+    pulses = [[contact_pulse(float(n), float(e)) for n in exponents] for e in ends.cor]
+    path, lagging = np.empty((2, len(view.time_s), *shape))
+    swung = np.empty((len(view.swing_time_s), *shape))
+    for index, (onset, duration) in enumerate(zip(ends.onset_s, ends.duration, strict=True)):
+        phase = (view.time_s - onset) / duration
+        swing_phase = (view.swing_time_s - onset) / duration
+        for column, pulse in enumerate(pulses[index]):
+            path[:, index, column] = duration * _way(pulse, phase)
+            lagging[:, index, column] = np.interp(phase, pulse.phase, pulse.compression)
+            swung[:, index, column] = duration * _way(pulse, swing_phase)
+    lagging *= (ends.approach * ends.duration)[:, np.newaxis]
+    moved = (view.position_m - view.rest) @ ends.normal.T
+    std = np.hypot(view.std_m[:, np.newaxis], SHAPE_STD * ends.speed * ends.duration)
+    off = (moved[..., np.newaxis] - path * ends.speed[:, np.newaxis]) / std[..., np.newaxis]
+    ball = whitening.ball(off)
+    held = whitening.mass(_pendulum_held_back(view, ends, swung))
+    speeds = np.broadcast_to(ends.by_speeds[:, np.newaxis], (1, *shape))
+    left = np.concatenate([ball, held, speeds])
+    per_lag = np.zeros_like(left)
+    per_lag[: len(view.time_s)] = whitening.ball(lagging / std[..., np.newaxis])
     return left, per_lag
 
 
-def _pendulum_held_back(
-    view: ImpactView, onset: float, release: float, pulse: ContactPulse
-) -> FloatArray:
+def _way(pulse: ContactPulse, phase: FloatArray) -> FloatArray:
+    """Way gone at phases of a contact and after it, over speed at release × duration."""
+    return np.asarray(np.interp(phase, pulse.phase, pulse.path) + np.maximum(phase - 1.0, 0.0))
+
+
+def _pendulum_held_back(view: ImpactView, ends: _Ends, swung: FloatArray) -> FloatArray:
     """How far the pendulum stays behind its free swing: the ball's path by the mass ratio.
 
     Unlike the ball's outline, the mass keeps its shape.
     """
-    duration = release - onset
-    slowed = view.before.state(release)[1] - view.after.state(release)[1]
-    phase = np.clip((view.swing_time_s - onset) / duration, 0.0, 1.0)
-    path = np.interp(phase, pulse.phase, pulse.path) * duration
-    path += np.maximum(view.swing_time_s - release, 0.0)
+    release = ends.onset_s + ends.duration
+    slowed = view.before.states(release)[1] - view.after.states(release)[1]
     behind = view.before.angles(view.swing_time_s) - view.swing_rad
     noise = view.swing_std_rad * math.sqrt(view.before.fitted.chi2_per_dof)
-    std = np.hypot(noise, SHAPE_STD * slowed * duration)
-    return np.asarray((behind - slowed * path) / std)
+    std = np.hypot(noise[:, np.newaxis], SHAPE_STD * slowed * ends.duration)
+    off = behind[:, np.newaxis, np.newaxis] - slowed[:, np.newaxis] * swung
+    return np.asarray(off / std[..., np.newaxis])

@@ -48,7 +48,7 @@ def slow_error_whitening(
     # residuals of a search that ran away to infinity come out as NaN
     @np.errstate(invalid="ignore", over="ignore")
     def whiten(left: FloatArray) -> FloatArray:
-        along = axes.T @ left
-        return np.asarray(left - axes @ (along.T * shrink).T)
+        along = np.tensordot(axes.T, left, axes=1)
+        return np.asarray(left - np.tensordot(axes * shrink, along, axes=1))
 
     return whiten
