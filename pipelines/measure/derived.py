@@ -199,7 +199,7 @@ def _cor(
     normal = np.array([np.cos(phi), np.sin(phi)])
     reach = share * arm_along_bar(state[:2] - view.pivot, phi)
     parting = float(state[2:] @ normal) - omega_after * reach
-    return parting / (omega_before * arm)
+    return float(parting / (omega_before * arm))
 
 
 def _launch_that_reaches(
