@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mismatch.fitting.fit import Fit, fit_model
+from mismatch.fitting.form_evidence import EXACT, FormEvidence, form_evidence
 from mismatch.fitting.normal_equations import Free, free_parameters
 from mismatch.fitting.scan import Scan
 from mismatch.model.candidates import Candidate, start_values
@@ -63,11 +64,14 @@ class Hypothesis:
         The model with them in it.
     gain : float
         Objective of the refitted baseline minus that of this fit (chi-square units).
+    form : FormEvidence
+        What it gains once the forms of its laws need not be quite right.
     """
 
     members: tuple[Candidate, ...]
     fit: Fit
     gain: float
+    form: FormEvidence = EXACT
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -79,7 +83,8 @@ class Hypothesis:
         """Gain less what freedom, size of the set and unlikely strengths cost."""
         fines = sum(member.fine for member in self.members)
         further = sum(not is_known(member.effect) for member in self.members) - 1
-        return self.gain - fines - MEMBER_FINE * max(further, 0) - self.misfit * self.surprise
+        gain = self.gain + self.form.gain
+        return gain - fines - MEMBER_FINE * max(further, 0) - self.misfit * self.surprise
 
     @property
     def surprise(self) -> float:
@@ -96,8 +101,8 @@ class Hypothesis:
 
     @property
     def misfit(self) -> float:
-        """Chi-square over what noise leaves, at least one: the unit of differences."""
-        return self.fit.misfit
+        """Chi-square that even loose forms leave over what noise leaves, at least one."""
+        return max(1.0, (self.fit.chi2 - self.form.absorbed) / max(self.fit.expected, 1.0))
 
     @property
     def allowed(self) -> bool:
@@ -178,7 +183,8 @@ def fit_hypothesis(
         fit = fit_ever_longer(forward, base.model, model, free, (base.nuisance, base.law_offsets))
     else:
         fit = fit_model(forward, model, free, point, rounds=rounds)
-    return Hypothesis(tuple(members), fit, base.objective - fit.objective)
+    form = form_evidence(forward, fit, added)
+    return Hypothesis(tuple(members), fit, base.objective - fit.objective, form)
 
 
 def fit_ever_longer(

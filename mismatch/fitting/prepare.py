@@ -162,7 +162,7 @@ def _cut_contact(forward: Forward, clocks: FloatArray, model: Model) -> tuple[Re
     gap = np.array(
         [
             float(baseline.ball(records.ball_names[k] or None).table(np.array([u]))[1, 0])  # type: ignore[misc]
-            for k, u in zip(records.ball_index, forward._nominal_speed(), strict=True)
+            for k, u in zip(records.ball_index, forward.nominal_speed(), strict=True)
         ]
     )
     ball_since = records.ball_time - clocks[:, None]

@@ -23,11 +23,6 @@ TORQUES = frozenset({"N m", "N m s", "N m s^2"})
 PAPER_TORQUE = 26.8
 """N m, m g d of the paper's pendulum, which the catalogue's scales of torques are made for."""
 
-NEED_TWO_AXES = frozenset(
-    {"lens_distortion", "camera_roll", "rolling_shutter", "parallax", "magnus", "asymmetric_wake"}
-)
-"""Ids that show in one coordinate only together with another."""
-
 
 @dataclass(frozen=True)
 class Candidate:
@@ -139,11 +134,9 @@ def _admissible(effect: Effect, forward: Forward, model: Model) -> bool:
     if "drag" in effect.requires and model.value("drag", "drag_coefficient", 0.0) <= 0.0:
         return False
     axes = int(forward.records.ball_used.any(axis=(0, 1)).sum())
-    if effect.id in NEED_TWO_AXES and axes < 2:
+    if axes < effect.axes and forward.mode != "swing":
         return False
     if isinstance(effect, Magnet | Bump) and not forward.records.ball_used[..., 0].any():
-        return False
-    if effect.form == "three axes" and axes < 3:
         return False
     if forward.mode == "swing":
         return "torque" in hooks or effect.id == "time_base"

@@ -14,7 +14,7 @@ from mismatch.model.baseline import COLUMNS, Baseline
 from mismatch.model.model import Model, Term, lane_terms
 from mismatch.records.records import Records
 from physics.arrays import FloatArray
-from physics.effects import CATALOGUE, Contact, FlightState, Outcome, SwingState, View
+from physics.effects import Contact, Coordinate, FlightState, Outcome, SwingState, View
 from physics.effects.impact import add_normal_speeds, change_restitution, turn_launch
 from physics.integrator import Rates, Trajectory, crossing, integrate
 
@@ -251,7 +251,7 @@ class Forward:
         base, records = self.baseline, self.records
         drag = _lane_values(terms, "drag", "drag_coefficient", state.shape[1])
         spin = _lane_values(terms, "magnus", "spin", state.shape[1])
-        speed = self._nominal_speed()
+        speed = self.nominal_speed()
         acting = [t for t in terms if "force" in t.effect.hooks]
         order = records.order
 
@@ -275,7 +275,7 @@ class Forward:
 
     def _steps(self, terms: Sequence[Term], most: int) -> int:
         """Half the steps where every law is smooth on the scale of the whole way."""
-        smooth = self.mode == "impact" and all(t.effect.id in CATALOGUE for t in terms)
+        smooth = self.mode == "impact" and not any(t.effect.sharp for t in terms)
         return most // 2 if smooth else most
 
     def _swing_on(self, terms: Sequence[Term], outcome: Outcome) -> Trajectory:
@@ -289,7 +289,40 @@ class Forward:
         )
         return integrate(self._swing_rates(terms), start, self.swing_time, self._steps(terms, 32))
 
-    def _nominal_speed(self) -> FloatArray:
+    def flight_span(self, coordinate: Coordinate) -> tuple[float, float]:
+        """What the balls go through of a coordinate, roughly."""
+        records = self.records
+        used = records.ball_used
+        if coordinate is Coordinate.TIME or not used.any():
+            return 0.0, float(np.median(self.flight_time))
+        if coordinate in (Coordinate.PLACE, Coordinate.HEIGHT):
+            axis = 0 if coordinate is Coordinate.PLACE else 1
+            values = records.position[..., axis][used[..., axis]]
+            return (float(values.min()), float(values.max())) if values.size else (0.0, 1.0)
+        both = used[:, 1:] & used[:, :-1]
+        rows = both.any(axis=-1)
+        step = np.where(both, np.diff(records.position, axis=1), 0.0)
+        size = np.sqrt(np.square(step).sum(axis=-1))[rows]
+        speed = size / np.diff(records.ball_time, axis=1)[rows]
+        low, high = np.quantile(speed, [0.1, 0.9]) if speed.size else (0.0, 1.0)
+        return float(low), float(high)
+
+    def swing_span(self, coordinate: Coordinate) -> tuple[float, float]:
+        """What the pendulum goes through of an angle (rad) or of the size of its rate (rad/s)."""
+        angle = self.records.pendulum_angle[self.records.pendulum_used]
+        if not angle.size:
+            return 0.0, 1.0
+        if coordinate is not Coordinate.RATE:
+            return float(angle.min()), float(angle.max())
+        body = self._pendulum()
+        stiffness = body.mass * self.baseline.gravity * body.com / body.inertia
+        reach = float(np.abs(angle).max())
+        if self.mode == "impact":
+            reach = float(np.nanmax(np.abs(self.records.backswing)))
+        return 0.0, float(np.sqrt(2.0 * stiffness * (1.0 - np.cos(min(reach, np.pi)))))
+
+    def nominal_speed(self) -> FloatArray:
+        """Impact speed of each trial without losses, (T,), m/s."""
         body, records = self._pendulum(), self.records
         drop = np.cos(records.launch_angle) - np.cos(records.backswing)
         stiffness = 2.0 * body.mass * self.baseline.gravity * body.com / body.inertia
@@ -322,8 +355,9 @@ class Forward:
             if "angle" in term.effect.hooks:
                 time = times[1][at] if times[1].ndim == 3 else times[1]
                 view = View(
-                    time, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, phi[at], omega[at], *here, *self.centre
-                )
+                    time, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, phi[at], omega[at], *here, *self.centre,
+                    self._pendulum().length,
+                )  # fmt: skip
                 phi[at] = term.effect.angle(values, view)
         stacked = np.concatenate([ball[0], ball[1], ball[2], phi], axis=-1)
         return np.where(np.isfinite(stacked), np.clip(stacked, -OUTSIDE, OUTSIDE), OUTSIDE)

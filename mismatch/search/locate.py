@@ -144,7 +144,7 @@ def _force_along(
         records.mass[:, None], records.diameter[:, None],
         base.air_density, base.air_viscosity, base.gravity,
         fit.model.value("drag", "drag_coefficient", 0.0), fit.model.value("magnus", "spin", 0.0),
-        forward._nominal_speed()[:, None], records.order[:, None],
+        forward.nominal_speed()[:, None], records.order[:, None],
     )  # fmt: skip
     force = effect.force(_values_of(fit, effect), flight)
     return np.stack([np.broadcast_to(f, ball.shape) for f in force]), velocity, ball
@@ -169,7 +169,7 @@ def _release(forward: Forward, fit: Fit) -> FloatArray:
         table = forward.baseline.ball(name or None).table
         mine = forward.records.ball_index == index
         if table is not None:
-            gap[mine, 0] = table(forward._nominal_speed()[mine])[1]
+            gap[mine, 0] = table(forward.nominal_speed()[mine])[1]
     return gap
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mismatch.fitting.fit import Fit
+from mismatch.fitting.form_evidence import scan_beyond_forms
 from mismatch.fitting.hypotheses import (
     MISFIT,
     Hypothesis,
@@ -298,7 +299,8 @@ def _grow(
         keys = {member.key for member in seed.members}
         ids = {member.id for member in seed.members} - {"unnamed"}
         pool = tuple(c for c in pool if c.key not in keys and c.id not in ids)
-        scored = scan(forward, seed.fit, pool)
+        laws = [member.effect for member in seed.members]
+        scored = scan_beyond_forms(forward, seed.fit, laws, seed.form.size, pool)
         ranked = _best_by_law(scored, 1.0, forward.mode == "swing")
         enough = max(threshold, second_effect_share(seed) * seed.gain)
         known = [one for one in ranked if _shows(scored, one[1], seed.misfit)]

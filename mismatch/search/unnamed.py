@@ -11,6 +11,7 @@ import numpy as np
 from physics.arrays import FloatArray, Number, Vector
 from physics.effects import (
     Contact,
+    Coordinate,
     Effect,
     FlightState,
     Outcome,
@@ -21,7 +22,17 @@ from physics.effects import (
 )
 from physics.effects.impact import change_restitution, turn_launch
 
-__all__ = ["Ageing", "Bump", "Gust", "Magnet", "NearFloor", "Notch", "SpeedPower", "unnamed_laws"]
+__all__ = [
+    "Ageing",
+    "Bump",
+    "Gust",
+    "Magnet",
+    "NearFloor",
+    "Notch",
+    "Pull",
+    "SpeedPower",
+    "unnamed_laws",
+]
 
 SOURCE = "fitted to this campaign"
 FORCE = 0.05
@@ -60,6 +71,8 @@ class SpeedPower(Effect):
     )
     form: str = "along_velocity"
     separating: str = "another launch speed"
+    looseness: float = 0.2
+    sharp: bool = False
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """Power law."""
@@ -86,6 +99,8 @@ class Gust(Effect):
     )  # fmt: skip
     form: str = "horizontal"
     separating: str = "the same shot at another time of day, fans and doors shut"
+    looseness: float = 0.2
+    coordinate: Coordinate = Coordinate.TIME
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """Full strength within the window, with edges of a twelfth of its length."""
@@ -111,6 +126,9 @@ class NearFloor(Effect):
     )
     form: str = "vertical"
     separating: str = "a flight well above the floor"
+    looseness: float = 0.2
+    coordinate: Coordinate = Coordinate.HEIGHT
+    sharp: bool = False
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """Exponential in the height of the ball's lowest point."""
@@ -138,6 +156,8 @@ class Magnet(Effect):
     )
     form: str = "towards a point"
     separating: str = "the same shot with the apparatus moved by half a metre"
+    looseness: float = 0.2
+    coordinate: Coordinate = Coordinate.PLACE
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """Radial, strongest at one reach from the point."""
@@ -164,11 +184,28 @@ class Bump(Effect):
     )
     form: str = "horizontal"
     separating: str = "the same shot with the apparatus moved by half a metre"
+    looseness: float = 0.2
+    coordinate: Coordinate = Coordinate.PLACE
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """Gaussian in the distance flown."""
         apart = (flight.x - values["place"]) / values["reach"]
         return _along(self.form, values["strength"] * np.exp(-0.5 * np.square(apart)), flight)
+
+
+@dataclass(frozen=True)
+class Pull(Bump):
+    """A force along the way that turns its sign at a place: a pull towards it or a push away."""
+
+    statement: str = "A force towards a place on the way, within a short reach of it."
+    law: str = r"F = F_0\,q\,e^{-q^2/2},\quad q = (x_0 - x)/w"
+    form: str = "horizontal"
+
+    def force(self, values: Values, flight: FlightState) -> Vector:
+        """Derivative of a Gaussian in the distance flown."""
+        apart = (values["place"] - flight.x) / values["reach"]
+        size = values["strength"] * apart * np.exp(-0.5 * np.square(apart))
+        return _along(self.form, size, flight)
 
 
 @dataclass(frozen=True)
@@ -190,6 +227,8 @@ class Notch(Effect):
     )  # fmt: skip
     form: str = "angle"
     separating: str = "a slow swing by hand through that angle"
+    looseness: float = 0.2
+    coordinate: Coordinate = Coordinate.ANGLE
 
     def torque(self, values: Values, swing: SwingState) -> Number:
         """Gaussian in the angle."""
@@ -211,6 +250,8 @@ class Ageing(Effect):
     )
     form: str = "coefficient of restitution"
     separating: str = "the same shots once more in reversed order"
+    looseness: float = 0.2
+    sharp: bool = False
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
         """In proportion to the trial's place in the campaign."""
@@ -236,6 +277,7 @@ def unnamed_laws(mode: str) -> tuple[Effect, ...]:
         *(NearFloor(form=way) for way in ways),
         *(Bump(form=way) for way in ways),
         Magnet(),
+        Pull(),
     )
     if mode == "impact":
         return (*flight, Notch(), Ageing(), Ageing(form="launch angle"))

@@ -2,6 +2,7 @@
 
 from physics.effects.base import (
     Contact,
+    Coordinate,
     Effect,
     FlightState,
     Outcome,
@@ -17,6 +18,7 @@ __all__ = [
     "CATALOGUE",
     "MEASUREMENT_IDS",
     "Contact",
+    "Coordinate",
     "Effect",
     "FlightState",
     "Outcome",

@@ -19,6 +19,7 @@ angle       the pendulum angle that the camera shows, rad
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import Enum
 from typing import ClassVar, Literal, TypeAlias
 
 import numpy as np
@@ -28,6 +29,7 @@ from physics.effects.parameter import Parameter
 
 __all__ = [
     "Contact",
+    "Coordinate",
     "Effect",
     "FlightState",
     "Outcome",
@@ -40,6 +42,17 @@ __all__ = [
 
 Phase: TypeAlias = Literal["flight", "contact", "swing", "measurement"]
 Values: TypeAlias = Mapping[str, Number]
+
+
+class Coordinate(Enum):
+    """What a law depends on most, and along which its form may thus be a little wrong."""
+
+    SPEED = "speed"
+    TIME = "time"
+    HEIGHT = "height"
+    PLACE = "place"
+    RATE = "rate"
+    ANGLE = "angle"
 
 
 @dataclass(frozen=True)
@@ -213,6 +226,8 @@ class View:
         Ball's centre before the contact, or where its record starts, m.
     centre_x, centre_y, half_width : Number
         Middle and half the width of what the campaign's balls pass through, m.
+    length : Number
+        Of the pendulum, m; its lowest point is level with the resting ball.
     """
 
     time: Number
@@ -229,6 +244,7 @@ class View:
     centre_x: Number
     centre_y: Number
     half_width: Number
+    length: Number = 0.0
 
 
 @dataclass(frozen=True)
@@ -259,6 +275,15 @@ class Effect:
         Effects without which it does nothing.
     certain : bool
         Whether nature always has it, so that a model without it lacks something for sure.
+    looseness : float
+        How much, relative to itself, the law differs from one apparatus or author to the next once
+        its strength is matched (one sigma); 0 for what is exact.
+    coordinate : Coordinate
+        Along which it does.
+    axes : int
+        How many coordinates of the ball must be recorded for it to show.
+    sharp : bool
+        Whether it may start, end or peak within a small part of the motion, which takes fine steps.
     """
 
     id: str
@@ -272,6 +297,10 @@ class Effect:
     separating: str = ""
     requires: tuple[str, ...] = field(default=())
     certain: bool = False
+    looseness: float = 0.1
+    coordinate: Coordinate = Coordinate.SPEED
+    axes: int = 1
+    sharp: bool = True
 
     HOOKS: ClassVar[tuple[str, ...]] = (
         "force",

@@ -1,6 +1,7 @@
 """Every effect with an id of its own, in every form of its law."""
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from types import MappingProxyType
 
 from metrology import UsageError
@@ -21,11 +22,13 @@ from physics.effects.impact import (
     EffectiveMass,
     ObliqueImpact,
     PivotRecoil,
+    RubbingFace,
     SupportFriction,
     SupportRecoil,
     VelocityDependentCor,
 )
 from physics.effects.measurement import (
+    OTHER_ROWS,
     PITCH,
     SHIFT,
     CameraRoll,
@@ -55,6 +58,7 @@ _ALL: tuple[Effect, ...] = (
     EffectiveMass(form="mass", parameters=(MASS_ERROR,)),
     ObliqueImpact(),
     ObliqueImpact(form="smooth face"),
+    RubbingFace(),
     SupportFriction(),
     SupportFriction(form="until lift-off"),
     SupportFriction(form="ball alone"),
@@ -78,13 +82,18 @@ _ALL: tuple[Effect, ...] = (
     CameraRoll(form="ball only"),
     CameraRoll(form="about the start"),
     CameraRoll(form="about a point", parameters=(*CameraRoll().parameters, *SHIFT)),
-    CameraRoll(form="three axes", parameters=(*CameraRoll().parameters, PITCH)),
+    CameraRoll(form="three axes", parameters=(*CameraRoll().parameters, PITCH), axes=3),
     Parallax(),
     LensDistortion(),
     RollingShutter(),
+    RollingShutter(form="ball only"),
+    RollingShutter(form="other rows", parameters=(*RollingShutter().parameters, OTHER_ROWS)),
     OriginOffset(),
     DroppedFrames(),
 )
+
+
+_ALL = tuple(replace(effect, sharp=False) for effect in _ALL)
 
 
 def _grouped(effects: Iterable[Effect]) -> Mapping[str, tuple[Effect, ...]]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from physics.arrays import Number, Vector
-from physics.effects.base import Effect, FlightState, Parameter, Phase, Values
+from physics.effects.base import Coordinate, Effect, FlightState, Parameter, Phase, Values
 
 __all__ = [
     "AsymmetricWake",
@@ -34,6 +34,7 @@ class Drag(Effect):
     confusable: tuple[str, ...] = ("wind", "drag_crisis", "length_scale", "time_base")
     separating: str = "the same ball at a clearly different launch speed, over a longer flight"
     certain: bool = True
+    looseness: float = 0.05
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """Against the velocity, with its square."""
@@ -66,6 +67,7 @@ class DragCrisis(Effect):
     confusable: tuple[str, ...] = ("drag", "wind", "unnamed")
     separating: str = "launch speeds on both sides of the critical speed"
     requires: tuple[str, ...] = ("drag",)
+    looseness: float = 0.3
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """What the lower coefficient gives back."""
@@ -102,6 +104,8 @@ class DensityLapse(Effect):
     confusable: tuple[str, ...] = ("drag", "drag_crisis")
     separating: str = "flights through the same speeds at another height"
     requires: tuple[str, ...] = ("drag",)
+    looseness: float = 0.02
+    coordinate: Coordinate = Coordinate.HEIGHT
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """What thinner air gives back of the drag."""
@@ -124,6 +128,8 @@ class Magnus(Effect):
     )
     confusable: tuple[str, ...] = ("buoyancy", "asymmetric_wake", "time_base")
     separating: str = "a mark on the ball that shows its spin"
+    looseness: float = 0.15
+    axes: int = 2
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """Lift with a coefficient of one per spin ratio Rω/v."""
@@ -146,6 +152,8 @@ class SpinDecay(Effect):
     confusable: tuple[str, ...] = ("magnus",)
     separating: str = "a mark on the ball that shows its spin over the whole flight"
     requires: tuple[str, ...] = ("magnus",)
+    looseness: float = 0.2
+    coordinate: Coordinate = Coordinate.TIME
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """The lift that has been lost."""
@@ -169,6 +177,8 @@ class Wind(Effect):
     confusable: tuple[str, ...] = ("drag", "drag_crisis", "unnamed")
     separating: str = "one shot in the opposite direction, or one drop from rest"
     requires: tuple[str, ...] = ("drag",)
+    looseness: float = 0.15
+    coordinate: Coordinate = Coordinate.HEIGHT
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """Drag on the relative velocity less drag on the velocity."""
@@ -198,6 +208,7 @@ class Buoyancy(Effect):
     )
     confusable: tuple[str, ...] = ("magnus", "time_base", "length_scale", "asymmetric_wake")
     separating: str = "one drop from rest of this ball beside a small dense one"
+    looseness: float = 0.1
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """Straight up."""
@@ -220,6 +231,9 @@ class AsymmetricWake(Effect):
     )
     confusable: tuple[str, ...] = ("magnus", "buoyancy")
     separating: str = "the same ball turned by half a turn on its support"
+    looseness: float = 0.2
+    axes: int = 2
+    coordinate: Coordinate = Coordinate.TIME
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """At right angles to the velocity in the plane of flight."""

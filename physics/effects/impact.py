@@ -9,8 +9,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from physics.arrays import Number
-from physics.effects.base import Contact, Effect, Outcome, Parameter, Phase, Values
+from physics.arrays import Number, Vector
+from physics.effects.base import (
+    Contact,
+    Effect,
+    FlightState,
+    Outcome,
+    Parameter,
+    Phase,
+    Values,
+)
 
 __all__ = [
     "MASS_ERROR",
@@ -18,6 +26,7 @@ __all__ = [
     "EffectiveMass",
     "ObliqueImpact",
     "PivotRecoil",
+    "RubbingFace",
     "SupportFriction",
     "SupportRecoil",
     "VelocityDependentCor",
@@ -93,6 +102,7 @@ class VelocityDependentCor(Effect):
     )
     confusable: tuple[str, ...] = ("support_friction", "drag", "effective_mass")
     separating: str = "pendulum speeds before and after contact at three or more impact speeds"
+    looseness: float = 0.2
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
         """More or less restitution, by impact speed."""
@@ -122,6 +132,7 @@ class EffectiveMass(Effect):
     form: str = "arm"
     confusable: tuple[str, ...] = ("camera_roll", "backswing_offset", "pivot_recoil")
     separating: str = "pendulum speeds before and after contact, with a ball of another mass"
+    looseness: float = 0.15
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
         """Share the momentum with another mass; on another arm also hit at another speed."""
@@ -153,6 +164,7 @@ class ObliqueImpact(Effect):
     )
     confusable: tuple[str, ...] = ("camera_roll", "support_recoil")
     separating: str = "a plumb line in view, and a mark that shows spin"
+    looseness: float = 0.25
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
         """Turn the impulse."""
@@ -167,6 +179,27 @@ class ObliqueImpact(Effect):
             turned, vx=turned.vx * kept, vy=turned.vy * kept,
             pendulum_speed=outcome.pendulum_speed + lost,
         )  # fmt: skip
+
+
+SPIN_SHARE = Parameter(
+    "spin_share", "1", 0.1, -1.5, 1.5, width=0.3,
+    meaning="speed of the ball's surface by spin over the impact speed; back-spin is positive",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class RubbingFace(ObliqueImpact):
+    """A turned face that also rubs, so that the ball spins and the air lifts it."""
+
+    law: str = r"\Delta\theta = \arcsin(2h/d),\quad \omega = 2 k u / d"
+    source: str = "oblique impact with friction, Garwin, Am. J. Phys. 37, 88 (1969)"
+    parameters: tuple[Parameter, ...] = (*ObliqueImpact().parameters, SPIN_SHARE)
+    form: str = "rubbing face"
+
+    def force(self, values: Values, flight: FlightState) -> Vector:
+        """Lift of the spin that the face gave, with a coefficient of one per spin ratio."""
+        k = flight.dynamic_area * values["spin_share"] * np.asarray(flight.impact_speed)
+        return -k * flight.vy, k * flight.vx, np.zeros_like(np.asarray(flight.vz) * k)
 
 
 def _part_later(contact: Contact, outcome: Outcome, longer: Number, speed: Number) -> Outcome:
@@ -203,6 +236,7 @@ class SupportFriction(Effect):
     form: str = "whole contact"
     confusable: tuple[str, ...] = ("velocity_dependent_cor", "pivot_recoil")
     separating: str = "a launch off a slippery support (a sheet of PTFE)"
+    looseness: float = 0.4
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
         """Take momentum for the time the ball rests on the support."""
@@ -243,6 +277,7 @@ class ContactDisplacement(Effect):
     )
     confusable: tuple[str, ...] = ("origin_offset", "dropped_frames")
     separating: str = "more frames during contact (higher capture rate)"
+    looseness: float = 0.3
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
         """Stretch the way, at unchanged velocity; a softer ball also stays longer in contact."""
@@ -278,6 +313,7 @@ class PivotRecoil(Effect):
     )
     confusable: tuple[str, ...] = ("effective_mass", "bearing_friction", "velocity_dependent_cor")
     separating: str = "the pivot in view, or an accelerometer on the frame"
+    looseness: float = 0.25
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
         """Take the same share from both bodies."""
@@ -310,6 +346,7 @@ class SupportRecoil(Effect):
     form: str = "of impact speed"
     confusable: tuple[str, ...] = ("oblique_impact", "camera_roll")
     separating: str = "the support in view at contact, or a launch off a soft support"
+    looseness: float = 0.3
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
         """Add vertical speed."""

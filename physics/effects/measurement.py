@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from physics.arrays import FloatArray, Number, Vector
-from physics.effects.base import Effect, Parameter, Phase, Values, View
+from physics.effects.base import Coordinate, Effect, Parameter, Phase, Values, View
 
 __all__ = [
+    "OTHER_ROWS",
     "PITCH",
     "SHIFT",
     "CameraRoll",
@@ -60,6 +61,8 @@ class TimeBase(Effect):
     )
     confusable: tuple[str, ...] = ("length_scale", "buoyancy", "drag")
     separating: str = CLOCK
+    looseness: float = 0.02
+    coordinate: Coordinate = Coordinate.TIME
 
     def clock(self, values: Values, time: Number) -> Number:
         """Frames came faster by 1 + ε, so less time passed than was counted."""
@@ -90,6 +93,8 @@ class LengthScale(Effect):
     form: str = "about the origin"
     confusable: tuple[str, ...] = ("time_base", "parallax", "drag")
     separating: str = RULER
+    looseness: float = 0.03
+    coordinate: Coordinate = Coordinate.PLACE
 
     def image(self, values: Values, view: View) -> Vector:
         """Stretch about the origin on the floor, or about the ball's place at rest."""
@@ -127,6 +132,9 @@ class CameraRoll(Effect):
     form: str = "about the origin"
     confusable: tuple[str, ...] = ("oblique_impact", "effective_mass", "support_recoil")
     separating: str = PLUMB
+    looseness: float = 0.03
+    axes: int = 2
+    coordinate: Coordinate = Coordinate.PLACE
 
     def image(self, values: Values, view: View) -> Vector:
         """Turn the picture."""
@@ -178,6 +186,9 @@ class Parallax(Effect):
     )
     confusable: tuple[str, ...] = ("length_scale", "time_base", "origin_offset")
     separating: str = RULER
+    looseness: float = 0.05
+    axes: int = 2
+    coordinate: Coordinate = Coordinate.PLACE
 
     def image(self, values: Values, view: View) -> Vector:
         """Stretch about the foot of the optical axis."""
@@ -217,6 +228,9 @@ class LensDistortion(Effect):
     )
     confusable: tuple[str, ...] = ("parallax", "length_scale", "drag", "rolling_shutter")
     separating: str = "a picture of a grid with this lens"
+    looseness: float = 0.15
+    axes: int = 2
+    coordinate: Coordinate = Coordinate.PLACE
 
     def image(self, values: Values, view: View) -> Vector:
         """Displace radially with the cube of the distance from the axis."""
@@ -225,6 +239,12 @@ class LensDistortion(Effect):
         dx, dy = view.x - x0, view.y - y0
         k = values["radial"] * (np.square(dx) + np.square(dy))
         return view.x + k * dx, view.y + k * dy, view.z
+
+
+OTHER_ROWS = Parameter(
+    "pendulum_delay", "s", 2e-4, -0.02, 0.02, width=2e-3,
+    meaning="how much later the rows of the pendulum are read than those of the resting ball",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -241,11 +261,22 @@ class RollingShutter(Effect):
     )
     confusable: tuple[str, ...] = ("camera_roll", "time_base", "lens_distortion")
     separating: str = "a flash of light in view, or the same flight with the camera upside down"
+    looseness: float = 0.02
+    axes: int = 2
+    coordinate: Coordinate = Coordinate.PLACE
 
     def image(self, values: Values, view: View) -> Vector:
         """Show the ball where it is when its row is read (first order in the delay)."""
         late = values["delay"] * (view.rest_y - view.y)
         return view.x + view.vx * late, view.y + view.vy * late, view.z + view.vz * late
+
+    def angle(self, values: Values, view: View) -> Number:
+        """Show the pendulum where it is when its rows are read, unless it was timed apart."""
+        if self.form == "ball only":
+            return view.phi
+        late = values.get("pendulum_delay", 0.0)
+        late = late - values["delay"] * view.length * (1.0 - np.cos(view.phi))
+        return view.phi + view.omega * late
 
 
 @dataclass(frozen=True)
@@ -263,6 +294,7 @@ class OriginOffset(Effect):
     )
     confusable: tuple[str, ...] = ("contact_displacement", "parallax")
     separating: str = "the ball at rest in view together with the wall scale"
+    looseness: float = 0.0
 
     def image(self, values: Values, view: View) -> Vector:
         """Displace."""
@@ -292,6 +324,8 @@ class DroppedFrames(Effect):
     )
     confusable: tuple[str, ...] = ("time_base", "contact_displacement", "drag")
     separating: str = CLOCK
+    looseness: float = 0.05
+    coordinate: Coordinate = Coordinate.TIME
 
     def clock(self, values: Values, time: Number) -> Number:
         """Jump once."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from physics.arrays import Number
-from physics.effects.base import Effect, Parameter, Phase, SwingState, Values
+from physics.effects.base import Coordinate, Effect, Parameter, Phase, SwingState, Values
 
 __all__ = ["BackswingOffset", "BearingFriction", "PendulumDrag", "ViscousDamping"]
 
@@ -27,6 +27,8 @@ class BearingFriction(Effect):
     )
     confusable: tuple[str, ...] = ("viscous_damping", "pendulum_drag", "backswing_offset")
     separating: str = "a free swing over many periods: amplitude falls linearly under dry friction"
+    looseness: float = 0.2
+    coordinate: Coordinate = Coordinate.RATE
 
     def torque(self, values: Values, swing: SwingState) -> Number:
         """Constant, against the motion."""
@@ -47,6 +49,8 @@ class ViscousDamping(Effect):
     )
     confusable: tuple[str, ...] = ("bearing_friction", "pendulum_drag")
     separating: str = "a free swing over many periods: amplitude falls exponentially"
+    looseness: float = 0.1
+    coordinate: Coordinate = Coordinate.RATE
 
     def torque(self, values: Values, swing: SwingState) -> Number:
         """In proportion to the rate."""
@@ -67,6 +71,8 @@ class PendulumDrag(Effect):
     )
     confusable: tuple[str, ...] = ("bearing_friction", "viscous_damping")
     separating: str = "a free swing over many periods from a large angle"
+    looseness: float = 0.1
+    coordinate: Coordinate = Coordinate.RATE
 
     def torque(self, values: Values, swing: SwingState) -> Number:
         """With the square of the rate."""
@@ -87,6 +93,7 @@ class BackswingOffset(Effect):
     )
     confusable: tuple[str, ...] = ("bearing_friction", "viscous_damping", "effective_mass")
     separating: str = "a plumb line in view, or the start of the swing in view"
+    looseness: float = 0.0
 
     def start(self, values: Values, backswing: Number) -> Number:
         """Reading plus offset."""

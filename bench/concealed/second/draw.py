@@ -12,7 +12,7 @@ from bench.concealed.second.laws import NAMED, UNNAMED, Law
 from bench.concealed.second.motion import Array, Concealed, Motion, Shots, collide, move
 from bench.concealed.setup_toml import BallFacts, LabFacts, Outcome, write_setup
 
-__all__ = ["GENERATOR", "KINDS", "draw_campaign"]
+__all__ = ["GENERATOR", "KINDS", "draw_campaign", "draw_plan", "kind_of"]
 
 # Raised whenever campaigns of the same seed change.
 GENERATOR = 1
@@ -97,7 +97,8 @@ def _facts(
     )  # fmt: skip
 
 
-def _plan(rng: np.random.Generator) -> Plan:
+def draw_plan(rng: np.random.Generator) -> Plan:
+    """One campaign of the second world, drawn."""
     length = float(np.round(rng.uniform(0.4, 0.8), 4))
     mass = float(np.round(rng.uniform(3.0, 8.0), 2))
     com = float(np.round(length * rng.uniform(0.7, 0.92), 4))
@@ -305,7 +306,7 @@ def draw_campaign(seed: int, number: int, folder: Path, keys: Path) -> Key:
     keys.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng([seed, number, 2])
     kind = kind_of(seed, number)
-    plan = _plan(rng)
+    plan = draw_plan(rng)
     concealed = _choose(rng, kind, plan)
     truths = _perform(rng, plan, tuple(concealed), folder)
     matrix = _information(plan, concealed) if concealed else np.zeros((0, 0))

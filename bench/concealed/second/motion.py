@@ -197,7 +197,7 @@ def _released(
     squeezed = np.stack([parts(path[:, :, k].reshape(-1))[8] for k in range(len(times))], axis=1)
     gap, states = np.empty(n), np.empty((6, n))
     for i in range(n):
-        apart = int(np.argmax((squeezed[i, 2:] <= 0.0))) + 2
+        apart = int(np.argmax(squeezed[i, 2:] <= 0.0)) + 2
         part = slice(apart - 2, apart + 2)
         gap[i] = np.interp(0.0, -squeezed[i, part], times[part])
         states[:, i] = CubicSpline(times[part], path[:, i, part].T)(gap[i])
@@ -253,9 +253,7 @@ def move(shots: Shots, concealed: Concealed = ()) -> Motion:
     pendulum, ball, landing = [], [], np.empty(len(shots))
     for i in range(len(shots)):
         before = times < touch[i] - 2e-3
-        knots = np.concatenate(
-            [times[before] - touch[i], [0.0], release.contact_time[i] + later]
-        )
+        knots = np.concatenate([times[before] - touch[i], [0.0], release.contact_time[i] + later])
         angles = np.concatenate([path[0, i, before], [shots.contact_angle[i]], after[0, i]])
         pendulum.append(CubicSpline(knots, angles))
         ball.append(CubicSpline(air, flight[:2, i].T))

@@ -1,0 +1,94 @@
+"""Laws that another apparatus writes otherwise: still one name, and nothing beside it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from mismatch import explain
+from mismatch.fitting.fit import fit_model
+from mismatch.fitting.form_evidence import form_evidence
+from mismatch.fitting.normal_equations import free_parameters
+from mismatch.fitting.prepare import prepare
+from physics.effects import CATALOGUE, Effect, Parameter
+from tests.mismatch.synthetic import struck_campaign
+
+
+@dataclass(frozen=True)
+class Kick(Effect):
+    """A support that kicks with the root of the impact speed, late in the contact."""
+
+    id: str = "kick"
+    statement: str = "made for this test"
+    law: str = r"\Delta v_y = a \sqrt{u}"
+    source: str = "made for this test"
+    phase: str = "contact"
+    parameters: tuple[Parameter, ...] = (Parameter("a", "1", 0.02, -1.0, 1.0),)
+
+    def contact(self, values, contact, outcome):
+        gained = values["a"] * np.sqrt(contact.impact_speed)
+        lifted = outcome.y + 0.2 * gained * outcome.contact_time
+        return replace(outcome, vy=outcome.vy + gained, y=lifted)
+
+
+@dataclass(frozen=True)
+class Saturating(Effect):
+    """Lift whose coefficient saturates with the spin ratio."""
+
+    id: str = "saturating"
+    statement: str = "made for this test"
+    law: str = r"C_L = S / (2 S + 0.4)"
+    source: str = "Sawicki, Hubbard and Stronge, Am. J. Phys. 71, 1152 (2003)"
+    phase: str = "flight"
+    parameters: tuple[Parameter, ...] = (Parameter("spin", "rad/s", 10.0, 0.0, 400.0),)
+
+    def force(self, values, flight):
+        ratio = 0.5 * flight.diameter * values["spin"] / flight.speed
+        k = flight.dynamic_area * flight.speed * ratio / (2.0 * ratio + 0.4)
+        return -k * flight.vy, k * flight.vx, np.zeros_like(k)
+
+
+@pytest.mark.parametrize(
+    ("made", "strength", "name"),
+    [(Kick(), {"a": 0.12}, "support_recoil"), (Saturating(), {"spin": 14.0}, "magnus")],
+)
+def test_another_form_of_a_law_keeps_its_name_and_buys_no_second_one(made, strength, name):
+    campaign, baseline = struck_campaign((made, strength), noise=5e-4)
+    verdict = explain(campaign, baseline)
+    assert len(verdict.effects) == 1
+    (named,) = verdict.effects
+    groups = [group for group in verdict.indistinguishable if named.id in group]
+    assert name == named.id or any(name in group for group in groups)
+
+
+def fitted_with(effect, strength, noise=5e-4):
+    campaign, baseline = struck_campaign(strength, noise=noise)
+    known = prepare(campaign, baseline)
+    model = known.fit.model.having(effect, dict(effect.neutral)).order()
+    free = free_parameters(model, [effect])
+    start = (known.fit.nuisance, known.fit.law_offsets)
+    return known.forward, fit_model(known.forward, model, free, start)
+
+
+def test_a_law_in_its_own_form_gains_nothing_from_being_loose():
+    magnus = CATALOGUE["magnus"][0]
+    forward, fit = fitted_with(magnus, (magnus, {"spin": 14.0}))
+    found = form_evidence(forward, fit, [magnus])
+    assert found.gain < 3.0
+    assert found.absorbed < 15.0
+
+
+def test_what_another_form_leaves_over_is_taken_up_by_the_error_of_the_form():
+    magnus = CATALOGUE["magnus"][0]
+    forward, fit = fitted_with(magnus, (Saturating(), {"spin": 14.0}), noise=2e-4)
+    over = fit.chi2 - fit.expected
+    found = form_evidence(forward, fit, [magnus])
+    assert over > 100.0
+    assert found.size > 0.0
+    assert found.absorbed > 0.7 * over
+
+
+def test_an_exact_law_has_no_error_of_form():
+    exact = replace(CATALOGUE["magnus"][0], looseness=0.0)
+    forward, fit = fitted_with(exact, (Saturating(), {"spin": 14.0}), noise=2e-4)
+    assert form_evidence(forward, fit, [exact]).gain == 0.0
