@@ -26,10 +26,13 @@ if TYPE_CHECKING:
     from pipelines.api.modelled import plan as plan
     from pipelines.api.modelled import simulate as simulate
     from pipelines.api.quantities import QuantityView as QuantityView
+    from pipelines.campaign.conduct import Campaign as Campaign
+    from pipelines.campaign.conduct import campaign as campaign
     from pipelines.setup.file import Setup as Setup
 
 __all__ = [
     "CalibratedClip",
+    "Campaign",
     "Clip",
     "Measurement",
     "ModelResult",
@@ -37,6 +40,7 @@ __all__ = [
     "Setup",
     "Verdict",
     "calibrate",
+    "campaign",
     "cor",
     "effects",
     "explain",
@@ -48,6 +52,7 @@ __all__ = [
 
 _HOMES = {
     "CalibratedClip": "pipelines.api.calibrated",
+    "Campaign": "pipelines.campaign.conduct",
     "Clip": "pipelines.api.clip",
     "Measurement": "pipelines.api.measured",
     "ModelResult": "pipelines.api.modelled",
@@ -55,6 +60,7 @@ _HOMES = {
     "Setup": "pipelines.setup.file",
     "Verdict": "pipelines.api.explained",
     "calibrate": "pipelines.api.calibrated",
+    "campaign": "pipelines.campaign.conduct",
     "cor": "pipelines.api.modelled",
     "explain": "pipelines.api.explained",
     "measure": "pipelines.api.measured",

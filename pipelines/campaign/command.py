@@ -1,6 +1,5 @@
 """`vision campaign`: a folder of clips measured once each, whatever happens, and what they say."""
 
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
@@ -11,23 +10,10 @@ from rich.table import Table
 from typer.core import TyperGroup
 
 from metrology import MeasurementError, UsageError
-from pipelines.campaign.lab_book import LabBook, match_clips, read_lab_book
-from pipelines.campaign.ledger import Ledger, Outcome, State, lock_folder
-from pipelines.campaign.publish import Edition, publish, publish_tables
-from pipelines.campaign.report import ReportFacts
-from pipelines.campaign.run import (
-    Plan,
-    RunOptions,
-    cluster_crew,
-    cores,
-    find_clips,
-    local_crew,
-    run,
-    stop_on_signals,
-)
+from pipelines.campaign.conduct import Asked, Campaign, conduct
+from pipelines.campaign.ledger import Ledger, Outcome, State
 from pipelines.campaign.run import Progress as RunProgress
-from pipelines.measure.files.output import software_version
-from pipelines.setup.file import Setup, ball_from_option, load_setup
+from pipelines.campaign.run import stop_on_signals
 from pipelines.terminal import screen
 
 __all__ = [
@@ -47,10 +33,6 @@ class ClipsOrCommand(TyperGroup):
         if args and args[0] not in self.commands and args[0] not in ("--help", "-h"):
             args = ["run", *args]
         return super().parse_args(ctx, args)
-
-
-_TABLES_EVERY_S = 5.0
-"""The tables are written anew at most this often while clips come in; a clip takes longer."""
 
 
 def campaign_command(
@@ -96,66 +78,36 @@ def campaign_command(
     The same command again goes on where it stopped. Example:
     vision campaign clips/ --trials trials.csv --setup lab.toml --out campaign
     """
-    found = find_clips(clips)
-    book = None if trials is None else read_lab_book(trials)
-    read = Setup() if setup is None else load_setup(setup)
-    options = RunOptions(setup, fps, ball, wall_grid, timeout)
-    matched = match_clips(book, found)
-    _require_balls(book, read, ball)
-    plan = Plan(out, options, matched, software_version())
-    strikes = {clip.name: strike for clip, strike in matched.strikes.items()}
-    notes = _notes(book, [strike.clip for strike in matched.absent])
-    facts = ReportFacts(
-        f"Campaign {out.resolve().name}",
-        software_version(),
-        None if setup is None else setup.name,
-        notes,
+    asked = Asked(
+        clips=tuple(clips),
+        out=out,
+        trials=trials,
+        setup=setup,
+        fps=fps,
+        ball=ball,
+        wall_grid=wall_grid,
+        jobs=jobs,
+        dask=dask,
+        only=tuple(only or ()),
+        retry_failed=retry_failed,
+        timeout_s=timeout,
+        against_paper=against_paper,
     )
-    edition = Edition(out, book, strikes, read, ball, facts, against_paper)
-    with lock_folder(out):
-        _measure(plan, edition, jobs, dask, retry_failed, tuple(only or ()), quiet)
-        with Ledger(out) as ledger:
-            publish(edition, ledger)
-            _tell(out, ledger, [strike.clip for strike in matched.absent], quiet)
+    done = _with_progress(asked, quiet)
+    if not quiet:
+        for clip, what in done.again.items():
+            screen(errors=True).print(f"{clip} was measured again: {what} changed since")
+        measured = done.summary["clips"]["done"]
+        screen().print(f"{measured} clips measured; report: {done.report}")
+    if done.wanting:
+        raise MeasurementError(
+            f"{len(done.wanting)} clips could not be measured:\n" + "\n".join(done.wanting[:50]),
+            hint="After mending, give the same command with --retry-failed.",
+        )
 
 
-def _require_balls(book: LabBook | None, setup: Setup, ball: str | None) -> None:
-    """Refuse a ball that nobody knows before hours of work.
-
-    Raises
-    ------
-    UsageError
-    """
-    strikes = () if book is None else book.strikes
-    for name in dict.fromkeys([ball, *(strike.ball for strike in strikes)]):
-        if name is None or name in setup.balls:
-            continue
-        try:
-            ball_from_option(name)
-        except UsageError as problem:
-            known = ", ".join(setup.balls) or "none"
-            raise UsageError(
-                f"nobody says what ball {name!r} is",
-                hint=f"Describe it as [balls.{name}] in the setup file (there: {known}).",
-            ) from problem
-
-
-def _notes(book: LabBook | None, absent: list[str]) -> tuple[str, ...]:
-    notes = () if book is None else book.notes
-    if absent:
-        notes += (f"{len(absent)} clips of the lab book were not given: {', '.join(absent[:8])}.",)
-    return notes
-
-
-def _measure(
-    plan: Plan,
-    edition: Edition,
-    jobs: int | None,
-    dask: str | None,
-    retry_failed: bool,
-    only: tuple[str, ...],
-    quiet: bool,
-) -> None:
+def _with_progress(asked: Asked, quiet: bool) -> Campaign:
+    """Conduct the campaign with a bar on a terminal; Ctrl-C and SIGTERM say how to go on."""
     stop_on_signals()
     errors = screen(errors=True)
     with Progress(
@@ -168,57 +120,20 @@ def _measure(
         disable=quiet or not errors.is_terminal,
     ) as bar:
         task = bar.add_task("measuring", total=None)
-        last_tables = time.monotonic()
 
-        def after_each(progress: RunProgress, outcome: Outcome) -> None:
-            nonlocal last_tables
+        def on_clip(progress: RunProgress, outcome: Outcome) -> None:
             bar.update(task, total=progress.todo, completed=progress.done + progress.failed)
             if outcome.state == State.FAILED and not quiet:
                 errors.print(f"{outcome.clip}: {outcome.error}", soft_wrap=True)
-            if time.monotonic() - last_tables > _TABLES_EVERY_S:
-                with Ledger(plan.folder) as ledger:
-                    publish_tables(edition, ledger)
-                last_tables = time.monotonic()
-
-        def crew():  # type: ignore[no-untyped-def]
-            if dask is not None:
-                return cluster_crew(dask, plan.options)
-            return local_crew(jobs or cores(), plan.options)
 
         try:
-            done = run(plan, crew, retry_failed=retry_failed, only=only, after_each=after_each)
+            return conduct(asked, on_clip)
         except KeyboardInterrupt:
             errors.print(
-                f"stopped; what is done is kept in {plan.folder}."
+                f"stopped; what is done is kept in {asked.out}."
                 " The same command goes on where it stopped."
             )
             raise
-    if not quiet:
-        for clip, what in done.again.items():
-            errors.print(f"{clip} was measured again: {what} changed since", soft_wrap=True)
-
-
-def _tell(folder: Path, ledger: Ledger, absent: list[str], quiet: bool) -> None:
-    """Print the state of the campaign and end with 4 where not every clip was measured.
-
-    Raises
-    ------
-    MeasurementError
-    """
-    counts = ledger.counts()
-    if not quiet:
-        screen().print(f"{counts[State.DONE]} clips measured; report: {folder / 'report.html'}")
-    wanting = [
-        f"{entry.order.clip}: {entry.error or entry.state}"
-        for entry in ledger.entries()
-        if entry.state != State.DONE
-    ]
-    wanting += [f"{name}: named in the lab book, not given" for name in absent]
-    if wanting:
-        raise MeasurementError(
-            f"{len(wanting)} clips could not be measured:\n" + "\n".join(wanting[:50]),
-            hint="After mending, give the same command with --retry-failed.",
-        )
 
 
 def status_command(

@@ -5,6 +5,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import pandas as pd
+
 from metrology import write_text_whole
 from pipelines.campaign.analysis.balls import CampaignAnalysis, analyse
 from pipelines.campaign.figures import draw_figures, write_figures
@@ -15,7 +17,7 @@ from pipelines.campaign.results import ClipResult, clip_results, results_frame, 
 from pipelines.campaign.summary import summarise
 from pipelines.setup.file import Setup
 
-__all__ = ["Edition", "publish", "publish_tables"]
+__all__ = ["Edition", "Published", "publish", "publish_tables"]
 
 
 @dataclass(frozen=True)
@@ -49,19 +51,29 @@ class Edition:
         return clip_results(ledger.entries(), self.strikes)
 
 
+@dataclass(frozen=True)
+class Published:
+    """What was written."""
+
+    results: list[ClipResult]
+    frame: pd.DataFrame
+    analysis: CampaignAnalysis
+
+
 def publish_tables(edition: Edition, ledger: Ledger) -> None:
     """Write the tables alone: cheap enough to do while clips come in."""
     write_tables(results_frame(edition.results(ledger), edition.book), edition.folder)
 
 
-def publish(edition: Edition, ledger: Ledger) -> CampaignAnalysis:
+def publish(edition: Edition, ledger: Ledger) -> Published:
     """Write tables, figures, laws, summary and report; each whole or not at all."""
     results = edition.results(ledger)
-    write_tables(results_frame(results, edition.book), edition.folder)
+    frame = results_frame(results, edition.book)
+    write_tables(frame, edition.folder)
     analysis = analyse(results, edition.setup, edition.ball)
     figures = draw_figures(analysis, against_paper=edition.against_paper)
     write_figures(figures, edition.folder / "figures")
     summary = json.dumps(summarise(results, analysis), indent=2, ensure_ascii=False)
     write_text_whole(edition.folder / "summary.json", summary + "\n")
     write_report(edition.folder / "report.html", edition.facts, results, analysis, figures)
-    return analysis
+    return Published(results, frame, analysis)

@@ -197,21 +197,16 @@ def answer(request: Request) -> dict[str, Any]:
 def _measured(request: Request) -> dict[str, Any]:
     from metrology import write_text_whole
     from metrology.files import written_whole
-    from pipelines.measure.chain import MeasureOptions, measure_clip
+    from pipelines.api.asked import measure_options
+    from pipelines.measure.chain import measure_clip
     from pipelines.measure.files.output import measurement_as_dict
     from pipelines.measure.files.pictures import overlay_marks
     from pipelines.measure.files.tracks import tracks_as_csv
-    from pipelines.setup.file import Setup, load_setup
     from vision.clip.clip import Clip
     from vision.overlay.overlay import overlay_still
 
-    setup = Setup() if request.setup is None else load_setup(Path(request.setup))
-    options = MeasureOptions(
-        setup=setup,
-        fps=None if request.fps is None else float(request.fps),
-        ball=request.ball,
-        wall_grid=request.wall_grid,
-        ball_at=None if request.ball_at is None else _point(request.ball_at),
+    options = measure_options(
+        request.setup, request.fps, request.ball, request.wall_grid, request.ball_at
     )
     measured = measure_clip(Path(request.path), options, lambda step, part: None)
     document = measurement_as_dict(measured)
@@ -239,11 +234,6 @@ def _small_jpeg(image: NDArray[np.uint8]) -> bytes:
     share = min(1.0, _PICTURE_WIDTH / image.shape[1])
     small = cv2.resize(image, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
     return bytes(cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, 70])[1])
-
-
-def _point(text: str) -> tuple[float, float] | tuple[float, float, int]:
-    x, y, *frame = text.split(",")
-    return (float(x), float(y), int(frame[0])) if frame else (float(x), float(y))
 
 
 def _serve() -> None:

@@ -1,0 +1,259 @@
+"""A campaign from what was asked to its folder: for the command line and for notebooks alike."""
+
+import json
+import os
+import time
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from metrology import UsageError, write_text_whole
+from pipelines.api.asked import measure_options, setup_from
+from pipelines.campaign.lab_book import LabBook, match_clips, read_lab_book
+from pipelines.campaign.ledger import Ledger, Outcome, State, lock_folder
+from pipelines.campaign.publish import Edition, publish, publish_tables
+from pipelines.campaign.report import ReportFacts
+from pipelines.campaign.run import (
+    Crew,
+    Plan,
+    Progress,
+    RunOptions,
+    cluster_crew,
+    cores,
+    find_clips,
+    local_crew,
+    run,
+)
+from pipelines.measure.files.output import software_version
+from pipelines.setup.file import Setup, ball_from_option
+
+__all__ = ["Asked", "Campaign", "campaign", "conduct"]
+
+TABLES_EVERY_S = 5.0
+"""The tables are written anew at most this often while clips come in; a clip takes longer."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What somebody wants of a campaign; as the options of `vision campaign`."""
+
+    clips: tuple[Path, ...]
+    out: Path
+    trials: Path | None = None
+    setup: Path | Setup | None = None
+    fps: str | None = None
+    ball: str | None = None
+    wall_grid: str | None = None
+    jobs: int | None = None
+    dask: str | None = None
+    only: tuple[str, ...] = ()
+    retry_failed: bool = False
+    timeout_s: float = 900.0
+    against_paper: bool = False
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A campaign as its folder holds it.
+
+    Attributes
+    ----------
+    folder : Path
+    results : DataFrame
+        One row per clip, the lab book's columns first.
+    summary : dict
+        As ``summary.json``.
+    wanting : tuple of str
+        Clips that could not be measured, each with its reason.
+    again : dict of str to str
+        Clips measured again, and what changed since.
+    """
+
+    folder: Path
+    results: pd.DataFrame
+    summary: dict[str, Any]
+    wanting: tuple[str, ...] = ()
+    again: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def report(self) -> Path:
+        """The page to look at."""
+        return self.folder / "report.html"
+
+    def __repr__(self) -> str:
+        clips = self.summary["clips"]
+        laws = [
+            f"{name}: {ball['law'] or 'no law'}" for name, ball in self.summary["balls"].items()
+        ]
+        return f"Campaign {self.folder}: {clips['done']} measured; " + ", ".join(laws)
+
+
+def campaign(
+    clips: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
+    *,
+    out: str | os.PathLike[str],
+    trials: str | os.PathLike[str] | None = None,
+    setup: Setup | str | os.PathLike[str] | None = None,
+    fps: str | float | None = None,
+    ball: str | None = None,
+    wall_grid: str | None = None,
+    jobs: int | None = None,
+    dask: str | None = None,
+    retry_failed: bool = False,
+) -> Campaign:
+    """Measure every clip once and turn them into tables, figures and laws of restitution.
+
+    Called again it goes on where it stopped. Clips that can't be measured stand in `wanting`.
+
+    Parameters
+    ----------
+    clips : path or sequence of paths
+        Clips and folders of clips.
+    out : path
+        Folder of the campaign.
+    trials : path, optional
+        The lab book (CSV or XLSX).
+    setup : Setup or path, optional
+    fps, ball, wall_grid : optional
+        As for `measure`; the lab book's ball goes before `ball`.
+    jobs : int, optional
+        Processes; default one a core.
+    dask : str, optional
+        Address of a Dask scheduler whose workers see the same paths.
+    retry_failed : bool
+
+    Raises
+    ------
+    UsageError
+        For what can be refused before the work begins.
+    """
+    given = [clips] if isinstance(clips, str | os.PathLike) else clips
+    return conduct(
+        Asked(
+            clips=tuple(Path(clip) for clip in given),
+            out=Path(out),
+            trials=None if trials is None else Path(trials),
+            setup=setup if setup is None or isinstance(setup, Setup) else Path(setup),
+            fps=None if fps is None else str(fps),
+            ball=ball,
+            wall_grid=wall_grid,
+            jobs=jobs,
+            dask=dask,
+            retry_failed=retry_failed,
+        )
+    )
+
+
+def conduct(
+    asked: Asked, on_clip: Callable[[Progress, Outcome], None] = lambda progress, outcome: None
+) -> Campaign:
+    """Measure what is not measured yet and publish everything.
+
+    Raises
+    ------
+    UsageError
+        For what can be refused before the work begins.
+    """
+    found = find_clips(asked.clips)
+    book = None if asked.trials is None else read_lab_book(asked.trials)
+    setup = setup_from(asked.setup)
+    measure_options(setup, asked.fps, None, asked.wall_grid)
+    matched = match_clips(book, found)
+    _require_balls(book, setup, asked.ball)
+    absent = tuple(strike.clip for strike in matched.absent)
+    with lock_folder(asked.out):
+        path = _setup_file(asked)
+        options = RunOptions(path, asked.fps, asked.ball, asked.wall_grid, asked.timeout_s)
+        plan = Plan(asked.out, options, matched, software_version())
+        facts = ReportFacts(
+            title=f"Campaign {asked.out.resolve().name}",
+            version=software_version(),
+            setup=None if path is None else path.name,
+            notes=_notes(book, absent),
+        )
+        strikes = {clip.name: strike for clip, strike in matched.strikes.items()}
+        edition = Edition(asked.out, book, strikes, setup, asked.ball, facts, asked.against_paper)
+        progress = run(
+            plan,
+            lambda: _crew(asked, options),
+            retry_failed=asked.retry_failed,
+            only=asked.only,
+            after_each=_publishing(edition, on_clip),
+        )
+        return _published(edition, absent, progress)
+
+
+def _setup_file(asked: Asked) -> Path | None:
+    """The setup as a file that workers can read."""
+    if not isinstance(asked.setup, Setup):
+        return asked.setup
+    path = asked.out / "setup.toml"
+    write_text_whole(path, asked.setup.to_toml())
+    return path
+
+
+def _crew(asked: Asked, options: RunOptions) -> AbstractContextManager[Crew]:
+    if asked.dask is not None:
+        return cluster_crew(asked.dask, options)
+    return local_crew(asked.jobs or cores(), options)
+
+
+def _publishing(
+    edition: Edition, on_clip: Callable[[Progress, Outcome], None]
+) -> Callable[[Progress, Outcome], None]:
+    last = time.monotonic()
+
+    def after_each(progress: Progress, outcome: Outcome) -> None:
+        nonlocal last
+        on_clip(progress, outcome)
+        if time.monotonic() - last > TABLES_EVERY_S:
+            with Ledger(edition.folder) as ledger:
+                publish_tables(edition, ledger)
+            last = time.monotonic()
+
+    return after_each
+
+
+def _published(edition: Edition, absent: tuple[str, ...], progress: Progress) -> Campaign:
+    with Ledger(edition.folder) as ledger:
+        published = publish(edition, ledger)
+    wanting = [
+        f"{result.clip}: {result.entry.error or result.entry.state}"
+        for result in published.results
+        if result.entry.state != State.DONE
+    ]
+    wanting += [f"{name}: named in the lab book, not given" for name in absent]
+    summary = json.loads((edition.folder / "summary.json").read_text(encoding="utf-8"))
+    return Campaign(edition.folder, published.frame, summary, tuple(wanting), progress.again)
+
+
+def _require_balls(book: LabBook | None, setup: Setup, ball: str | None) -> None:
+    """Refuse a ball that nobody knows before hours of work.
+
+    Raises
+    ------
+    UsageError
+    """
+    strikes = () if book is None else book.strikes
+    for name in dict.fromkeys([ball, *(strike.ball for strike in strikes)]):
+        if name is None or name in setup.balls:
+            continue
+        try:
+            ball_from_option(name)
+        except UsageError as problem:
+            known = ", ".join(setup.balls) or "none"
+            raise UsageError(
+                f"nobody says what ball {name!r} is",
+                hint=f"Describe it as [balls.{name}] in the setup file (there: {known}).",
+            ) from problem
+
+
+def _notes(book: LabBook | None, absent: Sequence[str]) -> tuple[str, ...]:
+    notes = () if book is None else book.notes
+    if absent:
+        notes += (f"{len(absent)} clips of the lab book were not given: {', '.join(absent[:8])}.",)
+    return notes
