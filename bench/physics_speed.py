@@ -14,15 +14,14 @@ import numpy as np
 
 from physics.bodies import JOKKU, PAPER_PENDULUM, PAPER_SUPPORT
 from physics.contact.batch import contact_outcomes
+from physics.effects import Term, effect_named
 from physics.flight.air import PAPER_AIR
-from physics.flight.flight import fly
-from physics.flight.forces import Drag, Gravity, Magnus
-from physics.flight.march import BallState, fly_many
-from physics.flight.single_flight import fly_one
+from physics.flight.flight import fly, land_many
+from physics.forward import Experiment
 from physics.restitution.inversion import RangeInputs, monte_carlo_cor
 
-FORCES = (Gravity(), Drag(JOKKU, PAPER_AIR, 0.47), Magnus(JOKKU, PAPER_AIR, 1.0))
-START = BallState((0.0, 0.42, 0.0), (6.2, 1.3, 0.1), (2.0, 5.0, -20.0))
+MODEL = Experiment(JOKKU).flight.with_terms(Term(effect_named("magnus"), {"spin": -20.0}))
+START = np.array([0.0, 0.42, 0.0, 6.2, 1.3, 0.1])
 
 
 def best_of(function: Callable[[], object], repeats: int) -> float:
@@ -37,30 +36,22 @@ def best_of(function: Callable[[], object], repeats: int) -> float:
 
 def scipy_flight(speed: float) -> float:
     """One flight by the adaptive solver, the plain way."""
-    flight = fly(
-        START.position,
-        (speed, *START.velocity[1:]),
-        FORCES,
-        spin=START.spin,
-        floor=JOKKU.radius,
-        samples=2,
-        tolerance=1e-6,
-    )
+    start = (speed, *START[4:])
+    flight = fly(MODEL, START[:3], start, floor=JOKKU.radius, samples=2, tolerance=1e-6)
     return float(flight.landing_position[0])
 
 
 def measure() -> dict[str, float]:
     """All numbers of the table."""
-    exact = fly(
-        START.position, START.velocity, FORCES, spin=START.spin, floor=JOKKU.radius, tolerance=1e-12
-    )
-    _, one = fly_one(START, FORCES, floor=JOKKU.radius)
-    error = float(np.linalg.norm(np.array(one.position) - exact.landing_position))
-    single = best_of(lambda: fly_one(START, FORCES, floor=JOKKU.radius), 50)
+    exact = fly(MODEL, START[:3], START[3:], floor=JOKKU.radius, tolerance=1e-12)
+    _, one = land_many(MODEL, START[:, None], floor=JOKKU.radius)
+    error = float(np.linalg.norm(one[:3, 0] - exact.landing_position))
+    single = best_of(lambda: land_many(MODEL, START[:, None], floor=JOKKU.radius), 50)
 
     speeds = np.linspace(2.0, 7.0, 1000)
-    many = START._replace(velocity=(speeds, 1.3, 0.1))
-    thousand = best_of(lambda: fly_many(many, FORCES, floor=JOKKU.radius), 5)
+    many = np.tile(START[:, None], (1, 1000))
+    many[3] = speeds
+    thousand = best_of(lambda: land_many(MODEL, many, floor=JOKKU.radius), 5)
     loop = 10.0 * best_of(lambda: [scipy_flight(float(v)) for v in speeds[::10]], 1)
 
     inputs = RangeInputs.of(

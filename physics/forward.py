@@ -1,6 +1,5 @@
 """From impact speed to landing: the paper's steps a to e, and the same with the contact in time."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,16 +16,20 @@ from physics.bodies import (
 from physics.contact.batch import contact_outcomes
 from physics.contact.impact import Impact, impact
 from physics.contact.outcome import ContactOutcome
+from physics.domain import require_non_negative
+from physics.effects.flight import CoefficientCurve, Drag, DragByReynolds
+from physics.effects.term import Term
 from physics.flight.air import PAPER_AIR, Air
 from physics.flight.closed_form import Landing, Launch, drag_constant, land
 from physics.flight.drag_curves import SUBCRITICAL_DRAG
-from physics.flight.forces import Acceleration, CoefficientCurve, Drag, Gravity
-from physics.flight.march import BallState, fly_many
+from physics.flight.flight import STEP, land_many
+from physics.flight.motion import FlightModel
 
 __all__ = [
     "Experiment",
+    "ball_state",
     "closed_form_landing",
-    "contact_launch",
+    "drag_term",
     "impulsive_launch",
     "numerical_landing",
     "paper_impact",
@@ -59,9 +62,16 @@ class Experiment:
     drag_coefficient: float | CoefficientCurve = SUBCRITICAL_DRAG
 
     @property
-    def forces(self) -> tuple[Acceleration, ...]:
-        """Gravity and quadratic drag in both directions."""
-        return Gravity(self.gravity), Drag(self.ball, self.air, self.drag_coefficient)
+    def flight(self) -> FlightModel:
+        """The ball in the air: gravity and quadratic drag in both directions."""
+        return FlightModel(
+            self.ball.mass,
+            self.ball.diameter,
+            self.air.density,
+            self.air.viscosity,
+            self.gravity,
+            (drag_term(self.drag_coefficient),),
+        )
 
     def drag_at(self, speed: Number) -> Number:
         """C_D at a speed through the air, m/s."""
@@ -112,30 +122,32 @@ def closed_form_landing(experiment: Experiment, launch: Launch) -> Landing:
 def numerical_landing(
     experiment: Experiment,
     launch: Launch,
-    forces: Sequence[Acceleration] | None = None,
     *,
-    step: float = 0.02,
+    step: float = STEP,
 ) -> Landing:
-    """Steps b to e from the paper's launch, drag in both directions (or any other `forces`)."""
+    """Steps b to e from the paper's launch, drag in both directions."""
     angle, advance = np.asarray(launch.angle), np.asarray(launch.advance)
-    state = BallState(
-        (
-            advance * np.cos(angle),
-            experiment.rest_height + advance * np.sin(angle),
-            np.zeros(np.shape(launch.speed)),
-        ),
-        (launch.speed * np.cos(angle), launch.speed * np.sin(angle), 0.0),
+    state = ball_state(
+        advance * np.cos(angle),
+        experiment.rest_height + advance * np.sin(angle),
+        launch.speed * np.cos(angle),
+        launch.speed * np.sin(angle),
     )
-    return _fly(experiment, state, forces, step)
+    return _fly(experiment, state, step)
 
 
-def contact_launch(outcome: ContactOutcome) -> BallState:
-    """State of the ball at release from a time-resolved contact."""
-    return BallState(
-        (outcome.ball_x, outcome.ball_y, 0.0),
-        (outcome.ball_vx, outcome.ball_vy, 0.0),
-        (0.0, 0.0, outcome.ball_spin),
-    )
+def ball_state(x: Number, y: Number, vx: Number, vy: Number) -> FloatArray:
+    """States (6, N) of balls that fly in the plane z = 0, from numbers or (N,) arrays."""
+    parts = np.broadcast_arrays(*np.atleast_1d(x, y, 0.0, vx, vy, 0.0))
+    return np.array(parts, dtype=np.float64)
+
+
+def drag_term(coefficient: float | CoefficientCurve | FloatArray) -> Term:
+    """Drag with a constant coefficient, or with one that is looked up by Reynolds number."""
+    if callable(coefficient):
+        return Term(DragByReynolds(curve=coefficient), {})
+    require_non_negative("the drag coefficient", coefficient)
+    return Term(Drag(), {"drag_coefficient": coefficient})
 
 
 def time_resolved_landing(
@@ -145,8 +157,7 @@ def time_resolved_landing(
     cor: Number | None = None,
     contact_time: Number | None = None,
     friction: float = 0.0,
-    forces: Sequence[Acceleration] | None = None,
-    step: float = 0.02,
+    step: float = STEP,
 ) -> tuple[ContactOutcome, Landing]:
     """Contact followed in time, then the flight from where it let go; arrays over `speed` (m/s)."""
     outcome = contact_outcomes(
@@ -159,19 +170,10 @@ def time_resolved_landing(
         contact_time=contact_time,
         friction=friction,
     )
-    return outcome, _fly(experiment, contact_launch(outcome), forces, step)
+    state = ball_state(outcome.ball_x, outcome.ball_y, outcome.ball_vx, outcome.ball_vy)
+    return outcome, _fly(experiment, state, step)
 
 
-def _fly(
-    experiment: Experiment,
-    state: BallState,
-    forces: Sequence[Acceleration] | None,
-    step: float,
-) -> Landing:
-    time, there = fly_many(
-        state,
-        experiment.forces if forces is None else forces,
-        floor=experiment.ball.radius,
-        step=step,
-    )
-    return Landing(time, np.asarray(there.position[0]))
+def _fly(experiment: Experiment, state: FloatArray, step: float) -> Landing:
+    time, there = land_many(experiment.flight, state, floor=experiment.ball.radius, step=step)
+    return Landing(time, there[0])

@@ -1,14 +1,15 @@
 """Stepping many trajectories at once, and reading them between the steps."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
-from physics.arrays import FloatArray
+from physics.arrays import FloatArray, Number
 
-__all__ = ["Rates", "Trajectory", "crossing", "integrate"]
+__all__ = ["Rates", "Trajectory", "crossing", "integrate", "runge_kutta_step"]
 
-Rates = Callable[[FloatArray, FloatArray], FloatArray]
+Rates = Callable[[Any, FloatArray], FloatArray]
 """(time, state of shape (c, ...)) → rates of the same shape."""
 
 
@@ -63,6 +64,37 @@ class Trajectory:
         return values
 
 
+def runge_kutta_step(
+    rates: Rates,
+    time: Number,
+    state: FloatArray,
+    step: Number,
+    first: FloatArray | None = None,
+) -> FloatArray:
+    """One classical fourth-order step.
+
+    Parameters
+    ----------
+    rates : callable
+        (time, state) → rates.
+    time, step : float or array of the trajectories' shape
+        s; a negative step goes back.
+    state : (c, ...) array
+    first : (c, ...) array, optional
+        Rates at `time`, where they are known already.
+
+    Returns
+    -------
+    (c, ...) array
+    """
+    k1 = rates(time, state) if first is None else first
+    k2 = rates(time + 0.5 * step, state + 0.5 * step * k1)
+    k3 = rates(time + 0.5 * step, state + 0.5 * step * k2)
+    k4 = rates(time + step, state + step * k3)
+    after: FloatArray = state + step / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+    return after
+
+
 def integrate(rates: Rates, start: FloatArray, duration: FloatArray, steps: int) -> Trajectory:
     """Classic Runge–Kutta of fourth order on an even grid.
 
@@ -87,12 +119,9 @@ def integrate(rates: Rates, start: FloatArray, duration: FloatArray, steps: int)
     state = start
     for index in range(steps):
         time = step * index
-        k1 = rates(time, state)
-        states[index], slopes[index] = state, k1
-        k2 = rates(time + 0.5 * step, state + 0.5 * step * k1)
-        k3 = rates(time + 0.5 * step, state + 0.5 * step * k2)
-        k4 = rates(time + step, state + step * k3)
-        state = state + step / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+        first = rates(time, state)
+        states[index], slopes[index] = state, first
+        state = runge_kutta_step(rates, time, state, step, first)
     states[steps], slopes[steps] = state, rates(step * steps, state)
     return Trajectory(step, states, slopes)
 

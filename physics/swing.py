@@ -1,25 +1,31 @@
 """The pendulum's swing: energy balance in closed form, and friction and air drag by integration."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from metrology import DomainError
-from physics.arrays import FloatArray, FloatOrArray
+from physics.arrays import FloatArray, FloatOrArray, Number
 from physics.bodies import GRAVITY, Pendulum
-from physics.domain import require_angle, require_non_negative, require_positive
-from physics.flight.events import Event, Path, follow_until
+from physics.domain import require_angle, require_positive
+from physics.effects.base import SwingState
+from physics.effects.term import Term
+from physics.follow import Event, Path, follow_until
 
 __all__ = [
-    "Bearing",
+    "SwingModel",
     "SwingPath",
     "backswing_for_speed",
     "frictionless_speed",
     "small_period",
     "swing",
+    "swing_on",
 ]
+
+CREEP = 0.1
+"""rad/s: five times the rate below which dry friction is smoothed, a fiftieth of a stroke's."""
 
 
 def frictionless_speed(
@@ -96,35 +102,77 @@ def small_period(pendulum: Pendulum, gravity: float = GRAVITY) -> float:
 
 
 @dataclass(frozen=True)
-class Bearing:
-    """What slows a swing down.
+class SwingModel:
+    """The equation of motion of a free pendulum: I φ̈ = −m g d sin φ + torques of the catalogue.
+
+    The one right-hand side of every swing: followed by scipy or marched in a batch.
 
     Attributes
     ----------
-    dry : float
-        Coulomb torque of the bearing, N m.
-    viscous : float
-        Torque per angular velocity, N m s.
-    drag : float
-        Torque of the air per squared angular velocity, N m s²; for a mass of area A at the length L
-        with drag coefficient C it is ½ ρ C A L³.
+    length, inertia, mass, com : Number
+        m, kg m² about the pivot, kg, m from the pivot.
+    gravity : Number
+        m/s².
+    terms : sequence of Term
+        Effects with a torque; others are ignored.
+    stiffer : Number
+        Factor on m g d, for a pendulum whose natural frequency differs from trial to trial.
+    order : Number
+        As in `SwingState`.
     """
 
-    dry: float = 0.0
-    viscous: float = 0.0
-    drag: float = 0.0
+    length: Number
+    inertia: Number
+    mass: Number
+    com: Number
+    gravity: Number
+    terms: Sequence[Term] = ()
+    stiffer: Number = 1.0
+    order: Number = 0.0
 
-    def __post_init__(self) -> None:
-        require_non_negative("the dry friction of the bearing", self.dry, "N m")
-        require_non_negative("the viscous friction of the bearing", self.viscous, "N m s")
-        require_non_negative("the drag of the pendulum", self.drag, "N m s^2")
+    @classmethod
+    def of(
+        cls, body: Pendulum, terms: Sequence[Term] = (), gravity: float = GRAVITY
+    ) -> "SwingModel":
+        """The free swing of a pendulum."""
+        return cls(body.length, body.inertia, body.mass, body.com, gravity, terms)
 
-    def torque(self, omega: FloatOrArray) -> FloatOrArray:
-        """Torque against the motion, N m, at angular velocity `omega` (rad/s)."""
-        against: FloatOrArray = -(
-            self.dry * np.sign(omega) + self.viscous * omega + self.drag * omega * abs(omega)
+    def torque(self, phi: Number, omega: Number) -> Number:
+        """Torque of the effects, N m, at an angle (rad) and rate (rad/s); all lanes alike."""
+        return sum(
+            (t.effect.torque(t.values, self._seen(phi, omega)) for t in self.terms if t.brakes),
+            np.zeros_like(np.asarray(omega, dtype=np.float64)),
         )
-        return against
+
+    def rates(self, time: Number, state: FloatArray) -> FloatArray:
+        """Rates of (φ, ω), rad/s and rad/s².
+
+        Parameters
+        ----------
+        time : Number
+            Not used; solvers pass it.
+        state : (2, ...) array
+            rad past the lowest point, rad/s.
+
+        Returns
+        -------
+        (2, ...) array
+        """
+        slope = np.empty_like(state)
+        slope[0] = state[1]
+        weight = self.mass * self.gravity * self.com / self.inertia * self.stiffer
+        slope[1] = -weight * np.sin(state[0])
+        for term in self.terms:
+            if term.brakes:
+                at = term.lanes
+                now = self._seen(state[0][at], state[1][at])
+                slope[(1, at)] += term.effect.torque(term.values, now) / self.inertia
+        return slope
+
+    def _seen(self, phi: Number, omega: Number) -> SwingState:
+        return SwingState(
+            phi, omega, self.inertia, self.mass, self.com, self.length, self.gravity, self.order
+        )
 
 
 @dataclass(frozen=True)
@@ -152,14 +200,11 @@ def swing(
     backswing: float,
     contact_angle: float,
     *,
-    bearing: Bearing | None = None,
-    torque: Callable[[float, float], float] | None = None,
+    terms: Sequence[Term] = (),
     gravity: float = GRAVITY,
     samples: int = 201,
 ) -> SwingPath:
     """Let the pendulum go at `backswing` and follow it to the ball.
-
-    I φ̈ = −m g d sin φ − τ_dry sgn φ̇ − b φ̇ − q φ̇|φ̇|.
 
     Parameters
     ----------
@@ -168,10 +213,8 @@ def swing(
         Angle of release, rad, counted positive backwards.
     contact_angle : float
         Where it meets the ball, rad past the lowest point.
-    bearing : Bearing, optional
-        Losses.
-    torque : callable, optional
-        Any further torque, N m, from φ (rad) and its rate (rad/s).
+    terms : sequence of Term
+        What acts besides gravity: effects of the catalogue with a torque.
     gravity : float
         m/s².
     samples : int
@@ -187,39 +230,48 @@ def swing(
         If it never reaches the ball: too small an angle, too much friction, or balanced at 180°.
     """
     frictionless_speed(pendulum, backswing, contact_angle, gravity)
-    weight = pendulum.mass * gravity * pendulum.com
-    losses = Bearing() if bearing is None else bearing
+    model = SwingModel.of(pendulum, terms, gravity)
     start = -abs(backswing)
-    if weight * math.sin(abs(backswing)) <= losses.dry or math.pi - abs(backswing) < 1e-9:
+    weight = pendulum.mass * gravity * pendulum.com
+    # a rate at which dry friction has its full size, and nothing else counts yet
+    holds = -float(model.torque(start, CREEP))
+    if weight * math.sin(abs(backswing)) <= holds or math.pi - abs(backswing) < 1e-9:
         raise DomainError(
             f"a pendulum let go at {math.degrees(backswing):.2f} deg stays where it is",
             hint="Friction holds it, or it stands upright on its pivot.",
         )
-
-    path = _approach(pendulum, start, contact_angle, losses, torque, gravity)
+    path = _approach(model, start, contact_angle, 40.0 * small_period(pendulum, gravity))
     time = np.linspace(0.0, path.end, samples)
     states = path.at(time)
+    states[:, -1] = path.state
     return SwingPath(time, states[0], states[1], float(path.state[1]) * pendulum.length)
 
 
-def _approach(
-    pendulum: Pendulum,
-    start: float,
-    contact_angle: float,
-    losses: Bearing,
-    torque: Callable[[float, float], float] | None,
-    gravity: float,
-) -> Path:
-    weight = pendulum.mass * gravity * pendulum.com
+def swing_on(model: SwingModel, phi: float, omega: float, time: FloatArray) -> FloatArray:
+    """Angle and rate (2, N) at increasing times (s) of a pendulum that swings on from a state.
 
-    def rates(_: float, state: FloatArray) -> list[float]:
-        phi, omega = float(state[0]), float(state[1])
-        # until it moves, friction acts against the coming motion
-        loss = losses.torque(omega) if omega > 0.0 else -losses.dry
-        if torque is not None:
-            loss += torque(phi, omega)
-        return [omega, (-weight * math.sin(phi) + loss) / pendulum.inertia]
+    Parameters
+    ----------
+    model : SwingModel
+    phi, omega : float
+        At time 0, rad and rad/s.
+    time : (N,) array
+        s.
+    """
+    path = follow_until(
+        model.rates,
+        np.array([phi, omega]),
+        (0.0, float(time[-1])),
+        [],
+        method="DOP853",
+        relative=1e-9,
+        absolute=1e-11,
+        max_step=0.05,
+    )
+    return np.asarray(path.at(time))
 
+
+def _approach(model: SwingModel, start: float, contact_angle: float, longest: float) -> Path:
     def arrives(_: float, state: FloatArray) -> float:
         return float(state[0]) - contact_angle
 
@@ -227,9 +279,9 @@ def _approach(
         return float(state[1]) if time > 1e-6 else 1.0
 
     path = follow_until(
-        rates,
+        model.rates,
         np.array([start, 0.0]),
-        (0.0, 40.0 * small_period(pendulum, gravity)),
+        (0.0, longest),
         [Event(arrives), Event(stops, -1.0)],
         method="DOP853",
         relative=1e-10,

@@ -2,21 +2,17 @@
 
 import math
 import re
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal, cast
 
-import numpy as np
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from calib.camera.camera import Camera, rotation_matrix
 from metrology import UsageError, measurands, parse_quantity, read_number
-from physics import effects as catalogue
 from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT
-from physics.forward import Experiment
-from pipelines.model.effects import AddedEffect, added_effects, speed_with_losses
+from pipelines.model.effects import added_effects, start_angle
 from pipelines.model.options import angle_of, choose_ball, experiment_of, setup_or_default
 from pipelines.setup.file import Setup
 from pipelines.terminal import screen
@@ -130,39 +126,15 @@ def _physics(setup: Setup, options: RenderOptions) -> Physics:
             f"the effect {contact[0]!r} changes what a contact hands over: no film shows that",
             hint="Set the ball's cor, or use an effect of the swing or the flight.",
         )
-    speed = speed_with_losses(experiment, options.backswing, effects)
-    spin = sum(added.values.get("spin", 0.0) for added in effects)
-    backswing = options.backswing
-    for added in effects:
-        if "start" in added.effect.hooks:
-            backswing = float(np.asarray(added.effect.start(added.values, backswing)))
     return Physics(
-        backswing,
+        start_angle(options.backswing, effects),
         gravity=experiment.gravity,
         air=experiment.air,
         drag_coefficient=experiment.drag_coefficient,
         lift_coefficient=LIFT,
         face_friction=FACE_FRICTION,
-        forces=tuple(a.acceleration(experiment, speed, spin) for a in effects if a.flies),
-        torque=_torque(experiment, effects),
+        effects=effects,
     )
-
-
-def _torque(
-    experiment: Experiment, effects: tuple[AddedEffect, ...]
-) -> Callable[[float, float], float] | None:
-    braking = [added for added in effects if "torque" in added.effect.hooks]
-    if not braking:
-        return None
-    body = experiment.pendulum
-
-    def torque(phi: float, omega: float) -> float:
-        state = catalogue.SwingState(
-            phi, omega, body.inertia, body.mass, body.com, body.length, experiment.gravity
-        )
-        return float(sum(np.asarray(b.effect.torque(b.values, state)) for b in braking))
-
-    return torque
 
 
 def _scene(setup: Setup, options: RenderOptions, reach: float) -> Scene:

@@ -1,21 +1,22 @@
 """One stroke from the physics: swing, contact, flight and bounces, as a motion to be filmed."""
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 
 from calib.camera.camera import rotation_matrix
 from metrology import UsageError
 from physics.bodies import GRAVITY
 from physics.contact.contact import ContactHistory, simulate_contact
+from physics.effects import Term
+from physics.effects.flight import CoefficientCurve, Magnus
 from physics.flight.air import PAPER_AIR, Air
 from physics.flight.drag_curves import SUBCRITICAL_DRAG
 from physics.flight.flight import FlightPath, fly
-from physics.flight.forces import Acceleration, CoefficientCurve, Drag, Gravity, Magnus
-from physics.swing import Bearing, SwingPath, swing
+from physics.flight.motion import FlightModel
+from physics.forward import Experiment
+from physics.swing import SwingModel, SwingPath, swing, swing_on
 from sample_videos.motion import Curve, Piece, SampledMotion
 from sample_videos.scene import Scene
 
@@ -24,7 +25,9 @@ __all__ = ["Physics", "Shot", "strike"]
 FloatArray = NDArray[np.float64]
 
 BOUNCES = 3
-NO_LOSS = Bearing()
+
+FOLLOW_THROUGH = 4.0
+"""s that the pendulum is followed after release: longer than any clip goes on."""
 
 
 @dataclass(frozen=True)
@@ -43,15 +46,10 @@ class Physics:
         Of the Magnus force on a spinning ball; 0 leaves it out.
     face_friction : float
         Coulomb coefficient between face and ball; it makes the ball spin.
-    bearing : Bearing
-        Losses of the swing.
     cor, contact_time : float or None
         What this contact returns (1, s); None takes the ball's laws.
-    forces : tuple of Acceleration
-        What acts in flight besides gravity, drag and lift.
-    torque : callable or None
-        What acts on the pendulum besides gravity and bearing, on its way to the ball: N m from its
-        angle (rad) and rate (rad/s).
+    effects : tuple of Term
+        What acts in flight besides gravity, drag and lift, and on the pendulum besides gravity.
     floor_cor : float
         Coefficient of restitution of ball and floor, after landing.
     """
@@ -62,11 +60,9 @@ class Physics:
     drag_coefficient: float | CoefficientCurve = SUBCRITICAL_DRAG
     lift_coefficient: float = 0.0
     face_friction: float = 0.0
-    bearing: Bearing = NO_LOSS
     cor: float | None = None
     contact_time: float | None = None
-    forces: tuple[Acceleration, ...] = ()
-    torque: Callable[[float, float], float] | None = None
+    effects: tuple[Term, ...] = ()
     floor_cor: float = 0.7
 
 
@@ -115,8 +111,7 @@ def strike(scene: Scene, physics: Physics) -> Shot:
         scene.pendulum,
         physics.backswing,
         scene.contact_angle,
-        bearing=physics.bearing,
-        torque=physics.torque,
+        terms=physics.effects,
         gravity=physics.gravity,
         samples=801,
     )
@@ -135,24 +130,25 @@ def strike(scene: Scene, physics: Physics) -> Shot:
     if out.ball_vx <= 0.0:
         raise UsageError("this ball does not fly forward", hint="Give a larger back-swing.")
     flight = fly(
+        _in_the_air(scene, physics, float(out.ball_spin)),
         (float(out.ball_x), float(out.ball_y), scene.room.plane),
         (float(out.ball_vx), float(out.ball_vy), 0.0),
-        _forces(scene, physics),
-        spin=(0.0, 0.0, float(out.ball_spin)),
         floor=ball.radius,
         samples=401,
     )
     return Shot(down, contact, flight, _motion(scene, physics, down, contact, flight), physics)
 
 
-def _forces(scene: Scene, physics: Physics) -> Sequence[Acceleration]:
-    forces: list[Acceleration] = [
-        Gravity(physics.gravity),
-        Drag(scene.ball, physics.air, physics.drag_coefficient),
-    ]
+def _in_the_air(scene: Scene, physics: Physics, spin: float) -> FlightModel:
+    """Gravity, drag, the lift on the ball's own spin (rad/s), and further effects."""
+    model = replace(
+        Experiment(scene.ball, air=physics.air, drag_coefficient=physics.drag_coefficient).flight,
+        gravity=physics.gravity,
+    )
     if physics.lift_coefficient:
-        forces.append(Magnus(scene.ball, physics.air, physics.lift_coefficient))
-    return [*forces, *physics.forces]
+        lift = Term(Magnus(), {"spin": physics.lift_coefficient * spin})
+        model = model.with_terms(lift)
+    return model.with_terms(*physics.effects)
 
 
 def _motion(
@@ -234,10 +230,9 @@ def _ball_curve(
         if off[1] < 0.05:
             break
         leg = fly(
+            _in_the_air(scene, physics, float(contact.outcome.ball_spin)),
             tuple(leg.landing_position + np.array([0.0, 1e-9, 0.0])),
             tuple(off),
-            _forces(scene, physics),
-            spin=tuple(leg.spin[-1]),
             floor=scene.ball.radius,
             samples=101,
         )
@@ -252,24 +247,8 @@ def _ball_curve(
 
 
 def _follow_through(scene: Scene, physics: Physics, contact: ContactHistory) -> Piece:
-    """The pendulum after release, for four seconds."""
-    body = scene.pendulum
-    weight = body.mass * physics.gravity * body.com
-
-    def rates(_: float, state: FloatArray) -> list[float]:
-        phi, omega = float(state[0]), float(state[1])
-        loss = float(physics.bearing.torque(omega))
-        return [omega, (-weight * np.sin(phi) + loss) / body.inertia]
-
-    time = np.linspace(0.0, 4.0, 1601)
-    found = solve_ivp(
-        rates,
-        (0.0, 4.0),
-        [float(contact.phi[-1]), float(contact.omega[-1])],
-        t_eval=time,
-        method="DOP853",
-        rtol=1e-9,
-        atol=1e-11,
-        max_step=0.05,
-    )
-    return Piece(contact.time[-1] + time, _column(found.y[0]), _column(found.y[1]))
+    """The pendulum after release."""
+    model = SwingModel.of(scene.pendulum, physics.effects, physics.gravity)
+    time = np.linspace(0.0, FOLLOW_THROUGH, 1601)
+    phi, omega = swing_on(model, float(contact.phi[-1]), float(contact.omega[-1]), time)
+    return Piece(contact.time[-1] + time, _column(phi), _column(omega))

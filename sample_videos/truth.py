@@ -299,7 +299,7 @@ def _physics(scene: Scene, shot: Shot) -> dict[str, Any]:
         ),
         "lift_coefficient": physics.lift_coefficient,
         "face_friction": physics.face_friction,
-        "further_forces": len(physics.forces),
+        "further_forces": sum(term.flies for term in physics.effects),
         "spin_at_release": float(out.ball_spin),
         "release_m": [float(out.ball_x), float(out.ball_y)],
         "release_velocity": [float(out.ball_vx), float(out.ball_vy)],

@@ -11,7 +11,7 @@ from physics.contact.batch import calibrate_contacts
 from physics.contact.law import ContactScene, HuntCrossley
 from physics.contact.outcome import ContactOutcome
 from physics.domain import require_angle, require_positive
-from physics.flight.events import Event, Path, follow_until
+from physics.follow import Event, Path, follow_until
 from physics.restitution.restitution import require_cor
 
 __all__ = ["ContactHistory", "calibrate_contact", "simulate_contact"]

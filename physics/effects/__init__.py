@@ -13,6 +13,7 @@ from physics.effects.base import (
     View,
 )
 from physics.effects.catalogue import CATALOGUE, MEASUREMENT_IDS, catalogue_with, effect_named
+from physics.effects.term import Term
 
 __all__ = [
     "CATALOGUE",
@@ -25,6 +26,7 @@ __all__ = [
     "Parameter",
     "Phase",
     "SwingState",
+    "Term",
     "Values",
     "View",
     "catalogue_with",

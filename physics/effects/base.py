@@ -113,6 +113,11 @@ class FlightState:
         return np.pi / 6.0 * np.asarray(self.diameter) ** 3
 
     @property
+    def reynolds(self) -> Number:
+        """Reynolds number ρ v d / μ (Eq. 4)."""
+        return self.air_density * self.speed * self.diameter / self.air_viscosity
+
+    @property
     def dynamic_area(self) -> Number:
         """½ρA, kg/m: a drag or lift coefficient times this times v² is a force."""
         return 0.5 * self.air_density * self.area

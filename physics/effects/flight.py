@@ -1,6 +1,7 @@
 """Forces on a ball in the air."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -10,13 +11,23 @@ from physics.effects.base import Coordinate, Effect, FlightState, Parameter, Pha
 __all__ = [
     "AsymmetricWake",
     "Buoyancy",
+    "CoefficientCurve",
     "DensityLapse",
     "Drag",
+    "DragByReynolds",
     "DragCrisis",
     "Magnus",
     "SpinDecay",
     "Wind",
 ]
+
+
+class CoefficientCurve(Protocol):
+    """Drag coefficient by Reynolds number."""
+
+    def __call__(self, reynolds: Number) -> Number:
+        """C_D at `reynolds`, float or array."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -36,10 +47,35 @@ class Drag(Effect):
     certain: bool = True
     looseness: float = 0.05
 
+    def coefficient(self, values: Values, flight: FlightState) -> Number:
+        """C_D in the state that the ball is in."""
+        return values["drag_coefficient"]
+
     def force(self, values: Values, flight: FlightState) -> Vector:
         """Against the velocity, with its square."""
-        k = -flight.dynamic_area * values["drag_coefficient"] * flight.speed
+        k = -flight.dynamic_area * self.coefficient(values, flight) * flight.speed
         return k * flight.vx, k * flight.vy, k * flight.vz
+
+
+@dataclass(frozen=True)
+class DragByReynolds(Drag):
+    """Resistance of the air with a coefficient looked up by Reynolds number along the flight.
+
+    Attributes
+    ----------
+    curve : CoefficientCurve
+        C_D(Re).
+    """
+
+    form: str = "by Reynolds number"
+    law: str = r"\mathbf F = -\tfrac12 \rho C_d(Re) A |\mathbf v| \mathbf v"
+    source: str = "Eqs 3, 4 of the paper"
+    parameters: tuple[Parameter, ...] = ()
+    curve: CoefficientCurve = field(kw_only=True)
+
+    def coefficient(self, values: Values, flight: FlightState) -> Number:
+        """C_D of the curve at the ball's Reynolds number."""
+        return self.curve(flight.reynolds)
 
 
 @dataclass(frozen=True)
@@ -72,7 +108,7 @@ class DragCrisis(Effect):
     def force(self, values: Values, flight: FlightState) -> Vector:
         """What the lower coefficient gives back."""
         speed = flight.speed
-        reynolds = flight.air_density * speed * flight.diameter / flight.air_viscosity
+        reynolds = flight.reynolds
         critical = values["critical_reynolds"]
         argument = (reynolds - critical) / (values["width"] * critical)
         fallen = 0.5 * (1.0 + np.tanh(0.5 * argument))

@@ -1,79 +1,30 @@
 """Effects of the catalogue in the forward model: ``--effect magnus:spin=10``, [model] effects."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from metrology import UsageError
 from physics import effects as catalogue
-from physics.arrays import Number, Vector
 from physics.contact.outcome import ContactOutcome
-from physics.flight.forces import Acceleration
+from physics.effects import Term
 from physics.forward import Experiment
 from physics.swing import frictionless_speed, swing
 from pipelines.setup.file import Setup
 
-__all__ = ["AddedEffect", "added_effects", "alter_outcome", "parse_effect", "speed_with_losses"]
+__all__ = [
+    "added_effects",
+    "alter_outcome",
+    "parse_effect",
+    "speed_with_losses",
+    "start_angle",
+]
 
 _BASELINE = ("gravity", "drag")
 
 
-@dataclass(frozen=True)
-class AddedEffect:
-    """An effect with the values of its parameters.
-
-    Attributes
-    ----------
-    effect : Effect
-    values : mapping of str to float
-    """
-
-    effect: catalogue.Effect
-    values: Mapping[str, float]
-
-    @property
-    def flies(self) -> bool:
-        """Whether it puts a force on the ball in flight."""
-        return "force" in self.effect.hooks
-
-    @property
-    def swings(self) -> bool:
-        """Whether it acts on the pendulum before the ball is met."""
-        return bool({"torque", "start"} & self.effect.hooks)
-
-    @property
-    def alters_contact(self) -> bool:
-        """Whether it changes what the contact hands over."""
-        return "contact" in self.effect.hooks
-
-    def acceleration(
-        self, experiment: Experiment, speed: float, company_spin: float
-    ) -> Acceleration:
-        """The effect's force as an acceleration; `company_spin`: spin of all effects, rad/s."""
-        ball, air = experiment.ball, experiment.air
-
-        def accelerate(time: Number, position: Vector, velocity: Vector, spin: Vector) -> Vector:
-            flight = catalogue.FlightState(
-                time,
-                *position,
-                *velocity,
-                mass=ball.mass,
-                diameter=ball.diameter,
-                air_density=air.density,
-                air_viscosity=air.viscosity,
-                gravity=experiment.gravity,
-                drag_coefficient=experiment.drag_at(speed),
-                spin=company_spin,
-                impact_speed=speed,
-            )
-            x, y, z = self.effect.force(self.values, flight)
-            return x / ball.mass, y / ball.mass, z / ball.mass
-
-        return accelerate
-
-
-def parse_effect(text: str) -> AddedEffect:
+def parse_effect(text: str) -> Term:
     """Read ``ID`` or ``ID:NAME=VALUE,NAME=VALUE``.
 
     Raises
@@ -97,7 +48,7 @@ def parse_effect(text: str) -> AddedEffect:
     return _added(name.strip(), given)
 
 
-def _added(name: str, given: Mapping[str, float]) -> AddedEffect:
+def _added(name: str, given: Mapping[str, float]) -> Term:
     effect = catalogue.effect_named(name)
     known = [p.name for p in effect.parameters]
     if unknown := sorted(set(given) - set(known)):
@@ -115,10 +66,10 @@ def _added(name: str, given: Mapping[str, float]) -> AddedEffect:
             f"the effect {name!r} needs a value for {', '.join(missing)}",
             hint=f"Write --effect {name}:{missing[0]}=VALUE, or [model.{name}] in the setup file.",
         )
-    return AddedEffect(effect, {**effect.neutral, **given})
+    return Term(effect, {**effect.neutral, **given})
 
 
-def added_effects(setup: Setup, options: tuple[str, ...]) -> tuple[AddedEffect, ...]:
+def added_effects(setup: Setup, options: tuple[str, ...]) -> tuple[Term, ...]:
     """Effects of the setup's [model] and of the command line, besides gravity and drag."""
     named = [
         _added(name, setup.model.parameters.get(name, {}))
@@ -128,36 +79,24 @@ def added_effects(setup: Setup, options: tuple[str, ...]) -> tuple[AddedEffect, 
     return (*named, *(parse_effect(text) for text in options))
 
 
-def speed_with_losses(
-    experiment: Experiment, backswing: float, effects: tuple[AddedEffect, ...]
-) -> float:
+def speed_with_losses(experiment: Experiment, backswing: float, effects: tuple[Term, ...]) -> float:
     """Impact speed (m/s) from a back-swing angle (rad), with whatever acts on the swing."""
     pendulum, angle = experiment.pendulum, experiment.ball.launch_angle
-    start = backswing
-    braking = []
-    for added in effects:
-        if "start" in added.effect.hooks:
-            start = float(np.asarray(added.effect.start(added.values, start)))
-        if "torque" in added.effect.hooks:
-            braking.append(added)
-    if not braking:
+    start = start_angle(backswing, effects)
+    if not any(added.brakes for added in effects):
         return float(frictionless_speed(pendulum, start, angle, experiment.gravity))
-
-    def torque(phi: float, omega: float) -> float:
-        state = catalogue.SwingState(
-            phi,
-            omega,
-            pendulum.inertia,
-            pendulum.mass,
-            pendulum.com,
-            pendulum.length,
-            experiment.gravity,
-        )
-        return float(sum(np.asarray(b.effect.torque(b.values, state)) for b in braking))
-
     return swing(
-        pendulum, start, angle, torque=torque, gravity=experiment.gravity, samples=2
+        pendulum, start, angle, terms=effects, gravity=experiment.gravity, samples=2
     ).speed_at_contact
+
+
+def start_angle(backswing: float, effects: tuple[Term, ...]) -> float:
+    """Back-swing angle (rad) that the pendulum really starts from."""
+    start = backswing
+    for added in effects:
+        if added.alters_start:
+            start = float(np.asarray(added.effect.start(added.values, start)))
+    return start
 
 
 def alter_outcome(
@@ -165,7 +104,7 @@ def alter_outcome(
     speed: float,
     cor: float,
     outcome: ContactOutcome,
-    effects: tuple[AddedEffect, ...],
+    effects: tuple[Term, ...],
 ) -> ContactOutcome:
     """What the contact hands over (floats), with the effects that act in it."""
     acting = [added for added in effects if added.alters_contact]

@@ -19,13 +19,14 @@ from metrology import (
 )
 from physics.contact.outcome import ContactOutcome
 from physics.domain import require_positive
+from physics.effects import Term
 from physics.flight.drag_curves import DragCurve
 from physics.flight.flight import FlightPath
 from physics.forward import Experiment
 from physics.planning import PlanScatter
 from physics.restitution.restitution import CorLaw
 from pipelines.figures import save_figure
-from pipelines.model.effects import AddedEffect, added_effects
+from pipelines.model.effects import added_effects
 from pipelines.model.options import (
     angle_of,
     asked,
@@ -73,7 +74,7 @@ def simulate(
     impact_speed: float | None = None,
     cor: CorLaw | None = None,
     scatter: PlanScatter | None = None,
-    effects: tuple[AddedEffect, ...] = (),
+    effects: tuple[Term, ...] = (),
 ) -> Simulation:
     """Steps a to e of the paper from a back-swing angle (rad) or an impact speed (m/s).
 
@@ -86,7 +87,7 @@ def simulate(
         Default the ball's.
     scatter : PlanScatter
         For the standard uncertainties.
-    effects : tuple of AddedEffect
+    effects : tuple of Term
         Further physics from the catalogue.
 
     Returns

@@ -7,12 +7,12 @@ import numpy as np
 
 from physics.contact.batch import contact_outcomes
 from physics.contact.outcome import ContactOutcome
+from physics.effects import Term
 from physics.energy import lost_by_pendulum
 from physics.flight.flight import FlightPath, fly
-from physics.flight.forces import Acceleration
 from physics.forward import Experiment, closed_form_landing, impulsive_launch, paper_impact
 from physics.restitution.restitution import CorLaw
-from pipelines.model.effects import AddedEffect, alter_outcome, speed_with_losses
+from pipelines.model.effects import alter_outcome, speed_with_losses
 
 __all__ = ["UNITS", "Shift", "Strike", "followed_contacts", "strike_inputs", "strike_numbers"]
 
@@ -69,7 +69,7 @@ def strike_inputs(
     backswing: float | None,
     impact_speed: float | None,
     law: CorLaw,
-    effects: tuple[AddedEffect, ...],
+    effects: tuple[Term, ...],
     shift: Shift,
 ) -> Strike:
     """Speed, e and contact time of one strike, from the back-swing (rad) or the speed (m/s)."""
@@ -102,7 +102,7 @@ def followed_contacts(strikes: list[Strike]) -> ContactOutcome:
 def strike_numbers(
     strike: Strike,
     turned: ContactOutcome | None,
-    effects: tuple[AddedEffect, ...],
+    effects: tuple[Term, ...],
     *,
     samples: int = 2,
 ) -> tuple[dict[str, float], FlightPath, FlightPath | None]:
@@ -169,22 +169,14 @@ def _paper_outcome(
 def _fly(
     experiment: Experiment,
     outcome: ContactOutcome,
-    effects: tuple[AddedEffect, ...],
+    effects: tuple[Term, ...],
     samples: int,
 ) -> FlightPath:
-    spin = sum(effect.values.get("spin", 0.0) for effect in effects)
-    forces: list[Acceleration] = [
-        *experiment.forces,
-        *(
-            effect.acceleration(experiment, float(outcome.impact_speed), spin)
-            for effect in effects
-            if effect.flies
-        ),
-    ]
+    model = replace(experiment.flight, impact_speed=float(outcome.impact_speed))
     return fly(
+        model.with_terms(*effects),
         (float(outcome.ball_x), float(outcome.ball_y), 0.0),
         (float(outcome.ball_vx), float(outcome.ball_vy), 0.0),
-        forces,
         floor=experiment.ball.radius,
         samples=samples,
     )

@@ -86,9 +86,9 @@ def _paper_flight(ball: Ball, speed: float, kind: str) -> tuple[Experiment, Flig
     launch = impulsive_launch(experiment, speed, float(law_of(ball, kind)(speed)))
     angle, advance = ball.launch_angle, float(launch.advance)
     flight = fly(
+        experiment.flight,
         (advance * np.cos(angle), experiment.rest_height + advance * np.sin(angle), 0.0),
         (float(launch.speed) * np.cos(angle), float(launch.speed) * np.sin(angle), 0.0),
-        experiment.forces,
         floor=ball.radius,
     )
     return experiment, flight

@@ -1,7 +1,7 @@
 """Table 5: which unsaid things could explain its 16 simulated distances, and which could not."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -11,9 +11,8 @@ from physics.arrays import FloatArray
 from physics.bodies import BALLS
 from physics.contact.batch import contact_outcomes
 from physics.contact.outcome import ContactOutcome
-from physics.flight.forces import Drag, Gravity
-from physics.flight.march import BallState, fly_many
-from physics.forward import Experiment, paper_impact
+from physics.flight.flight import land_many
+from physics.forward import Experiment, ball_state, paper_impact
 from pipelines.paper import printed
 from pipelines.paper.speeds import law_of, measured_speeds
 
@@ -147,10 +146,11 @@ def _distances(
     turn = np.deg2rad(values.get("turn", 0.0))
     vx, vy = vx * np.cos(turn) - vy * np.sin(turn), vx * np.sin(turn) + vy * np.cos(turn)
     drag = values.get("drag", experiment.drag_coefficient)
-    forces = (Gravity(experiment.gravity), Drag(experiment.ball, experiment.air, drag))
-    state = BallState((x, y + values.get("height", 0.0), 0.0), (vx, vy, 0.0))
-    _, there = fly_many(state, forces, floor=experiment.ball.radius, step=0.05)
-    return np.asarray(there.position[0]) + values.get("origin", 0.0)
+    model = replace(experiment, drag_coefficient=drag).flight
+    state = ball_state(x, y + values.get("height", 0.0), vx, vy)
+    _, there = land_many(model, state, floor=experiment.ball.radius, step=0.05)
+    reached: FloatArray = there[0] + values.get("origin", 0.0)
+    return reached
 
 
 def _fit(name: str, in_time: bool, free: tuple[str, ...], data: str) -> Explanation:

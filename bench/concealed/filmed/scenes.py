@@ -8,11 +8,8 @@ import numpy as np
 
 from calib.camera.camera import rotation_matrix
 from physics.bodies import BALLS, PAPER_PENDULUM
-from physics.effects import effect_named
-from physics.flight.forces import Acceleration
-from physics.forward import Experiment
-from physics.swing import Bearing, frictionless_speed
-from pipelines.model.effects import AddedEffect
+from physics.effects import Term, effect_named
+from physics.swing import frictionless_speed
 from sample_videos.presets import default_scene, staged
 from sample_videos.scene import BallLook, Scene
 from sample_videos.shot import Physics, Shot
@@ -40,10 +37,8 @@ class Filmed:
         What the engine should name; "" for nothing.
     told : str
         What is concealed, in words.
-    forces : mapping
-        Effects of the flight with their parameters, unknown to the lab.
-    dry_torque : float
-        Of the bearing, N m.
+    effects : mapping
+        Effects of flight and swing with their parameters, unknown to the lab.
     fps : float
         True capture rate; the lab believes 600.
     roll : float
@@ -55,8 +50,7 @@ class Filmed:
     name: str
     id: str
     told: str
-    forces: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    dry_torque: float = 0.0
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     fps: float = STATED_FPS
     roll: float = 0.0
     look: Literal["jokku", "plain"] = "jokku"
@@ -66,15 +60,16 @@ FILMED = (
     Filmed("none", "", "nothing"),
     Filmed(
         "spin", "magnus", "back-spin of 15 rad/s on a plain ball",
-        forces={"magnus": {"spin": 15.0}}, look="plain",
+        effects={"magnus": {"spin": 15.0}}, look="plain",
     ),
     Filmed("rate", "time_base", "590 instead of 600 frames a second", fps=590.0),
     Filmed("tilt", "camera_roll", "a camera tilted by 1.5 degrees, no grid", roll=np.radians(1.5)),
     Filmed(
         "draught", "wind", "a draught of 2 m/s against the ball",
-        forces={"wind": {"wind_x": -2.0}},
+        effects={"wind": {"wind_x": -2.0}},
     ),
-    Filmed("bearing", "bearing_friction", "a dry bearing of 0.8 N m", dry_torque=0.8),
+    Filmed("bearing", "bearing_friction", "a dry bearing of 0.8 N m",
+           effects={"bearing_friction": {"dry_torque": 0.8}}),
 )  # fmt: skip
 
 
@@ -86,13 +81,6 @@ class Take:
     backswing_deg: float
     scene: Scene
     shot: Shot
-
-
-def _force(
-    name: str, values: Mapping[str, float], experiment: Experiment, speed: float
-) -> Acceleration:
-    added = AddedEffect(effect_named(name), dict(values))
-    return added.acceleration(experiment, speed, values.get("spin", 0.0))
 
 
 def _scene(filmed: Filmed) -> Scene:
@@ -128,13 +116,11 @@ def takes(filmed: Filmed, seed: int = 1) -> list[Callable[[], Take]]:
         speed = float(
             frictionless_speed(PAPER_PENDULUM, np.radians(backswing), BALL.launch_angle, 9.806)
         )
-        experiment = Experiment(BALL, drag_coefficient=DRAG)
         physics = Physics(
             0.0,
             drag_coefficient=DRAG,
             cor=float(np.asarray(BALL.cor(np.array(speed)))) + rng.normal(0.0, COR_SCATTER),
-            bearing=Bearing(dry=filmed.dry_torque),
-            forces=tuple(_force(n, v, experiment, speed) for n, v in filmed.forces.items()),
+            effects=tuple(Term(effect_named(n), dict(v)) for n, v in filmed.effects.items()),
         )
         scene, shot = staged(backswing, scene, physics=physics, after=6)
         return Take(f"{filmed.name}_{number + 1}", nominal, scene, shot)

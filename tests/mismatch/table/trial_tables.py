@@ -9,9 +9,8 @@ from mismatch.table.table import TrialTable
 from physics.arrays import FloatArray
 from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT, Ball
 from physics.contact.batch import contact_outcomes
-from physics.flight.forces import Drag, Gravity
-from physics.flight.march import BallState, fly_many
-from physics.forward import Experiment
+from physics.flight.flight import land_many
+from physics.forward import Experiment, ball_state
 from physics.swing import frictionless_speed
 from pipelines.explain.io import baseline_for_balls
 from pipelines.setup.file import read_setup
@@ -123,9 +122,7 @@ def _flown(
     x, y = np.asarray(outcome.ball_x), np.asarray(outcome.ball_y)
     vx, vy = np.asarray(outcome.ball_vx), np.asarray(outcome.ball_vy)
     cosine, sine = np.cos(turned), np.sin(turned)
-    state = BallState(
-        (x, y + sine * x, 0.0 * x), (cosine * vx - sine * vy, sine * vx + cosine * vy, 0.0 * x)
-    )
-    forces = (Gravity(9.806), Drag(ball, Experiment(ball).air, drag))
-    _, there = fly_many(state, forces, floor=ball.radius, step=0.01)
-    return np.asarray(there.position[0]), np.hypot(vx, vy)
+    state = ball_state(x, y + sine * x, cosine * vx - sine * vy, sine * vx + cosine * vy)
+    model = Experiment(ball, drag_coefficient=drag).flight
+    _, there = land_many(model, state, floor=ball.radius, step=0.01)
+    return there[0], np.hypot(vx, vy)

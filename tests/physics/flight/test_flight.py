@@ -1,4 +1,5 @@
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -6,17 +7,25 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metrology import DomainError
-from physics.arrays import Number, Vector
+from physics.arrays import FloatArray, Vector
 from physics.bodies import GRAVITY, JOKKU
+from physics.effects import Effect, FlightState, Parameter, Phase, Term, Values, effect_named
 from physics.flight.air import PAPER_AIR, Air
 from physics.flight.closed_form import Launch, drag_constant, drag_free_distance, land, paper_path
-from physics.flight.drag_curves import SOCCER_DRAG, SOCCER_LIFT
-from physics.flight.flight import fly
-from physics.flight.forces import Drag, Gravity, Magnus, SpinDecay
-from physics.flight.march import BallState, fly_many, march, sample_flights
+from physics.flight.drag_curves import SOCCER_DRAG
+from physics.flight.flight import fly, land_many
+from physics.flight.motion import FlightModel
+from physics.forward import Experiment, ball_state, drag_term
+from physics.integrator import integrate, runge_kutta_step
 from tests.physics.independent import Array, extrapolated
 
 K = drag_constant(JOKKU, PAPER_AIR, 0.47)
+FREE = FlightModel(JOKKU.mass, JOKKU.diameter, PAPER_AIR.density, PAPER_AIR.viscosity, GRAVITY)
+DRAGGED = Experiment(JOKKU).flight
+
+
+def term(name: str, **values: float | FloatArray) -> Term:
+    return Term(effect_named(name), values)
 
 
 def test_without_drag_numerical_and_closed_form_are_the_parabola() -> None:
@@ -24,31 +33,39 @@ def test_without_drag_numerical_and_closed_form_are_the_parabola() -> None:
     wanted = land(launch, 0.312, 0.0)
     start = (0.05 * math.cos(0.15), JOKKU.radius + 0.312 + 0.05 * math.sin(0.15), 0.0)
     moving = (6.0 * math.cos(0.15), 6.0 * math.sin(0.15), 0.0)
-    flight = fly(start, moving, [Gravity()], floor=JOKKU.radius)
+    flight = fly(FREE, start, moving, floor=JOKKU.radius)
     assert flight.landing_time == pytest.approx(wanted.time, abs=1e-9)
     assert flight.landing_position[0] == pytest.approx(wanted.distance, abs=1e-9)
 
 
 def test_with_horizontal_drag_only_the_closed_form_is_exact() -> None:
     # what Eqs 13, 14 integrate: drag along x by the x-velocity, none along y
-    def horizontal(time: Number, position: Vector, velocity: Vector, spin: Vector) -> Vector:
-        return -K * velocity[0] * velocity[0], 0.0, 0.0
+    @dataclass(frozen=True)
+    class Horizontal(Effect):
+        id: str = "horizontal"
+        statement: str = ""
+        law: str = ""
+        source: str = "Eqs 11, 12"
+        phase: Phase = "flight"
+        parameters: tuple[Parameter, ...] = ()
+
+        def force(self, values: Values, flight: FlightState) -> Vector:
+            return -K * JOKKU.mass * flight.vx * flight.vx, 0.0, 0.0
 
     wanted = land(Launch(6.0, 0.15, 0.0), 0.312, K)
     flight = fly(
+        FREE.with_terms(Term(Horizontal(), {})),
         (0.0, JOKKU.radius + 0.312, 0.0),
         (6.0 * math.cos(0.15), 6.0 * math.sin(0.15), 0.0),
-        [Gravity(), horizontal],
         floor=JOKKU.radius,
     )
     assert flight.landing_position[0] == pytest.approx(wanted.distance, abs=1e-9)
 
 
 def test_flat_flight_in_still_air_without_gravity() -> None:
-    end = march(
-        BallState((0.0, 1.0, 0.0), (7.0, 0.0, 0.0)), 0.4, 200, [Drag(JOKKU, PAPER_AIR, 0.47)]
-    )
-    assert end.position[0] == pytest.approx(math.log1p(K * 7.0 * 0.4) / K, abs=1e-9)
+    floating = replace(DRAGGED, gravity=0.0)
+    path = integrate(floating.rates, ball_state(0.0, 1.0, 7.0, 0.0), np.array([0.4]), 40)
+    assert path.states[-1, 0, 0] == pytest.approx(math.log1p(K * 7.0 * 0.4) / K, abs=1e-9)
 
 
 @given(st.floats(0.0, 5.0), st.floats(1e-9, 1.0))
@@ -74,109 +91,121 @@ def test_path_of_the_paper_ends_where_it_lands() -> None:
 
 
 def _all_forces(time: float, state: Array) -> Array:
-    """Gravity, wind, drag crisis, lift and spin decay, written down again from the laws."""
-    x, v, w = state[:3], state[3:6], state[6:]
-    rho, mu = 1.18, 1.852e-5
-    m, d = 0.353, 0.20175
+    """Gravity, draught, drag by Reynolds number, lift, its decay and buoyancy, written anew."""
+    v = state[3:6]
+    rho, mu, m, d = 1.18, 1.852e-5, 0.353, 0.20175
     area = math.pi * d * d / 4
-    u = v - np.array([1.0, 0.2, -0.5])
-    speed = math.sqrt(float(u @ u))
+    speed = math.sqrt(float(v @ v))
     re = rho * speed * d / mu
     cd = 0.155 + 0.346 / (
         1.0 + math.exp((re - 12.19 * 0.2185 / 1.5e-5) / (1.309 * 0.2185 / 1.5e-5))
     )
-    drag = -0.5 * rho * area * cd * speed * u
-    lift = 0.5 * rho * area * 0.8 * (d / 2) * np.cross(w, u)
-    decay = 0.009 * rho * area * (d / 2) ** 2 / (2 / 3 * m * (d / 2) ** 2)
-    spin = -decay * math.sqrt(float(v @ v)) * w
-    return np.concatenate([v, (drag + lift) / m - np.array([0.0, GRAVITY, 0.0]), spin + 0.0 * x])
+    u = v - np.array([1.0, 0.0, 0.0])
+    # the catalogue's draught takes the coefficient at the speed over ground
+    drag = -0.5 * rho * area * cd * math.sqrt(float(u @ u)) * u
+    spin = 60.0 * math.exp(-0.9 * time)
+    lift = 0.5 * rho * area * (d / 2) * np.cross([0.0, 0.0, spin], v)
+    up = np.array([0.0, 0.8 * rho * math.pi / 6 * d**3 * GRAVITY, 0.0])
+    return np.concatenate([v, (drag + lift + up) / m - np.array([0.0, GRAVITY, 0.0])])
 
 
 def test_all_forces_agree_with_an_independent_integrator() -> None:
-    wind = (1.0, 0.2, -0.5)
-    forces = [
-        Gravity(),
-        Drag(JOKKU, PAPER_AIR, SOCCER_DRAG, wind),
-        Magnus(JOKKU, PAPER_AIR, 0.8, wind),
-    ]
-    decay = SpinDecay(JOKKU, PAPER_AIR)
-    start = np.array([0.0, 1.5, 0.0, 13.0, 4.0, 0.5, 5.0, -20.0, 60.0])
-    flight = fly(start[:3], start[3:6], forces, spin=start[6:], spin_rate=decay, floor=0.1)
+    model = FREE.with_terms(
+        drag_term(SOCCER_DRAG),
+        term("wind", wind_x=1.0),
+        term("magnus", spin=60.0),
+        term("spin_decay", decay_rate=0.9),
+        term("buoyancy", fraction=0.8),
+    )
+    start = np.array([0.0, 1.5, 0.0, 13.0, 4.0, 0.5])
+    flight = fly(model, start[:3], start[3:], floor=0.1)
     wanted = extrapolated(_all_forces, start, flight.landing_time, 12)
     np.testing.assert_allclose(flight.landing_position, wanted[:3], atol=2e-9)
-    np.testing.assert_allclose(flight.landing_velocity, wanted[3:6], atol=2e-8)
-    np.testing.assert_allclose(flight.spin[-1], wanted[6:], atol=1e-7)
-    # the fixed-step core, on floats and on arrays
-    state = BallState(tuple(start[:3]), tuple(start[3:6]), tuple(start[6:]))
-    end = march(state, flight.landing_time, 60, forces, decay)
-    np.testing.assert_allclose(end.position, wanted[:3], atol=1e-6)
-    time, there = fly_many(state, forces, decay, floor=0.1)
+    np.testing.assert_allclose(flight.landing_velocity, wanted[3:], atol=2e-8)
+    # the same law in fixed steps, as a batch
+    path = integrate(model.rates, start[:, None], np.array([flight.landing_time]), 60)
+    np.testing.assert_allclose(path.states[-1, :, 0], wanted, atol=1e-6)
+    time, there = land_many(model, start[:, None], floor=0.1)
     assert time[0] == pytest.approx(flight.landing_time, abs=1e-6)
-    assert float(np.ravel(there.position[0])[0]) == pytest.approx(wanted[0], abs=1e-5)
+    assert there[0, 0] == pytest.approx(wanted[0], abs=1e-5)
 
 
 def test_many_flights_are_each_their_own() -> None:
     drags = np.linspace(0.0, 0.6, 7)
-    forces = [Gravity(), Drag(JOKKU, PAPER_AIR, drags)]
-    _, there = fly_many(BallState((0.0, 0.4, 0.0), (6.0, 1.0, 0.0)), forces, floor=JOKKU.radius)
-    for drag, x in zip(drags, np.asarray(there.position[0]), strict=True):
+    model = FREE.with_terms(drag_term(drags))
+    _, there = land_many(model, ball_state(0.0, 0.4, np.full(7, 6.0), 1.0), floor=JOKKU.radius)
+    for drag, x in zip(drags, there[0], strict=True):
         one = fly(
+            FREE.with_terms(drag_term(float(drag))),
             (0.0, 0.4, 0.0),
             (6.0, 1.0, 0.0),
-            [Gravity(), Drag(JOKKU, PAPER_AIR, float(drag))],
             floor=JOKKU.radius,
         )
         assert x == pytest.approx(one.landing_position[0], abs=1e-7)
 
 
-def test_samples_of_a_flight_lie_on_it_before_and_after_the_start() -> None:
-    forces = [Gravity(), Drag(JOKKU, PAPER_AIR, 0.47)]
-    state = BallState((0.0, 1.0, 0.0), (5.0, 1.0, 0.0))
-    times = np.array([-0.1, 0.0, 0.13, 0.3])
-    position, velocity = sample_flights(times, state, forces, start=0.0)
-    assert position.shape == (4, 3)
-    np.testing.assert_allclose(position[1], [0.0, 1.0, 0.0], atol=1e-9)
-    end = march(state, 0.3, 300, forces)
-    np.testing.assert_allclose(position[3], end.position, atol=1e-8)
-    back = march(BallState(tuple(position[0]), tuple(velocity[0])), 0.1, 100, forces)
-    np.testing.assert_allclose(back.position, [0.0, 1.0, 0.0], atol=1e-8)
+def test_a_term_acts_in_its_lanes_only_and_sees_what_they_hold() -> None:
+    """Four lanes: nothing, drag, drag and draught, spin and its decay."""
+    column = np.array([[0.47], [0.47]])
+    model = FREE.with_terms(
+        Term(effect_named("drag"), {"drag_coefficient": column}, slice(1, 3)),
+        Term(effect_named("wind"), {"wind_x": np.array([[2.0]])}, slice(2, 3)),
+        Term(effect_named("magnus"), {"spin": np.array([[30.0]])}, slice(3, 4)),
+        Term(effect_named("spin_decay"), {"decay_rate": np.array([[1.5]])}, slice(3, 4)),
+    )
+    state = np.tile(np.array([0.0, 1.0, 0.0, 6.0, 2.0, 0.3])[:, None, None], (1, 4, 5))
+    together = model.rates(0.2, state)
+    alone = (
+        FREE,
+        FREE.with_terms(drag_term(0.47)),
+        FREE.with_terms(drag_term(0.47), term("wind", wind_x=2.0)),
+        FREE.with_terms(term("magnus", spin=30.0), term("spin_decay", decay_rate=1.5)),
+    )
+    for lane, single in enumerate(alone):
+        np.testing.assert_allclose(together[:, lane, 2], single.rates(0.2, state[:, lane, 2]))
+
+
+def test_a_path_is_read_before_and_after_its_start() -> None:
+    times = np.array([[0.0, 0.13, 0.3]])
+    start = ball_state(0.0, 1.0, 5.0, 1.0)
+    ahead = integrate(DRAGGED.rates, start, np.array([0.4]), 40).at(times)[:, 0]
+    back = integrate(DRAGGED.rates, ahead[:, 2:], np.array([-0.3]), 30).at(
+        np.array([[-0.3, -0.17]])
+    )
+    np.testing.assert_allclose(back[:, 0], ahead[:, :2], atol=1e-8)
+    one = runge_kutta_step(DRAGGED.rates, 0.0, start, 0.01)
+    np.testing.assert_allclose(runge_kutta_step(DRAGGED.rates, 0.01, one, -0.01), start, atol=1e-9)
 
 
 @settings(max_examples=30)
 @given(st.floats(0.1, 12.0), st.floats(-1.0, 1.3), st.floats(0.0, 1.0))
 def test_drag_takes_energy_and_never_gives_any(speed: float, angle: float, drag: float) -> None:
     moving = (speed * math.cos(angle), speed * math.sin(angle), 0.0)
-    flight = fly((0.0, 1.0, 0.0), moving, [Gravity(), Drag(JOKKU, PAPER_AIR, drag)], floor=0.1)
+    flight = fly(FREE.with_terms(drag_term(drag)), (0.0, 1.0, 0.0), moving, floor=0.1)
     energy = 0.5 * np.sum(flight.velocity**2, axis=1) + GRAVITY * flight.position[:, 1]
     assert np.all(np.diff(energy) <= 1e-9)
 
 
-def test_magnus_does_no_work_and_vanishes_without_spin() -> None:
-    lift = Magnus(JOKKU, PAPER_AIR, SOCCER_LIFT)
-    velocity, spin = (9.0, 2.0, 1.0), (3.0, -40.0, 50.0)
-    push = np.array(lift(0.0, (0.0, 0.0, 0.0), velocity, spin), dtype=np.float64)
-    assert push @ np.array(velocity) == pytest.approx(0.0, abs=1e-12)
-    assert np.linalg.norm(push) > 0.1
-    none = lift(0.0, (0.0, 0.0, 0.0), velocity, (0.0, 0.0, 0.0))
-    assert all(float(part) == 0.0 for part in none)
-    still = lift(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), spin)
-    assert all(math.isfinite(float(part)) for part in still)
-
-
-def test_back_spin_lifts() -> None:
-    up = Magnus(JOKKU, PAPER_AIR)(0.0, (0, 0, 0), (5.0, 0.0, 0.0), (0.0, 0.0, 10.0))
-    assert float(up[1]) > 0.0
+def test_magnus_does_no_work_vanishes_without_spin_and_lifts_with_back_spin() -> None:
+    state = np.array([0.0, 1.0, 0.0, 9.0, 2.0, 0.0])
+    weightless = replace(FREE, gravity=0.0)
+    push = weightless.with_terms(term("magnus", spin=50.0)).rates(0.0, state)[3:]
+    assert push @ state[3:] == pytest.approx(0.0, abs=1e-12)
+    assert push[1] > 0.1
+    assert not weightless.with_terms(term("magnus", spin=0.0)).rates(0.0, state)[3:].any()
 
 
 def test_a_flight_that_never_lands_is_an_error() -> None:
     with pytest.raises(DomainError, match="not landed"):
-        fly((0.0, 1.0, 0.0), (1.0, 1.0, 0.0), [Gravity(-1.0)], longest=2.0)
+        fly(replace(FREE, gravity=-1.0), (0.0, 1.0, 0.0), (1.0, 1.0, 0.0), longest=2.0)
     with pytest.raises(DomainError, match="not landed"):
-        fly_many(BallState((0.0, 1.0, 0.0), (1.0, 1.0, 0.0)), [Gravity(0.0)], longest=1.0)
+        land_many(replace(FREE, gravity=0.0), ball_state(0.0, 1.0, 1.0, 1.0), longest=1.0)
     with pytest.raises(DomainError, match="below the floor"):
-        fly((0.0, 0.0, 0.0), (1.0, 1.0, 0.0), [Gravity()], floor=0.1)
+        fly(FREE, (0.0, 0.0, 0.0), (1.0, 1.0, 0.0), floor=0.1)
+    with pytest.raises(DomainError, match="below the floor"):
+        land_many(FREE, ball_state(0.0, 0.0, 1.0, 1.0), floor=0.1)
     with pytest.raises(DomainError, match="finite"):
-        fly((0.0, 1.0, 0.0), (math.nan, 1.0, 0.0), [Gravity()])
+        fly(FREE, (0.0, 1.0, 0.0), (math.nan, 1.0, 0.0))
     with pytest.raises(DomainError):
         land(Launch(5.0, 0.1, 0.0), 0.3, K, gravity=0.0)
     with pytest.raises(DomainError):

@@ -1,0 +1,121 @@
+"""The equation of motion of a ball in the air: gravity, and the forces of the effect catalogue.
+
+The one right-hand side of every flight: one ball followed by scipy, thousands marched in a batch,
+the simulator's, the renderer's, the measuring fit's and the mismatch engine's.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from types import EllipsisType
+
+import numpy as np
+
+from physics.arrays import FloatArray, Number
+from physics.effects.base import FlightState
+from physics.effects.flight import Drag, Magnus
+from physics.effects.term import Term
+
+__all__ = ["FlightModel"]
+
+
+@dataclass(frozen=True)
+class FlightModel:
+    """Ball, air and what acts on the ball; SI, floats or arrays that broadcast with the batch.
+
+    Attributes
+    ----------
+    mass, diameter : Number
+        kg, m.
+    air_density, air_viscosity, gravity : Number
+        kg/m³, Pa s, m/s² downwards.
+    terms : sequence of Term
+        Effects with a force; others are ignored.
+    impact_speed, order : Number
+        As in `FlightState`, for effects that change from trial to trial.
+    """
+
+    mass: Number
+    diameter: Number
+    air_density: Number
+    air_viscosity: Number
+    gravity: Number
+    terms: Sequence[Term] = ()
+    impact_speed: Number = 0.0
+    order: Number = 0.0
+
+    def with_terms(self, *terms: Term) -> "FlightModel":
+        """The same ball and air with further effects."""
+        return replace(self, terms=(*self.terms, *terms))
+
+    def rates(self, time: Number, state: FloatArray) -> FloatArray:
+        """Rates of (x, y, z, vx, vy, vz).
+
+        Parameters
+        ----------
+        time : float or (...) array
+            Since release, s.
+        state : (6, ...) array
+            m and m/s; x along the wall, y up, z off the wall.
+
+        Returns
+        -------
+        (6, ...) array
+            m/s and m/s².
+        """
+        slope = np.empty_like(state)
+        slope[:3] = state[3:]
+        slope[3:] = 0.0
+        slope[4] = -self.gravity
+        acting = [term for term in self.terms if term.flies]
+        drag, spin = self._held(acting, time, state)
+        for term in acting:
+            at = term.lanes
+            now = self._seen(time, state, at, _part(drag, at), _part(spin, at))
+            for axis, force in enumerate(term.effect.force(term.values, now)):
+                slope[(3 + axis, at)] += force / self.mass
+        return slope
+
+    def _seen(
+        self,
+        time: Number,
+        state: FloatArray,
+        at: slice | EllipsisType,
+        drag: Number = 0.0,
+        spin: Number = 0.0,
+    ) -> FlightState:
+        x, y, z, vx, vy, vz = (part[at] for part in state)
+        return FlightState(
+            time, x, y, z, vx, vy, vz, self.mass, self.diameter, self.air_density,
+            self.air_viscosity, self.gravity, drag, spin, self.impact_speed, self.order,
+        )  # fmt: skip
+
+    def _held(
+        self, acting: Sequence[Term], time: Number, state: FloatArray
+    ) -> tuple[Number, Number]:
+        """Drag coefficient and spin of the model, for the effects that build on them."""
+        if all(isinstance(term.effect, Drag | Magnus) for term in acting):
+            return 0.0, 0.0
+        drag: Number = 0.0
+        spin: Number = 0.0
+        for term in acting:
+            at = term.lanes
+            if isinstance(term.effect, Drag):
+                here = term.effect.coefficient(term.values, self._seen(time, state, at))
+                drag = drag + _spread(here, at, state.shape)
+            elif isinstance(term.effect, Magnus):
+                spin = spin + _spread(term.values["spin"], at, state.shape)
+        return drag, spin
+
+
+def _spread(value: Number, at: slice | EllipsisType, shape: tuple[int, ...]) -> Number:
+    """A value of some lanes as a column over all lanes, nought in the others."""
+    if isinstance(at, EllipsisType):
+        return value
+    column = np.zeros((shape[1], *np.shape(value)[1:]))
+    column[at] = value
+    return column
+
+
+def _part(value: Number, at: slice | EllipsisType) -> Number:
+    """The lanes of a value that an effect acts in."""
+    return value[at] if isinstance(value, np.ndarray) and value.ndim else value
