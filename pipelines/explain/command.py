@@ -15,6 +15,8 @@ from pipelines.explain.plots import draw_explained
 from pipelines.explain.report import write_explain_report
 from pipelines.explain.run import explain_clips, explain_files_in_full, explain_table_file
 from pipelines.explain.tables import is_trial_table
+from pipelines.setup.cor_file import read_cor_file, with_laws
+from pipelines.setup.file import load_setup
 
 __all__ = ["explain_command"]
 
@@ -35,6 +37,10 @@ def explain_command(
     strikes: Annotated[
         bool, typer.Option(help="Clips only: compare swing and contact, too, not flights alone.")
     ] = False,
+    cor_law: Annotated[
+        Path | None,
+        typer.Option(help="Laws of restitution of a campaign (cor.toml).", metavar="FILE"),
+    ] = None,
     hold_out: Annotated[
         str | None, typer.Option(help="Trials to keep out of the fit, separated by commas.")
     ] = None,
@@ -61,19 +67,22 @@ def explain_command(
             hint="vision explain BALL.csv --setup SETUP.toml",
         )
     ball = _ball_file(inputs or [])
+    known = load_setup(setup)
+    if cor_law is not None:
+        known = with_laws(known, read_cor_file(cor_law))
     held = tuple(name.strip() for name in hold_out.split(",")) if hold_out else None
     explained: Explained | TableExplained
     if inputs and ball is None:
-        explained = explain_clips(inputs, setup, held, effects, trials, strikes=strikes)
+        explained = explain_clips(inputs, known, held, effects, trials, strikes=strikes)
     elif ball is not None and is_trial_table(ball):
         if pendulum is not None:
             raise UsageError(
                 f"{ball} holds numbers of whole trials; a pendulum's samples don't go with them",
                 hint="Leave --pendulum away.",
             )
-        explained = explain_table_file(ball, setup, held, effects)
+        explained = explain_table_file(ball, known, held, effects)
     else:
-        explained = explain_files_in_full(ball, pendulum, setup, held, effects)
+        explained = explain_files_in_full(ball, pendulum, known, held, effects)
     text = json.dumps(explained.verdict.to_json(), indent=1, allow_nan=False)
     if json_file == "-":
         sys.stdout.write(text + "\n")

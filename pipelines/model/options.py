@@ -18,6 +18,7 @@ from physics.flight.drag_curves import SUBCRITICAL_DRAG, DragCurve, drag_curve
 from physics.forward import Experiment
 from physics.planning import PlanScatter
 from physics.restitution.restitution import ConstantCor, CorLaw, parse_cor_law
+from pipelines.setup.cor_file import BallLaw, law_of_ball, read_cor_file
 from pipelines.setup.file import Setup, ball_from_option, load_setup
 from pipelines.terminal import screen
 
@@ -128,23 +129,43 @@ def experiment_of(setup: Setup, ball: bodies.Ball, drag_option: str | None = Non
 
 @dataclass(frozen=True)
 class Asked:
-    """The experiment that was asked for, and its law of restitution."""
+    """The experiment that was asked for, and its law of restitution.
+
+    Attributes
+    ----------
+    experiment : Experiment
+    law : CorLaw
+    campaign : BallLaw or None
+        Where the law comes from, if a campaign found it.
+    """
 
     experiment: Experiment
     law: CorLaw
+    campaign: BallLaw | None = None
+
+    def scatter_at(self, speed: float | None, scatter: PlanScatter) -> PlanScatter:
+        """The scatter with what a campaign knows of the law at an impact speed, m/s."""
+        if self.campaign is None or speed is None:
+            return scatter
+        return self.campaign.scatter_at(speed, scatter)
 
 
-def asked(setup: Setup, ball: str | None, cor: str, drag: str | None) -> Asked:
+def asked(
+    setup: Setup, ball: str | None, cor: str, drag: str | None, cor_law: Path | None = None
+) -> Asked:
     """Setup and options together: which ball, with which restitution and drag.
 
     Raises
     ------
     UsageError
-        If an option names nothing.
+        If an option names nothing, SetupError if the file of laws can't be read.
     """
     struck = choose_ball(setup, ball)
-    law, _ = choose_cor(struck, cor)
-    return Asked(experiment_of(setup, struck, drag), law)
+    campaign = None if cor_law is None else law_of_ball(read_cor_file(cor_law), struck.name)
+    if campaign is not None:
+        struck = campaign.struck(struck)
+    law, own = choose_cor(struck, cor)
+    return Asked(experiment_of(setup, struck, drag), law, campaign if own else None)
 
 
 def scatter_of(setup: Setup) -> PlanScatter:

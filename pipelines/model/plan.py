@@ -206,6 +206,10 @@ def plan_command(
         str,
         typer.Option(help="variable, constant, a number, or a law in v (m/s).", metavar="LAW"),
     ] = "variable",
+    cor_law: Annotated[
+        Path | None,
+        typer.Option(help="Laws of restitution of a campaign (cor.toml).", metavar="FILE"),
+    ] = None,
     drag: Annotated[
         str | None,
         typer.Option(help="Drag coefficient, or a curve: smooth, soccer, basketball.", metavar="C"),
@@ -223,13 +227,14 @@ def plan_command(
     Example: vision plan --distance 2.5m --ball jokku
     """
     known = setup_or_default(setup)
-    wanted = asked(known, ball, cor, drag)
-    planned = plan(
-        wanted.experiment,
-        read_number(distance, measurands.DISTANCE, "--distance"),
-        cor=wanted.law,
-        scatter=scatter_of(known),
-    )
+    wanted = asked(known, ball, cor, drag, cor_law)
+    metres = read_number(distance, measurands.DISTANCE, "--distance")
+    scatter = scatter_of(known)
+    planned = plan(wanted.experiment, metres, cor=wanted.law, scatter=scatter)
+    if wanted.campaign is not None:
+        # how well the law is known depends on the speed that the plan asks for
+        scatter = wanted.scatter_at(planned.plan.impact_speed, scatter)
+        planned = plan(wanted.experiment, metres, cor=wanted.law, scatter=scatter)
     if plot is not None:
         save_figure(planned_figure(wanted.experiment, wanted.law, planned), plot)
     send_out(

@@ -26,7 +26,7 @@ from physics.forward import Experiment
 from physics.planning import PlanScatter
 from physics.restitution.restitution import CorLaw
 from pipelines.figures import save_figure
-from pipelines.model.effects import added_effects
+from pipelines.model.effects import added_effects, speed_with_losses
 from pipelines.model.options import (
     angle_of,
     asked,
@@ -207,6 +207,10 @@ def simulate_command(
         list[str] | None,
         typer.Option(help="Add an effect of the catalogue: magnus:spin=10.", metavar="ID:NAME=X"),
     ] = None,
+    cor_law: Annotated[
+        Path | None,
+        typer.Option(help="Laws of restitution of a campaign (cor.toml).", metavar="FILE"),
+    ] = None,
     drag: Annotated[
         str | None,
         typer.Option(help="Drag coefficient, or a curve: smooth, soccer, basketball.", metavar="C"),
@@ -224,16 +228,24 @@ def simulate_command(
     Example: vision simulate --backswing "90 deg" --ball jokku --effect magnus:spin=10
     """
     known = setup_or_default(setup)
-    wanted = asked(known, ball, cor, drag)
+    wanted = asked(known, ball, cor, drag, cor_law)
+    released = None if backswing is None else angle_of(backswing)
+    speed = (
+        None
+        if impact_speed is None
+        else read_number(impact_speed, measurands.SPEED, "--impact-speed")
+    )
+    added = added_effects(known, tuple(effect or ()))
+    reached = speed
+    if released is not None:
+        reached = speed_with_losses(wanted.experiment, released, added)
     result = simulate(
         wanted.experiment,
-        backswing=None if backswing is None else angle_of(backswing),
-        impact_speed=None
-        if impact_speed is None
-        else read_number(impact_speed, measurands.SPEED, "--impact-speed"),
+        backswing=released,
+        impact_speed=speed,
         cor=wanted.law,
-        scatter=scatter_of(known),
-        effects=added_effects(known, tuple(effect or ())),
+        scatter=wanted.scatter_at(reached, scatter_of(known)),
+        effects=added,
     )
     if plot is not None:
         save_figure(flights_figure(wanted.experiment, result.flight, result.contact_flight), plot)

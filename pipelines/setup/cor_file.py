@@ -1,0 +1,263 @@
+"""``cor.toml``: the laws of restitution that a campaign found, per ball, with their covariance.
+
+::
+
+    [balls.jokku]
+    law = "exponential"         # e = a exp(-b v) + d; power: e = 1 - a v^(1/5); constant: d
+    parameters = { a = 0.1073, b = 0.2685, d = 0.6746 }
+    covariance = [[…], […], […]]         # of the parameters, in that order; b in s/m
+    speeds = [1.12, 3.92]                # m/s, between which it was fitted
+    strike_scatter = 0.005               # one sigma, strike to strike
+    session_scatter = 0.002              # one sigma, session to session
+"""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import tomli_w
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+
+from metrology import SetupError, UsageError, write_text_whole
+from physics.arrays import FloatArray
+from physics.bodies import Ball
+from physics.planning import PlanScatter
+from physics.restitution.restitution import ConstantCor, CorLaw, ExponentialCor, PowerLawCor
+from pipelines.setup.tables import Setup
+
+__all__ = ["BallLaw", "LawKind", "law_of_ball", "read_cor_file", "with_laws", "write_cor_file"]
+
+
+class LawKind(StrEnum):
+    """The laws that a campaign fits."""
+
+    EXPONENTIAL = "exponential"
+    POWER = "power"
+    CONSTANT = "constant"
+
+
+PARAMETERS = {
+    LawKind.EXPONENTIAL: ("a", "b", "d"),
+    LawKind.POWER: ("a",),
+    LawKind.CONSTANT: ("d",),
+}
+"""Names in the order of the covariance."""
+
+STEP = 1e-6
+"""Of the numerical derivative by a parameter, in its own unit: all are of the order of 0.1 to 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class BallLaw:
+    """A law of restitution as a campaign knows it.
+
+    Attributes
+    ----------
+    ball : str
+    kind : LawKind
+    parameters : mapping of str to float
+        exponential: e = a exp(−b v) + d, b in s/m; power: e = 1 − a v^(1/5); constant: e = d.
+    covariance : (P, P) array
+        Of the parameters, in the order of `PARAMETERS`.
+    speeds : (2,) tuple of float
+        m/s, between which it was fitted.
+    strike_scatter, session_scatter : float
+        One sigma, strike to strike and session to session.
+    """
+
+    ball: str
+    kind: LawKind
+    parameters: Mapping[str, float]
+    covariance: FloatArray
+    speeds: tuple[float, float]
+    strike_scatter: float = 0.0
+    session_scatter: float = 0.0
+
+    @property
+    def law(self) -> CorLaw:
+        """The law e(v)."""
+        return _law(self.kind, self._vector)
+
+    @property
+    def _vector(self) -> FloatArray:
+        return np.array([self.parameters[name] for name in PARAMETERS[self.kind]])
+
+    def std_at(self, speed: float) -> float:
+        """Standard uncertainty of the law at an impact speed, m/s."""
+        centre = self._vector
+        slope = np.array(
+            [
+                (
+                    float(_value(self.kind, centre + STEP * axis, speed))
+                    - float(_value(self.kind, centre - STEP * axis, speed))
+                )
+                / (2.0 * STEP)
+                for axis in np.eye(len(centre))
+            ]
+        )
+        return float(np.sqrt(max(slope @ self.covariance @ slope, 0.0)))
+
+    def scatter_at(self, speed: float, scatter: PlanScatter) -> PlanScatter:
+        """The scatter with what the campaign knows of restitution at an impact speed, m/s."""
+        own = float(np.hypot(self.strike_scatter, self.session_scatter))
+        return replace(scatter, cor_law=self.std_at(speed), cor=own or scatter.cor)
+
+    def struck(self, ball: Ball) -> Ball:
+        """The ball with this law and the speeds between which it holds."""
+        return replace(ball, cor=self.law, cor_range=self.speeds)
+
+
+def _value(kind: LawKind, vector: FloatArray, speed: float) -> float:
+    match kind:
+        case LawKind.EXPONENTIAL:
+            a, b, d = vector
+            return float(a * np.exp(-b * speed) + d)
+        case LawKind.POWER:
+            return float(1.0 - vector[0] * speed**0.2)
+        case LawKind.CONSTANT:
+            return float(vector[0])
+
+
+def _law(kind: LawKind, vector: FloatArray) -> CorLaw:
+    match kind:
+        case LawKind.EXPONENTIAL:
+            a, b, d = (float(v) for v in vector)
+            return ExponentialCor(a, b, 0.0, d)
+        case LawKind.POWER:
+            return PowerLawCor(float(vector[0]))
+        case LawKind.CONSTANT:
+            return ConstantCor(float(vector[0]))
+
+
+def _number(written: Any) -> Any:
+    """A number, or a table with ``value`` (and ``std``, which the covariance says too)."""
+    return written.get("value") if isinstance(written, dict) else written
+
+
+Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
+Parameter = Annotated[Finite, BeforeValidator(_number)]
+
+
+class _BallTable(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    law: LawKind
+    parameters: dict[str, Parameter]
+    covariance: list[list[Finite]]
+    speeds: tuple[Finite, Finite]
+    strike_scatter: Annotated[Finite, Field(ge=0, le=1)] = 0.0
+    session_scatter: Annotated[Finite, Field(ge=0, le=1)] = 0.0
+
+
+class _File(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    balls: dict[str, _BallTable]
+
+
+def read_cor_file(path: Path) -> dict[str, BallLaw]:
+    """Read the laws of a ``cor.toml``, by ball.
+
+    Raises
+    ------
+    SetupError
+        If it can't be read, lacks a number, or its covariance is none.
+    """
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        tables = _File.model_validate(document).balls
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
+        raise SetupError(
+            f"can't read the laws of restitution in {path}: {problem}",
+            hint="Give the cor.toml that `vision campaign` wrote.",
+        ) from problem
+    except ValidationError as problem:
+        first = problem.errors()[0]
+        where = ".".join(str(part) for part in first["loc"])
+        raise SetupError(
+            f"{path}: {where}: {first['msg']}",
+            hint="A ball has law, parameters, covariance and speeds.",
+        ) from problem
+    return {name: _ball_law(name, table, path) for name, table in tables.items()}
+
+
+def _ball_law(name: str, table: _BallTable, path: Path) -> BallLaw:
+    wanted = PARAMETERS[table.law]
+    if set(table.parameters) != set(wanted):
+        raise SetupError(
+            f"{path}: balls.{name}: the {table.law.value} law has the parameters"
+            f" {', '.join(wanted)}, not {', '.join(table.parameters)}"
+        )
+    size = len(wanted)
+    if [len(row) for row in table.covariance] != [size] * size:
+        raise SetupError(f"{path}: balls.{name}: the covariance is not {size} by {size}")
+    covariance = np.array(table.covariance)
+    scale = float(np.abs(covariance).max()) or 1.0
+    lowest = float(np.linalg.eigvalsh(0.5 * (covariance + covariance.T)).min())
+    if np.abs(covariance - covariance.T).max() > 1e-9 * scale or lowest < -1e-9 * scale:
+        raise SetupError(f"{path}: balls.{name}: the covariance is no covariance")
+    low, high = table.speeds
+    if not 0.0 < low <= high:
+        raise SetupError(f"{path}: balls.{name}: speeds {low:g} to {high:g} m/s are no range")
+    law = BallLaw(
+        name, table.law, table.parameters, covariance, table.speeds,
+        table.strike_scatter, table.session_scatter,
+    )  # fmt: skip
+    try:
+        law.law(low), law.law(high)
+    except UsageError as problem:
+        raise SetupError(f"{path}: balls.{name}: {problem.message}") from problem
+    return law
+
+
+def write_cor_file(path: Path, laws: Mapping[str, BallLaw]) -> None:
+    """Write the laws of a campaign, whole or not at all."""
+    balls = {
+        name: {
+            "law": law.kind.value,
+            "parameters": {key: float(law.parameters[key]) for key in PARAMETERS[law.kind]},
+            "covariance": [[float(v) for v in row] for row in law.covariance],
+            "speeds": [float(v) for v in law.speeds],
+            "strike_scatter": float(law.strike_scatter),
+            "session_scatter": float(law.session_scatter),
+        }
+        for name, law in laws.items()
+    }
+    write_text_whole(path, tomli_w.dumps({"balls": balls}))
+
+
+def law_of_ball(laws: Mapping[str, BallLaw], ball: str) -> BallLaw:
+    """The law of a ball; the only one of the file whatever the ball is called.
+
+    Raises
+    ------
+    UsageError
+        If the file knows other balls only.
+    """
+    if ball in laws:
+        return laws[ball]
+    if len(laws) == 1:
+        return next(iter(laws.values()))
+    raise UsageError(
+        f"the laws of restitution do not know the ball {ball!r}",
+        hint=f"They know {', '.join(laws) or 'none'}: choose one with --ball.",
+    )
+
+
+def with_laws(setup: Setup, laws: Mapping[str, BallLaw]) -> Setup:
+    """A setup whose balls rebound by the laws of a campaign, as sure as the campaign was."""
+    balls = {
+        name: replace(ball, cor=laws[name].law) if name in laws else ball
+        for name, ball in setup.balls.items()
+    }
+    ball = setup.ball
+    if ball is not None and (ball.name in laws or len(laws) == 1):
+        ball = replace(ball, cor=law_of_ball(laws, ball.name).law)
+    law_std = max(law.std_at(v) for law in laws.values() for v in law.speeds)
+    own = max(float(np.hypot(law.strike_scatter, law.session_scatter)) for law in laws.values())
+    scatter = replace(setup.scatter, cor_law=law_std, cor=own or setup.scatter.cor)
+    return replace(setup, ball=ball, balls=balls, scatter=scatter)
