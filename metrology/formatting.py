@@ -9,6 +9,7 @@ __all__ = ["format_pair", "format_quantity", "format_unit", "format_value"]
 _UNITS = {"1": "", "deg": "°", "m/s^2": "m/s²", "kg m^2": "kg m²", "N s": "N s"}
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _SMALL, _LARGE = 1e-4, 1e6
+"""Sizes, in the number's own unit, beyond which a power of ten is written, as printf's %g does."""
 
 
 def format_quantity(quantity: Quantity) -> str:

@@ -13,10 +13,11 @@ from physics.restitution.restitution import require_cor
 __all__ = ["calibrate_contacts", "contact_outcomes", "released"]
 
 STEPS = 160
-"""Steps per contact; the outcome is then good to about 1e-6 of itself."""
+"""Steps per contact: halved again, the outcome moves by less than 1e-6 of itself."""
 
 COARSE_STEPS, COARSE_TOLERANCE = 40, 1e-4
-"""Steps per contact while the calibration is still further off than this."""
+"""Steps per contact while the calibration is further off than this share: a quarter of the steps
+costs a quarter, and fourth order leaves 1e-6 · 4⁴, a few 1e-4."""
 
 
 def released(

@@ -23,7 +23,8 @@ TOUCHING = 1e-8
 """m; a ball this little below its rest height lies on the support again."""
 
 MOST_PHASES = 8
-"""Times a ball may leave its support and sink back onto it during one contact."""
+"""Times a ball may leave its support and sink back onto it during one contact: of strikes on the
+paper's rig none does so more than once, so that more than a few is a solver that chatters."""
 
 
 @dataclass(frozen=True)

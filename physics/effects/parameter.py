@@ -8,10 +8,12 @@ OUTLIER_COST = 12.0
 """Chi-square units for a value from the list of outliers: odds of one to four hundred."""
 
 USUAL = 6.0
-"""Widths up to which a value is no outlier."""
+"""Widths up to which a value is no outlier: beyond six standard deviations a Gaussian prior has
+odds of one in 5e8, below those of `OUTLIER_COST`."""
 
 OUTLIER_WIDTH = 0.005
-"""Relative width of such a value."""
+"""Relative width of such a value: a wrong frame rate or ruler is wrong by a round factor, read as
+well as a nominal rate is kept, half a per cent."""
 
 
 @dataclass(frozen=True)

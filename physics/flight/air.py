@@ -13,9 +13,16 @@ GAS_CONSTANT = 8.314472
 """J/(mol K), the value CIPM-2007 was evaluated with."""
 
 MOLAR_MASS_DRY = 28.96546e-3
+"""kg/mol, dry air with 400 µmol/mol of CO₂ (CIPM-2007, Eq. 4)."""
+
 MOLAR_MASS_WATER = 18.01528e-3
+"""kg/mol (CIPM-2007, section 2)."""
+
 CIPM_TEMPERATURE = (288.15, 300.15)
+"""K, 15 to 27 °C: where CIPM-2007 is established (section 1)."""
+
 CIPM_PRESSURE = (600e2, 1100e2)
+"""Pa, 600 to 1100 hPa: likewise."""
 
 
 @dataclass(frozen=True)

@@ -177,6 +177,7 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
 }
 _CONSTANTS = {"pi": math.pi, "e": math.e}
 _LONGEST_TEXT = 500
+"""Characters: ten times the paper's laws; more than that is no law that anybody wrote down."""
 
 
 @dataclass(frozen=True)
@@ -292,6 +293,7 @@ def parse_cor_law(text: str | float) -> CorLaw:
 
 
 _SPEEDS_TRIED = 200
+"""Speeds between slowest and fastest, 2.6 % apart: a pole or a root that narrow is no law."""
 
 
 def require_real(law: CorLaw, slowest: float, fastest: float) -> None:
