@@ -3,16 +3,14 @@
 from dataclasses import dataclass
 
 from physics.arrays import Number
-from physics.domain import require_finite, require_positive
+from physics.domain import require_positive
 from physics.restitution.restitution import require_cor
 
 __all__ = [
     "Impact",
     "cor_from_ball_speed",
-    "cor_from_speeds",
     "external_impulse",
     "impact",
-    "speed_for_impulse",
 ]
 
 
@@ -79,25 +77,6 @@ def impact(effective_mass: Number, ball_mass: Number, cor: Number, speed: Number
     require_cor(cor)
     impulse = external_impulse(effective_mass, ball_mass, cor, speed)
     return Impact(speed, cor, impulse, impulse / ball_mass, speed - impulse / effective_mass)
-
-
-def speed_for_impulse(
-    effective_mass: Number, ball_mass: Number, cor: Number, impulse: Number
-) -> Number:
-    """Eq. 9 solved for the impact speed (m/s) at a fixed e."""
-    require_positive("the impulse", impulse, "N s")
-    require_cor(cor)
-    return impulse * (effective_mass + ball_mass) / (effective_mass * ball_mass * (1.0 + cor))
-
-
-def cor_from_speeds(before: Number, after: Number, ball: Number) -> Number:
-    """Eq. 2 with the ball at rest before: e = (v_B − v_M) / v_M⁰, speeds along the normal, m/s.
-
-    Not limited to (0, 1]: measured speeds may say otherwise, and hiding that would be wrong.
-    """
-    require_positive("the impact speed", before, "m/s")
-    require_finite("the speed after", after)
-    return (ball - after) / before
 
 
 def cor_from_ball_speed(

@@ -4,12 +4,10 @@ from dataclasses import dataclass, fields
 from typing import Self
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
-from metrology import DomainError
-from physics.arrays import FloatArray, Number
+from physics.arrays import Number
 
-__all__ = ["ContactOutcome", "OutcomeTable"]
+__all__ = ["ContactOutcome"]
 
 
 @dataclass(frozen=True)
@@ -66,47 +64,3 @@ class ContactOutcome:
             for f in fields(self)
         }
         return type(self)(**values)
-
-
-class OutcomeTable:
-    """Contact outcomes interpolated by impact speed (monotone cubic, scipy's PCHIP).
-
-    Parameters
-    ----------
-    outcomes : ContactOutcome
-        Arrays of at least two contacts, by increasing impact speed, m/s.
-
-    Raises
-    ------
-    DomainError
-        If there are fewer than two, or the speeds do not increase.
-    """
-
-    def __init__(self, outcomes: ContactOutcome) -> None:
-        speed = np.atleast_1d(np.asarray(outcomes.impact_speed, dtype=np.float64))
-        if speed.size < 2 or np.any(np.diff(speed) <= 0.0):
-            raise DomainError(
-                "a table of contact outcomes needs two or more impact speeds, in increasing order"
-            )
-        self.outcomes = outcomes
-        self.range = (float(speed[0]), float(speed[-1]))
-        names = [f.name for f in fields(ContactOutcome) if f.name != "impact_speed"]
-        self._names = names
-        columns = np.stack(
-            [np.broadcast_to(getattr(outcomes, name), speed.shape) for name in names], axis=-1
-        )
-        self._curve = PchipInterpolator(speed, columns, extrapolate=True)
-
-    def __call__(self, impact_speed: float | FloatArray) -> ContactOutcome:
-        """Outcome at `impact_speed` (m/s, float or array); beyond `range` it is extrapolated."""
-        values = self._curve(impact_speed)
-        scalar = np.ndim(impact_speed) == 0
-        columns = {
-            name: float(values[..., i]) if scalar else values[..., i]
-            for i, name in enumerate(self._names)
-        }
-        return ContactOutcome(impact_speed=impact_speed, **columns)
-
-    def covers(self, impact_speed: float) -> bool:
-        """Whether `impact_speed` lies inside the table."""
-        return self.range[0] <= impact_speed <= self.range[1]

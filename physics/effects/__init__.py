@@ -12,7 +12,7 @@ from physics.effects.base import (
     Values,
     View,
 )
-from physics.effects.catalogue import CATALOGUE, MEASUREMENT_IDS, catalogue_with, effect_named
+from physics.effects.catalogue import CATALOGUE, MEASUREMENT_IDS, effect_named
 from physics.effects.term import Term
 
 __all__ = [
@@ -29,6 +29,5 @@ __all__ = [
     "Term",
     "Values",
     "View",
-    "catalogue_with",
     "effect_named",
 ]

@@ -42,7 +42,7 @@ from physics.effects.measurement import (
 )
 from physics.effects.swing import BackswingOffset, BearingFriction, PendulumDrag, ViscousDamping
 
-__all__ = ["CATALOGUE", "MEASUREMENT_IDS", "catalogue_with", "effect_named"]
+__all__ = ["CATALOGUE", "MEASUREMENT_IDS", "effect_named"]
 
 _ALL: tuple[Effect, ...] = (
     Drag(),
@@ -108,11 +108,6 @@ CATALOGUE: Mapping[str, tuple[Effect, ...]] = _grouped(_ALL)
 
 MEASUREMENT_IDS = frozenset(e.id for e in _ALL if e.phase == "measurement")
 """Ids that blame the instrument."""
-
-
-def catalogue_with(own: Iterable[Effect]) -> Mapping[str, tuple[Effect, ...]]:
-    """Give the catalogue with a user's effects added; an id that exists gains a form."""
-    return _grouped((*_ALL, *own))
 
 
 def effect_named(name: str) -> Effect:

@@ -10,7 +10,7 @@ from physics.bodies import GRAVITY, Ball
 from physics.domain import require_non_negative, require_positive
 from physics.flight.air import Air
 
-__all__ = ["Landing", "Launch", "drag_constant", "drag_free_distance", "land", "paper_path"]
+__all__ = ["Landing", "Launch", "drag_constant", "drag_free_distance", "land"]
 
 
 @dataclass(frozen=True)
@@ -105,13 +105,3 @@ def land(
     if np.any(constant * along <= -1.0):
         raise DomainError("a ball launched backwards this fast has no closed-form path")
     return Landing(time, _dragged(along, constant) + launch.advance * np.cos(launch.angle))
-
-
-def paper_path(
-    launch: Launch, time: Number, constant: Number, gravity: float = GRAVITY
-) -> tuple[Number, Number]:
-    """X from rest and y from the rest height, m, at `time` (s) after release (Eqs 13, 14)."""
-    along: Number = launch.speed * np.cos(launch.angle) * time
-    x = _dragged(along, constant) + launch.advance * np.cos(launch.angle)
-    y = (launch.speed * time + launch.advance) * np.sin(launch.angle) - 0.5 * gravity * time**2
-    return x, y

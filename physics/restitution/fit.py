@@ -14,7 +14,7 @@ from physics.arrays import FloatArray
 from physics.domain import require_positive
 from physics.restitution.restitution import ConstantCor, CorLaw, ExponentialCor, PowerLawCor
 
-__all__ = ["CorFit", "FittedParameter", "compare_cor_fits", "fit_cor", "fit_rational"]
+__all__ = ["CorFit", "FittedParameter", "compare_cor_fits", "fit_cor"]
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,8 @@ class CorFit:
     Attributes
     ----------
     model : str
-        "exponential", "power" or "constant" (or "rational").
-    law : callable
-        Speed (m/s) to e; a `CorLaw` for the laws of restitution.
+        "exponential", "power" or "constant".
+    law : CorLaw
     parameters : tuple of FittedParameter
     chi2 : float
         Sum of squared residuals over std² (over 1 where no std was given).
@@ -56,7 +55,7 @@ class CorFit:
     """
 
     model: str
-    law: Callable[[Any], Any]
+    law: CorLaw
     parameters: tuple[FittedParameter, ...]
     chi2: float
     dof: int
@@ -148,38 +147,6 @@ def compare_cor_fits(
     return tuple(sorted(fits, key=lambda fit: fit.aicc if enough else fit.bic))
 
 
-def fit_rational(backswing_deg: FloatArray, speed: FloatArray) -> CorFit:
-    """Fit v = (p₁ b² + p₂ b + p₃) / (b² + q₁ b + q₂), the form of Eqs 26 and 27.
-
-    Parameters
-    ----------
-    backswing_deg, speed : (N,) array
-        Back-swing angle in degrees and impact speed in m/s; at least five.
-
-    Returns
-    -------
-    CorFit
-        `law` takes degrees and returns m/s.
-    """
-
-    def rational(
-        b: FloatArray, p1: float, p2: float, p3: float, q1: float, q2: float
-    ) -> FloatArray:
-        return np.asarray((p1 * b**2 + p2 * b + p3) / (b**2 + q1 * b + q2))
-
-    top = float(np.max(np.abs(speed)))
-    start = {
-        "p1": {"value": 2.5 * top},
-        "p2": {"value": -20.0 * top},
-        "p3": {"value": 0.0},
-        "q1": {"value": 150.0},
-        "q2": {"value": 1.0},
-    }
-    fit = _least_squares(rational, backswing_deg, speed, None, start)
-    best = dict(fit.best_values)
-    return _report("rational", lambda b: rational(b, **best), fit, len(speed), False)
-
-
 def _least_squares(
     function: Callable[..., FloatArray],
     x: FloatArray,
@@ -202,7 +169,7 @@ def _least_squares(
     )
 
 
-def _report(model: str, law: Callable[[Any], Any], fit: Any, points: int, absolute: bool) -> CorFit:
+def _report(model: str, law: CorLaw, fit: Any, points: int, absolute: bool) -> CorFit:
     free = fit.nvarys
     dof = points - free
     width = float(student.ppf(0.975, dof)) if dof > 0 else math.inf

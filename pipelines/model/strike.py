@@ -40,8 +40,8 @@ UNITS = {
 
 
 SMALLEST_COR = 1e-3
-"""Share of the speed that a shifted coefficient of restitution is kept above: a law needs e > 0, and
-no ball that flies has less."""
+"""Share of the speed that a shifted coefficient of restitution is kept above: a law needs e > 0,
+and no ball that flies has less."""
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from physics.contact.batch import contact_outcomes
 from physics.contact.contact import simulate_contact
 from physics.contact.contact_time import ContactTimeLaw
 from physics.contact.law import HuntCrossley, damping_for_cor, elastic_contact_time
-from physics.contact.outcome import ContactOutcome, OutcomeTable
+from physics.contact.outcome import ContactOutcome
 from tests.shared_data import shared_folder
 
 FIELDS = (
@@ -218,20 +218,6 @@ def test_dimensions_scale() -> None:
     assert large.pendulum_angle == pytest.approx(small.pendulum_angle, rel=1e-6)
     assert large.ball_vy == pytest.approx(small.ball_vy * length / time, rel=1e-6)
     assert large.ball_x == pytest.approx(small.ball_x * length, rel=1e-6)
-
-
-def test_a_table_of_outcomes_interpolates_between_its_rows() -> None:
-    speeds = np.linspace(1.0, 4.0, 9)
-    table = OutcomeTable(contact_outcomes(PAPER_PENDULUM, JOKKU, PAPER_SUPPORT, speeds))
-    direct = contact_outcomes(PAPER_PENDULUM, JOKKU, PAPER_SUPPORT, np.array([2.1])).at(0)
-    between = table(2.1)
-    assert isinstance(between, ContactOutcome)
-    assert between.ball_vy == pytest.approx(direct.ball_vy, abs=2e-3)
-    assert between.ball_vx == pytest.approx(direct.ball_vx, abs=2e-3)
-    assert table.covers(2.1)
-    assert not table.covers(5.0)
-    with pytest.raises(DomainError):
-        OutcomeTable(ContactOutcome(*(np.array([1.0]) for _ in range(10))))
 
 
 @pytest.mark.parametrize(

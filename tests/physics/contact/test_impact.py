@@ -7,17 +7,12 @@ from metrology import DomainError
 from physics.bodies import PAPER_PENDULUM, Pendulum
 from physics.contact.impact import (
     cor_from_ball_speed,
-    cor_from_speeds,
     external_impulse,
     impact,
-    speed_for_impulse,
 )
 from physics.energy import (
-    deformation_loss,
-    kinetic_energy,
     lost_by_pendulum,
     lost_by_pendulum_approximate,
-    swing_loss,
 )
 
 masses = st.floats(0.05, 20.0)
@@ -30,9 +25,7 @@ def test_momentum_and_restitution_hold(heavy: float, light: float, e: float, v: 
     after = impact(heavy, light, e, v)
     assert heavy * after.speed_after + light * after.ball_speed == pytest.approx(heavy * v)
     assert after.ball_speed - after.speed_after == pytest.approx(e * v)
-    assert cor_from_speeds(v, after.speed_after, after.ball_speed) == pytest.approx(e)
     assert cor_from_ball_speed(heavy, light, v, after.ball_speed) == pytest.approx(e)
-    assert speed_for_impulse(heavy, light, e, after.impulse) == pytest.approx(v)
 
 
 @given(cors, speeds)
@@ -42,7 +35,9 @@ def test_what_the_pendulum_loses_is_the_balls_energy_and_deformation(e: float, v
     after = impact(heavy, light, e, v)
     lost = lost_by_pendulum(PAPER_PENDULUM, v, after.speed_after)
     gained = 0.5 * light * after.ball_speed**2
-    assert lost == pytest.approx(gained + deformation_loss(heavy, light, e, v), rel=1e-12)
+    # what two free bodies lose in an impact: half the reduced mass times (1 - e^2) v^2
+    reduced = heavy * light / (heavy + light)
+    assert lost == pytest.approx(gained + 0.5 * reduced * (1.0 - e**2) * v**2, rel=1e-12)
 
 
 def test_the_papers_approximation_is_6_to_11_percent_too_large() -> None:
@@ -52,12 +47,6 @@ def test_the_papers_approximation_is_6_to_11_percent_too_large() -> None:
         exact = lost_by_pendulum(pendulum, 3.0, after.speed_after)
         rough = lost_by_pendulum_approximate(pendulum, 3.0, after.impulse)
         assert rough / exact - 1.0 == pytest.approx(excess, abs=0.006)
-
-
-def test_equal_swings_lose_nothing() -> None:
-    assert swing_loss(PAPER_PENDULUM, 1.2, 1.2) == 0.0
-    assert swing_loss(PAPER_PENDULUM, 1.2, 0.9) > 0.0
-    assert kinetic_energy(PAPER_PENDULUM, PAPER_PENDULUM.length) == pytest.approx(0.5 * 1.579)
 
 
 def test_two_readings_of_the_effective_mass() -> None:

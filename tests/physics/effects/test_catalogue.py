@@ -12,7 +12,6 @@ from physics.effects import (
     Outcome,
     SwingState,
     View,
-    catalogue_with,
     effect_named,
 )
 
@@ -154,12 +153,6 @@ def test_a_turned_camera_keeps_distances():
     assert np.hypot(x, y) == pytest.approx(np.hypot(0.5, 0.3))
 
 
-def test_a_users_effect_joins_and_a_wrong_name_is_refused():
-    class Own(Effect):
-        def torque(self, values, swing):
-            return 0.0
-
-    own = Own("own", "It is mine.", "F", "me", "swing", ())
-    assert catalogue_with([own])["own"] == (own,)
+def test_a_wrong_name_is_refused():
     with pytest.raises(UsageError, match="magnuss"):
         effect_named("magnuss")

@@ -11,7 +11,7 @@ from physics.arrays import FloatArray, Vector
 from physics.bodies import GRAVITY, JOKKU
 from physics.effects import Effect, FlightState, Parameter, Phase, Term, Values, effect_named
 from physics.flight.air import PAPER_AIR, Air
-from physics.flight.closed_form import Launch, drag_constant, drag_free_distance, land, paper_path
+from physics.flight.closed_form import Launch, drag_constant, drag_free_distance, land
 from physics.flight.drag_curves import SOCCER_DRAG
 from physics.flight.flight import fly, land_many
 from physics.flight.motion import FlightModel
@@ -80,14 +80,6 @@ def test_no_drag_is_exact_not_a_division() -> None:
     assert land(Launch(5.0, 0.1, 0.0), 0.3, 0.0).distance == pytest.approx(
         land(Launch(5.0, 0.1, 0.0), 0.3, 1e-12).distance, rel=1e-10
     )
-
-
-def test_path_of_the_paper_ends_where_it_lands() -> None:
-    launch = Launch(5.0, 0.15, 0.04)
-    landing = land(launch, 0.312, K)
-    x, y = paper_path(launch, landing.time, K)
-    assert x == pytest.approx(landing.distance, abs=1e-12)
-    assert y == pytest.approx(-0.312, abs=1e-12)
 
 
 def _all_forces(time: float, state: Array) -> Array:

@@ -3,7 +3,7 @@ import pytest
 
 from metrology import DomainError, TooLittleDataError
 from physics.bodies import JOKKU
-from physics.restitution.fit import compare_cor_fits, fit_cor, fit_rational
+from physics.restitution.fit import compare_cor_fits, fit_cor
 from physics.restitution.restitution import ConstantCor, PowerLawCor
 
 SPEEDS = np.linspace(0.5, 6.0, 12)
@@ -42,13 +42,6 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
         parameter = fit_cor(SPEEDS, noisy, std, model="power").parameters[0]
         held.append(parameter.low <= 0.19 <= parameter.high)
     assert 0.90 <= np.mean(held) <= 0.99
-
-
-def test_a_rational_law_is_found_again() -> None:
-    degrees = np.linspace(20.0, 140.0, 9)
-    truth = (9.594 * degrees**2 - 85.5 * degrees - 0.2311) / (degrees**2 + 152.3 * degrees + 6.66)
-    fit = fit_rational(degrees, truth)
-    np.testing.assert_allclose(fit.law(degrees), truth, atol=1e-4)
 
 
 def test_too_few_points_and_unknown_laws_are_errors() -> None:

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from metrology import DomainError
 from physics.bodies import BALLS, BASKETBALL, JOKKU, PAPER_PENDULUM, PAPER_SUPPORT
 from physics.contact.impact import impact
-from physics.energy import lost_by_pendulum, lost_by_range
 from physics.flight.air import PAPER_AIR
 from physics.flight.closed_form import Launch, land
 from physics.restitution.inversion import (
@@ -126,14 +125,6 @@ def test_ten_thousand_inversions_are_one_call() -> None:
 def test_bad_input_is_an_error_never_a_nan(bad: dict[str, float]) -> None:
     with pytest.raises(DomainError):
         cor_from_range(dataclasses.replace(_inputs("jokku", 1.8, 3.2), **bad))
-
-
-def test_the_loss_from_the_range_is_the_loss_from_the_speeds() -> None:
-    inputs = _inputs("jokku", 1.8, 3.2144)
-    e = float(cor_from_range(inputs))
-    after = impact(PAPER_PENDULUM.mass_at_contact, JOKKU.mass, e, 3.2144)
-    wanted = lost_by_pendulum(PAPER_PENDULUM, 3.2144, after.speed_after)
-    assert lost_by_range(PAPER_PENDULUM, inputs, e) == pytest.approx(wanted, rel=1e-9)
 
 
 def test_unknown_input_is_named() -> None:
