@@ -45,11 +45,11 @@ class Trajectory:
         u = place - cell
         shape = time.shape[:-1]
         flat_cell = cell.reshape(-1, time.shape[-1])
-        lanes = np.arange(flat_cell.shape[0])[:, None]
+        each = np.arange(flat_cell.shape[0])[:, None]
 
         def pick(grid: FloatArray, index: np.ndarray) -> FloatArray:
             flat = grid.reshape(grid.shape[0], grid.shape[1], -1)
-            picked = flat[index, :, lanes]
+            picked = flat[index, :, each]
             return np.moveaxis(picked, -1, 0).reshape(grid.shape[1], *shape, time.shape[-1])
 
         a, b = pick(self.states, flat_cell), pick(self.states, flat_cell + 1)

@@ -105,7 +105,7 @@ def plan_distance(
 ) -> Plan:
     """Back-swing and impact speed for a wanted landing distance.
 
-    The paper's road (steps a to e) run backwards: launch along θ after Eqs 8 to 10, drag in both
+    The paper's steps a to e run backwards: launch along θ after Eqs 8 to 10, drag in both
     directions, speed to back-swing by the energy balance of a frictionless pendulum.
 
     Parameters

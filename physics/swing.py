@@ -138,7 +138,7 @@ class SwingModel:
         return cls(body.length, body.inertia, body.mass, body.com, gravity, terms)
 
     def torque(self, phi: Number, omega: Number) -> Number:
-        """Torque of the effects, N m, at an angle (rad) and rate (rad/s); all lanes alike."""
+        """Torque of the effects, N m, at an angle (rad) and a rate (rad/s)."""
         return sum(
             (t.effect.torque(t.values, self._seen(phi, omega)) for t in self.terms if t.brakes),
             np.zeros_like(np.asarray(omega, dtype=np.float64)),
@@ -164,7 +164,7 @@ class SwingModel:
         slope[1] = -weight * np.sin(state[0])
         for term in self.terms:
             if term.brakes:
-                at = term.lanes
+                at = term.where
                 now = self._seen(state[0][at], state[1][at])
                 slope[(1, at)] += term.effect.torque(term.values, now) / self.inertia
         return slope

@@ -97,7 +97,7 @@ class Hypothesis:
         }
         # What has an expected value is held to it by the fit itself.
         strengths = [v for v in values.values() if not v[0].is_shape and v[0].expected is None]
-        return sum(p.surprise(value) for p, value in strengths)
+        return sum(p.prior_penalty(value) for p, value in strengths)
 
     @property
     def misfit(self) -> float:

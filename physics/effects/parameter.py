@@ -76,7 +76,7 @@ class Parameter:
             or any(abs(value - one) <= reach * (1.0 + abs(one)) for one in self.outliers)
         )
 
-    def surprise(self, value: float) -> float:
+    def prior_penalty(self, value: float) -> float:
         """What a value costs in chi-square units by its prior: a Gaussian, and rare spikes."""
         middle = self.neutral if self.expected is None else self.expected
         plain = ((value - middle) / self.width) ** 2

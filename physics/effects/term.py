@@ -1,4 +1,4 @@
-"""An effect at work: the law with values for its parameters, in all lanes of a batch or some."""
+"""An effect at work: a law with values for its parameters, in all of a batch or in some."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,14 +18,14 @@ class Term:
     ----------
     effect : Effect
     values : mapping of str to Number
-        A number each, or arrays that broadcast with the batch's lanes it acts in.
-    lanes : slice or Ellipsis
-        Along the batch's first axis, where the effect acts; Ellipsis: everywhere.
+        A number each, or arrays that broadcast with the members of the batch it acts in.
+    where : slice or Ellipsis
+        Members along the batch's first axis in which the effect acts; Ellipsis: in all.
     """
 
     effect: Effect
     values: Mapping[str, Number]
-    lanes: slice | EllipsisType = ...
+    where: slice | EllipsisType = ...
 
     @property
     def flies(self) -> bool:

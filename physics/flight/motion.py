@@ -69,7 +69,7 @@ class FlightModel:
         acting = [term for term in self.terms if term.flies]
         drag, spin = self._held(acting, time, state)
         for term in acting:
-            at = term.lanes
+            at = term.where
             now = self._seen(time, state, at, _part(drag, at), _part(spin, at))
             for axis, force in enumerate(term.effect.force(term.values, now)):
                 slope[(3 + axis, at)] += force / self.mass
@@ -98,7 +98,7 @@ class FlightModel:
         drag: Number = 0.0
         spin: Number = 0.0
         for term in acting:
-            at = term.lanes
+            at = term.where
             if isinstance(term.effect, Drag):
                 here = term.effect.coefficient(term.values, self._seen(time, state, at))
                 drag = drag + _spread(here, at, state.shape)
@@ -108,7 +108,7 @@ class FlightModel:
 
 
 def _spread(value: Number, at: slice | EllipsisType, shape: tuple[int, ...]) -> Number:
-    """A value of some lanes as a column over all lanes, nought in the others."""
+    """A value of some members as a column over the whole batch, nought in the others."""
     if isinstance(at, EllipsisType):
         return value
     column = np.zeros((shape[1], *np.shape(value)[1:]))
@@ -117,5 +117,5 @@ def _spread(value: Number, at: slice | EllipsisType, shape: tuple[int, ...]) -> 
 
 
 def _part(value: Number, at: slice | EllipsisType) -> Number:
-    """The lanes of a value that an effect acts in."""
+    """A value in the members that an effect acts in."""
     return value[at] if isinstance(value, np.ndarray) and value.ndim else value

@@ -1,6 +1,6 @@
 """What a lab knows, table by table of its setup file: frozen, SI, checked when it was read.
 
-A value is a float; its standard uncertainty stands beside it as ``…_std``, None where nobody gave
+A value is a float; its standard uncertainty is ``…_std``, None where nobody gave
 one. `pipelines.setup.rig` says what holds then.
 """
 

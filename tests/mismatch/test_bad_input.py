@@ -208,7 +208,7 @@ def test_no_law_is_believed_at_a_size_that_nobody_meets():
     assert rate.believable(19.0)  # 30 frames per second written for 600
     assert rate.believable(-0.95)
     assert not rate.believable(0.35)
-    assert rate.surprise(19.0) < rate.surprise(0.15)
+    assert rate.prior_penalty(19.0) < rate.prior_penalty(0.15)
     assert not scale.believable(-0.25)
 
 

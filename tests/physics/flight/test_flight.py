@@ -136,8 +136,8 @@ def test_many_flights_are_each_their_own() -> None:
         assert x == pytest.approx(one.landing_position[0], abs=1e-7)
 
 
-def test_a_term_acts_in_its_lanes_only_and_sees_what_they_hold() -> None:
-    """Four lanes: nothing, drag, drag and draught, spin and its decay."""
+def test_a_term_acts_where_it_should_only_and_sees_what_is_there() -> None:
+    """Four members: nothing, drag, drag and draught, spin and its decay."""
     column = np.array([[0.47], [0.47]])
     model = FREE.with_terms(
         Term(effect_named("drag"), {"drag_coefficient": column}, slice(1, 3)),

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 ROOMS = (
     "metrology", "physics", "vision", "calib", "mismatch", "sample_videos", "pipelines",
     "impact_vision",

@@ -1,0 +1,1 @@
+"""How many numeric constants tell their unit and source."""
