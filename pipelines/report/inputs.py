@@ -148,6 +148,8 @@ class ReportInput:
         A frame with its overlay.
     version : str
         Of the software.
+    defaults : tuple of str
+        What was taken because nobody said it, a line each.
     """
 
     title: str
@@ -160,3 +162,4 @@ class ReportInput:
     path: PathRecord | None = None
     still_png: bytes | None = None
     version: str = ""
+    defaults: tuple[str, ...] = ()

@@ -78,6 +78,7 @@ def report_input(measured: Measurement, clip: Clip | None) -> ReportInput:
         checks=measured.checks,
         warnings=measured.warnings,
         version=software_version(),
+        defaults=tuple(known.in_words for known in measured.defaults),
     )
     if clip is not None:
         base = replace(

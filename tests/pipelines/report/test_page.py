@@ -55,6 +55,14 @@ def test_names_from_outside_are_escaped():
     assert page.count("&lt;script&gt;") >= 4
 
 
+def test_defaults_are_told_where_any_were_taken(page):
+    told = ("inertia: 1.579 ± 0.016 kg m² (its uncertainty is a default: <period>)",)
+    with_defaults = report_html(replace(example(PIXEL), defaults=told))
+    assert "Taken from the defaults" in with_defaults
+    assert "is a default: &lt;period&gt;)" in with_defaults
+    assert "Taken from the defaults" not in page
+
+
 def test_nothing_is_fetched(page):
     assert not re.search(r"(src|href)=[\"'](?!data:)", page)
     assert "<script" not in page
