@@ -148,17 +148,14 @@ def moved_fit(
     if left.shape != fitted.residuals.shape:
         raise ValueError("residuals came or went: the fit has to be done anew")
 
-    def gradient(misfit: FloatArray, middle: FloatArray, stiffness: FloatArray) -> FloatArray:
-        pull = misfit / np.hypot(1.0, misfit / _SOFT_FROM)
-        prior_pull = fitted.prior_weight * stiffness @ (values - middle)
-        return np.asarray(fitted.jacobian.T @ pull + prior_pull)
-
-    # second derivative of the soft-L1 loss
+    # second derivative of the soft-L1 loss; the data may move by far more than their noise, all
+    # alike, so that its slope there would say nothing
     bend = (1.0 + (fitted.residuals / _SOFT_FROM) ** 2) ** -1.5
-    curvature = fitted.jacobian.T @ (bend[:, np.newaxis] * fitted.jacobian)
-    curvature += fitted.prior_weight * fitted.precision
-    before = gradient(fitted.residuals, fitted.centre, fitted.precision)
-    change = gradient(left, centre, precision) - before
+    weighed = fitted.jacobian.T * bend
+    change = weighed @ (left - fitted.residuals) + fitted.prior_weight * (
+        precision @ (values - centre) - fitted.precision @ (values - fitted.centre)
+    )
+    curvature = weighed @ fitted.jacobian + fitted.prior_weight * fitted.precision
     step = np.linalg.lstsq(curvature, change, rcond=None)[0]
     return replace(fitted, values=values - step)
 

@@ -20,9 +20,9 @@ from calib.pose import calibrate
 from metrology import MeasurementError, Quantity
 from pipelines.calibrate.filming import Filming, film_scene, planned_tracks
 from pipelines.measure.budget import Scene as Known
-from pipelines.measure.budget import systematic_budget
+from pipelines.measure.budget import systematic_budget, values_after_move
 from pipelines.measure.calibrated import scene_evidence
-from pipelines.measure.derived import DERIVED, derived_values, random_covariance
+from pipelines.measure.derived import derived_values, random_covariance
 from pipelines.measure.fits.impact import find_impact
 from pipelines.measure.inputs import gather_inputs
 from pipelines.measure.metres import CameraMapping, tracks_in_metres
@@ -186,19 +186,11 @@ def _evaluated(known: Known, tracks: Tracks, scene: Scene) -> Evaluated:
         impact = find_impact(metric, inputs)
     except MeasurementError as problem:
         return replace(nothing, refusal=problem.message)
-    contact = impact.contact
 
     def values(moved: Known) -> FloatArray:
         assert moved.calibration is not None
-        times = None
-        if contact is not None:
-            share = known.rate.fps / moved.rate.fps
-            times = (contact.onset_s * share, contact.release_s * share)
-        try:
-            again = tracks_in_metres(tracks, CameraMapping(moved.calibration), _times(moved, scene))
-            return derived_values(find_impact(again, moved.inputs, times), moved.inputs)
-        except MeasurementError:
-            return np.full(len(DERIVED), np.nan)
+        again = tracks_in_metres(tracks, CameraMapping(moved.calibration), _times(moved, scene))
+        return values_after_move(impact, again, moved.inputs)
 
     return Evaluated(
         known,

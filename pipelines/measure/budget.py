@@ -1,24 +1,42 @@
-"""Systematic uncertainty: every input moved by itself, everything after it done again (GUM 5.1)."""
+"""Systematic uncertainty: every input moved by itself, everything after it following (GUM 5.1).
+
+What follows are optima, and how an optimum moves with an input is one linear solve (`moved_fit`),
+chained from fit to fit. Doing every fit again gives the same at many times the cost, except where a
+fit has no smooth optimum; it remains as the check.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calib.calibration import Calibration
-from metrology import Contribution, Defaults, UncertaintySource
+from metrology import Contribution, Defaults, MeasurementError, UncertaintySource
 from physics.bodies import Pendulum
+from pipelines.measure.derived import DERIVED, derived_values
+from pipelines.measure.fits.impact import Impact, find_impact, moved_impact
 from pipelines.measure.inputs import Inputs
+from pipelines.measure.metres import MetricTracks
 from vision.clip.capture_rate import CaptureRate
 
-__all__ = ["Scene", "merged", "systematic_budget"]
+__all__ = ["Propagation", "Scene", "merged", "systematic_budget", "values_after_move"]
 
 FloatArray = NDArray[np.float64]
 
 _STEP_SIGMAS = 0.3
 _LEAST_AXIS = 1e-12
 """Of the correlation's largest: below lies rounding, not knowledge."""
+
+
+class Propagation(StrEnum):
+    """How what follows from a moved input is found."""
+
+    RESPONSE = "response"
+    """To first order, by linear response of every fit."""
+    REFIT = "refit"
+    """By every fit done anew."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +61,41 @@ class Scene:
     scale: float = 1.0
     roll_rad: float = 0.0
     slant_rad: float = 0.0
+
+
+def values_after_move(
+    impact: Impact,
+    tracks: MetricTracks,
+    inputs: Inputs,
+    propagation: Propagation = Propagation.RESPONSE,
+) -> FloatArray:
+    """Derived values after inputs moved a little.
+
+    Parameters
+    ----------
+    impact : Impact
+        As fitted before the move.
+    tracks : MetricTracks
+        The same frames, in metres and seconds after the move.
+    inputs : Inputs
+        After the move.
+    propagation : Propagation
+
+    Returns
+    -------
+    (Q,) array
+        In the order of `DERIVED`; NaN where nothing can be told.
+    """
+    try:
+        if propagation is Propagation.RESPONSE:
+            return derived_values(moved_impact(impact, tracks, inputs), inputs)
+        times = None
+        if impact.contact is not None:
+            share = float(tracks.ball_time_s[-1] / impact.tracks.ball_time_s[-1])
+            times = (impact.contact.onset_s * share, impact.contact.release_s * share)
+        return derived_values(find_impact(tracks, inputs, times), inputs)
+    except MeasurementError:
+        return np.full(len(DERIVED), np.nan)
 
 
 def systematic_budget(

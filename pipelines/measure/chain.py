@@ -13,9 +13,9 @@ from calib.grid.grid import WallGrid
 from calib.plausibility import ContradictionError
 from calib.pose import FOCAL_OVER_WIDTH
 from metrology import CalibrationError, MeasurementError
-from pipelines.measure.budget import Scene, systematic_budget
+from pipelines.measure.budget import Propagation, Scene, systematic_budget, values_after_move
 from pipelines.measure.calibrated import calibrate_clip, known_lens, scene_evidence
-from pipelines.measure.derived import DERIVED, derived_values, random_covariance
+from pipelines.measure.derived import derived_values, random_covariance
 from pipelines.measure.fits.gravity import contradicts_gravity
 from pipelines.measure.fits.impact import find_impact
 from pipelines.measure.inputs import Inputs, gather_inputs
@@ -47,6 +47,7 @@ class MeasureOptions:
     wall_grid: str | None = None
     ball_at: Point | None = None
     mass_at: Point | None = None
+    budget: Propagation = Propagation.RESPONSE
 
 
 def measure_clip(
@@ -106,7 +107,7 @@ def measure_clip(
         warnings += calibration.warnings
     else:
         warnings.append(f"no calibration from the wall: {wall.refusal.reason}")
-    evaluated = _evaluate(Scene(inputs, rate, calibration), clip, tracks, tell)
+    evaluated = _evaluate(Scene(inputs, rate, calibration), clip, tracks, tell, options.budget)
     results = results_of(evaluated, tracks, wall.refusal)
     return Measurement(
         info=clip.info,
@@ -202,7 +203,11 @@ def weighed_by_fall(
 
 
 def _evaluate(
-    scene: Scene, clip: Clip, tracks: Tracks, tell: Callable[[str, float], None]
+    scene: Scene,
+    clip: Clip,
+    tracks: Tracks,
+    tell: Callable[[str, float], None],
+    propagation: Propagation,
 ) -> Evaluated:
     nothing = Evaluated(scene, None, None, np.zeros(0), np.zeros((0, 0)), {}, "")
     try:
@@ -210,26 +215,14 @@ def _evaluate(
         impact = find_impact(metric, scene.inputs)
     except MeasurementError as problem:
         return replace(nothing, refusal=problem.in_one_line)
-    started = None
-    if impact.contact is not None:
-        started = (impact.contact.onset_s, impact.contact.release_s)
     steps = 0
 
     def values(moved: Scene) -> FloatArray:
         nonlocal steps
         steps += 1
         tell("propagating uncertainty", min(1.0, steps / 30))
-        times = None
-        if started is not None:
-            share = scene.rate.fps / moved.rate.fps
-            times = (started[0] * share, started[1] * share)
-        try:
-            again = find_impact(
-                _in_metres(moved, clip.capture_times(moved.rate.fps), tracks), moved.inputs, times
-            )
-            return derived_values(again, moved.inputs)
-        except MeasurementError:
-            return np.full(len(DERIVED), np.nan)
+        again = _in_metres(moved, clip.capture_times(moved.rate.fps), tracks)
+        return values_after_move(impact, again, moved.inputs, propagation)
 
     return Evaluated(
         scene,

@@ -1,7 +1,8 @@
 """The flight: gravity, drag and a little lift fitted to the path after release (Eqs 11-12)."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,20 +60,23 @@ class FlightFit:
         Times of the frames used.
     residual_m : (N, 2) array
         Measured minus fitted, m.
-    used : (M,) bool array
-        Which of the frames offered these are.
     """
 
     reference_s: float
     fitted: Fitted
     time_s: FloatArray
     residual_m: FloatArray
-    used: NDArray[np.bool_]
 
     def states(self, time_s: FloatArray, values: FloatArray | None = None) -> FloatArray:
         """x, y, vx, vy at times; (N, 4)."""
         chosen = self.fitted.values if values is None else values
         return _flown(chosen, np.asarray(time_s, dtype=float) - self.reference_s)
+
+    def restarted(self, reference_s: float) -> Self:
+        """The same path with its state at another time, s."""
+        state = self.states(np.array([reference_s]))[0]
+        values = np.concatenate([state, self.fitted.values[4:]])
+        return replace(self, reference_s=reference_s, fitted=replace(self.fitted, values=values))
 
     def falls_to(self, height: float, values: FloatArray | None = None) -> float | None:
         """Time after which the centre is at `height` on its way down, s; None if it never is."""
@@ -112,7 +116,7 @@ def fit_flight(
     priors : FlightPriors
         On the forces.
     near : FlightFit, optional
-        The fit to data of the same frames that differ little: it is moved to first order.
+        The fit to data of just these frames that differ little: it is moved to first order.
 
     Raises
     ------
@@ -125,8 +129,9 @@ def fit_flight(
             hint="Film so that the ball stays in the picture for longer, or at a higher rate.",
         )
     std = np.sqrt(np.diagonal(covariance_m2, axis1=1, axis2=2))
-    steady = _steady(time_s, position_m, std, priors.gravity) if near is None else near.used
-    time_s, position_m, std = time_s[steady], position_m[steady], std[steady]
+    if near is None:
+        steady = _steady(time_s, position_m, std, priors.gravity)
+        time_s, position_m, std = time_s[steady], position_m[steady], std[steady]
     std = np.maximum(std, 0.3 * np.median(std, axis=0))
     elapsed = time_s - reference_s
     start = np.array([0.0, 0.0, 0.0, 0.0, priors.drag, priors.lift, priors.gravity])
@@ -148,7 +153,7 @@ def fit_flight(
     else:
         fitted = moved_fit(near.fitted, residuals, start, spread)
     left = position_m - _flown(fitted.values, elapsed)[:, :2]
-    return FlightFit(reference_s, fitted, time_s, left, steady)
+    return FlightFit(reference_s, fitted, time_s, left)
 
 
 def _steady(

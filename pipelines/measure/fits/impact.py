@@ -9,18 +9,20 @@ from metrology import MeasurementError, NotFoundError
 from pipelines.measure.fits.contact_fit import ContactFit, ImpactView, face_speeds, fit_contact
 from pipelines.measure.fits.flight_fit import FlightFit, FlightPriors, fit_flight
 from pipelines.measure.fits.flight_span import LONGEST_CONTACT_S, flight_end
-from pipelines.measure.fits.swing_fit import fit_swing
+from pipelines.measure.fits.swing_fit import SwingFit, fit_swing
 from pipelines.measure.inputs import Inputs
 from pipelines.measure.metres import MetricTracks
 from pipelines.measure.striking_face import face_lead, pivot_in_plane
 
-__all__ = ["Impact", "departure", "find_impact"]
+__all__ = ["Impact", "departure", "find_impact", "moved_impact"]
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
 
 UNSEEN_HALF_CONTACT_S, UNSEEN_HALF_CONTACT_STD_S = 0.006, 0.003
 """Middle to end of a contact nobody sees: inflated balls stay on for 10 to 20 ms."""
 SWING_STRETCH_S = 0.08
+NEAR_BEFORE_S, NEAR_AFTER_S = 0.01, 0.005
 _ROUNDS = 3
 STRAY_RADII = 0.15
 LEAST_COR, MOST_COR = 0.1, 1.15
@@ -106,7 +108,7 @@ def find_impact(
         if tracks.pivot_m is None:
             break
         try:
-            view = _view(tracks, inputs, flight, onset, release)
+            view = _view(tracks, inputs, flight, _Frames.of(tracks, onset, release))
             contact = fit_contact(view, 0.5 * (onset + release))
         except MeasurementError as problem:
             view, contact, reason = None, None, problem.in_one_line
@@ -130,6 +132,51 @@ def find_impact(
     free = _flight(tracks, inputs, release, landed, free=True, since=since)
     _require_flight(free, tracks)
     return Impact(tracks, flight, free, view, contact, reason, float(flight.time_s[-1]))
+
+
+def moved_impact(near: Impact, tracks: MetricTracks, inputs: Inputs) -> Impact:
+    """The impact after its inputs moved a little, every fit to first order on the same frames.
+
+    Parameters
+    ----------
+    near : Impact
+        Before.
+    tracks : MetricTracks
+        The same frames after the move.
+    inputs : Inputs
+        After the move.
+
+    Raises
+    ------
+    NotFoundError
+        If face and ball never meet any more.
+    """
+    # the clock may be what moves
+    share = float(tracks.ball_time_s[-1] / near.tracks.ball_time_s[-1])
+    flight = _moved_flight(near.tracks, near.flight, tracks, inputs, share, free=False)
+    free = _moved_flight(near.tracks, near.free_flight, tracks, inputs, share, free=True)
+    if near.view is None or near.contact is None:
+        shift = _corner(tracks, flight) - share * _corner(near.tracks, near.flight)
+        flight = flight.restarted(flight.reference_s + shift)
+        return replace(near, tracks=tracks, flight=flight, free_flight=free)
+    frames = _Frames.of(near.tracks, near.view.before.reference_s, near.view.after.reference_s)
+    view = _view(tracks, inputs, flight, frames.on_clock(share), near.view)
+    middle = 0.5 * share * (near.contact.onset_s + near.contact.release_s)
+    contact = fit_contact(view, middle)
+    return replace(near, tracks=tracks, flight=flight, free_flight=free, view=view, contact=contact)
+
+
+def _moved_flight(
+    before: MetricTracks,
+    near: FlightFit,
+    tracks: MetricTracks,
+    inputs: Inputs,
+    share: float,
+    *,
+    free: bool,
+) -> FlightFit:
+    used = np.isin(before.ball_time_s, near.time_s)
+    return _fitted_flight(tracks, inputs, used, share * near.reference_s, free=free, near=near)
 
 
 def _not_the_striker(view: ImpactView, contact: ContactFit) -> str:
@@ -166,14 +213,27 @@ def _flight(
     frame_s = float(np.median(np.diff(tracks.ball_time_s)))
     begin = release if since is None else since
     used = (tracks.ball_time_s > begin + 1.5 * frame_s) & (tracks.ball_time_s < landed)
+    return _fitted_flight(tracks, inputs, used, release, free=free)
+
+
+def _fitted_flight(
+    tracks: MetricTracks,
+    inputs: Inputs,
+    used: NDArray[np.bool_],
+    reference_s: float,
+    *,
+    free: bool,
+    near: FlightFit | None = None,
+) -> FlightFit:
     drag, drag_std = inputs.drag_per_metre
     gravity_std = np.inf if free else inputs.rig.gravity.std
     return fit_flight(
         tracks.ball_time_s[used],
         tracks.ball_m[used],
         tracks.ball_cov_m2[used],
-        release,
+        reference_s,
         FlightPriors(inputs.gravity, gravity_std, drag, drag_std, 0.0, inputs.lift_std),
+        near,
     )
 
 
@@ -185,41 +245,61 @@ def _corner(tracks: MetricTracks, flight: FlightFit) -> float:
     return flight.reference_s + back
 
 
+@dataclass(frozen=True)
+class _Frames:
+    """Which frames tell of a contact from onset to release, s: of the pendulum and of the ball."""
+
+    onset: float
+    release: float
+    swing_before: BoolArray
+    swing_after: BoolArray
+    swing_near: BoolArray
+    ball_near: BoolArray
+
+    @classmethod
+    def of(cls, tracks: MetricTracks, onset: float, release: float) -> "_Frames":
+        time, ball = tracks.swing_time_s, tracks.ball_time_s
+        begin, end = onset - NEAR_BEFORE_S, release + NEAR_AFTER_S
+        return cls(
+            onset,
+            release,
+            (time < onset) & (time > onset - SWING_STRETCH_S),
+            (time > release) & (time < release + SWING_STRETCH_S),
+            (time > begin) & (time < end),
+            (ball > begin) & (ball < end),
+        )
+
+    def on_clock(self, share: float) -> "_Frames":
+        """The same frames where a second has become `share` of one."""
+        return replace(self, onset=share * self.onset, release=share * self.release)
+
+
 def _view(
-    tracks: MetricTracks, inputs: Inputs, flight: FlightFit, onset: float, release: float
+    tracks: MetricTracks,
+    inputs: Inputs,
+    flight: FlightFit,
+    frames: _Frames,
+    moved_from: ImpactView | None = None,
 ) -> ImpactView:
     assert tracks.pivot_m is not None
     time = tracks.swing_time_s
     stiffness = inputs.pendulum_stiffness
     spread = inputs.rig.stiffness_share * stiffness
-    before = (time < onset) & (time > onset - SWING_STRETCH_S)
-    after = (time > release) & (time < release + SWING_STRETCH_S)
+
+    def swing(used: BoolArray, reference_s: float, near: SwingFit | None) -> SwingFit:
+        angle, std = tracks.swing_rad[used], tracks.swing_std_rad[used]
+        return fit_swing(time[used], angle, std, reference_s, stiffness, spread, near)
+
     radius = tracks.radius_m if inputs.ball is None else 0.5 * inputs.ball.diameter
-    near = (tracks.ball_time_s > onset - 0.01) & (tracks.ball_time_s < release + 0.005)
-    swinging = (time > onset - 0.01) & (time < release + 0.005)
-    pivot = pivot_in_plane(tracks, inputs)
-    lead, lead_std = face_lead(tracks, inputs, radius, onset)
+    lead, lead_std = face_lead(tracks, inputs, radius, frames.onset)
+    near, swinging = frames.ball_near, frames.swing_near
     return ImpactView(
-        before=fit_swing(
-            time[before],
-            tracks.swing_rad[before],
-            tracks.swing_std_rad[before],
-            onset,
-            stiffness,
-            spread,
-        ),
-        after=fit_swing(
-            time[after],
-            tracks.swing_rad[after],
-            tracks.swing_std_rad[after],
-            release,
-            stiffness,
-            spread,
-        ),
+        before=swing(frames.swing_before, frames.onset, moved_from and moved_from.before),
+        after=swing(frames.swing_after, frames.release, moved_from and moved_from.after),
         flight=flight,
         rest=tracks.rest_m,
         rest_std=tracks.rest_std_m,
-        pivot=pivot,
+        pivot=pivot_in_plane(tracks, inputs),
         radius=radius,
         time_s=tracks.ball_time_s[near],
         position_m=tracks.ball_m[near],

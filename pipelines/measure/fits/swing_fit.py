@@ -70,7 +70,7 @@ def fit_swing(
     stiffness, stiffness_std : float
         Ω² = m g d / I and its standard uncertainty, 1/s².
     near : SwingFit, optional
-        The fit to data of the same frames that differ little: it is moved to first order.
+        The fit to data of just these frames that differ little: it is moved to first order.
 
     Raises
     ------
