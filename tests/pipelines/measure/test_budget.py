@@ -8,10 +8,19 @@ from numpy.typing import NDArray
 
 from calib.calibration import PARAMETERS, Calibration, Source
 from calib.camera.camera import Camera, Lens
-from pipelines.measure.budget import Scene, merged, systematic_budget
+from pipelines.measure.budget import (
+    Propagation,
+    Scene,
+    merged,
+    systematic_budget,
+    values_after_move,
+)
+from pipelines.measure.derived import DERIVED, random_covariance
+from pipelines.measure.fits.impact import find_impact
 from pipelines.measure.inputs import gather_inputs
 from pipelines.measure.metres import BallScale
 from pipelines.setup.file import Setup
+from tests.pipelines.measure.ideal_tracks import Noise, ideal_tracks, known_stroke
 from vision.clip.capture_rate import CaptureRate
 
 DISTANCE, FOCAL = PARAMETERS.index("log_distance"), PARAMETERS.index("log_focal")
@@ -91,3 +100,40 @@ def test_a_rolled_camera_is_turned_upright_about_the_ball_at_rest() -> None:
     along = mapping.point(np.array([150.0, 80.0]))
     assert np.hypot(*along) == pytest.approx(1.0)
     assert abs(np.arctan2(along[1], along[0])) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("moved", ["longer", "faster", "heavier"])
+def test_linear_response_agrees_with_fits_done_anew(moved: str) -> None:
+    scene, shot = known_stroke("jokku", 60.0)
+    # little noise: what a frame gained or lost at the ends changes is noise, no response
+    tracks = ideal_tracks(scene, shot, Noise(2e-5, 3e-5, 1e-4))
+    inputs = gather_inputs(Setup(), "jokku", None)
+    impact = find_impact(tracks, inputs)
+    other, others_inputs = tracks, inputs
+    if moved == "longer":
+        other = replace(
+            tracks, ball_m=1.002 * tracks.ball_m, rest_m=1.002 * tracks.rest_m, pivot_m=None
+        )
+        other = replace(other, pivot_m=1.002 * np.asarray(tracks.pivot_m))
+    if moved == "faster":
+        other = replace(
+            tracks,
+            ball_time_s=tracks.ball_time_s / 1.001,
+            swing_time_s=tracks.swing_time_s / 1.001,
+        )
+    if moved == "heavier":
+        body = replace(inputs.pendulum, inertia=1.01 * inputs.pendulum.inertia)
+        others_inputs = replace(inputs, pendulum=body)
+    changes = {
+        how: values_after_move(impact, other, others_inputs, how)
+        - values_after_move(impact, tracks, inputs, how)
+        for how in Propagation
+    }
+    std = np.sqrt(np.diag(random_covariance(impact, inputs)))
+    refit = np.hypot(std, changes[Propagation.REFIT])
+    known = np.isfinite(refit) & (refit > 0.0)
+    assert known.sum() > 10
+    response = np.hypot(std, changes[Propagation.RESPONSE])
+    # a flight this short tells gravity from drag barely, and far from linearly
+    share = np.where(np.array(list(DERIVED)) == "gravity", 0.05, 0.02)
+    assert (np.abs(response - refit)[known] < (share * refit)[known]).all()

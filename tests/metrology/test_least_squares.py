@@ -1,0 +1,77 @@
+"""The least-squares door: against closed forms, and responses against fits done anew."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from metrology.least_squares import Residuals, fit, moved_fit
+
+FloatArray = NDArray[np.float64]
+TIME = np.linspace(0.0, 1.0, 60)
+
+
+def decay(data: FloatArray, std: float = 0.01) -> Residuals:
+    """An exponential a exp(-b t) + c against data."""
+
+    def residuals(values: FloatArray) -> FloatArray:
+        a, b, c = (values[..., [index]] for index in range(3))
+        return np.asarray((a * np.exp(-b * TIME) + c - data) / std)
+
+    return residuals
+
+
+def data_of(seed: int) -> FloatArray:
+    noise = np.random.default_rng(seed).normal(0.0, 0.01, len(TIME))
+    noise[7], noise[31] = 0.08, -0.06
+    return np.asarray(2.0 * np.exp(-1.5 * TIME) + 0.3 + noise)
+
+
+def test_a_straight_line_has_the_covariance_of_the_textbook() -> None:
+    design = np.stack([np.ones_like(TIME), TIME], axis=1) / 0.1
+    noise = np.random.default_rng(1).uniform(-0.5, 0.5, len(TIME))
+    data = design @ [1.0, -2.0] + noise
+    found = fit(lambda values: design @ values - data, [0.0, 0.0])
+    assert found.chi2_per_dof < 1.3
+    expected = np.linalg.inv(design.T @ design) * found.chi2_per_dof
+    np.testing.assert_allclose(found.covariance, expected, rtol=1e-4)
+    assert np.abs(found.values - [1.0, -2.0]).max() < 0.05
+
+
+def test_a_stack_of_parameters_gives_the_same_fit_as_one_after_the_other() -> None:
+    start, spread = [1.0, 1.0, 0.0], [np.inf, 0.5, np.inf]
+    one = fit(decay(data_of(2)), start, start, spread)
+    stack = fit(decay(data_of(2)), start, start, spread, stacked=True)
+    np.testing.assert_allclose(stack.values, one.values, rtol=1e-9)
+    np.testing.assert_allclose(stack.covariance, one.covariance, rtol=1e-6)
+
+
+@pytest.mark.parametrize("moved_by", [1e-4, 0.05])
+def test_moved_data_move_the_fit_as_a_fit_done_anew(moved_by: float) -> None:
+    """Also by five times the noise, with outliers that the loss holds back."""
+    data = data_of(3)
+    drift = moved_by * (1.0 + TIME)
+    start = [2.0, 1.5, 0.3]
+    near = fit(decay(data), start, stacked=True)
+    near = fit(decay(data), near.values, stacked=True)
+    anew = fit(decay(data + drift), near.values, stacked=True)
+    anew = fit(decay(data + drift), anew.values, stacked=True)
+    response = moved_fit(near, decay(data + drift))
+    change = anew.values - near.values
+    assert np.abs(response.values - anew.values).max() < 0.02 * np.abs(change).max() + 1e-6
+
+
+def test_moved_priors_move_the_fit_as_a_fit_done_anew() -> None:
+    data, spread = data_of(4), [np.inf, 0.02, np.inf]
+    near = fit(decay(data), [2.0, 1.5, 0.3], [2.0, 1.4, 0.3], spread, stacked=True)
+    anew = fit(decay(data), near.values, [2.0, 1.404, 0.3], spread, stacked=True)
+    response = moved_fit(near, decay(data), [2.0, 1.404, 0.3], spread)
+    change = anew.values - near.values
+    assert np.abs(change[1]) > 0.05 * 0.02
+    # the misfit that weighs the priors may change with them
+    assert np.abs(response.values - anew.values).max() < 0.06 * np.abs(change).max()
+
+
+def test_residuals_that_come_or_go_are_refused() -> None:
+    near = fit(decay(data_of(5)), [2.0, 1.5, 0.3], stacked=True)
+    with pytest.raises(ValueError, match="anew"):
+        moved_fit(near, lambda values: decay(data_of(5))(values)[1:])
