@@ -294,8 +294,8 @@ def _view(
     lead, lead_std = face_lead(tracks, inputs, radius, frames.onset)
     near, swinging = frames.ball_near, frames.swing_near
     return ImpactView(
-        before=swing(frames.swing_before, frames.onset, moved_from and moved_from.before),
-        after=swing(frames.swing_after, frames.release, moved_from and moved_from.after),
+        before=swing(frames.swing_before, frames.onset, moved_from.before if moved_from else None),
+        after=swing(frames.swing_after, frames.release, moved_from.after if moved_from else None),
         flight=flight,
         rest=tracks.rest_m,
         rest_std=tracks.rest_std_m,
