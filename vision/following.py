@@ -15,13 +15,9 @@ from vision.ball.outline.refine import refine_ball
 from vision.ball.rest import Rest, find_rest
 from vision.clip.footage import Footage
 from vision.motion.kind import motion_of
-from vision.pendulum.face import find_face
-from vision.pendulum.mass import MassPoses
-from vision.pendulum.mass_search import find_mass
-from vision.pendulum.pendulum import follow_mass
+from vision.pendulum.search import Striker, find_striker, pendulum_track
 from vision.scene.scene import Scene
-from vision.scene.still import scene_before_strike
-from vision.tracks import Face, Followed, MotionModel, PendulumTrack, Track, Tracks
+from vision.tracks import Followed, MotionModel, PendulumTrack, Track, Tracks
 from vision.workers import side_by_side
 
 if TYPE_CHECKING:
@@ -84,24 +80,24 @@ def follow(
         raise _no_ball(ball_at)
     _tell(progress, 0.6)
     rest = find_rest(rough.frame, rough.centre, float(np.median(rough.radius)))
-    mass, face = None, None
+    striker = None
     if rest is not None and not choice.struck:
-        mass, face = _mass(scene, rest, rough, mass_at)
+        striker = find_striker(scene, rest, rough, mass_at)
     _tell(progress, 0.8)
-    fits = refine_ball(scene, rough, None if mass is None else mass.hides)
+    fits = refine_ball(scene, rough, None if striker is None else striker.mass.hides)
     _tell(progress, 1.0)
     ball = _track(fits, capture_fps)
     rest_frames = None if rest is None else (rest.first, rest.last)
     return Tracks(
         ball=ball,
-        pendulum=_pendulum(mass, face, rest, capture_fps),
+        pendulum=_pendulum(striker, rest, capture_fps),
         background=scene.background.image,
         rest_frames=rest_frames,
         others=_others(scene, choice, capture_fps),
-        warnings=tuple(_warnings(choice, rest, mass) + _camera_warnings(scene)),
+        warnings=tuple(_warnings(choice, rest, striker) + _camera_warnings(scene)),
         shift_px=scene.shifts(),
         motion=motion_of(
-            ball, rest_frames, pendulum=mass is not None, struck_by_another=choice.struck
+            ball, rest_frames, pendulum=striker is not None, struck_by_another=choice.struck
         ),
     )
 
@@ -204,19 +200,6 @@ def _no_ball(ball_at: Point | None) -> NotFoundError:
     )
 
 
-def _mass(
-    scene: Scene, rest: Rest, ball: BallFits, mass_at: Point | None
-) -> tuple[MassPoses, Face] | tuple[None, None]:
-    at = None if mass_at is None else (float(mass_at[0]), float(mass_at[1]))
-    radius = float(np.median(ball.radius))
-    before = scene_before_strike(scene, rest, radius)
-    candidates = find_mass(scene, rest, radius, before, at)
-    mass = follow_mass(scene, candidates, rest, ball, before)
-    if mass is None:
-        return None, None
-    return mass, find_face(scene, mass, rest, radius, before)
-
-
 def _track(fits: BallFits, fps: float) -> Track:
     covariance = fits.fits.covariance
     return Track(
@@ -247,43 +230,11 @@ def _path_track(path: Path, fps: float) -> Track:
     )
 
 
-def _pendulum(
-    mass: MassPoses | None, face: Face | None, rest: Rest | None, fps: float
-) -> PendulumTrack | None:
-    if mass is None or face is None or rest is None:
-        return None
-    arc = mass.arc
-    sign = 1.0 if rest.direction[0] >= 0 else -1.0
-    offset = mass.anchor - arc.centre_px
-    angle = np.unwrap(np.arctan2(sign * offset[:, 0], offset[:, 1]))
-    covariance = np.array([pose.covariance[:2, :2] for pose in mass.poses])
-    distance = np.hypot(offset[:, 0], offset[:, 1])
-    tangent = np.column_stack([offset[:, 1], -offset[:, 0]]) / distance[:, None]
-    along = np.einsum("ni,nij,nj->n", tangent, covariance, tangent)
-    size = float(np.sqrt(mass.patch.opacity.sum() / np.pi))
-    count = len(mass.frame)
-    track = Track(
-        frame=mass.frame,
-        time_s=mass.frame / fps,
-        centre_px=mass.anchor,
-        covariance_px2=covariance,
-        bound_px2=covariance / 4.0,
-        radius_px=np.full(count, size),
-        radius_std_px=np.full(count, 0.05 * size),
-        quality=np.array([pose.seen for pose in mass.poses]),
-    )
-    return PendulumTrack(
-        track=track,
-        angle_rad=angle,
-        angle_std_rad=np.sqrt(along) / distance,
-        pivot_px=arc.centre_px,
-        pivot_covariance_px2=arc.covariance[:2, :2],
-        arm_px=arc.radius_px,
-        face=face,
-    )
+def _pendulum(striker: Striker | None, rest: Rest | None, fps: float) -> PendulumTrack | None:
+    return None if striker is None or rest is None else pendulum_track(striker, rest, fps)
 
 
-def _warnings(choice: Choice, rest: Rest | None, mass: MassPoses | None) -> list[str]:
+def _warnings(choice: Choice, rest: Rest | None, striker: Striker | None) -> list[str]:
     said = []
     if choice.struck:
         said.append(
@@ -295,6 +246,8 @@ def _warnings(choice: Choice, rest: Rest | None, mass: MassPoses | None) -> list
             f"{1 + len(choice.others)} round things move; the clearest is taken for the ball. "
             "Point at another with --ball-at X,Y,FRAME."
         )
-    if rest is not None and mass is None and not choice.struck:
+    if striker is not None:
+        said += striker.warnings
+    elif rest is not None and not choice.struck:
         said.append("No pendulum was found behind the ball; point at its mass with --mass-at X,Y.")
     return said

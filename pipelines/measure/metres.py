@@ -261,10 +261,6 @@ def _swing(pendulum: PendulumTrack | None, mapping: PlaneMapping, direction: flo
     if _bends(mapping, pendulum.pivot_px, pendulum.track.centre_px):
         # a lens that bends lines bends the arc: its centre has to be found in metres
         pivot = _centre_of_arc(mass)
-    else:
-        turn = pendulum.angle_rad
-        outward = np.stack([direction * np.sin(turn), np.cos(turn)], axis=-1)
-        mass = mapping.point(pendulum.pivot_px + pendulum.arm_px * outward) * flip
     arm = mass - pivot
     angle = np.arctan2(arm[:, 0], -arm[:, 1])
     scale = float(np.median(np.hypot(*arm.T))) / pendulum.arm_px

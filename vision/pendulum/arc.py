@@ -1,17 +1,31 @@
 """A pivot from the arc that something swings on: a circle fitted by geometric least squares."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
-__all__ = ["Arc", "fit_arc"]
+from vision.pendulum.imaged_swing import ImagedSwing
+from vision.pendulum.rigid import Pose
+
+__all__ = ["Arc", "fit_arc", "fit_imaged_swing"]
 
 FloatArray = NDArray[np.float64]
 
 # rad: what all turns may be off by together; a thick body shows more of one side as it swings.
 _TURN_STD = 0.012
+# A camera up to some 25° aslant shortens a plane by a tenth, and more towards the picture's edge.
+_VIEW_STD = 0.06
+_SQUARE_STD = 0.005
+_PIVOT_STD_SHARE = 0.5
+# px: what light and depth move a body off its arc; of the frames, so many are independent.
+_OFF_ARC_PX, _INDEPENDENT = 0.15, 8.0
+# How much better a view aslant has to do: by half a chi-square, and by this factor, since what a
+# body's depth and its light do to the track looks a little like a view aslant.
+_TELLING, _TELLING_RATIO = 4.0, 2.0
+_FEWEST_POSES = 8
 
 
 @dataclass(frozen=True)
@@ -108,3 +122,68 @@ def _algebraic(points: FloatArray) -> FloatArray | None:
     if rank < 3:
         return None
     return np.asarray(middle + solution[:2])
+
+
+def fit_imaged_swing(start: ImagedSwing, poses: Sequence[Pose]) -> ImagedSwing:
+    """Fit pivot and view to where a body was registered, helped by how far it turned.
+
+    Parameters
+    ----------
+    start : ImagedSwing
+        First guess; its middle is the reference.
+    poses : sequence of Pose
+        Where the body was seen.
+
+    Returns
+    -------
+    ImagedSwing
+        Through the poses, robustly; the guess where there are fewer than eight.
+    """
+    if len(poses) < _FEWEST_POSES:
+        return start
+    square = _swing_through(start, poses, _SQUARE_STD)
+    aslant = _swing_through(start, poses, _VIEW_STD)
+    telling = aslant.cost < min(square.cost - _TELLING, square.cost / _TELLING_RATIO)
+    return aslant.swing if telling else square.swing
+
+
+@dataclass(frozen=True)
+class _Through:
+    """A swing through poses, and its robust cost."""
+
+    swing: ImagedSwing
+    cost: float
+
+
+def _swing_through(start: ImagedSwing, poses: Sequence[Pose], view_std: float) -> _Through:
+    points = np.array([pose.anchor for pose in poses])
+    turns = np.array([pose.turn for pose in poses])
+    away = start.centre_px - start.pivot_px
+    arm = float(np.hypot(*away))
+    stds = np.array([_PIVOT_STD_SHARE * arm] * 2 + [view_std] * 2)
+    # neighbouring frames share what biases them
+    count = float(np.sqrt(len(points) / _INDEPENDENT))
+
+    def swing_of(state: FloatArray) -> ImagedSwing:
+        return replace(
+            start,
+            pivot_px=state[:2] + start.pivot_px,
+            shear=float(state[2]),
+            stretch=float(np.exp(state[3])),
+            centre_px=start.centre_px + state[4] * away / arm,
+        )
+
+    def residuals(state: FloatArray) -> FloatArray:
+        swing = swing_of(state)
+        back = np.linalg.inv(swing.view)
+        radius = np.hypot(*((points - swing.pivot_px) @ back.T).T)
+        radial = radius - float(np.hypot(*(back @ (swing.centre_px - swing.pivot_px))))
+        left = [radial / (_OFF_ARC_PX * count), state[:4] / stds, [0.1 * state[4]]]
+        if swing.turns:
+            turned = turns - swing.angle_of(points)
+            left.append((turned - np.median(turned)) / (_TURN_STD * count))
+        return np.concatenate(left)
+
+    found = scipy.optimize.least_squares(residuals, np.zeros(5), loss="soft_l1", max_nfev=60)
+    fine = bool(np.all(np.isfinite(found.x)))
+    return _Through(swing_of(found.x) if fine else start, float(found.cost) if fine else np.inf)

@@ -1,315 +1,336 @@
-"""The pendulum mass followed on its arc: which piece of what moved it is, and where it went."""
+"""The pendulum mass followed on its arc: which piece of what moved it is, and where it went.
 
-from dataclasses import dataclass, replace
+Each piece is first registered freely on its way to the ball; that tells a first pivot. Then it is
+held to one pivot for all pictures, as a body that turns with its arm and as one whose look does not
+turn; the pictures tell which of the two, and which piece, explains more of what moved.
+"""
 
-import cv2
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from vision.ball.ball import BallFits
 from vision.ball.rest import Rest
-from vision.pendulum.arc import Arc, fit_arc
+from vision.pendulum.arc import Arc, fit_arc, fit_imaged_swing
+from vision.pendulum.bundle import Bundle, bundle, learnt_look
+from vision.pendulum.freely import FreeTracker
+from vision.pendulum.imaged_swing import ImagedSwing
+from vision.pendulum.layer import Glimpse, Placed, hold_at, locate_along
 from vision.pendulum.mass import MassPoses
 from vision.pendulum.mass_search import MassCandidate
-from vision.pendulum.rigid import Patch, Pose, register, warped
-from vision.pendulum.striker import striking
+from vision.pendulum.rigid import Patch, Pose, register
+from vision.pendulum.striker import Striking, striking
 from vision.scene.scene import Scene
 
-__all__ = ["follow_mass"]
+__all__ = ["Follower", "Swinging", "follow_on", "follow_piece"]
 
 FloatArray = NDArray[np.float64]
 FloatImage = NDArray[np.float32]
 
-_LOST_AFTER = 4
 _FEWEST = 6
-_LEARNT_EVERY = 4
-_TRIAL_FRAMES = 14
-_LEAST_ADVANCE_PX = 1.0
+_BUNDLED = 14
+_LEAST_LOST, _MOST_LOST = 6, 40
 _SHADOW_LEAVES = 30
-# A candidate that fits at most so much worse than the best one may be as rigid.
-_AS_RIGID = 2.0
-_LEAST_TWIST = 0.003
+_BESIDE_BALL_PX = 1.5
+# Of what the body usually explains of a picture, what it explains where it is.
+_STILL_EXPLAINED = 0.5
+_KNOWN = 6
+# A blow takes up to so much of the rate; a prediction is off by so much at least, px.
+_BLOW, _OFF_PX = 0.75, 1.5
+_CURVED_PX = 1e5
+# How far a body with depth strays from the arc of a flat one, px and rad; a round one turns freely.
+_STRAY_PX, _LEFT_PX, _STRAY_RAD, _NO_TURN = 0.5, 5.0, 0.02, 1e-4
+# A misfit that is this much over the usual is looked into.
+_USUAL_MISFIT = 1.5
+# Frames before and after the ball was last seen at rest in which rivals are compared.
+_BEFORE, _TRIAL, _EVERY = 30, 24, 3
+# Looks that fit nearly alike leave it to the turns: more than this part of the arm's turn is one.
+_ALIKE, _HALF_TURNED = 0.01, 0.6
 
 
-def follow_mass(
-    scene: Scene,
-    candidates: tuple[MassCandidate, ...],
-    rest: Rest,
-    ball: BallFits,
-    before: FloatImage,
-) -> MassPoses | None:
-    """Follow each candidate through the clip, and keep the rigid thing that can have struck.
+@dataclass(frozen=True)
+class Swinging:
+    """A piece followed as a swinging body.
+
+    Attributes
+    ----------
+    mass : MassPoses
+        Where it was.
+    swing : ImagedSwing
+        Its arc.
+    striking : Striking
+        Whether its motion agrees with having struck the ball.
+    gain : float
+        Log-likelihood that it adds around the strike over scenes without it.
+    """
+
+    mass: MassPoses
+    swing: ImagedSwing
+    striking: Striking
+    gain: float
+
+
+class Follower:
+    """Looks for swinging bodies in a clip.
 
     Parameters
     ----------
     scene : Scene
         Footage with its static scene.
-    candidates : tuple of MassCandidate
-        What `find_mass` returned, largest first.
     rest : Rest
         The ball before it is struck.
     ball : BallFits
-        The ball, which may hide part of the mass.
+        The ball, which may hide part of the body.
     before : (H, W) float32 array
         The scene before the strike (`scene_before_strike`).
+    """
+
+    def __init__(self, scene: Scene, rest: Rest, ball: BallFits, before: FloatImage) -> None:
+        self.scene, self.rest, self.ball, self.before = scene, rest, ball, before
+        self.radius = float(np.median(ball.radius))
+
+    def hidden(self, index: int) -> tuple[float, float, float] | None:
+        """The disc in which the ball may be in front."""
+        frames = self.ball.frame
+        if len(frames) == 0 or index > frames[-1] + 3:
+            return None
+        if index < frames[0]:
+            return (*self.rest.centre_px, self.radius + _BESIDE_BALL_PX)
+        centre = self.ball.centre
+        x = float(np.interp(index, frames, centre[:, 0]))
+        y = float(np.interp(index, frames, centre[:, 1]))
+        return x, y, self.radius + _BESIDE_BALL_PX
+
+    def glimpses(self, index: int) -> Iterator[Glimpse]:
+        """A picture before each scene that may lie behind: the ball's shadow leaves late."""
+        picture = self.scene.picture(index)
+        gain = self.scene.views[index].gain
+        behind = [self.before] if index <= self.rest.last + _SHADOW_LEAVES else []
+        if index > self.rest.last:
+            behind.append(self.scene.background.image)
+        for image in behind:
+            yield Glimpse(index, picture, image, gain, self.scene.noise, self.hidden(index))
+
+    def locate(
+        self, patch: Patch, swing: ImagedSwing, index: int, guess: float, reach: float
+    ) -> tuple[Placed, Glimpse] | None:
+        """Where along its arc the body is in a frame, and before which scene."""
+        found = [
+            (placed, glimpse)
+            for glimpse in self.glimpses(index)
+            if (placed := locate_along(patch, swing, glimpse, guess, reach)) is not None
+        ]
+        return min(found, key=lambda pair: pair[0].misfit, default=None)
+
+
+def follow_piece(follower: Follower, piece: MassCandidate) -> Swinging | None:
+    """Follow a piece of what moved past the strike as a swinging body.
 
     Returns
     -------
-    MassPoses or None
-        None if none can be followed on an arc.
+    Swinging or None
+        None where it does not come towards the ball on an arc.
     """
-    tracker = _Tracker(scene, ball, rest, before)
-    sound = [swing for swing in (_swing_in(tracker, piece, rest) for piece in candidates) if swing]
-    if not sound:
+    free = FreeTracker(follower).coming(piece)
+    if len(free) < _FEWEST:
         return None
-    rigid = _AS_RIGID * min(swing.misfit for swing in sound)
-    followed = [_followed(scene, tracker, swing, ball) for swing in sound if swing.misfit <= rigid]
-    return min(
-        (mass for mass in followed if mass is not None),
-        key=lambda mass: (striking(mass, ball, rest), _off_arc(mass)),
-        default=None,
-    )
-
-
-def _off_arc(mass: MassPoses) -> float:
-    """How badly a track lies on an arc and turns with it; one that was lost early is much worse."""
-    away = mass.anchor - mass.arc.centre_px
-    turned = np.array([pose.turn for pose in mass.poses]) - np.arctan2(away[:, 1], away[:, 0])
-    turned = np.angle(np.exp(1j * (turned - turned[0])))
-    twist = float(np.median(np.abs(turned - np.median(turned))))
-    return mass.arc.scatter_px * max(twist, _LEAST_TWIST) / len(mass.frame) ** 2
-
-
-@dataclass(frozen=True)
-class _SwingIn:
-    """A candidate followed on its way to the ball, and the usual misfit of its look."""
-
-    piece: MassCandidate
-    poses: dict[int, Pose]
-    misfit: float
-
-
-def _swing_in(tracker: "_Tracker", piece: MassCandidate, rest: Rest) -> _SwingIn | None:
-    start = Pose(piece.anchor, 0.0, np.zeros((3, 3)), 1.0, 1.0)
-    own = tracker.locate(piece.patch, piece.frame, start, 0.01)
-    poses = {piece.frame: own if own is not None else start}
-    tracker.extend(piece.patch, poses, -1, _TRIAL_FRAMES)
-    if len(poses) < _FEWEST:
+    fitted = [one for turns in (True, False) if (one := _fitted(follower, piece, free, turns))]
+    if not fitted:
         return None
-    steps = np.array([poses[index].anchor for index in sorted(poses)])
-    if float((steps[-1] - steps[0]) @ rest.direction) < _LEAST_ADVANCE_PX:
+    patch, coming = _likelier(fitted, free)
+    frames = _spread(free)
+    seen = np.isfinite(coming.angles)
+    angles = np.interp(np.array(sorted(free)), frames[seen], coming.angles[seen])
+    walk = _Walk(follower, patch, coming.swing, piece.frame)
+    for frame, angle in zip(sorted(free), angles, strict=True):
+        walk.look(frame, float(angle), 0.0)
+    if len(walk.known) < _FEWEST:
         return None
-    tracker.extend(piece.patch, poses, -1, tracker.count)
-    tracker.extend(piece.patch, poses, 1, rest.last - piece.frame)
-    misfit = float(np.median([pose.misfit for at, pose in poses.items() if at != piece.frame]))
-    return _SwingIn(piece, poses, misfit)
+    walk.go(1, follower.rest.last + _TRIAL)
+    return walk.swinging()
 
 
-def _arc_of(poses: dict[int, Pose]) -> Arc | None:
-    order = sorted(poses)
-    return fit_arc(
-        np.array([poses[index].anchor for index in order]),
-        np.array([poses[index].turn for index in order]),
-    )
+def follow_on(follower: Follower, found: Swinging) -> Swinging:
+    """Follow it to both ends of the clip, on the arc that its whole way tells."""
+    walk = _Walk(follower, found.mass.patch, found.swing, found.mass.reference)
+    walk.known.update(zip(found.mass.frame.tolist(), found.mass.poses, strict=True))
+    walk.go(-1, -1)
+    walk.go(1, follower.scene.count)
+    return walk.swinging()
 
 
-def _followed(
-    scene: Scene, tracker: "_Tracker", swing: _SwingIn, ball: BallFits
-) -> MassPoses | None:
-    """Learn the look on the way to the ball, and follow it to both ends of the clip."""
-    piece = swing.piece
-    better = _averaged(scene, piece.patch, swing.poses, piece.frame, ball)
-    poses = {}
-    for index in sorted(swing.poses):
-        pose = tracker.locate(better, index, swing.poses[index], 0.02)
-        if pose is not None:
-            poses[index] = pose
-    coming = _arc_of(poses) if len(poses) >= _FEWEST else None
-    if coming is None:
-        return None
-    tracker.extend(better, poses, -1, tracker.count, coming)
-    tracker.extend(better, poses, 1, tracker.count, coming)
-    arc = _arc_of(poses)
-    if arc is None:
-        return None
-    order = np.array(sorted(poses), dtype=np.int64)
-    found = tuple(poses[int(index)] for index in order)
-    return MassPoses(order, found, better, arc, piece.frame)
+class _Walk:
+    """A body followed from frame to frame: registered near where its arc and rate predict it."""
 
+    def __init__(
+        self, follower: Follower, patch: Patch, swing: ImagedSwing, reference: int
+    ) -> None:
+        self._follower, self._patch, self._reference = follower, patch, reference
+        self.swing = swing
+        self.known: dict[int, Pose] = {}
+        self._arm = float(np.hypot(*(swing.centre_px - swing.pivot_px)))
+        self._explained: list[float] = []
 
-class _Tracker:
-    """Registers the mass frame after frame, each predicted from the last few."""
+    def look(self, index: int, guess: float, reach: float) -> bool:
+        """Look for the body in a frame at an angle, or that far to either side of it."""
+        pose = self._registered(index, guess)
+        if pose is None or (reach > 0.0 and not self._as_usual(pose, guess)):
+            found = self._follower.locate(self._patch, self.swing, index, guess, reach)
+            if found is None or found[0].explained < _STILL_EXPLAINED * self._usual():
+                return False
+            self._explained.append(found[0].explained)
+            pose = self._registered(index, found[0].angle)
+        if pose is None:
+            return False
+        self.known[index] = pose
+        return True
 
-    def __init__(self, scene: Scene, ball: BallFits, rest: Rest, before: FloatImage) -> None:
-        self._scene = scene
-        self._ball = ball
-        self._rest = rest
-        self._before = before
-        self._radius = float(np.median(ball.radius))
+    def _usual(self) -> float:
+        return float(np.median(self._explained)) if self._explained else 0.0
 
-    @property
-    def count(self) -> int:
-        """Frames of the clip."""
-        return self._scene.count
+    def _as_usual(self, pose: Pose, guess: float) -> bool:
+        usual = float(np.median([one.misfit for one in self.known.values()]))
+        off = float(np.hypot(*(pose.anchor - self.swing.middle(guess))))
+        return pose.misfit < _USUAL_MISFIT * usual and off < _OFF_PX
 
-    def _hidden(self, index: int) -> tuple[float, float, float] | None:
-        frames = self._ball.frame
-        if len(frames) == 0 or index < frames[0] - 3 or index > frames[-1] + 3:
-            return None
-        centre = self._ball.centre
-        x = float(np.interp(index, frames, centre[:, 0]))
-        y = float(np.interp(index, frames, centre[:, 1]))
-        return x, y, self._radius + 1.5
-
-    def locate(self, patch: Patch, index: int, guess: Pose, turn_std: float) -> Pose | None:
-        """Register one frame."""
-        picture = self._scene.picture(index)
-        gain = self._scene.views[index].gain
+    def _registered(self, index: int, angle: float) -> Pose | None:
+        """Registered freely along the arc, held a little across it and in its turn."""
+        swing = self.swing
+        shift, _ = swing.per_radian(angle)
+        across = np.array([shift[1], -shift[0]]) / np.hypot(*shift)
+        turn = angle if swing.turns else 0.0
+        start = Pose(swing.middle(angle), turn, np.zeros((3, 3)), 1.0, 1.0)
         found = [
             register(
-                patch,
-                picture,
-                behind,
-                gain,
-                self._scene.noise,
-                guess,
-                turn_std=turn_std,
-                hidden=self._hidden(index),
+                self._patch,
+                glimpse.picture,
+                glimpse.behind,
+                glimpse.gain,
+                glimpse.noise,
+                start,
+                turn_std=_STRAY_RAD if swing.turns else _NO_TURN,
+                hidden=glimpse.hidden,
+                hold=np.outer(across, across) / _STRAY_PX**2,
             )
-            for behind in self._behind(index)
+            for glimpse in self._follower.glimpses(index)
         ]
-        return min(
-            (pose for pose in found if pose is not None), key=lambda pose: pose.misfit, default=None
-        )
+        poses = [pose for pose in found if pose is not None]
+        near = [one for one in poses if np.hypot(*(one.anchor - start.anchor)) < _LEFT_PX]
+        return min(near, key=lambda pose: pose.misfit, default=None)
 
-    def _behind(self, index: int) -> tuple[FloatImage, ...]:
-        """What may lie behind the mass: the ball's shadow does not leave at once."""
-        if index <= self._rest.last:
-            return (self._before,)
-        if index <= self._rest.last + _SHADOW_LEAVES:
-            return (self._before, self._scene.background.image)
-        return (self._scene.background.image,)
-
-    def extend(
-        self,
-        patch: Patch,
-        poses: dict[int, Pose],
-        direction: int,
-        frames: int,
-        arc: Arc | None = None,
-    ) -> None:
-        """Go on from the last known frame in one direction, for so many frames at most.
-
-        Where the arc is known, the mass turns as it goes round.
-        """
-        if frames < 1:
-            return
-        end = max(poses) if direction > 0 else min(poses)
-        if not _beside(poses, end, -direction):
-            first = self._first_step(patch, poses[end], end + direction, direction)
-            if first is None:
+    def go(self, direction: int, stop: int) -> None:
+        """Go on from the last known frame until the body is lost for long."""
+        index = (max(self.known) if direction > 0 else min(self.known)) + direction
+        missed, patience = 0, _LEAST_LOST
+        while 0 <= index < self._follower.scene.count and index * direction < stop * direction:
+            last, rate = self._rate(direction)
+            gap = abs(index - last)
+            guess = float(self.swing.angle_of(self.known[last].anchor)) + rate * gap
+            reach = _OFF_PX / self._arm + _BLOW * abs(rate) * gap
+            patience = _patience(self._follower.radius, abs(rate) * self._arm)
+            missed = 0 if self.look(index, guess, min(reach, 0.5)) else missed + 1
+            if missed >= patience:
                 return
-            end += direction
-            poses[end] = first
-            frames -= 1
-        self._walk(patch, poses, end + direction, direction, frames, arc)
-
-    def _first_step(self, patch: Patch, start: Pose, index: int, direction: int) -> Pose | None:
-        """The speed is not known yet: try several."""
-        if not 0 <= index < self._scene.count:
-            return None
-        tried = []
-        for share in (0.0, 0.3, 0.6, 0.9, 1.2):
-            ahead = start.anchor + direction * share * self._rest.speed_px * self._rest.direction
-            pose = self.locate(patch, index, replace(start, anchor=ahead), 0.03)
-            if pose is not None:
-                tried.append(pose)
-        return min(tried, key=lambda pose: pose.misfit) if tried else None
-
-    def _walk(
-        self,
-        patch: Patch,
-        poses: dict[int, Pose],
-        index: int,
-        direction: int,
-        frames: int,
-        arc: Arc | None,
-    ) -> None:
-        missed = 0
-        stop = index + direction * frames
-        usual = [poses[known].misfit for known in poses]
-        while 0 <= index < self._scene.count and index != stop and missed < _LOST_AFTER:
-            guess = _predicted(poses, index, direction)
-            if arc is not None:
-                guess = replace(guess, turn=_turned(arc, poses, guess.anchor))
-            pose = self.locate(patch, index, guess, 0.02)
-            limit = 2.5 * float(np.median(usual)) + 1.0
-            if pose is None or pose.misfit > limit or _leapt(pose, guess):
-                missed += 1
-            else:
-                poses[index] = pose
-                usual.append(pose.misfit)
-                missed = 0
-                # a short way in tells little of the arc: it is learnt on the way
-                if arc is not None and len(poses) % _LEARNT_EVERY == 0:
-                    arc = _arc_of(poses) or arc
             index += direction
 
+    def _rate(self, direction: int) -> tuple[int, float]:
+        """The last known frame, and the rate there in rad per frame gone."""
+        order = sorted(self.known, reverse=direction < 0)[-_KNOWN:]
+        angle = self.swing.angle_of(np.array([self.known[frame].anchor for frame in order]))
+        step = np.abs(np.array(order, dtype=np.float64) - order[-1])
+        if len(order) < 2:
+            return order[-1], 0.0
+        return order[-1], float(np.polyfit(-step, np.unwrap(angle), 1)[0])
 
-def _beside(poses: dict[int, Pose], index: int, direction: int) -> bool:
-    """Whether a neighbour towards `direction` is known, so that there is a speed to go on with."""
-    return any(index + direction * step in poses for step in range(1, _LOST_AFTER + 1))
+    def swinging(self) -> Swinging:
+        """What was followed, with the arc that the whole way tells."""
+        follower = self._follower
+        order = np.array(sorted(self.known), dtype=np.int64)
+        poses = tuple(self.known[int(frame)] for frame in order)
+        swing = fit_imaged_swing(self.swing, poses)
+        points = np.array([pose.anchor for pose in poses])
+        angle = swing.angle_of(points)
+        arm = float(np.hypot(*(swing.centre_px - swing.pivot_px)))
+        off = np.hypot(
+            *(np.array([swing.middle(one) for one in angle]) - [p.anchor for p in poses]).T
+        )
+        scatter = 1.4826 * float(np.median(off))
+        arc = Arc(swing.pivot_px, arm, np.eye(3), scatter, float(np.ptp(np.unwrap(angle))))
+        mass = MassPoses(order, poses, self._patch, arc, self._reference)
+        return Swinging(mass, swing, striking(mass, follower.ball, follower.rest), self._gain())
+
+    def _gain(self) -> float:
+        """What the body explains around the strike; frames in which it was lost count nothing."""
+        last = self._follower.rest.last
+        total = 0.0
+        for index in range(last - _BEFORE, last + _TRIAL, _EVERY):
+            if index not in self.known:
+                continue
+            pose = self.known[index]
+            cosine, sine = np.cos(pose.turn), np.sin(pose.turn)
+            turned = np.array([[cosine, -sine], [sine, cosine]])
+            held = [
+                one
+                for glimpse in self._follower.glimpses(index)
+                if (one := hold_at(self._patch, pose.anchor, turned, glimpse)) is not None
+            ]
+            total += min((one.gain_of_it for one in held), default=0.0)
+        return total
 
 
-def _turned(arc: Arc, poses: dict[int, Pose], anchor: FloatArray) -> float:
-    """Turn of a body on an arc when its anchor is there."""
-    known = np.array([pose.anchor for pose in poses.values()]) - arc.centre_px
-    here = anchor - arc.centre_px
-    angle = np.arctan2(known[:, 1], known[:, 0]) - np.arctan2(here[1], here[0])
-    angle = np.arctan2(np.sin(angle), np.cos(angle))
-    return float(np.median([pose.turn for pose in poses.values()] - angle))
+def _likelier(fitted: list[tuple[Patch, Bundle]], free: dict[int, Pose]) -> tuple[Patch, Bundle]:
+    """Of a turning and a round body the likelier; where the looks fit alike, by the free turns."""
+    patch, best = max(fitted, key=lambda pair: pair[1].gain)
+    if min(pair[1].gain for pair in fitted) < (1.0 - _ALIKE) * best.gain or len(fitted) < 2:
+        return patch, best
+    order = sorted(free)
+    angle = best.swing.angle_of(np.array([free[frame].anchor for frame in order]))
+    turn = np.array([free[frame].turn for frame in order])
+    turns = bool(np.polyfit(angle, turn, 1)[0] > _HALF_TURNED)
+    return next(pair for pair in fitted if pair[1].swing.turns == turns)
 
 
-def _leapt(pose: Pose, guess: Pose) -> bool:
-    """Whether a pose lies off the prediction by more than any blow between two frames explains."""
-    return (
-        float(np.hypot(*(pose.anchor - guess.anchor))) > 1.5 or abs(pose.turn - guess.turn) > 0.06
-    )
+def _spread(free: dict[int, Pose]) -> NDArray[np.int64]:
+    """Some of the frames, evenly."""
+    order = np.array(sorted(free), dtype=np.int64)
+    places = np.unique(np.linspace(0, len(order) - 1, _BUNDLED).astype(np.int64))
+    return order[places]
 
 
-def _predicted(poses: dict[int, Pose], index: int, direction: int) -> Pose:
-    known = sorted(poses, reverse=direction < 0)[-5:]
-    times = np.array(known, dtype=np.float64)
-    values = np.array([[*poses[k].anchor, poses[k].turn] for k in known])
-    degree = 1 if len(known) < 5 else 2
-    ahead = np.array(
-        [np.polyval(np.polyfit(times - index, column, degree), 0.0) for column in values.T]
-    )
-    return Pose(ahead[:2], float(ahead[2]), np.zeros((3, 3)), 1.0, 1.0)
+def _fitted(
+    follower: Follower, piece: MassCandidate, free: dict[int, Pose], turns: bool
+) -> tuple[Patch, Bundle] | None:
+    """The look and the arc of a piece, as a body that turns with its arm or not."""
+    order = sorted(free)
+    points = np.array([free[index].anchor for index in order])
+    turned = np.array([free[index].turn for index in order])
+    arc = fit_arc(points, turned if turns else None)
+    pivot = _overhead(follower, piece) if arc is None else arc.centre_px
+    if np.hypot(*(pivot - piece.anchor)) > _CURVED_PX:
+        pivot = _overhead(follower, piece)
+    swing = ImagedSwing(pivot, 0.0, 1.0, free[piece.frame].anchor, turns)
+    frames = _spread(free)
+    glimpses = [next(follower.glimpses(int(frame))) for frame in frames]
+    angles = np.array([float(swing.angle_of(free[int(frame)].anchor)) for frame in frames])
+    patch = piece.patch
+    found = bundle(patch, swing, glimpses, angles, aslant=False)
+    if found is None:
+        return None
+    patch = learnt_look(patch, found.swing, glimpses, found.angles)
+    again = bundle(patch, found.swing, glimpses, found.angles)
+    return None if again is None else (patch, again)
 
 
-def _averaged(
-    scene: Scene, patch: Patch, poses: dict[int, Pose], reference: int, ball: BallFits
-) -> Patch:
-    """Look and opacity from frames in which the mass lies before different parts of the wall."""
-    radius = float(np.median(ball.radius))
-    near = sorted(poses, key=lambda index: abs(index - reference))[:24]
-    total = np.zeros(len(patch.x))
-    weight = np.zeros(len(patch.x))
-    height, width = scene.shape
-    for index in near:
-        pose = poses[index]
-        x, y = warped(patch, pose.anchor, pose.turn)
-        good = (x > 1) & (y > 1) & (x < width - 2) & (y < height - 2)
-        place = np.searchsorted(ball.frame, index)
-        if 0 <= place < len(ball.frame):
-            centre = ball.centre[place]
-            good &= np.hypot(x - centre[0], y - centre[1]) > radius + 1.5
-        u, v = x.astype(np.float32)[None], y.astype(np.float32)[None]
-        border = cv2.BORDER_REPLICATE
-        value = cv2.remap(scene.picture(index), u, v, cv2.INTER_CUBIC, borderMode=border)[0]
-        total += good * value / scene.views[index].gain
-        weight += good
-    enough = weight >= max(3.0, 0.25 * len(near))
-    look = np.where(enough, total / np.maximum(weight, 1.0), patch.look)
-    return replace(patch, look=look)
+def _overhead(follower: Follower, piece: MassCandidate) -> FloatArray:
+    """A pivot to start from where the way is straight: over the body, out of the picture."""
+    along = follower.rest.direction
+    up = np.array([along[1], -along[0]])
+    up = up if up[1] < 0 else -up
+    return np.asarray(piece.anchor + 8.0 * follower.radius * up)
+
+
+def _patience(radius: float, speed_px: float) -> int:
+    """For how many frames the ball may hide the body."""
+    return int(np.clip(radius / max(speed_px, 1e-3), _LEAST_LOST, _MOST_LOST))

@@ -92,6 +92,7 @@ def register(
     *,
     turn_std: float,
     hidden: tuple[float, float, float] | None = None,
+    hold: FloatArray | None = None,
     iterations: int = 12,
 ) -> Pose | None:
     """Find the patch in a frame.
@@ -112,6 +113,8 @@ def register(
         How well the guess's turn is known, rad; the fit is held to it that much.
     hidden : tuple of float, optional
         Centre x, y and radius of a disc in which something else may be in front, px.
+    hold : (2, 2) array, optional
+        Information (1/px²) by which the anchor is held to the guess: across a known arc, say.
     iterations : int
         Steps at most.
 
@@ -120,13 +123,23 @@ def register(
     Pose or None
         None where less than a third of it is in view.
     """
-    fit = _Registration(patch, frame, background, gain, noise, start, turn_std, hidden)
+    known = _Known(start, turn_std, np.zeros((2, 2)) if hold is None else hold)
+    fit = _Registration(patch, frame, background, gain, noise, known, hidden)
     for _ in range(iterations):
         if fit.seen < _LEAST_SEEN:
             return None
         if fit.advance():
             break
     return fit.pose()
+
+
+@dataclass(frozen=True)
+class _Known:
+    """What is known of a pose beforehand."""
+
+    pose: Pose
+    turn_std: float
+    hold: FloatArray
 
 
 class _Registration:
@@ -139,13 +152,12 @@ class _Registration:
         background: FloatImage,
         gain: float,
         noise: float,
-        start: Pose,
-        turn_std: float,
+        known: _Known,
         hidden: tuple[float, float, float] | None,
     ) -> None:
         self._patch, self._noise, self._hidden = patch, noise, hidden
-        self._anchor, self._turn = start.anchor.copy(), start.turn
-        self._start_turn, self._turn_std = start.turn, turn_std
+        self._anchor, self._turn = known.pose.anchor.copy(), known.pose.turn
+        self._known = known
         self._shape = frame.shape
         self._x, self._y = patch.x.astype(np.float32), patch.y.astype(np.float32)
         self._opacity = patch.opacity.astype(np.float32)
@@ -217,9 +229,13 @@ class _Registration:
         weighted = jacobian * self._weight
         normal = (weighted @ jacobian.T).astype(np.float64)
         pull = (weighted @ residual).astype(np.float64)
-        prior = (self._scale / self._turn_std) ** 2
-        normal[2, 2] += prior
-        pull[2] += prior * (self._turn - self._start_turn)
+        prior = np.zeros((3, 3))
+        prior[:2, :2] = self._known.hold
+        prior[2, 2] = self._known.turn_std**-2
+        off = np.array([*(self._anchor - self._known.pose.anchor), 0.0])
+        off[2] = self._turn - self._known.pose.turn
+        normal[:3, :3] += self._scale**2 * prior
+        pull[:3] += self._scale**2 * (prior @ off)
         normal += np.diag([1e-6, 1e-6, 1e-6, 1e-3 * self._opaque])
         self._normal = normal
         return self._go(-np.linalg.solve(normal, pull)[:3])

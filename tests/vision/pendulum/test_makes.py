@@ -1,0 +1,67 @@
+"""Pendulums of several makes: each is followed through the strike, on its own arc."""
+
+import numpy as np
+import pytest
+
+from tests.vision.pendulum.swinging import STRIKE, Filmed, Make, filmed
+from vision.pendulum.search import Striker, find_striker
+
+ROUND = Make(half=(6.0, 6.0), round=True, rod=0.7, light=0.3)
+LATE = Make(pivot=(26.0, 12.0), rate=0.025)
+ENTERS = 17
+
+
+def struck(film: Filmed) -> Striker:
+    found = find_striker(film.scene, film.rest, film.ball)
+    assert found is not None
+    return found
+
+
+def off_px(film: Filmed, found: Striker) -> float:
+    """How far the track strays from the true one but for a constant offset, px, RMS."""
+    frame = found.mass.frame
+    gap = found.mass.anchor - film.middle[frame]
+    sine, cosine = np.sin(film.angle[frame]), np.cos(film.angle[frame])
+    axes = np.concatenate([np.column_stack([cosine, sine]), np.column_stack([-sine, cosine])])
+    flat = gap.T.ravel()
+    held = axes @ np.linalg.lstsq(axes, flat, rcond=None)[0]
+    return float(np.sqrt(2.0 * np.mean((flat - held) ** 2)))
+
+
+@pytest.mark.parametrize(
+    ("make", "mirrored"),
+    [
+        (Make(), False),
+        (Make(), True),
+        (ROUND, False),
+        (Make(half=(11.0, 5.0)), False),
+        (Make(light=0.62), False),
+        (Make(pivot=(60.0, -40.0), arm=114.0, rate=0.016), False),
+        (LATE, False),
+    ],
+    ids=["box", "from the right", "bob on a thin rod", "wide", "pale", "no pivot", "late"],
+)
+def test_each_make_is_followed_through_the_strike(make: Make, mirrored: bool) -> None:
+    film = filmed(make, mirrored=mirrored)
+    found = struck(film)
+    assert found.mass.frame[0] < (ENTERS + 3 if make is LATE else STRIKE - 15)
+    assert found.mass.frame[-1] > STRIKE + 20
+    if not mirrored:
+        assert off_px(film, found) < 0.25
+    assert found.doubt < 0.5
+
+
+def test_a_round_bob_is_known_by_a_look_that_does_not_turn() -> None:
+    cord = Make(half=(8.0, 8.0), round=True, rod=0.15, light=0.35)
+    assert not struck(filmed(cord)).swing.turns
+    assert struck(filmed(Make())).swing.turns
+
+
+def test_the_pivot_is_where_all_turns_about() -> None:
+    found = struck(filmed(Make()))
+    assert found.swing.pivot_px == pytest.approx([60.0, 12.0], abs=2.5)
+
+
+def test_nothing_that_swings_is_no_striker() -> None:
+    film = filmed(Make(swings=False))
+    assert find_striker(film.scene, film.rest, film.ball) is None
