@@ -161,6 +161,8 @@ class Face:
         apart.
     middle_std_px : float
         Its standard uncertainty along the motion, px.
+    spherical : bool
+        Whether it is the front of a round bob, whose middle goes in the plane of the ball's.
     """
 
     frame: int
@@ -168,6 +170,7 @@ class Face:
     edge_std_px: float
     middle_px: FloatArray | None = None
     middle_std_px: float = math.inf
+    spherical: bool = False
 
 
 @dataclass(frozen=True)

@@ -117,6 +117,8 @@ class MetricTracks:
         Foremost edge of the mass ahead of the bar's line, as seen.
     middle_lead_m, middle_lead_std_m : float
         Middle of the face between its two rims; infinitely unsure where they can't be told apart.
+    spherical : bool
+        Whether a round bob strikes: no thickness in front of the ball plane.
     face_slant : float or None
         Slope of the line of sight to the striking face along the flight: what the mass' thickness
         adds to its foremost edge, per thickness in front of or behind the ball plane. Negative
@@ -143,6 +145,7 @@ class MetricTracks:
     lead_std_m: float
     middle_lead_m: float
     middle_lead_std_m: float
+    spherical: bool
     face_slant: float | None
     eye_m: FloatArray | None
     radius_m: float
@@ -216,6 +219,7 @@ def tracks_in_metres(tracks: Tracks, mapping: PlaneMapping, time_s: FloatArray) 
         lead_std_m=swing.edge[1],
         middle_lead_m=swing.middle[0],
         middle_lead_std_m=swing.middle[1],
+        spherical=pendulum is not None and pendulum.face.spherical,
         face_slant=None if eye is None else float((rest[0] * direction - radius - eye[0]) / eye[2]),
         eye_m=eye,
         radius_m=radius,

@@ -45,7 +45,7 @@ def pivot_in_plane(tracks: MetricTracks, inputs: Inputs) -> FloatArray:
         m.
     """
     assert tracks.pivot_m is not None
-    if tracks.eye_m is None:
+    if tracks.eye_m is None or tracks.spherical:
         return tracks.pivot_m
     half = _half_thickness(inputs)
     if _shows_its_face(tracks, inputs) and abs(tracks.face_slant or 0.0) > _TELLING_SLANT:
@@ -95,6 +95,8 @@ def face_lead(
 
 def _seen_lead(tracks: MetricTracks, inputs: Inputs) -> tuple[float, float]:
     """Lead of the middle of the face: between its rims, or behind the foremost edge, m, and std."""
+    if tracks.spherical:
+        return tracks.lead_m, tracks.lead_std_m
     if _shows_its_face(tracks, inputs):
         return tracks.middle_lead_m, float(np.hypot(tracks.middle_lead_std_m, _off_centre(tracks)))
     ahead, ahead_std = _edge_before_face(tracks, inputs)

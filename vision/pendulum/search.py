@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from vision.ball.ball import BallFits
 from vision.ball.rest import Rest
+from vision.pendulum.bob import find_bob_face
 from vision.pendulum.face import find_face
 from vision.pendulum.imaged_swing import ImagedSwing
 from vision.pendulum.mass import MassPoses
@@ -104,7 +105,11 @@ def find_striker(
     best = min(followed, key=lambda one: (one.striking, -one.gain))
     rivals = [one.gain for one in followed if one.striking <= best.striking and _other(one, best)]
     best = follow_on(follower, best)
-    face = find_face(scene, best.mass, rest, radius, before)
+    face = None
+    if not best.swing.turns:
+        face = find_bob_face(scene, best.mass, best.swing, rest, radius, before)
+    if face is None:
+        face = find_face(scene, best.mass, rest, radius, before)
     doubt = max(rivals, default=0.0) / max(best.gain, 1e-9)
     return Striker(best.mass, best.swing, face, _reasons(best), doubt if doubt > _RIVAL else 0.0)
 

@@ -61,6 +61,7 @@ def ideal_tracks(
         lead_std_m=noise.lead,
         middle_lead_m=lead,
         middle_lead_std_m=noise.lead,
+        spherical=False,
         face_slant=SLANT,
         eye_m=None,
         radius_m=scene.ball.radius,

@@ -51,10 +51,15 @@ def test_each_make_is_followed_through_the_strike(make: Make, mirrored: bool) ->
     assert found.doubt < 0.5
 
 
-def test_a_round_bob_is_known_by_a_look_that_does_not_turn() -> None:
-    cord = Make(half=(8.0, 8.0), round=True, rod=0.15, light=0.35)
-    assert not struck(filmed(cord)).swing.turns
-    assert struck(filmed(Make())).swing.turns
+def test_a_round_bob_is_known_by_a_look_that_does_not_turn_and_strikes_with_its_outline() -> None:
+    film = filmed(Make(half=(8.0, 8.0), round=True, rod=0.15, light=0.35))
+    found = struck(film)
+    assert not found.swing.turns
+    assert found.face.spherical
+    ahead = found.face.edge_px - film.middle[found.face.frame]
+    angle = film.angle[found.face.frame]
+    lead = float(ahead @ [np.cos(angle), -np.sin(angle)])
+    assert lead == pytest.approx(8.0, abs=0.25)
 
 
 def test_the_pivot_is_where_all_turns_about() -> None:
