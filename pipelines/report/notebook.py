@@ -1,9 +1,11 @@
 """Results as a small piece of HTML, for a notebook's cell."""
 
 import base64
+import io
 from collections.abc import Sequence
 
 from jinja2 import Environment, StrictUndefined
+from PIL import Image
 
 from metrology import Quantity
 from pipelines.report.labels import quantity_label, quantity_text
@@ -15,7 +17,7 @@ _CELL = """<div style="max-width:60rem">
 {% for warning in warnings %}<div style="border-left:4px solid #b03a00;padding:.1rem .6rem;
 margin:.2rem 0">{{ warning }}</div>{% endfor %}
 {% if still %}<img alt="a frame with ball, pendulum and path drawn into it"
-src="data:image/png;base64,{{ still }}" style="max-width:100%;margin:.4rem 0">{% endif %}
+src="data:image/jpeg;base64,{{ still }}" style="max-width:100%;margin:.4rem 0">{% endif %}
 <table><thead><tr><th style="text-align:left">quantity</th>
 <th style="text-align:left">value ± standard uncertainty</th></tr></thead><tbody>
 {% for label, value, known in rows %}<tr><td style="text-align:left">{{ label }}</td>
@@ -45,6 +47,13 @@ def results_html(
         HTML; every text in it is escaped.
     """
     rows = [(quantity_label(q.name), quantity_text(q), q.value is not None) for q in quantities]
-    still = None if still_png is None else base64.b64encode(still_png).decode("ascii")
+    still = None if still_png is None else base64.b64encode(_as_jpeg(still_png)).decode("ascii")
     template = Environment(autoescape=True, undefined=StrictUndefined).from_string(_CELL)
     return template.render(title=title, rows=rows, warnings=warnings, still=still)
+
+
+def _as_jpeg(png: bytes) -> bytes:
+    """A seventh of the size: a notebook keeps every picture it has shown."""
+    buffer = io.BytesIO()
+    Image.open(io.BytesIO(png)).convert("RGB").save(buffer, format="JPEG", quality=85)
+    return buffer.getvalue()

@@ -95,7 +95,7 @@ def test_a_measurement_is_a_document_a_row_a_table_and_a_page(
     assert stds == pytest.approx(tracks.loc[tracks["object"] == "ball", ["x_m_std", "y_m_std"]])
     assert "ball speed" in repr(measured)
     shown = measured._repr_html_()
-    assert "data:image/png" in shown
+    assert "data:image/jpeg" in shown
     assert "ball speed at release" in shown
     assert len(measured.plot().axes) >= 3
     assert "<html" in measured.report(tmp_path / "r.html").read_text(encoding="utf-8")

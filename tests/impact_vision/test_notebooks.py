@@ -1,0 +1,35 @@
+"""The notebooks of the docs run from top to bottom."""
+
+import os
+from pathlib import Path
+
+import nbformat
+import pytest
+from jupyter_client.manager import AsyncKernelManager
+from nbclient import NotebookClient
+
+ROOT = Path(__file__).parents[2]
+NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
+
+
+def test_there_are_three() -> None:
+    assert len(NOTEBOOKS) == 3
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_a_notebook_runs_and_shows_what_it_holds(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", f"{ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
+    notebook = nbformat.read(path, as_version=4)
+    shown = [_kinds(cell) for cell in notebook.cells]
+    manager = AsyncKernelManager(kernel_name="python3", transport="ipc")
+    NotebookClient(
+        notebook, km=manager, timeout=240, resources={"metadata": {"path": str(tmp_path)}}
+    ).execute()
+    assert [_kinds(cell) for cell in notebook.cells] == shown
+
+
+def _kinds(cell: nbformat.NotebookNode) -> list[list[str]]:
+    """What a cell's outputs are: tables, pictures, text."""
+    return [sorted(output.get("data", {"text": ""})) for output in cell.get("outputs", [])]
