@@ -8,7 +8,8 @@ import argparse
 import json
 import os
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import StrEnum
 from pathlib import Path
 
 from bench.concealed.campaign import Key, read_key
@@ -21,11 +22,20 @@ from bench.concealed.foreign_keys import foreign_key
 from bench.concealed.report import WHOLE_PROOF, Asked, Scored, proof_text
 from bench.concealed.run import Stop, run_until
 from bench.concealed.score import judge
+from bench.concealed.second.draw import GENERATOR as SECOND_GENERATOR
+from bench.concealed.second.draw import draw_campaign as draw_second
 from bench.concealed.world.draw import GENERATOR, draw_campaign
 from bench.realdata.table import real_rows, real_table
 from metrology import write_text_whole
 
 ROOT = Path(__file__).parents[2]
+
+
+class World(StrEnum):
+    """Whose campaigns are drawn."""
+
+    OWN = "own"
+    SECOND = "second"
 
 
 @dataclass(frozen=True)
@@ -35,18 +45,25 @@ class Shelf:
     cache: Path
     seed: int
     version: str
+    world: World = World.OWN
 
     @property
     def campaigns(self) -> Path:
-        return self.cache / f"campaigns-{GENERATOR}-{self.seed}"
+        return self.cache / f"campaigns-{self._label}"
 
     @property
     def keys(self) -> Path:
-        return self.cache / f"keys-{GENERATOR}-{self.seed}"
+        return self.cache / f"keys-{self._label}"
 
     @property
     def answers(self) -> Path:
-        return self.cache / f"answers-{GENERATOR}-{self.seed}-{self.version}"
+        return self.cache / f"answers-{self._label}-{self.version}"
+
+    @property
+    def _label(self) -> str:
+        if self.world is World.SECOND:
+            return f"second-{SECOND_GENERATOR}-{self.seed}"
+        return f"{GENERATOR}-{self.seed}"
 
     def campaign(self, number: int) -> Path:
         return self.campaigns / f"{number:04d}"
@@ -54,7 +71,8 @@ class Shelf:
 
 def _draw(task: tuple[Shelf, int]) -> None:
     shelf, number = task
-    draw_campaign(shelf.seed, number, shelf.campaign(number), shelf.keys)
+    draw = draw_second if shelf.world is World.SECOND else draw_campaign
+    draw(shelf.seed, number, shelf.campaign(number), shelf.keys)
 
 
 def _answer(task: tuple[Path, Path]) -> Answer:
@@ -85,6 +103,17 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--campaigns", type=int, default=50, help="how many (400 for the proof)")
     parser.add_argument("--first", type=int, default=0, help="number of the first campaign")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument(
+        "--world",
+        type=World,
+        choices=list(World),
+        default=World.OWN,
+        help="own: laws as the catalogue writes them, or nearly; second: none of them so",
+    )
+    parser.add_argument(
+        "--second", type=int, default=0, metavar="N",
+        help="score the first N campaigns of the second world beside those of the own one",
+    )  # fmt: skip
     parser.add_argument("--jobs", type=int, default=max((os.cpu_count() or 2) // 2, 1))
     parser.add_argument(
         "--cache",
@@ -95,8 +124,9 @@ def _options() -> argparse.Namespace:
     parser.add_argument(
         "--foreign",
         type=Path,
-        default=ROOT.parent / "shared" / "concealed_dev",
-        help="campaigns of a foreign simulator, scored beside ours when there",
+        nargs="*",
+        default=[ROOT.parent / "shared" / name for name in ("concealed_dev", "concealed_foreign")],
+        help="folders of campaigns of a foreign simulator, scored beside ours when there",
     )
     parser.add_argument(
         "--minutes",
@@ -137,14 +167,16 @@ def _options() -> argparse.Namespace:
 
 
 def _foreign(options: argparse.Namespace, shelf: Shelf) -> list[tuple[Path, Path]]:
-    if not options.foreign.is_dir():
-        return []
-    folders = convert_all(options.foreign, shelf.cache / "foreign")
-    return [(folder, options.foreign / folder.name / "answer.json") for folder in folders]
+    found = []
+    for source in options.foreign:
+        if source.is_dir():
+            folders = convert_all(source, shelf.cache / source.name)
+            found += [(folder, source / folder.name / "answer.json") for folder in folders]
+    return found
 
 
 def _foreign_answer(folder: Path) -> str:
-    return f"foreign-{folder.name}.json"
+    return f"{folder.parent.name}-{folder.name}.json"
 
 
 def _answered(
@@ -181,6 +213,22 @@ def _answered(
     return [s for s in own if s is not None], [s for s in theirs if s is not None]
 
 
+def _made(shelf: Shelf) -> Shelf:
+    for folder in (shelf.campaigns, shelf.keys, shelf.answers):
+        folder.mkdir(parents=True, exist_ok=True)
+    return shelf
+
+
+def _second(options: argparse.Namespace, shelf: Shelf) -> list[Scored]:
+    """The second world's first campaigns, beside the own world's."""
+    if not options.second:
+        return []
+    other = vars(options) | {"campaigns": options.second, "first": 0, "foreign": [], "kind": None}
+    asked = argparse.Namespace(**other)
+    scored, _ = _answered(asked, _made(replace(shelf, world=World.SECOND)), Stop(options.minutes))
+    return scored
+
+
 def _peers(options: argparse.Namespace, own: list[Scored]) -> dict[str, list[Scored]]:
     """The peers' answers to the first campaigns; theirs alone, whatever became of the rest."""
     asked = own[: options.peers]
@@ -199,19 +247,19 @@ def main() -> None:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     options = _options()
-    shelf = Shelf(options.cache, options.seed, engine_version(ROOT))
-    for folder in (shelf.campaigns, shelf.keys, shelf.answers):
-        folder.mkdir(parents=True, exist_ok=True)
+    shelf = _made(Shelf(options.cache, options.seed, engine_version(ROOT), options.world))
     real = [] if options.no_real or options.draw_only else _real(options.real, shelf)
     own, theirs = _answered(options, shelf, Stop(options.minutes))
     if options.draw_only:
         return
+    second = own if options.world is World.SECOND else _second(options, shelf)
+    own = [] if options.world is World.SECOND else own
     pixels = [] if options.pixels is None else section(options.pixels)
     answered_by = options.answers.name.rsplit("-", 1)[-1] if options.answers else shelf.version
     asked = Asked(options.campaigns, options.seed, answered_by)
-    text = proof_text(own, theirs, asked, _peers(options, own), real, pixels)
+    text = proof_text(own, theirs, asked, _peers(options, own), real, pixels, second)
     output = options.output
-    if output is None and options.campaigns >= WHOLE_PROOF:
+    if output is None and options.campaigns >= WHOLE_PROOF and options.world is World.OWN:
         output = ROOT / "docs" / "proof.md"
     if output is None:
         print(text)

@@ -9,13 +9,17 @@ from pathlib import Path
 import numpy as np
 
 from bench.concealed.score import MIMICKED, Judgement
-from bench.concealed.statistics import Proportion, calibration_error
+from bench.concealed.second.laws import NAMED, UNNAMED
+from bench.concealed.statistics import Proportion, brier_score, calibration_error
 from bench.concealed.world.conventions import true_parameter
 
 __all__ = ["WHOLE_PROOF", "Asked", "Scored", "proof_text"]
 
 
 WHOLE_PROOF = 400
+SURE = 0.9
+"""Stated probability from which a reader takes a name for certain."""
+
 PARTIAL = (
     f"**A part of the proof: fewer than the {WHOLE_PROOF} campaigns that it needs were scored, so "
     "the intervals are wide.**"
@@ -48,7 +52,8 @@ class Scored:
     def name(self) -> str:
         """What the campaign is called in lists of misses."""
         key = self.judgement.key
-        return f"{'foreign ' if key.seed == 0 else ''}{key.number}"
+        where = f"{self.folder.parent.name} " if key.seed == 0 else ""
+        return f"{where}{key.number}"
 
 
 @dataclass(frozen=True)
@@ -131,6 +136,48 @@ def _stated(scored: Sequence[Scored]) -> tuple[list[float], list[bool]]:
     return stated, right
 
 
+def _declared(scored: Sequence[Scored]) -> list[tuple[float, bool]]:
+    """Stated probabilities, and whether the name or one of its declared group was concealed."""
+    found = []
+    for s in scored:
+        truth = {hidden.id for hidden in s.judgement.key.effects}
+        answer = s.judgement.answer
+        for named in answer.named:
+            if named.probability is not None:
+                grouped = any(named.id in group and group & truth for group in answer.groups)
+                found.append((float(named.probability), named.id in truth or grouped))
+    return found
+
+
+def _sure_rows(scored: Sequence[Scored]) -> list[tuple[str, str, str, str]]:
+    declared = _declared(scored)
+    sure = [right for stated, right in declared if stated >= SURE]
+    score = brier_score([p for p, _ in declared], [right for _, right in declared])
+    return [
+        (f"a name with stated probability ≥ {SURE} that is wrong", "≤ 3 %", "≤ 1 %",
+         str(Proportion(sum(not right for right in sure), len(sure)))),
+        ("Brier score of stated probabilities, a declared group being right", "", "",
+         f"{score:.3f} ({len(declared)} names)"),
+    ]  # fmt: skip
+
+
+def _class_rows(scored: Sequence[Scored]) -> list[tuple[str, str, str, str]]:
+    """What is asked of worlds whose laws the catalogue does not hold."""
+    return [
+        ("nulls on which anything is named", "≤ 2 %", "≤ 0.5 %",
+         str(_share(_of(scored, "null"), lambda j: j.named))),
+        ("single strong: right id or declared group, nothing beyond it", "93 %", "98 %",
+         str(_share(_of(scored, "single", "strong"), _right))),
+        ("single medium", "88 %", "95 %", str(_share(_of(scored, "single", "medium"), _right))),
+        ("pairs, both strong", "80 %", "92 %",
+         str(_share(_of(scored, "pair", "strong"), _right))),
+        ("pairs, weaker", "", "", str(_share(_of(scored, "pair", "medium"), _right))),
+        ("force in no catalogue: `unnamed`, right phase and direction", "88 %", "95 %",
+         str(_share(_of(scored, "outside"), _said_rightly))),
+        *_sure_rows(scored),
+    ]  # fmt: skip
+
+
 def _main_rows(scored: Sequence[Scored]) -> list[tuple[str, str, str, str]]:
     nulls = _of(scored, "null")
     starts = [s for s in scored if s.judgement.start_error is not None and _strong(s)]
@@ -174,6 +221,7 @@ def _main_rows(scored: Sequence[Scored]) -> list[tuple[str, str, str, str]]:
          str(_share(starts, lambda j: j.start_error is not None and j.start_error <= 0.05))),
         ("95 % intervals of fitted parameters hold the truth", "88–99 %", "93–97 %",
          str(coverage)),
+        *_sure_rows(scored),
         ("calibration error of stated probabilities", "0.08", "0.03", f"{error:.3f}"),
         ("processor time for a campaign, one process", "30 s", "8 s", timing),
     ]  # fmt: skip
@@ -246,6 +294,8 @@ def _misses(scored: Sequence[Scored]) -> list[str]:
 
 
 def _foreign_rows(foreign: Sequence[Scored]) -> list[str]:
+    head = ("", "at least", "aim", "measured")
+    lines = _table(head, _class_rows(foreign))
     rows = []
     for s in foreign:
         key = s.judgement.key
@@ -254,7 +304,31 @@ def _foreign_rows(foreign: Sequence[Scored]) -> list[str]:
             (s.name, key.level, f"{key.delta_chi2:.0f}", truth, _answer_words(s.judgement),
              "yes" if _good(s.judgement) else "no", f"{s.judgement.answer.seconds:.1f} s")
         )  # fmt: skip
-    return _table(("campaign", "level", "Δχ²", "concealed", "said", "right", "time"), rows)
+    head = ("campaign", "level", "Δχ²", "concealed", "said", "right", "time")
+    return [*lines, *_table(head, rows)]
+
+
+def _second_section(scored: Sequence[Scored]) -> list[str]:
+    if not scored:
+        return ["Not asked for.", ""]
+    forms = [(law.name, law.id, law.form) for law in (*NAMED, *UNNAMED)]
+    _, bins = calibration_error(*map(list, zip(*_declared(scored), strict=True)))
+    return [
+        f"{len(scored)} campaigns. Every law is written in a form that the catalogue does not hold:"
+        " what is right here generalises.",
+        "",
+        *_table(("", "at least", "aim", "measured"), _class_rows(scored)),
+        *_reliability(bins),
+        *_table(("law", "id", "as this world writes it"), forms),
+        *_misses(scored),
+    ]
+
+
+def _reliability(bins: Sequence[tuple[float, float, int]]) -> list[str]:
+    return _table(
+        ("stated (mean)", "right", "names"),
+        [(f"{stated:.2f}", f"{right:.2f}", str(count)) for stated, right, count in bins],
+    )
 
 
 def _peer_rows(peers: Mapping[str, Sequence[Scored]]) -> list[str]:
@@ -298,6 +372,7 @@ def proof_text(
     peers: Mapping[str, Sequence[Scored]],
     real: Sequence[str],
     pixels: Sequence[str] = (),
+    second: Sequence[Scored] = (),
 ) -> str:
     """The whole page, Markdown; `real` and `pixels` are the lines of those sections."""
     counts = Counter(s.judgement.key.kind for s in own)
@@ -326,6 +401,9 @@ def proof_text(
         "## Campaigns of a foreign simulator",
         "",
         *(_foreign_rows(foreign) if foreign else ["Not beside this checkout.", ""]),
+        "## A second world of other forms",
+        "",
+        *_second_section(second),
         "## From pixels",
         "",
         *(pixels or ["Not rendered for this page.", ""]),
@@ -340,10 +418,7 @@ def proof_text(
         *_confusion(own),
         "## Stated probability against frequency of being right",
         "",
-        *_table(
-            ("stated (mean)", "right", "names"),
-            [(f"{stated:.2f}", f"{right:.2f}", str(count)) for stated, right, count in bins],
-        ),
+        *_reliability(bins),
         "## Misses",
         "",
         *_misses([*own, *foreign]),

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Proportion", "calibration_error", "wilson"]
+__all__ = ["Proportion", "brier_score", "calibration_error", "wilson"]
 
 
 @dataclass(frozen=True)
@@ -50,3 +50,10 @@ def calibration_error(
         if (which == b).any()
     ]
     return sum(abs(s - f) * n for s, f, n in rows) / len(p), rows
+
+
+def brier_score(stated: Sequence[float], right: Sequence[bool]) -> float:
+    """Mean square of stated probability less outcome (Mon. Weather Rev. 78, 1 (1950))."""
+    if not stated:
+        return float("nan")
+    return float(np.mean(np.square(np.asarray(stated, float) - np.asarray(right, float))))

@@ -1,10 +1,12 @@
+from pathlib import Path
+
 import pytest
 
 from bench.concealed.campaign import Hidden, Key, TrialTruth, read_key, write_key
 from bench.concealed.contest.answer import Answer, Named, answer_from_json
 from bench.concealed.report import Asked, Scored, proof_text
 from bench.concealed.score import judge
-from bench.concealed.statistics import Proportion, calibration_error, wilson
+from bench.concealed.statistics import Proportion, brier_score, calibration_error, wilson
 from bench.concealed.world.conventions import true_parameter
 
 TRIALS = (TrialTruth(0.25, 0.26, 0.66, 0.36, 0.42), TrialTruth(0.75, 0.76, 1.16, 0.86, 0.92))
@@ -168,3 +170,18 @@ def test_a_failure_is_kept_and_read_again():
     answer = answer_from_json({"verdict": "failed", "failure": "exit 4: too little"}, 2.0)
     assert answer.failure == "exit 4: too little"
     assert not judge(key(hidden("drag")), answer).right
+
+
+def test_the_brier_score_of_certainty_and_of_a_coin():
+    assert brier_score([1.0, 0.0], [True, False]) == 0.0
+    assert brier_score([0.5, 0.5], [True, False]) == pytest.approx(0.25)
+
+
+def test_a_sure_and_wrong_name_stands_in_the_page():
+    wrong = judge(key(hidden("drag")), said("wind"))
+    grouped = judge(key(hidden("drag")), said("wind", groups=[("wind", "drag")]))
+    scored = [Scored(one, Path("one")) for one in (wrong, grouped)]
+    page = proof_text([], [], Asked(1, 1), {}, [], second=scored)
+    (row,) = [line for line in page.splitlines() if "that is wrong" in line and "1/2" in line]
+    assert row.startswith("| a name with stated probability")
+    assert "C_D falls with Re" in page
