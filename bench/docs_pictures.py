@@ -19,8 +19,7 @@ from PIL import Image
 from metrology.formatting import format_quantity
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measure.files.pictures import overlay_marks, report_input
-from pipelines.report import write_plot
-from pipelines.report.plots import STYLE, panels_of
+from pipelines.report.plots import STYLE, panels_of, write_plot
 from pipelines.setup.file import load_setup
 from vision.clip.clip import Clip
 from vision.overlay.overlay import overlay_still

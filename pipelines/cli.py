@@ -1,43 +1,165 @@
-"""The command line: every command, one shell around them for errors and exit codes."""
+"""The command line: every command, one shell around them for errors and exit codes.
+
+A command's module is imported when the command is called, so that help and errors come at once.
+"""
 
 import functools
 from collections.abc import Callable
-from typing import Any
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any, NamedTuple
 
 import typer
-from rich.console import Console
-
-from metrology import ImpactVisionError
-from pipelines.calibrate.command import CALIBRATE_COMMANDS, ClipOrCommand
-from pipelines.campaign.command import CAMPAIGN_COMMANDS, ClipsOrCommand
-from pipelines.explain.command import explain_command
-from pipelines.measure.commands import (
-    contact_time_command,
-    cor_command,
-    demo_command,
-    landing_command,
-    launch_command,
-    measure_command,
-)
-from pipelines.measure.files.output import software_version
-from pipelines.model.plan import plan_command
-from pipelines.model.simulate import simulate_command
-from pipelines.paper import paper_command
-from pipelines.render import render_command
+from typer.core import TyperGroup
 
 __all__ = ["app"]
 
 
+class _Command(NamedTuple):
+    """Where a command is, and the first line of its help; of a group, where its commands are."""
+
+    module: str
+    name: str
+    summary: str
+    group: str | None = None
+
+
+_MEASURE = "pipelines.measure.commands"
+_COMMANDS = {
+    "demo": _Command(
+        _MEASURE,
+        "demo_command",
+        "Measure the sample clip that ships with the package, end to end.",
+    ),
+    "measure": _Command(
+        _MEASURE,
+        "measure_command",
+        "Measure contact, launch, landing and COR in one pass over each clip.",
+    ),
+    "contact-time": _Command(
+        _MEASURE,
+        "contact_time_command",
+        "How long mass and ball touch: frames counted, and the time between frames.",
+    ),
+    "launch": _Command(
+        _MEASURE,
+        "launch_command",
+        "Launch angle and speed of the ball, speed of the pendulum before and after.",
+    ),
+    "landing": _Command(
+        _MEASURE,
+        "landing_command",
+        "Where the ball lands, as read on the wall and corrected for projection.",
+    ),
+    "cor": _Command(
+        _MEASURE,
+        "cor_command",
+        "Coefficient of restitution by three roads, with their agreement.",
+    ),
+    "simulate": _Command(
+        "pipelines.model.simulate", "simulate_command", "Simulate a strike and the flight after it."
+    ),
+    "plan": _Command(
+        "pipelines.model.plan",
+        "plan_command",
+        "Plan a strike: the back-swing angle and impact speed that reach a distance.",
+    ),
+    "paper": _Command(
+        "pipelines.paper",
+        "paper_command",
+        "Recompute every table of the paper beside the print, and redraw its figures.",
+    ),
+    "explain": _Command(
+        "pipelines.explain.command",
+        "explain_command",
+        "Find where simulation and recording differ and what physics was left out.",
+    ),
+    "render": _Command(
+        "pipelines.render", "render_command", "Render a synthetic clip with its truth file."
+    ),
+    "calibrate": _Command(
+        "pipelines.calibrate.command",
+        "CALIBRATE_COMMANDS",
+        "From pixels to metres: calibrate CLIP, a lens, a wall; has the camera moved.",
+        "ClipOrCommand",
+    ),
+    "campaign": _Command(
+        "pipelines.campaign.command",
+        "CAMPAIGN_COMMANDS",
+        "A folder of clips to a law of restitution: campaign CLIPS, its status, bad trials.",
+        "ClipsOrCommand",
+    ),
+}
+
+
+class _LazyGroup(TyperGroup):
+    """A group that imports a command when it is called, and none to list them."""
+
+    def __init__(self, **settings: Any) -> None:
+        super().__init__(**settings)
+        # what is offered where a name is mistyped comes from here
+        self.commands: Any = dict.fromkeys(_COMMANDS)
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """The commands' names, in the table's order."""
+        return list(_COMMANDS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """The command; None where there is none of this name."""
+        return _loaded(cmd_name) if cmd_name in _COMMANDS else None
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """List the commands with their summaries, as the table has them."""
+        room = formatter.width - 6 - max(map(len, _COMMANDS))
+        with formatter.section("Commands"):
+            formatter.write_dl(
+                [(name, _shortened(one.summary, room)) for name, one in _COMMANDS.items()]
+            )
+
+
+def _shortened(text: str, length: int) -> str:
+    if len(text) <= length:
+        return text.rstrip(".")
+    return text[: length - 3].rsplit(" ", 1)[0] + "..."
+
+
+@functools.cache
+def _loaded(name: str) -> Any:
+    """The command or group of a name, imported now."""
+    command = _COMMANDS[name]
+    module = import_module(command.module)
+    found = getattr(module, command.name)
+    if command.group is None:
+        alone = typer.Typer(
+            add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False
+        )
+        alone.command(name)(_guarded(found))
+        return typer.main.get_command(alone)
+    group = typer.Typer(
+        cls=getattr(module, command.group),
+        no_args_is_help=True,
+        add_completion=False,
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+        help=command.summary,
+    )
+    group.callback()(lambda: None)
+    for part, function in found.items():
+        group.command(part)(_guarded(function))
+    return typer.main.get_command(group)
+
+
 def _guarded(command: Callable[..., None]) -> Callable[..., None]:
     """Turn errors raised on purpose into a message and the contract's exit code."""
+    from metrology import ImpactVisionError
+    from pipelines.terminal import screen
 
     @functools.wraps(command)
     def guarded(*args: Any, **options: Any) -> None:
-        errors = Console(stderr=True)
         try:
             command(*args, **options)
         except ImpactVisionError as problem:
-            errors.print(f"vision: {problem}", highlight=False, markup=False, soft_wrap=True)
+            screen(errors=True).print(f"vision: {problem}", soft_wrap=True)
             raise typer.Exit(problem.exit_code) from problem
         except KeyboardInterrupt:
             raise typer.Exit(130) from None
@@ -46,6 +168,7 @@ def _guarded(command: Callable[..., None]) -> Callable[..., None]:
 
 
 app = typer.Typer(
+    cls=_LazyGroup,
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode=None,
@@ -56,9 +179,13 @@ app = typer.Typer(
 
 
 def _version(wanted: bool) -> None:
-    if wanted:
-        typer.echo(f"vision {software_version()}")
-        raise typer.Exit
+    if not wanted:
+        return
+    try:
+        typer.echo(f"vision {version('impact-vision')}")
+    except PackageNotFoundError:
+        typer.echo("vision 0+unknown")
+    raise typer.Exit
 
 
 @app.callback()
@@ -68,43 +195,3 @@ def _main(
     ),
 ) -> None:
     pass
-
-
-_COMMANDS: dict[str, Callable[..., None]] = {
-    "demo": demo_command,
-    "measure": measure_command,
-    "contact-time": contact_time_command,
-    "launch": launch_command,
-    "landing": landing_command,
-    "cor": cor_command,
-    "simulate": simulate_command,
-    "plan": plan_command,
-    "paper": paper_command,
-    "explain": explain_command,
-    "render": render_command,
-}
-
-for _name, _command in _COMMANDS.items():
-    app.command(_name)(_guarded(_command))
-
-_calibrate = typer.Typer(
-    cls=ClipOrCommand,
-    no_args_is_help=True,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    help="From pixels to metres: calibrate CLIP, a lens, a wall; has the camera moved.",
-)
-for _name, _command in CALIBRATE_COMMANDS.items():
-    _calibrate.command(_name)(_guarded(_command))
-app.add_typer(_calibrate, name="calibrate")
-
-_campaign = typer.Typer(
-    cls=ClipsOrCommand,
-    no_args_is_help=True,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    help="A folder of clips to a law of restitution: campaign CLIPS, its status, bad trials.",
-)
-for _name, _command in CAMPAIGN_COMMANDS.items():
-    _campaign.command(_name)(_guarded(_command))
-app.add_typer(_campaign, name="campaign")

@@ -5,9 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-import matplotlib
 import numpy as np
-from matplotlib.figure import Figure
 
 from calib.camera.camera import Lens
 from calib.camera.lens import Board, LensCalibration
@@ -135,6 +133,9 @@ def write_board(path: Path, board: Board) -> None:
         parity = np.add.outer(np.arange(cells[1]), np.arange(cells[0])) % 2
         small = (255 * parity).astype(np.uint8)
         picture = np.asarray(cv2.resize(small, pixels, interpolation=cv2.INTER_NEAREST))
+    import matplotlib
+    from matplotlib.figure import Figure
+
     with matplotlib.rc_context({"svg.hashsalt": "board"}):
         figure = Figure(figsize=(A4_M[0] / 0.0254, A4_M[1] / 0.0254))
         left, bottom = (np.array(A4_M) - size) / 2.0 / A4_M

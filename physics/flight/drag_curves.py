@@ -3,9 +3,9 @@
 import math
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from metrology import Defaults, DomainError
 from physics.arrays import FloatArray, Number
@@ -168,7 +168,10 @@ def drag_curve(surface: str) -> DragCurve:
 
 
 @cache
-def _through(places: tuple[float, ...], values: tuple[float, ...]) -> PchipInterpolator:
+def _through(places: tuple[float, ...], values: tuple[float, ...]) -> Any:
+    # a second to import, which what needs no such curve shall not wait for
+    from scipy.interpolate import PchipInterpolator
+
     return PchipInterpolator(places, values)
 
 

@@ -13,8 +13,8 @@ from pipelines.measure.chain import measure_clip
 from pipelines.measure.files.output import harmless, measurement_as_dict, measurement_as_row
 from pipelines.measure.files.pictures import overlay_marks, report_input
 from pipelines.measure.files.tracks import track_covariance, tracks_as_frame
-from pipelines.report import write_report
 from pipelines.report.notebook import results_html
+from pipelines.report.page import write_report
 from pipelines.report.plots import plots_figure
 from vision.clip.clip import Clip
 from vision.overlay.overlay import write_overlay

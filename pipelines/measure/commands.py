@@ -2,13 +2,13 @@
 
 import sys
 from collections.abc import Sequence
+from importlib.resources import files
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-import sample_videos
 from metrology import (
     ImpactVisionError,
     MeasurementError,
@@ -170,7 +170,7 @@ def demo_command(
 
     Example: vision demo
     """
-    folder = Path(sample_videos.__file__).parent / "clips"
+    folder = Path(str(files("sample_videos"))) / "clips"
     clip = folder / "basketball_60.mp4"
     try:
         out.mkdir(parents=True, exist_ok=True)

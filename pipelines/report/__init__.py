@@ -1,4 +1,8 @@
-"""A measurement on one page: results, checks, plots and uncertainty budgets."""
+"""A measurement on one page: results, checks, plots and uncertainty budgets.
+
+What the page and the plots are made of; `page` and `plots` draw them, and are imported where they
+are wanted.
+"""
 
 from pipelines.report.inputs import (
     Check,
@@ -10,8 +14,6 @@ from pipelines.report.inputs import (
     SpeedRecord,
 )
 from pipelines.report.labels import quantity_label
-from pipelines.report.page import report_html, write_report
-from pipelines.report.plots import write_plot
 
 __all__ = [
     "Check",
@@ -22,7 +24,4 @@ __all__ = [
     "ReportInput",
     "SpeedRecord",
     "quantity_label",
-    "report_html",
-    "write_plot",
-    "write_report",
 ]

@@ -2,11 +2,17 @@
 
 import json
 import shlex
+import subprocess
+import sys
+from importlib import import_module
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
-from pipelines.cli import app
+from pipelines.cli import _COMMANDS, app
+
+ROOT = Path(__file__).parents[2]
 
 COMMANDS = [
     "demo",
@@ -60,3 +66,37 @@ def test_the_version_is_told() -> None:
     result = CliRunner().invoke(app, ["--version"])
     assert result.exit_code == 0
     assert result.output.startswith("vision ")
+
+
+def test_help_version_and_a_mistyped_command_import_next_to_nothing() -> None:
+    script = (
+        "import sys\n"
+        "from typer.testing import CliRunner\n"
+        "from pipelines.cli import app\n"
+        "before = set(sys.modules)\n"
+        "for line in ('--help', '--version', 'mesure'):\n"
+        "    CliRunner().invoke(app, [line])\n"
+        "print(len(sys.modules), *sorted({name.partition('.')[0] for name in sys.modules}))"
+    )
+    count, *rooms = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=ROOT
+    ).stdout.split()
+    heavy = {"numpy", "scipy", "cv2", "pandas", "matplotlib", "av", "pint", "nicegui"}
+    assert heavy.isdisjoint(rooms)
+    assert int(count) < 400
+
+
+@pytest.mark.parametrize("name", [n for n, one in _COMMANDS.items() if one.group is None])
+def test_the_list_of_commands_says_what_each_says_of_itself(name: str) -> None:
+    command = _COMMANDS[name]
+    documented = getattr(import_module(command.module), command.name).__doc__
+    assert documented.strip().splitlines()[0] == command.summary
+
+
+def test_measuring_loads_neither_plots_nor_tables_nor_the_web_before_they_are_wanted() -> None:
+    script = "import sys, pipelines.measure.commands\nprint(*sys.modules)"
+    loaded = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=ROOT
+    ).stdout.split()
+    unwanted = {"matplotlib", "pandas", "nicegui", "scipy.stats", "sample_videos", "PIL.ImageDraw"}
+    assert unwanted.isdisjoint(loaded)

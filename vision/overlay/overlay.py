@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from metrology import UsageError, written_whole
 from vision.clip.clip import Clip
+from vision.overlay import OVERLAY_SUFFIXES
 from vision.overlay.drawing import OverlayPainter
 from vision.overlay.marks import OverlayMarks
 from vision.tracks import Tracks
@@ -19,7 +20,6 @@ from vision.tracks import Tracks
 __all__ = ["OVERLAY_SUFFIXES", "OverlayMarks", "overlay_still", "png_bytes", "write_overlay"]
 
 _PLAYED_FPS = 30
-OVERLAY_SUFFIXES = (".mp4", ".mov", ".mkv")
 
 
 def write_overlay(

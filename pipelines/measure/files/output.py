@@ -6,7 +6,6 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
 from rich.table import Table
 
 from metrology import Quantity
@@ -160,6 +159,8 @@ def measurement_as_row(
 def measurements_as_csv(measured: Sequence[Measurement], names: Sequence[str] | None = None) -> str:
     """CSV of results, one row per clip."""
     rows = [harmless(measurement_as_row(one, names)) for one in measured]
+    import pandas as pd
+
     return pd.DataFrame(rows).to_csv(index=False, lineterminator="\n")
 
 

@@ -6,12 +6,9 @@ from pathlib import Path
 
 from metrology import UsageError, write_text_whole
 from pipelines.measure.files.output import measurement_as_json, measurements_as_csv
-from pipelines.measure.files.pictures import overlay_marks, report_input
-from pipelines.measure.files.tracks import tracks_as_csv
 from pipelines.measure.measurement import Measurement
-from pipelines.report import write_plot, write_report
 from vision.clip.clip import Clip
-from vision.overlay.overlay import OVERLAY_SUFFIXES, write_overlay
+from vision.overlay import OVERLAY_SUFFIXES
 
 __all__ = ["Wanted"]
 
@@ -83,16 +80,28 @@ class Wanted:
         UsageError
             If one can't be written.
         """
+        # each of these imports what takes longer to load than a clip to measure again
         files = self._files()
         if self.csv is not None:
             write_text_whole(self.csv, measurements_as_csv([measured], names))
         if "--json" in files:
             write_text_whole(files["--json"], measurement_as_json(measured, names) + "\n")
         if self.tracks is not None:
+            from pipelines.measure.files.tracks import tracks_as_csv
+
             write_text_whole(self.tracks, tracks_as_csv(measured))
         if self.overlay is not None:
+            from pipelines.measure.files.pictures import overlay_marks
+            from vision.overlay.overlay import write_overlay
+
             write_overlay(self.overlay, Clip.open(clip), measured.tracks, overlay_marks(measured))
         if self.plot is not None:
+            from pipelines.measure.files.pictures import report_input
+            from pipelines.report.plots import write_plot
+
             write_plot(self.plot, report_input(measured, None))
         if self.report is not None:
+            from pipelines.measure.files.pictures import report_input
+            from pipelines.report.page import write_report
+
             write_report(self.report, report_input(measured, Clip.open(clip)))

@@ -2,7 +2,7 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from metrology import Contribution, Quantity, UncertaintySource
 from pipelines.measure.derived import DERIVED
@@ -60,7 +60,7 @@ def _agreement(values: FloatArray, covariance: FloatArray, roads: list[str]) -> 
     step = np.diff(np.eye(len(values)), axis=0)
     apart = step @ values
     spread = step @ covariance @ step.T
-    chance = float(chi2.sf(apart @ np.linalg.solve(spread, apart), len(apart)))
+    chance = float(chdtrc(len(apart), apart @ np.linalg.solve(spread, apart)))
     listed = ", ".join(f"{road} {value:.3f}" for road, value in zip(roads, values, strict=True))
     if chance < 0.003:
         text = (

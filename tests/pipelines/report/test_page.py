@@ -8,7 +8,9 @@ from pathlib import Path
 import pytest
 
 from metrology import Quantity, UsageError
-from pipelines.report import ReportInput, quantity_label, report_html, write_plot, write_report
+from pipelines.report import ReportInput, quantity_label
+from pipelines.report.page import report_html, write_report
+from pipelines.report.plots import write_plot
 from tests.pipelines.report.example import example
 
 PIXEL = base64.b64decode(
