@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from metrology import TooLittleDataError
 from metrology.least_squares import Fitted, fit, moved_fit
+from physics.flight.motion import PlanarFlight
 from physics.integrator import Trajectory, integrate
 from pipelines.measure.fits.slow_errors import slow_error_whitening
 
@@ -200,11 +201,7 @@ def _path(lanes: FloatArray, until: float) -> Trajectory:
     # a search may try forces that would blow the path up
     drag, lift, gravity = np.clip(lanes[:, 4:].T, [[-1], [-5], [-99]], [[1], [5], [99]])
 
-    def rates(_: FloatArray, state: FloatArray) -> FloatArray:
-        _x, _y, vx, vy = state
-        resist = drag * np.hypot(vx, vy)
-        return np.array([vx, vy, -resist * vx - lift * vy, -resist * vy + lift * vx - gravity])
-
+    model = PlanarFlight(drag, lift, gravity)
     until = until if abs(until) > _LEAST_STEP_S else _LEAST_STEP_S
     steps = int(np.ceil(abs(until) / _STEP_S))
-    return integrate(rates, lanes[:, :4].T, np.array(until), steps)
+    return integrate(model.rates, lanes[:, :4].T, np.array(until), steps)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from metrology import TooLittleDataError
 from metrology.least_squares import Fitted, fit, moved_fit
 from physics.integrator import Trajectory, integrate
+from physics.swing import SwingModel
 
 __all__ = ["SwingFit", "fit_swing"]
 
@@ -111,10 +112,9 @@ def _swung(values: FloatArray, elapsed: FloatArray) -> tuple[FloatArray, FloatAr
 
 def _path(lanes: FloatArray, until: float) -> Trajectory:
     """Swings (K, 3) from their reference to a time, s, before or after it."""
-    stiffness = lanes[:, 2]
-
-    def rates(_: FloatArray, state: FloatArray) -> FloatArray:
-        return np.array([state[1], -stiffness * np.sin(state[0])])
-
+    # only Ω² = m g d / I counts
+    model = SwingModel(length=1.0, inertia=1.0, mass=lanes[:, 2], com=1.0, gravity=1.0)
     until = until if abs(until) > _LEAST_STEP_S else _LEAST_STEP_S
-    return integrate(rates, lanes[:, :2].T, np.array(until), int(np.ceil(abs(until) / _STEP_S)))
+    return integrate(
+        model.rates, lanes[:, :2].T, np.array(until), int(np.ceil(abs(until) / _STEP_S))
+    )

@@ -14,7 +14,7 @@ from physics.flight.air import PAPER_AIR, Air
 from physics.flight.closed_form import Launch, drag_constant, drag_free_distance, land
 from physics.flight.drag_curves import SOCCER_DRAG
 from physics.flight.flight import fly, land_many
-from physics.flight.motion import FlightModel
+from physics.flight.motion import FlightModel, PlanarFlight
 from physics.forward import Experiment, ball_state, drag_term
 from physics.integrator import integrate, runge_kutta_step
 from tests.physics.independent import Array, extrapolated
@@ -155,6 +155,15 @@ def test_a_term_acts_where_it_should_only_and_sees_what_is_there() -> None:
     )
     for lane, single in enumerate(alone):
         np.testing.assert_allclose(together[:, lane, 2], single.rates(0.2, state[:, lane, 2]))
+
+
+def test_the_planar_flight_is_the_model_in_terms_of_what_a_clip_shows() -> None:
+    spin, speed = 25.0, np.array([[6.0, 2.0], [3.0, -4.0]])
+    model = DRAGGED.with_terms(term("magnus", spin=spin))
+    lift = 0.5 * 1.18 * math.pi * 0.25 * 0.20175**2 * 0.5 * 0.20175 * spin / 0.353
+    state = ball_state(0.1, 0.9, speed[:, 0], speed[:, 1])
+    flat = PlanarFlight(K, lift, GRAVITY).rates(0.0, state[[0, 1, 3, 4]])
+    np.testing.assert_allclose(model.rates(0.0, state)[[0, 1, 3, 4]], flat, rtol=1e-12)
 
 
 def test_a_path_is_read_before_and_after_its_start() -> None:
