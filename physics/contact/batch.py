@@ -8,6 +8,7 @@ from physics.bodies import GRAVITY, Ball, Pendulum, Support
 from physics.contact.law import ContactScene, HuntCrossley, damping_for_cor, stiffness_for_time
 from physics.contact.outcome import ContactOutcome
 from physics.domain import require_angle, require_positive
+from physics.integrator import runge_kutta_step
 from physics.restitution.restitution import require_cor
 
 __all__ = ["calibrate_contacts", "contact_outcomes", "released"]
@@ -60,13 +61,17 @@ def released(
     found = np.zeros(shape, dtype=bool)
     when = np.zeros(shape)
     final = np.zeros_like(state)
-    rates = _rates(scene, law, state)
+
+    def motion(_: float, now: FloatArray) -> FloatArray:
+        return _rates(scene, law, now)
+
+    rates = motion(0.0, state)
     for count in range(4 * steps):
-        after = _step(scene, law, state, rates, step)
+        after = runge_kutta_step(motion, 0.0, state, step, rates)
         sunk = after[3] < scene.rest_height
         after[3] = np.where(sunk, scene.rest_height, after[3])
         after[5] = np.where(sunk, np.maximum(after[5], 0.0), after[5])
-        rates_after = _rates(scene, law, after)
+        rates_after = motion(0.0, after)
         apart = ~found & (np.asarray(scene.kinematics(list(after))[0]) <= 0.0)
         if apart.any():
             share = _crossing(scene, state, after, rates, rates_after, step)
@@ -87,15 +92,6 @@ def _rates(scene: ContactScene, law: HuntCrossley, state: FloatArray) -> FloatAr
     resting = (state[3] <= scene.rest_height + 1e-12) & (state[5] <= 1e-12)
     rows = scene.derivative(list(state), law, resting)
     return np.stack([np.broadcast_to(row, state.shape[1:]) for row in rows])
-
-
-def _step(
-    scene: ContactScene, law: HuntCrossley, state: FloatArray, first: FloatArray, step: FloatArray
-) -> FloatArray:
-    second = _rates(scene, law, state + 0.5 * step * first)
-    third = _rates(scene, law, state + 0.5 * step * second)
-    fourth = _rates(scene, law, state + step * third)
-    return np.asarray(state + step / 6.0 * (first + 2.0 * second + 2.0 * third + fourth))
 
 
 def _hermite(
