@@ -93,6 +93,8 @@ class Measurand:
         if math.isfinite(value) and self.lowest <= value <= self.highest:
             return value
         said = f"{value:g} {self.unit}" if self.unit != "1" else f"{value:g}"
+        if self.unit == "rad":
+            said = f"{math.degrees(value):g} deg"
         told = "" if typed is None or str(typed) == said else f"{typed!r}: "
         raise DomainError(
             f"{told}{self.name} can't be {said}; {self.why}",

@@ -5,13 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from metrology import UsageError
+from metrology import SetupError, UsageError
 from physics import effects as catalogue
 from physics.contact.outcome import ContactOutcome
 from physics.effects import Term
 from physics.forward import Experiment
 from physics.swing import frictionless_speed, swing
 from pipelines.setup.file import Setup
+from pipelines.setup.parameters import read_parameter
 
 __all__ = [
     "added_effects",
@@ -33,19 +34,21 @@ def parse_effect(text: str) -> Term:
         For an effect or parameter that is not in the catalogue, or a value that is no number.
     """
     name, _, rest = text.partition(":")
-    given: dict[str, float] = {}
+    effect, given = catalogue.effect_named(name.strip()), {}
     for part in filter(None, rest.split(",")):
-        key, equals, value = part.partition("=")
-        try:
-            given[key.strip()] = float(value)
-        except ValueError as problem:
+        key, equals, value = (piece.strip() for piece in part.partition("="))
+        if not equals:
             raise UsageError(
                 f"--effect {text!r}: {part!r} sets no number",
                 hint="Write --effect magnus:spin=10.",
+            )
+        try:
+            given[key] = read_parameter(effect.id, key, value).value
+        except SetupError as problem:
+            raise UsageError(
+                f"--effect {text!r}: {problem.message}", hint=problem.hint
             ) from problem
-        if not equals:
-            raise UsageError(f"--effect {text!r}: write NAME=VALUE, not {part!r}")
-    return _added(name.strip(), given)
+    return _added(effect.id, given)
 
 
 def _added(name: str, given: Mapping[str, float]) -> Term:

@@ -3,7 +3,6 @@
 Contract: every key is optional; an unknown key is an error that names the nearest right one.
 """
 
-import difflib
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
@@ -15,9 +14,7 @@ from pydantic import BaseModel, ValidationError
 
 from metrology import (
     Defaults,
-    DomainError,
     Given,
-    Measurand,
     SetupError,
     UnitError,
     UsageError,
@@ -25,9 +22,10 @@ from metrology import (
     read_given,
 )
 from physics import bodies
-from physics.effects import CATALOGUE, Parameter
+from physics.effects import CATALOGUE
 from physics.restitution.restitution import CorLaw, parse_cor_law, require_real
 from physics.swing import frictionless_speed
+from pipelines.setup.parameters import nearest, read_parameter
 from pipelines.setup.schema import (
     AirTable,
     BallTable,
@@ -255,49 +253,21 @@ def _model(table: ModelTable) -> ModelSetup:
     known = (GRAVITY_EFFECT, *CATALOGUE)
     for name in table.effects:
         if name not in known:
-            raise SetupError(f"[model] effects: there is no effect {name!r}{_nearest(name, known)}")
+            raise SetupError(f"[model] effects: there is no effect {name!r}{nearest(name, known)}")
     parameters: dict[str, dict[str, float]] = {}
     stds: dict[str, dict[str, float]] = {}
     for effect, values in (table.model_extra or {}).items():
         if effect not in CATALOGUE:
-            raise SetupError(f"there is no key 'model.{effect}'{_nearest(effect, CATALOGUE)}")
+            raise SetupError(f"there is no key 'model.{effect}'{nearest(effect, CATALOGUE)}")
         if not isinstance(values, dict):
             raise SetupError(
                 f"[model] {effect} is not a table of numbers",
                 hint=f"Write [model.{effect}] and a line for each parameter.",
             )
-        read = {key: _parameter(effect, key, typed) for key, typed in values.items()}
+        read = {key: read_parameter(effect, key, typed) for key, typed in values.items()}
         parameters[effect] = {key: given.value for key, given in read.items()}
         stds[effect] = {key: g.std for key, g in read.items() if g.std is not None}
     return ModelSetup(table.effects, parameters, {k: v for k, v in stds.items() if v})
-
-
-def _parameter(effect: str, key: str, typed: Any) -> Given:
-    """A parameter of an effect, with or without its unit and uncertainty."""
-    known: dict[str, Parameter] = {p.name: p for e in CATALOGUE[effect] for p in e.parameters}
-    if key not in known:
-        raise SetupError(f"there is no key 'model.{effect}.{key}'{_nearest(key, known)}")
-    p = known[key]
-    what = Measurand(
-        p.meaning or p.name, p.unit, p.lower, p.upper, f"nature allows {p.lower:g} to {p.upper:g}",
-        f"{p.expected if p.expected is not None else p.scale:g} {p.unit if p.unit != '1' else ''}",
-    )  # fmt: skip
-    try:
-        return read_given(typed, what)
-    except UnitError as problem:
-        raise SetupError(
-            f"[model.{effect}] is not a table of numbers: {key}: {problem.message}",
-            hint=problem.hint,
-        ) from problem
-    except DomainError as problem:
-        raise SetupError(
-            f"[model.{effect}] {key}: {problem.message}", hint=problem.hint
-        ) from problem
-
-
-def _nearest(name: str, known: Any) -> str:
-    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.0)
-    return f"; the nearest is '{near[0]}'" if near else ""
 
 
 def _explain(problem: ValidationError, name: str) -> str:
@@ -331,4 +301,4 @@ def _nearest_key(location: tuple[str, ...]) -> str:
                 ),
                 model,
             )
-    return _nearest(location[-1], model.model_fields)
+    return nearest(location[-1], model.model_fields)

@@ -160,7 +160,7 @@ def test_an_unknown_key_names_the_nearest(text: str, nearest: str) -> None:
         ('[ball]\npreset = "football"', "football"),
         ('[balls.a]\ndiameter = "0.2 m"\ncor = "__import__(\'os\')"', "cor"),
         ("[air]\nhumidity = 50", "humidity"),
-        ("[model.drag]\ndrag_coefficient = 'big'", "table of numbers"),
+        ("[model.drag]\ndrag_coefficient = 'big'", "'big' is not a quantity"),
     ],
 )
 def test_a_wrong_value_is_told_with_its_place(text: str, said: str) -> None:
