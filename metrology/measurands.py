@@ -235,7 +235,7 @@ AIR_VISCOSITY = Measurand(
     "a viscosity of the air", "Pa*s", 1e-7, 1e-3, "gases have 1e-7 to 1e-3 Pa s", "1.852e-5 Pa s"
 )
 DRAG_COEFFICIENT = Measurand(
-    "a drag coefficient", "1", 0.0, 3.0, "blunt bodies have up to 2, spheres about 0.5", "0.47"
+    "a drag coefficient", "1", 0.0, 1.6, "spheres have 0.1 to 0.5, blunt bodies up to 1.6", "0.47"
 )
 SPEED = Measurand(
     "a speed", "m/s", 1e-3, 1000.0, "impacts have millimetres to a kilometre per second", "3.2 m/s"

@@ -14,7 +14,7 @@ from physics.bodies import (
     Support,
 )
 from physics.contact.batch import contact_outcomes
-from physics.contact.impact import Impact, impact
+from physics.contact.impact import ImpulsiveImpact, impact
 from physics.contact.outcome import ContactOutcome
 from physics.domain import require_non_negative
 from physics.effects.flight import CoefficientCurve, Drag, DragByReynolds
@@ -86,7 +86,9 @@ class Experiment:
         return self.support.height + self.ball.radius
 
 
-def paper_impact(experiment: Experiment, speed: Number, cor: Number | None = None) -> Impact:
+def paper_impact(
+    experiment: Experiment, speed: Number, cor: Number | None = None
+) -> ImpulsiveImpact:
     """Step a: the velocities after an instantaneous impact at `speed` (m/s).
 
     `cor` defaults to the ball's law.

@@ -25,6 +25,7 @@ __all__ = ["Physics", "Shot", "strike"]
 FloatArray = NDArray[np.float64]
 
 BOUNCES = 3
+"""Bounces after landing that are followed: with a floor_cor of 0.7 the third is a tenth as high."""
 
 FOLLOW_THROUGH = 4.0
 """s that the pendulum is followed after release: longer than any clip goes on."""

@@ -7,7 +7,7 @@ from physics.domain import require_positive
 from physics.restitution.restitution import require_cor
 
 __all__ = [
-    "Impact",
+    "ImpulsiveImpact",
     "cor_from_ball_speed",
     "external_impulse",
     "impact",
@@ -15,7 +15,7 @@ __all__ = [
 
 
 @dataclass(frozen=True)
-class Impact:
+class ImpulsiveImpact:
     """Both sides of an impact along the contact normal; floats or arrays.
 
     Attributes
@@ -50,7 +50,9 @@ def external_impulse(
     return effective_mass * ball_mass * (1.0 + cor) * speed / (effective_mass + ball_mass)
 
 
-def impact(effective_mass: Number, ball_mass: Number, cor: Number, speed: Number) -> Impact:
+def impact(
+    effective_mass: Number, ball_mass: Number, cor: Number, speed: Number
+) -> ImpulsiveImpact:
     """Impulse and velocities of an instantaneous impact on a ball at rest (Eqs 7 to 10).
 
     Parameters
@@ -64,7 +66,7 @@ def impact(effective_mass: Number, ball_mass: Number, cor: Number, speed: Number
 
     Returns
     -------
-    Impact
+    ImpulsiveImpact
 
     Raises
     ------
@@ -76,7 +78,9 @@ def impact(effective_mass: Number, ball_mass: Number, cor: Number, speed: Number
     require_positive("the impact speed", speed, "m/s")
     require_cor(cor)
     impulse = external_impulse(effective_mass, ball_mass, cor, speed)
-    return Impact(speed, cor, impulse, impulse / ball_mass, speed - impulse / effective_mass)
+    return ImpulsiveImpact(
+        speed, cor, impulse, impulse / ball_mass, speed - impulse / effective_mass
+    )
 
 
 def cor_from_ball_speed(

@@ -5,6 +5,7 @@ from typing import Protocol
 
 import numpy as np
 
+from metrology.measurands import DRAG_COEFFICIENT
 from physics.arrays import Number, Vector
 from physics.effects.base import Coordinate, Effect, FlightState, Parameter, Phase, Values
 
@@ -40,7 +41,14 @@ class Drag(Effect):
     source: str = "Eq. 3 of the paper; Newton, Principia II, prop. 40"
     phase: Phase = "flight"
     parameters: tuple[Parameter, ...] = (
-        Parameter("drag_coefficient", "1", 0.5, 0.0, 1.6, meaning="replaces the model's value"),
+        Parameter(
+            "drag_coefficient",
+            "1",
+            0.5,
+            DRAG_COEFFICIENT.lowest,
+            DRAG_COEFFICIENT.highest,
+            meaning="replaces the model's value",
+        ),
     )
     confusable: tuple[str, ...] = ("wind", "drag_crisis", "length_scale", "time_base")
     separating: str = "the same ball at a clearly different launch speed, over a longer flight"

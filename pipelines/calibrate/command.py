@@ -27,6 +27,7 @@ from vision.clip.clip import Clip
 __all__ = ["CALIBRATE_COMMANDS", "ClipOrCommand"]
 
 FRAMES_AVERAGED = 40
+"""Frames whose median shows the wall without what moves: that hides it in fewer than half."""
 
 BoardSize = Annotated[str, typer.Option(help="Inner corners, columns x rows.")]
 Square = Annotated[str, typer.Option(help="Side of a square.")]

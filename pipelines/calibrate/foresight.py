@@ -17,7 +17,7 @@ from calib.free_fall import with_free_fall
 from calib.planning import board_lens, planned_grid
 from calib.plausibility import plausible
 from calib.pose import calibrate
-from metrology import MeasurementError, Quantity
+from metrology import Defaults, MeasurementError, Quantity
 from pipelines.calibrate.filming import Filming, film_scene, planned_tracks
 from pipelines.measure.budget import Scene as Known
 from pipelines.measure.budget import systematic_budget, values_after_move
@@ -37,7 +37,10 @@ __all__ = ["Change", "Foreseen", "changes_of", "foresee", "planned_setup"]
 FloatArray = NDArray[np.float64]
 
 SURE_PITCH_PX, SURE_RADIUS_PX = 3.6, 5.0
-TAPE_STD_M, TAPE_CLOSER_STD_M = 0.005, 0.002
+"""px, smallest squares that the grid search is sure to find, from rendered walls, and the smallest
+radius of a ball whose outline is sure to be fitted, supposed."""
+TAPE_CLOSER_STD_M = 0.002
+"""m, a tape read twice by two people: as well as a length of metres is usually taped."""
 
 
 @dataclass(frozen=True)
@@ -227,7 +230,7 @@ def _tried(before: Foreseen) -> list[tuple[str, Filming]]:
     lens = before.lens
     tried: list[tuple[str, Filming]] = []
     if f.tape_std_m is None:
-        taped = replace(f, tape_std_m=TAPE_STD_M)
+        taped = replace(f, tape_std_m=Defaults.TAPE.std)
         tried.append(("tape camera distance and ball plane (± 5 mm)", taped))
     elif f.tape_std_m > TAPE_CLOSER_STD_M:
         closer = replace(f, tape_std_m=TAPE_CLOSER_STD_M)

@@ -19,6 +19,7 @@ from pipelines.setup.file import Setup
 __all__ = ["ClipCampaign", "ClipFacts", "campaign_from_clips", "clip_facts", "trial_of", "with_rig"]
 
 MOST_WARNINGS = 3
+"""Warnings of one clip that are passed on: further ones are there if the clip is measured."""
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from pipelines.measure.metres import CameraMapping
 __all__ = ["calibration_widths", "common_widths", "outline_shares", "within_calibration"]
 
 COVERED = 2.5
-"""Standard uncertainties within which a fault is what the calibration itself allows."""
+"""Standard deviations within which a fault is what the calibration itself allows: 99 % of them."""
 
 UNSEEN_ROLL = math.radians(1.0)
 """How far a camera is tilted that nothing in the picture levels."""
@@ -25,6 +25,7 @@ OUTLINE_PX = 0.15
 """How far the outline of a ball may wander along its flight, by its shading against the wall."""
 
 LEAST_AXIS = 1e-12
+"""Share of the largest axis below which one is rounding, not knowledge."""
 
 PARAMETERS = {
     "time_base": "rate_error",

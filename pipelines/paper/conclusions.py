@@ -39,7 +39,7 @@ _INPUTS = (
 
 
 READING_STD = 5.0 / (2.0 * math.sqrt(6.0))
-"""deg: triangular distribution between the protractor's 5-degree marks."""
+"""deg: a triangular distribution between the protractor's 5-degree marks (GUM 4.3.9)."""
 
 
 @dataclass(frozen=True)

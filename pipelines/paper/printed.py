@@ -15,6 +15,7 @@ __all__ = [
 ]
 
 BACKSWINGS_DEG = (30, 60, 90, 120)
+"""deg: the settings of Tables 5 to 8."""
 
 TABLE_5 = {
     "jokku": {
@@ -52,6 +53,7 @@ TABLE_6 = {
 }
 
 WANTED_IMPULSES = {"jokku": (1.0, 1.4, 1.8, 2.2), "basketball": (1.5, 2.5, 3.5, 3.8)}
+"""N s: the columns of Table 7."""
 
 TABLE_7 = {
     "jokku": {
@@ -79,6 +81,7 @@ WANTED_DISTANCES = {
     "jokku": (1.0, 1.4, 1.8, 2.2, 2.5),
     "basketball": (1.0, 1.4, 1.8, 2.2, 2.8),
 }
+"""m: the columns of Table 9."""
 
 TABLE_9 = {
     "jokku": ("52.64", "69.16", "89.36", "111.62", "129.81"),

@@ -26,7 +26,8 @@ RATIONAL = {
     "jokku": (9.594, -85.5, -0.2311, 152.3, 6.66),
     "basketball": (9.554, -98.12, -1.5070, 154.2, 7.267),
 }
-"""Eqs 26, 27: p₁, p₂, p₃, q₁, q₂ of (p₁ b² + p₂ b + p₃) / (b² + q₁ b + q₂), b in degrees."""
+"""Eqs 26, 27: p₁, p₂, p₃, q₁, q₂ of (p₁ b² + p₂ b + p₃) / (b² + q₁ b + q₂), b in
+degrees and the speed in m/s, as the paper prints them."""
 
 
 def constant_law(ball: Ball) -> ConstantCor:

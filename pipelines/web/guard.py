@@ -29,9 +29,9 @@ App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 HOSTS = ("127.0.0.1", "localhost")
 RELOAD_S = 2.5
-"""How long a window that is being reloaded may still seem to be there."""
+"""s that a window that is being reloaded may still seem to be there: a browser takes less."""
 LEAVING_S = 20.0
-"""How long a window that said it goes may take to be gone."""
+"""s that a window that said it goes may take to be gone: then it is taken to have stayed."""
 RETRY_S = 2
 """How long a refused window waits before it asks again."""
 POLICY = 1008

@@ -20,7 +20,7 @@ from pipelines.web.jobs import Jobs
 __all__ = ["GRACE_S", "serve"]
 
 GRACE_S = 8.0
-"""How long nobody may look before the program ends: a reload on a slow machine takes less."""
+"""s that nobody may look before the program ends: a reload on a slow machine takes less."""
 LOOK_EVERY_S = 0.5
 
 

@@ -16,6 +16,8 @@ __all__ = ["PixelGrid", "Window", "edge_coverage", "pixel_coverage", "quadric_co
 FloatArray = NDArray[np.float64]
 
 SMALLEST_SLOPE = 1e-3
+"""Below this share of its length an edge's direction counts as along an axis, where the area of a
+pixel that it cuts off is a rectangle's."""
 
 
 @dataclass(frozen=True)

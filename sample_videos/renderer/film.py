@@ -31,6 +31,7 @@ STEP_PX = 0.4
 """Longest way between sub-exposures: well inside a pixel, so that they add up to a smear."""
 
 MOST_PARTS = 24
+"""Sub-exposures of a frame at most: a smear of 24 px is then still smooth."""
 
 
 class Film:

@@ -10,6 +10,7 @@ __all__ = ["closed_sky", "lamp_light", "sphere_shade"]
 FloatArray = NDArray[np.float64]
 
 REFERENCE = np.array([0.5, 0.4, 0.45])
+"""m: where the lamps' light is one, about the ball's place at rest."""
 
 
 def _column(vector: FloatArray, like: FloatArray) -> FloatArray:

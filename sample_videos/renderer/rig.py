@@ -24,6 +24,7 @@ BAR = (0.5, 0.5, 0.48)
 BLOCK = (0.19, 0.19, 0.195)
 PLATE = (0.46, 0.46, 0.44)
 CORD = (0.15, 0.14, 0.13)
+"""Reflectance (red, green, blue) of the rig's parts, shares of the light: as such things look."""
 
 
 def contact_scene(scene: Scene, gravity: float = 9.806) -> ContactScene:

@@ -20,9 +20,12 @@ FloatArray = NDArray[np.float64]
 Float32 = NDArray[np.float32]
 
 FINE = 3
+"""Samples a pixel each way of the still picture: printed lines thinner than a pixel keep their
+share."""
 MARGIN_PX = 2
+"""px around it, as far as a lens smears."""
 FARTHEST = 50.0
-"""m; a sight line that meets nothing ends here."""
+"""m; a sight line that meets nothing ends here, farther than any wall is."""
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,16 @@ __all__ = ["grid_from_corners", "starting_corners"]
 FloatArray = NDArray[np.float64]
 
 HAND_STD_PX = 0.7
-"""A handle put on a crossing with a loupe."""
+"""px, a handle put on a crossing with a loupe, supposed: a hand is off by half a pixel or one."""
 SQUARE_PX = (32, 60)
+"""px a square, smallest and largest, in the picture that is laid flat to look for lines: below,
+fine lines of a tenth fold over; above, it is slow."""
 MOST_PX = 1400
+"""px across that picture at most: less than the wall's squares need is rare."""
 RATIOS = (1, 2, 4, 5, 10)
+"""Fine squares in a coarse one: factors in which rulers and grids are divided."""
 MOST_OFF = 0.05
+"""Share, of the ratio that is told from the nearest of `RATIOS`: two neighbours are 20 % apart."""
 
 
 def starting_corners(grid: WallGrid | None, size: tuple[int, int]) -> FloatArray:

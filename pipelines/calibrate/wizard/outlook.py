@@ -19,7 +19,7 @@ __all__ = ["Length", "Outlook", "evidence_of", "length_between", "outlook"]
 FloatArray = NDArray[np.float64]
 
 PLACE_STD_PX = 0.2
-"""Of a ball at landing, along x, where following did not tell."""
+"""px, of a ball at landing, along x, where following did not tell: supposed."""
 CLICK_STD_PX = 0.5
 GRAVITY = Known(Defaults.GRAVITY.known, Defaults.GRAVITY.std)
 DRAG_SHARE = 0.4
@@ -28,6 +28,8 @@ speed is squared."""
 UNKNOWN_DRAG = Known(0.1, 0.1)
 """What the air takes from the fall of a ball of unknown mass, m/s²."""
 RADIUS_COMMON_STD_PX, RADIUS_COMMON_OVER_RANDOM = 0.05, 4.0
+"""px, and times the random part: what all radii of a clip are off by together, as measuring takes
+it."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,6 +22,7 @@ FRAMES_LOOKED_AT = 40
 SQUASHED_S = 0.03
 """A struck ball is round again after this."""
 LEAST_FLIGHT = 8
+"""Frames of a flight at least: a parabola has six numbers, and two more show a misfit."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,8 +30,11 @@ LINE, MARK, ARROW, HANDLE = "#00a395", "#d6156c", "#b3261e", "#d35400"
 RAMP = ("#440154", "#3b528b", "#21918c", "#5ec962", "#fde725")
 """Viridis, dark for small."""
 MOST_LINES = 120
+"""Lines of the wall drawn at most: more than that is a grey surface, and slow to send."""
 MOST_ARROWS = 300
+"""Arrows of the lens map at most, for the same reason."""
 STEPS_ALONG = 24
+"""Points along a line that a lens bends, which is drawn as a polygon through them."""
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from pipelines.calibrate.wizard.session import Session
 __all__ = ["outlook_card"]
 
 LINES_SHOWN, CHANGES_SHOWN = 5, 5
+"""Lines of the budget and changes shown: as many as a card holds without scrolling."""
 WORDS = {UncertaintySource.BALL_PLANE_GUESS: "ball plane only guessed"}
 
 

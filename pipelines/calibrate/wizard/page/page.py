@@ -35,6 +35,7 @@ GRAB_SHARE = 0.03
 """How near to a handle it is grabbed, of the picture's width."""
 ARROWS = {"ArrowLeft": (-1, 0), "ArrowRight": (1, 0), "ArrowUp": (0, -1), "ArrowDown": (0, 1)}
 POLL_S = 0.25
+"""s between looks at the session: a window that follows within a quarter second seems live."""
 
 
 class WizardPage:
