@@ -35,6 +35,8 @@ __all__ = ["Asked", "Campaign", "campaign", "conduct"]
 
 TABLES_EVERY_S = 5.0
 """The tables are written anew at most this often while clips come in; a clip takes longer."""
+TABLES_SHARE = 50.0
+"""… and however many clips there are, writing them takes at most a fiftieth of the time."""
 
 
 @dataclass(frozen=True)
@@ -205,15 +207,17 @@ def _crew(asked: Asked, options: RunOptions) -> AbstractContextManager[Crew]:
 def _publishing(
     edition: Edition, on_clip: Callable[[Progress, Outcome], None]
 ) -> Callable[[Progress, Outcome], None]:
-    last = time.monotonic()
+    following = time.monotonic() + TABLES_EVERY_S
 
     def after_each(progress: Progress, outcome: Outcome) -> None:
-        nonlocal last
+        nonlocal following
         on_clip(progress, outcome)
-        if time.monotonic() - last > TABLES_EVERY_S:
+        began = time.monotonic()
+        if began > following:
             with Ledger(edition.folder) as ledger:
                 publish_tables(edition, ledger)
-            last = time.monotonic()
+            ended = time.monotonic()
+            following = ended + max(TABLES_EVERY_S, TABLES_SHARE * (ended - began))
 
     return after_each
 
@@ -222,9 +226,9 @@ def _published(edition: Edition, absent: tuple[str, ...], progress: Progress) ->
     with Ledger(edition.folder) as ledger:
         published = publish(edition, ledger)
     wanting = [
-        f"{result.clip}: {result.entry.error or result.entry.state}"
+        f"{result.clip}: {result.error or result.state}"
         for result in published.results
-        if result.entry.state != State.DONE
+        if result.state != State.DONE
     ]
     wanting += [f"{name}: named in the lab book, not given" for name in absent]
     summary = json.loads((edition.folder / "summary.json").read_text(encoding="utf-8"))

@@ -231,38 +231,46 @@ class Ledger:
                     base.execute("UPDATE clips SET path=? WHERE clip=?", (order.path, order.clip))
         return again
 
-    def begin(self, clip: str) -> int:
-        """Mark a clip as being measured; returns how often it has ended its worker before."""
+    def begin(self, clips: Sequence[str]) -> dict[str, int]:
+        """Mark clips as being measured; returns how often each has ended its worker before."""
+        started = _now()
         with self._change() as base:
-            base.execute(
+            base.executemany(
                 "UPDATE clips SET state='running', started=?, finished=NULL, attempts=attempts+1"
                 " WHERE clip=?",
-                (_now(), clip),
+                [(started, clip) for clip in clips],
             )
-            row = base.execute("SELECT deaths FROM clips WHERE clip=?", (clip,)).fetchone()
-        return int(row["deaths"])
+            return {
+                clip: int(
+                    base.execute("SELECT deaths FROM clips WHERE clip=?", (clip,)).fetchone()[0]
+                )
+                for clip in clips
+            }
 
-    def finish(self, outcome: Outcome) -> None:
-        """Write what came of a try, and its stage, in one transaction."""
-        document = None if outcome.document is None else json.dumps(outcome.document)
+    def finish(self, outcomes: Sequence[Outcome]) -> None:
+        """Write what came of tries, and their stage, in one transaction."""
+        finished = _now()
         with self._change() as base:
-            base.execute(
+            base.executemany(
                 "UPDATE clips SET state=?, finished=?, seconds=?, error=?, document=?,"
                 " deaths=deaths+? WHERE clip=?",
-                (
-                    outcome.state,
-                    _now(),
-                    outcome.seconds,
-                    outcome.error,
-                    document,
-                    int(outcome.died),
-                    outcome.clip,
-                ),
+                [
+                    (
+                        one.state,
+                        finished,
+                        one.seconds,
+                        one.error,
+                        None if one.document is None else json.dumps(one.document),
+                        int(one.died),
+                        one.clip,
+                    )
+                    for one in outcomes
+                ],
             )
-            base.execute(
+            base.executemany(
                 "INSERT OR REPLACE INTO stages SELECT clip, 'measure', sha256, options, version,"
                 " state, seconds, finished, error FROM clips WHERE clip=?",
-                (outcome.clip,),
+                [(one.clip,) for one in outcomes],
             )
 
     def exclude(self, clip: str, reason: str | None) -> None:

@@ -46,6 +46,10 @@ class Edition:
     facts: ReportFacts
     against_paper: bool = False
 
+    def frame(self, ledger: Ledger) -> pd.DataFrame:
+        """The table of results."""
+        return results_frame(ledger.entries(), self.strikes, self.book)
+
     def results(self, ledger: Ledger) -> list[ClipResult]:
         """What the ledger holds of the campaign's clips."""
         return clip_results(ledger.entries(), self.strikes)
@@ -62,13 +66,13 @@ class Published:
 
 def publish_tables(edition: Edition, ledger: Ledger) -> None:
     """Write the tables alone: cheap enough to do while clips come in."""
-    write_tables(results_frame(edition.results(ledger), edition.book), edition.folder)
+    write_tables(edition.frame(ledger), edition.folder)
 
 
 def publish(edition: Edition, ledger: Ledger) -> Published:
     """Write tables, figures, laws, summary and report; each whole or not at all."""
     results = edition.results(ledger)
-    frame = results_frame(results, edition.book)
+    frame = edition.frame(ledger)
     write_tables(frame, edition.folder)
     analysis = analyse(results, edition.setup, edition.ball)
     figures = draw_figures(analysis, against_paper=edition.against_paper)

@@ -66,6 +66,7 @@ def write_report(
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
+    done = [item for item in results if item.state == State.DONE]
     source = files("pipelines.campaign").joinpath("report.html.j2").read_text(encoding="utf-8")
     page = environment.from_string(source).render(
         facts=facts,
@@ -74,9 +75,9 @@ def write_report(
         sessions=_sessions(analysis),
         sensors=[_sensor(one) for one in analysis.sensors],
         outliers=_outliers(path.parent, analysis),
-        excluded=[item for item in results if item.entry.excluded is not None],
-        failed=[item for item in results if item.entry.state == State.FAILED],
-        waiting=[item for item in results if item.entry.state == State.WAITING],
+        excluded=[item for item in results if item.excluded is not None],
+        failed=[item for item in results if item.state == State.FAILED],
+        waiting=[item for item in results if item.state == State.WAITING],
         warned=_warned(results),
         figures=[
             (
@@ -85,7 +86,8 @@ def write_report(
             )
             for name, figure in figures.items()
         ],
-        clips=[_clip(item) for item in results if item.entry.state == State.DONE],
+        clips=[_clip(item) for item in done[:_LISTED]],
+        unlisted=max(0, len(done) - _LISTED),
     )
     write_text_whole(path, page)
 
@@ -102,10 +104,8 @@ def _uri(kind: str, content: bytes) -> str:
 
 
 def _counts(results: Sequence[ClipResult]) -> dict[str, str]:
-    seconds = [item.entry.seconds for item in results if item.entry.seconds is not None]
-    counts = {
-        str(state): str(sum(item.entry.state == state for item in results)) for state in State
-    }
+    seconds = [item.seconds for item in results if item.seconds is not None]
+    counts = {str(state): str(sum(item.state == state for item in results)) for state in State}
     counts["median"] = f"{median(seconds):.1f} s" if seconds else "–"
     return counts
 
@@ -214,6 +214,8 @@ def _warned(results: Sequence[ClipResult]) -> list[tuple[str, int]]:
     return sorted(counts.items(), key=lambda pair: -pair[1])[:20]
 
 
+_LISTED = 2000
+"""Rows of the page's table: a browser scrolls them at once, and the page stays below 5 MB."""
 _SHOWN = (
     ("pendulum_speed_before", "impact speed, m/s"),
     ("cor", "COR"),

@@ -2,7 +2,9 @@
 
 import csv
 import io
-from collections.abc import Iterable, Mapping
+import itertools
+import sys
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,33 +19,59 @@ from pipelines.campaign.lab_book import SENSORS, LabBook, Strike
 from pipelines.campaign.ledger import Entry, State
 from pipelines.measure.files.output import column_name, harmless
 
-__all__ = ["ClipResult", "clip_results", "results_frame", "write_tables"]
+__all__ = ["ANALYSED", "ClipResult", "clip_results", "results_frame", "write_tables"]
 
 FloatArray = NDArray[np.float64]
 
 
+ANALYSED = (
+    "pendulum_speed_before",
+    "pendulum_speed_after",
+    "cor",
+    "contact_time",
+    "ball_speed",
+    "launch_angle",
+    "landing_distance",
+    "external_impulse",
+    "energy_loss",
+    "backswing_angle",
+)
+"""Quantities that the analysis of a campaign looks at; the tables hold all."""
+_ROWS_AT_ONCE = 1000
+
+
 @dataclass(frozen=True)
 class ClipResult:
-    """What is known of one clip, from the ledger and the lab book.
+    """What the analysis needs of one clip, small enough for a hundred thousand of them.
 
     Attributes
     ----------
-    entry : Entry
+    clip : str
+    state : State
+    error, excluded : str or None
+    seconds : float or None
     strike : Strike or None
+    values : (Q, 2) array
+        Value and standard uncertainty of each of `ANALYSED`; nan where not measured.
+    shared : mapping of str to float
+        Lines of the COR's budget that all clips of one setup have in common.
+    warnings : tuple of str
     """
 
-    entry: Entry
+    clip: str
+    state: State
+    error: str | None
+    excluded: str | None
+    seconds: float | None
     strike: Strike | None
-
-    @property
-    def clip(self) -> str:
-        """Name of the clip."""
-        return self.entry.order.clip
+    values: FloatArray
+    shared: Mapping[str, float]
+    warnings: tuple[str, ...]
 
     @property
     def used(self) -> bool:
         """Whether it was measured and nobody marked it as bad."""
-        return self.entry.state == State.DONE and self.entry.excluded is None
+        return self.state == State.DONE and self.excluded is None
 
     @property
     def ball(self) -> str:
@@ -56,49 +84,9 @@ class ClipResult:
         return "" if self.strike is None or self.strike.session is None else self.strike.session
 
     def quantity(self, name: str) -> tuple[float, float]:
-        """Value and standard uncertainty; nan where not measured."""
-        item = self._quantities.get(name, {})
-        if item.get("value") is None:
-            return np.nan, np.nan
-        return float(item["value"]), float(item["std"])
-
-    def shared(self, name: str) -> dict[str, float]:
-        """Lines of the quantity's budget that all clips of one setup have in common."""
-        lines = self._document.get("budget", {}).get(name, [])
-        return {line["source"]: float(line["std"]) for line in lines if line.get("shared")}
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Warnings of the measurement."""
-        return tuple(self._document.get("warnings", ()))
-
-    @property
-    def _document(self) -> Mapping[str, Any]:
-        return self.entry.document or {}
-
-    @property
-    def _quantities(self) -> Mapping[str, Any]:
-        found: Mapping[str, Any] = self._document.get("quantities", {})
-        return found
-
-    def row(self, columns: tuple[str, ...]) -> dict[str, object]:
-        """Row of the results, `columns` of the lab book first."""
-        cells = {} if self.strike is None else self.strike.cells
-        row: dict[str, object] = {"clip": self.clip}
-        row |= {name: cells.get(name) for name in columns if name != "clip"}
-        reasons: dict[str, object] = {}
-        for name, item in self._quantities.items():
-            column = column_name(name, item["unit"])
-            row[column], row[f"{column}_std"] = item.get("value"), item.get("std")
-            if item.get("value") is None:
-                reasons[f"reason_{name}"] = item.get("reason")
-        motion = self._document.get("motion") or {}
-        row["motion"] = motion.get("kind")
-        row |= reasons
-        row["warnings"] = " | ".join(self.warnings) or None
-        row["state"], row["error"] = str(self.entry.state), self.entry.error
-        row["excluded"] = self.entry.excluded
-        return row
+        """Value and standard uncertainty of one of `ANALYSED`; nan where not measured."""
+        value, std = self.values[ANALYSED.index(name)]
+        return float(value), float(std)
 
 
 def clip_results(
@@ -106,32 +94,83 @@ def clip_results(
 ) -> list[ClipResult]:
     """Join ledger and lab book by the clip's name."""
     return [
-        ClipResult(entry, strikes.get(entry.order.clip))
+        _result(entry, strikes[entry.order.clip])
         for entry in entries
         if entry.order.clip in strikes
     ]
 
 
-def results_frame(results: Iterable[ClipResult], book: LabBook | None) -> pd.DataFrame:
+def _result(entry: Entry, strike: Strike | None) -> ClipResult:
+    document = entry.document or {}
+    quantities: Mapping[str, Any] = document.get("quantities", {})
+    values = np.full((len(ANALYSED), 2), np.nan)
+    for row, name in zip(values, ANALYSED, strict=True):
+        item = quantities.get(name, {})
+        if item.get("value") is not None:
+            row[:] = item["value"], item["std"]
+    lines = document.get("budget", {}).get("cor", [])
+    return ClipResult(
+        clip=entry.order.clip,
+        state=entry.state,
+        error=entry.error,
+        excluded=entry.excluded,
+        seconds=entry.seconds,
+        strike=strike,
+        values=values,
+        shared={line["source"]: float(line["std"]) for line in lines if line.get("shared")},
+        warnings=tuple(map(sys.intern, document.get("warnings", ()))),
+    )
+
+
+def _row(entry: Entry, strike: Strike | None, columns: tuple[str, ...]) -> dict[str, object]:
+    """Row of the results, `columns` of the lab book first."""
+    cells = {} if strike is None else strike.cells
+    document = entry.document or {}
+    row: dict[str, object] = {"clip": entry.order.clip}
+    row |= {name: cells.get(name) for name in columns if name != "clip"}
+    reasons: dict[str, object] = {}
+    for name, item in document.get("quantities", {}).items():
+        column = column_name(name, item["unit"])
+        row[column], row[f"{column}_std"] = item.get("value"), item.get("std")
+        if item.get("value") is None:
+            reasons[f"reason_{name}"] = item.get("reason")
+    row["motion"] = (document.get("motion") or {}).get("kind")
+    row |= reasons
+    row["warnings"] = " | ".join(document.get("warnings", ())) or None
+    row["state"], row["error"] = str(entry.state), entry.error
+    row["excluded"] = entry.excluded
+    return row
+
+
+def results_frame(
+    entries: Iterable[Entry], strikes: Mapping[str, Strike | None], book: LabBook | None
+) -> pd.DataFrame:
     """One row per clip that is done or failed; columns in the contract's order."""
     columns = ("clip",) if book is None else book.columns
-    rows = [
-        result.row(columns)
-        for result in results
-        if result.entry.state in (State.DONE, State.FAILED)
-    ]
-    if not rows:
+    rows = (
+        _row(entry, strikes[entry.order.clip], columns)
+        for entry in entries
+        if entry.order.clip in strikes and entry.state in (State.DONE, State.FAILED)
+    )
+    parts = [pd.DataFrame(part) for part in _batches(rows)]
+    if not parts:
         return pd.DataFrame({name: pd.Series(dtype=object) for name in ("clip", "state", "error")})
-    frame = pd.DataFrame(rows)
+    # each part alone decides its columns' types: what is empty there says nothing of the others
+    frame = pd.concat([part.dropna(axis="columns", how="all") for part in parts])
+    frame = frame.reindex(columns=list(dict.fromkeys(name for part in parts for name in part)))
     tail = ["motion", *[name for name in frame if str(name).startswith("reason_")]]
     tail += ["warnings", "state", "error", "excluded"]
-    head = [name for name in frame if name not in tail]
-    frame = frame[[*head, *tail]]
+    frame = frame[[*[name for name in frame if name not in tail], *tail]].reset_index(drop=True)
     numbers = {sensor.column for sensor in SENSORS} | {"backswing_deg"}
     for name in map(str, frame.columns):
         if name in numbers or name.endswith("_std"):
             frame[name] = pd.to_numeric(frame[name])
     return frame
+
+
+def _batches(rows: Iterator[dict[str, object]]) -> Iterator[list[dict[str, object]]]:
+    while batch := list(itertools.islice(rows, _ROWS_AT_ONCE)):
+        yield batch
 
 
 def write_tables(frame: pd.DataFrame, folder: Path) -> None:

@@ -1,7 +1,9 @@
 """The run of a campaign: every clip measured once, on many cores or machines, whatever happens."""
 
+import functools
 import hashlib
 import os
+import queue
 import signal
 import threading
 import time
@@ -312,6 +314,15 @@ def run(
     return progress
 
 
+@dataclass(frozen=True)
+class _Try:
+    """A clip on its way: its future, how often it ended its worker before, when it began."""
+
+    future: Future[dict[str, Any]]
+    deaths: int
+    began: float
+
+
 def _work(
     plan: Plan,
     ledger: Ledger,
@@ -321,32 +332,47 @@ def _work(
     progress: Progress,
     after_each: Callable[[Progress, Outcome], None],
 ) -> None:
-    """Keep the crew busy with a window of clips, so that memory stays flat whatever the number."""
-    answered = threading.Semaphore(0)
-    pending: dict[str, tuple[Future[dict[str, Any]], int, float]] = {}
+    """Keep the crew busy with a window of clips, so that memory stays flat whatever the number.
+
+    All clips that begin or end at about the same time share one transaction of the ledger.
+    """
+    answered: queue.SimpleQueue[str] = queue.SimpleQueue()
+    pending: dict[str, _Try] = {}
     left = list(reversed(names))
     while left or pending:
-        while left and len(pending) < _IN_FLIGHT_PER_WORKER * crew.size:
-            name = left.pop()
-            deaths = ledger.begin(name)
+        room = _IN_FLIGHT_PER_WORKER * crew.size - len(pending)
+        batch = [left.pop() for _ in range(min(room, len(left)))]
+        deaths = ledger.begin(batch) if batch else {}
+        for name in batch:
             future = crew.submit(plan.request(paths[name]))
-            pending[name] = future, deaths, time.monotonic()
-            future.add_done_callback(lambda _: answered.release())
-        answered.acquire()
-        name = next(name for name, (future, *_) in pending.items() if future.done())
-        future, deaths, began = pending.pop(name)
-        outcome = _outcome(name, future.result(), deaths, time.monotonic() - began)
-        ledger.finish(outcome)
-        if outcome.state == State.WAITING:
-            left.append(name)
-            continue
-        progress.done += outcome.state == State.DONE
-        progress.failed += outcome.state == State.FAILED
-        after_each(progress, outcome)
+            pending[name] = _Try(future, deaths[name], time.monotonic())
+            future.add_done_callback(functools.partial(_announce, answered, name))
+        outcomes = [_outcome(name, pending.pop(name)) for name in _drained(answered)]
+        ledger.finish(outcomes)
+        for outcome in outcomes:
+            if outcome.state == State.WAITING:
+                left.append(outcome.clip)
+                continue
+            progress.done += outcome.state == State.DONE
+            progress.failed += outcome.state == State.FAILED
+            after_each(progress, outcome)
 
 
-def _outcome(clip: str, reply: dict[str, Any], deaths: int, waited_s: float) -> Outcome:
-    seconds = float(reply.get("seconds", waited_s))
+def _announce(answered: "queue.SimpleQueue[str]", name: str, _: object) -> None:
+    answered.put(name)
+
+
+def _drained(answered: "queue.SimpleQueue[str]") -> list[str]:
+    """At least one name, and all others that are there already."""
+    names = [answered.get()]
+    while not answered.empty():
+        names.append(answered.get())
+    return names
+
+
+def _outcome(clip: str, tried: _Try) -> Outcome:
+    reply, deaths = tried.future.result(), tried.deaths
+    seconds = float(reply.get("seconds", time.monotonic() - tried.began))
     if "died" in reply:
         again = deaths + 1 < MOST_TRIES
         why = f"{reply['died']}, {'once' if again else f'{deaths + 1} times'}"

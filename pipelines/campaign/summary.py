@@ -22,13 +22,13 @@ def summarise(results: Sequence[ClipResult], analysis: CampaignAnalysis) -> dict
     results : sequence of ClipResult
     analysis : CampaignAnalysis
     """
-    states = [result.entry.state for result in results]
+    states = [result.state for result in results]
     return {
         "clips": {
             "done": states.count(State.DONE),
             "failed": states.count(State.FAILED),
             "waiting": states.count(State.WAITING) + states.count(State.RUNNING),
-            "excluded": sum(result.entry.excluded is not None for result in results),
+            "excluded": sum(result.excluded is not None for result in results),
         },
         "balls": {ball.ball or "ball": _ball(ball) for ball in analysis.balls},
         "sensors": {
@@ -48,14 +48,14 @@ def summarise(results: Sequence[ClipResult], analysis: CampaignAnalysis) -> dict
             for item in ball.outliers
         ],
         "failed": [
-            {"clip": result.clip, "why": result.entry.error}
+            {"clip": result.clip, "why": result.error}
             for result in results
-            if result.entry.state == State.FAILED
+            if result.state == State.FAILED
         ],
         "excluded": [
-            {"clip": result.clip, "why": result.entry.excluded}
+            {"clip": result.clip, "why": result.excluded}
             for result in results
-            if result.entry.excluded is not None
+            if result.excluded is not None
         ],
     }
 

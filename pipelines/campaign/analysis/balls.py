@@ -165,7 +165,7 @@ def _points(clips: Sequence[ClipResult]) -> CorPoints:
 
 
 def _shared(clips: Sequence[ClipResult]) -> FloatArray:
-    lines = [clip.shared(COR) for clip in clips]
+    lines = [clip.shared for clip in clips]
     sources = sorted({source for line in lines for source in line})
     return np.array([[line.get(source, 0.0) for source in sources] for line in lines]).reshape(
         len(clips), len(sources)
