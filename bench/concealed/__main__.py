@@ -25,7 +25,7 @@ from bench.concealed.score import judge
 from bench.concealed.second.draw import GENERATOR as SECOND_GENERATOR
 from bench.concealed.second.draw import draw_campaign as draw_second
 from bench.concealed.world.draw import GENERATOR, draw_campaign
-from bench.realdata.table import real_rows, real_table
+from bench.real.table import real_rows, real_table
 from metrology import write_text_whole
 
 ROOT = Path(__file__).parents[2]

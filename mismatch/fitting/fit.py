@@ -1,7 +1,8 @@
 """Least squares over trial-to-trial values and shared parameters together."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from enum import Enum
 
 import numpy as np
 
@@ -15,12 +16,39 @@ from mismatch.fitting.normal_equations import (
     solve,
     spread_laws,
 )
+from mismatch.fitting.shooting import LinearisedArcs, arcs_of, closed, linearise_arcs, moved_arcs
 from mismatch.model.forward import Forward
 from mismatch.model.model import Model
 from physics.arrays import FloatArray
 from physics.effects import Parameter
 
-__all__ = ["Fit", "fit_model"]
+__all__ = ["Ending", "Fit", "fit_model"]
+
+STEPS_OF_ARCS = 30
+GAP_WEIGHT = 30.0
+"""Weight of a gap between two pieces over that of a row, when steps are compared."""
+
+ROUNDS_IN_ONE = 6
+"""Steps in one arc where pieces could not be joined."""
+
+LOST = 100.0
+"""Misfit in one arc over that in pieces from which a law is out of step with the record."""
+
+UNFINISHED = 0.02
+"""Share of its misfit that the last step of a fit took away, from which more would follow."""
+
+
+class Ending(Enum):
+    """How a fit ended."""
+
+    CONVERGED = "converged"
+    """Nothing is left to gain nearby."""
+
+    UNFINISHED = "unfinished"
+    """Steps ran out, or failed, while there was still something to gain."""
+
+    LOST = "lost"
+    """A long swing could not be followed in one arc: the law gets out of step with the record."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +87,7 @@ class Fit:
     free: tuple[Free, ...]
     covariance: FloatArray
     residual: FloatArray = field(repr=False)
+    ending: Ending = Ending.CONVERGED
 
     @property
     def objective(self) -> float:
@@ -105,7 +134,7 @@ def fit_model(
     rounds: int = 12,
     shape_priors: bool = True,
 ) -> Fit:
-    """Gauss–Newton with step halving.
+    """Gauss–Newton with step halving; free swings by multiple shooting.
 
     Parameters
     ----------
@@ -126,6 +155,19 @@ def fit_model(
     -------
     Fit
     """
+    if forward.mode == "swing" and rounds:
+        return _fit_swings(forward, model, free, start[0], shape_priors)
+    return _fit_in_one(forward, model, free, start, rounds, shape_priors)
+
+
+def _fit_in_one(
+    forward: Forward,
+    model: Model,
+    free: Sequence[Free],
+    start: tuple[FloatArray, FloatArray],
+    rounds: int,
+    shape_priors: bool,
+) -> Fit:
     nuisance, laws = start
     anchors = np.array([_anchor(f, model) for f in free])
     own_prior, law_prior = priors(forward)
@@ -153,7 +195,7 @@ def fit_model(
     holds = np.array([_hold(f.parameter, excess, shape_priors) for f in free])
     cost = chi2 + penalty(nuisance, laws, model)
     matrix = np.zeros((n_laws + len(free),) * 2)
-    damping = 0.0
+    damping, ending = 0.0, Ending.UNFINISHED
     for _ in range(rounds):
         system = linearise(forward, model, nuisance, laws, free)
         shared_prior = system.shared_prior.copy()
@@ -181,19 +223,98 @@ def fit_model(
             damping = max(4.0 * damping, 0.05)
         gained = cost - new_cost
         if not improved:
+            ending = Ending.CONVERGED
             break
         nuisance, laws, model = trial_nu, trial_laws, trial_model
         chi2, residual, cost = new_chi2, new_residual, new_cost
         damping *= 0.2
         if damping < 0.01:
             damping = 0.0
+        if gained < UNFINISHED * cost:
+            ending = Ending.CONVERGED
         if gained < 1e-3 + 1e-7 * cost:
             break
     covariance = inverse_of(matrix)[n_laws:, n_laws:]
     return Fit(
         model, nuisance, laws, chi2, penalty(nuisance, laws, model), forward.records.count,
-        forward.records.expected, tuple(free), covariance, residual,
+        forward.records.expected, tuple(free), covariance, residual, ending,
     )  # fmt: skip
+
+
+def _fit_swings(
+    forward: Forward,
+    model: Model,
+    free: Sequence[Free],
+    nuisance: FloatArray,
+    shape_priors: bool,
+) -> Fit:
+    """Multiple shooting: states of all pieces start from the record, whatever the start was."""
+    anchors, holds = (
+        _values(model, free),
+        np.array([_hold(f.parameter, 1.0, shape_priors) for f in free]),
+    )
+    own_prior, _ = priors(forward)
+    arcs = arcs_of(forward, nuisance)
+    nuisance = np.concatenate([arcs.states[:, 0], nuisance[:, 2:]], axis=1)
+    found = linearise_arcs(forward, model, arcs, nuisance, free)
+    rows = forward.records.count / max(1, arcs.states[..., 0].size)
+    scale = np.array([1.0, 1.0 / forward.small_rate]) * float(forward.records.weights.max())
+
+    def merit(trial: LinearisedArcs, nu: FloatArray, m: Model) -> float:
+        gaps = GAP_WEIGHT * rows * float(np.sum((trial.gaps * scale) ** 2))
+        held = float(np.sum(nu**2 * np.where(own_prior < 1e15, own_prior, 0.0)))
+        return (
+            float(np.sum(trial.residual**2))
+            + gaps
+            + held
+            + float(np.sum(holds * (_values(m, free) - anchors) ** 2))
+        )
+
+    cost, damping = merit(found, nuisance, model), 0.0
+    matrix = np.zeros((len(free),) * 2)
+    for _ in range(STEPS_OF_ARCS):
+        system = replace(found.system, prior=own_prior, shared_prior=holds)
+        pull = -(_values(model, free) - anchors) * holds
+        own_pull = np.where(own_prior < 1e15, -nuisance * own_prior, 0.0)
+        matrix, vector, inverse, cross = reduce(system, own_pull, pull)
+        gradient = np.einsum("tmq,tm->tq", system.own, system.residual) + own_pull
+        for _ in range(8):
+            move = solve(matrix, vector, damping)
+            own = np.einsum("tqr,tr->tq", inverse, gradient - np.einsum("tqn,n->tq", cross, move))
+            share = 1.0 / (1.0 + damping)
+            nu = nuisance + own * share
+            stepped = _stepped(model, free, move * share)
+            trial_arcs = moved_arcs(arcs, found, own, move, share)
+            trial = linearise_arcs(forward, stepped, trial_arcs, nu, free)
+            new = merit(trial, nu, stepped)
+            if new < cost:
+                break
+            damping = max(4.0 * damping, 0.25)
+        else:
+            break
+        gained, cost = cost - new, new
+        nuisance, model, arcs, found = nu, stepped, trial_arcs, trial
+        nuisance[:, :2] = arcs.states[:, 0]
+        damping = 0.0 if damping < 0.3 else 0.2 * damping
+        if gained < 1e-3 + 1e-6 * cost:
+            break
+    found_all = closed(forward, found)
+    whole = _fit_in_one(
+        forward, model, () if found_all else free, (nuisance, np.zeros((0, 2))),
+        0 if found_all else ROUNDS_IN_ONE, shape_priors,
+    )  # fmt: skip
+    if not found_all:
+        lost = whole.chi2 > LOST * max(float(np.sum(found.residual**2)), whole.expected)
+        return replace(whole, ending=Ending.LOST if lost else whole.ending)
+    penalty = whole.penalty + float(np.sum(holds * (_values(model, free) - anchors) ** 2))
+    return replace(
+        whole, penalty=penalty, free=tuple(free), covariance=inverse_of(matrix),
+        ending=Ending.CONVERGED,
+    )  # fmt: skip
+
+
+def _values(model: Model, free: Sequence[Free]) -> FloatArray:
+    return np.array([model.entries[f.entry][1][f.parameter.name] for f in free])
 
 
 def _anchor(item: Free, model: Model) -> float:

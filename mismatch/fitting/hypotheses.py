@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mismatch.fitting.fit import Fit, fit_model
+from mismatch.fitting.fit import Ending, Fit, fit_model
 from mismatch.fitting.form_evidence import EXACT, FormEvidence, form_evidence
 from mismatch.fitting.normal_equations import Free, free_parameters
 from mismatch.fitting.scan import Scan
@@ -41,6 +41,9 @@ CERTAIN_GAIN = 6.6
 
 MISFIT = 1.5
 """Chi-square per entry from which what is left over is a fault of the law, not noise."""
+
+FAR_WORSE = 4.0
+"""Misfit over that of the best answer, both beyond the noise, from which an answer is out."""
 
 LOOSE_LAWS = frozenset(
     {
@@ -107,7 +110,7 @@ class Hypothesis:
     @property
     def allowed(self) -> bool:
         """Whether all parameters are within what nature allows and practice knows."""
-        return self.fit.believable
+        return self.fit.believable and self.fit.ending is not Ending.LOST
 
     @property
     def quality(self) -> float:
@@ -134,12 +137,23 @@ def told_apart(best: Hypothesis, other: Hypothesis) -> bool:
     if best.misfit < MISFIT:
         return True
     pieces = max(1, -(-24 // best.fit.residual.shape[0]))
-    squares = other.fit.residual**2 - best.fit.residual**2
-    blocks = [part.sum(axis=1) for part in np.array_split(squares, pieces, axis=1)]
-    differences = np.concatenate(blocks)
-    differences = differences[differences != 0.0]
-    if differences.size < 4:
+    mine, theirs = (
+        np.concatenate(
+            [part.sum(axis=1) for part in np.array_split(h.fit.residual**2, pieces, axis=1)]
+        )
+        for h in (best, other)
+    )
+    kept = mine != theirs
+    if int(kept.sum()) < 4:
         return False
+    if other.fit.chi2 > FAR_WORSE * best.fit.chi2:
+        return True
+    # Where a law goes wrong ever faster one piece outweighs all others; ratios don't mind.
+    ratios = np.log((theirs[kept] + 1.0) / (mine[kept] + 1.0))
+    return _steadily_above(theirs[kept] - mine[kept]) or _steadily_above(ratios)
+
+
+def _steadily_above(differences: FloatArray) -> bool:
     spread = float(np.std(differences, ddof=1)) * np.sqrt(differences.size)
     return bool(differences.sum() > 2.0 * spread)
 
@@ -179,49 +193,9 @@ def fit_hypothesis(
     origin = base if start is None else start
     point = (origin.nuisance, origin.law_offsets)
     free = free_parameters(model, added)
-    if forward.mode == "swing":
-        fit = fit_ever_longer(forward, base.model, model, free, (base.nuisance, base.law_offsets))
-    else:
-        fit = fit_model(forward, model, free, point, rounds=rounds)
+    fit = fit_model(forward, model, free, point, rounds=rounds)
     form = form_evidence(forward, fit, added)
     return Hypothesis(tuple(members), fit, base.objective - fit.objective, form)
-
-
-def fit_ever_longer(
-    forward: Forward,
-    bare: Model,
-    model: Model,
-    free: Sequence[Free],
-    point: tuple[FloatArray, FloatArray],
-) -> Fit:
-    """Fit the first part of free swings, then more and more of them.
-
-    Over many periods a small error of a torque turns the phase around, and a fit of the whole
-    record from afar ends anywhere. Strengths start from neutral: an estimate made around a
-    baseline that is out of phase is worth nothing.
-    """
-    entries = []
-    held = {id(effect) for effect, _ in bare.entries}
-    for effect, values in model.entries:
-        neutral = {p.name: p.neutral for p in effect.strengths}
-        entries.append((effect, values if id(effect) in held else {**values, **neutral}))
-    model = Model(tuple(entries))
-    records = forward.records
-    since = records.pendulum_time - records.pendulum_time[:, :1]
-    longest = float(since.max())
-    blank = np.zeros((records.trials, 3 * records.ball_time.shape[1]), dtype=bool)
-    fit = fit_model(forward, model, free, point, rounds=0)
-    for share, rounds in ((0.12, 6), (0.35, 6), (1.0, 10)):
-        early = np.concatenate([blank, since <= share * longest], axis=1)
-        part = replace(
-            forward,
-            records=records.keeping(early),
-            swing_time=forward.swing_time * min(1.02 * share, 1.0),
-            steps=max(32, int(np.ceil(forward.steps * min(1.02 * share, 1.0)))),
-        )
-        fit = fit_model(part, model, free, point, rounds=rounds)
-        model, point = fit.model, (fit.nuisance, fit.law_offsets)
-    return fit
 
 
 def null_threshold(scan: Scan, false_alarms: float = FALSE_ALARMS, seed: int = 20240229) -> float:

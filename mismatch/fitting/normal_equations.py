@@ -20,6 +20,7 @@ __all__ = [
     "free_parameters",
     "inverse_of",
     "linearise",
+    "moved_by_a_step",
     "priors",
     "reduce",
     "solve",
@@ -84,7 +85,8 @@ def priors(forward: Forward) -> tuple[FloatArray, FloatArray]:
         free = np.where(measured, np.inf, 1e-9)
         own, laws = np.concatenate([free, free]), np.zeros(0)
     else:
-        own, laws = np.array([np.inf, np.inf, scatter.natural_frequency]), np.zeros(0)
+        own = np.array([np.inf, np.inf, scatter.natural_frequency, scatter.angle_zero])
+        laws = np.zeros(0)
     return 1.0 / np.maximum(own, 1e-12) ** 2, 1.0 / np.maximum(laws, 1e-12) ** 2
 
 
@@ -120,7 +122,7 @@ def linearise(
         own[1 + column, :, column] += steps[column]
     sizes: list[float] = []
     for item in free:
-        step, moved = _moved(model, item)
+        step, moved = moved_by_a_step(model, item)
         sizes.append(step)
         lanes.append(moved)
     lanes.extend(extra)
@@ -150,10 +152,11 @@ def _own_steps(forward: Forward) -> FloatArray:
         return np.array([1e-5, 1e-4, 1e-4, 1e-4])
     if forward.mode == "flight":
         return np.array([1e-4, 1e-4, 1e-4, 1e-3, 1e-3, 1e-3])
-    return np.array([1e-5, 1e-4, 1e-5])
+    return np.array([1e-5, 1e-4, 1e-5, 1e-5])
 
 
-def _moved(model: Model, item: Free) -> tuple[float, Model]:
+def moved_by_a_step(model: Model, item: Free) -> tuple[float, Model]:
+    """The step of a derivative, and the model moved by it."""
     effect, values = model.entries[item.entry]
     parameter = item.parameter
     step = STEP_SHARE * parameter.scale

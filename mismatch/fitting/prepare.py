@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from metrology import TooLittleDataError
 from mismatch.fitting.fit import Fit, fit_model
+from mismatch.fitting.local_states import seen_swings
+from mismatch.fitting.shooting import PIECE_STEPS
 from mismatch.model.baseline import Baseline
 from mismatch.model.forward import Forward, Mode
 from mismatch.model.model import Model
@@ -29,6 +31,9 @@ STRAY = 5.0
 """Sigma from the line through the neighbours."""
 
 NEIGHBOURS = 9
+
+MOST_PIECES = 120
+"""Pieces of a long swing; beyond so many, each is longer than a period."""
 
 
 @dataclass(frozen=True)
@@ -204,17 +209,24 @@ def _segments(forward: Forward, clocks: FloatArray | None) -> tuple[FloatArray, 
     )
 
 
-def _first_states(records: Records, mode: Mode) -> FloatArray:
-    """Rough initial states from a quadratic through the first samples."""
-    state = np.zeros((records.trials, 6 if mode == "flight" else 3))
+def _periods(records: Records, span: float) -> int:
+    """Pieces that a swing of `span` is cut into: one for each period that the record shows."""
+    rates = [one.rate for one in seen_swings(records) if np.isfinite(one.rate)]
+    periods = span * max(rates, default=0.0) / (2.0 * np.pi)
+    return int(np.clip(np.ceil(periods), 1, MOST_PIECES))
+
+
+def _first_states(forward: Forward) -> FloatArray:
+    """Rough initial states: of flights by a parabola, of swings also what their periods say."""
+    records = forward.records
+    if forward.mode == "swing":
+        state = np.zeros((records.trials, 4))
+        for trial, seen in enumerate(seen_swings(records)):
+            if np.isfinite(seen.rate):
+                state[trial, 2] = np.log(seen.rate / forward.small_rate)
+        return state
+    state = np.zeros((records.trials, 6))
     for trial in range(records.trials):
-        if mode == "swing":
-            used = records.pendulum_used[trial]
-            first = records.pendulum_time[trial, 0]
-            t, v = records.pendulum_time[trial, used] - first, records.pendulum_angle[trial, used]
-            coefficients = _start_polynomial(t[:40], v[:40])
-            state[trial, :2] = coefficients
-            continue
         for axis in range(3):
             used = records.ball_used[trial, :, axis]
             first = records.ball_time[trial, 0]
@@ -248,14 +260,7 @@ def prepare(campaign: Campaign, baseline: Baseline) -> Prepared:
     swing_span = _span(records.pendulum_time)
     steps = 64
     if mode == "swing":
-        # A step of a sixth of a radian's time of the small swing.
-        body = baseline.pendulum
-        rate = (
-            10.0
-            if body is None
-            else np.sqrt(body.mass * baseline.gravity * body.com / body.inertia)
-        )
-        steps = int(np.clip(float(swing_span.max()) * rate / 0.16, 32, 3000))
+        steps = PIECE_STEPS * _periods(records, float(swing_span.max()))
     forward = Forward(
         baseline, records, mode, ball_span * 1.3, swing_span * 1.02, steps, _centre(records)
     )
@@ -268,7 +273,7 @@ def prepare(campaign: Campaign, baseline: Baseline) -> Prepared:
     else:
         clocks = None
         forward = replace(forward, flight_time=ball_span * 1.02)
-        nuisance = _first_states(records, mode)
+        nuisance = _first_states(forward)
         laws = np.zeros((0, 2))
     pace = 1.0 if mode == "impact" else FREE_STATE_PACE
     noise = estimate_noise(forward.records, *_segments(forward, clocks), slow_mode=pace)

@@ -25,7 +25,7 @@ Mode: TypeAlias = Literal["impact", "flight", "swing"]
 NUISANCES: dict[Mode, tuple[str, ...]] = {
     "impact": ("clock", "backswing", "cor", "launch_angle"),
     "flight": ("x", "y", "z", "vx", "vy", "vz"),
-    "swing": ("phi", "omega", "natural_frequency"),
+    "swing": ("phi", "omega", "natural_frequency", "zero"),
 }
 """What may differ from trial to trial, in the order of the nuisance arrays' last axis."""
 
@@ -91,7 +91,7 @@ class Forward:
         onset_angle = np.broadcast_to(records.launch_angle, shape)
         start = np.stack([-backswing, np.zeros(shape)])
         path = integrate(
-            self._swing_rates(terms), start, self._fall_time() * 1.35, self._steps(terms, 64)
+            self.swing_rates(terms), start, self._fall_time() * 1.35, self._steps(terms, 64)
         )
         fall = crossing(path, onset_angle)
         rate = path.at(fall[..., None])[1, ..., 0]
@@ -99,8 +99,8 @@ class Forward:
         gap = np.asarray(outcome.contact_time)
 
         clock = nuisance[..., 0][..., None]
-        ball_since = self._true_time(terms, records.ball_time - clock)
-        swing_since = self._true_time(terms, records.pendulum_time - clock)
+        ball_since = self.true_time(terms, records.ball_time - clock)
+        swing_since = self.true_time(terms, records.pendulum_time - clock)
         flight = self._fly(terms, outcome)
         after = self._swing_on(terms, outcome)
 
@@ -128,7 +128,7 @@ class Forward:
         state = np.moveaxis(nuisance, -1, 0)
         path = self._integrate_flight(terms, state, np.zeros(shape))
         label = records.ball_time - records.ball_time[:, :1]
-        since = self._true_time(terms, np.broadcast_to(label, (*shape, label.shape[1])))
+        since = self.true_time(terms, np.broadcast_to(label, (*shape, label.shape[1])))
         sample = path.at(since)
         blank = np.zeros((*shape, records.pendulum_time.shape[1]))
         return sample[:3], sample[3:], blank, blank, (label, blank)
@@ -138,13 +138,14 @@ class Forward:
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
         records, shape = self.records, nuisance.shape[:2]
         start = np.moveaxis(nuisance[..., :2], -1, 0)
-        rates = self._swing_rates(terms, np.exp(2.0 * nuisance[..., 2]))
+        rates = self.swing_rates(terms, np.exp(2.0 * nuisance[..., 2]))
         path = integrate(rates, start, self.swing_time, self.steps)
         label = records.pendulum_time - records.pendulum_time[:, :1]
-        since = self._true_time(terms, np.broadcast_to(label, (*shape, label.shape[1])))
+        since = self.true_time(terms, np.broadcast_to(label, (*shape, label.shape[1])))
         sample = path.at(since)
         blank = np.zeros((3, *shape, records.ball_time.shape[1]))
-        return blank, blank, sample[0], sample[1], (blank[0], label)
+        seen = sample[0] + nuisance[..., 3:4]
+        return blank, blank, seen, sample[1], (blank[0], label)
 
     def _fall_time(self) -> FloatArray:
         """Time from the nominal back-swing to the contact without losses, (T,), s."""
@@ -158,6 +159,12 @@ class Forward:
         slow = (lowest + top)[:, None] * 2.0 * fraction / np.sqrt(np.maximum(energy, 1e-12))
         return np.asarray(slow.mean(axis=1), dtype=np.float64)
 
+    @property
+    def small_rate(self) -> float:
+        """Angular frequency of small swings by the setup, rad/s."""
+        body = self._pendulum()
+        return float(np.sqrt(body.mass * self.baseline.gravity * body.com / body.inertia))
+
     def _pendulum(self) -> "PendulumBody":
         body = self.baseline.pendulum
         if body is None:
@@ -168,9 +175,15 @@ class Forward:
         height = self.baseline.rest_height or 0.0
         return np.broadcast_to(height + 0.5 * self.records.diameter, shape)
 
-    def _swing_rates(self, terms: Sequence[Term], stiffer: FloatArray | float = 1.0) -> Rates:
+    def swing_rates(
+        self,
+        terms: Sequence[Term],
+        stiffer: FloatArray | float = 1.0,
+        order: FloatArray | None = None,
+    ) -> Rates:
+        """Rates of angle and angular velocity, for as many swings as `order` has entries."""
         body, gravity = self._pendulum(), self.baseline.gravity
-        order = self.records.order
+        order = self.records.order if order is None else order
         acting = [t for t in terms if "torque" in t.effect.hooks]
         weight = body.mass * gravity * body.com / body.inertia * stiffer
 
@@ -231,7 +244,8 @@ class Forward:
                 outcome = _paste(outcome, part, at)
         return outcome
 
-    def _true_time(self, terms: Sequence[Term], label: FloatArray) -> FloatArray:
+    def true_time(self, terms: Sequence[Term], label: FloatArray) -> FloatArray:
+        """Time that really passed for what the clock says, s."""
         time = np.array(label)
         for term in terms:
             if "clock" in term.effect.hooks:
@@ -287,7 +301,7 @@ class Forward:
                 np.broadcast_to(outcome.pendulum_speed, shape) / body.length,
             ]
         )
-        return integrate(self._swing_rates(terms), start, self.swing_time, self._steps(terms, 32))
+        return integrate(self.swing_rates(terms), start, self.swing_time, self._steps(terms, 32))
 
     def flight_span(self, coordinate: Coordinate) -> tuple[float, float]:
         """What the balls go through of a coordinate, roughly."""

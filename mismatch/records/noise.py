@@ -15,8 +15,13 @@ from physics.arrays import FloatArray
 
 __all__ = ["Noise", "estimate_noise"]
 
-STRETCH = 36
+STRETCHES = ((36, 4), (24, 4), (16, 4), (12, 5), (9, 5))
+"""Rows of a stretch and degree of the polynomial through it, longest first."""
+
 OUTLIER = 4.8
+ENOUGH = 12.0
+"""Degrees of freedom from which a variance can be compared."""
+
 SIGNIFICANT = 9.0
 """Gain in deviance from which noise is correlated."""
 
@@ -25,6 +30,10 @@ LIKELY = 1.0
 
 SMOOTH = 2.0
 """Variance about a polynomial over the local one up to which what is left counts as noise."""
+
+BENT = 3.0
+"""Variance about longer stretches over that about shorter ones from which it is the motion that
+bends: noise with a memory of a few rows raises it less."""
 
 UNKNOWN_SIGMA = 1e-3
 """m or rad, where too few rows are left to tell."""
@@ -60,7 +69,7 @@ class _Sums:
     dof: float = 0.0
 
 
-def _stretches(time: FloatArray, rows: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+def _stretches(time: FloatArray, rows: NDArray[np.int64], length: int) -> list[NDArray[np.int64]]:
     """Cut rows where the record has a hole, then into stretches of even length."""
     if rows.size < 5:
         return []
@@ -69,12 +78,14 @@ def _stretches(time: FloatArray, rows: NDArray[np.int64]) -> list[NDArray[np.int
     pieces = []
     for run in np.split(rows, cuts):
         if run.size >= 5:
-            pieces.extend(np.array_split(run, max(1, round(run.size / STRETCH))))
+            pieces.extend(np.array_split(run, max(1, round(run.size / length))))
     return pieces
 
 
-def _projector(time: FloatArray) -> FloatArray:
+def _projector(time: FloatArray, highest: int) -> FloatArray:
     degree = 4 if time.size >= 16 else (3 if time.size >= 10 else 2)
+    if highest > 4 and time.size >= 8:
+        degree = highest
     u = (time - time.mean()) / max(np.ptp(time), 1e-12) * 2.0
     basis, _ = np.linalg.qr(np.vander(u, degree + 1))
     return np.asarray(np.eye(time.size) - basis @ basis.T)
@@ -83,16 +94,42 @@ def _projector(time: FloatArray) -> FloatArray:
 def _channel(
     time: FloatArray, value: FloatArray, used: NDArray[np.bool_], segments: FloatArray
 ) -> tuple[list[_Sums], NDArray[np.bool_]]:
-    """Sums of one channel over all trials, with outliers found and left out."""
+    """Sums of one channel over all trials, by the longest stretches that the motion does not bend.
+
+    About stretches longer than its own time scale a motion is no polynomial, and what is left is
+    motion; the shorter the stretch the less. Noise is left alike by all of them (a choice of scale
+    by comparison: Lepski, Theory Probab. Appl. 35, 454 (1991)).
+    """
+    tried = [_over(time, value, used, segments, *scale) for scale in STRETCHES]
+    levels = np.array([_level(sums) for sums, _ in tried])
+    least = np.nanmin(levels) if np.isfinite(levels).any() else np.nan
+    chosen = int(np.argmax(levels < BENT * least)) if np.isfinite(least) else 0
+    return tried[chosen]
+
+
+def _level(sums: list[_Sums]) -> float:
+    dof = sum(s.dof for s in sums)
+    return sum(s.squares for s in sums) / dof if dof >= ENOUGH else float("nan")
+
+
+def _over(
+    time: FloatArray,
+    value: FloatArray,
+    used: NDArray[np.bool_],
+    segments: FloatArray,
+    length: int,
+    highest: int,
+) -> tuple[list[_Sums], NDArray[np.bool_]]:
+    """Sums of one channel about polynomials, with outliers found and left out."""
     outliers = np.zeros_like(used)
     pieces: list[tuple[int, NDArray[np.int64]]] = []
     for trial in range(used.shape[0]):
         for segment in np.unique(segments[trial][used[trial]]):
             rows = np.flatnonzero(used[trial] & (segments[trial] == segment))
-            pieces.extend((trial, piece) for piece in _stretches(time[trial], rows))
+            pieces.extend((trial, piece) for piece in _stretches(time[trial], rows, length))
     spread = []
     for trial, rows in pieces:
-        project = _projector(time[trial, rows])
+        project = _projector(time[trial, rows], highest)
         left = project @ value[trial, rows]
         spread.append(left / np.sqrt(np.maximum(np.diag(project), 0.05)))
     sums = [_Sums() for _ in range(used.shape[0])]
@@ -102,7 +139,7 @@ def _channel(
     for trial, rows in pieces:
         kept = rows
         for _ in range(6):
-            project = _projector(time[trial, kept])
+            project = _projector(time[trial, kept], highest)
             left = project @ value[trial, kept]
             size = np.abs(left) / np.sqrt(np.maximum(np.diag(project), 0.05)) / rough
             worst = int(np.argmax(size))

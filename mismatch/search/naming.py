@@ -165,7 +165,7 @@ def name_effects(
     for size in range(2, most + 1):
         grown = _grow(forward, base, effects, tried, size, threshold * inflation)
         tried.extend(grown)
-        worthy = [h for h in grown if _worth_it(h, best, threshold * inflation)]
+        worthy = [h for h in grown if _worth_it(forward, h, best, threshold * inflation)]
         if _one_throw(forward):
             # Two strengths of one throw trade against each other; only a known size may follow.
             worthy = [h for h in worthy if is_known(h.members[-1].effect)]
@@ -233,17 +233,20 @@ def _one_throw(forward: Forward) -> bool:
     return forward.mode == "flight" and forward.records.trials == 1
 
 
-def _worth_it(larger: Hypothesis, smaller: Hypothesis, threshold: float) -> bool:
+def _worth_it(forward: Forward, larger: Hypothesis, smaller: Hypothesis, threshold: float) -> bool:
     more = larger.worth - smaller.worth
     if is_known(larger.members[-1].effect):
         return more > KNOWN_GAIN * larger.misfit
     threshold = threshold * larger.misfit
+    left = smaller.fit.chi2 - smaller.fit.expected
+    if forward.mode == "swing":
+        # A baseline that is out of step makes any share of the gain a small one.
+        return more > max(threshold, 0.5 * left)
     added = [one for one in larger.ids if one not in smaller.ids]
     share = max(second_effect_share(smaller, one) for one in (added or [""]))
     if more > max(threshold, share * smaller.gain):
         return True
     # Against a baseline that runs away any share is small; then what is left over counts.
-    left = smaller.fit.chi2 - smaller.fit.expected
     return left > 0.5 * smaller.fit.expected and more > max(threshold, 0.5 * left)
 
 

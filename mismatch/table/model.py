@@ -76,7 +76,7 @@ class TableForward:
             if "start" in term.effect.hooks:
                 backswing[term.lanes] = term.effect.start(term.values, backswing[term.lanes])
         start = np.stack([-backswing, np.zeros(off.shape)])
-        rates = self.forward._swing_rates(terms)
+        rates = self.forward.swing_rates(terms)
         path = integrate(rates, start, self.forward._fall_time() * 1.35, 64)
         fall = crossing(path, np.broadcast_to(records.launch_angle, off.shape))
         speed = path.at(fall[..., None])[1, ..., 0] * pendulum.length

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from bench.realdata.falling import fall_of, predict
-from bench.realdata.row import Explain, Row, words
+from bench.real.falling import fall_of, predict
+from bench.real.row import Explain, Row, words
 from metrology import write_text_whole
 
 __all__ = ["convert", "rows"]

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from bench.realdata import balldrop, juggling_mocap, rocket_coast, rod_pendulum
-from bench.realdata.row import Explain, Row
+from bench.real import balldrop, juggling_mocap, rocket_coast, rod_pendulum
+from bench.real.row import Explain, Row
 
 __all__ = ["real_rows", "real_table"]
 

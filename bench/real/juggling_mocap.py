@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from bench.realdata.row import Explain, Row, words
+from bench.real.row import Explain, Row, words
 from metrology import write_text_whole
 
 __all__ = ["convert", "rows"]

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
 from bench.concealed.contest.answer import Answer
-from bench.realdata.row import Explain, Row, words
+from bench.real.row import Explain, Row, words
 from metrology import write_text_whole
 
 __all__ = ["convert", "held_out_rmse", "rows"]

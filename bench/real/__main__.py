@@ -5,13 +5,13 @@ import tempfile
 from pathlib import Path
 
 from bench.concealed.contest.contestants import engine_answer
-from bench.realdata.table import real_rows, real_table
+from bench.real.table import real_rows, real_table
 
 ROOT = Path(__file__).parents[2]
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m bench.realdata", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m bench.real", description=__doc__)
     parser.add_argument("--source", type=Path, default=ROOT.parent / "shared" / "realdata")
     parser.add_argument("--set", dest="chosen", help="one set alone")
     options = parser.parse_args()

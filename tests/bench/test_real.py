@@ -3,8 +3,8 @@ import pandas as pd
 import pytest
 
 from bench.concealed.contest.answer import Answer, Named
-from bench.realdata import balldrop, juggling_mocap, rocket_coast, rod_pendulum
-from bench.realdata.falling import Fall, fall_of, predict
+from bench.real import balldrop, juggling_mocap, rocket_coast, rod_pendulum
+from bench.real.falling import Fall, fall_of, predict
 from pipelines.setup.file import load_setup
 from tests.shared_data import shared_folder
 

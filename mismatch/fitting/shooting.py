@@ -1,0 +1,270 @@
+"""Fits of free swings by multiple shooting.
+
+Over many periods a small error of a torque turns the phase around, and a fit of one long arc from
+afar ends anywhere. So every record is cut into pieces of about a period, each of which starts from
+a state read off the record itself; Gauss–Newton steps close the gaps between the pieces while they
+fit, and end on one arc (Bock, Springer Ser. Chem. Phys. 18, 102 (1981)).
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mismatch.fitting.local_states import local_states
+from mismatch.fitting.normal_equations import Free, Linearised, moved_by_a_step
+from physics.integrator import Trajectory, integrate
+from mismatch.model.forward import Forward
+from mismatch.model.model import Model, lane_terms
+from physics.arrays import FloatArray
+
+__all__ = [
+    "PIECE_STEPS",
+    "Arcs",
+    "LinearisedArcs",
+    "arcs_of",
+    "closed",
+    "linearise_arcs",
+    "moved_arcs",
+]
+
+PIECE_STEPS = 64
+"""Runge–Kutta steps of a piece, which is about one period long."""
+
+SHUT = 0.1
+"""Sigma by which closing the last gaps may still move a row."""
+
+FAR = 1e3
+"""rad and rad/s beyond which a swing has run off."""
+
+STATE_STEPS = (1e-5, 1e-4)
+FREQUENCY_STEP = 1e-5
+
+
+@dataclass(frozen=True)
+class Arcs:
+    """The pieces of all trials.
+
+    Attributes
+    ----------
+    states : (T, J, 2) array
+        Angle (rad) and rate (rad/s) where each piece starts.
+    span : (T,) array
+        Length of a piece, s.
+    index : (T, P) int array
+        Which piece each row of the record lies in.
+    since : (T, P) array
+        s from the start of its piece.
+    live : (T, J) bool array
+        Which pieces begin before the last row that takes part; the others are never joined.
+    """
+
+    states: FloatArray
+    span: FloatArray
+    index: NDArray[np.int64]
+    since: FloatArray
+    live: NDArray[np.bool_]
+
+    @property
+    def pieces(self) -> int:
+        """Pieces of a trial."""
+        return int(self.states.shape[1])
+
+
+@dataclass(frozen=True)
+class LinearisedArcs:
+    """A linearised system whose gaps are closed, and what closes them.
+
+    Attributes
+    ----------
+    system : Linearised
+        As for one arc: the residual is that of closed pieces, to first order.
+    residual : (T, P) array
+        Scaled residual of the pieces as they are.
+    gaps : (T, J, 2) array
+        End of each piece minus start of the next; the last one zero.
+    follow : (T, J, 2, 3 + n) array
+        How the pieces' states follow from first state, frequency and shared parameters.
+    close : (T, J, 2) array
+        What closes the gaps.
+    """
+
+    system: Linearised
+    residual: FloatArray
+    gaps: FloatArray
+    follow: FloatArray
+    close: FloatArray
+
+
+def arcs_of(forward: Forward, nuisance: FloatArray) -> Arcs:
+    """Cut the records into pieces; states come from the records, gaps in them are bridged.
+
+    Parameters
+    ----------
+    nuisance : (T, 4) array
+        Of which the frequency (logarithm of the ratio to the setup's) and the zero are used.
+    """
+    records = forward.records
+    count = max(1, forward.steps // PIECE_STEPS)
+    span = forward.swing_time / count
+    label = records.pendulum_time - records.pendulum_time[:, :1]
+    index = np.clip((label / span[:, None]).astype(np.int64), 0, count - 1)
+    states = np.zeros((records.trials, count, 2))
+    for trial in range(records.trials):
+        if not records.pendulum_used[trial].any():
+            continue
+        rate = forward.small_rate * math.exp(float(nuisance[trial, 2]))
+        starts = span[trial] * np.arange(count)
+        found = local_states(records, trial, starts, rate)
+        found[:, 0] -= nuisance[trial, 3]
+        states[trial] = _bridged(found, float(span[trial]), rate, nuisance[trial, :2])
+    last = np.where(records.pendulum_used, index, -1).max(axis=1)
+    live = np.arange(count) <= last[:, None]
+    return Arcs(states, span, index, label - index * span[:, None], live)
+
+
+def _bridged(states: FloatArray, span: float, rate: float, first: FloatArray) -> FloatArray:
+    """States where the record says nothing, swung on without losses from the piece before."""
+    states = states.copy()
+    if not np.isfinite(states[0]).all():
+        states[0] = first
+    for row in range(1, len(states)):
+        if np.isfinite(states[row]).all():
+            continue
+
+        def rates(_: FloatArray, state: FloatArray) -> FloatArray:
+            return np.stack([state[1], -(rate**2) * np.sin(state[0])])
+
+        states[row] = integrate(rates, states[row - 1], np.array(span), PIECE_STEPS).states[-1]
+    return states
+
+
+def _read(path: Trajectory, arcs: Arcs, clock: FloatArray) -> FloatArray:
+    """Angles (L, T, P) of all rows, each read in its own piece."""
+    lanes = path.states.shape[2]
+    trials, pieces = arcs.states.shape[:2]
+    step = arcs.span / (path.states.shape[0] - 1)
+    place = clock / step[:, None]
+    cell = np.clip(place.astype(np.int64), 0, path.states.shape[0] - 2)
+    u = place - cell
+    column = np.arange(trials)[:, None] * pieces + arcs.index
+    lane = np.arange(lanes)[:, None, None]
+    a, b = path.states[cell, 0, lane, column], path.states[cell + 1, 0, lane, column]
+    da = path.rates[cell, 0, lane, column] * step[:, None]
+    db = path.rates[cell + 1, 0, lane, column] * step[:, None]
+    u2, u3 = u * u, u * u * u
+    return np.asarray(
+        a * (2 * u3 - 3 * u2 + 1) + da * (u3 - 2 * u2 + u) + b * (3 * u2 - 2 * u3) + db * (u3 - u2)
+    )
+
+
+def _swung(
+    forward: Forward, models: Sequence[Model], arcs: Arcs, states: FloatArray, frequency: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Angles (L, T, P) of the rows, and states (L, T, J, 2) where the pieces end."""
+    lanes, (trials, pieces) = len(models), arcs.states.shape[:2]
+    terms = lane_terms(models)
+    start = np.moveaxis(states, -1, 0).reshape(2, lanes, trials * pieces)
+    stiffer = np.exp(2.0 * np.repeat(frequency, pieces, axis=-1))
+    order = np.repeat(forward.records.order, pieces)
+    rates = forward.swing_rates(terms, stiffer, order)
+    with np.errstate(over="ignore", invalid="ignore"):
+        path = integrate(rates, start, np.repeat(arcs.span, pieces), PIECE_STEPS)
+    label = forward.records.pendulum_time - forward.records.pendulum_time[:, :1]
+    clock = forward.true_time(terms, np.broadcast_to(label, (lanes, *label.shape)))
+    local = clock - (label - arcs.since)
+    seen = _read(path, arcs, local)
+    ends = np.moveaxis(path.states[-1].reshape(2, lanes, trials, pieces), 0, -1)
+    return seen, ends
+
+
+def linearise_arcs(
+    forward: Forward, model: Model, arcs: Arcs, nuisance: FloatArray, free: Sequence[Free]
+) -> LinearisedArcs:
+    """Residuals and derivatives of all pieces, with the gaps between them closed to first order."""
+    lanes = [model, model, model, model]
+    sizes = []
+    for item in free:
+        size, moved = moved_by_a_step(model, item)
+        sizes.append(size)
+        lanes.append(moved)
+    states = np.repeat(arcs.states[None], len(lanes), axis=0)
+    frequency = np.repeat(nuisance[None, :, 2], len(lanes), axis=0)
+    for column, size in enumerate(STATE_STEPS):
+        states[1 + column, ..., column] += size
+    frequency[3] += FREQUENCY_STEP
+    steps = np.array([*STATE_STEPS, FREQUENCY_STEP, *sizes])
+    seen, ends = _swung(forward, lanes, arcs, states, frequency)
+    # What ran off to infinity is as wrong as can be, and no number to step by.
+    seen, ends = (np.nan_to_num(np.clip(a, -FAR, FAR), nan=FAR) for a in (seen, ends))
+    slopes = np.moveaxis(seen[1:] - seen[:1], 0, -1) / steps
+    transfer = np.moveaxis(ends[1:] - ends[:1], 0, -1) / steps
+    gaps = np.zeros_like(arcs.states)
+    gaps[:, :-1] = np.where(arcs.live[:, 1:, None], ends[0, :, :-1] - arcs.states[:, 1:], 0.0)
+    follow, close = _followed(transfer, gaps)
+    return _joined(forward, arcs, nuisance, seen[0], slopes, (gaps, follow, close))
+
+
+def _followed(transfer: FloatArray, gaps: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """How states follow from the first one (T, J, 2, 3 + n), and what closes the gaps."""
+    trials, pieces, _, columns = transfer.shape
+    follow = np.zeros((trials, pieces, 2, columns))
+    close = np.zeros((trials, pieces, 2))
+    follow[:, 0, 0, 0] = follow[:, 0, 1, 1] = 1.0
+    for j in range(pieces - 1):
+        along = transfer[:, j, :, :2]
+        follow[:, j + 1] = along @ follow[:, j]
+        follow[:, j + 1, :, 2:] += transfer[:, j, :, 2:]
+        close[:, j + 1] = (along @ close[:, j, :, None])[..., 0] + gaps[:, j]
+    return follow, close
+
+
+def _joined(
+    forward: Forward,
+    arcs: Arcs,
+    nuisance: FloatArray,
+    seen: FloatArray,
+    slopes: FloatArray,
+    joints: tuple[FloatArray, FloatArray, FloatArray],
+) -> LinearisedArcs:
+    gaps, follow, close = joints
+    records = forward.records
+    ball = 3 * records.ball_time.shape[1]
+    weights = records.weights[:, ball:]
+    rows = np.arange(records.trials)[:, None]
+    here = slopes[..., None, :2]
+    columns = (here @ follow[rows, arcs.index])[..., 0, :]
+    columns[..., 2:] += slopes[..., 2:]
+    shift = (here @ close[rows, arcs.index][..., None])[..., 0, 0]
+    left = np.where(records.pendulum_used, records.pendulum_angle - seen - nuisance[:, 3:4], 0.0)
+    zero = np.ones((*left.shape, 1))
+    own = np.concatenate([columns[..., :3], zero], axis=-1) * weights[..., None]
+    shared = columns[..., 3:] * weights[..., None]
+    blank = np.zeros((records.trials, ball))
+    system = Linearised(
+        np.concatenate([blank, (left - shift) * weights], axis=1),
+        np.concatenate([np.zeros((*blank.shape, 4)), own], axis=1),
+        np.concatenate([np.zeros((*blank.shape, shared.shape[-1])), shared], axis=1),
+        np.zeros(4),
+        np.zeros(shared.shape[-1]),
+    )
+    return LinearisedArcs(system, left * weights, gaps, follow, close)
+
+
+def moved_arcs(
+    arcs: Arcs, found: LinearisedArcs, own: FloatArray, shared: FloatArray, share: float
+) -> Arcs:
+    """Pieces after a share of a step: own values (T, 4) and shared parameters (n,)."""
+    step = np.concatenate([own[:, :3], np.broadcast_to(shared, (len(own), shared.size))], axis=1)
+    states = (found.follow @ step[:, None, :, None])[..., 0] + found.close
+    return replace(arcs, states=arcs.states + share * states)
+
+
+def closed(forward: Forward, found: LinearisedArcs) -> bool:
+    """Whether the pieces make one arc: what would close them moves no row by `SHUT` sigma."""
+    weights = forward.records.weights[:, 3 * forward.records.ball_time.shape[1] :]
+    largest = weights.max(axis=1)
+    sigma = np.where(largest > 0.0, 1.0 / np.maximum(largest, 1e-12), np.inf)
+    return bool(np.all(np.abs(found.close[..., 0]) < SHUT * sigma[:, None]))
