@@ -155,6 +155,9 @@ class Defaults:
         "offset of a law of restitution", 0.0, 0.01, "1",
         "supposed: a law fitted at a handful of speeds; [scatter] of the setup replaces it",
     )  # fmt: skip
+    ANGLE_ZERO = Default(
+        "zero of an angle reading", 0.0, math.radians(1.0), "rad", "levelled by eye"
+    )
     LAUNCH_ANGLE_LAW = Default(
         "offset of a ball's launch angle", 0.0, math.radians(0.3), "rad", "as a bubble level"
     )

@@ -7,7 +7,7 @@ import numpy as np
 
 from mismatch.fitting.fit import Ending, Fit, fit_model
 from mismatch.fitting.form_evidence import EXACT, FormEvidence, form_evidence
-from mismatch.fitting.normal_equations import Free, free_parameters
+from mismatch.fitting.normal_equations import free_parameters
 from mismatch.fitting.scan import Scan
 from mismatch.model.candidates import Candidate, start_values
 from mismatch.model.forward import Forward

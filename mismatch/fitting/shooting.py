@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from mismatch.fitting.local_states import local_states
 from mismatch.fitting.normal_equations import Free, Linearised, moved_by_a_step
-from physics.integrator import Trajectory, integrate
 from mismatch.model.forward import Forward
 from mismatch.model.model import Model, lane_terms
 from physics.arrays import FloatArray
+from physics.integrator import Trajectory, integrate
 
 __all__ = [
     "PIECE_STEPS",

@@ -98,7 +98,7 @@ class Scatter:
     cor_law: float = Defaults.COR_LAW.std
     launch_angle_law: float = Defaults.LAUNCH_ANGLE_LAW.std
     natural_frequency: float = 0.02
-    angle_zero: float = math.radians(1.0)
+    angle_zero: float = Defaults.ANGLE_ZERO.std
 
 
 @dataclass(frozen=True)
