@@ -16,7 +16,9 @@ __all__ = ["BallScale", "CameraMapping", "MetricTracks", "PlaneMapping", "tracks
 
 FloatArray = NDArray[np.float64]
 
-_LEAST_LEAD_STD_PX = 0.25
+_LEAD_STD_PX = 0.14
+"""px: what the track of the mass adds between where its face is seen and where it touches; scatter
+of the lead that closes the gap at the true contact, over ray-traced clips of 208 to 640 px."""
 BEND_SHARE = 0.003
 CREEP_SHARE = 0.25
 
@@ -276,7 +278,7 @@ def _swing(pendulum: PendulumTrack | None, mapping: PlaneMapping, direction: flo
         if point_px is None:
             return 0.0, math.inf
         ahead = float((mapping.point(point_px) * flip - pivot) @ normal)
-        return ahead, max(std_px, _LEAST_LEAD_STD_PX) * scale
+        return ahead, math.hypot(std_px, _LEAD_STD_PX) * scale
 
     return _Swing(
         pivot,

@@ -20,7 +20,8 @@ SLANT_STD, _TELLING_SLANT = 0.03, 0.1
 NEAR_SHARE = 0.6
 """Of half the thickness of a mass that the plane in which it is followed is in front of its middle:
 most of what is seen of it are the edges of its near side."""
-STRUCK_OFF_CENTRE_M = 0.004
+STRUCK_OFF_CENTRE_M = 0.002
+"""m: how far off the middle of the face a ball is struck that was set up by eye and rule."""
 IMPACT_ANGLE_STD = np.radians(0.4)
 PIVOT_SHARE = 0.15
 """Of half the thickness of the mass: its sides turn to the camera as it swings, which moves the

@@ -35,14 +35,22 @@ FloatArray = NDArray[np.float64]
 
 # Inflated balls lie between a linear spring and Hertz's 3/2 (Cross, Am. J. Phys. 67, 222, 1999).
 EXPONENT, EXPONENT_STD = 1.3, 0.12
-# Share of the compression by which the middle of the visible outline lags the centre of mass.
-OUTLINE_LAG_STD = 0.08
+OUTLINE_AHEAD, OUTLINE_AHEAD_STD = 0.05, 0.06
+"""Share of the compression by which the middle of the fitted outline is ahead of the ball's centre.
+
+The outline's rear is pressed in by the whole compression, its front is not: a circle through all of
+it moves ahead by up to half, one that leaves the rear out by nothing; robust fits leave most of it
+out."""
 # How far balls' paths through the contact differ from such a law's, over the speed gained × Δt.
 SHAPE_STD = 0.003
 # What is tried: leads in standard uncertainties of what was known, exponents in the law's range.
 _LEADS = np.linspace(-3.0, 3.0, 19)
 _EXPONENTS = np.linspace(1.1, 1.5, 4)
 _SOFT_FROM = 2.0
+BOUND_SHARE = 0.05
+"""Share: how sharp the bound of contact times is; damping makes a contact some per cent longer."""
+CONTRADICTS = 9.0
+"""Twice the log-likelihood that is lost where the bound contradicts what is seen: 3 sigma."""
 # Between the COR of the speeds and that of a contact head-on.
 COR_STD = 0.05
 
@@ -69,6 +77,8 @@ class ImpactView:
         Pendulum's angle in the frames around contact.
     lead, lead_std : float
         How far the face leads the line from pivot to mass, as seen.
+    longest_s : float
+        The longest contact that such a ball can have (`physics.contact.hertz`), s.
     """
 
     before: SwingFit
@@ -86,6 +96,7 @@ class ImpactView:
     swing_std_rad: FloatArray
     lead: float
     lead_std: float
+    longest_s: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -142,7 +153,7 @@ def fit_contact(view: ImpactView, around_s: float) -> ContactFit:
     Raises
     ------
     NotFoundError
-        If face and ball never meet, or never part.
+        If face and ball never meet, or never part, or if no such ball stays in touch so long.
     """
     leads = view.lead + view.lead_std * _LEADS
     whitening = _Whitening(
@@ -160,12 +171,33 @@ def fit_contact(view: ImpactView, around_s: float) -> ContactFit:
     widened = max(1.0, float(np.mean(np.minimum(left**2, 9.0))))
     cost = np.array([np.inf if one is None else one.cost(widened) for one in tried])
     cost += _LEADS**2
+    beyond = _beyond(tried, view.longest_s)
+    if float((cost + beyond).min()) > float(cost.min()) + CONTRADICTS:
+        raise _too_long(likely, view)
+    cost += beyond
     share = np.exp(-0.5 * (cost - cost.min()))
     share /= share.sum()
     lead = float(share @ leads)
     std = float(np.sqrt(share @ (leads - lead) ** 2))
     found = _all_tried(view, whitening, np.array([lead]), around_s)[0] or likely
     return ContactFit(found.onset_s, found.release_s, lead, std, found.exponent, found.left)
+
+
+def _beyond(tried: "list[_Tried | None]", longest_s: float) -> FloatArray:
+    """Prior penalty of contacts that last longer than the ball can, for each lead."""
+    last = [0.0 if one is None else one.release_s - one.onset_s for one in tried]
+    over = np.maximum(np.array(last) / longest_s - 1.0, 0.0)
+    return np.asarray((over / BOUND_SHARE) ** 2)
+
+
+def _too_long(likely: "_Tried", view: ImpactView) -> NotFoundError:
+    lasts = 1e3 * (likely.release_s - likely.onset_s)
+    return NotFoundError(
+        f"the contact would last {lasts:.0f} ms, but a ball of this mass and size stays in touch "
+        f"for {1e3 * view.longest_s:.0f} ms at most: what was followed is not what struck it, or "
+        "the capture rate is wrong",
+        hint="Point at the mass with --mass-at X,Y, and check --fps and --ball.",
+    )
 
 
 @dataclass(frozen=True)
@@ -203,8 +235,9 @@ def _all_tried(
         return found
     ends = _Ends.of(view, onset[meet], release[meet])
     left, per_lag = _path_residuals(view, whitening, ends, _EXPONENTS)
-    lag = (per_lag * left).sum(axis=0) / ((per_lag**2).sum(axis=0) + OUTLINE_LAG_STD**-2)
-    priors = ((_EXPONENTS - EXPONENT) / EXPONENT_STD) ** 2 + (lag / OUTLINE_LAG_STD) ** 2
+    left = left - OUTLINE_AHEAD * per_lag
+    lag = (per_lag * left).sum(axis=0) / ((per_lag**2).sum(axis=0) + OUTLINE_AHEAD_STD**-2)
+    priors = ((_EXPONENTS - EXPONENT) / EXPONENT_STD) ** 2 + (lag / OUTLINE_AHEAD_STD) ** 2
     for place, index in enumerate(np.flatnonzero(meet)):
         alike = [
             _Tried(

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology import MeasurementError, NotFoundError
+from physics.contact.hertz import contact_time_bound
 from pipelines.measure.fits.contact_fit import ContactFit, ImpactView, face_speeds, fit_contact
 from pipelines.measure.fits.flight_fit import FlightFit, FlightPriors, fit_flight
 from pipelines.measure.fits.flight_span import LONGEST_CONTACT_S, flight_end
@@ -25,6 +26,8 @@ SWING_STRETCH_S = 0.08
 NEAR_BEFORE_S, NEAR_AFTER_S = 0.01, 0.005
 _ROUNDS = 3
 STRAY_RADII = 0.15
+USUAL_SPEED = 2.5
+"""m/s: a speed of approach; the longest contact does not depend on it."""
 LEAST_COR, MOST_COR = 0.1, 1.15
 """No passive contact returns more speed than it takes; the measurement may, by a little."""
 
@@ -309,4 +312,14 @@ def _view(
         swing_std_rad=tracks.swing_std_rad[swinging],
         lead=lead,
         lead_std=lead_std,
+        longest_s=_longest_contact(inputs),
     )
+
+
+def _longest_contact(inputs: Inputs) -> float:
+    """The longest that such a ball stays in touch, s; infinite where its mass is unknown."""
+    ball = inputs.ball
+    if ball is None or ball.mass is None:
+        return np.inf
+    face = inputs.pendulum.mass_at_contact
+    return contact_time_bound(ball.mass, ball.diameter, face, USUAL_SPEED).longest

@@ -7,6 +7,7 @@ import pytest
 
 from metrology import NotFoundError
 from pipelines.measure.derived import DERIVED, derived_values, random_covariance
+from pipelines.measure.fits.contact_fit import fit_contact
 from pipelines.measure.fits.flight_span import flight_end
 from pipelines.measure.fits.impact import departure, find_impact
 from pipelines.measure.inputs import gather_inputs
@@ -185,3 +186,20 @@ def test_a_mass_followed_by_its_near_side_gives_the_speeds_of_its_middle() -> No
     for name in ("pendulum_speed_before", "pendulum_speed_after", "cor_speeds"):
         assert found[name] == pytest.approx(true[name], rel=2e-3), name
     assert blind["pendulum_speed_before"] / true["pendulum_speed_before"] > 1.004
+
+
+def test_a_contact_that_no_such_ball_can_have_is_withheld_and_a_doubtful_one_drawn_in() -> None:
+    scene, shot = known_stroke("jokku", 60.0)
+    inputs = gather_inputs(Setup(), "jokku", None)
+    impact = find_impact(ideal_tracks(scene, shot, Noise()), inputs)
+    assert impact.view is not None
+    assert impact.contact is not None
+    lasts = impact.contact.release_s - impact.contact.onset_s
+    assert lasts < impact.view.longest_s < 2.0 * lasts
+    middle = 0.5 * (impact.contact.release_s + impact.contact.onset_s)
+    with pytest.raises(NotFoundError, match="stays in touch for"):
+        fit_contact(replace(impact.view, longest_s=0.5 * lasts), middle)
+    unsure = replace(impact.view, lead=impact.view.lead + 0.004, lead_std=0.004)
+    free = fit_contact(unsure, middle)
+    bound = fit_contact(replace(unsure, longest_s=0.97 * lasts), middle)
+    assert bound.release_s - bound.onset_s < free.release_s - free.onset_s
