@@ -15,6 +15,7 @@ from mismatch.fitting.spread import robust_spread
 from mismatch.model.baseline import Baseline
 from mismatch.model.candidates import Candidate, candidates_for, start_values, steps_of
 from mismatch.model.forward import OUTSIDE, Forward
+from mismatch.model.own_effects import refuse_unusable, within_patience
 from mismatch.records.campaign import Campaign
 from mismatch.records.odd_trials import without_odd_trials
 from mismatch.records.remainder import noise_notes, reduced_chi2, remainder_of
@@ -123,10 +124,17 @@ def explain_in_full(
 
 def _refuse_failing(prepared: Prepared, effect: Effect) -> None:
     """Try a user's effect by itself, so that its own error is told as its own."""
-    try:
+    refuse_unusable(effect)
+
+    def look() -> FloatArray:
         pool = candidates_for(prepared.forward, prepared.model, [effect], unnamed=False)
         scan(prepared.forward, prepared.fit, pool)
-        seen = _with_small_steps(prepared, pool)
+        return _with_small_steps(prepared, pool)
+
+    try:
+        seen = within_patience(effect, look)
+    except UsageError:
+        raise
     except Exception as problem:  # anything may be wrong in a file that a user wrote
         raise UsageError(
             f"the effect {effect.id!r} fails: {type(problem).__name__}: {problem}",

@@ -6,19 +6,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from metrology import UsageError
 from mismatch.model.forward import Forward
 from mismatch.model.model import Model
 from mismatch.search.unnamed import Bump, Magnet, unnamed_laws
-from physics.effects import Effect, Parameter
+from physics.effects import Coordinate, Effect, Extent, Parameter, Size
 
 __all__ = ["Candidate", "candidates_for", "start_values", "steps_of"]
 
-MOST_SHAPES = 64
+MOST_SHAPES = 200
+"""Start values of the shapes of one effect: each costs a trajectory of every trial."""
+
+BEFORE_CONTACT = -0.22
+"""s; how long before the touch a recording of a strike may have lost frames."""
 
 UNCATALOGUED = 6.0
 """Chi-square units for odds of one to twenty: most of what labs leave out has a name."""
-
-TORQUES = frozenset({"N m", "N m s", "N m s^2"})
 
 PAPER_TORQUE = 26.8
 """N m, m g d of the paper's pendulum, which the catalogue's scales of torques are made for."""
@@ -77,54 +80,49 @@ def start_values(candidate: Candidate, model: Model) -> dict[str, float]:
 
 
 def _adapted(effect: Effect, forward: Forward) -> Effect:
-    """Effect whose grids of places and times fit this campaign."""
-    return replace(effect, parameters=tuple(_adapted_grid(p, forward) for p in effect.parameters))
+    """Effect whose grids, scales and bounds fit this campaign, as it declares."""
+    return replace(effect, parameters=tuple(_fitted(p, forward) for p in effect.parameters))
 
 
-def _spread_grid(low: float, high: float, count: int) -> tuple[float, ...]:
-    return tuple(float(v) for v in np.linspace(low, high, count))
+def _fitted(p: Parameter, forward: Forward) -> Parameter:
+    begin, size = _extent(p.over, forward)
+    factor = _factor(p.in_units_of, forward)
+    if p.over is not Extent.FIXED:
+        grid = tuple(begin + share * size for share in p.grid)
+        # A length or a duration is bounded in shares of its size, a place or an instant is not.
+        lower = p.lower * size if p.lower > 0.0 else p.lower
+        p = replace(p, grid=grid, scale=p.scale * size, lower=lower)
+    return replace(
+        p, scale=p.scale * factor, lower=p.lower * factor, upper=p.upper * factor,
+        width=p.width * _factor(p.width_in, forward),
+    )  # fmt: skip
 
 
-def _adapted_grid(p: Parameter, forward: Forward) -> Parameter:
-    records = forward.records
-    span = float(np.median(forward.flight_time))
-    x0, _, half = forward.centre
-    if p.name == "instant":
-        first, last = -0.22, float(forward.flight_time.max())
-        if forward.mode != "impact":
-            first = 0.0
-        grid = _spread_grid(first, last, 36)
-        return replace(p, grid=grid, scale=(last - first) / 36)
-    if p.name == "middle":
-        grid = _spread_grid(0.06 * span, 1.1 * span, 11)
-        return replace(p, grid=grid, scale=0.1 * span)
-    if p.name == "duration":
-        return replace(p, grid=(0.12 * span, 0.3 * span), scale=0.1 * span, lower=0.02 * span)
-    if p.name in ("place_x", "place") and p.unit == "m":
-        return replace(p, grid=_spread_grid(x0 - 0.9 * half, x0 + 0.9 * half, 8), scale=0.12 * half)
-    if p.name == "place_y":
-        used = records.ball_used[..., 1]
-        ys = records.position[..., 1][used]
-        low, high = (float(ys.min()), float(ys.max())) if ys.size else (0.0, 1.0)
-        return replace(
-            p, grid=_spread_grid(low - 0.1 * half, high + 0.1 * half, 4), scale=0.1 * half
-        )
-    if p.name == "reach" and p.unit == "m":
-        return replace(p, grid=(0.07 * half, 0.2 * half), scale=0.07 * half, lower=0.01 * half)
-    if p.unit in TORQUES and forward.baseline.pendulum is not None:
-        body = forward.baseline.pendulum
-        size = body.mass * forward.baseline.gravity * body.com / PAPER_TORQUE
-        width = p.width
-        if p.name == "drag_torque":
-            # A board half as wide as the pendulum is long, and a drag coefficient near one.
-            width = 0.1 * forward.baseline.air_density * body.length**5
-        return replace(
-            p, scale=p.scale * size, lower=p.lower * size, upper=p.upper * size, width=width
-        )
-    if p.name == "strength" and p.unit == "N":
-        weight = float(np.median(records.mass)) * forward.baseline.gravity
-        return replace(p, scale=0.02 * weight, lower=-300.0 * weight, upper=300.0 * weight)
-    return p
+def _extent(over: Extent, forward: Forward) -> tuple[float, float]:
+    """Where an extent begins in a campaign, and its size."""
+    if over is Extent.RECORD_TIME:
+        begin = BEFORE_CONTACT if forward.mode == "impact" else 0.0
+        return begin, float(forward.flight_time.max()) - begin
+    if over is Extent.FLIGHT_TIME:
+        return 0.0, float(np.median(forward.flight_time))
+    middle, _, half = forward.centre
+    if over is Extent.WAY:
+        return middle - half, 2.0 * half
+    if over is Extent.HEIGHT:
+        low, high = forward.flight_span(Coordinate.HEIGHT)
+        return low, max(high - low, 1e-3)
+    return 0.0, 2.0 * half if over is Extent.LENGTH_OF_WAY else 1.0
+
+
+def _factor(size: Size, forward: Forward) -> float:
+    baseline, body = forward.baseline, forward.baseline.pendulum
+    if size is Size.BALL_WEIGHT:
+        return float(np.median(forward.records.mass)) * baseline.gravity
+    if body is None or size is Size.ONE:
+        return 1.0
+    if size is Size.BOARD:
+        return baseline.air_density * body.length**5
+    return body.mass * baseline.gravity * body.com / PAPER_TORQUE
 
 
 def _admissible(effect: Effect, forward: Forward, model: Model) -> bool:
@@ -158,7 +156,13 @@ def candidates_for(
             continue
         fitted = _adapted(effect, forward)
         shapes = fitted.shapes
-        combinations = list(itertools.product(*(p.grid for p in shapes)))[:MOST_SHAPES]
+        combinations = list(itertools.product(*(p.grid for p in shapes)))
+        if len(combinations) > MOST_SHAPES:
+            raise UsageError(
+                f"the effect {effect.id!r} asks for {len(combinations)} combinations of"
+                f" {', '.join(p.name for p in shapes)}; at most {MOST_SHAPES} are tried",
+                hint="Give the grids of its shapes fewer values.",
+            )
         for combination in combinations:
             shape = tuple((p.name, v) for p, v in zip(shapes, combination, strict=True))
             found.append(Candidate(fitted, shape, len(combinations)))

@@ -13,10 +13,12 @@ from physics.effects import (
     Contact,
     Coordinate,
     Effect,
+    Extent,
     FlightState,
     Outcome,
     Parameter,
     Phase,
+    Size,
     SwingState,
     Values,
 )
@@ -35,7 +37,6 @@ __all__ = [
 ]
 
 SOURCE = "fitted to this campaign"
-FORCE = 0.05
 
 
 def _along(direction: str, strength: FloatArray, flight: FlightState) -> Vector:
@@ -52,8 +53,16 @@ def _along(direction: str, strength: FloatArray, flight: FlightState) -> Vector:
     return -k * flight.vy, k * flight.vx, 0.0 * k * flight.vz
 
 
-def _strength(name: str = "strength", unit: str = "N", scale: float = FORCE) -> Parameter:
-    return Parameter(name, unit, scale, -1e3 * scale, 1e3 * scale, meaning="size of the force")
+def _strength(scale: float = 0.02) -> Parameter:
+    """A force, its scale and bounds in weights of the ball."""
+    return Parameter(
+        "strength", "N", scale, -300.0, 300.0, meaning="size of the force",
+        in_units_of=Size.BALL_WEIGHT,
+    )  # fmt: skip
+
+
+def _shares(low: float, high: float, count: int) -> tuple[float, ...]:
+    return tuple(float(v) for v in np.linspace(low, high, count))
 
 
 @dataclass(frozen=True)
@@ -66,7 +75,7 @@ class SpeedPower(Effect):
     source: str = SOURCE
     phase: Phase = "flight"
     parameters: tuple[Parameter, ...] = (
-        _strength(scale=0.005),
+        _strength(),
         Parameter("power", "1", 0.7, -1.0, 6.0, grid=(0.0, 0.5, 1.0, 1.3, 1.6, 3.0, 4.0)),
     )
     form: str = "along_velocity"
@@ -92,10 +101,11 @@ class Gust(Effect):
     parameters: tuple[Parameter, ...] = (
         _strength(),
         Parameter(
-            "middle", "s", 0.03, -0.5, 60.0,
-            grid=(0.03, 0.06, 0.09, 0.12, 0.15, 0.18, 0.21, 0.25, 0.3, 0.35),
+            "middle", "s", 0.1, -0.5, 1e4, grid=_shares(0.06, 1.1, 11), over=Extent.FLIGHT_TIME
         ),
-        Parameter("duration", "s", 0.03, 0.004, 20.0, grid=(0.03, 0.07, 0.12)),
+        Parameter(
+            "duration", "s", 0.1, 0.02, 1e4, grid=(0.12, 0.3), over=Extent.FLIGHT_TIME
+        ),
     )  # fmt: skip
     form: str = "horizontal"
     separating: str = "the same shot at another time of day, fans and doors shut"
@@ -121,7 +131,7 @@ class NearFloor(Effect):
     source: str = SOURCE
     phase: Phase = "flight"
     parameters: tuple[Parameter, ...] = (
-        _strength(scale=0.2),
+        _strength(),
         Parameter("decay_length", "m", 0.05, 0.005, 5.0, grid=(0.03, 0.06, 0.1, 0.2)),
     )
     form: str = "vertical"
@@ -149,10 +159,10 @@ class Magnet(Effect):
     source: str = SOURCE
     phase: Phase = "flight"
     parameters: tuple[Parameter, ...] = (
-        _strength(scale=0.2),
-        Parameter("place_x", "m", 0.1, -1e3, 1e3, grid=(0.15, 0.3, 0.5, 0.75, 1.0, 1.4, 1.9, 2.4)),
-        Parameter("place_y", "m", 0.1, -1e3, 1e3, grid=(0.1, 0.25, 0.4, 0.55)),
-        Parameter("reach", "m", 0.05, 0.01, 5.0, grid=(0.06, 0.15)),
+        _strength(),
+        Parameter("place_x", "m", 0.06, -1e4, 1e4, grid=_shares(0.05, 0.95, 8), over=Extent.WAY),
+        Parameter("place_y", "m", 0.1, -1e4, 1e4, grid=_shares(-0.1, 1.1, 4), over=Extent.HEIGHT),
+        Parameter("reach", "m", 0.035, 0.005, 1e3, grid=(0.035, 0.1), over=Extent.LENGTH_OF_WAY),
     )
     form: str = "towards a point"
     separating: str = "the same shot with the apparatus moved by half a metre"
@@ -178,9 +188,9 @@ class Bump(Effect):
     source: str = SOURCE
     phase: Phase = "flight"
     parameters: tuple[Parameter, ...] = (
-        _strength(scale=0.2),
-        Parameter("place", "m", 0.1, -1e4, 1e4, grid=(0.15, 0.3, 0.5, 0.75, 1.0, 1.4, 1.9, 2.4)),
-        Parameter("reach", "m", 0.05, 0.01, 1e3, grid=(0.08, 0.2)),
+        _strength(),
+        Parameter("place", "m", 0.06, -1e4, 1e4, grid=_shares(0.05, 0.95, 8), over=Extent.WAY),
+        Parameter("reach", "m", 0.035, 0.005, 1e3, grid=(0.035, 0.1), over=Extent.LENGTH_OF_WAY),
     )
     form: str = "horizontal"
     separating: str = "the same shot with the apparatus moved by half a metre"
@@ -218,7 +228,10 @@ class Notch(Effect):
     source: str = SOURCE
     phase: Phase = "swing"
     parameters: tuple[Parameter, ...] = (
-        _strength(unit="N m", scale=0.3),
+        Parameter(
+            "strength", "N m", 0.3, -300.0, 300.0, meaning="size of the torque",
+            in_units_of=Size.PENDULUM_TORQUE,
+        ),
         Parameter(
             "place", "rad", 0.1, -3.2, 3.2,
             grid=(-1.6, -1.2, -0.9, -0.7, -0.5, -0.35, -0.2, -0.1, 0.0, 0.1, 0.25, 0.4, 0.6),

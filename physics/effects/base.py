@@ -25,16 +25,18 @@ from typing import ClassVar, Literal, TypeAlias
 import numpy as np
 
 from physics.arrays import FloatArray, Number, Vector
-from physics.effects.parameter import Parameter
+from physics.effects.parameter import Extent, Parameter, Size
 
 __all__ = [
     "Contact",
     "Coordinate",
     "Effect",
+    "Extent",
     "FlightState",
     "Outcome",
     "Parameter",
     "Phase",
+    "Size",
     "SwingState",
     "Values",
     "View",

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from physics.arrays import FloatArray, Number, Vector
-from physics.effects.base import Coordinate, Effect, Parameter, Phase, Values, View
+from physics.effects.base import Coordinate, Effect, Extent, Parameter, Phase, Values, View
 
 __all__ = [
     "OTHER_ROWS",
@@ -315,11 +315,12 @@ class DroppedFrames(Effect):
         Parameter(
             "instant",
             "s",
-            0.1,
-            -1.0,
-            5.0,
-            grid=(-0.15, -0.1, -0.05, -0.01, 0.02, 0.05, 0.08, 0.11, 0.14, 0.17, 0.2, 0.25, 0.3),
+            1.0 / 36.0,
+            -1e4,
+            1e4,
+            grid=tuple(float(v) for v in np.linspace(0, 1, 36)),
             meaning="after contact onset, on the recording's clock",
+            over=Extent.RECORD_TIME,
         ),
     )
     confusable: tuple[str, ...] = ("time_base", "contact_displacement", "drag")

@@ -1,8 +1,9 @@
 """A number that a law leaves open, and what is known of it beforehand."""
 
 from dataclasses import dataclass
+from enum import Enum
 
-__all__ = ["Parameter"]
+__all__ = ["Extent", "Parameter", "Size"]
 
 OUTLIER_COST = 12.0
 """Chi-square units for a value from the list of outliers: odds of one to four hundred."""
@@ -14,6 +15,30 @@ odds of one in 5e8, below those of `OUTLIER_COST`."""
 OUTLIER_WIDTH = 0.005
 """Relative width of such a value: a wrong frame rate or ruler is wrong by a round factor, read as
 well as a nominal rate is kept, half a per cent."""
+
+
+class Extent(Enum):
+    """What a campaign stretches a shape's grid, scale and lower bound over.
+
+    They are then given in shares of it: 0 where it begins, 1 where it ends; of a length or a
+    duration, in shares of its size.
+    """
+
+    FIXED = "fixed"
+    RECORD_TIME = "record time"
+    FLIGHT_TIME = "flight time"
+    WAY = "way"
+    HEIGHT = "height"
+    LENGTH_OF_WAY = "length of the way"
+
+
+class Size(Enum):
+    """What the bodies of a campaign multiply a parameter's scale and bounds, or its width, by."""
+
+    ONE = "1"
+    BALL_WEIGHT = "m g of the ball"
+    PENDULUM_TORQUE = "m g d of the pendulum, over that of the paper's"
+    BOARD = "air density times the fifth power of the pendulum's length"
 
 
 @dataclass(frozen=True)
@@ -44,6 +69,12 @@ class Parameter:
         What nature is known to give it, with that width; the neutral value if not given.
     outliers : tuple of float
         Values that do happen, far beyond the width (a clip played back at half its rate).
+    over : Extent
+        What the grid is stretched over; as it stands by default.
+    in_units_of : Size
+        What scale and bounds are multiplied by; nothing by default.
+    width_in : Size
+        Likewise for the width.
     """
 
     name: str
@@ -57,6 +88,9 @@ class Parameter:
     width: float = float("inf")
     expected: float | None = None
     outliers: tuple[float, ...] = ()
+    over: Extent = Extent.FIXED
+    in_units_of: Size = Size.ONE
+    width_in: Size = Size.ONE
 
     @property
     def is_shape(self) -> bool:

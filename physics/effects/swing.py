@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from physics.arrays import Number
-from physics.effects.base import Coordinate, Effect, Parameter, Phase, SwingState, Values
+from physics.effects.base import Coordinate, Effect, Parameter, Phase, Size, SwingState, Values
 
 __all__ = ["BackswingOffset", "BearingFriction", "PendulumDrag", "ViscousDamping"]
 
@@ -23,7 +23,15 @@ class BearingFriction(Effect):
     source: str = "Coulomb 1785; for pendulums Squire, Am. J. Phys. 54, 984 (1986)"
     phase: Phase = "swing"
     parameters: tuple[Parameter, ...] = (
-        Parameter("dry_torque", "N m", 0.1, 0.0, 5.0, meaning="torque of the dry bearing"),
+        Parameter(
+            "dry_torque",
+            "N m",
+            0.1,
+            0.0,
+            5.0,
+            meaning="torque of the dry bearing",
+            in_units_of=Size.PENDULUM_TORQUE,
+        ),
     )
     confusable: tuple[str, ...] = ("viscous_damping", "pendulum_drag", "backswing_offset")
     separating: str = "a free swing over many periods: amplitude falls linearly under dry friction"
@@ -45,7 +53,15 @@ class ViscousDamping(Effect):
     source: str = "Stokes 1851"
     phase: Phase = "swing"
     parameters: tuple[Parameter, ...] = (
-        Parameter("viscous_coefficient", "N m s", 0.03, 0.0, 3.0, meaning="torque per rate"),
+        Parameter(
+            "viscous_coefficient",
+            "N m s",
+            0.03,
+            0.0,
+            3.0,
+            meaning="torque per rate",
+            in_units_of=Size.PENDULUM_TORQUE,
+        ),
     )
     confusable: tuple[str, ...] = ("bearing_friction", "pendulum_drag")
     separating: str = "a free swing over many periods: amplitude falls exponentially"
@@ -67,7 +83,18 @@ class PendulumDrag(Effect):
     source: str = "Squire, Am. J. Phys. 54, 984 (1986)"
     phase: Phase = "swing"
     parameters: tuple[Parameter, ...] = (
-        Parameter("drag_torque", "N m s^2", 0.005, 0.0, 0.5, meaning="torque per rate squared"),
+        # A board half as wide as the pendulum is long, and a drag coefficient near one.
+        Parameter(
+            "drag_torque",
+            "N m s^2",
+            0.005,
+            0.0,
+            0.5,
+            meaning="torque per rate squared",
+            in_units_of=Size.PENDULUM_TORQUE,
+            width=0.1,
+            width_in=Size.BOARD,
+        ),
     )
     confusable: tuple[str, ...] = ("bearing_friction", "viscous_damping")
     separating: str = "a free swing over many periods from a large angle"

@@ -3,7 +3,7 @@
 import importlib.util
 import itertools
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -326,6 +326,20 @@ def _contact_table(ball: BallSetup, setup: Setup) -> ContactTable | None:
     return ContactTable(TABLE_SPEEDS, np.column_stack([np.asarray(c) for c in columns]))
 
 
+def _refuse_strangers(path: Path, listed: Sequence[object]) -> None:
+    for item in listed:
+        if isinstance(item, type) and issubclass(item, Effect):
+            raise UsageError(
+                f"EFFECTS in {path} holds the class {item.__name__}",
+                hint=f"List an instance of it: {item.__name__}(...).",
+            )
+        if not isinstance(item, Effect):
+            raise UsageError(
+                f"EFFECTS in {path} holds {item!r}, which is no effect",
+                hint="Subclass physics.effects.Effect and list instances.",
+            )
+
+
 def load_effects(path: Path) -> tuple[Effect, ...]:
     """Effects from a user's Python file: the instances in its list ``EFFECTS``, or every one.
 
@@ -345,7 +359,16 @@ def load_effects(path: Path) -> tuple[Effect, ...]:
     except Exception as problem:  # a user's file may raise anything; none of it is our bug
         raise UsageError(f"{path} stops with {type(problem).__name__}: {problem}") from problem
     listed = getattr(module, "EFFECTS", None)
-    found = list(listed) if listed is not None else list(vars(module).values())
+    if listed is None:
+        found = list(vars(module).values())
+    elif isinstance(listed, list | tuple):
+        found = list(listed)
+        _refuse_strangers(path, found)
+    else:
+        raise UsageError(
+            f"EFFECTS in {path} is no list but {listed!r}",
+            hint="Write EFFECTS = [MyEffect(...)], a list of instances.",
+        )
     effects = tuple(item for item in found if isinstance(item, Effect))
     if not effects:
         raise UsageError(

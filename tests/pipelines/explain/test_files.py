@@ -166,3 +166,18 @@ def test_a_ball_table_without_numbers_is_no_free_swing(thrown, tmp_path):
     ball.write_text("trial,t_s,x_m,y_m\n" + "".join(f"0,{k / 600},,\n" for k in range(40)))
     with pytest.raises(TooLittleDataError, match="no row"):
         explain_files(ball, pendulum, setup)
+
+
+@pytest.mark.parametrize(
+    ("written", "said"),
+    [
+        ("EFFECTS = 3", "is no list"),
+        ("EFFECTS = [3]", "is no effect"),
+        ("from physics.effects import Effect\nEFFECTS = [Effect]", "holds the class Effect"),
+    ],
+)
+def test_a_list_of_effects_that_is_none_is_told(tmp_path, written, said):
+    own = tmp_path / "own.py"
+    own.write_text(written + "\n")
+    with pytest.raises(UsageError, match=said):
+        load_effects(own)
