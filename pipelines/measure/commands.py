@@ -1,5 +1,6 @@
 """The commands that measure clips: demo, measure, contact-time, launch, landing, cor."""
 
+import os
 import sys
 from collections.abc import Sequence
 from importlib.resources import files
@@ -17,6 +18,7 @@ from metrology import (
 )
 from metrology.formatting import format_quantity
 from pipelines.api.asked import measure_options
+from pipelines.batch.folder import Folder, Job, files_of, measure_all
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measure.files.output import measurement_as_json, measurements_as_csv, results_table
 from pipelines.measure.files.wanted import Wanted
@@ -59,6 +61,13 @@ ReportOption = Annotated[
     Path | None,
     typer.Option("--report", help="Write a one-page HTML report; prints the budgets, too."),
 ]
+OutOption = Annotated[
+    Path | None,
+    typer.Option("--out", metavar="DIR", help="Several clips: a folder for results.csv and files."),
+]
+JobsOption = Annotated[
+    int | None, typer.Option("-j", min=1, help="With --out: processes; default one a core.")
+]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No table, no warnings.")]
 
 CONTACT = ("contact_frames", "contact_time", "contact_start", "contact_end")
@@ -87,19 +96,31 @@ def measure_command(
     overlay: OverlayOption = None,
     plot: PlotOption = None,
     report: ReportOption = None,
+    out: OutOption = None,
+    jobs: JobsOption = None,
     quiet: QuietOption = False,
 ) -> None:
     """Measure contact, launch, landing and COR in one pass over each clip.
 
     Example: vision measure clip.mp4 --ball jokku --fps 600 --report clip.html
+
+    Many clips: vision measure clips/*.mp4 --setup lab.toml --out results -j 2 --report report.html
+    writes results/CLIP.json and results/CLIP.report.html for each, and results/results.csv.
     """
     wanted = Wanted(csv, json, tracks, overlay, plot, report, quiet)
     wanted.require_writable((*clips, setup))
     options = measure_options(setup, fps, ball, wall_grid, ball_at, mass_at)
+    if out is not None:
+        said = [str(word) for word in (fps, ball, wall_grid, ball_at, mass_at, *_asked(wanted))]
+        said.append("" if setup is None else setup.read_text(encoding="utf-8"))
+        _into_folder(clips, options, wanted, Folder(out), said, jobs or os.cpu_count() or 1)
+        return
+    if jobs is not None:
+        raise UsageError("-j measures several clips at once into a folder", hint="Add --out DIR.")
     if len(clips) > 1 and (tracks or overlay or plot or report or json):
         raise UsageError(
             "--tracks, --overlay, --plot, --report and --json take one clip at a time",
-            hint="Several clips go into one --csv.",
+            hint="Several clips go into one --csv, or with all their files into --out DIR.",
         )
     _several(clips, options, wanted, tuple(QUANTITY_UNITS))
 
@@ -187,6 +208,53 @@ def demo_command(
     options = MeasureOptions(setup=load_setup(clip.with_suffix(".toml")))
     _one(clip, options, wanted, tuple(QUANTITY_UNITS), budgets=False)
     screen().print(f"report, overlay, plots and CSV are in {out}/")
+
+
+def _asked(wanted: Wanted) -> list[str]:
+    files = (wanted.tracks, wanted.overlay, wanted.plot, wanted.report)
+    return ["" if path is None else path.name for path in files]
+
+
+def _into_folder(
+    clips: Sequence[Path],
+    options: MeasureOptions,
+    wanted: Wanted,
+    folder: Folder,
+    said: Sequence[str],
+    workers: int,
+) -> None:
+    """Measure clips in processes; what is done stays done, whatever happens to the rest."""
+    if wanted.json == "-" or wanted.csv is not None:
+        raise UsageError(
+            "--out writes its own results.csv and a JSON of each clip",
+            hint="Leave --csv and --json away.",
+        )
+    clips = list(dict.fromkeys(clips))
+    placed = files_of(folder.out, clips, wanted)
+    for clip in clips:
+        placed[clip].require_writable((clip, options.setup.path))
+    names = tuple(QUANTITY_UNITS)
+    todo = [Job(clip, options, placed[clip], names) for clip in clips]
+    errors = screen(errors=True)
+    failures: list[ImpactVisionError] = []
+    count = 0
+    try:
+        for count, done in enumerate(measure_all(todo, folder, said, workers), start=1):
+            if done.problem is not None:
+                failures.append(done.problem)
+            if done.problem is not None or not wanted.quiet:
+                errors.print(f"{count}/{len(clips)} {done.clip.name}: {done.told}", soft_wrap=True)
+    except KeyboardInterrupt:
+        errors.print(
+            f"stopped: {count} of {len(clips)} clips are done, and in {folder.table}."
+            " The same command again goes on with the rest.",
+            soft_wrap=True,
+        )
+        raise
+    if not wanted.quiet:
+        screen().print(f"{len(clips) - len(failures)} of {len(clips)} clips are in {folder.table}")
+    if failures:
+        raise type(failures[0])(f"{len(failures)} of {len(clips)} clips could not be measured")
 
 
 def _several(

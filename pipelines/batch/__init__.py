@@ -1,0 +1,1 @@
+"""Many clips at once: processes that outlive crashes, and a folder of results that grows."""
