@@ -103,7 +103,7 @@ class Fit:
         """Value and standard uncertainty of a free parameter."""
         item = self.free[index]
         value = self.model.entries[item.entry][1][item.parameter.name]
-        known = 0.0 if item.parameter.expected is None else item.parameter.width
+        known = item.parameter.width if item.parameter.is_known else 0.0
         return float(value), max(float(np.sqrt(max(self.covariance[index, index], 0.0))), known)
 
     @property
@@ -325,6 +325,8 @@ def _anchor(item: Free, model: Model) -> float:
 
 def _hold(p: Parameter, excess: float, shape_priors: bool) -> float:
     """Inverse variance that holds a parameter, as much too sure of itself as the misfit is."""
+    if p.is_held:
+        return 1.0 / p.width**2
     if p.expected is not None:
         return excess / p.width**2
     return p.scale**-2 if p.is_shape and shape_priors else 0.0

@@ -8,7 +8,7 @@ import numpy as np
 from mismatch.fitting.fit import Ending, Fit, fit_model
 from mismatch.fitting.form_evidence import EXACT, FormEvidence, form_evidence
 from mismatch.fitting.normal_equations import free_parameters
-from mismatch.fitting.scan import Scan
+from mismatch.fitting.scan import Scan, price
 from mismatch.model.candidates import Candidate, start_values
 from mismatch.model.forward import Forward
 from mismatch.model.model import Model
@@ -125,7 +125,7 @@ class Hypothesis:
 
 def is_known(effect: Effect) -> bool:
     """Whether nature is known to give the effect its size, so that it has no freedom."""
-    return bool(effect.strengths) and all(p.expected is not None for p in effect.strengths)
+    return bool(effect.strengths) and all(p.is_known for p in effect.strengths)
 
 
 def told_apart(best: Hypothesis, other: Hypothesis) -> bool:
@@ -185,7 +185,7 @@ def fit_hypothesis(
     for member, values in zip(members, strengths, strict=True):
         start_at = start_values(member, base.model)
         for p, value in zip(member.effect.strengths, values, strict=True):
-            known = value if p.expected is None else p.expected
+            known = value if p.expected is None or p.is_held else p.expected
             start_at[p.name] = float(np.clip(known, p.lower, p.upper))
         model = model.having(member.effect, start_at)
     model = model.order()
@@ -197,7 +197,19 @@ def fit_hypothesis(
     # In free swings the catalogue's laws are each other's errors of form: zeroth, first and second
     # power of the rate. Loose ones would pass for any sum of them.
     form = EXACT if forward.mode == "swing" else form_evidence(forward, fit, added)
-    return Hypothesis(tuple(members), fit, base.objective - fit.objective, form)
+    gain = base.objective - fit.objective - _price_of_weights(fit)
+    return Hypothesis(tuple(members), fit, gain, form)
+
+
+def _price_of_weights(fit: Fit) -> float:
+    """What the evidence asks for weights that a prior holds: ln det of prior over posterior."""
+    held = [k for k, item in enumerate(fit.free) if item.parameter.is_held]
+    if not held:
+        return 0.0
+    part = fit.covariance[np.ix_(held, held)]
+    widths = np.array([fit.free[k].parameter.width for k in held])
+    sign, size = np.linalg.slogdet(part / np.outer(widths, widths))
+    return float(max(-size, 0.0)) if sign > 0 else np.inf
 
 
 def null_threshold(scan: Scan, false_alarms: float = FALSE_ALARMS, seed: int = 20240229) -> float:
@@ -217,9 +229,10 @@ def null_threshold(scan: Scan, false_alarms: float = FALSE_ALARMS, seed: int = 2
     for index, candidate in enumerate(scan.candidates):
         which = np.array(scan.columns[index])
         block = scan.information[np.ix_(which, which)]
-        inverse = np.linalg.pinv(block, rcond=1e-9, hermitian=True)
+        held = scan.prior[which]
+        inverse = np.linalg.pinv(block + np.diag(held), rcond=1e-9, hermitian=True)
         part = draws[:, which]
-        gain = np.einsum("di,ij,dj->d", part, inverse, part)
+        gain = np.einsum("di,ij,dj->d", part, inverse, part) - price(block, held)
         one_sided = [p.lower == p.neutral for p in candidate.effect.strengths]
         if len(which) == 1 and one_sided[0] and scan.start[which[0]] == 0.0:
             gain = np.where(part[:, 0] > 0.0, gain, -np.inf)

@@ -5,7 +5,8 @@ change (trial-to-trial values, the laws' offsets, parameters already in the mode
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -16,9 +17,12 @@ from mismatch.model.forward import Forward
 from mismatch.model.model import Model
 from physics.arrays import FloatArray
 
-__all__ = ["Scan", "scan"]
+__all__ = ["Scan", "price", "scan"]
 
 LANES_AT_ONCE = 48
+
+WIDTHS = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
+"""Widths of the priors of curves that are looked at, in units of the declared one."""
 
 
 @dataclass(frozen=True)
@@ -45,15 +49,41 @@ class Scan:
     score: FloatArray
     start: FloatArray
 
+    @cached_property
+    def prior(self) -> FloatArray:
+        """(n,) inverse variances of weights that a prior holds near nothing; 0 for the others."""
+        held = [p for one in self.candidates for p in one.effect.strengths]
+        return np.array([1.0 / p.width**2 if p.is_held else 0.0 for p in held])
+
+    def with_likely_widths(self) -> "Scan":
+        """The scan with each curve's prior as wide as gives the highest evidence."""
+        chosen = []
+        for candidate, columns in zip(self.candidates, self.columns, strict=True):
+            strengths = candidate.effect.strengths
+            if not strengths or not all(p.is_held for p in strengths):
+                chosen.append(candidate)
+                continue
+            which = np.array(columns)
+            block, score = self.information[np.ix_(which, which)], self.score[which]
+            held = self.prior[which]
+            factor = max(WIDTHS, key=lambda k: _evidence(block, score, held / k**2))
+            wider = tuple(
+                replace(p, width=factor * p.width) if p.is_held else p
+                for p in candidate.effect.parameters
+            )
+            chosen.append(replace(candidate, effect=replace(candidate.effect, parameters=wider)))
+        return replace(self, candidates=tuple(chosen))
+
     def gain(self, *indices: int, score: FloatArray | None = None) -> tuple[float, FloatArray]:
         """Chi-square that the candidates together would take away, and their strengths."""
         which = np.array([c for i in indices for c in self.columns[i]])
         s = (self.score if score is None else score)[which]
-        g = self.information[np.ix_(which, which)]
+        block, held = self.information[np.ix_(which, which)], self.prior[which]
+        g = block + np.diag(held)
         scale = 1.0 / np.sqrt(np.maximum(np.diag(g), 1e-300))
         scaled = g * scale[:, None] * scale[None, :] + 1e-6 * np.eye(len(which))
         estimate = np.linalg.solve(scaled, s * scale) * scale
-        return float(estimate @ s), estimate + self.start[which]
+        return float(estimate @ s) - price(block, held), estimate + self.start[which]
 
     def allowed(self, index: int, values: FloatArray, slack: float = 2.0) -> bool:
         """Whether strengths lie within what nature allows, give or take `slack` sigma."""
@@ -72,6 +102,26 @@ class Scan:
             if self.allowed(index, values):
                 result[index] = gain
         return result
+
+
+def price(block: FloatArray, held: FloatArray) -> float:
+    """What the evidence asks for weights held by a prior, chi-square units; 0 for free strengths.
+
+    Parameters
+    ----------
+    block : (n, n) array
+        Information on the weights.
+    held : (n,) array
+        Inverse prior variances.
+    """
+    if not held.size or not held.all():
+        return 0.0
+    root = np.sqrt(held)
+    return float(np.linalg.slogdet(np.eye(held.size) + block / np.outer(root, root))[1])
+
+
+def _evidence(block: FloatArray, score: FloatArray, held: FloatArray) -> float:
+    return float(score @ np.linalg.solve(block + np.diag(held), score)) - price(block, held)
 
 
 def scan(forward: Forward, fit: Fit, candidates: Sequence[Candidate]) -> Scan:

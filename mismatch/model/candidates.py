@@ -9,6 +9,7 @@ import numpy as np
 from metrology import UsageError
 from mismatch.model.forward import Forward
 from mismatch.model.model import Model
+from mismatch.search.field import smooth_fields
 from mismatch.search.unnamed import Bump, Magnet, unnamed_laws
 from physics.effects import Coordinate, Effect, Extent, Parameter, Size
 
@@ -61,7 +62,7 @@ class Candidate:
 
         A law in no catalogue also pays for being rare.
         """
-        strengths = len(self.effect.strengths)
+        strengths = max(sum(not p.is_held for p in self.effect.strengths), 1)
         looks = sum(max(1.5, 2.0 * np.log(len(p.grid)) - 1.5) for p in self.effect.shapes)
         rare = UNCATALOGUED if self.id == "unnamed" else 0.0
         return float(2.0 * (strengths - 1) + looks + rare + getattr(self.effect, "looks", 0.0))
@@ -149,7 +150,7 @@ def candidates_for(
     """Every admissible effect at every start value of its shape, the model's own included."""
     # One throw repeats nothing: any smooth remainder would pass for a law of its own.
     tried = unnamed and (forward.mode != "flight" or forward.records.trials > 1)
-    laws: Sequence[Effect] = unnamed_laws(forward.mode) if tried else ()
+    laws: Sequence[Effect] = (*unnamed_laws(forward.mode), *smooth_fields(forward)) if tried else ()
     found = []
     for effect in (*effects, *laws):
         if not _admissible(effect, forward, model):

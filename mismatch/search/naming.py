@@ -148,7 +148,8 @@ def name_effects(
     Naming
     """
     candidates = candidates_for(forward, base.model, _with_jumps(forward, base, effects))
-    first = scan(forward, base, candidates)
+    first = scan(forward, base, candidates).with_likely_widths()
+    candidates = first.candidates
     threshold = null_threshold(first)
     swinging = forward.mode == "swing"
     ranked = _best_by_law(first, inflation, swinging)

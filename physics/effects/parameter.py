@@ -97,6 +97,16 @@ class Parameter:
         """Whether the parameter says where or how, but not how much."""
         return bool(self.grid)
 
+    @property
+    def is_known(self) -> bool:
+        """Whether nature gives it a size other than none."""
+        return self.expected is not None and self.expected != self.neutral
+
+    @property
+    def is_held(self) -> bool:
+        """Whether it is one weight of many, each held near nothing by its width."""
+        return self.expected is not None and self.expected == self.neutral
+
     def believable(self, value: float) -> bool:
         """Whether a value is within bounds and, where outliers are listed, usual or one of them."""
         edge = 1e-6 * max(abs(self.lower), abs(self.upper))
