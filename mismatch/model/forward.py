@@ -14,9 +14,12 @@ from mismatch.model.baseline import COLUMNS, Baseline
 from mismatch.model.model import Model, Term, lane_terms
 from mismatch.records.records import Records
 from physics.arrays import FloatArray
-from physics.effects import Contact, Coordinate, FlightState, Outcome, SwingState, View
+from physics.effects import Contact, Coordinate, Outcome, SwingState, View
+from physics.effects import Term as ActingEffect
 from physics.effects.impact import add_normal_speeds, change_restitution, turn_launch
+from physics.flight.motion import FlightModel
 from physics.integrator import Rates, Trajectory, crossing, integrate
+from physics.swing import SwingModel
 
 __all__ = ["NUISANCES", "OUTSIDE", "Forward", "Mode"]
 
@@ -182,25 +185,18 @@ class Forward:
         order: FloatArray | None = None,
     ) -> Rates:
         """Rates of angle and angular velocity, for as many swings as `order` has entries."""
-        body, gravity = self._pendulum(), self.baseline.gravity
-        order = self.records.order if order is None else order
-        acting = [t for t in terms if "torque" in t.effect.hooks]
-        weight = body.mass * gravity * body.com / body.inertia * stiffer
-
-        def rates(time: FloatArray, state: FloatArray) -> FloatArray:
-            slope = np.empty_like(state)
-            slope[0] = state[1]
-            slope[1] = -weight * np.sin(state[0])
-            for term in acting:
-                at = term.lanes
-                swing = SwingState(
-                    state[0, at], state[1, at], body.inertia, body.mass, body.com, body.length,
-                    gravity, order,
-                )  # fmt: skip
-                slope[1, at] += term.effect.torque(term.values, swing) / body.inertia
-            return slope
-
-        return rates
+        body = self._pendulum()
+        model = SwingModel(
+            body.length,
+            body.inertia,
+            body.mass,
+            body.com,
+            self.baseline.gravity,
+            _acting(terms),
+            stiffer,
+            self.records.order if order is None else order,
+        )
+        return model.rates
 
     def _contact(
         self,
@@ -263,29 +259,18 @@ class Forward:
         self, terms: Sequence[Term], state: FloatArray, since: FloatArray
     ) -> Trajectory:
         base, records = self.baseline, self.records
-        drag = _lane_values(terms, "drag", "drag_coefficient", state.shape[1])
-        spin = _lane_values(terms, "magnus", "spin", state.shape[1])
-        speed = self.nominal_speed()
-        acting = [t for t in terms if "force" in t.effect.hooks]
-        order = records.order
-
-        def rates(time: FloatArray, now: FloatArray) -> FloatArray:
-            slope = np.empty_like(now)
-            slope[:3] = now[3:]
-            slope[3:] = 0.0
-            slope[4] = -base.gravity
-            for term in acting:
-                at = term.lanes
-                flight = FlightState(
-                    time, now[0, at], now[1, at], now[2, at], now[3, at], now[4, at], now[5, at],
-                    records.mass, records.diameter, base.air_density,
-                    base.air_viscosity, base.gravity, drag[at], spin[at], speed, order,
-                )  # fmt: skip
-                for axis, force in enumerate(term.effect.force(term.values, flight)):
-                    slope[3 + axis, at] += force / records.mass
-            return slope
-
-        return integrate(rates, state, self.flight_time, self._steps(acting, self.steps))
+        model = FlightModel(
+            records.mass,
+            records.diameter,
+            base.air_density,
+            base.air_viscosity,
+            base.gravity,
+            _acting(terms),
+            self.nominal_speed(),
+            records.order,
+        )
+        steps = self._steps([t for t in terms if "force" in t.effect.hooks], self.steps)
+        return integrate(model.rates, state, self.flight_time, steps)
 
     def _steps(self, terms: Sequence[Term], most: int) -> int:
         """Half the steps where every law is smooth on the scale of the whole way."""
@@ -390,12 +375,9 @@ class PendulumBody:
     com: float
 
 
-def _lane_values(terms: Sequence[Term], effect_id: str, name: str, lanes: int) -> FloatArray:
-    column = np.zeros((lanes, 1))
-    for term in terms:
-        if term.effect.id == effect_id:
-            column[term.lanes] = term.values[name]
-    return column
+def _acting(terms: Sequence[Term]) -> tuple[ActingEffect, ...]:
+    """The terms as the equations of motion take them."""
+    return tuple(ActingEffect(t.effect, t.values, t.lanes) for t in terms)
 
 
 def _cut(state: State, lanes: slice) -> State:

@@ -6,13 +6,14 @@ the simulator's, the renderer's, the measuring fit's and the mismatch engine's.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from types import EllipsisType
 
 import numpy as np
 
 from physics.arrays import FloatArray, Number
 from physics.effects.base import FlightState
-from physics.effects.flight import Drag, Magnus
+from physics.effects.flight import Drag, DragByReynolds, Magnus
 from physics.effects.term import Term
 
 __all__ = ["FlightModel", "PlanarFlight"]
@@ -66,9 +67,8 @@ class FlightModel:
         slope[:3] = state[3:]
         slope[3:] = 0.0
         slope[4] = -self.gravity
-        acting = [term for term in self.terms if term.flies]
-        drag, spin = self._held(acting, time, state)
-        for term in acting:
+        drag, spin = self._held(time, state)
+        for term in self._acting:
             at = term.where
             now = self._seen(time, state, at, _part(drag, at), _part(spin, at))
             for axis, force in enumerate(term.effect.force(term.values, now)):
@@ -89,21 +89,32 @@ class FlightModel:
             self.air_viscosity, self.gravity, drag, spin, self.impact_speed, self.order,
         )  # fmt: skip
 
-    def _held(
-        self, acting: Sequence[Term], time: Number, state: FloatArray
-    ) -> tuple[Number, Number]:
+    @cached_property
+    def _acting(self) -> tuple[Term, ...]:
+        return tuple(term for term in self.terms if term.flies)
+
+    @cached_property
+    def _held_by_size(self) -> dict[int, tuple[Number, Number]]:
+        """What `_held` found, by the size of the batch, where it does not change on the way."""
+        return {}
+
+    def _held(self, time: Number, state: FloatArray) -> tuple[Number, Number]:
         """Drag coefficient and spin of the model, for the effects that build on them."""
-        if all(isinstance(term.effect, Drag | Magnus) for term in acting):
-            return 0.0, 0.0
+        size = state.shape[1] if state.ndim > 1 else 1
+        if size in self._held_by_size:
+            return self._held_by_size[size]
         drag: Number = 0.0
         spin: Number = 0.0
-        for term in acting:
-            at = term.where
-            if isinstance(term.effect, Drag):
-                here = term.effect.coefficient(term.values, self._seen(time, state, at))
-                drag = drag + _spread(here, at, state.shape)
-            elif isinstance(term.effect, Magnus):
-                spin = spin + _spread(term.values["spin"], at, state.shape)
+        if not all(isinstance(term.effect, Drag | Magnus) for term in self._acting):
+            for term in self._acting:
+                at = term.where
+                if isinstance(term.effect, Drag):
+                    here = term.effect.coefficient(term.values, self._seen(time, state, at))
+                    drag = drag + _spread(here, at, state.shape)
+                elif isinstance(term.effect, Magnus):
+                    spin = spin + _spread(term.values["spin"], at, state.shape)
+        if not any(isinstance(term.effect, DragByReynolds) for term in self._acting):
+            self._held_by_size[size] = drag, spin
         return drag, spin
 
 
