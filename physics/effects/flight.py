@@ -8,6 +8,7 @@ import numpy as np
 from metrology.measurands import DRAG_COEFFICIENT
 from physics.arrays import Number, Vector
 from physics.effects.base import Coordinate, Effect, FlightState, Parameter, Phase, Values
+from physics.effects.form import Form
 
 __all__ = [
     "AsymmetricWake",
@@ -75,7 +76,7 @@ class DragByReynolds(Drag):
         C_D(Re).
     """
 
-    form: str = "by Reynolds number"
+    form: str = Form.BY_REYNOLDS_NUMBER
     law: str = r"\mathbf F = -\tfrac12 \rho C_d(Re) A |\mathbf v| \mathbf v"
     source: str = "Eqs 3, 4 of the paper"
     parameters: tuple[Parameter, ...] = ()

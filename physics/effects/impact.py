@@ -19,6 +19,7 @@ from physics.effects.base import (
     Phase,
     Values,
 )
+from physics.effects.form import Form
 
 __all__ = [
     "MASS_ERROR",
@@ -129,7 +130,7 @@ class EffectiveMass(Effect):
             "arm_error", "1", 0.02, -0.5, 0.5, meaning="true arm over the model's, minus one"
         ),
     )
-    form: str = "arm"
+    form: str = Form.ARM
     confusable: tuple[str, ...] = ("camera_roll", "backswing_offset", "pivot_recoil")
     separating: str = "pendulum speeds before and after contact, with a ball of another mass"
     looseness: float = 0.15
@@ -140,7 +141,7 @@ class EffectiveMass(Effect):
         u = contact.impact_speed
         (error,) = values.values()
         stretch = 1.0 + error
-        if self.form == "mass":
+        if self.form == Form.MASS:
             other, speed, seen = heavy * stretch, u, stretch / stretch
         else:
             other, speed, seen = heavy / stretch**2, u * stretch, 1.0 / stretch
@@ -194,7 +195,7 @@ class RubbingFace(ObliqueImpact):
     law: str = r"\Delta\theta = \arcsin(2h/d),\quad \omega = 2 k u / d"
     source: str = "oblique impact with friction, Garwin, Am. J. Phys. 37, 88 (1969)"
     parameters: tuple[Parameter, ...] = (*ObliqueImpact().parameters, SPIN_SHARE)
-    form: str = "rubbing face"
+    form: str = Form.RUBBING_FACE
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """Lift of the spin that the face gave, with a coefficient of one per spin ratio."""
@@ -233,7 +234,7 @@ class SupportFriction(Effect):
     parameters: tuple[Parameter, ...] = (
         Parameter("friction_coefficient", "1", 0.3, 0.0, 3.0, meaning="ball on support"),
     )
-    form: str = "whole contact"
+    form: str = Form.WHOLE_CONTACT
     confusable: tuple[str, ...] = ("velocity_dependent_cor", "pivot_recoil")
     separating: str = "a launch off a slippery support (a sheet of PTFE)"
     looseness: float = 0.4
@@ -242,11 +243,11 @@ class SupportFriction(Effect):
         """Take momentum for the time the ball rests on the support."""
         friction = values["friction_coefficient"] * contact.gravity
         gap = outcome.contact_time
-        if self.form == "ball alone":
+        if self.form == Form.BALL_ALONE:
             lost = friction * gap
             return replace(outcome, vx=outcome.vx - lost, x=outcome.x - 0.5 * lost * gap)
         both = contact.inertial_mass + contact.ball_mass
-        if self.form == "until lift-off":
+        if self.form == Form.UNTIL_LIFT_OFF:
             # The ball lifts once sin(angle) of the rising push exceeds its weight; for a half sine
             # of impulse (1+e) u m M/(M+m) that is early in a fast contact.
             gain = (1.0 + contact.restitution) * contact.impact_speed
@@ -283,7 +284,7 @@ class ContactDisplacement(Effect):
         """Stretch the way, at unchanged velocity; a softer ball also stays longer in contact."""
         change = values["relative_change"]
         stretched = replace(outcome, x=outcome.x * (1.0 + change))
-        if self.form == "way alone":
+        if self.form == Form.WAY_ALONE:
             return stretched
         # Released later by the share, at the mean of the pendulum's speeds during contact.
         longer = change * outcome.contact_time
@@ -318,7 +319,7 @@ class PivotRecoil(Effect):
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
         """Take the same share from both bodies."""
         kept = 1.0 - values["lost_share"]
-        if self.form == "pendulum alone":
+        if self.form == Form.PENDULUM_ALONE:
             lost = contact.impact_speed - outcome.pendulum_speed
             return replace(
                 outcome, pendulum_speed=outcome.pendulum_speed - values["lost_share"] * lost
@@ -343,23 +344,23 @@ class SupportRecoil(Effect):
     parameters: tuple[Parameter, ...] = (
         Parameter("vertical_share", "1", 0.02, -0.5, 0.5, meaning="vertical speed gained"),
     )
-    form: str = "of impact speed"
+    form: str = Form.OF_IMPACT_SPEED
     confusable: tuple[str, ...] = ("oblique_impact", "camera_roll")
     separating: str = "the support in view at contact, or a launch off a soft support"
     looseness: float = 0.3
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
         """Add vertical speed."""
-        if self.form == "whole velocity":
+        if self.form == Form.WHOLE_VELOCITY:
             kept = 1.0 - values["vertical_share"]
             return replace(outcome, vx=outcome.vx * kept, vy=outcome.vy * kept)
         reference: Number = contact.impact_speed
-        if self.form == "of vertical speed":
+        if self.form == Form.OF_VERTICAL_SPEED:
             reference = outcome.vy
-        elif self.form == "constant":
+        elif self.form == Form.CONSTANT:
             reference = 1.0
         gained = values["vertical_share"] * reference
-        if self.form == "kick at release":
+        if self.form == Form.KICK_AT_RELEASE:
             return replace(outcome, vy=outcome.vy + gained)
         return replace(
             outcome, vy=outcome.vy + gained, y=outcome.y + 0.5 * gained * outcome.contact_time

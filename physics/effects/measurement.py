@@ -6,6 +6,7 @@ import numpy as np
 
 from physics.arrays import FloatArray, Number, Vector
 from physics.effects.base import Coordinate, Effect, Extent, Parameter, Phase, Values, View
+from physics.effects.form import Form
 
 __all__ = [
     "OTHER_ROWS",
@@ -90,7 +91,7 @@ class LengthScale(Effect):
             outliers=(-0.5, 1.0),
         ),
     )
-    form: str = "about the origin"
+    form: str = Form.ABOUT_THE_ORIGIN
     confusable: tuple[str, ...] = ("time_base", "parallax", "drag")
     separating: str = RULER
     looseness: float = 0.03
@@ -99,7 +100,7 @@ class LengthScale(Effect):
     def image(self, values: Values, view: View) -> Vector:
         """Stretch about the origin on the floor, or about the ball's place at rest."""
         error = values["scale_error"]
-        if self.form == "about the start":
+        if self.form == Form.ABOUT_THE_START:
             return (
                 view.x + error * (view.x - view.rest_x),
                 view.y + error * (view.y - view.rest_y),
@@ -129,7 +130,7 @@ class CameraRoll(Effect):
             width=0.05,
         ),
     )
-    form: str = "about the origin"
+    form: str = Form.ABOUT_THE_ORIGIN
     confusable: tuple[str, ...] = ("oblique_impact", "effective_mass", "support_recoil")
     separating: str = PLUMB
     looseness: float = 0.03
@@ -138,7 +139,7 @@ class CameraRoll(Effect):
 
     def image(self, values: Values, view: View) -> Vector:
         """Turn the picture."""
-        if self.form == "three axes":
+        if self.form == Form.THREE_AXES:
             roll, pitch = values["roll"], values["pitch"]
             return (
                 view.x - roll * view.y,
@@ -146,11 +147,11 @@ class CameraRoll(Effect):
                 view.z + pitch * view.y,
             )
         cosine, sine = np.cos(values["roll"]), np.sin(values["roll"])
-        start = self.form == "about the start"
+        start = self.form == Form.ABOUT_THE_START
         x0, y0 = (view.rest_x, view.rest_y) if start else (0.0, 0.0)
         dx, dy = view.x - x0, view.y - y0
         x, y = x0 + cosine * dx - sine * dy, y0 + sine * dx + cosine * dy
-        if self.form == "about a point":
+        if self.form == Form.ABOUT_A_POINT:
             # A turn about any point is one about the origin and a shift, which is linear.
             return x + values["shift_x"], y + values["shift_y"], view.z
         return x, y, view.z
@@ -272,7 +273,7 @@ class RollingShutter(Effect):
 
     def angle(self, values: Values, view: View) -> Number:
         """Show the pendulum where it is when its rows are read, unless it was timed apart."""
-        if self.form == "ball only":
+        if self.form == Form.BALL_ONLY:
             return view.phi
         late = values.get("pendulum_delay", 0.0)
         late = late - values["delay"] * view.length * (1.0 - np.cos(view.phi))
@@ -332,6 +333,8 @@ class DroppedFrames(Effect):
         """Jump once."""
         after: FloatArray = np.asarray(time, dtype=np.float64) - values["instant"]
         lost = (
-            100.0 * np.maximum(after, 0.0) if self.form == "steadily" else np.heaviside(after, 0.0)
+            100.0 * np.maximum(after, 0.0)
+            if self.form == Form.STEADILY
+            else np.heaviside(after, 0.0)
         )
         return time + values["gap"] * lost
