@@ -19,9 +19,14 @@ Residuals = Callable[[FloatArray], FloatArray]
 """Parameters (P,) to standardised residuals (N,)."""
 
 _SOFT_FROM = 2.5
+"""Standard deviations from which a residual counts linearly (soft L1): of Gaussian noise one in
+eighty is beyond."""
 _MOST_STEPS = 12
+"""Gauss-Newton steps at most: near an optimum each doubles the digits, a handful is usual."""
 _MOST_HALVINGS = 12
+"""Halvings of a step at most: where a four-thousandth of it gains nothing, there is nothing to."""
 _RENEW_AT = 1.2
+"""Factor, χ² per degree of freedom above which the noise is larger than was said."""
 
 
 @dataclass(frozen=True)

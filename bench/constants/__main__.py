@@ -1,10 +1,9 @@
 """How many numeric constants say their unit and where they come from.
 
 A module-level constant counts as told if a docstring below it or a comment on or above its lines
-gives both a unit (or says that it is a share, a count, a factor) and a source or a derivation. A
-script can't judge an argument: it asks for a unit's name and for eight words or a reference. Zero,
-one and two, infinities, seeds and sizes of pictures and windows need no source; names of enums and
-tables of a standard are told by one comment.
+gives both a unit (or says that it is a share, a count, a factor) and a source or a derivation; a
+docstring tells of the one assignment above it. A script can't judge an argument: it asks for a
+unit's name and for four words that argue. Zero, a half, one and two are no choice.
 
 Run: python -m bench.constants [--list] [FOLDER…]
 """
@@ -100,20 +99,10 @@ def constants_of(path: Path) -> Iterator[Constant]:
         while above in comments and rows[above - 1].lstrip().startswith("#"):
             told.insert(0, comments[above])
             above -= 1
-        # a block of constants may share the docstring that ends it
-        for below in tree.body[index + 1 :]:
-            if isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
-                told.append(str(below.value.value))
-                break
-            if not isinstance(below, ast.Assign | ast.AnnAssign) or _gap(rows, below.lineno):
-                break
+        below = tree.body[index + 1] if index + 1 < len(tree.body) else None
+        if isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant):
+            told.append(str(below.value.value))
         yield Constant(path, node.lineno, ", ".join(names), " ".join(told))
-
-
-def _gap(rows: list[str], line: int) -> bool:
-    """Whether an empty line or a comment of its own stands above a line."""
-    before = rows[line - 2].strip() if line > 1 else ""
-    return not before or before.startswith("#")
 
 
 def _is_choice(value: ast.expr) -> bool:

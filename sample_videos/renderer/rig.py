@@ -19,12 +19,16 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 
+# reflectance (red, green, blue), shares of the light, chosen by eye: the stand
 STEEL = (0.2, 0.205, 0.22)
+# likewise by eye, share of the light: the bar
 BAR = (0.5, 0.5, 0.48)
+# likewise by eye, share of the light: the block
 BLOCK = (0.19, 0.19, 0.195)
+# likewise by eye, share of the light: the plate
 PLATE = (0.46, 0.46, 0.44)
 CORD = (0.15, 0.14, 0.13)
-"""Reflectance (red, green, blue) of the rig's parts, shares of the light: as such things look."""
+"""Likewise by eye, share of the light: a hanging cord."""
 
 
 def contact_scene(scene: Scene, gravity: float = 9.806) -> ContactScene:

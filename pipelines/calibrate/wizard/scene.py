@@ -19,6 +19,7 @@ __all__ = ["BallSeen", "Scene", "look_at", "watch_ball"]
 FloatArray = NDArray[np.float64]
 
 FRAMES_LOOKED_AT = 40
+"""Frames whose median is the still scene: what moves hides a place in fewer than half of them."""
 SQUASHED_S = 0.03
 """A struck ball is round again after this."""
 LEAST_FLIGHT = 8

@@ -31,6 +31,7 @@ FloatArray = NDArray[np.float64]
 PICTURE_URL, FIRST_URL = "/scene.png", "/first.png"
 """The still scene, and the first frame, in which the ball usually rests."""
 LOUPE_ZOOM, LOUPE_PX = 7, 168
+"""Factor and px on the screen: 24 px of the picture, as much as a crossing needs around it."""
 GRAB_SHARE = 0.03
 """How near to a handle it is grabbed, of the picture's width."""
 ARROWS = {"ArrowLeft": (-1, 0), "ArrowRight": (1, 0), "ArrowUp": (0, -1), "ArrowDown": (0, 1)}
