@@ -52,7 +52,7 @@ SECTIONS = (
         "standard uncertainty, z the error over it. The ball's centre is the projection of the "
         "sphere's centre through the estimated camera, error per axis. `energy_loss` is that of "
         "the pendulum, ½ I (ω₀² − ω₁²).",
-        ("bench.measure", "{shared}/rendered"),
+        ("bench.measure", "{shared}/scenes", "{shared}/rendered"),
     ),
     Section(
         "altered",

@@ -1,9 +1,9 @@
 """The whole measuring chain against truth: every quantity of every clip, and the targets.
 
-Run: python -m bench.measure [RENDERED_FOLDER] [--summary-only]
+Run: python -m bench.measure [FOLDER...] [--only NAME...] [--summary-only]
 
-RENDERED_FOLDER holds one folder a clip, with clip.mp4, setup.json and truth.json; the clips shipped
-in sample_videos/clips are measured too. Each clip is measured unattended with what a lab would have
+FOLDER holds one folder a clip, with clip.mp4, setup.json and truth.json; the clips shipped in
+sample_videos/clips are measured too. Each clip is measured unattended with what a lab would have
 taped; z is error over stated standard uncertainty.
 """
 
@@ -18,14 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.measure_truth import LEAST_WIDTH, Case, cases
-from metrology import Quantity
+from metrology import ImpactVisionError, Quantity
 from pipelines.measure.chain import measure_clip
 from pipelines.measure.measurement import Measurement
 from vision.clip.clip import Clip
 
 FloatArray = NDArray[np.float64]
 COVERAGE = 1.96
-FAR = 3.0
+FAR, FURTHEST = 3.0, 4.0
 SPEED_WIDTH = 640
 
 
@@ -299,13 +299,106 @@ def speed_line(good: list[Outcome]) -> str:
     )
 
 
+ROW = (
+    "contact_time",
+    "ball_speed",
+    "launch_angle",
+    "landing_distance",
+    "cor",
+    "pendulum_speed_before",
+)
+
+
+def row_of(outcome: Outcome) -> str:
+    """One clip in a line: errors of the main quantities with z, and what is far off."""
+    cells = [outcome.case.name]
+    for name in ROW:
+        item = outcome.measurement.quantity(name)
+        error = outcome.error(name)
+        if error is None or not item.std:
+            cells.append("–")
+            continue
+        if name == "contact_time":
+            shown = f"{error * outcome.case.fps:+.2f} frame"
+        elif name in ("launch_angle", "cor"):
+            shown = f"{error:+.3f}" + ("°" if name == "launch_angle" else "")
+        else:
+            shown = f"{100 * error / outcome.case.truth[name]:+.2f} %"
+        cells.append(f"{shown} ({error / item.std:+.1f})")
+    scored = list(outcome.scored())
+    inside = sum(holds(item, true) for item, true in scored)
+    cells.append(f"{inside} of {len(scored)}")
+    cells.append(", ".join(far_of(outcome, FURTHEST)) or "–")
+    return "| " + " | ".join(cells) + " |"
+
+
+def far_of(outcome: Outcome, sigmas: float) -> list[str]:
+    """Quantities further off than so many of their stated uncertainties."""
+    return [
+        f"{item.name} ({(item.value - true) / item.std:+.1f})"
+        for item, true in outcome.scored()
+        if item.value is not None and item.std and abs(item.value - true) > sigmas * item.std
+    ]
+
+
+def overview(outcomes: list[Outcome]) -> str:
+    """A row for each clip, and over all of them the numbers that are asked for."""
+    head = (
+        "| clip | contact time | speed | angle | landing | COR | pendulum | 95 % hold | beyond 4 |"
+        "\n|---|---|---|---|---|---|---|---|---|"
+    )
+    frames = [
+        error * one.case.fps for one in outcomes if (error := one.error("contact_time")) is not None
+    ]
+    far = [f"{one.case.name}: {name}" for one in outcomes for name in far_of(one, FURTHEST)]
+    inside, count = held(outcomes)
+    mean = float(np.mean(frames)) if frames else math.nan
+    rows = [
+        ("contact time, RMS", f"{frames_error(outcomes):.2f} frame", "0.4", "0.15"),
+        ("contact time, mean error", f"{mean:+.2f} frame", "0.15", "0.05"),
+        ("speed, RMS", f"{rms_error(outcomes, 'ball_speed', True):.2f} %", "0.5", "0.2"),
+        ("angle, RMS", f"{rms_error(outcomes, 'launch_angle'):.2f}°", "0.4", "0.1"),
+        ("landing, RMS", f"{rms_error(outcomes, 'landing_distance', True):.2f} %", "0.4", "0.1"),
+        ("quantities beyond 4 uncertainties", str(len(far)), "0", "0"),
+        ("95 % intervals that hold", f"{100 * inside / max(count, 1):.0f} % of {count}", "", ""),
+        ("contact time given", with_value(outcomes, "contact_time"), "", ""),
+        ("speed given", with_value(outcomes, "ball_speed"), "", ""),
+    ]
+    table_ = "\n".join(f"| {' | '.join(cells)} |" for cells in rows)
+    return "\n".join(
+        [
+            "### Clip by clip\n",
+            "Error, and in brackets over the stated uncertainty.\n",
+            head,
+            *(row_of(one) for one in outcomes),
+            "\n### Over all clips\n",
+            "| | measured | at least | aim |\n|---|---|---|---|",
+            table_,
+            f"\nBeyond 4: {'; '.join(far) or 'none'}.\n",
+        ]
+    )
+
+
 def main() -> None:
     """Print a table for each clip and the targets."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("rendered", type=Path, nargs="?")
+    parser.add_argument("folders", type=Path, nargs="*")
+    parser.add_argument("--only", nargs="*", help="Names of clips, or parts of them.")
     parser.add_argument("--summary-only", action="store_true")
     chosen = parser.parse_args()
-    outcomes = [measured(case) for case in cases(chosen.rendered)]
+    wanted = [
+        case
+        for case in cases(*chosen.folders)
+        if not chosen.only or any(part in case.name for part in chosen.only)
+    ]
+    outcomes, failed = [], []
+    for case in wanted:
+        try:
+            outcomes.append(measured(case))
+        except ImpactVisionError as problem:
+            failed.append(f"{case.name}: {problem.message}")
+    print(overview(outcomes))
+    print(f"Nothing measured: {'; '.join(failed) or 'none'}.\n")
     print(summary(outcomes))
     if not chosen.summary_only:
         print("\n".join(table(outcome) for outcome in outcomes))

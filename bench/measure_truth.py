@@ -30,11 +30,11 @@ class Case:
     good: bool
 
 
-def cases(rendered: Path | None) -> list[Case]:
-    """The clips of a folder of rendered ones, if there is one, and those shipped."""
-    folders = [] if rendered is None else sorted(rendered.glob("*/truth.json"))
+def cases(*folders: Path) -> list[Case]:
+    """The clips of folders of rendered ones, and those shipped."""
+    truths = [path for folder in folders for path in sorted(folder.glob("*/truth.json"))]
     return [
-        *(ray_traced(path.parent) for path in folders),
+        *(ray_traced(path.parent) for path in truths),
         *(shipped(path) for path in sorted(SHIPPED.glob("*.truth.json"))),
     ]
 

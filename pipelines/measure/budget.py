@@ -53,6 +53,8 @@ class Scene:
         Factor on lengths where there is no calibration.
     roll_rad, slant_rad : float
         How far the camera is turned about its axis, and about the vertical, where there is none.
+    metres_per_px : (2,) tuple of float or None
+        Scale in the plane of motion that somebody gives, with its standard uncertainty.
     """
 
     inputs: Inputs
@@ -61,6 +63,7 @@ class Scene:
     scale: float = 1.0
     roll_rad: float = 0.0
     slant_rad: float = 0.0
+    metres_per_px: tuple[float, float] | None = None
 
 
 def values_after_move(

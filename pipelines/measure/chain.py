@@ -12,33 +12,52 @@ from calib.free_fall import with_free_fall
 from calib.grid.grid import WallGrid
 from calib.plausibility import ContradictionError
 from calib.pose import FOCAL_OVER_WIDTH
-from metrology import CalibrationError, MeasurementError
+from metrology import CalibrationError, MeasurementError, UncertaintySource
 from pipelines.measure.budget import Propagation, Scene, systematic_budget, values_after_move
 from pipelines.measure.calibrated import calibrate_clip, known_lens, scene_evidence
+from pipelines.measure.checks.gravity import contradicts_gravity
 from pipelines.measure.derived import derived_values, random_covariance
-from pipelines.measure.fits.gravity import contradicts_gravity
 from pipelines.measure.fits.impact import find_impact
 from pipelines.measure.inputs import Inputs, gather_inputs
 from pipelines.measure.measurement import Measurement
 from pipelines.measure.metres import BallScale, CameraMapping, MetricTracks, tracks_in_metres
-from pipelines.measure.results import Evaluated, NoScale, results_of
+from pipelines.measure.motions.measured import (
+    Mapping,
+    MotionScene,
+    PlaneScale,
+    applicable,
+    motion_quantities,
+    rate_by_fall,
+)
+from pipelines.measure.results import Evaluated, NoScale, Results, results_of
 from pipelines.setup.file import Setup
-from vision.clip.capture_rate import CaptureRate, choose_capture_rate
+from vision.clip.capture_rate import CaptureRate, RateSource, choose_capture_rate
 from vision.clip.clip import Clip
 from vision.following import follow
-from vision.tracks import Tracks
+from vision.tracks import MotionKind, Tracks
 
-__all__ = ["MeasureOptions", "measure_clip", "weighed_by_fall"]
+__all__ = [
+    "Followed",
+    "Found",
+    "MeasureOptions",
+    "measure_clip",
+    "measure_tracks",
+    "weighed_by_fall",
+]
 
 FloatArray = NDArray[np.float64]
 Point = tuple[float, float] | tuple[float, float, int]
 
 _RADIUS_STD_PX = 0.1
+_LEAST_VARIANCE = 1e-12
 
 
 @dataclass(frozen=True)
 class MeasureOptions:
-    """What the user said on the command line."""
+    """What the user said on the command line.
+
+    `scale_m_per_px` is a scale in the plane of motion with its standard uncertainty, m/px.
+    """
 
     setup: Setup = field(default_factory=Setup)
     fps: float | None = None
@@ -48,6 +67,58 @@ class MeasureOptions:
     ball_at: Point | None = None
     mass_at: Point | None = None
     budget: Propagation = Propagation.RESPONSE
+    scale_m_per_px: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """All that the numbers of a clip follow from: measuring is a pure function of it.
+
+    Attributes
+    ----------
+    tracks : Tracks
+        In pixels.
+    clock : (F,) array
+        Mid-exposure time of every frame of the clip, in frames of the camera.
+    rate : CaptureRate
+        As said or assumed.
+    inputs : Inputs
+    scale_m_per_px : (2,) tuple of float or None
+        Scale in the plane of motion with its standard uncertainty, where somebody gives it.
+    """
+
+    tracks: Tracks
+    clock: FloatArray
+    rate: CaptureRate
+    inputs: Inputs
+    scale_m_per_px: tuple[float, float] | None = None
+
+    def seconds(self, fps: float) -> FloatArray:
+        """Times of all frames at a rate, s."""
+        return self.clock / fps
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """What follows from what was followed.
+
+    Attributes
+    ----------
+    results : Results
+    rate : CaptureRate
+        As said, or told by a free fall where nobody said it.
+    evaluated : Evaluated
+    calibration : Calibration or None
+    grid : WallGrid or None
+    warnings : tuple of str
+    """
+
+    results: Results
+    rate: CaptureRate
+    evaluated: Evaluated
+    calibration: Calibration | None
+    grid: WallGrid | None
+    warnings: tuple[str, ...]
 
 
 def measure_clip(
@@ -95,44 +166,154 @@ def measure_clip(
         mass_at=options.mass_at,
         progress=lambda part: tell("following ball and pendulum", part),
     )
-    tracks = _timed(tracks, clip.capture_times(rate.fps))
-    tell("calibrating", 0.0)
-    wall = _calibrated(tracks, inputs, rate, clip)
-    calibration = wall.calibration
-    tell("calibrating", 1.0)
-    warnings = [*clip.warnings, *tracks.warnings, *inputs.assumed]
-    if rate.notice:
-        warnings.insert(0, rate.notice)
-    if calibration is not None:
-        warnings += calibration.warnings
-    else:
-        warnings.append(f"no calibration from the wall: {wall.refusal.reason}")
-    evaluated = _evaluate(Scene(inputs, rate, calibration), clip, tracks, tell, options.budget)
-    results = results_of(evaluated, tracks, wall.refusal)
+    followed = Followed(tracks, clip.capture_times(1.0), rate, inputs, options.scale_m_per_px)
+    found = measure_tracks(followed, tell, options.budget)
     return Measurement(
         info=clip.info,
-        rate=rate,
-        quantities=results.quantities,
-        beside=results.beside,
-        gravity=results.gravity,
-        checks=results.checks,
-        warnings=tuple(dict.fromkeys([*warnings, *results.warnings])),
-        tracks=tracks,
-        grid=wall.grid,
-        calibration=calibration,
-        impact=evaluated.impact,
+        rate=found.rate,
+        quantities=found.results.quantities,
+        beside=found.results.beside,
+        gravity=found.results.gravity,
+        checks=found.results.checks,
+        warnings=tuple(dict.fromkeys([*clip.warnings, *found.warnings])),
+        tracks=_timed(tracks, followed.seconds(found.rate.fps)),
+        grid=found.grid,
+        calibration=found.calibration,
+        impact=found.evaluated.impact,
         defaults=inputs.rig.defaults_used,
     )
+
+
+def measure_tracks(
+    followed: Followed,
+    progress: Callable[[str, float], None] | None = None,
+    propagation: Propagation = Propagation.RESPONSE,
+) -> Found:
+    """Everything after following: calibrate, fit, propagate, check.
+
+    Parameters
+    ----------
+    followed : Followed
+    progress : callable, optional
+        Called with the step's name and the part of it that is done.
+    propagation : Propagation
+        How the systematic budget is propagated.
+    """
+    tell = progress or (lambda _step, _part: None)
+    inputs, rate = followed.inputs, followed.rate
+    tracks = _timed(followed.tracks, followed.seconds(rate.fps))
+    tell("calibrating", 0.0)
+    wall = _calibrated(tracks, inputs)
+    if not rate.known:
+        rate = _rate_by_fall(replace(followed, tracks=tracks), wall)
+        tracks = _timed(tracks, followed.seconds(rate.fps))
+    followed = replace(followed, tracks=tracks, rate=rate)
+    scene = Scene(inputs, rate, wall.calibration, metres_per_px=followed.scale_m_per_px)
+    wall = _weighed(wall, followed, scene)
+    scene = replace(scene, calibration=wall.calibration)
+    tell("calibrating", 1.0)
+    evaluated = _evaluate(scene, followed, tell, propagation)
+    motion = motion_quantities(tracks, _motion_scene(scene, followed, wall))
+    results = results_of(evaluated, tracks, wall.refusal, motion)
+    warnings = [] if rate.notice is None else [rate.notice]
+    warnings += tracks.warnings
+    if tracks.motion.kind not in _NOT_STRUCK:
+        warnings += inputs.assumed
+    if wall.calibration is not None:
+        warnings += wall.calibration.warnings
+    else:
+        warnings.append(f"no calibration from the wall: {wall.refusal.reason}")
+    warnings += results.warnings
+    return Found(results, rate, evaluated, wall.calibration, wall.grid, tuple(warnings))
 
 
 def _timed(tracks: Tracks, time_s: FloatArray) -> Tracks:
     """The tracks on the camera's own clock: dropped frames and variable rates leave gaps."""
     ball = replace(tracks.ball, time_s=time_s[tracks.ball.frame])
+    others = tuple(
+        replace(other, track=replace(other.track, time_s=time_s[other.track.frame]))
+        for other in tracks.others
+    )
     pendulum = tracks.pendulum
     if pendulum is not None:
         mass = replace(pendulum.track, time_s=time_s[pendulum.track.frame])
         pendulum = replace(pendulum, track=mass)
-    return replace(tracks, ball=ball, pendulum=pendulum)
+    return replace(tracks, ball=ball, others=others, pendulum=pendulum)
+
+
+def _rate_by_fall(followed: Followed, wall: "_Wall") -> CaptureRate:
+    """The rate at which the flight in view falls as gravity has it; as assumed where none does."""
+    rate, inputs = followed.rate, followed.inputs
+    scene = Scene(inputs, rate, wall.calibration, metres_per_px=followed.scale_m_per_px)
+    moving = _motion_scene(scene, followed, wall)
+    if not moving.metric or followed.tracks.motion.kind not in _FALLING:
+        return rate
+    try:
+        told = rate_by_fall(followed.tracks, moving)
+    except MeasurementError:
+        return rate
+    if told is None:
+        return rate
+    notice = (
+        f"CAPTURE RATE FROM FREE FALL: nobody says it, and the flight falls as it should at "
+        f"{told.fps:.4g} ± {told.std:.2g} fps; times and speeds rest on that. Give the true rate "
+        "with --fps RATE or capture_fps in the setup file."
+    )
+    return replace(rate, fps=told.fps, std=told.std, notice=notice)
+
+
+_FALLING = (MotionKind.STRIKE, MotionKind.FLIGHT, MotionKind.DROP)
+
+
+def _motion_scene(scene: Scene, followed: Followed, wall: "_Wall") -> MotionScene:
+    """What turns pixels and frames of a motion that is no strike into metres and seconds."""
+    calibration = wall.calibration
+    mapping: Mapping | None = None
+    steps: list[tuple[UncertaintySource, Mapping]] = []
+    if calibration is not None:
+        mapping = CameraMapping(calibration).ball
+        for part in calibration.sources:
+            values, vectors = np.linalg.eigh(part.covariance)
+            steps += [
+                (
+                    part.name,
+                    CameraMapping(
+                        calibration.with_parameters(calibration.vector + np.sqrt(value) * vector)
+                    ).ball,
+                )
+                for value, vector in zip(values, vectors.T, strict=True)
+                if value > _LEAST_VARIANCE * values[-1] > 0
+            ]
+    inputs = scene.inputs
+    return MotionScene(
+        clock=followed.clock,
+        fps=scene.rate.fps,
+        fps_std=scene.rate.std,
+        scale=None if mapping is not None else _plane_scale(scene, followed.tracks, wall),
+        mapping=mapping,
+        mapping_steps=tuple(steps),
+        drag=inputs.drag_per_metre,
+        gravity=inputs.gravity,
+        size=float(max(followed.tracks.background.shape)),
+        rate_from_fall=scene.rate.source is RateSource.ASSUMED,
+    )
+
+
+def _plane_scale(scene: Scene, tracks: Tracks, wall: "_Wall") -> PlaneScale | None:
+    """Scale in the plane of motion, where no calibration tells it."""
+    if scene.metres_per_px is not None:
+        per_px, std = scene.metres_per_px
+        return PlaneScale(per_px, std / per_px, UncertaintySource.SCALE)
+    if scene.inputs.ball is None or wall.refusal.contradicts:
+        return None
+    ball = applicable(tracks)
+    radius = float(np.median(ball.radius_px))
+    scatter = 1.4826 * float(np.median(np.abs(ball.radius_px - radius)))
+    diameter = scene.inputs.rig.ball_diameter
+    assert diameter is not None
+    share = np.hypot(diameter.relative_std, np.hypot(_RADIUS_STD_PX, scatter) / radius)
+    per_px = 0.5 * diameter.value / radius
+    return PlaneScale(per_px, float(share), UncertaintySource.BALL_DIAMETER)
 
 
 @dataclass(frozen=True)
@@ -144,7 +325,7 @@ class _Wall:
     refusal: NoScale = field(default_factory=NoScale)
 
 
-def _calibrated(tracks: Tracks, inputs: Inputs, rate: CaptureRate, clip: Clip) -> _Wall:
+def _calibrated(tracks: Tracks, inputs: Inputs) -> _Wall:
     try:
         calibration, grid = calibrate_clip(tracks, inputs)
     except ContradictionError as problem:
@@ -152,14 +333,20 @@ def _calibrated(tracks: Tracks, inputs: Inputs, rate: CaptureRate, clip: Clip) -
         return _Wall(refusal=NoScale(text, contradicts=True))
     except CalibrationError as problem:
         return _Wall(refusal=NoScale(problem.in_one_line))
-    camera, wall = inputs.setup.camera, inputs.setup.wall
-    taped = camera.distance_to_wall is not None and wall.ball_plane_offset is not None
-    if taped or not rate.known:
-        return _Wall(calibration, grid)
-    scene = Scene(inputs, rate, calibration)
-    return _Wall(
-        weighed_by_fall(calibration, grid, tracks, scene, clip.capture_times(rate.fps)), grid
-    )
+    return _Wall(calibration, grid)
+
+
+def _weighed(wall: _Wall, followed: Followed, scene: Scene) -> _Wall:
+    """The wall with the free fall weighed in, where nothing is taped and a clock is known."""
+    camera, setup = scene.inputs.setup.camera, scene.inputs.setup.wall
+    taped = camera.distance_to_wall is not None and setup.ball_plane_offset is not None
+    if wall.calibration is None or wall.grid is None or taped:
+        return wall
+    if scene.rate.source is RateSource.ASSUMED:
+        return wall
+    times = followed.seconds(scene.rate.fps)
+    weighed = weighed_by_fall(wall.calibration, wall.grid, followed.tracks, scene, times)
+    return replace(wall, calibration=weighed)
 
 
 def _sizes(inputs: Inputs) -> str:
@@ -202,16 +389,22 @@ def weighed_by_fall(
     return calibration if fused.contradiction is not None else fused.calibration
 
 
+_NOT_STRUCK = (MotionKind.SWING, MotionKind.COLLISION, MotionKind.DROP)
+
+
 def _evaluate(
     scene: Scene,
-    clip: Clip,
-    tracks: Tracks,
+    followed: Followed,
     tell: Callable[[str, float], None],
     propagation: Propagation,
 ) -> Evaluated:
+    tracks = followed.tracks
     nothing = Evaluated(scene, None, None, np.zeros(0), np.zeros((0, 0)), {}, "")
+    if tracks.motion.kind in _NOT_STRUCK:
+        seen = f"what is seen is a {tracks.motion.kind.value}, not a strike"
+        return replace(nothing, refusal=seen)
     try:
-        metric = _in_metres(scene, clip.capture_times(scene.rate.fps), tracks)
+        metric = _in_metres(scene, followed.seconds(scene.rate.fps), tracks)
         impact = find_impact(metric, scene.inputs)
     except MeasurementError as problem:
         return replace(nothing, refusal=problem.in_one_line)
@@ -221,7 +414,7 @@ def _evaluate(
         nonlocal steps
         steps += 1
         tell("propagating uncertainty", min(1.0, steps / 30))
-        again = _in_metres(moved, clip.capture_times(moved.rate.fps), tracks)
+        again = _in_metres(moved, followed.seconds(moved.rate.fps), tracks)
         return values_after_move(impact, again, moved.inputs, propagation)
 
     return Evaluated(
@@ -246,9 +439,12 @@ def _in_metres(scene: Scene, times: FloatArray, tracks: Tracks) -> MetricTracks:
         first_row, end_row = np.searchsorted(ball.frame, [first, last + 1])
         still = slice(first_row, max(end_row, first_row + 1))
     radius = float(np.median(ball.radius_px))
+    per_px = diameter / (2 * radius)
+    if scene.metres_per_px is not None:
+        per_px = scene.metres_per_px[0]
     rest = np.median(ball.centre_px[still], axis=0)
     scale = BallScale(
-        scene.scale * diameter / (2 * radius),
+        scene.scale * per_px,
         rest,
         np.median(ball.centre_px, axis=0),
         scene.roll_rad,
@@ -258,6 +454,8 @@ def _in_metres(scene: Scene, times: FloatArray, tracks: Tracks) -> MetricTracks:
 
 
 def _scale_std(scene: Scene, tracks: Tracks) -> float:
+    if scene.metres_per_px is not None:
+        return scene.metres_per_px[1] / scene.metres_per_px[0]
     diameter = scene.inputs.rig.ball_diameter
     if diameter is None:
         return np.inf

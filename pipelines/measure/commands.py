@@ -23,9 +23,11 @@ from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measure.files.output import measurement_as_json, measurements_as_csv, results_table
 from pipelines.measure.files.wanted import Wanted
 from pipelines.measure.measurement import QUANTITY_UNITS, Measurement
+from pipelines.measure.names import QuantityName, kinds_of
 from pipelines.report import quantity_label
 from pipelines.setup.file import load_setup
 from pipelines.terminal import screen
+from vision.tracks import MotionKind
 
 __all__ = [
     "contact_time_command",
@@ -122,7 +124,7 @@ def measure_command(
             "--tracks, --overlay, --plot, --report and --json take one clip at a time",
             hint="Several clips go into one --csv, or with all their files into --out DIR.",
         )
-    _several(clips, options, wanted, tuple(QUANTITY_UNITS))
+    _several(clips, options, wanted, tuple(QuantityName))
 
 
 def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # type: ignore[no-untyped-def]
@@ -264,7 +266,10 @@ def _several(
     if len(clips) == 1:
         measured = _one(clips[0], options, wanted, names)
         if not any(item.known for item in measured.quantities):
-            reason = measured.quantity("ball_speed").reason
+            kind = measured.motion.kind
+            named = [(item, kinds_of(item.name)) for item in measured.quantities]
+            own = [item for item, kinds in named if kind in kinds and len(kinds) < len(MotionKind)]
+            reason = (own or list(measured.quantities))[0].reason
             raise MeasurementError(f"nothing can be measured from {clips[0]}: {reason}")
         return
     done: list[Measurement] = []

@@ -1,15 +1,22 @@
 """What follows from a fitted impact: speeds, angle, landing, restitution (Eqs 2, 7-10, 17, 18)."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from pipelines.measure.fits.beside import BESIDE, gravity_share, speed_by_pendulum, speed_per_frame
+from pipelines.measure.checks.speeds import (
+    BESIDE,
+    gravity_share,
+    speed_by_pendulum,
+    speed_per_frame,
+)
 from pipelines.measure.fits.contact_fit import ContactFit, ImpactView, arm_along_bar, touch_times
 from pipelines.measure.fits.flight_fit import FlightFit
 from pipelines.measure.fits.impact import Impact
+from pipelines.measure.fits.swing_fit import SwingFit
 from pipelines.measure.inputs import Inputs
 
 __all__ = ["DERIVED", "derived_values", "random_covariance"]
@@ -33,6 +40,7 @@ DERIVED: dict[str, str] = {
     "energy_loss": "J",
     "gravity": "m/s^2",
     "landing_height": "m",
+    "landing_distance_seen": "m",
     **BESIDE,
     "eq7_by_gravity": "m/s",
 }
@@ -40,39 +48,57 @@ DERIVED: dict[str, str] = {
 
 
 @dataclass(frozen=True)
-class _State:
+class _Shift:
+    """How far each fitted part is moved from its best estimate; None leaves it alone.
+
+    Attributes
+    ----------
+    flight : (7,) array or None
+    before, after : (3,) arrays or None
+        Of the swings.
+    rest : (2,) array or None
+        m.
+    lead : (1,) array or None
+        Of the face, m.
+    landing : (1,) array or None
+        Of touch-down as seen, along the flight, m.
+    """
+
+    flight: FloatArray | None = None
+    before: FloatArray | None = None
+    after: FloatArray | None = None
+    rest: FloatArray | None = None
+    lead: FloatArray | None = None
+    landing: FloatArray | None = None
+
+
+@dataclass(frozen=True)
+class _Parts:
     """One draw of everything fitted."""
 
-    before: FloatArray
-    after: FloatArray
-    flight: FloatArray
-    rest: FloatArray
+    flight: FlightFit
+    view: ImpactView | None
     lead: float
+    rest: FloatArray
+    landing_x: float | None
 
 
 def derived_values(impact: Impact, inputs: Inputs) -> FloatArray:
     """Values in the order of `DERIVED`; NaN where a part is missing."""
-    return _evaluate(impact, inputs, None)
+    return _evaluate(impact, inputs, _Shift())
 
 
 def random_covariance(impact: Impact, inputs: Inputs) -> FloatArray:
     """Covariance of `derived_values` from the noise of the tracks, by finite differences."""
-    blocks: list[tuple[str, FloatArray]] = [("flight", impact.flight.fitted.covariance)]
-    rest = np.diag(impact.tracks.rest_std_m**2)
-    blocks.append(("rest", rest))
-    if impact.view is not None and impact.contact is not None:
-        blocks.append(("before", impact.view.before.fitted.covariance))
-        blocks.append(("after", impact.view.after.fitted.covariance))
-        blocks.append(("lead", np.array([[impact.contact.lead_std**2]])))
     total = np.zeros((len(DERIVED), len(DERIVED)))
-    for name, covariance in blocks:
+    for shift, covariance in _blocks(impact):
         values, vectors = np.linalg.eigh(covariance)
         for value, vector in zip(values, vectors.T, strict=True):
             if value <= 0:
                 continue
             step = np.sqrt(value) * vector
-            ahead = _evaluate(impact, inputs, (name, step))
-            behind = _evaluate(impact, inputs, (name, -step))
+            ahead = _evaluate(impact, inputs, shift(step))
+            behind = _evaluate(impact, inputs, shift(-step))
             slope = 0.5 * (ahead - behind)
             total += np.outer(slope, slope)
     free = impact.free_flight.fitted.covariance[6, 6]
@@ -84,34 +110,63 @@ def random_covariance(impact: Impact, inputs: Inputs) -> FloatArray:
     return total
 
 
-def _shifted(
-    impact: Impact, step: tuple[str, FloatArray] | None
-) -> tuple[FlightFit, ImpactView | None, float, FloatArray]:
-    name, move = step if step is not None else ("", np.zeros(1))
-    flight, view = impact.flight, impact.view
+def _blocks(impact: Impact) -> list[tuple[Callable[[FloatArray], _Shift], FloatArray]]:
+    """The independent parts: how a step moves each, and its covariance."""
+    blocks: list[tuple[Callable[[FloatArray], _Shift], FloatArray]] = [
+        (lambda step: _Shift(flight=step), impact.flight.fitted.covariance),
+        (lambda step: _Shift(rest=step), np.diag(impact.tracks.rest_std_m**2)),
+    ]
+    if impact.view is not None and impact.contact is not None:
+        lead = np.array([[impact.contact.lead_std**2]])
+        blocks += [
+            (lambda step: _Shift(before=step), impact.view.before.fitted.covariance),
+            (lambda step: _Shift(after=step), impact.view.after.fitted.covariance),
+            (lambda step: _Shift(lead=step), lead),
+        ]
+    if impact.landing is not None:
+        spread = impact.landing.covariance[1:2, 1:2]
+        blocks.append((lambda step: _Shift(landing=step), spread))
+    return blocks
+
+
+def _shifted(impact: Impact, shift: _Shift) -> _Parts:
+    flight, view, rest = impact.flight, impact.view, impact.tracks.rest_m
     lead = 0.0 if impact.contact is None else impact.contact.lead
-    rest = impact.tracks.rest_m
-    if name == "flight":
-        flight = replace(flight, fitted=replace(flight.fitted, values=flight.fitted.values + move))
-    if name == "rest":
-        rest = rest + move
+    landing_x = None if impact.landing is None else float(impact.landing.place_m[0])
+    if shift.flight is not None:
+        fitted = replace(flight.fitted, values=flight.fitted.values + shift.flight)
+        flight = replace(flight, fitted=fitted)
+    if shift.rest is not None:
+        rest = rest + shift.rest
+    if shift.lead is not None:
+        lead += float(shift.lead[0])
+    if shift.landing is not None and landing_x is not None:
+        landing_x += float(shift.landing[0])
     if view is not None:
-        view = replace(view, flight=flight, rest=rest)
-        for side in ("before", "after"):
-            if name == side:
-                swing = getattr(view, side)
-                fitted = replace(swing.fitted, values=swing.fitted.values + move)
-                view = replace(view, **{side: replace(swing, fitted=fitted)})
-    return flight, view, lead + (float(move[0]) if name == "lead" else 0.0), rest
+        view = replace(
+            view,
+            flight=flight,
+            rest=rest,
+            before=_moved(view.before, shift.before),
+            after=_moved(view.after, shift.after),
+        )
+    return _Parts(flight, view, lead, rest, landing_x)
 
 
-def _evaluate(impact: Impact, inputs: Inputs, step: tuple[str, FloatArray] | None) -> FloatArray:
-    flight, view, lead, rest = _shifted(impact, step)
+def _moved(swing: SwingFit, step: FloatArray | None) -> SwingFit:
+    if step is None:
+        return swing
+    return replace(swing, fitted=replace(swing.fitted, values=swing.fitted.values + step))
+
+
+def _evaluate(impact: Impact, inputs: Inputs, shift: _Shift) -> FloatArray:
+    parts = _shifted(impact, shift)
+    flight, view, rest = parts.flight, parts.view, parts.rest
     out = dict.fromkeys(DERIVED, np.nan)
     release = flight.reference_s
     if view is not None and impact.contact is not None:
         middle = 0.5 * (impact.contact.onset_s + impact.contact.release_s)
-        onset, release = touch_times(view, lead, middle)
+        onset, release = touch_times(view, parts.lead, middle)
         out["contact_start"], out["contact_end"] = onset, release
         out["contact_time"] = release - onset
     state = flight.states(np.array([release]))[0]
@@ -124,6 +179,8 @@ def _evaluate(impact: Impact, inputs: Inputs, step: tuple[str, FloatArray] | Non
             out["landing_time"] = landed
             out["landing_distance"] = float(at[0] - rest[0])
             out["landing_height"] = float(at[1])
+        if parts.landing_x is not None:
+            out["landing_distance_seen"] = parts.landing_x - float(rest[0])
     out["gravity"] = float(impact.free_flight.fitted.values[6])
     out["ball_speed_per_frame"] = speed_per_frame(impact.tracks, impact.flight)[0]
     mass = None if inputs.ball is None else inputs.ball.mass
@@ -177,7 +234,7 @@ def _add_restitution(
         return float(omega_before - (carried + lost) / (body.inertia * true_rate))
 
     out["cor_launch"] = _cor(state, turned(state), omega_before, phi_after, view, arm, share)
-    distance = out["landing_distance"]
+    distance = out["landing_distance_seen"]
     if np.isfinite(distance) and inputs.fall is not None:
         launched = _launch_that_reaches(flight, state, rest, distance, inputs)
         if launched is not None:

@@ -6,37 +6,14 @@ from calib.calibration import Calibration
 from calib.grid.grid import WallGrid
 from metrology import Quantity
 from pipelines.measure.fits.impact import Impact
+from pipelines.measure.names import QUANTITY_UNITS
 from pipelines.report import Check
 from pipelines.setup.rig import Known
 from vision.clip.capture_rate import CaptureRate
 from vision.clip.info import ClipInfo
-from vision.tracks import Tracks
+from vision.tracks import Motion, Tracks
 
 __all__ = ["QUANTITY_UNITS", "Measurement"]
-
-QUANTITY_UNITS: dict[str, str] = {
-    "contact_frames": "1",
-    "contact_time": "s",
-    "contact_start": "s",
-    "contact_end": "s",
-    "pendulum_speed_before": "m/s",
-    "pendulum_speed_after": "m/s",
-    "ball_speed": "m/s",
-    "launch_angle": "deg",
-    "landing_distance": "m",
-    "landing_distance_on_wall": "m",
-    "landing_time": "s",
-    "cor_speeds": "1",
-    "cor_launch": "1",
-    "cor_range": "1",
-    "cor": "1",
-    "external_impulse": "N s",
-    "energy_loss": "J",
-    "backswing_angle": "deg",
-    "ball_plane_offset": "m",
-    "camera_distance": "m",
-}
-"""Quantities of the contract with their units; ``cor`` fuses the three roads."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +56,11 @@ class Measurement:
     calibration: Calibration | None
     impact: Impact | None
     defaults: tuple[Known, ...] = ()
+
+    @property
+    def motion(self) -> Motion:
+        """What was seen to happen."""
+        return self.tracks.motion
 
     def quantity(self, name: str) -> Quantity:
         """The quantity of that name."""

@@ -5,27 +5,39 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.special import ndtri
+from scipy.special import ndtr, ndtri
 
 from calib.calibration import Calibration
 from metrology import Contribution, Quantity, UncertaintySource
 from pipelines.measure.budget import Scene, merged
+from pipelines.measure.checks.consequences import (
+    COR,
+    FLIGHT,
+    PENDULUM,
+    RATE_AND_SCALE,
+    Doubt,
+    doubted,
+)
+from pipelines.measure.checks.gravity import contradicts_gravity, gravity_check
+from pipelines.measure.checks.restitution import ESTIMATES, fused_cor
+from pipelines.measure.checks.speeds import BESIDE, SpeedsAgree, speeds_agree
 from pipelines.measure.derived import DERIVED
-from pipelines.measure.fits.beside import BESIDE, speeds_agree
 from pipelines.measure.fits.discs import disc_contact
-from pipelines.measure.fits.fusion import fused_cor
-from pipelines.measure.fits.gravity import contradicts_gravity, gravity_check
 from pipelines.measure.fits.impact import UNSEEN_HALF_CONTACT_STD_S, Impact
-from pipelines.measure.measurement import QUANTITY_UNITS
 from pipelines.measure.metres import MetricTracks
-from pipelines.report import Check
-from vision.tracks import Tracks
+from pipelines.measure.motions.measured import MotionResults
+from pipelines.measure.names import QUANTITY_UNITS, QuantityName, kinds_of
+from pipelines.report import Check, CheckKind, CheckOutcome
+from vision.tracks import MotionKind, Tracks
 
 __all__ = ["Evaluated", "NoScale", "Results", "reading_on_wall", "results_of"]
 
 FloatArray = NDArray[np.float64]
 
+_UNDETERMINED = "it could not be determined from this clip"
+_PIXELS = frozenset(name.value for name in QuantityName if name.value not in QUANTITY_UNITS)
 _NEEDS_METRES = {"m", "m/s", "N s", "J"}
 LONGEST_GAP_S = 0.03
 """Time before landing for which a ball lost near the floor may be carried on along its flight."""
@@ -33,6 +45,9 @@ _PLASTIC = 1.32471795724474602596
 """Real root of x³ = x + 1: steps of 1/x and 1/x² fill a square evenly (Roberts 2018)."""
 _DRAWS = ndtri((0.5 + np.arange(1, 1025)[np.newaxis] / np.array([[_PLASTIC], [_PLASTIC**2]])) % 1.0)
 """Even draws of two independent unit normals."""
+SWING_ENERGY_SHARE = 0.25
+"""Of the kinetic energy of a free swing: what friction, a rig of other numbers or the arc's place
+may make of it; a pendulum that was let go elsewhere is further off."""
 VAGUE = 0.3
 """A depth known to no better than this share, and mostly from what is usual, is a guess."""
 SUPPOSED = (UncertaintySource.LENS_UNKNOWN, UncertaintySource.BALL_PLANE_GUESS)
@@ -103,46 +118,109 @@ class Results:
     warnings: tuple[str, ...]
 
 
-def results_of(evaluated: Evaluated, tracks: Tracks, no_grid: NoScale) -> Results:
-    """Quantities in the contract's order, what stands beside them, checks and warnings."""
+def results_of(
+    evaluated: Evaluated,
+    tracks: Tracks,
+    no_grid: NoScale,
+    motion: MotionResults | None = None,
+) -> Results:
+    """Quantities in the contract's order, what stands beside them, checks and warnings.
+
+    `motion` holds what was measured of a motion that is no strike.
+    """
     reasons = _reasons(evaluated, no_grid)
     found: dict[str, Quantity] = {}
     for index, (name, unit) in enumerate(DERIVED.items()):
         found[name] = _quantity(evaluated, index, name, unit, reasons)
     found["contact_frames"] = _contact_frames(evaluated, tracks, reasons)
     found |= _met_by_another(evaluated, tracks)
-    found |= _geometry(evaluated, found, no_grid.reason)
+    found |= _geometry(evaluated, found, no_grid.reason, motion)
     found["backswing_angle"] = _backswing(evaluated)
     cor, agreement = fused_cor(evaluated.values, evaluated.random, evaluated.systematic, found)
     found["cor"] = cor
-    gravity, gravity_note = gravity_check(found["gravity"], evaluated.scene)
-    checks = [one for one in (agreement, speeds_agree(found), gravity_note) if one is not None]
-    found = _withheld(found, gravity, gravity_note, evaluated)
+    gravity, by_gravity = gravity_check(found["gravity"], evaluated.scene)
+    speeds = speeds_agree(found)
+    bound = _contact_bound(evaluated)
+    checks = [one for one in (agreement, speeds and speeds.check, by_gravity, bound) if one]
+    beside = tuple(found[name] for name in BESIDE)
+    found = doubted(found, _doubts(evaluated, found, agreement, speeds, gravity, by_gravity))
+    motion = motion or MotionResults()
+    checks += motion.checks
+    gravity = motion.gravity or gravity
+    found = _of_this_motion(found | motion.quantities, tracks)
     return Results(
-        tuple(found[name] for name in QUANTITY_UNITS),
-        tuple(found[name] for name in BESIDE),
+        tuple(found.values()),
+        beside,
         gravity,
         tuple(checks),
-        tuple(item.statement for item in checks if item.passed is False),
+        tuple(item.statement for item in checks if item.outcome is CheckOutcome.FAILED),
     )
 
 
-def _withheld(
-    found: dict[str, Quantity], gravity: Quantity, check: Check | None, evaluated: Evaluated
-) -> dict[str, Quantity]:
-    """Nothing that hangs on rate or scale where the fall says that one is plainly wrong."""
-    if check is None or check.passed is not False or gravity.value is None:
-        return found
-    scene = evaluated.scene
-    std = math.inf if gravity.std is None else gravity.std
-    if not contradicts_gravity(gravity.value, scene.inputs.gravity, std):
-        return found
-    known = () if scene.calibration is None else scene.calibration.warnings
-    reason = "; ".join((check.statement, *known))
-    return {
-        name: Quantity.missing(name, item.unit, reason) if name != "backswing_angle" else item
-        for name, item in found.items()
-    }
+def _of_this_motion(found: dict[str, Quantity], tracks: Tracks) -> dict[str, Quantity]:
+    """In the contract's order; what belongs to another motion says so."""
+    kind = tracks.motion.kind
+    out: dict[str, Quantity] = {}
+    for name, unit in QUANTITY_UNITS.items():
+        item = found.get(name)
+        if item is None or (kind not in kinds_of(name) and not item.known):
+            wanted = " or a ".join(str(one.value) for one in kinds_of(name))
+            seen = "nothing moves" if kind is MotionKind.NONE else f"what is seen is a {kind.value}"
+            item = Quantity.missing(name, unit, f"it needs a {wanted}, and {seen}")
+        out[name] = item
+    return out | {name: item for name, item in found.items() if name in _PIXELS}
+
+
+def _contact_bound(evaluated: Evaluated) -> Check | None:
+    """The contact time against the longest that such a ball can have; beyond is no contact."""
+    impact = evaluated.impact
+    if impact is None or impact.contact is None or impact.view is None:
+        return None
+    lasting = impact.contact.release_s - impact.contact.onset_s
+    index = list(DERIVED).index("contact_time")
+    std = math.sqrt(
+        max(float(evaluated.random[index, index]), 0.0)
+        + sum(float(column[index]) ** 2 for column in evaluated.systematic.values())
+    )
+    longest = impact.view.longest_s
+    if not math.isfinite(longest):
+        return None
+    text = (
+        f"contact of {1e3 * lasting:.1f} ± {1e3 * std:.1f} ms, where such a ball stays on for"
+        f" {1e3 * longest:.0f} ms at most"
+    )
+    power = float(ndtr((longest - lasting) / max(std, 1e-9)))
+    sure = lasting + 2.0 * std < longest
+    outcome = CheckOutcome.PASSED if sure else CheckOutcome.UNDECIDED
+    return Check(CheckKind.CONTACT_BOUND, outcome, text, power)
+
+
+def _doubts(
+    evaluated: Evaluated,
+    found: dict[str, Quantity],
+    agreement: Check | None,
+    speeds: SpeedsAgree | None,
+    gravity: Quantity,
+    by_gravity: Check | None,
+) -> list[Doubt]:
+    """What the failed checks put in doubt."""
+    doubts = []
+    if speeds is not None and speeds.check.outcome is CheckOutcome.FAILED:
+        said = speeds.check.statement
+        doubts.append(Doubt(FLIGHT, speeds.flight_apart, False, said))
+        doubts.append(Doubt(PENDULUM, speeds.pendulum_apart, False, said))
+    if by_gravity is not None and by_gravity.outcome is CheckOutcome.FAILED:
+        true = evaluated.scene.inputs.gravity
+        value, std = gravity.value or 0.0, gravity.std or math.inf
+        known = () if evaluated.scene.calibration is None else evaluated.scene.calibration.warnings
+        said = "; ".join((by_gravity.statement, *known))
+        plain = contradicts_gravity(value, true, std)
+        doubts.append(Doubt(RATE_AND_SCALE, abs(value / true - 1.0), plain, said))
+    if agreement is not None and agreement.outcome is CheckOutcome.FAILED:
+        known_cors = [found[name].value or 0.0 for name in ESTIMATES if found[name].known]
+        apart = (max(known_cors) - min(known_cors)) / max(abs(found["cor"].value or 1.0), 1e-6)
+        doubts.append(Doubt(COR, 0.5 * apart, False, agreement.statement))
+    return doubts
 
 
 def _quantity(
@@ -180,7 +258,9 @@ def _unknown(evaluated: Evaluated, name: str) -> str:
         return "the height of the support is not known; give [support] height in a setup file"
     if evaluated.impact is not None and evaluated.impact.contact is None:
         return evaluated.impact.reason
-    return "it could not be determined from this clip"
+    if name == QuantityName.COR_RANGE and evaluated.impact is not None:
+        return evaluated.impact.landing_reason or _UNDETERMINED
+    return _UNDETERMINED
 
 
 def _reasons(evaluated: Evaluated, no_grid: NoScale) -> dict[str, str]:
@@ -287,7 +367,10 @@ def _met_by_another(evaluated: Evaluated, tracks: Tracks) -> dict[str, Quantity]
 
 
 def _geometry(
-    evaluated: Evaluated, found: dict[str, Quantity], no_grid: str
+    evaluated: Evaluated,
+    found: dict[str, Quantity],
+    no_grid: str,
+    motion: MotionResults | None,
 ) -> dict[str, Quantity]:
     calibration = evaluated.scene.calibration
     names = ("ball_plane_offset", "camera_distance")
@@ -295,6 +378,15 @@ def _geometry(
         missing = {name: Quantity.missing(name, "m", no_grid) for name in names}
         wall = Quantity.missing("landing_distance_on_wall", "m", no_grid)
         return missing | {"landing_distance_on_wall": wall}
+    if evaluated.impact is None and not any(
+        item.known for item in (MotionResults() if motion is None else motion).quantities.values()
+    ):
+        # nothing that was followed is known to be a ball in its plane
+        no_grid = evaluated.refusal or "no motion of a ball was measured"
+        return {
+            name: Quantity.missing(name, "m", no_grid)
+            for name in (*names, "landing_distance_on_wall")
+        }
     out = {
         names[0]: _depth(names[0], calibration, lambda c: c.ball_plane_offset),
         names[1]: _depth(names[1], calibration, lambda c: c.camera_distance),
@@ -368,8 +460,29 @@ def _backswing(evaluated: Evaluated) -> Quantity:
         return Quantity.missing(
             "backswing_angle", "deg", "the pendulum is already swinging when it comes into view"
         )
-    angle = -math.degrees(float(np.median(metric.swing_rad[first])))
+    start = float(np.median(metric.swing_rad[first]))
+    if not _swings_from(start, metric, evaluated.scene.inputs.pendulum_stiffness):
+        return Quantity.missing(
+            "backswing_angle",
+            "deg",
+            f"it is first seen at {-math.degrees(start):.1f}°, but moves later as no swing from"
+            " there does: it was let go elsewhere, or frames are missing",
+        )
     std = math.degrees(float(np.median(metric.swing_std_rad[first])))
     return Quantity.measured(
-        "backswing_angle", angle, "deg", (Contribution(UncertaintySource.TRACK_NOISE, std),)
+        "backswing_angle",
+        -math.degrees(start),
+        "deg",
+        (Contribution(UncertaintySource.TRACK_NOISE, std),),
     )
+
+
+def _swings_from(start: float, metric: MetricTracks, stiffness: float) -> bool:
+    """Whether the fastest stretch before the strike has the energy of a release at that angle."""
+    rows = sliding_window_view(np.arange(len(metric.swing_rad)), 8)
+    time, angle = metric.swing_time_s[rows], metric.swing_rad[rows]
+    since = time - time.mean(axis=1, keepdims=True)
+    rates = (since * angle).sum(axis=1) / (since**2).sum(axis=1)
+    fastest = int(np.argmax(np.abs(rates)))
+    gained = 2.0 * stiffness * (math.cos(float(angle[fastest].mean())) - math.cos(start))
+    return bool(abs(gained - rates[fastest] ** 2) < SWING_ENERGY_SHARE * rates[fastest] ** 2)

@@ -6,6 +6,8 @@ are wanted.
 
 from pipelines.report.inputs import (
     Check,
+    CheckKind,
+    CheckOutcome,
     Curve,
     GapRecord,
     Moment,
@@ -17,6 +19,8 @@ from pipelines.report.labels import quantity_label
 
 __all__ = [
     "Check",
+    "CheckKind",
+    "CheckOutcome",
     "Curve",
     "GapRecord",
     "Moment",

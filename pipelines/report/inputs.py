@@ -5,13 +5,24 @@ first frame.
 """
 
 from dataclasses import dataclass
+from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 from metrology import Quantity
 
-__all__ = ["Check", "Curve", "GapRecord", "Moment", "PathRecord", "ReportInput", "SpeedRecord"]
+__all__ = [
+    "Check",
+    "CheckKind",
+    "CheckOutcome",
+    "Curve",
+    "GapRecord",
+    "Moment",
+    "PathRecord",
+    "ReportInput",
+    "SpeedRecord",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -108,23 +119,59 @@ class PathRecord:
     residual_std_m: FloatArray | None = None
 
 
+class CheckKind(StrEnum):
+    """What a measurement is held against."""
+
+    GRAVITY = "gravity"
+    COR_AGREEMENT = "agreement of the estimates of the COR"
+    BALL_SPEEDS = "ball speed by the paper's ways"
+    CONTACT_BOUND = "contact time that such a ball can have"
+    RELEASE = "where the flight begins"
+    STEADY_FALL = "both halves of the flight fall alike"
+    MOMENTUM = "momentum of two like bodies"
+
+
+class CheckOutcome(StrEnum):
+    """What came of a check."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    UNDECIDED = "can't tell"
+    """It would not have noticed a deviation that matters."""
+
+
 @dataclass(frozen=True)
 class Check:
     """A test that the measurement put itself to.
 
     Attributes
     ----------
-    name : str
-        What is tested ("gravity").
-    passed : bool or None
-        None where it could not be made.
+    kind : CheckKind
+    outcome : CheckOutcome
     statement : str
         The outcome in a sentence, with its numbers.
+    power : float or None
+        Probability with which a deviation that matters would have failed it.
     """
 
-    name: str
-    passed: bool | None
+    kind: CheckKind
+    outcome: CheckOutcome
     statement: str
+    power: float | None = None
+
+    @property
+    def name(self) -> str:
+        """What is tested, in words."""
+        return self.kind.value
+
+    @property
+    def passed(self) -> bool | None:
+        """None where it can't tell."""
+        return (
+            None
+            if self.outcome is CheckOutcome.UNDECIDED
+            else (self.outcome is CheckOutcome.PASSED)
+        )
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ from rich.table import Table
 
 from metrology import Quantity
 from pipelines.measure.measurement import Measurement
+from pipelines.measure.names import kinds_of
 from pipelines.report.labels import quantity_label, quantity_text
 from vision.tracks import Motion
 
@@ -66,7 +67,13 @@ def measurement_as_dict(
             item.name: _budget(item) for item in (*kept, *beside, measured.gravity) if item.known
         },
         "checks": [
-            {"name": item.name, "passed": item.passed, "statement": item.statement}
+            {
+                "name": item.name,
+                "passed": item.passed,
+                "outcome": item.outcome.value,
+                "power": item.power,
+                "statement": item.statement,
+            }
             for item in measured.checks
         ],
         "defaults": [
@@ -182,6 +189,7 @@ def results_table(measured: Measurement, names: Sequence[str] | None = None) -> 
     table.add_column("value ± standard uncertainty", overflow="fold")
     beside = [item for item in _beside(measured, names) if item.known]
     for item in (*measured.quantities, *beside):
-        if names is None or item.name in names or item in beside:
+        seen = item.known or measured.motion.kind in kinds_of(item.name)
+        if item in beside or (seen and (names is None or item.name in names)):
             table.add_row(quantity_label(item.name), quantity_text(item))
     return table

@@ -10,6 +10,7 @@ from physics.contact.hertz import contact_time_bound
 from pipelines.measure.fits.contact_fit import ContactFit, ImpactView, face_speeds, fit_contact
 from pipelines.measure.fits.flight_fit import FlightFit, FlightPriors, fit_flight
 from pipelines.measure.fits.flight_span import LONGEST_CONTACT_S, flight_end
+from pipelines.measure.fits.landing import LandingSeen, landing_seen
 from pipelines.measure.fits.swing_fit import SwingFit, fit_swing
 from pipelines.measure.inputs import Inputs
 from pipelines.measure.metres import MetricTracks
@@ -25,6 +26,8 @@ UNSEEN_HALF_CONTACT_S, UNSEEN_HALF_CONTACT_STD_S = 0.006, 0.003
 SWING_STRETCH_S = 0.08
 NEAR_BEFORE_S, NEAR_AFTER_S = 0.01, 0.005
 _ROUNDS = 3
+FAR_RADII = 0.5
+"""So far from its rest a ball is on its way: shadows and the face beside it feign less."""
 STRAY_RADII = 0.15
 USUAL_SPEED = 2.5
 """m/s: a speed of approach; the longest contact does not depend on it."""
@@ -49,6 +52,9 @@ class Impact:
     reason : str
     last_flight_s : float
         Last frame of the flight that is in view, s.
+    landing : LandingSeen or None
+        Touch-down from the frames around it alone; `landing_reason` says why there is none.
+    landing_reason : str
     """
 
     tracks: MetricTracks
@@ -58,6 +64,8 @@ class Impact:
     contact: ContactFit | None
     reason: str
     last_flight_s: float
+    landing: LandingSeen | None = None
+    landing_reason: str = ""
 
 
 def departure(tracks: MetricTracks) -> float:
@@ -71,14 +79,18 @@ def departure(tracks: MetricTracks) -> float:
     std = np.sqrt(np.trace(tracks.ball_cov_m2, axis1=1, axis2=2))
     moved = np.hypot(*(tracks.ball_m - tracks.rest_m).T)
     away = moved > np.maximum(6.0 * std, 6.0 * float(np.hypot(*tracks.rest_std_m)))
-    sustained = away & np.append(away[1:], away[-1]) & np.append(away[2:], [away[-1]] * 2)
+    gone = away & (moved > FAR_RADII * tracks.radius_m)
+    sustained = gone & np.append(gone[1:], gone[-1]) & np.append(gone[2:], [gone[-1]] * 2)
     places = np.flatnonzero(sustained)
     if len(places) == 0:
         raise NotFoundError(
             "the ball never leaves its rest in this clip",
             hint="Film the strike itself, or point at the ball with --ball-at X,Y.",
         )
-    return float(tracks.ball_time_s[places[0]])
+    # back along the flight: what disturbed the outline while the ball lay still is not its start
+    lying = np.flatnonzero(~away[: places[0]])
+    first = 0 if len(lying) == 0 else int(lying[-1]) + 1
+    return float(tracks.ball_time_s[first])
 
 
 def find_impact(
@@ -134,7 +146,24 @@ def find_impact(
         flight = _flight(tracks, inputs, release, landed, free=False, since=since)
     free = _flight(tracks, inputs, release, landed, free=True, since=since)
     _require_flight(free, tracks)
-    return Impact(tracks, flight, free, view, contact, reason, float(flight.time_s[-1]))
+    landing, unseen = _landing(tracks, inputs, flight)
+    last = float(flight.time_s[-1])
+    return Impact(tracks, flight, free, view, contact, reason, last, landing, unseen)
+
+
+def _landing(
+    tracks: MetricTracks, inputs: Inputs, flight: FlightFit
+) -> tuple[LandingSeen | None, str]:
+    """Touch-down as it is seen, or why it is not."""
+    if inputs.fall is None:
+        return None, "the height of the support is not known; give [support] height"
+    lands_at = flight.falls_to(float(tracks.rest_m[1]) - inputs.fall)
+    if lands_at is None:
+        return None, "the flight does not come down to the floor"
+    try:
+        return landing_seen(tracks, inputs, lands_at), ""
+    except NotFoundError as problem:
+        return None, problem.in_one_line
 
 
 def moved_impact(near: Impact, tracks: MetricTracks, inputs: Inputs) -> Impact:
@@ -161,12 +190,14 @@ def moved_impact(near: Impact, tracks: MetricTracks, inputs: Inputs) -> Impact:
     if near.view is None or near.contact is None:
         shift = _corner(tracks, flight) - share * _corner(near.tracks, near.flight)
         flight = flight.restarted(flight.reference_s + shift)
-        return replace(near, tracks=tracks, flight=flight, free_flight=free)
+        near = replace(near, tracks=tracks, flight=flight, free_flight=free)
+        return replace(near, landing=_landing(tracks, inputs, flight)[0])
     frames = _Frames.of(near.tracks, near.view.before.reference_s, near.view.after.reference_s)
     view = _view(tracks, inputs, flight, frames.on_clock(share), near.view)
     middle = 0.5 * share * (near.contact.onset_s + near.contact.release_s)
     contact = fit_contact(view, middle)
-    return replace(near, tracks=tracks, flight=flight, free_flight=free, view=view, contact=contact)
+    near = replace(near, tracks=tracks, flight=flight, free_flight=free, view=view, contact=contact)
+    return replace(near, landing=_landing(tracks, inputs, flight)[0])
 
 
 def _moved_flight(

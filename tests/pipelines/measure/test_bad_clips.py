@@ -148,7 +148,7 @@ def test_a_pendulum_alone_is_not_taken_for_a_struck_ball(
     clip = written(rendered(bare, shot), tmp_path / "clip.mp4")
     result = run("measure", clip, "--ball", "basketball")
     assert result.exit_code == 4
-    assert "no strike" in result.output
+    assert "does not fall freely" in result.output
     assert "--ball-at" in result.output
 
 

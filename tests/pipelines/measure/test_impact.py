@@ -58,8 +58,8 @@ def test_clean_tracks_give_the_stroke_back(ball: str, backswing: float) -> None:
         assert found[name] == pytest.approx(true[name], rel=1e-3), name
     assert found["launch_angle"] == pytest.approx(true["launch_angle"], abs=0.04)
     assert found["landing_distance"] == pytest.approx(true["landing_distance"], rel=2e-4)
-    for road in ("cor_speeds", "cor_launch", "cor_range"):
-        assert found[road] == pytest.approx(true["cor_speeds"], abs=0.004), road
+    for name in ("cor_speeds", "cor_launch", "cor_range"):
+        assert found[name] == pytest.approx(true["cor_speeds"], abs=0.004), name
 
 
 def test_the_stated_uncertainties_hold_the_errors() -> None:
@@ -203,3 +203,50 @@ def test_a_contact_that_no_such_ball_can_have_is_withheld_and_a_doubtful_one_dra
     free = fit_contact(unsure, middle)
     bound = fit_contact(replace(unsure, longest_s=0.97 * lasts), middle)
     assert bound.release_s - bound.onset_s < free.release_s - free.onset_s
+
+
+def test_what_disturbs_a_ball_at_rest_is_not_its_departure() -> None:
+    scene, shot = known_stroke("basketball", 60.0)
+    tracks = ideal_tracks(scene, shot, Noise(1e-4))
+    early = replace(tracks, ball_m=tracks.ball_m.copy())
+    early.ball_m[12:20] += [0.006, 0.002]
+    assert departure(early) == departure(tracks)
+    assert departure(tracks) == pytest.approx(-FIRST, abs=5 / 600.0)
+
+
+def test_the_landing_as_seen_comes_from_frames_around_touch_down() -> None:
+    scene, shot = known_stroke("basketball", 60.0)
+    tracks = ideal_tracks(scene, shot, Noise(1e-4))
+    inputs = gather_inputs(Setup(), "basketball", None)
+    seen = find_impact(tracks, inputs).landing
+    assert seen is not None
+    true = float(shot.flight.landing_position[0])
+    assert seen.place_m[0] - tracks.rest_m[0] == pytest.approx(true, abs=0.002)
+    # the launch bent, the landing left alone: only what is fitted to the launch follows it
+    bent = tracks.ball_m.copy()
+    flying = (tracks.ball_time_s > 0.1) & (tracks.ball_time_s < 0.3)
+    bent[flying, 0] += 0.01 * np.sin(np.pi * (tracks.ball_time_s[flying] - 0.1) / 0.2)
+    again = find_impact(replace(tracks, ball_m=bent), inputs).landing
+    assert again is not None
+    assert again.place_m[0] == pytest.approx(seen.place_m[0], abs=1e-4)
+
+
+def test_a_landing_that_is_not_followed_gives_no_estimate_from_the_range() -> None:
+    scene, shot = known_stroke("basketball", 60.0)
+    tracks = ideal_tracks(scene, shot, Noise(1e-4))
+    near = np.abs(tracks.ball_time_s - (shot.landing_time - FIRST)) < 0.012
+    keep = ~(near | (tracks.ball_time_s > shot.landing_time - FIRST))
+    cut = replace(
+        tracks,
+        ball_frame=tracks.ball_frame[keep],
+        ball_time_s=tracks.ball_time_s[keep],
+        ball_m=tracks.ball_m[keep],
+        ball_cov_m2=tracks.ball_cov_m2[keep],
+    )
+    inputs = gather_inputs(Setup(), "basketball", None)
+    impact = find_impact(cut, inputs)
+    assert impact.landing is None
+    assert "last frames before it lands" in impact.landing_reason
+    values = dict(zip(DERIVED, derived_values(impact, inputs), strict=True))
+    assert np.isnan(values["cor_range"])
+    assert np.isfinite(values["landing_distance"])

@@ -3,7 +3,17 @@
 import numpy as np
 
 from metrology import Contribution, Quantity
-from pipelines.report import Check, Curve, GapRecord, Moment, PathRecord, ReportInput, SpeedRecord
+from pipelines.report import (
+    Check,
+    CheckKind,
+    CheckOutcome,
+    Curve,
+    GapRecord,
+    Moment,
+    PathRecord,
+    ReportInput,
+    SpeedRecord,
+)
 
 ONSET, RELEASE = 0.0840, 0.0981
 SPEED, ANGLE, G = 6.361, np.radians(12.34), 9.806
@@ -57,10 +67,16 @@ def example(still: bytes | None = None) -> ReportInput:
         Quantity.measured("cor_speeds", 0.7153, "1", (Contribution("ball speed", 0.004),)),
     )  # fmt: skip
     checks = (
-        Check("gravity", True, "free fall measures 9.79 ± 0.03 m/s², the true value is 9.806 m/s²"),
-        Check("COR roads", None, "only one of three roads is open"),
         Check(
-            "ball's size", False, "the ball seems 3 % too large for the plane that the tape gives"
+            CheckKind.GRAVITY,
+            CheckOutcome.PASSED,
+            "free fall measures 9.79 ± 0.03 m/s², the true value is 9.806 m/s²",
+        ),
+        Check(CheckKind.COR_AGREEMENT, CheckOutcome.UNDECIDED, "only one of three estimates"),
+        Check(
+            CheckKind.CONTACT_BOUND,
+            CheckOutcome.FAILED,
+            "the ball seems 3 % too large for the plane that the tape gives",
         ),
     )
     facts = (

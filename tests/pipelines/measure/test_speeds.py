@@ -5,7 +5,8 @@ import pytest
 from metrology import Contribution, Quantity
 from physics.bodies import JOKKU, PAPER_PENDULUM, PAPER_SUPPORT
 from physics.contact.contact import simulate_contact
-from pipelines.measure.fits.beside import gravity_share, speed_by_pendulum, speeds_agree
+from pipelines.measure.checks.speeds import gravity_share, speed_by_pendulum, speeds_agree
+from pipelines.report import CheckOutcome
 
 
 def test_eq_7_less_the_share_of_gravity_is_the_balls_speed() -> None:
@@ -41,7 +42,7 @@ def test_speeds_that_agree_pass() -> None:
         )
     )
     assert check is not None
-    assert check.passed is True
+    assert check.check.passed is True
 
 
 @pytest.mark.parametrize(
@@ -57,8 +58,22 @@ def test_speeds_that_disagree_are_told(per_frame: float, eq7: float) -> None:
         )
     )
     assert check is not None
-    assert check.passed is False
-    assert "disagree" in check.statement
+    assert check.check.passed is False
+    assert "disagree" in check.check.statement
+    doubted = check.flight_apart if eq7 < 5.0 else check.pendulum_apart
+    assert doubted == pytest.approx((3.80 - per_frame if eq7 < 5.0 else eq7 - 0.3 - 3.80) / 3.80)
+
+
+def test_speeds_too_unsure_to_disagree_say_so() -> None:
+    speeds = found(
+        ball_speed=(3.80, 0.4),
+        ball_speed_per_frame=(3.60, 0.5),
+        ball_speed_eq7=(4.80, 0.9),
+        eq7_by_gravity=(0.30, 0.01),
+    )
+    check = speeds_agree(speeds)
+    assert check is not None
+    assert check.check.outcome is CheckOutcome.UNDECIDED
 
 
 def test_without_a_pendulum_only_the_frames_are_compared() -> None:
@@ -67,5 +82,5 @@ def test_without_a_pendulum_only_the_frames_are_compared() -> None:
         speeds[name] = Quantity.missing(name, "m/s", "no pendulum")
     check = speeds_agree(speeds)
     assert check is not None
-    assert check.passed is True
-    assert "Eq. 7" not in check.statement
+    assert check.check.passed is True
+    assert "Eq. 7" not in check.check.statement

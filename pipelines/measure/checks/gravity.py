@@ -3,9 +3,12 @@
 import math
 from dataclasses import replace
 
+from scipy.special import ndtr
+
 from metrology import Quantity
 from pipelines.measure.budget import Scene
-from pipelines.report import Check
+from pipelines.report import Check, CheckKind, CheckOutcome
+from vision.clip.capture_rate import RateSource
 
 __all__ = ["contradicts_gravity", "gravity_check"]
 
@@ -29,6 +32,9 @@ _COMMON_RATES = (
     1000,
 )
 _SIGMAS = 3.0
+RELEVANT_SHARE = 0.1
+"""Of gravity: what a rate off by a twentieth, or lengths off by a tenth, make of it."""
+LEAST_POWER = 0.5
 _PLAIN_SIGMAS = 5.0
 _BEYOND_AIR = 0.1
 """Share of gravity that spin or drag could hide; what is plainly beyond it, they can't."""
@@ -65,9 +71,22 @@ def gravity_check(found: Quantity, scene: Scene) -> tuple[Quantity, Check | None
         return quantity, None
     gravity = scene.inputs.gravity
     text = f"free fall gives {quantity.value:.2f} ± {quantity.std:.2f} m/s²"
-    if abs(quantity.value - gravity) <= _SIGMAS * quantity.std:
-        return quantity, Check("gravity", True, f"{text}: rate and scale agree with gravity")
-    return quantity, Check("gravity", False, f"{text}, not {gravity:.2f}. {_why(quantity, scene)}")
+    off = abs(quantity.value - gravity)
+    power = float(ndtr(-_SIGMAS + RELEVANT_SHARE * gravity / max(quantity.std, 1e-12)))
+    if off > _SIGMAS * quantity.std:
+        statement = f"{text}, not {gravity:.2f}. {_why(quantity, scene)}"
+        return quantity, Check(CheckKind.GRAVITY, CheckOutcome.FAILED, statement, power)
+    if scene.rate.source is RateSource.ASSUMED:
+        statement = f"{text}: the fall told the capture rate, so it can't check it"
+        return quantity, Check(CheckKind.GRAVITY, CheckOutcome.UNDECIDED, statement, 0.0)
+    if power < LEAST_POWER:
+        statement = (
+            f"{text}: too unsure to tell whether rate and scale are within"
+            f" {100 * RELEVANT_SHARE:.0f} % of what gravity asks for"
+        )
+        return quantity, Check(CheckKind.GRAVITY, CheckOutcome.UNDECIDED, statement, power)
+    statement = f"{text}: rate and scale agree with gravity"
+    return quantity, Check(CheckKind.GRAVITY, CheckOutcome.PASSED, statement, power)
 
 
 def _why(quantity: Quantity, scene: Scene) -> str:

@@ -1,0 +1,1 @@
+"""Motions that are measurements in their own right: free flights and drops, swings, collisions."""
