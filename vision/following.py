@@ -30,9 +30,11 @@ FloatImage = NDArray[np.float32]
 IntArray = NDArray[np.int64]
 Point = tuple[float, float] | tuple[float, float, int]
 
-_LOOKS = 40
-_LOOKS_PER_SECOND = 60.0
-_MOST_LOOKS = 1500
+# Frames looked at over the whole action, at first and at most.
+_LOOKS = 48
+_MOST_LOOKS = 256
+# Between looks a thing goes no further than this, in radii, if more looks can help it.
+_LONGEST_STEP = 2.5
 _MOST_CLOSER = 150
 
 
@@ -71,7 +73,7 @@ def follow(
     footage = Footage(clip)
     scene = Scene(footage)
     _tell(progress, 0.2)
-    choice = choose_ball(_paths(scene, _looks(scene, capture_fps)), _located(ball_at))
+    choice = choose_ball(_paths(scene), _located(ball_at, footage.first))
     if choice is None:
         raise _no_ball(ball_at)
     _tell(progress, 0.4)
@@ -88,7 +90,7 @@ def follow(
     _tell(progress, 1.0)
     ball = _track(fits, capture_fps)
     rest_frames = None if rest is None else (rest.first, rest.last)
-    return Tracks(
+    tracks = Tracks(
         ball=ball,
         pendulum=_pendulum(striker, rest, capture_fps),
         background=scene.background.image,
@@ -100,6 +102,7 @@ def follow(
             ball, rest_frames, pendulum=striker is not None, struck_by_another=choice.struck
         ),
     )
+    return tracks.later(footage.first, footage.whole_count, capture_fps)
 
 
 def _others(scene: Scene, choice: Choice, fps: float) -> tuple[Followed, ...]:
@@ -134,23 +137,31 @@ def _tell(progress: Callable[[float], None] | None, part: float) -> None:
         progress(part)
 
 
-def _looks(scene: Scene, fps: float) -> IntArray:
-    """Frames to look for round things in: an even sample, as dense as free fall asks for."""
-    count = min(scene.count, max(_LOOKS, int(scene.count * _LOOKS_PER_SECOND / fps)), _MOST_LOOKS)
-    return np.unique(np.linspace(0, scene.count - 1, count).astype(np.int64))
+def _paths(scene: Scene) -> list[Path]:
+    """Round things that moved, looked for as densely as they move fast and meet."""
+    found: dict[int, Circles] = {}
+    count = _LOOKS
+    while True:
+        paths = _linked(scene, scene.spread(count), found)
+        if len(found) >= min(scene.count, _MOST_LOOKS) or _longest_step(paths) < _LONGEST_STEP:
+            break
+        count = min(2 * count, _MOST_LOOKS)
+    closer = _meetings(paths, np.array(sorted(found), dtype=np.int64))
+    return _linked(scene, closer, found) if len(closer) else paths
 
 
-def _paths(scene: Scene, looks: IntArray) -> list[Path]:
-    circles = _circles(scene, looks)
-    paths = link_circles(looks, circles)
-    closer = _meetings(paths, looks)
-    if len(closer) == 0:
-        return paths
-    found = dict(zip(looks.tolist(), circles, strict=True))
-    between = np.setdiff1d(closer, looks)
-    found |= dict(zip(between.tolist(), _circles(scene, between), strict=True))
+def _linked(scene: Scene, looks: IntArray, found: dict[int, Circles]) -> list[Path]:
+    """Paths through what is found at these looks and was found at earlier ones."""
+    new = np.setdiff1d(looks, np.array(sorted(found), dtype=np.int64))
+    found |= dict(zip(new.tolist(), _circles(scene, new), strict=True))
     every = np.array(sorted(found), dtype=np.int64)
     return link_circles(every, [found[int(index)] for index in every])
+
+
+def _longest_step(paths: list[Path]) -> float:
+    """How far the likely things go from look to look, in radii; without any, without end."""
+    steps = [path.step for path in rivals(paths)]
+    return max(steps, default=np.inf)
 
 
 def _circles(scene: Scene, looks: IntArray) -> list[Circles]:
@@ -166,7 +177,7 @@ def _circles(scene: Scene, looks: IntArray) -> list[Circles]:
 
 def _meetings(paths: list[Path], looks: IntArray) -> IntArray:
     """Frames around moments in which two like things meet: a closer look tells who is who."""
-    stride = int(np.median(np.diff(looks))) if len(looks) > 1 else 1
+    stride = int(np.ceil(np.median(np.diff(looks)))) if len(looks) > 1 else 1
     if stride <= 1:
         return np.zeros(0, dtype=np.int64)
     wanted: set[int] = set()
@@ -181,10 +192,11 @@ def _meetings(paths: list[Path], looks: IntArray) -> IntArray:
     return np.array(sorted(inside)[:_MOST_CLOSER], dtype=np.int64)
 
 
-def _located(point: Point | None) -> tuple[float, float, int | None] | None:
+def _located(point: Point | None, first: int) -> tuple[float, float, int | None] | None:
+    """A point with its frame, if it has one, counted from the action's first."""
     if point is None:
         return None
-    return float(point[0]), float(point[1]), (int(point[2]) if len(point) == 3 else None)
+    return float(point[0]), float(point[1]), (int(point[2]) - first if len(point) == 3 else None)
 
 
 def _no_ball(ball_at: Point | None) -> NotFoundError:

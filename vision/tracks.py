@@ -124,6 +124,10 @@ class Track:
         """Rows for which `keep` (N,) is true."""
         return replace(self, **{name: getattr(self, name)[keep] for name in Track.__annotations__})
 
+    def later(self, first: int, fps: float) -> Self:
+        """The same track in a clip that begins `first` frames earlier."""
+        return replace(self, frame=self.frame + first, time_s=self.time_s + first / fps)
+
 
 @dataclass(frozen=True)
 class Followed:
@@ -240,3 +244,27 @@ class Tracks:
     warnings: tuple[str, ...] = ()
     shift_px: FloatArray | None = None
     motion: Motion = Motion(MotionKind.NONE, 0.0)
+
+    def later(self, first: int, count: int, fps: float) -> Self:
+        """The same tracks in a clip of `count` frames that begins `first` frames earlier."""
+        if first == 0 and (self.shift_px is None or len(self.shift_px) == count):
+            return self
+        pendulum, rest, motion, shift = self.pendulum, self.rest_frames, self.motion, self.shift_px
+        if pendulum is not None:
+            face = replace(pendulum.face, frame=pendulum.face.frame + first)
+            pendulum = replace(pendulum, track=pendulum.track.later(first, fps), face=face)
+        if motion.frames is not None:
+            motion = replace(motion, frames=(motion.frames[0] + first, motion.frames[1] + first))
+        if shift is not None:
+            shift = shift[np.clip(np.arange(count) - first, 0, len(shift) - 1)]
+        return replace(
+            self,
+            ball=self.ball.later(first, fps),
+            pendulum=pendulum,
+            rest_frames=None if rest is None else (rest[0] + first, rest[1] + first),
+            others=tuple(
+                replace(other, track=other.track.later(first, fps)) for other in self.others
+            ),
+            motion=motion,
+            shift_px=shift,
+        )

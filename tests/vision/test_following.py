@@ -111,3 +111,24 @@ def test_both_real_pucks_are_followed_and_the_struck_one_is_told() -> None:
     assert _rms(tracks.ball, _truth(name, "target")) < 1.0
     assert _rms(tracks.others[0].track, _truth(name, "striker")) < 1.0
     assert any("struck" in warning for warning in tracks.warnings)
+
+
+def test_still_frames_before_and_after_change_nothing() -> None:
+    clip, _, _ = struck_ball(70)
+    first, last = clip.pictures[0].astype(float), clip.pictures[-1].astype(float)
+    rng = np.random.default_rng(3)
+
+    def copies(picture: np.ndarray, count: int) -> list[np.ndarray]:
+        noise = rng.normal(0.0, 1.0, (count, *picture.shape))
+        return [np.clip(np.rint(picture + part), 0, 255).astype(np.uint8) for part in noise]
+
+    padded = PaintedClip([*copies(first, 300), *clip.pictures, *copies(last, 150)])
+    bare, found = follow(clip, 600.0), follow(padded, 30.0)  # type: ignore[arg-type]
+    assert found.rest_frames is not None
+    assert bare.rest_frames is not None
+    assert found.rest_frames[1] - 300 == pytest.approx(bare.rest_frames[1], abs=1)
+    assert found.pendulum is not None
+    _, own, theirs = np.intersect1d(found.ball.frame - 300, bare.ball.frame, return_indices=True)
+    assert len(own) > 0.95 * len(bare.ball)
+    gap = found.ball.centre_px[own] - bare.ball.centre_px[theirs]
+    assert np.sqrt(np.mean(gap**2)) < 0.08

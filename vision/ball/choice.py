@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.ball.linking import Path
+from vision.motion.lawful import lawful_stretch
 
 __all__ = ["Choice", "choose_ball", "rivals", "trimmed"]
 
@@ -14,6 +15,15 @@ FloatArray = NDArray[np.float64]
 # A thing that came less far than this (in radii) only wobbles: a swinging scale, a codec's blocks.
 _LEAST_TRAVEL = 2.0
 _RADIUS_TOLERANCE = 0.3
+# Steepness over noise at which an outline counts as nothing, and as clear.
+_FAINT, _CLEAR = 5.0, 60.0
+_FEWEST_STILL = 3
+_STILL_RADII = 0.15
+# Something that lay still and then flies was struck: that is what clips are made for.
+_STRUCK_BONUS = 1.5
+# An outline so complete, this much larger, may enclose a glint.
+_CREDIBLE = 0.62
+_ENCLOSING = 1.4
 
 
 @dataclass(frozen=True)
@@ -79,7 +89,7 @@ def choose_ball(paths: list[Path], at: tuple[float, float, int | None] | None) -
         return Choice(
             ball, tuple(path for path in clean if path is not ball and _moves(path)), False
         )
-    moving = [path for path in clean if _moves(path)]
+    moving = _outermost([path for path in clean if _moves(path)])
     if not moving:
         return None
     ranked = sorted(moving, key=_score, reverse=True)
@@ -94,7 +104,7 @@ def choose_ball(paths: list[Path], at: tuple[float, float, int | None] | None) -
 
 def rivals(paths: list[Path]) -> list[Path]:
     """The clearest path of something that moves, and those that might be taken for it."""
-    moving = [path for path in (trimmed(path) for path in paths) if _moves(path)]
+    moving = _outermost([path for path in (trimmed(path) for path in paths) if _moves(path)])
     if not moving:
         return []
     best = max(moving, key=_score)
@@ -106,10 +116,45 @@ def _moves(path: Path) -> bool:
 
 
 def _score(path: Path) -> float:
-    far = np.log1p(min(path.travel, 30.0))
+    """How much there is to a path: a clear outline, and a motion that a law explains."""
     steady = 1.0 / (1.0 + 10.0 * float(np.std(np.log(path.radius_px))))
-    size = np.sqrt(path.radius)
-    return float(size * path.clarity * far * np.sqrt(len(path.frame)) * steady * _smoothness(path))
+    return float(_clarity(path) * steady * _smoothness(path) * _evidence(path))
+
+
+def _clarity(path: Path) -> float:
+    """How complete and clear the outline is; the steepness of a glint adds no more."""
+    steepness = np.log(max(float(np.median(path.sharpness)), 1.0) / _FAINT)
+    steep = np.clip(steepness / np.log(_CLEAR / _FAINT), 0.02, 1.3)
+    size = np.clip(path.radius / 10.0, 0.1, 4.0) ** 0.25
+    return float(np.median(path.coverage) ** 2 * steep * size)
+
+
+def _evidence(path: Path) -> float:
+    """Evidence for a lawful motion, nats; more where it lay still until then."""
+    stretch = lawful_stretch(path.frame, path.centre_px, path.radius)
+    before = path.frame < stretch.first
+    lay_still = False
+    if np.count_nonzero(before) >= _FEWEST_STILL:
+        place = path.centre_px[before][-_FEWEST_STILL:]
+        lay_still = bool(np.hypot(*np.ptp(place, axis=0)) < _STILL_RADII * path.radius + 1.0)
+    return float((1.0 + stretch.evidence) * (_STRUCK_BONUS if lay_still else 1.0))
+
+
+def _outermost(paths: list[Path]) -> list[Path]:
+    """Without what lies in another and moves with it: a glint, a panel, a hub."""
+    return [path for path in paths if not any(_within(path, other) for other in paths)]
+
+
+def _within(path: Path, other: Path) -> bool:
+    """Whether a path is of something inside the outline of another credible one."""
+    if path.radius > other.radius / _ENCLOSING or np.median(other.coverage) < _CREDIBLE:
+        return False
+    _, own, theirs = np.intersect1d(path.frame, other.frame, return_indices=True)
+    if len(own) < max(4, 0.5 * len(path.frame)):
+        return False
+    gap = np.hypot(*(path.centre_px[own] - other.centre_px[theirs]).T)
+    inside = gap + path.radius_px[own] < 1.1 * other.radius_px[theirs]
+    return bool(np.mean(inside) > 0.7 and _evidence(other) > 0.4 * _evidence(path))
 
 
 def _smoothness(path: Path) -> float:

@@ -38,6 +38,7 @@ _SMALL_LEVEL = 20_000
 # 6 units: far above that mean's own noise.
 _STIRRED = 1.5
 _SUBSTANCE_RADIUS = 10.0
+_PRESENCE_POINTS = 48
 _BOTH_SIDES = np.array([[-1.0], [1.0]], dtype=np.float32)
 
 
@@ -55,12 +56,16 @@ class Circles:
         Part of the outline with an edge along it, 0 to 1.
     sharpness : (N,) array
         Mean edge steepness along the outline, in units of what the picture noise alone gives.
+    presence : (N,) array
+        Part of the outline's edge that is in the picture rather than in the static scene: a ghost,
+        where something was or will be, has next to none, 0 to 1.
     """
 
     centre_px: FloatArray
     radius_px: FloatArray
     coverage: FloatArray
     sharpness: FloatArray
+    presence: FloatArray
 
     def __len__(self) -> int:
         return len(self.radius_px)
@@ -124,7 +129,7 @@ def find_circles(
     weighed = [
         (*circle[:4], circle[4] * _substance(circle, picture, expected, noise)) for circle in found
     ]
-    return _distinct(weighed, most)
+    return _distinct(weighed, most, picture, expected)
 
 
 def _searched(
@@ -326,7 +331,26 @@ def _refined(edges: EdgePoints, start: FloatArray) -> list[Circle]:
     return [(row[0], row[1], row[2], row[3], row[4]) for row in table.tolist()]
 
 
-def _distinct(found: list[Circle], most: int) -> Circles:
+def _presence(circle: Circle, picture: FloatImage, expected: FloatImage) -> float:
+    """Which of the two an outline's edge belongs to: 1 the picture, 0 the static scene."""
+    x, y, radius = circle[:3]
+    reach = max(1.0, 0.12 * radius)
+    turn = np.linspace(0.0, 2.0 * np.pi, _PRESENCE_POINTS, endpoint=False)
+    rho = np.array([[radius - reach], [radius + reach]])
+    columns = np.rint(x + rho * np.cos(turn)).astype(np.int64)
+    rows = np.rint(y + rho * np.sin(turn)).astype(np.int64)
+    inside = (columns >= 0) & (rows >= 0)
+    inside &= (columns < picture.shape[1]) & (rows < picture.shape[0])
+    seen = np.all(inside, axis=0)
+    if np.count_nonzero(seen) < _FEWEST_EDGES:
+        return 1.0
+    rows, columns = rows[:, seen], columns[:, seen]
+    now = np.abs(np.diff(picture[rows, columns], axis=0))
+    always = np.abs(np.diff(expected[rows, columns], axis=0))
+    return float(np.sum(now) / max(float(np.sum(now) + np.sum(always)), 1e-6))
+
+
+def _distinct(found: list[Circle], most: int, picture: FloatImage, expected: FloatImage) -> Circles:
     """Keep the best of those that describe the same circle."""
     ranked = sorted(found, key=rank)
     outer = [circle for circle in ranked if circle[3] >= 0.7]
@@ -338,4 +362,5 @@ def _distinct(found: list[Circle], most: int) -> Circles:
         if len(kept) == most:
             break
     table = np.array(kept, dtype=np.float64).reshape(-1, 5)
-    return Circles(table[:, :2], table[:, 2], table[:, 3], table[:, 4])
+    presence = np.array([_presence(circle, picture, expected) for circle in kept])
+    return Circles(table[:, :2], table[:, 2], table[:, 3], table[:, 4], presence)

@@ -23,6 +23,11 @@ _COLLISION_PRICE = 1.2
 _MISS_PRICE = 0.25
 # Edges less steep than this (over noise) may be noise, and count next to nothing.
 _FAINT = 5.0
+# An outline of which the static scene has more than the picture is a ghost's: it counts from
+# nothing at the first part of presence to in full at the second.
+_GHOST, _PRESENT = 0.3, 0.5
+# Of two outlines one within the other the larger is another thing from this ratio on.
+_ENCLOSING = 1.5
 # A ball's outline does not swell by more than this (natural logarithm) from one look to the next.
 _MOST_SWELLING = 0.45
 
@@ -61,6 +66,12 @@ class Path:
         return float(np.hypot(span[0], span[1]) / self.radius)
 
     @property
+    def step(self) -> float:
+        """How far it goes from look to look while it moves, in radii: the quicker quarter."""
+        moved = np.hypot(*np.diff(self.centre_px, axis=0).T)
+        return float(np.quantile(moved, 0.75) / self.radius)
+
+    @property
     def clarity(self) -> float:
         """How clear the outline is: covered part times steepness over noise, typical value."""
         return float(np.median(self.coverage) * np.median(self.sharpness))
@@ -74,7 +85,7 @@ class _Nodes:
     worth: FloatArray
 
 
-def link_circles(frames: IntArray, circles: list[Circles], *, most: int = 6) -> list[Path]:
+def link_circles(frames: IntArray, circles: list[Circles], *, most: int = 8) -> list[Path]:
     """Join candidates into paths, best first.
 
     Parameters
@@ -115,7 +126,9 @@ def _nodes(frames: IntArray, circles: list[Circles]) -> _Nodes:
     steepness = np.log(np.maximum(table[:, 4], 1.0) / _FAINT) / np.log(60.0 / _FAINT)
     # Of two round things that move as one, the larger is the ball and the smaller its panel.
     size = np.clip(table[:, 2] / 10.0, 0.1, 4.0) ** 0.2
-    worth = table[:, 3] ** 2 * np.clip(steepness, 0.02, 1.3) * size
+    presence = np.concatenate([found.presence for found in circles] or [np.zeros(0)])
+    there = np.clip((presence - _GHOST) / (_PRESENT - _GHOST), 0.02, 1.0)
+    worth = table[:, 3] ** 2 * np.clip(steepness, 0.02, 1.3) * size * there
     return _Nodes(step, frames[step], table, worth)
 
 
@@ -126,7 +139,11 @@ def _claimed(nodes: _Nodes, chain: IntArray) -> NDArray[np.bool_]:
         x, y, radius = nodes.table[member, :3]
         same = nodes.step == nodes.step[member]
         gap = np.hypot(nodes.table[:, 0] - x, nodes.table[:, 1] - y)
-        claimed |= same & (gap < np.maximum(radius, 0.6 * (radius + nodes.table[:, 2])))
+        claimed |= (
+            same
+            & (gap < np.maximum(radius, 0.6 * (radius + nodes.table[:, 2])))
+            & (nodes.table[:, 2] < _ENCLOSING * radius)
+        )
     claimed[chain] = True
     return claimed
 

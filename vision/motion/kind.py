@@ -1,12 +1,52 @@
-"""What happens in a clip: a strike, a flight, a drop, a swing, a collision, or nothing."""
+"""What happens in a clip: a strike, a flight, a drop, a swing, a collision, or nothing.
+
+The explanations compete. Each says where the followed thing is in the frames that it claims, to
+within a scatter s; a frame that it leaves unexplained may be anywhere in the area A that was
+travelled. What an explanation is worth is the sum of log(A / 2πs²) - d²/2s² over its frames, less
+the price of its parameters (Schwarz 1978); a thing that follows no law is worth nothing. Errors of
+neighbouring frames are alike, so that many frames count for no more than a few dozen.
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from vision.motion.lawful import lawful_stretch
+from vision.motion.oscillation import PARAMETERS, fit_oscillation
 from vision.tracks import Motion, MotionKind, Track
 
 __all__ = ["motion_of"]
 
+FloatArray = NDArray[np.float64]
+
 _FEWEST = 5
+# What a law leaves over: px, and in radii (deformation, drag, a camera that is not ideal).
+_SCATTER_PX = 0.4
+_SCATTER_RADII = 0.04
+_MOST_INDEPENDENT = 40.0
+# Nothing is surer than this: what was not thought of is left.
+_MOST_CERTAIN = 0.99
+# A strike, a drop and a throw differ by how the motion begins. Odds where that was not seen.
+_UNSEEN_STRIKER_ODDS = 3.0
+# A drop goes along its acceleration: sideways by less than this part of the way.
+_DROP_SIDEWAYS = 0.06
+_DROP_ODDS = 30.0
+_BEGINS_AT_REST = 0.15
+# Acceleration of a flight shows when it bends or speeds up the path by so many scatters.
+_SEEN_ACCELERATION = 4.0
+
+
+@dataclass(frozen=True)
+class _Flight:
+    """The stretch of free motion: frames, motion in it, and what it is worth, nats."""
+
+    first: int
+    last: int
+    worth: float
+    velocity: FloatArray
+    acceleration: FloatArray
+    sagitta: float
 
 
 def motion_of(
@@ -33,20 +73,133 @@ def motion_of(
     -------
     Motion
     """
-    if len(ball) < _FEWEST:
-        return Motion(MotionKind.NONE, 1.0, ("too few frames show anything that moves",))
-    first = int(ball.frame[0]) if rest_frames is None else rest_frames[1]
-    frames = (first, int(ball.frame[-1]))
-    if struck_by_another and rest_frames is not None:
-        return Motion(
-            MotionKind.COLLISION, 0.9, ("another ball met it while it lay still",), frames
-        )
-    if rest_frames is not None and pendulum:
-        reasons = ("a pendulum met it while it lay still",)
-        return Motion(MotionKind.STRIKE, 0.9, reasons, frames)
-    moved = ball.centre_px[ball.frame >= first]
-    across, down = np.ptp(moved, axis=0)
-    if rest_frames is not None and across > 0.3 * down:
-        return Motion(MotionKind.STRIKE, 0.6, ("it lay still and left sideways",), frames)
-    kind = MotionKind.DROP if across < 0.1 * down else MotionKind.FLIGHT
-    return Motion(kind, 0.6, ("nothing was seen to strike it",), frames)
+    moving = ball.where(ball.frame >= (0 if rest_frames is None else rest_frames[1]))
+    if len(moving) < _FEWEST:
+        return Motion(MotionKind.NONE, 1.0, ("Too few frames show anything that moves.",))
+    scatter = _SCATTER_PX + _SCATTER_RADII * float(np.median(ball.radius_px))
+    area = float(np.prod(np.ptp(moving.centre_px, axis=0) + 2.0 * moving.radius_px[0]))
+    flight = _flight(moving, scatter, area)
+    swing = _swing_worth(ball, scatter, area) if rest_frames is None else 0.0
+    worth = {MotionKind.NONE: 0.0, MotionKind.SWING: swing}
+    reasons: dict[MotionKind, tuple[str, ...]] = {
+        MotionKind.NONE: ("What moves follows neither a free flight nor a swing.",),
+        MotionKind.SWING: ("It goes to and fro on an arc.",),
+    }
+    if flight is not None:
+        for kind, odds, reason in _beginnings(flight, rest_frames, pendulum, struck_by_another):
+            worth[kind] = flight.worth + np.log(odds)
+            reasons[kind] = (reason,)
+    return _judged(worth, reasons, flight, rest_frames, ball)
+
+
+def _judged(
+    worth: dict[MotionKind, float],
+    reasons: dict[MotionKind, tuple[str, ...]],
+    flight: _Flight | None,
+    rest_frames: tuple[int, int] | None,
+    ball: Track,
+) -> Motion:
+    best = max(worth.values())
+    weight = {kind: float(np.exp(value - best)) for kind, value in worth.items()}
+    total = sum(weight.values())
+    spare = (1.0 - _MOST_CERTAIN) / len(MotionKind)
+    probability = {
+        kind: _MOST_CERTAIN * weight.get(kind, 0.0) / total + spare for kind in MotionKind
+    }
+    ranked = sorted(MotionKind, key=lambda kind: -probability[kind])
+    kind = ranked[0]
+    frames: tuple[int, int] | None = (int(ball.frame[0]), int(ball.frame[-1]))
+    if kind is MotionKind.NONE:
+        frames = None
+    elif kind is not MotionKind.SWING and flight is not None:
+        begins = flight.first if rest_frames is None else min(flight.first, rest_frames[1])
+        frames = (begins, flight.last)
+    return Motion(
+        kind,
+        probability[kind],
+        reasons.get(kind, ()),
+        frames,
+        tuple((other, probability[other]) for other in ranked[1:]),
+    )
+
+
+def _flight(moving: Track, scatter: float, area: float) -> _Flight | None:
+    radius = float(np.median(moving.radius_px))
+    stretch = lawful_stretch(moving.frame, moving.centre_px, radius)
+    if stretch.evidence <= 0.0:
+        return None
+    inside = (moving.frame >= stretch.first) & (moving.frame <= stretch.last)
+    time = (moving.frame[inside] - stretch.first).astype(np.float64)
+    place = moving.centre_px[inside]
+    powers = np.column_stack([np.ones_like(time), time, 0.5 * time * time])
+    motion = np.linalg.lstsq(powers, place, rcond=None)[0]
+    residual = np.hypot(*(place - powers @ motion).T)
+    velocity, acceleration = motion[1], motion[2]
+    return _Flight(
+        stretch.first,
+        stretch.last,
+        _worth(residual, scatter, area, 6),
+        velocity,
+        acceleration,
+        float(np.hypot(*acceleration)) * float(time[-1]) ** 2 / 8.0 / scatter,
+    )
+
+
+def _swing_worth(ball: Track, scatter: float, area: float) -> float:
+    swing = fit_oscillation(ball.frame.astype(np.float64), ball.centre_px, scatter)
+    if swing is None:
+        return 0.0
+    return _worth(swing.residual_px, scatter, area, PARAMETERS)
+
+
+def _worth(residual: FloatArray, scatter: float, area: float, parameters: int) -> float:
+    gain = np.log(area / (2 * np.pi * scatter**2)) - 0.5 * (residual / scatter) ** 2
+    gain = np.maximum(gain, 0.0)
+    share = min(1.0, _MOST_INDEPENDENT / len(gain))
+    count = len(gain) * share
+    return max(0.0, float(gain.sum()) * share - 0.5 * parameters * float(np.log(count)))
+
+
+def _beginnings(
+    flight: _Flight,
+    rest_frames: tuple[int, int] | None,
+    pendulum: bool,
+    struck_by_another: bool,
+) -> list[tuple[MotionKind, float, str]]:
+    """How a free motion may have begun: kind, odds, and the reason for it."""
+    drop = _drop_odds(flight, rest_frames is not None)
+    said_drop = (MotionKind.DROP, drop, "It falls straight down from rest.")
+    thrown = (MotionKind.FLIGHT, 1.0, "It flies freely, and nothing was seen to strike it.")
+    if rest_frames is None:
+        if flight.sagitta < _SEEN_ACCELERATION:
+            # Along a line at an even speed: a short flight as well as a thing that rolls.
+            return [(MotionKind.FLIGHT, float(np.exp(-flight.worth)), thrown[2])]
+        return [thrown, said_drop]
+    if struck_by_another:
+        return [
+            (MotionKind.COLLISION, 100.0, "Another ball like it met it while it lay still."),
+            (MotionKind.STRIKE, 1.0, "It lay still and left."),
+        ]
+    if pendulum:
+        return [
+            (MotionKind.STRIKE, 100.0, "It lay still, a pendulum met it, and it flew."),
+            thrown,
+        ]
+    odds = _UNSEEN_STRIKER_ODDS
+    return [(MotionKind.STRIKE, odds, "It lay still and left at once."), thrown, said_drop]
+
+
+def _drop_odds(flight: _Flight, from_rest: bool) -> float:
+    """Odds of a drop against a throw."""
+    span = float(flight.last - flight.first)
+    size = float(np.hypot(*flight.acceleration))
+    if size == 0.0 or flight.sagitta < _SEEN_ACCELERATION:
+        return 1e-3
+    down = flight.acceleration / size
+    along = float(flight.velocity @ down) * span + 0.5 * size * span**2
+    across = abs(float(flight.velocity[0] * down[1] - flight.velocity[1] * down[0])) * span
+    upwards = float(flight.velocity @ down) < -0.05 * size * span
+    if upwards or across > _DROP_SIDEWAYS * along:
+        return 1.0 / _DROP_ODDS
+    begins = float(np.hypot(*flight.velocity)) < _BEGINS_AT_REST * size * span
+    return _DROP_ODDS if from_rest or begins else _DROP_ODDS / 3.0

@@ -48,8 +48,7 @@ class Scene:
     def __init__(self, footage: Footage) -> None:
         self._footage = footage
         self._full_scale = np.float32(255.0 / footage.full_scale)
-        step = max(1, len(footage.sample_frames) // _SAMPLES)
-        samples = footage.sample_frames[::step]
+        samples = footage.spread_sample(_SAMPLES)
         rough = Aligner(self._gray(samples[len(samples) // 2]), 2.0)
         trial = [rough.view(self._gray(sample)) for sample in samples[::_TRIAL_STEP]]
         shifts = np.array([view.shift_px for view in trial])
@@ -72,6 +71,10 @@ class Scene:
     def count(self) -> int:
         """Number of frames."""
         return self._footage.count
+
+    def spread(self, count: int) -> IntArray:
+        """So many frames spread evenly over what moves."""
+        return self._footage.spread(count)
 
     @property
     def shape(self) -> tuple[int, int]:

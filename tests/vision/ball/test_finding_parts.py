@@ -87,7 +87,11 @@ def test_two_balls_that_collide_keep_their_names() -> None:
         target = (98.0 + 3.0 * max(frame - 20, 0), 50.0)
         circles.append(
             Circles(
-                np.array([striker, target]), np.full(2, 9.0), np.full(2, 0.95), np.full(2, 60.0)
+                np.array([striker, target]),
+                np.full(2, 9.0),
+                np.full(2, 0.95),
+                np.full(2, 60.0),
+                np.ones(2),
             )
         )
     paths = link_circles(frames, circles)
