@@ -10,6 +10,8 @@ from metrology import NotFoundError
 from vision.ball.ball import BallFits, follow_ball
 from vision.ball.choice import Choice, choose_ball, rivals
 from vision.ball.circles import Circles, find_circles
+from vision.ball.ghosts import uncovered
+from vision.ball.identity import untangled
 from vision.ball.linking import Path, link_circles
 from vision.ball.outline.refine import refine_ball
 from vision.ball.rest import Rest, find_rest
@@ -146,8 +148,12 @@ def _paths(scene: Scene) -> list[Path]:
         if len(found) >= min(scene.count, _MOST_LOOKS) or _longest_step(paths) < _LONGEST_STEP:
             break
         count = min(2 * count, _MOST_LOOKS)
+    if uncovered(scene, found):
+        looks = np.array(sorted(found), dtype=np.int64)
+        found.clear()
+        paths = _linked(scene, looks, found)
     closer = _meetings(paths, np.array(sorted(found), dtype=np.int64))
-    return _linked(scene, closer, found) if len(closer) else paths
+    return untangled(_linked(scene, closer, found) if len(closer) else paths)
 
 
 def _linked(scene: Scene, looks: IntArray, found: dict[int, Circles]) -> list[Path]:

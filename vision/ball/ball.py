@@ -1,10 +1,12 @@
 """The ball, frame by frame: from a rough path to a fitted outline in each frame that shows it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.ball.consistency import Expected, expected_places
 from vision.ball.linking import Path
 from vision.ball.outline.cutout import Cutouts, Wanted, cut_out, ring_widths
 from vision.ball.outline.edge_profile import EdgeProfile
@@ -13,7 +15,7 @@ from vision.ball.outline.outline import FitRules, Start, fit_outlines
 from vision.ball.outline.voted import voted_outlines
 from vision.scene.scene import Scene
 
-__all__ = ["SMALL_RADIUS", "BallFits", "follow_ball"]
+__all__ = ["SMALL_RADIUS", "BallFits", "follow_ball", "trusted_rows"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -32,6 +34,13 @@ _OFF_PATH = 0.08
 # From a guess as near as this the sharp edge is found.
 _NEAR_PX = 1.5
 _SAME_START = 0.05
+_SECOND_LOOKS = 2
+# Rounds of leaving out what does not belong; where more than this part would go, nothing does.
+_DROPS = 4
+_MOST_OFF = 0.3
+# Frames on each side over which the scatter is judged, and how much a variance may grow.
+_WINDOW = 7
+_MOST_WIDENED = 400.0
 
 
 @dataclass(frozen=True)
@@ -95,7 +104,71 @@ def follow_ball(scene: Scene, path: Path) -> BallFits:
     for direction in (-1, 1):
         _extend(scene, search, table, direction)
     found = table.rows()
-    return found if path.radius < SMALL_RADIUS else _reconsidered(search, found)
+    if path.radius >= SMALL_RADIUS:
+        found = _reconsidered(search, found)
+    return _consistent(search, found)
+
+
+def _consistent(search: "_Search", found: BallFits) -> BallFits:
+    """Fit frames that lie off their neighbours' motion again from there; leave out what stays."""
+    for _ in range(_SECOND_LOOKS):
+        expected = _expected(found)
+        places = np.nonzero(expected.off & np.isfinite(expected.centre[:, 0]))[0]
+        if len(places) == 0:
+            break
+        nothing = np.zeros(len(places), dtype=bool)
+        again = search.run(found.frame[places], expected.centre[places], nothing)
+        before = np.hypot(*(found.centre[places] - expected.centre[places]).T)
+        nearer = again.found & (
+            np.hypot(*(again.centre - expected.centre[places]).T) < 0.7 * before
+        )
+        found.fits.put(places[nearer], again.at(nearer))
+        if not nearer.any():
+            break
+    return trusted_rows(found)
+
+
+def trusted_rows(found: BallFits) -> BallFits:
+    """Leave out frames that do not belong, and widen what states too little.
+
+    Parameters
+    ----------
+    found : BallFits
+        Fits of one ball.
+
+    Returns
+    -------
+    BallFits
+        Those that lie where their neighbours say. Where positions scatter about their neighbours'
+        motion by more than they state, their covariances are scaled up.
+    """
+    for _ in range(_DROPS):
+        expected = _expected(found)
+        if not expected.off.any() or expected.off.mean() > _MOST_OFF:
+            break
+        # The worst of a run of neighbours first: it may be what puts the others off.
+        worst = expected.off & (expected.excess >= _around(expected.excess, np.nanmax))
+        found = found.at(~worst)
+    expected = _expected(found)
+    # 0.693 is the median of half a squared distance in two dimensions.
+    local = _around(expected.excess, np.nanmedian) / 0.693
+    factor = np.clip(np.nan_to_num(local, nan=1.0), 1.0, _MOST_WIDENED)
+    covariance = found.fits.covariance * factor[:, None, None]
+    return BallFits(found.frame, replace(found.fits, covariance=covariance))
+
+
+def _expected(found: BallFits) -> Expected:
+    variance = 0.5 * np.trace(found.fits.covariance, axis1=1, axis2=2)
+    return expected_places(found.frame, found.centre, found.radius, variance)
+
+
+def _around(values: FloatArray, statistic: Callable[[FloatArray, int], FloatArray]) -> FloatArray:
+    """A statistic of each value and its neighbours, NaN left out."""
+    padded = np.pad(values, _WINDOW, constant_values=np.nan)
+    stack = np.lib.stride_tricks.sliding_window_view(padded, 2 * _WINDOW + 1).copy()
+    known = np.isfinite(stack).any(axis=1)
+    stack[~known] = 1.0
+    return np.asarray(np.where(known, statistic(stack, 1), np.nan))
 
 
 def _gaps_filled(search: "_Search", found: BallFits, inside: IntArray) -> BallFits:

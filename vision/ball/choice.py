@@ -20,7 +20,14 @@ _FAINT, _CLEAR = 5.0, 60.0
 _FEWEST_STILL = 3
 _STILL_RADII = 0.15
 # Something that lay still and then flies was struck: that is what clips are made for.
-_STRUCK_BONUS = 1.5
+_STRUCK_BONUS = 2.0
+# The more so where another thing came to it at that moment.
+_MET_BONUS = 2.5
+# A pendulum's way of two diameters of the ball bends by 7 to 9 %; what rolls or slides goes along
+# a line.
+_LEAST_APPROACH = 4.0
+_STRAIGHT = 0.04
+_FEWEST_CAME = 4
 # An outline so complete, this much larger, may enclose a glint.
 _CREDIBLE = 0.62
 _ENCLOSING = 1.4
@@ -54,13 +61,7 @@ def trimmed(path: Path) -> Path:
     typical = path.radius_px[order[min(half, len(order) - 1)]]
     keep = np.abs(np.log(path.radius_px / typical)) < _RADIUS_TOLERANCE
     keep &= path.sharpness > 0.3 * np.median(path.sharpness[keep])
-    return Path(
-        path.frame[keep],
-        path.centre_px[keep],
-        path.radius_px[keep],
-        path.coverage[keep],
-        path.sharpness[keep],
-    )
+    return path.where(keep)
 
 
 def choose_ball(paths: list[Path], at: tuple[float, float, int | None] | None) -> Choice | None:
@@ -92,11 +93,16 @@ def choose_ball(paths: list[Path], at: tuple[float, float, int | None] | None) -
     moving = _outermost([path for path in clean if _moves(path)])
     if not moving:
         return None
-    ranked = sorted(moving, key=_score, reverse=True)
+    scores = {
+        id(path): _score(path)
+        * (_MET_BONUS if any(_met_at_rest(path, other) for other in moving) else 1.0)
+        for path in moving
+    }
+    ranked = sorted(moving, key=lambda path: scores[id(path)], reverse=True)
     best = ranked[0]
     alike = [path for path in ranked if path is best or _alike(path, best)]
     for path in alike:
-        if any(_met_at_rest(path, other) for other in alike if other is not path):
+        if any(_rolled_to(path, other) for other in alike if other is not path):
             others = tuple(other for other in alike if other is not path)
             return Choice(path, others, True)
     return Choice(best, tuple(alike[1:]), False)
@@ -170,7 +176,7 @@ def _smoothness(path: Path) -> float:
 def _alike(path: Path, best: Path) -> bool:
     same_size = abs(np.log(path.radius / best.radius)) < 0.2
     return bool(
-        same_size and path.clarity > 0.5 * best.clarity and _score(path) > 0.2 * _score(best)
+        same_size and path.clarity > 0.4 * best.clarity and _score(path) > 0.08 * _score(best)
     )
 
 
@@ -187,6 +193,23 @@ def _met_at_rest(path: Path, other: Path) -> bool:
     own_start = other.centre_px[: max(3, len(other.frame) // 10)].mean(axis=0)
     came = np.hypot(*(own_start - start)) > 2.5 * path.radius
     return bool(np.any(beside) and gap[beside].min() < 3.2 * path.radius and came)
+
+
+def _rolled_to(path: Path, other: Path) -> bool:
+    """Whether the other met it at rest, and came along a line: what swings is a pendulum."""
+    if not _met_at_rest(path, other):
+        return False
+    start = path.centre_px[: max(3, len(path.frame) // 10)].mean(axis=0)
+    gone = np.hypot(*(path.centre_px - start).T) > 0.7 * path.radius
+    came = other.centre_px[other.frame < path.frame[int(np.argmax(gone))]]
+    came = came[np.hypot(*(came - came[0]).T) > 0.0]
+    if len(came) < _FEWEST_CAME:
+        return False
+    along, _, _ = np.linalg.svd((came - came.mean(axis=0)).T, full_matrices=False)
+    way = (came - came.mean(axis=0)) @ along
+    length = float(np.ptp(way[:, 0]))
+    sagitta = abs(float(np.polyfit(way[:, 0], way[:, 1], 2)[0])) * (0.5 * length) ** 2
+    return length > _LEAST_APPROACH * path.radius and sagitta < _STRAIGHT * length
 
 
 def _passes(path: Path, at: tuple[float, float, int | None]) -> bool:

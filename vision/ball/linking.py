@@ -6,7 +6,7 @@ of velocity costs, up to the price of a collision, and so does a change of radiu
 is taken out, then the next.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +44,7 @@ class Path:
         Centres, px.
     radius_px : (N,) array
         Radii, px.
-    coverage, sharpness : (N,) arrays
+    coverage, sharpness, presence : (N,) arrays
         As in `Circles`.
     """
 
@@ -53,6 +53,20 @@ class Path:
     radius_px: FloatArray
     coverage: FloatArray
     sharpness: FloatArray
+    presence: FloatArray
+
+    def where(self, keep: NDArray[np.bool_]) -> "Path":
+        """Some of the looks (N,)."""
+        return Path(*(getattr(self, field.name)[keep] for field in fields(self)))
+
+    def then(self, tail: "Path") -> "Path":
+        """Join a later path to the end."""
+        return Path(
+            *(
+                np.concatenate([getattr(self, field.name), getattr(tail, field.name)])
+                for field in fields(self)
+            )
+        )
 
     @property
     def radius(self) -> float:
@@ -83,6 +97,7 @@ class _Nodes:
     frame: IntArray
     table: FloatArray
     worth: FloatArray
+    presence: FloatArray
 
 
 def link_circles(frames: IntArray, circles: list[Circles], *, most: int = 8) -> list[Path]:
@@ -109,7 +124,8 @@ def link_circles(frames: IntArray, circles: list[Circles], *, most: int = 8) -> 
         if len(chain) < 3:
             break
         table = nodes.table[chain]
-        paths.append(Path(nodes.frame[chain], table[:, :2], table[:, 2], table[:, 3], table[:, 4]))
+        columns = (table[:, :2], table[:, 2], table[:, 3], table[:, 4], nodes.presence[chain])
+        paths.append(Path(nodes.frame[chain], *columns))
         alive &= ~_claimed(nodes, chain)
     return paths
 
@@ -129,7 +145,7 @@ def _nodes(frames: IntArray, circles: list[Circles]) -> _Nodes:
     presence = np.concatenate([found.presence for found in circles] or [np.zeros(0)])
     there = np.clip((presence - _GHOST) / (_PRESENT - _GHOST), 0.02, 1.0)
     worth = table[:, 3] ** 2 * np.clip(steepness, 0.02, 1.3) * size * there
-    return _Nodes(step, frames[step], table, worth)
+    return _Nodes(step, frames[step], table, worth, presence)
 
 
 def _claimed(nodes: _Nodes, chain: IntArray) -> NDArray[np.bool_]:

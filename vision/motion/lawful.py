@@ -97,7 +97,7 @@ def lawful_stretch(frame: IntArray, centre: FloatArray, radius: float) -> Lawful
 def _triples(count: int) -> IntArray:
     """Sets of three looks at all distances, the same for all paths of a length."""
     rng = np.random.default_rng(count)
-    triples = []
+    triples: list[tuple[int, int, int]] = []
     while len(triples) < _TRIALS:
         span = int(rng.integers(4, max(count, 5)))
         start = int(rng.integers(0, max(count - span, 1)))

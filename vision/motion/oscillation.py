@@ -60,7 +60,7 @@ def fit_oscillation(time: FloatArray, centre: FloatArray, scale_px: float) -> Os
     Oscillation or None
         None where there are too few positions.
     """
-    if len(time) < PARAMETERS:
+    if len(time) < 2 * PARAMETERS:
         return None
     span = float(time[-1] - time[0])
     spacing = span / (len(time) - 1)

@@ -24,6 +24,7 @@ __all__ = ["find_face"]
 FloatArray = NDArray[np.float64]
 FloatImage = NDArray[np.float32]
 
+_ROW_POINTS = 128
 _FRAMES = 10
 _FEWEST = 3
 _STEP_PX = 0.5
@@ -222,9 +223,12 @@ class _Look:
 
 
 def _at(picture: FloatImage, spot: FloatArray) -> FloatArray:
-    x, y = spot.T.astype(np.float32)[:, None]
-    border = cv2.BORDER_REPLICATE
-    return np.asarray(cv2.remap(picture, x, y, cv2.INTER_CUBIC, borderMode=border)[0], dtype=float)
+    # In rows of a hundred or so, since OpenCV takes no side of 32,768 and more.
+    width = min(_ROW_POINTS, len(spot))
+    padded = np.pad(spot, ((0, -len(spot) % width), (0, 0)), mode="edge")
+    x, y = (part.reshape(-1, width) for part in padded.T.astype(np.float32))
+    values = cv2.remap(picture, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(values.ravel()[: len(spot)], dtype=float)
 
 
 def _light(gray: FloatArray) -> FloatArray:

@@ -1,6 +1,7 @@
 """Footage together with its static scene: differences, expected pictures, each frame's view."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ _TRIAL_STEP = 2
 # A camera whose pictures wander by less than this (95th percentile) stands on a tripod; codecs do
 # as much.
 _UNSTEADY_PX = 0.25
+_FEWEST_UNCOVERED = 3
 
 
 class Scene:
@@ -65,7 +67,13 @@ class Scene:
         if not self.hand_held:
             return estimate_background(samples, float(self._full_scale))
         grays = [self._gray(sample) for sample in samples]
-        return estimate_background([warp_to_scene(gray, rough.view(gray)) for gray in grays])
+        views = [rough.view(gray) for gray in grays]
+        # The scene is where the camera looks on average, not where it looked in one frame.
+        usual = np.median([view.shift_px for view in views], axis=0)
+        centred = [replace(view, shift_px=view.shift_px - usual) for view in views]
+        return estimate_background(
+            [warp_to_scene(gray, view) for gray, view in zip(grays, centred, strict=True)]
+        )
 
     @property
     def count(self) -> int:
@@ -80,6 +88,34 @@ class Scene:
     def shape(self) -> tuple[int, int]:
         """Height and width, px."""
         return self._footage.shape
+
+    def uncover(self, frames: IntArray, hidden: list[NDArray[np.bool_]], where: FloatImage) -> None:
+        """Put into the static scene what is seen in some frames where a thing stood in it.
+
+        Parameters
+        ----------
+        frames : (n,) int array
+            Frames, increasing, in which the thing is not there.
+        hidden : list of (H, W) bool arrays
+            For each, what else stands before the scene.
+        where : (H, W) float32 array
+            1 where the scene is to be replaced, fading to 0.
+        """
+        rows, columns = np.nonzero(where > 0)
+        seen = np.full((len(frames), len(rows)), np.nan, dtype=np.float32)
+        for place, (index, picture) in enumerate(self.pictures(frames)):
+            free = ~hidden[place][rows, columns]
+            gain = np.float32(self.views[index].gain)
+            seen[place, free] = picture[rows[free], columns[free]] / gain
+        known = np.count_nonzero(np.isfinite(seen), axis=0) >= min(_FEWEST_UNCOVERED, len(frames))
+        if not known.any():
+            return
+        image = self.background.image.copy()
+        share = where[rows, columns][known]
+        middle = np.nanmedian(seen[:, known], axis=0)
+        old = image[rows[known], columns[known]]
+        image[rows[known], columns[known]] = share * middle + (1 - share) * old
+        self.background = replace(self.background, image=image)
 
     def _gray(self, frame: GrayFrame) -> FloatImage:
         return np.asarray(frame.astype(np.float32) * self._full_scale)

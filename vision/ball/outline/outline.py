@@ -37,6 +37,8 @@ _SETTLED = 0.3
 # How far inside a sector is used that an edge of the ball's own crosses, px: the outline's blur.
 _NARROW = 1.6
 _BASIS = 3
+# Independent parts that an outline is taken to have.
+_CLUSTERS = 8
 
 
 @dataclass(frozen=True)
@@ -237,7 +239,7 @@ class _Batch:
         seen = sums.size > 0
         count = np.count_nonzero(seen, axis=1)
         share = count / np.maximum(count - free, 1)
-        meat = np.einsum("nsi,nsj->nij", score, score) * share[:, None, None]
+        meat = _clustered(score) * share[:, None, None]
         total = every[:, :, :free, :free].sum(axis=1)
         trace = np.trace(total, axis1=1, axis2=2)[:, None, None]
         bound = np.linalg.inv(total + held + 1e-9 * (trace + 1e-9) * unit)
@@ -254,3 +256,18 @@ class _Batch:
         fits.contrast[places] = clear / seen.shape[1]
         fits.normal[places, :size, :size] = whole
         fits.pull[places, :size] = pulls.sum(axis=1)
+
+
+def _clustered(score: FloatArray) -> FloatArray:
+    """Sum of the outer products of the sectors' scores (F, S, P), neighbours' cross terms with it.
+
+    What a panel, a shadow or a highlight does to the outline it does over several sectors (Newey
+    and West 1987, around the circle).
+    """
+    sectors = score.shape[1]
+    reach = sectors // _CLUSTERS
+    meat = np.einsum("nsi,nsj->nij", score, score)
+    for lag in range(1, reach + 1):
+        cross = np.einsum("nsi,nsj->nij", score, np.roll(score, lag, axis=1))
+        meat += (1.0 - lag / (reach + 1.0)) * (cross + np.swapaxes(cross, 1, 2))
+    return np.asarray(meat)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.ball.ball import SMALL_RADIUS, BallFits
+from vision.ball.ball import SMALL_RADIUS, BallFits, trusted_rows
 from vision.ball.outline.cutout import Cutouts, Hides, Wanted, cut_out, ring_widths
 from vision.ball.outline.edge_profile import EdgeProfile
 from vision.ball.outline.fits import OutlineFits, nothing_found
@@ -22,7 +22,10 @@ _SPREADS = (0.25, 0.45, 0.7, 1.0, 1.5)
 _DUTIES = (0.1, 0.35, 0.6, 0.85)
 _TRIAL_FRAMES = 9
 _SHAPE_FRAMES = 40
-_SHAPE_STEPS = 2
+_SHAPE_STEPS = 3
+_BEGIN_ROUNDS = 6
+# Scatter of a radius that is fitted free, in radii.
+_FREE_RADIUS = 0.02
 _TOLERANCE = 5e-3
 # How far inside pixels are used, in radii: once the outline is found, less of a ball's panels and
 # shading is better.
@@ -30,6 +33,9 @@ _INNER = 0.15
 _LEAST_INNER_PX = 2.2
 # Frames between the positions compared: errors of neighbours are alike, as the ball looks alike.
 _LAG = 4
+# What shading, transfer curve and texture do to an outline for many frames alike, and no scatter
+# shows, px: seen on ray-traced scenes and on our own renders, balls of 9 to 35 px in radius.
+_MODEL_STD_PX = 0.07
 
 
 @dataclass(frozen=True)
@@ -70,19 +76,21 @@ def refine_ball(
     """
     typical = float(np.median(rough.radius))
     if typical < SMALL_RADIUS or len(rough.frame) < 5:
-        return _calibrated(rough)
+        return trusted_rows(_calibrated(rough))
     refiner = _Refiner(scene, rough, typical, hides)
     refiner.learn_optics()
     shape = _CommonShape(typical, scene.shape)
+    shape.begin(rough.at(refiner.clear))
     for _ in range(_SHAPE_STEPS):
         shaped = refiner.fit(_evenly(refiner.clear, _SHAPE_FRAMES), 2, shape)
         if len(shaped.frame) < 3:
-            return _calibrated(rough)
+            return trusted_rows(_calibrated(rough))
         shape.improve(shaped.fits)
     refined = shape.improved_by(refiner.fit(np.arange(len(rough.frame)), 2, shape))
     # Where the model does not hold (a sharpened picture, a puck with a rim), the plain fits may
     # scatter less; the clip itself says so.
-    return _calibrated(refined if _unrest(refined) <= 1.1 * _unrest(rough) else rough)
+    smoother = refined if _unrest(refined) <= 1.1 * _unrest(rough) else rough
+    return trusted_rows(_calibrated(smoother))
 
 
 def _unrest(fits: BallFits) -> float:
@@ -232,12 +240,31 @@ class _CommonShape:
         better = replace(fits, centre=fits.centre - moved, radius=fits.radius + grown[:, 0])
         return BallFits(found.frame, better)
 
+    def begin(self, rough: BallFits) -> None:
+        """Take a first shape from the radii that were fitted free, those far off left aside."""
+        radius = self.values[0]
+        design = self._design(rough.centre)[:, 0]
+        held = np.diag((self._widths(radius) / (_FREE_RADIUS * radius)) ** -2.0)
+        weight = np.ones(len(rough))
+        for _ in range(_BEGIN_ROUNDS):
+            weighted = design * weight[:, None]
+            change = np.linalg.solve(
+                weighted.T @ design + held + 1e-9 * np.eye(5), weighted.T @ (rough.radius - radius)
+            )
+            left = np.abs(rough.radius - radius - design @ change)
+            usual = max(float(np.median(left)), 1e-3 * radius)
+            weight = 1.0 / (1.0 + (left / (2.0 * usual)) ** 2) ** 2
+        self.values = self.values + change
+
+    @staticmethod
+    def _widths(radius: float) -> FloatArray:
+        # A sphere 45 degrees off the axis at the picture's corner is the most that is expected.
+        return np.array([np.inf, 0.25, 0.3, 0.3, 0.25]) * radius
+
     def improve(self, fits: OutlineFits) -> None:
         """One Gauss–Newton step on the outlines of many frames, their centres eliminated."""
         radius = self.values[0]
-        # A sphere 45 degrees off the axis at the picture's corner is the most that is expected.
-        widths = np.array([np.inf, 0.25, 0.1, 0.1, 0.25]) * radius
-        held = np.diag(widths**-2.0)
+        held = np.diag(self._widths(radius) ** -2.0)
         middle = np.linalg.inv(fits.normal[:, :2, :2] + 1e-9 * np.eye(2))
         cross = fits.normal[:, 2:, :2] @ middle
         information = fits.normal[:, 2:, 2:] - cross @ fits.normal[:, :2, 2:]
@@ -253,7 +280,7 @@ class _CommonShape:
 
 
 def _calibrated(fits: BallFits) -> BallFits:
-    """Scale all covariances so that they account for the scatter about smooth motion.
+    """Let all covariances account for the scatter about smooth motion, and for the model's own.
 
     Third differences of evenly spaced positions vanish for motion under a constant force; for
     independent errors of variance σ² their variance is 20 σ².
@@ -273,4 +300,6 @@ def _calibrated(fits: BallFits) -> BallFits:
     # 0.455 is the median of a squared unit normal.
     ratio = float(np.median(third**2 / np.maximum(expected, 1e-12))) / 0.455
     factor = float(np.clip(ratio, 0.05, 20.0))
-    return BallFits(fits.frame, replace(fits.fits, covariance=fits.fits.covariance * factor))
+
+    covariance = fits.fits.covariance * factor + _MODEL_STD_PX**2 * np.eye(2)
+    return BallFits(fits.frame, replace(fits.fits, covariance=covariance))

@@ -82,6 +82,8 @@ def _vote(
     clear /= (1.0 + (gap / radius) ** 2) * (1.0 + swollen**2)
     best = int(np.argmax(clear))
     std = max(_VOTED_STD, 0.03 * radius) * max(1.0, 30.0 / float(circles.sharpness[best]))
+    # A circle of another size is not the outline: its centre may be off by as much.
+    std = float(np.hypot(std, circles.radius_px[best] - radius))
     fits.found[place] = True
     fits.centre[place] = centres[best]
     fits.radius[place] = circles.radius_px[best]
