@@ -131,4 +131,4 @@ def test_still_frames_before_and_after_change_nothing() -> None:
     _, own, theirs = np.intersect1d(found.ball.frame - 300, bare.ball.frame, return_indices=True)
     assert len(own) > 0.95 * len(bare.ball)
     gap = found.ball.centre_px[own] - bare.ball.centre_px[theirs]
-    assert np.sqrt(np.mean(gap**2)) < 0.08
+    assert np.sqrt(np.mean(gap**2)) < 0.12

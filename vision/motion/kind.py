@@ -25,6 +25,8 @@ _FEWEST = 5
 _SCATTER_PX = 0.4
 _SCATTER_RADII = 0.04
 _MOST_INDEPENDENT = 40.0
+# A law may leave this part of the frames it claims unexplained (mistaken fits).
+_STRAY = 0.05
 # Nothing is surer than this: what was not thought of is left.
 _MOST_CERTAIN = 0.99
 # A strike, a drop and a throw differ by how the motion begins. Odds where that was not seen.
@@ -154,7 +156,7 @@ def _swing_worth(ball: Track, scatter: float, area: float) -> float:
 
 def _worth(residual: FloatArray, scatter: float, area: float, parameters: int) -> float:
     gain = np.log(area / (2 * np.pi * scatter**2)) - 0.5 * (residual / scatter) ** 2
-    gain = np.maximum(gain, 0.0)
+    gain = np.maximum(gain, np.log(_STRAY))
     share = min(1.0, _MOST_INDEPENDENT / len(gain))
     count = len(gain) * share
     return max(0.0, float(gain.sum()) * share - 0.5 * parameters * float(np.log(count)))

@@ -1,0 +1,67 @@
+import numpy as np
+
+from vision.ball.consistency import expected_places
+from vision.ball.identity import untangled
+from vision.ball.linking import Path
+
+
+def _path(frame: np.ndarray, x: np.ndarray, radius: float = 8.0) -> Path:
+    count = len(frame)
+    centre = np.column_stack([x, np.full(count, 50.0)])
+    full = np.ones(count)
+    return Path(frame, centre, radius * full, full, 60.0 * full, full)
+
+
+def test_a_head_on_collision_leaves_each_puck_its_own_path() -> None:
+    # The striker stops dead at frame 40, touching; the chain went over to the target there.
+    before, after = np.arange(0, 40, 4), np.arange(40, 80, 4)
+    mixed = _path(
+        np.concatenate([before, after]),
+        np.concatenate([100.0 + 3.0 * before, 236.0 + 3.0 * (after - 39)]),
+    )
+    lying = _path(before, np.full(len(before), 236.0))
+    paths = sorted(untangled([mixed, lying]), key=lambda path: len(path.frame))
+    assert [len(path.frame) for path in paths] == [10, 20]
+    striker, target = paths
+    assert striker.centre_px[-1, 0] < 220.0
+    assert np.all(target.centre_px[:10, 0] == 236.0)
+    assert target.centre_px[-1, 0] > 340.0
+
+
+def test_paths_that_go_on_as_they_did_are_left_alone() -> None:
+    frame = np.arange(0, 40, 2)
+    one, other = _path(frame, 3.0 * frame), _path(frame[:10], 120.0 - 3.0 * frame[:10])
+    ends = {path.centre_px[-1, 0] for path in untangled([one, other])}
+    assert ends == {one.centre_px[-1, 0], other.centre_px[-1, 0]}
+
+
+def _flight(count: int = 40, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    frame = np.arange(count)
+    speed = np.where(frame < 20, 3.0, -2.0)
+    centre = np.column_stack([np.cumsum(speed), 0.05 * frame**2.0])
+    return frame, centre + np.random.default_rng(seed).normal(0.0, 0.05, centre.shape)
+
+
+def test_a_frame_off_its_neighbours_is_told_and_a_bounce_is_not() -> None:
+    frame, centre = _flight()
+    centre[9] += [3.0, -2.0]
+    variance = np.full(len(frame), 0.05**2)
+    expected = expected_places(frame, centre, np.full(len(frame), 10.0), variance)
+    assert np.flatnonzero(expected.off).tolist() == [9]
+    assert np.hypot(*(expected.centre[9] + [3.0, -2.0] - centre[9])) < 0.5
+
+
+def test_what_states_too_little_shows_in_the_excess() -> None:
+    frame, centre = _flight()
+    honest = expected_places(frame, centre, np.full(40, 10.0), np.full(40, 0.05**2))
+    proud = expected_places(frame, centre, np.full(40, 10.0), np.full(40, 0.01**2))
+    assert 0.2 < np.nanmedian(honest.excess) < 1.5
+    assert np.nanmedian(proud.excess) > 2.0 * np.nanmedian(honest.excess)
+
+
+def test_a_frame_of_another_size_does_not_belong() -> None:
+    frame, centre = _flight()
+    radius = np.full(40, 10.0)
+    radius[25] = 13.0
+    expected = expected_places(frame, centre, radius, np.full(40, 0.05**2))
+    assert np.flatnonzero(expected.off).tolist() == [25]
