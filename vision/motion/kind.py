@@ -27,6 +27,8 @@ _SCATTER_RADII = 0.04
 _MOST_INDEPENDENT = 40.0
 # A law may leave this part of the frames it claims unexplained (mistaken fits).
 _STRAY = 0.05
+# A swing is all of the motion, or none of it.
+_SWINGING = 0.8
 # Nothing is surer than this: what was not thought of is left.
 _MOST_CERTAIN = 0.99
 # A strike, a drop and a throw differ by how the motion begins. Odds where that was not seen.
@@ -150,6 +152,8 @@ def _flight(moving: Track, scatter: float, area: float) -> _Flight | None:
 def _swing_worth(ball: Track, scatter: float, area: float) -> float:
     swing = fit_oscillation(ball.frame.astype(np.float64), ball.centre_px, scatter)
     if swing is None:
+        return 0.0
+    if np.mean(swing.residual_px < 3.0 * scatter) < _SWINGING:
         return 0.0
     return _worth(swing.residual_px, scatter, area, PARAMETERS)
 
