@@ -84,7 +84,9 @@ def motion_of(
     area = float(np.prod(np.ptp(moving.centre_px, axis=0) + 2.0 * moving.radius_px[0]))
     flight = _flight(moving, scatter, area)
     swing = _swing_worth(ball, scatter, area) if rest_frames is None else 0.0
-    worth = {MotionKind.NONE: 0.0, MotionKind.SWING: swing}
+    worth = {MotionKind.NONE: 0.0}
+    if swing > 0.0:
+        worth[MotionKind.SWING] = swing
     reasons: dict[MotionKind, tuple[str, ...]] = {
         MotionKind.NONE: ("What moves follows neither a free flight nor a swing.",),
         MotionKind.SWING: ("It goes to and fro on an arc.",),
