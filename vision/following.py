@@ -19,7 +19,7 @@ from vision.clip.footage import Footage
 from vision.motion.kind import motion_of
 from vision.pendulum.search import Striker, find_striker, pendulum_track
 from vision.scene.scene import Scene
-from vision.tracks import Followed, MotionModel, PendulumTrack, Track, Tracks
+from vision.tracks import Followed, MotionKind, MotionModel, PendulumTrack, Track, Tracks
 from vision.workers import side_by_side
 
 if TYPE_CHECKING:
@@ -92,6 +92,12 @@ def follow(
     _tell(progress, 1.0)
     ball = _track(fits, capture_fps)
     rest_frames = None if rest is None else (rest.first, rest.last)
+    motion = motion_of(
+        ball, rest_frames, pendulum=striker is not None, struck_by_another=choice.struck
+    )
+    if motion.kind is MotionKind.SWING:
+        # What seemed to lie still was at its turning point.
+        rest_frames = None
     tracks = Tracks(
         ball=ball,
         pendulum=_pendulum(striker, rest, capture_fps),
@@ -100,9 +106,7 @@ def follow(
         others=_others(scene, choice, capture_fps),
         warnings=tuple(_warnings(choice, rest, striker) + _camera_warnings(scene)),
         shift_px=scene.shifts(),
-        motion=motion_of(
-            ball, rest_frames, pendulum=striker is not None, struck_by_another=choice.struck
-        ),
+        motion=motion,
     )
     return tracks.later(footage.first, footage.whole_count, capture_fps)
 

@@ -62,7 +62,10 @@ def scored(tracks: Tracks, truths: list[Truth]) -> Iterator[tuple[Truth, str, Sc
     followed = [("ball", tracks.ball)]
     followed += [(f"ball_{i + 2}", other.track) for i, other in enumerate(tracks.others)]
     for truth in truths:
-        results = [(name, score(track, truth, tracks.shift_px)) for name, track in followed]
+        results = [
+            (name, score(track, truth, None if truth.steady else tracks.shift_px))
+            for name, track in followed
+        ]
         main = results[0]
         best = max(results, key=lambda result: (result[1].near, result[1].within))
         named = main if len(truths) == 1 else best

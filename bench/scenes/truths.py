@@ -27,13 +27,17 @@ USUAL_RATE = 30.0
 
 @dataclass(frozen=True)
 class Truth:
-    """Where one object truly is: frames, centres (N, 2), radius (N,) and own uncertainty (N,)."""
+    """Where one object truly is: frames, centres (N, 2), radius (N,) and own uncertainty (N,).
+
+    Marked clips tell places in each frame, rendered ones those that a steady camera would see.
+    """
 
     name: str
     frame: NDArray[np.int64]
     centre: FloatArray
     radius: FloatArray
     std: FloatArray
+    steady: bool = False
 
 
 def scene_truth(folder: Path) -> Truth:
@@ -54,7 +58,7 @@ def scene_truth(folder: Path) -> Truth:
             centres.append(centre)
             radii.append(radius)
     return Truth(
-        "ball", np.array(frames), np.array(centres), np.array(radii), np.zeros(len(frames))
+        "ball", np.array(frames), np.array(centres), np.array(radii), np.zeros(len(frames)), True
     )
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from metrology import NotFoundError
+from metrology import ClipError, NotFoundError
 from vision.clip.motion_clock import MotionClock
 
 if TYPE_CHECKING:
@@ -25,6 +25,8 @@ _BLOCK_BYTES = 60_000_000
 # Still frames kept before the first motion and after the last: enough to know what lay still.
 _MARGIN = 60
 _MARGIN_BYTES = 40_000_000
+# A ball of 5 px with as much around it; OpenCV's resampling counts pixels in 15 bits.
+_SMALLEST_SIDE, _LARGEST_SIDE = 16, 32_766
 # Weight of plain time beside the time told by motion, where frames are spread.
 _IDLE_SHARE = 0.15
 
@@ -72,6 +74,7 @@ class Footage:
         gathered = _Gathered(sample)
         count = 0
         for frame in clip.frames():
+            _check_size(*frame.gray.shape)
             gathered.add(frame.gray)
             count += 1
             if progress is not None:
@@ -156,6 +159,19 @@ class Footage:
                 self._block[frame.index - self.first] = frame.gray
         for index in wanted:
             yield int(index), self._block[int(index)]
+
+
+def _check_size(height: int, width: int) -> None:
+    if min(height, width) < _SMALLEST_SIDE:
+        raise ClipError(
+            f"pictures of {width} × {height} px are too small to follow anything in",
+            hint=f"Each side needs at least {_SMALLEST_SIDE} px.",
+        )
+    if max(height, width) > _LARGEST_SIDE:
+        raise ClipError(
+            f"pictures of {width} × {height} px are too large to resample",
+            hint=f"Crop or shrink them to at most {_LARGEST_SIDE} px a side.",
+        )
 
 
 class _Gathered:

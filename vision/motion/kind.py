@@ -21,6 +21,7 @@ __all__ = ["motion_of"]
 FloatArray = NDArray[np.float64]
 
 _FEWEST = 5
+_LEAST_REST = 5
 # What a law leaves over: px, and in radii (deformation, drag, a camera that is not ideal).
 _SCATTER_PX = 0.4
 _SCATTER_RADII = 0.04
@@ -77,6 +78,9 @@ def motion_of(
     -------
     Motion
     """
+    if rest_frames is not None and rest_frames[1] - rest_frames[0] < _LEAST_REST:
+        # What is released stays that long about where it turns.
+        rest_frames = None
     moving = ball.where(ball.frame >= (0 if rest_frames is None else rest_frames[1]))
     if len(moving) < _FEWEST:
         return Motion(MotionKind.NONE, 1.0, ("Too few frames show anything that moves.",))
@@ -144,7 +148,7 @@ def _flight(moving: Track, scatter: float, area: float) -> _Flight | None:
     return _Flight(
         stretch.first,
         stretch.last,
-        _worth(residual, scatter, area, 6),
+        _worth(residual, scatter, area, 6, len(moving)),
         velocity,
         acceleration,
         float(np.hypot(*acceleration)) * float(time[-1]) ** 2 / 8.0 / scatter,
@@ -157,14 +161,17 @@ def _swing_worth(ball: Track, scatter: float, area: float) -> float:
         return 0.0
     if np.mean(swing.residual_px < 3.0 * scatter) < _SWINGING:
         return 0.0
-    return _worth(swing.residual_px, scatter, area, PARAMETERS)
+    return _worth(swing.residual_px, scatter, area, PARAMETERS, len(ball))
 
 
-def _worth(residual: FloatArray, scatter: float, area: float, parameters: int) -> float:
+def _worth(
+    residual: FloatArray, scatter: float, area: float, parameters: int, frames: int
+) -> float:
+    """Worth of an explanation of some of so many frames, nats."""
     gain = np.log(area / (2 * np.pi * scatter**2)) - 0.5 * (residual / scatter) ** 2
     gain = np.maximum(gain, np.log(_STRAY))
-    share = min(1.0, _MOST_INDEPENDENT / len(gain))
-    count = len(gain) * share
+    share = min(1.0, _MOST_INDEPENDENT / frames)
+    count = max(len(gain) * share, 1.0)
     return max(0.0, float(gain.sum()) * share - 0.5 * parameters * float(np.log(count)))
 
 

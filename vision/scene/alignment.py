@@ -19,6 +19,7 @@ FloatArray = NDArray[np.float64]
 _TILES = 12
 _POINTS_PER_TILE = 24
 _ITERATIONS = 6
+_FEWEST_POINTS = 40
 
 
 @dataclass(frozen=True)
@@ -126,6 +127,9 @@ class Aligner:
         View
         """
         guess = start if start is not None else View(1.0, np.zeros(2), 0.0, 0.0)
+        if len(self._rows) < _FEWEST_POINTS:
+            # Too small a picture to tell the camera's motion by.
+            return guess
         smooth = np.asarray(cv2.GaussianBlur(frame, (0, 0), 1.0), dtype=np.float32)
         found = self._refine(smooth, guess)
         if found[1] > 1.7:
@@ -151,7 +155,7 @@ class Aligner:
             x = (columns + shift[0] - roll * (rows - y0)).astype(np.float32)
             y = (rows + shift[1] + roll * (columns - x0)).astype(np.float32)
             inside = (x > 1) & (y > 1) & (x < width - 2) & (y < height - 2)
-            if np.count_nonzero(inside) < 40:
+            if np.count_nonzero(inside) < _FEWEST_POINTS:
                 return View(float(gain), shift, float(roll), std), np.inf
             seen = _sampled(frame, x, y)
             residual = (seen - gain * expected).astype(np.float64)
@@ -198,4 +202,5 @@ def _structured_points(
             steepest = np.argpartition(tile.ravel(), -_POINTS_PER_TILE)[-_POINTS_PER_TILE:]
             rows.append(top + steepest // tile.shape[1])
             columns.append(left + steepest % tile.shape[1])
-    return np.concatenate(rows), np.concatenate(columns)
+    nowhere = np.zeros(0, dtype=np.int64)
+    return np.concatenate([nowhere, *rows]), np.concatenate([nowhere, *columns])
