@@ -69,71 +69,81 @@ def expected_places(
     Expected
     """
     count = len(frame)
-    place = np.full((count, 2), np.nan)
-    off = np.zeros(count, dtype=bool)
-    excess = np.full(count, np.nan)
     if count < _FEWEST + 1:
-        return Expected(place, off, excess)
-    usual = float(np.median(radius))
-    floor = _LEAST_OFF_PX + _LEAST_OFF_RADII * usual
-    for row in range(count):
-        guesses = _guesses(frame, centre, variance, row)
-        if not guesses:
-            continue
-        away = [float(np.hypot(*(centre[row] - guess))) for guess, _ in guesses]
-        scaled = [
-            gap**2 / (2.0 * (variance[row] + spread))
-            for gap, (_, spread) in zip(away, guesses, strict=True)
-        ]
-        best = int(np.argmin(scaled))
-        place[row], excess[row] = guesses[best][0], scaled[best]
-        off[row] = min(away) > floor and scaled[best] > 0.5 * _OFF_SIGMA**2
-    near = np.array([_near_radius(frame, radius, row) for row in range(count)])
-    off |= np.abs(np.log(radius / near)) > _SWOLLEN
-    return Expected(place, off, excess)
+        return Expected(np.full((count, 2), np.nan), np.zeros(count, bool), np.full(count, np.nan))
+    guesses = [
+        _predicted(frame, centre, variance, np.array(steps))
+        for steps in (
+            [*range(-_EACH_SIDE, 0), *range(1, _EACH_SIDE + 1)],
+            range(-_ALONE, 0),
+            range(1, _ALONE + 1),
+        )
+    ]
+    places = np.stack([guess for guess, _ in guesses])
+    away = np.hypot(*np.moveaxis(centre - places, 2, 0))
+    scaled = away**2 / (2.0 * (variance + np.stack([spread for _, spread in guesses])))
+    known = np.isfinite(scaled)
+    scaled = np.where(known, scaled, np.inf)
+    best, rows = np.argmin(scaled, axis=0), np.arange(count)
+    nearest = np.where(known, away, np.inf).min(axis=0)
+    floor = _LEAST_OFF_PX + _LEAST_OFF_RADII * float(np.median(radius))
+    excess = scaled[best, rows]
+    off = np.isfinite(excess) & (nearest > floor) & (excess > 0.5 * _OFF_SIGMA**2)
+    off |= np.abs(np.log(radius / _near_radius(frame, radius))) > _SWOLLEN
+    return Expected(places[best, rows], off, np.where(np.isfinite(excess), excess, np.nan))
 
 
-def _near_radius(frame: IntArray, radius: FloatArray, row: int) -> float:
-    """Usual radius of the frames around one, itself left out."""
-    near = np.abs(frame - frame[row]) <= 2 * _FURTHEST
-    near[row] = False
-    return float(np.median(radius[near])) if near.sum() >= _FEWEST else float(radius[row])
+def _near_radius(frame: IntArray, radius: FloatArray) -> FloatArray:
+    """Usual radius of the frames around each, itself left out; its own where there are few."""
+    steps = np.array([*range(-_FURTHEST, 0), *range(1, _FURTHEST + 1)])
+    rows, near = _neighbours(frame, steps)
+    values = np.where(near, radius[rows], np.nan)
+    few = near.sum(axis=1) < _FEWEST
+    values[few] = radius[few, None]
+    return np.asarray(np.nanmedian(values, axis=1))
 
 
-def _guesses(
-    frame: IntArray, centre: FloatArray, variance: FloatArray, row: int
-) -> list[tuple[FloatArray, float]]:
-    """Predictions from both sides and from either, each with its variance."""
+def _neighbours(frame: IntArray, steps: IntArray) -> tuple[IntArray, BoolArray]:
+    """Rows so many steps from each, and which of them are there and near enough."""
     count = len(frame)
-    before = np.arange(max(0, row - _ALONE), row)
-    after = np.arange(row + 1, min(count, row + 1 + _ALONE))
-    before = before[frame[row] - frame[before] <= _FURTHEST]
-    after = after[frame[after] - frame[row] <= _FURTHEST]
-    sides = [np.concatenate([before[-_EACH_SIDE:], after[:_EACH_SIDE]]), before, after]
-    guesses = []
-    for chosen in sides:
-        if len(chosen) >= _FEWEST:
-            time = (frame[chosen] - frame[row]).astype(np.float64)
-            guesses.append(_predicted(time, centre[chosen], variance[chosen]))
-    return guesses
+    rows = np.arange(count)[:, None] + steps
+    inside = (rows >= 0) & (rows < count)
+    rows = np.clip(rows, 0, count - 1)
+    return rows, inside & (np.abs(frame[rows] - frame[:, None]) <= _FURTHEST)
 
 
 def _predicted(
-    time: FloatArray, centre: FloatArray, variance: FloatArray
-) -> tuple[FloatArray, float]:
-    """Robust parabola at time 0, and its variance from what is stated and from its residuals."""
-    scale = max(float(np.abs(time).max()), 1.0)
-    degree = 2 if len(time) > _FEWEST else 1
-    design = np.vander(time / scale, degree + 1, increasing=True)
-    steady = variance + 1e-6
-    weight = 1.0 / steady
-    value = centre[0]
+    frame: IntArray, centre: FloatArray, variance: FloatArray, steps: IntArray
+) -> tuple[FloatArray, FloatArray]:
+    """Robust parabola through the rows so many steps away, and its variance at each row.
+
+    The variance is what is stated, or what the residuals say where that is more; NaN where too few
+    rows are near. Through only just enough of them goes a line.
+    """
+    rows, near = _neighbours(frame, steps)
+    enough = near.sum(axis=1)
+    time = (frame[rows] - frame[:, None]) / float(_FURTHEST)
+    design = np.stack([np.ones_like(time), time, time * time], axis=2)
+    stated = variance[rows] + 1e-6
+    held = np.zeros((len(frame), 3, 3))
+    held[:, [0, 1, 2], [0, 1, 2]] = 1e-9
+    held[enough <= _FEWEST, 2, 2] = 1e9
+    weight = near / stated
+    known = np.where(near, stated, np.nan)
+    known[enough < _FEWEST] = 1.0
+    typical = np.nanmedian(known, axis=1)
     for _ in range(_ROUNDS):
-        inverse = np.linalg.inv((design * weight[:, None]).T @ design + 1e-9 * np.eye(degree + 1))
-        fitted = inverse @ (design * weight[:, None]).T @ centre
-        value = fitted[0]
-        square = np.sum((centre - design @ fitted) ** 2, axis=1)
-        usual = max(float(np.median(square)), float(np.median(steady)))
-        weight = 1.0 / (steady * (1.0 + square / (4.0 * usual)) ** 2)
-    spread = float(np.median(square)) / 1.4 / float(np.median(steady))
-    return value, float(inverse[0, 0]) * max(1.0, spread)
+        weighted = design * weight[:, :, None]
+        inverse = np.linalg.inv(np.einsum("nki,nkj->nij", weighted, design) + held)
+        fitted = inverse @ np.einsum("nki,nkj->nij", weighted, centre[rows])
+        square = np.sum((centre[rows] - design @ fitted) ** 2, axis=2)
+        left = np.where(near, square, np.nan)
+        left[enough < _FEWEST] = 1.0
+        middle = np.nanmedian(left, axis=1)
+        usual = np.maximum(middle, typical)[:, None]
+        weight = near / (stated * (1.0 + square / (4.0 * usual)) ** 2)
+    spread = inverse[:, 0, 0] * np.maximum(1.0, middle / (1.4 * typical))
+    place = fitted[:, 0]
+    place[enough < _FEWEST] = np.nan
+    spread[enough < _FEWEST] = np.nan
+    return place, spread
