@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.ball.consistency import Expected, expected_places
+from vision.ball.consistency import Expected, expected_places, off_flight
 from vision.ball.linking import Path
 from vision.ball.outline.cutout import Cutouts, Wanted, cut_out, ring_widths
 from vision.ball.outline.edge_profile import EdgeProfile
@@ -151,15 +151,23 @@ def trusted_rows(found: BallFits) -> BallFits:
         found = found.at(~worst)
     expected = _expected(found)
     # 0.693 is the median of half a squared distance in two dimensions.
-    local = _around(expected.excess, np.nanmedian) / 0.693
+    known = np.where(np.isfinite(expected.excess), expected.excess, np.nan)
+    local = _around(known, np.nanmedian) / 0.693
     factor = np.clip(np.nan_to_num(local, nan=1.0), 1.0, _MOST_WIDENED)
     covariance = found.fits.covariance * factor[:, None, None]
     return BallFits(found.frame, replace(found.fits, covariance=covariance))
 
 
 def _expected(found: BallFits) -> Expected:
+    """What its neighbours, and the flight as a whole, say of each frame."""
     variance = 0.5 * np.trace(found.fits.covariance, axis1=1, axis2=2)
-    return expected_places(found.frame, found.centre, found.radius, variance)
+    near = expected_places(found.frame, found.centre, found.radius, variance)
+    flight, off = off_flight(found.frame, found.centre, found.radius)
+    return Expected(
+        np.where(off[:, None], flight, near.centre),
+        near.off | off,
+        np.where(off, np.inf, near.excess),
+    )
 
 
 def _around(values: FloatArray, statistic: Callable[[FloatArray, int], FloatArray]) -> FloatArray:

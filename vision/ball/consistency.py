@@ -11,7 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Expected", "expected_places"]
+from vision.motion.lawful import lawful_stretch
+
+__all__ = ["Expected", "expected_places", "off_flight"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -27,6 +29,10 @@ _ROUNDS = 3
 _OFF_SIGMA = 5.0
 _LEAST_OFF_PX, _LEAST_OFF_RADII = 0.6, 0.03
 _SWOLLEN = 0.1
+# A flight of so many frames is judged as a whole: drag and lens bend it no more than a cubic.
+_FLIGHT_FRAMES = 24
+_FLIGHT_DEGREE = 3
+_FLIGHT_ROUNDS = 12
 
 
 @dataclass(frozen=True)
@@ -91,6 +97,47 @@ def expected_places(
     off = np.isfinite(excess) & (nearest > floor) & (excess > 0.5 * _OFF_SIGMA**2)
     off |= np.abs(np.log(radius / _near_radius(frame, radius))) > _SWOLLEN
     return Expected(places[best, rows], off, np.where(np.isfinite(excess), excess, np.nan))
+
+
+def off_flight(
+    frame: IntArray, centre: FloatArray, radius: FloatArray
+) -> tuple[FloatArray, BoolArray]:
+    """Frames of a long free flight that lie off it as a whole.
+
+    A run of frames that is drawn off by the same thing, such as the ball's shadow on the floor, is
+    smooth by itself; the flight is not drawn off with it.
+
+    Parameters
+    ----------
+    frame, centre, radius : arrays
+        As in `expected_places`.
+
+    Returns
+    -------
+    centre : (N, 2) array
+        Where the flight is, px; NaN outside it.
+    off : (N,) bool array
+        Whether the frame lies elsewhere.
+    """
+    place, off = np.full((len(frame), 2), np.nan), np.zeros(len(frame), dtype=bool)
+    usual = float(np.median(radius))
+    stretch = lawful_stretch(frame, centre, usual)
+    inside = np.flatnonzero((frame >= stretch.first) & (frame <= stretch.last))
+    if len(inside) < _FLIGHT_FRAMES or stretch.looks < _FLIGHT_FRAMES:
+        return place, off
+    time = np.interp(frame[inside], [stretch.first, stretch.last], [-1.0, 1.0])
+    design = np.vander(time, _FLIGHT_DEGREE + 1)
+    weight = np.ones(len(inside))
+    for _ in range(_FLIGHT_ROUNDS):
+        weighted = design * weight[:, None]
+        fitted = np.linalg.solve(weighted.T @ design, weighted.T @ centre[inside])
+        away = np.hypot(*(centre[inside] - design @ fitted).T)
+        scale = max(1.2 * float(np.median(away)), 0.02)
+        weight = 1.0 / (1.0 + (away / (3.0 * scale)) ** 2) ** 2
+    place[inside] = design @ fitted
+    floor = _LEAST_OFF_PX + _LEAST_OFF_RADII * usual
+    off[inside] = away > max(floor, _OFF_SIGMA * scale)
+    return place, off
 
 
 def _near_radius(frame: IntArray, radius: FloatArray) -> FloatArray:

@@ -1,6 +1,6 @@
 import numpy as np
 
-from vision.ball.consistency import expected_places
+from vision.ball.consistency import expected_places, off_flight
 from vision.ball.identity import untangled
 from vision.ball.linking import Path
 
@@ -65,3 +65,13 @@ def test_a_frame_of_another_size_does_not_belong() -> None:
     radius[25] = 13.0
     expected = expected_places(frame, centre, radius, np.full(40, 0.05**2))
     assert np.flatnonzero(expected.off).tolist() == [25]
+
+
+def test_a_run_of_frames_drawn_off_a_flight_is_told() -> None:
+    frame = np.arange(100)
+    centre = np.column_stack([3.0 * frame, 0.01 * frame**2.0 - 0.5 * frame])
+    centre += np.random.default_rng(2).normal(0.0, 0.05, centre.shape)
+    centre[90:98, 1] += 2.0
+    place, off = off_flight(frame, centre, np.full(100, 15.0))
+    assert np.flatnonzero(off).tolist() == list(range(90, 98))
+    assert np.abs(place[90:98, 1] + 2.0 - centre[90:98, 1]).max() < 0.5
