@@ -12,6 +12,7 @@ from mismatch.fitting.normal_equations import spread_laws
 from mismatch.fitting.prepare import Prepared, prepare
 from mismatch.fitting.scan import scan
 from mismatch.fitting.spread import robust_spread
+from mismatch.gate import Passed, pass_gate
 from mismatch.model.baseline import Baseline
 from mismatch.model.candidates import Candidate, candidates_for, start_values, steps_of
 from mismatch.model.forward import OUTSIDE, Forward
@@ -20,9 +21,9 @@ from mismatch.records.campaign import Campaign
 from mismatch.records.odd_trials import without_odd_trials
 from mismatch.records.remainder import noise_notes, reduced_chi2, remainder_of
 from mismatch.records.sanity import refuse_nonsense
-from mismatch.search.locate import locate
+from mismatch.search.locate import locate, where_it_is_largest
 from mismatch.search.naming import Naming, name_effects
-from mismatch.verdict import Alternative, NamedEffect, ParameterValue, Verdict
+from mismatch.verdict import Alternative, HeldOut, NamedEffect, ParameterValue, Verdict, VerdictKind
 from physics.arrays import FloatArray
 from physics.effects import CATALOGUE, MEASUREMENT_IDS, Effect
 
@@ -210,31 +211,56 @@ def _verdict(
             groups = (*groups, blamed)
     location = locate(forward, base, best)
     remainder = remainder_of(prepared, best)
-    effects = _named(forward, naming)
-    kind = "no_mismatch"
+    kind: VerdictKind = "no_mismatch"
     if best is not None:
         kind = "ambiguous" if groups else "explained"
     elif not remainder.white and (location is not None or base.misfit > MISFIT):
         kind = "unexplained"
-    kept = None
-    if best is not None:
-        kept = hold_out(forward, base, best, held)
-        if kept is not None:
-            names = tuple(campaign.trials[int(i)].name for i in kept.trials)
-            kept = replace(kept, trials=names)
+    kept = _proof(campaign, prepared, best, held)
+    passed = pass_gate(prepared, best, kind, kept)
+    effects = _named(forward, naming, passed)
+    if passed.doubts:
+        reasons = "; ".join(doubt.value for doubt in passed.doubts)
+        remainder = replace(
+            remainder,
+            white=False,
+            statement=f"{remainder.statement} {_WHY[passed.kind]}: {reasons}.",
+        )
+    if not passed.names:
+        groups, rivals = (), ()
+    kind = passed.kind
+    if kind == "unexplained" and (location is None or not passed.names):
+        location = where_it_is_largest(forward, base)
     return Verdict(
-        kind,  # type: ignore[arg-type]
+        kind,
         ("gravity", *prepared.model.ids),
         reduced_chi2(prepared, base.chi2, base.count),
         location if kind != "no_mismatch" else None,
         effects,
-        _alternatives(naming),
+        _alternatives(naming, passed),
         groups,
         _next_measurement(best, rivals, groups),
         kept,
         remainder,
         (*campaign.notes, *noise_notes(campaign, prepared), *_setup_notes(forward, best)),
     )
+
+
+_WHY: Mapping[VerdictKind, str] = {
+    "unexplained": "Nothing is named",
+    "ambiguous": "What is named is in doubt",
+    "explained": "What is named is in doubt",
+    "no_mismatch": "This is in doubt",
+}
+
+
+def _proof(
+    campaign: Campaign, prepared: Prepared, best: Hypothesis | None, held: np.ndarray | None
+) -> HeldOut | None:
+    kept = None if best is None else hold_out(prepared.forward, prepared.fit, best, held)
+    if kept is None:
+        return None
+    return replace(kept, trials=tuple(campaign.trials[int(i)].name for i in kept.trials))
 
 
 def _groups(best: Hypothesis | None, rivals: Sequence[Hypothesis]) -> tuple[tuple[str, ...], ...]:
@@ -299,9 +325,9 @@ def _law_error(identity: str) -> float:
     return 0.02 if identity in LOOSE_LAWS else 0.0
 
 
-def _named(forward: Forward, naming: Naming) -> tuple[NamedEffect, ...]:
+def _named(forward: Forward, naming: Naming, passed: Passed) -> tuple[NamedEffect, ...]:
     best = naming.best
-    if best is None:
+    if best is None or not passed.names:
         return ()
     weights = _weights(naming)
     total = max(float(weights.sum()), 1e-300)
@@ -324,7 +350,7 @@ def _named(forward: Forward, naming: Naming) -> tuple[NamedEffect, ...]:
         if member.id == "unnamed":
             statement = _law_in_words(member.effect, parameters)
         trust = CATALOGUE_TRUST ** len(best.members) * _setup_trust(forward, best)
-        probability = min(0.999, trust * real * share / total)
+        probability = float(min(passed.most, passed.trust * trust * real * share / total))
         named.append(
             NamedEffect(member.id, statement, probability, tuple(parameters), member.effect.form)
         )
@@ -352,11 +378,13 @@ def _law_in_words(effect: Effect, parameters: Sequence[ParameterValue]) -> str:
     return f"No known effect fits. {effect.statement} Direction: {where}. Law: {law}."
 
 
-def _alternatives(naming: Naming) -> tuple[Alternative, ...]:
+def _alternatives(naming: Naming, passed: Passed) -> tuple[Alternative, ...]:
     best = naming.best
     if best is None:
         return ()
     rows = []
+    if not passed.names:
+        rows.append(Alternative(best.ids, "; ".join(d.value for d in passed.doubts), 0.0))
     seen = {tuple(sorted(best.ids))}
     for h in naming.tried:
         key = tuple(sorted(h.ids))

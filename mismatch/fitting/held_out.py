@@ -16,6 +16,9 @@ __all__ = ["choose_held_out", "hold_out"]
 
 DRAWS = 1000
 
+BLOCKS = 8
+"""Pieces of each held-out trial that are drawn anew: one trial alone tells an interval, too."""
+
 
 def choose_held_out(forward: Forward) -> np.ndarray:
     """(T,) mask of every third trial of each ball and back-swing, at least one left to fit."""
@@ -30,7 +33,7 @@ def choose_held_out(forward: Forward) -> np.ndarray:
 def _errors(
     forward: Forward, model_fit: Fit, free: Sequence[Free], held: np.ndarray
 ) -> tuple[FloatArray, FloatArray]:
-    """Squared error sums and counts per held-out trial, after training on the others."""
+    """Squared error sums and counts (held-out trials × blocks), after training on the others."""
     train = type(forward)(**{**vars(forward), "records": forward.records.chosen(~held)})
     trained = fit_model(
         train, model_fit.model, free, (model_fit.nuisance, model_fit.law_offsets), rounds=5
@@ -42,7 +45,16 @@ def _errors(
     errors = np.where(weights > 0.0, fitted.residual / np.where(weights > 0.0, weights, 1.0), 0.0)
     s3 = 3 * forward.records.ball_time.shape[1]
     part = slice(0, s3) if forward.mode != "swing" else slice(s3, None)
-    return (errors[:, part] ** 2).sum(axis=1)[held], (weights[:, part] > 0.0).sum(axis=1)[held]
+    squares, used = errors[held][:, part] ** 2, weights[held][:, part] > 0.0
+    axes = 3 if forward.mode != "swing" else 1
+    return _in_blocks(squares, axes), _in_blocks(used.astype(np.float64), axes)
+
+
+def _in_blocks(rows: FloatArray, axes: int) -> FloatArray:
+    """Sums over blocks of rows of a record (T, axes × S), all axes of a row together."""
+    together = rows.reshape(len(rows), axes, -1).sum(axis=1)
+    parts = np.array_split(together, min(BLOCKS, together.shape[1]), axis=1)
+    return np.concatenate([part.sum(axis=1) for part in parts])
 
 
 def _extrapolation(

@@ -58,14 +58,14 @@ def remainder_of(prepared: Prepared, best: Hypothesis | None) -> Remainder:
     if not correlated:
         white = white and probability > 1e-3
     subject = "The baseline's residuals" if best is None else "What remains after the best model"
-    if white:
-        told = f"{subject} cannot be told from noise (chi2 per degree of freedom {reduced:.2f})."
+    verb = "cannot be told from noise" if white else "still holds structure"
+    told = f"{subject} {verb} (chi2 per degree of freedom {reduced:.2f})."
+    if correlated:
+        # Noise that remembers is never white: its p-value would accuse the model of the noise.
+        return Remainder(white, told)
+    if best is None:
+        told += f" Whiteness of the residuals: p = {probability:.1g}."
     else:
-        told = (
-            f"{subject} still holds structure (chi2 per degree of freedom {reduced:.2f},"
-            f" whiteness p = {probability:.1g})."
-        )
-    if best is not None:
         told += f" Whiteness of the residuals: p = {before:.1g} before, {probability:.1g} after."
     return Remainder(white, told)
 

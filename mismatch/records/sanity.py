@@ -11,7 +11,7 @@ from mismatch.model.forward import OUTSIDE, Forward
 from mismatch.records.campaign import Campaign
 from physics.arrays import FloatArray
 
-__all__ = ["refuse_nonsense"]
+__all__ = ["fall_in_g", "refuse_nonsense"]
 
 FAR_OFF = 30.0
 """Factor between recorded and expected size beyond which only a unit can be wrong."""
@@ -100,7 +100,7 @@ def _refuse_fall(forward: Forward) -> None:
 
     A motion that is none of a free body at all is left to the fit.
     """
-    down, sideways = _fall(forward, 1), _fall(forward, 0)
+    down, sideways = fall_in_g(forward, 1), fall_in_g(forward, 0)
     if abs(down) > FAR_OFF:
         raise UsageError(
             f"the balls fall with {down:.3g} g",
@@ -130,7 +130,7 @@ def _refuse_upside_down(campaign: Campaign, gravity: float) -> None:
         )
 
 
-def _fall(forward: Forward, axis: int) -> float:
+def fall_in_g(forward: Forward, axis: int) -> float:
     """Median acceleration of the trials against an axis, in g; 0 where it was not recorded."""
     records = forward.records
     found = []

@@ -12,7 +12,7 @@ from mismatch.verdict import Location
 from physics.arrays import FloatArray
 from physics.effects import Effect, FlightState, SwingState, Values
 
-__all__ = ["Scanned", "locate", "scan_windows"]
+__all__ = ["Scanned", "locate", "scan_windows", "where_it_is_largest"]
 
 FELT = 0.1
 """Share of its largest force from which on a force is said to act."""
@@ -159,6 +159,30 @@ def _later(forward: Forward, nuisance: FloatArray, step: float) -> FloatArray:
         shifted[..., :3] += step * nuisance[..., 3:]
         shifted[..., 3:] += step * gravity
     return shifted
+
+
+def where_it_is_largest(forward: Forward, fit: Fit) -> Location:
+    """Where a misfit sits that nothing explains: the channel and the time that hold most of it."""
+    ball, swing = _since(forward, fit)
+    s = ball.shape[1]
+    best = (-1.0, 0, ball, fit.residual[:, :s])
+    for channel in range(4):
+        at = slice(channel * s, (channel + 1) * s) if channel < 3 else slice(3 * s, None)
+        mine = fit.residual[:, at]
+        size = float(np.sum(mine**2))
+        if size > best[0]:
+            best = (size, channel, swing if channel == 3 else ball, mine)
+    _, channel, time, mine = best
+    squares, order = mine**2, np.argsort(time, axis=None)
+    share = np.cumsum(squares.reshape(-1)[order]) / max(float(squares.sum()), 1e-300)
+    start, end = (float(time.reshape(-1)[order][np.searchsorted(share, q)]) for q in (0.05, 0.95))
+    name = ("horizontal", "vertical", "out_of_plane", "angle")[channel]
+    phase = "swing" if channel == 3 else "flight"
+    words = name.replace("_", " ")
+    return Location(
+        phase, start, end, name,
+        f"Most of the misfit is {words}, from {start:.3g} s to {end:.3g} s.",
+    )  # fmt: skip
 
 
 def _release(forward: Forward, fit: Fit) -> FloatArray:
