@@ -73,6 +73,7 @@ class Explained:
     verdict: Verdict
     prepared: Prepared
     naming: Naming
+    trials: tuple[str, ...] = ()
 
 
 def explain(
@@ -120,7 +121,8 @@ def explain_in_full(
     naming = name_effects(prepared.forward, prepared.fit, effects, most=chosen.most_effects)
     held = _held_mask(campaign, chosen.hold_out)
     verdict = _verdict(campaign, prepared, naming, held)
-    return Explained(verdict, prepared, naming)
+    names = tuple(trial.name for trial in campaign.trials)
+    return Explained(verdict, prepared, naming, names)
 
 
 def _refuse_failing(prepared: Prepared, effect: Effect) -> None:

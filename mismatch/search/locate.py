@@ -260,7 +260,8 @@ def _swing_location(forward: Forward, fit: Fit, effect: Effect) -> Location:
     return Location(
         "swing", start, end, "angle",
         f"Simulation and recording part in the swing, from {start:.3f} s to {end:.3f} s"
-        " (negative: before the first touch).",
+        + (" after the first sample." if forward.mode == "swing"
+           else " (negative: before the first touch)."),
     )  # fmt: skip
 
 

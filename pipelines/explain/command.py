@@ -91,7 +91,8 @@ def explain_command(
     if plot is not None:
         draw_explained(explained, plot)
     if report is not None:
-        write_explain_report(explained, report)
+        given = [*(inputs or []), pendulum, setup, effects, trials]
+        write_explain_report(explained, report, [path for path in given if path is not None])
     if model is not None:
         write_text_whole(model, improved_setup(setup, explained))
     if not quiet and json_file != "-":

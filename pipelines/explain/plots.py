@@ -55,10 +55,12 @@ def figure_of(explained: Explained | TableExplained) -> Picture:
     channels = [k for k in range(3) if forward.records.ball_used[..., k].any()]
     if forward.records.pendulum_used.any():
         channels.append(3)
-    forces = missing_force(forward, base)
+    # About a baseline that is out of step with a long swing no torque can be told from its phase.
+    forces = () if forward.mode == "swing" else missing_force(forward, base)
+    rows = 2 if forces else 1
     columns = max(len(channels), len(forces), 1)
-    figure = Picture(figsize=(4.2 * columns, 6.4), layout="constrained")
-    axes = np.atleast_2d(figure.subplots(2, columns, squeeze=False))
+    figure = Picture(figsize=(4.2 * columns, 3.2 * rows), layout="constrained")
+    axes = np.atleast_2d(figure.subplots(rows, columns, squeeze=False))
     for place in range(columns):
         axis = axes[0, place]
         if place < len(channels):
@@ -73,6 +75,8 @@ def figure_of(explained: Explained | TableExplained) -> Picture:
             axis.legend(fontsize=8)
         else:
             axis.set_axis_off()
+        if rows == 1:
+            continue
         axis = axes[1, place]
         if place < len(forces):
             force = forces[place]

@@ -1,52 +1,29 @@
 """The story of a verdict as one HTML page that needs nothing else."""
 
 import base64
+import hashlib
 import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from importlib.resources import files
 from pathlib import Path
 
 from jinja2 import Environment
+from matplotlib.mathtext import math_to_image
 
 from metrology import write_text_whole
 from mismatch import Explained, Verdict
 from mismatch.table.explain import TableExplained
+from mismatch.verdict import NamedEffect
 from pipelines.explain.plots import figure_of
+from pipelines.explain.story import misfit_by_trial, paths_figure, residuals_figure
+from pipelines.figures import Picture
 
 __all__ = ["explain_report_html", "verdict_html", "write_explain_report"]
 
-PAGE = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>What was left out</title>
-<style>body{font:16px/1.5 system-ui,sans-serif;max-width:62rem;margin:2rem auto;padding:0 1rem}
-table{border-collapse:collapse}td,th{border:1px solid #bbb;padding:.3em .7em;text-align:left}
-img{max-width:100%}h1{font-size:1.6rem}</style></head><body>
-<h1>{{ headline }}</h1>
-<p>Baseline: {{ v.baseline_effects|join(", ") }}; chi² per degree of freedom
-{{ "%.2f"|format(v.baseline_chi2_per_dof) }}.</p>
-{% if v.location %}<h2>Where</h2><p>{{ v.location.statement }}</p>{% endif %}
-{% if v.effects %}<h2>What</h2>
-{% for e in v.effects %}<h3>{{ e.id }} (probability {{ "%.2f"|format(e.probability) }})</h3>
-<p>{{ e.statement }}</p><table><tr><th>parameter</th><th>value</th><th>std</th><th>unit</th></tr>
-{% for p in e.parameters %}<tr><td>{{ p.name }}</td><td>{{ "%.5g"|format(p.value) }}</td>
-<td>{{ "%.2g"|format(p.std) }}</td><td>{{ p.unit }}</td></tr>{% endfor %}</table>{% endfor %}
-{% endif %}
-{% for group in v.indistinguishable %}
-<p>The data can't tell apart: <b>{{ group|join(", ") }}</b>.</p>{% endfor %}
-{% if v.next_measurement %}<p>What would settle it: {{ v.next_measurement }}.</p>{% endif %}
-{% if v.held_out %}<h2>On data kept aside</h2>
-<p>Trials {{ v.held_out.trials|join(", ") }}: root-mean-square error
-{{ "%.3g"|format(v.held_out.rmse_before) }} {{ v.held_out.unit }} before,
-{{ "%.3g"|format(v.held_out.rmse_after) }} {{ v.held_out.unit }} after;
-ratio {{ "%.3g"|format(v.held_out.ratio_95[0]) }} to
-{{ "%.3g"|format(v.held_out.ratio_95[1]) }} (95 %).</p>
-{% endif %}
-<h2>What remains</h2><p>{{ v.remainder.statement }}</p>
-<img alt="residuals before and after, and the missing force" src="data:image/png;base64,{{ png }}">
-{% if v.alternatives %}<h2>What else was tried</h2>
-<table><tr><th>effects</th><th>why not</th><th>worse by</th></tr>
-{% for a in v.alternatives %}<tr><td>{{ a.ids|join(" + ") }}</td><td>{{ a.why_not }}</td>
-<td>{{ "%.1f"|format(a.delta_bic) }}</td></tr>{% endfor %}</table>{% endif %}
-{% if v.notes %}<h2>About the data</h2><ul>{% for n in v.notes %}<li>{{ n }}</li>{% endfor %}</ul>
-{% endif %}</body></html>
-"""
+FORCES = "Mean residual in units of the noise over time, and the missing force with its 95 % band."
+TABLE = "Recorded minus model for each number, over impact speed."
 
 
 CELL = """<div style="max-width:60rem"><p><b>{{ headline }}</b></p>
@@ -59,18 +36,96 @@ def verdict_html(verdict: Verdict) -> str:
     return Environment(autoescape=True).from_string(CELL).render(headline=headline, lines=lines)
 
 
-def explain_report_html(explained: Explained | TableExplained) -> str:
-    """The page as text."""
+def _page() -> str:
+    return (files("pipelines.explain") / "page.html.j2").read_text(encoding="utf-8")
+
+
+@dataclass(frozen=True)
+class _Told:
+    """A named effect with its law as a picture (SVG, base64), as text, and where it is from."""
+
+    named: NamedEffect
+    law: str
+    text: str
+    source: str
+
+
+@dataclass(frozen=True)
+class _File:
+    name: str
+    digest: str
+
+
+def _png(figure: Picture) -> str:
     buffer = io.BytesIO()
-    figure_of(explained).savefig(buffer, format="png", dpi=110)
-    template = Environment(autoescape=True).from_string(PAGE)
-    return template.render(
-        v=explained.verdict,
-        headline=explained.verdict.text().splitlines()[0],
-        png=base64.b64encode(buffer.getvalue()).decode("ascii"),
+    figure.savefig(buffer, format="png", dpi=110)
+    return base64.b64encode(buffer.getvalue()).decode("ascii")
+
+
+def _typeset(law: str) -> str:
+    """A formula as SVG, base64; empty where matplotlib can't set it."""
+    buffer = io.BytesIO()
+    try:
+        math_to_image(f"${law}$", buffer, dpi=150, format="svg")
+    except (ValueError, RuntimeError):
+        return ""
+    return base64.b64encode(buffer.getvalue()).decode("ascii")
+
+
+def _told(explained: Explained | TableExplained) -> list[_Told]:
+    if isinstance(explained, TableExplained):
+        members = () if explained.best is None else explained.best.members
+    else:
+        best = explained.naming.best
+        members = () if best is None else best.members
+    told = []
+    for named in explained.verdict.effects:
+        effect = next((m.effect for m in members if m.id == named.id), None)
+        law = "" if effect is None else effect.law
+        source = "" if effect is None else effect.source
+        told.append(_Told(named, _typeset(law), law, source))
+    return told
+
+
+def _provenance(paths: Sequence[Path]) -> list[_File]:
+    return [
+        _File(path.name, hashlib.sha256(path.read_bytes()).hexdigest())
+        for path in paths
+        if path.is_file()
+    ]
+
+
+def explain_report_html(
+    explained: Explained | TableExplained, rests_on: Sequence[Path] = ()
+) -> str:
+    """The page as text; `rests_on` are its files, told with their hashes."""
+    page = Environment(autoescape=True).from_string(_page())
+    common = {
+        "v": explained.verdict,
+        "headline": explained.verdict.text().splitlines()[0],
+        "effects": _told(explained),
+        "png": _png(figure_of(explained)),
+        "sources": _provenance(rests_on),
+        "version": version("impact-vision"),
+    }
+    if isinstance(explained, TableExplained):
+        return page.render(**common, caption=TABLE)
+    forward = explained.prepared.forward
+    swings = forward.mode == "swing"
+    return page.render(
+        **common,
+        caption=FORCES,
+        paths=_png(paths_figure(explained)),
+        residuals=_png(residuals_figure(explained)),
+        trials=misfit_by_trial(explained),
+        unit="mrad" if swings else "mm",
+        swings=swings,
+        count=forward.records.count,
     )
 
 
-def write_explain_report(explained: Explained | TableExplained, path: Path) -> None:
+def write_explain_report(
+    explained: Explained | TableExplained, path: Path, rests_on: Sequence[Path] = ()
+) -> None:
     """Write the page."""
-    write_text_whole(path, explain_report_html(explained))
+    write_text_whole(path, explain_report_html(explained, rests_on))

@@ -1,0 +1,59 @@
+"""What no free body does, and what no noise allows, is named by no law of the catalogue."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bench.real.made import write_rolling
+from mismatch.gate import DOUBTED, Doubt
+from pipelines.explain.command import explain_files_in_full
+from pipelines.explain.report import explain_report_html
+
+
+@pytest.fixture(scope="module")
+def rolling(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("rolling")
+    write_rolling(folder)
+    table = pd.read_csv(folder / "ball.csv")
+    table[table["trial"] <= 3].to_csv(folder / "ball.csv", index=False)
+    return folder, explain_files_in_full(folder / "ball.csv", None, folder / "setup.toml")
+
+
+def test_a_ball_that_rolls_is_no_flight_and_no_fault_of_a_lens(rolling):
+    verdict = rolling[1].verdict
+    assert verdict.verdict == "unexplained"
+    assert verdict.effects == ()
+    assert Doubt.CARRIED.value in verdict.remainder.statement
+    assert verdict.location is not None
+    assert verdict.location.channel == "vertical"
+
+
+def test_the_report_says_what_it_rests_on_and_shows_the_paths_first(rolling):
+    folder, explained = rolling
+    page = explain_report_html(explained, [folder / "ball.csv"])
+    assert page.index("recorded paths") < page.index("What remains")
+    assert "Nothing is named" in page
+    assert "ball.csv, SHA-256" in page
+    assert "http" not in page.replace("http://www.w3.org", "")
+    assert "simulated with what was left out" not in page
+
+
+def test_throws_read_off_a_grid_by_hand_get_no_confident_name(tmp_path):
+    rng = np.random.default_rng(3)
+    rows = []
+    for trial in range(6):
+        time = 0.03 * np.arange(13)
+        # Each throw goes wrong in a way of its own, far beyond the reading's millimetres.
+        bend = rng.normal(0.0, 2.0, 2)
+        for t in time:
+            wrong = bend * np.sin(9.0 * t + trial) * 0.01
+            x, y = (2.0 * t + wrong[0], 1.0 + 2.0 * t - 4.903 * t**2 + wrong[1])
+            rows.append((trial, round(t, 4), round(x, 3), round(y, 3)))
+    table = pd.DataFrame(rows, columns=["trial", "t_s", "x_m", "y_m"])
+    table.to_csv(tmp_path / "ball.csv", index=False)
+    (tmp_path / "setup.toml").write_text(
+        '[ball]\nmass = "2.7 g"\ndiameter = "40 mm"\n[model]\neffects = ["gravity"]\n'
+    )
+    verdict = explain_files_in_full(tmp_path / "ball.csv", None, tmp_path / "setup.toml").verdict
+    assert verdict.verdict in ("unexplained", "ambiguous", "no_mismatch")
+    assert all(effect.probability <= max(DOUBTED, 0.5) for effect in verdict.effects)
