@@ -1,14 +1,28 @@
-"""The four sets, run in turn, and their table."""
+"""The sets, run in turn, and their table."""
 
+from functools import partial
 from pathlib import Path
 
 from bench.real import balldrop, juggling_mocap, rocket_coast, rod_pendulum
+from bench.real.plain_sets import made_rows, plain_rows
 from bench.real.row import Explain, Row
 
-__all__ = ["real_rows", "real_table"]
+__all__ = ["MADE", "real_rows", "real_table"]
+
+MADE = "made"
+"""What the recordings go by that scipy integrates."""
 
 SETS = {
     "rod_pendulum": rod_pendulum.rows,
+    "encoder_pendulum": partial(
+        plain_rows, asked="dry bearing, 0.0011 N m", at_least="9.5 mrad", aim="6.9 mrad"
+    ),
+    "three_drops": partial(
+        plain_rows, asked="drag, a C_D for each ball", at_least="drag", aim="0.47, 0.83"
+    ),
+    "pingpong_throws": partial(
+        plain_rows, asked="can't tell", at_least="no name above 0.5", aim="unexplained"
+    ),
     "rocket_coast": rocket_coast.rows,
     "balldrop": balldrop.rows,
     "juggling_mocap": juggling_mocap.rows,
@@ -16,11 +30,13 @@ SETS = {
 
 
 def real_rows(source: Path, cache: Path, explain: Explain, chosen: str | None = None) -> list[Row]:
-    """Rows of every set that lies below `source`, or of the chosen one."""
+    """Rows of every set that lies below `source`, and of the made ones, or of the chosen one."""
     found = []
     for name, rows in SETS.items():
         if (source / name).is_dir() and chosen in (None, name):
             found += rows(source / name, cache, explain)
+    if chosen in (None, MADE):
+        found += made_rows(cache, explain)
     return found
 
 

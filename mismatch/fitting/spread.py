@@ -61,7 +61,8 @@ def _pulls(forward: Forward, fit: Fit) -> tuple[FloatArray, FloatArray]:
     prior[first:] += [1.0 / f.parameter.scale**2 if f.parameter.is_shape else 0.0 for f in fit.free]
     cross = np.swapaxes(system.own, 1, 2) @ system.shared
     inner = np.swapaxes(system.own, 1, 2) @ system.own + np.diag(system.prior)
-    inner = inner + 1e-12 * np.einsum("tqq->tq", inner)[:, :, None] * np.eye(inner.shape[1])
+    tiny = 1e-12 * np.einsum("tqq->tq", inner) + 1e-12
+    inner = inner + tiny[:, :, None] * np.eye(inner.shape[1])
     left = system.shared - system.own @ np.linalg.solve(inner, cross)
     information = np.einsum("tmn,tmk->nk", system.shared, left) + np.diag(prior)
     pulls = np.einsum("tmn,tm->tn", left, system.residual)

@@ -10,7 +10,7 @@ import numpy as np
 
 from mismatch.fitting.fit import Fit
 from mismatch.fitting.hypotheses import MISFIT
-from mismatch.fitting.normal_equations import linearise
+from mismatch.fitting.normal_equations import inverse_of, linearise
 from mismatch.model.forward import Forward
 from physics.arrays import FloatArray, Number
 from physics.effects import CATALOGUE, Values
@@ -82,7 +82,8 @@ def dropped_in_each(forward: Forward, fit: Fit) -> DroppedInEach | None:
         own = system.own[trial]
         inner = own.T @ own + np.diag(system.prior)
         inner = inner + 1e-12 * np.diag(np.diag(inner))
-        left = column - own @ np.linalg.solve(inner, own.T @ column)
+        # A coordinate that no row of this trial shows makes the system singular.
+        left = column - own @ (inverse_of(inner) @ (own.T @ column))
         scores.append(left.T @ system.residual[trial])
         sizes.append(np.einsum("mg,mg->g", left, column))
         grids.append(grid)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from metrology import UsageError
+from mismatch.fitting.local_states import seen_swings
 from mismatch.fitting.normal_equations import spread_laws
 from mismatch.fitting.prepare import Prepared, prepare
 from mismatch.model.forward import OUTSIDE, Forward
@@ -22,6 +23,9 @@ RUNAWAY = 1e4
 ASIDE = 0.3
 """Share of g by which a fall may miss, or a motion across it be bent, and still be one."""
 
+PACE = 2.0
+"""Ratio of periods beyond which a setup describes another pendulum."""
+
 SUSPICIOUS = 0.05
 SWAP_GAIN = 0.1
 ANOTHER_EXPERIMENT = 0.35
@@ -36,6 +40,8 @@ def refuse_nonsense(campaign: Campaign, prepared: Prepared) -> None:
         With what is wrong and what would help.
     """
     forward, fit = prepared.forward, prepared.fit
+    if forward.mode == "swing":
+        _refuse_swing(forward)
     if forward.mode == "swing" or not forward.records.ball_used.any():
         return
     _refuse_upside_down(campaign, forward.baseline.gravity)
@@ -77,6 +83,28 @@ def refuse_nonsense(campaign: Campaign, prepared: Prepared) -> None:
             f"the setup contradicts the data: positions miss by {straight:.2g} m at a spread"
             f" of {size:.2g} m",
             hint="Check back-swing angles, ball names, pendulum and support in the setup.",
+        )
+
+
+def _refuse_swing(forward: Forward) -> None:
+    """A free swing turns back before it is upright, at about the pace that the setup gives it."""
+    seen = [s for s in seen_swings(forward.records) if s.half_swings > 1 and np.isfinite(s.rate)]
+    if not seen:
+        return
+    widest = max(one.amplitude for one in seen)
+    if widest > np.pi:
+        raise UsageError(
+            f"the pendulum swings {widest:.3g} rad to each side and comes back",
+            hint="phi_rad is in radians; are these degrees?",
+        )
+    period = 2.0 * np.pi / float(np.median([one.rate for one in seen]))
+    expected = 2.0 * np.pi / forward.small_rate
+    if forward.baseline.pendulum is not None and not 1 / PACE < period / expected < PACE:
+        raise UsageError(
+            f"the pendulum's small swings take {period:.3g} s, the setup's would take"
+            f" {expected:.3g} s",
+            hint="Check length, mass, com and inertia of [pendulum], and that t_s is in seconds;"
+            " without [pendulum] the period is taken from the record.",
         )
 
 

@@ -240,7 +240,8 @@ def _swing_location(forward: Forward, fit: Fit, effect: Effect) -> Location:
     _, time = _since(forward, fit)
     records = forward.records
     used = records.pendulum_used
-    start, end = float(time[used].min()), float(time[used].max())
+    seen = time[used] if used.any() else np.zeros(1)
+    start, end = float(seen.min()), float(seen.max())
     if (
         "torque" in effect.hooks
         and effect.id == "unnamed"
@@ -255,8 +256,9 @@ def _swing_location(forward: Forward, fit: Fit, effect: Effect) -> Location:
         size = np.where(used, np.abs(np.asarray(torque)), 0.0)
         felt = size > FELT * size.max()
         passing = felt.any(axis=1)
-        start = float(np.median(np.where(felt, time, np.inf).min(axis=1)[passing]))
-        end = float(np.median(np.where(felt, time, -np.inf).max(axis=1)[passing]))
+        if passing.any():
+            start = float(np.median(np.where(felt, time, np.inf).min(axis=1)[passing]))
+            end = float(np.median(np.where(felt, time, -np.inf).max(axis=1)[passing]))
     return Location(
         "swing", start, end, "angle",
         f"Simulation and recording part in the swing, from {start:.3f} s to {end:.3f} s"

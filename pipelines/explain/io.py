@@ -26,6 +26,9 @@ __all__ = ["baseline_for_balls", "baseline_from_setup", "load_campaign", "load_e
 BALL_COLUMNS = frozenset(
     {"trial", "backswing_deg", "ball", "t_s", "x_m", "y_m", "z_m", "x_m_std", "y_m_std", "z_m_std"}
 )
+MOST_ROWS = 8000
+"""Rows of one trial beyond which more of them tell nothing new about its motion."""
+
 LEAST_RUN = 6
 """Rows in a row that are a stretch of record, not rows out of order."""
 
@@ -81,7 +84,22 @@ def _tidied(
         names = ", ".join(str(name) for name in backwards[backwards].index[:4])
         notes.append(f"{what}: the clock runs backwards in trial {names}; rows were sorted by time")
         table = table.sort_values(["trial", "t_s"], kind="stable")
-    return table, notes
+    return _thinned(table, what, notes), notes
+
+
+def _thinned(table: pd.DataFrame, what: str, notes: list[str]) -> pd.DataFrame:
+    """Every n-th row of trials that hold more than a fit can use."""
+    sizes = table.groupby("trial", sort=False)["t_s"].transform("size").to_numpy()
+    every = -(-sizes // MOST_ROWS)
+    if sizes.size == 0 or int(every.max()) < 2:
+        return table
+    place = table.groupby("trial", sort=False).cumcount().to_numpy()
+    notes.append(
+        f"{what}: trials of more than {MOST_ROWS} rows are thinned, to one row in"
+        f" {int(every.max())} of the longest"
+    )
+    kept: pd.DataFrame = table[place % every == 0]
+    return kept
 
 
 def _set_back(time: FloatArray) -> bool:
