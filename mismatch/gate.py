@@ -156,7 +156,7 @@ def _noise_swallows(forward: Forward) -> bool:
             ]
             widest, sigma = max(ways)
             sizes.append(sigma / max(widest, 1e-12))
-    return bool(sizes) and float(np.median(sizes)) > SWALLOWED
+    return not sizes or float(np.median(sizes)) > SWALLOWED
 
 
 def _hangs_on_one(forward: Forward, best: Hypothesis) -> bool:
