@@ -1,5 +1,6 @@
 """Processes that share tasks out: what crashes loses its own task, what leaves ends all."""
 
+import multiprocessing
 import os
 import time
 
@@ -36,3 +37,4 @@ def test_leaving_ends_what_still_works(workers: int) -> None:
     started = time.monotonic()
     going.close()
     assert time.monotonic() - started < 2.0
+    assert multiprocessing.active_children() == []

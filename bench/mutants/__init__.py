@@ -1,0 +1,1 @@
+"""How many of thirty broken lines the tests notice."""
