@@ -38,7 +38,7 @@ MUTANTS = (
            "(effective_mass * before) - 1.0", "(effective_mass * before)",
            _PHYSICS + "contact/test_impact.py"),
     Mutant("half the energy of the swing is lost", "physics/swing.py",
-           "scale = 2.0 * pendulum.mass", "scale = 1.0 * pendulum.mass",
+           "pendulum.length * (scale * drop) ** 0.5", "pendulum.length * (scale * drop / 2) ** 0.5",
            _PHYSICS + "test_swing.py"),
     Mutant("drag is twice as strong in the closed form", "physics/flight/closed_form.py",
            "0.5 * air.density * ball.area", "1.0 * air.density * ball.area",
