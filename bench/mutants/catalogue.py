@@ -102,7 +102,7 @@ MUTANTS = (
            "forward = 1.0 if place[end - 1, 0] >= place[first, 0] else -1.0", "forward = 1.0",
            "tests/pipelines/explain/test_tracks.py"),
     Mutant("the contact counts as flight", "pipelines/explain/tracks.py",
-           'return np.asarray((ball["t_s"] >= left)', 'return np.asarray((ball["t_s"] >= 0.0)',
+           "(away > (0.0 if np.isnan(reach) else reach))", "(away >= 0.0)",
            "tests/pipelines/explain/test_tracks.py"),
     Mutant("the bounce counts as flight", "pipelines/explain/tracks.py",
            "end = _bounce(time, place[:, 1])", "end = len(time)",
