@@ -83,7 +83,7 @@ MUTANTS = (
     Mutant("times stay on the container's clock", "vision/clip/clip.py",
            "return times * (self.info.container_fps / capture_fps)", "return times",
            "tests/vision/clip/test_clip.py"),
-    Mutant("gravity off by half contradicts nothing", "pipelines/measure/fits/gravity.py",
+    Mutant("gravity off by half contradicts nothing", "pipelines/measure/checks/gravity.py",
            "off = abs(value / gravity - 1.0)", "off = 0.1 * abs(value / gravity - 1.0)",
            "tests/pipelines/measure/test_gravity.py"),
     Mutant("a name may be a formula", "pipelines/measure/files/output.py",
