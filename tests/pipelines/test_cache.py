@@ -1,0 +1,91 @@
+"""What is kept on disk: found again only where nothing it follows from has changed."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pipelines import cache as module
+from pipelines.cache import Cache, clip_digest
+
+
+def test_an_entry_is_found_by_everything_it_follows_from(tmp_path: Path) -> None:
+    kept = Cache(tmp_path)
+    key = kept.key("following", "abc", 600.0, None)
+    assert kept.get(key) is None
+    kept.put(key, {"x": 1.0})
+    assert kept.get(key) == {"x": 1.0}
+    assert kept.get(kept.key("following", "abc", 601.0, None)) is None
+    assert kept.get(kept.key("measuring", "abc", 600.0, None)) is None
+
+
+def test_a_change_of_the_code_is_not_answered_from_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    room = tmp_path / "vision"
+    room.mkdir()
+    (room / "following.py").write_text("LIMIT = 1\n")
+    monkeypatch.setattr(module, "__file__", str(tmp_path / "pipelines" / "cache.py"))
+    kept = Cache(tmp_path / "kept")
+    module._code.cache_clear()
+    before = kept.key("following", "abc")
+    (room / "following.py").write_text("LIMIT = 2\n")
+    os.utime(room / "following.py", ns=(1, 1))
+    module._code.cache_clear()
+    assert kept.key("following", "abc") != before
+    module._code.cache_clear()
+
+
+def test_a_damaged_entry_counts_as_missing(tmp_path: Path) -> None:
+    kept = Cache(tmp_path)
+    key = kept.key("following", 1)
+    kept.put(key, "whole")
+    next(tmp_path.glob("*.pickle")).write_bytes(b"\x80\x05half")
+    assert kept.get(key) is None
+
+
+def test_the_oldest_entries_go_when_there_is_too_much(tmp_path: Path) -> None:
+    kept = Cache(tmp_path, limit_bytes=2500)
+    keys = [kept.key("following", index) for index in range(4)]
+    for age, key in enumerate(keys):
+        kept.put(key, bytes(1000))
+        path = next(p for p in tmp_path.glob("*.pickle") if p.stem == key)
+        os.utime(path, (age, age))
+    kept.put(keys[0], bytes(1000))
+    assert [kept.get(key) is not None for key in keys] == [True, False, False, True]
+    assert kept.clear() > 2000
+    assert kept.size() == 0
+
+
+def test_two_processes_may_write_the_same_entry_at_once(tmp_path: Path) -> None:
+    script = (
+        "import sys\nfrom pathlib import Path\nfrom pipelines.cache import Cache\n"
+        "kept = Cache(Path(sys.argv[1]))\n"
+        "for _ in range(50):\n"
+        "    kept.put('following-1', bytes(100_000))\n"
+        "    found = kept.get('following-1')\n"
+        "    assert found is not None and len(found) == 100_000\n"
+    )
+    writers = [
+        subprocess.Popen([sys.executable, "-c", script, str(tmp_path)], cwd=Path.cwd())
+        for _ in range(2)
+    ]
+    assert [writer.wait() for writer in writers] == [0, 0]
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_cache_that_is_switched_off_keeps_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(module.FOLDER_VARIABLE, "off")
+    kept = Cache.of_user()
+    kept.put(kept.key("following"), 1)
+    assert kept.get(kept.key("following")) is None
+    assert Cache.of_user(wanted=False).folder is None
+
+
+def test_a_folder_of_pictures_is_known_by_names_and_contents(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(b"one")
+    before = clip_digest(tmp_path)
+    (tmp_path / "a.png").rename(tmp_path / "b.png")
+    assert clip_digest(tmp_path) != before
