@@ -5,9 +5,6 @@ import re
 from functools import cache
 from typing import Any
 
-import pint
-from pint.errors import PintError
-
 from metrology.errors import UnitError
 
 __all__ = ["parse_measured", "parse_quantity", "parse_with_uncertainty"]
@@ -19,8 +16,23 @@ _IN_BRACKETS = re.compile(r"\(([^()]*)\)\s*([^()]*)")
 _NUMBER_AND_UNIT = re.compile(rf"({_FLOAT})(?:\s*/\s*({_FLOAT}))?\s*([A-Za-zµμ°%][\w\s*/^°%-]*)?")
 
 
+PLAIN_UNITS: dict[str, dict[str, float]] = {
+    "m": {"m": 1.0, "cm": 0.01, "mm": 0.001},
+    "kg": {"kg": 1.0, "g": 0.001},
+    "s": {"s": 1.0, "ms": 0.001},
+    "1/s": {"fps": 1.0, "Hz": 1.0},
+    "m/s": {"m/s": 1.0},
+    "kg m^2": {"kg m^2": 1.0},
+    "kg/m^3": {"kg/m^3": 1.0},
+}
+"""What nearly everybody writes, by the unit wanted: factors known without a registry of all units,
+which takes longer to load than a clip that was measured before takes to be shown again."""
+
+
 @cache
 def _registry() -> Any:
+    import pint
+
     registry: Any = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
     registry.define("frame = []")
     registry.define("fps = 1 / second")
@@ -54,10 +66,14 @@ def parse_quantity(text: str | float, unit: str) -> float:
     numerator, denominator, unit_text = match.groups()
     try:
         magnitude = float(numerator) / float(denominator or 1)
-        if unit_text:
+        plain = PLAIN_UNITS.get(unit, {}).get((unit_text or "").strip())
+        if plain is not None:
+            magnitude *= plain
+        elif unit_text:
             parsed = _registry().Quantity(magnitude, _registry().parse_units(unit_text))
             magnitude = float(parsed.to(unit).magnitude)
-    except (PintError, ArithmeticError, ValueError, TypeError, AssertionError) as problem:
+    # pint has errors of its own, and lets those of what it parses with through
+    except Exception as problem:
         raise _no_quantity(str(text), unit) from problem
     return _finite(magnitude, str(text), unit)
 

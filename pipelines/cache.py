@@ -65,7 +65,7 @@ class Cache:
         stage : str
             What is kept.
         *parts : object
-            What it depends on; numbers, words and dataclasses of them, whose `repr` tells all of it.
+            What it depends on; numbers, words and dataclasses of them: their `repr` tells it all.
         """
         digest = hashlib.sha256(_code().encode())
         digest.update(repr((stage, parts)).encode())

@@ -4,6 +4,7 @@ A command's module is imported when the command is called, so that help and erro
 """
 
 import functools
+import os
 from collections.abc import Callable
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
@@ -13,6 +14,9 @@ import typer
 from typer.core import TyperGroup
 
 __all__ = ["app"]
+
+# matrices are small here: threads inside a product wait for each other longer than they work
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 class _Command(NamedTuple):
@@ -82,6 +86,12 @@ _COMMANDS = {
         "CALIBRATE_COMMANDS",
         "From pixels to metres: calibrate CLIP, a lens, a wall; has the camera moved.",
         "ClipOrCommand",
+    ),
+    "cache": _Command(
+        "pipelines.cache_command",
+        "CACHE_COMMANDS",
+        "What is kept of clips measured before, so that they need not be followed again.",
+        "CacheGroup",
     ),
     "campaign": _Command(
         "pipelines.campaign.command",

@@ -11,3 +11,6 @@ from hypothesis import settings
 settings.register_profile("repeatable", derandomize=True, database=None, deadline=None)
 settings.register_profile("explore", max_examples=500, deadline=None, print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
+
+# what one run measured must not answer the next; tests of the cache name a folder of their own
+os.environ["IMPACT_VISION_CACHE"] = "off"

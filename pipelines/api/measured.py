@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -185,4 +186,4 @@ def measure(
     ball_speed: 5.2012 ± 0.0093 m/s
     """
     options = measure_options(setup, fps, ball, wall_grid, ball_at, mass_at)
-    return Measurement(measure_clip(Path(path), options))
+    return Measurement(measure_clip(Path(path), replace(options, cache=cache)))

@@ -29,6 +29,7 @@ from pipelines.measure.motions.measured import (
     motion_quantities,
     rate_by_fall,
 )
+from pipelines.measure.remembered import remembered
 from pipelines.measure.results import Evaluated, NoScale, Results, results_of
 from pipelines.setup.file import Setup
 from vision.clip.capture_rate import CaptureRate, RateSource, choose_capture_rate
@@ -68,6 +69,7 @@ class MeasureOptions:
     mass_at: Point | None = None
     budget: Propagation = Propagation.RESPONSE
     scale_m_per_px: tuple[float, float] | None = None
+    cache: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +123,7 @@ class Found:
     warnings: tuple[str, ...]
 
 
+@remembered
 def measure_clip(
     path: Path,
     options: MeasureOptions | None = None,

@@ -3,6 +3,7 @@
 import os
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated
@@ -70,6 +71,9 @@ OutOption = Annotated[
 JobsOption = Annotated[
     int | None, typer.Option("-j", min=1, help="With --out: processes; default one a core.")
 ]
+NoCacheOption = Annotated[
+    bool, typer.Option("--no-cache", help="Measure afresh, whatever was measured before.")
+]
 QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No table, no warnings.")]
 
 CONTACT = ("contact_frames", "contact_time", "contact_start", "contact_end")
@@ -100,6 +104,7 @@ def measure_command(
     report: ReportOption = None,
     out: OutOption = None,
     jobs: JobsOption = None,
+    no_cache: NoCacheOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Measure contact, launch, landing and COR in one pass over each clip.
@@ -112,6 +117,7 @@ def measure_command(
     wanted = Wanted(csv, json, tracks, overlay, plot, report, quiet)
     wanted.require_writable((*clips, setup))
     options = measure_options(setup, fps, ball, wall_grid, ball_at, mass_at)
+    options = replace(options, cache=not no_cache)
     if out is not None:
         said = [str(word) for word in (fps, ball, wall_grid, ball_at, mass_at, *_asked(wanted))]
         said.append("" if setup is None else setup.read_text(encoding="utf-8"))
@@ -144,12 +150,13 @@ def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # t
         overlay: OverlayOption = None,
         plot: PlotOption = None,
         report: ReportOption = None,
+        no_cache: NoCacheOption = False,
         quiet: QuietOption = False,
     ) -> None:
         wanted = Wanted(csv, json, tracks, overlay, plot, report, quiet)
         wanted.require_writable((clip, setup))
         options = measure_options(setup, fps, ball, wall_grid, ball_at, mass_at)
-        measured = _one(clip, options, wanted, names)
+        measured = _one(clip, replace(options, cache=not no_cache), wanted, names)
         quantity = measured.quantity(needed)
         if not quantity.known:
             raise MeasurementError(

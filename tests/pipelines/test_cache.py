@@ -3,12 +3,20 @@
 import os
 import subprocess
 import sys
+from dataclasses import MISSING, fields, replace
 from pathlib import Path
 
 import pytest
 
+from metrology import Quantity
 from pipelines import cache as module
 from pipelines.cache import Cache, clip_digest
+from pipelines.measure.chain import MeasureOptions
+from pipelines.measure.measurement import Measurement
+from pipelines.measure.remembered import remembered
+from pipelines.setup.file import CameraSetup, Setup
+from vision.clip.capture_rate import CaptureRate, RateSource
+from vision.clip.info import ClipInfo
 
 
 def test_an_entry_is_found_by_everything_it_follows_from(tmp_path: Path) -> None:
@@ -89,3 +97,43 @@ def test_a_folder_of_pictures_is_known_by_names_and_contents(tmp_path: Path) -> 
     before = clip_digest(tmp_path)
     (tmp_path / "a.png").rename(tmp_path / "b.png")
     assert clip_digest(tmp_path) != before
+
+
+def test_a_clip_is_measured_once_for_all_that_is_said_alike(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The measurement itself is not looked at: any record of one will do."""
+    monkeypatch.setenv(module.FOLDER_VARIABLE, str(tmp_path / "kept"))
+    clip, lens = tmp_path / "a.mp4", tmp_path / "lens.toml"
+    clip.write_bytes(b"one")
+    lens.write_text("fx = 900\n")
+    asked: list[MeasureOptions] = []
+
+    def measure(path: Path, options: MeasureOptions, progress: object) -> Measurement:
+        asked.append(options)
+        info = ClipInfo(
+            path, "", 8, 6, 2, "h264", 30.0, True, 1.0, 0, "progressive", 8, None, False
+        )
+        rate = CaptureRate(600.0, 0.0, RateSource.OPTION, None)
+        gravity = Quantity.missing("gravity_check", "m/s^2", "no flight")
+        empty = {field.name: None for field in fields(Measurement) if field.default is MISSING} | {
+            "info": info,
+            "rate": rate,
+            "quantities": (),
+            "gravity": gravity,
+        }
+        return Measurement(**empty)  # type: ignore[arg-type]
+
+    measured = remembered(measure)
+    options = MeasureOptions(setup=Setup(camera=CameraSetup(lens=lens)), ball="jokku", cache=True)
+    measured(clip, options, None)
+    moved = clip.rename(tmp_path / "b.mp4")
+    assert measured(moved, options, None).info.path == moved
+    assert len(asked) == 1
+    measured(moved, replace(options, ball="basketball"), None)
+    lens.write_text("fx = 901\n")
+    measured(moved, options, None)
+    moved.write_bytes(b"two")
+    measured(moved, options, None)
+    measured(moved, replace(options, cache=False), None)
+    assert len(asked) == 5

@@ -1,0 +1,46 @@
+"""Unit strings: what is answered from the table of plain units against pint."""
+
+import subprocess
+import sys
+
+import pint
+import pytest
+
+from metrology import UnitError, parse_quantity
+from metrology.units import PLAIN_UNITS
+
+PLAIN = [(unit, typed) for unit, row in PLAIN_UNITS.items() for typed in row]
+
+
+@pytest.mark.parametrize(("unit", "typed"), PLAIN)
+def test_plain_units_are_what_pint_makes_of_them(unit: str, typed: str) -> None:
+    registry = pint.UnitRegistry()
+    registry.define("frame = []")
+    registry.define("fps = 1 / second")
+    expected = registry.Quantity(12.5, registry.parse_units(typed)).to(unit).magnitude
+    assert parse_quantity(f"12.5 {typed}", unit) == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_fraction_takes_its_unit_too() -> None:
+    assert parse_quantity("1/2000 s", "s") == pytest.approx(5e-4)
+    assert parse_quantity("1/4 ms", "s") == pytest.approx(2.5e-4)
+
+
+def test_other_units_are_known_too() -> None:
+    assert parse_quantity("5 furlongs", "m") == pytest.approx(5 * 201.168, rel=1e-4)
+
+
+@pytest.mark.parametrize("text", ["5 kg", "5 m/s", "5 mm mm", "5 (", "m"])
+def test_another_dimension_is_refused(text: str) -> None:
+    with pytest.raises(UnitError):
+        parse_quantity(text, "m")
+
+
+def test_plain_units_need_no_registry() -> None:
+    script = (
+        "import sys, metrology\nmetrology.parse_quantity('50mm', 'm')\nprint('pint' in sys.modules)"
+    )
+    told = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    ).stdout
+    assert told.strip() == "False"
