@@ -26,7 +26,7 @@ from sample_videos.encode import write_clip
 from sample_videos.scene import Encoding
 from vision.clip.clip import Clip
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 CLIPS = ROOT / "sample_videos" / "clips"
 EARLIER = "a1dcaa4"
 RUNS = 5
