@@ -138,9 +138,9 @@ def clip_digest(path: Path) -> str:
     """SHA-256 of a file, or of the names and contents of a folder's files in order."""
     digest = hashlib.sha256()
     if path.is_dir():
-        for file in sorted(part for part in path.iterdir() if part.is_file()):
-            digest.update(file.name.encode())
-            digest.update(bytes.fromhex(clip_digest(file)))
+        for part in sorted(one for one in path.iterdir() if one.is_file()):
+            digest.update(part.name.encode())
+            digest.update(bytes.fromhex(clip_digest(part)))
         return digest.hexdigest()
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
