@@ -29,7 +29,7 @@ from pipelines.measure.motions.measured import (
     motion_quantities,
     rate_by_fall,
 )
-from pipelines.measure.remembered import remembered
+from pipelines.measure.remembered import remembered, watched
 from pipelines.measure.results import Evaluated, NoScale, Results, results_of
 from pipelines.setup.file import Setup
 from vision.clip.capture_rate import CaptureRate, RateSource, choose_capture_rate
@@ -162,24 +162,28 @@ def measure_clip(
         option_std=options.fps_std,
         setup_std=camera.capture_fps_std,
     )
-    tracks = follow(
-        clip,
-        rate.fps,
-        ball_at=options.ball_at,
-        mass_at=options.mass_at,
-        progress=lambda part: tell("following ball and pendulum", part),
-    )
-    followed = Followed(tracks, clip.capture_times(1.0), rate, inputs, options.scale_m_per_px)
+
+    def follow_it() -> Tracks:
+        return follow(
+            clip,
+            rate.fps,
+            ball_at=options.ball_at,
+            mass_at=options.mass_at,
+            progress=lambda part: tell("following ball and pendulum", part),
+        )
+
+    seen = watched(clip, rate.fps, options, follow_it)
+    followed = Followed(seen.tracks, seen.clock, rate, inputs, options.scale_m_per_px)
     found = measure_tracks(followed, tell, options.budget)
     return Measurement(
-        info=clip.info,
+        info=seen.info,
         rate=found.rate,
         quantities=found.results.quantities,
         beside=found.results.beside,
         gravity=found.results.gravity,
         checks=found.results.checks,
-        warnings=tuple(dict.fromkeys([*clip.warnings, *found.warnings])),
-        tracks=_timed(tracks, followed.seconds(found.rate.fps)),
+        warnings=tuple(dict.fromkeys([*seen.warnings, *found.warnings])),
+        tracks=_timed(seen.tracks, followed.seconds(found.rate.fps)),
         grid=found.grid,
         calibration=found.calibration,
         impact=found.evaluated.impact,

@@ -6,6 +6,7 @@ import sys
 from dataclasses import MISSING, fields, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from metrology import Quantity
@@ -13,7 +14,7 @@ from pipelines import cache as module
 from pipelines.cache import Cache, clip_digest
 from pipelines.measure.chain import MeasureOptions
 from pipelines.measure.measurement import Measurement
-from pipelines.measure.remembered import remembered
+from pipelines.measure.remembered import remembered, watched
 from pipelines.setup.file import CameraSetup, Setup
 from vision.clip.capture_rate import CaptureRate, RateSource
 from vision.clip.info import ClipInfo
@@ -137,3 +138,43 @@ def test_a_clip_is_measured_once_for_all_that_is_said_alike(
     measured(moved, options, None)
     measured(moved, replace(options, cache=False), None)
     assert len(asked) == 5
+
+
+def test_a_clip_is_followed_once_whatever_is_said_of_the_scene(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(module.FOLDER_VARIABLE, str(tmp_path))
+    rng = np.random.default_rng(0)
+
+    class AClip:
+        info = ClipInfo(
+            tmp_path / "a.mp4",
+            "ab",
+            8,
+            6,
+            2,
+            "h264",
+            30.0,
+            True,
+            1.0,
+            0,
+            "progressive",
+            8,
+            None,
+            False,
+        )
+        warnings = ("damaged",)
+
+        def capture_times(self, fps: float) -> object:
+            return np.arange(2) / fps
+
+    def follow() -> object:
+        return rng.random()
+
+    options = MeasureOptions(cache=True)
+    clip: object = AClip()
+    first = watched(clip, 600.0, options, follow)  # type: ignore[arg-type]
+    again = watched(clip, 600.0, replace(options, ball="jokku"), follow)  # type: ignore[arg-type]
+    assert (again.tracks, again.warnings) == (first.tracks, ("damaged",))
+    shown = watched(clip, 600.0, replace(options, ball_at=(3.0, 4.0)), follow)  # type: ignore[arg-type]
+    assert shown.tracks != first.tracks
