@@ -21,11 +21,12 @@ from typing import Any
 
 import numpy as np
 
-from pipelines.campaign.analysis.cor_law import CorPoints, LawName, fit_cor_laws
+from pipelines.campaign.analysis.cor_law import CorPoints, fit_cor_laws
 from pipelines.campaign.lab_book import Matched
 from pipelines.campaign.ledger import Ledger, State, WorkOrder
 from pipelines.campaign.run import Plan, Progress, RunOptions, _work
 from pipelines.campaign.worker import Request
+from pipelines.setup.cor_file import LawKind
 
 BALLS = {
     # a, b, d of Eqs 24 and 25 with c taken into a
@@ -62,7 +63,7 @@ def coverage(campaigns: int, seed: int) -> list[str]:
             np.full((len(speed), 1), shared),
             np.unique(session, return_inverse=True)[1],
         )
-        fit = {one.law: one for one in fit_cor_laws(points)}[LawName.EXPONENTIAL]
+        fit = {one.law: one for one in fit_cor_laws(points)}[LawKind.EXPONENTIAL]
         for name, value in zip("abd", truth, strict=True):
             parameters.append(fit.parameters[name].low <= value <= fit.parameters[name].high)
         for at in (1.3, 2.5, 3.7):

@@ -71,6 +71,9 @@ def campaign_command(
     against_paper: Annotated[
         bool, typer.Option("--paper", help="Draw the paper's laws beside one's own.")
     ] = False,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Look for missing physics in the strikes.")
+    ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no table.")] = False,
 ) -> None:
     """Measure every clip of a campaign once and turn them into figures and a law of restitution.
@@ -92,6 +95,7 @@ def campaign_command(
         retry_failed=retry_failed,
         timeout_s=timeout,
         against_paper=against_paper,
+        explain=explain,
     )
     done = _with_progress(asked, quiet)
     if not quiet:

@@ -13,9 +13,10 @@ import pandas as pd
 
 from metrology import UsageError, write_text_whole
 from pipelines.api.asked import measure_options, setup_from
+from pipelines.api.explained import explain as find_missing_physics
 from pipelines.campaign.lab_book import LabBook, match_clips, read_lab_book
 from pipelines.campaign.ledger import Ledger, Outcome, State, lock_folder
-from pipelines.campaign.publish import Edition, publish, publish_tables
+from pipelines.campaign.publish import Edition, Published, publish, publish_tables
 from pipelines.campaign.report import ReportFacts
 from pipelines.campaign.run import (
     Crew,
@@ -56,6 +57,7 @@ class Asked:
     retry_failed: bool = False
     timeout_s: float = 900.0
     against_paper: bool = False
+    explain: bool = False
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,7 @@ def campaign(
     jobs: int | None = None,
     dask: str | None = None,
     retry_failed: bool = False,
+    explain: bool = False,
 ) -> Campaign:
     """Measure every clip once and turn them into tables, figures and laws of restitution.
 
@@ -127,6 +130,8 @@ def campaign(
     dask : str, optional
         Address of a Dask scheduler whose workers see the same paths.
     retry_failed : bool
+    explain : bool
+        Hand the strikes to the engine that looks for missing physics, too.
 
     Raises
     ------
@@ -146,6 +151,7 @@ def campaign(
             jobs=jobs,
             dask=dask,
             retry_failed=retry_failed,
+            explain=explain,
         )
     )
 
@@ -186,7 +192,7 @@ def conduct(
             only=asked.only,
             after_each=_publishing(edition, on_clip),
         )
-        return _published(edition, absent, progress)
+        return _published(edition, absent, progress, asked.explain)
 
 
 def _setup_file(asked: Asked) -> Path | None:
@@ -222,9 +228,13 @@ def _publishing(
     return after_each
 
 
-def _published(edition: Edition, absent: tuple[str, ...], progress: Progress) -> Campaign:
+def _published(
+    edition: Edition, absent: tuple[str, ...], progress: Progress, explained: bool
+) -> Campaign:
     with Ledger(edition.folder) as ledger:
         published = publish(edition, ledger)
+    if explained:
+        _explain(edition, published)
     wanting = [
         f"{result.clip}: {result.error or result.state}"
         for result in published.results
@@ -233,6 +243,18 @@ def _published(edition: Edition, absent: tuple[str, ...], progress: Progress) ->
     wanting += [f"{name}: named in the lab book, not given" for name in absent]
     summary = json.loads((edition.folder / "summary.json").read_text(encoding="utf-8"))
     return Campaign(edition.folder, published.frame, summary, tuple(wanting), progress.again)
+
+
+def _explain(edition: Edition, published: Published) -> None:
+    """Hand the table of strikes to the engine; ``explain.html`` and ``explain.json`` tell."""
+    used = {result.clip for result in published.results if result.used}
+    table = published.frame[published.frame["clip"].isin(used)]
+    verdict = find_missing_physics(
+        trials=table.rename(columns={"clip": "trial"}), setup=edition.setup
+    )
+    verdict.report(edition.folder / "explain.html")
+    text = json.dumps(verdict.to_dict(), indent=2, ensure_ascii=False)
+    write_text_whole(edition.folder / "explain.json", text + "\n")
 
 
 def _require_balls(book: LabBook | None, setup: Setup, ball: str | None) -> None:

@@ -14,7 +14,8 @@ from pipelines.campaign.lab_book import LabBook, Strike
 from pipelines.campaign.ledger import Ledger
 from pipelines.campaign.report import ReportFacts, write_report
 from pipelines.campaign.results import ClipResult, clip_results, results_frame, write_tables
-from pipelines.campaign.summary import summarise
+from pipelines.campaign.summary import laws_of, summarise
+from pipelines.setup.cor_file import write_cor_file
 from pipelines.setup.file import Setup
 
 __all__ = ["Edition", "Published", "publish", "publish_tables"]
@@ -79,5 +80,8 @@ def publish(edition: Edition, ledger: Ledger) -> Published:
     write_figures(figures, edition.folder / "figures")
     summary = json.dumps(summarise(results, analysis), indent=2, ensure_ascii=False)
     write_text_whole(edition.folder / "summary.json", summary + "\n")
+    laws = laws_of(analysis)
+    if laws:
+        write_cor_file(edition.folder / "cor.toml", laws)
     write_report(edition.folder / "report.html", edition.facts, results, analysis, figures)
     return Published(results, frame, analysis)

@@ -7,8 +7,9 @@ from pipelines.campaign.analysis.balls import BallAnalysis, CampaignAnalysis
 from pipelines.campaign.analysis.cor_law import CorLawFit, Estimate
 from pipelines.campaign.ledger import State
 from pipelines.campaign.results import ClipResult
+from pipelines.setup.cor_file import BallLaw
 
-__all__ = ["summarise"]
+__all__ = ["laws_of", "summarise"]
 
 _SPEEDS = 9
 """Speeds at which `cor_at` tells the law, across the range fitted."""
@@ -58,6 +59,27 @@ def summarise(results: Sequence[ClipResult], analysis: CampaignAnalysis) -> dict
             if result.excluded is not None
         ],
     }
+
+
+def laws_of(analysis: CampaignAnalysis) -> dict[str, BallLaw]:
+    """The likeliest law of each ball, as `simulate`, `plan` and `explain` take it."""
+    return {
+        ball.ball or "ball": _ball_law(ball.ball or "ball", ball.fits[0])
+        for ball in analysis.balls
+        if ball.fits
+    }
+
+
+def _ball_law(name: str, fit: CorLawFit) -> BallLaw:
+    return BallLaw(
+        ball=name,
+        kind=fit.law,
+        parameters={key: item.value for key, item in fit.parameters.items()},
+        covariance=fit.covariance,
+        speeds=fit.speeds,
+        strike_scatter=fit.strike_scatter.value,
+        session_scatter=fit.session_scatter.value,
+    )
 
 
 def _why(ball: BallAnalysis, index: int, critical: float) -> str:

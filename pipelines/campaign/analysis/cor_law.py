@@ -14,26 +14,19 @@ al., Bayesian Data Analysis, 3rd ed., ch. 5 and 14).
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import least_squares
 from scipy.special import logsumexp
 
 from metrology import TooLittleDataError
+from pipelines.setup.cor_file import PARAMETERS, LawKind
 
-__all__ = ["CorLawFit", "CorPoints", "Estimate", "LawName", "fit_cor_laws"]
+__all__ = ["CorLawFit", "CorPoints", "Estimate", "fit_cor_laws"]
 
 FloatArray = NDArray[np.float64]
-
-
-class LawName(StrEnum):
-    """The laws compared."""
-
-    EXPONENTIAL = "exponential"
-    POWER = "power"
-    CONSTANT = "constant"
 
 
 @dataclass(frozen=True)
@@ -76,11 +69,11 @@ class CorLawFit:
 
     Attributes
     ----------
-    law : LawName
+    law : LawKind
     parameters : dict of str to Estimate
         exponential: e = a exp(−b v) + d, b in s/m; power: e = 1 − a v^(1/5); constant: e = d.
     covariance : (P, P) array
-        Of the parameters, in that order.
+        Of the parameters, in that order, as far as they move the curve.
     log_evidence : float
     probability : float
         Among the laws compared.
@@ -92,7 +85,7 @@ class CorLawFit:
         Equally likely parameters, σ and τ.
     """
 
-    law: LawName
+    law: LawKind
     parameters: dict[str, Estimate]
     covariance: FloatArray
     log_evidence: float
@@ -116,11 +109,11 @@ class CorLawFit:
 _SEED = 20
 _DRAWS = 4000
 """Sampling adds 1/√(2·4000) = 1 % to a standard uncertainty."""
-_NAMES = {
-    LawName.EXPONENTIAL: ("a", "b", "d"),
-    LawName.POWER: ("a",),
-    LawName.CONSTANT: ("d",),
-}
+_CURVE_SPEEDS = 12
+"""Speeds along the range fitted at which curves are compared; a law bends once at most."""
+_SMALLEST_DIRECTION = 1e-4
+"""Directions of the parameters that move the curve 10 000 times less than the strongest say
+nothing of it."""
 _POWER = 0.2
 """Kuwabara and Kono 1987: leading term for visco-elastic spheres."""
 _RATES = np.geomspace(0.03, 3.0, 48)
@@ -133,9 +126,9 @@ _TYPICAL_SCATTER = 0.01
 (ITTF and FIBA rebound tests allow 0.02 to 0.04 between balls)."""
 # mean and std of the linear parameters: any ball's e lies between 0 and 1
 _PRIOR = {
-    LawName.EXPONENTIAL: ((0.15, 0.3), (0.65, 0.3)),
-    LawName.POWER: ((0.25, 0.25),),
-    LawName.CONSTANT: ((0.7, 0.3),),
+    LawKind.EXPONENTIAL: ((0.15, 0.3), (0.65, 0.3)),
+    LawKind.POWER: ((0.25, 0.25),),
+    LawKind.CONSTANT: ((0.7, 0.3),),
 }
 
 
@@ -152,7 +145,7 @@ def fit_cor_laws(points: CorPoints) -> tuple[CorLawFit, ...]:
             f"{len(points.speed)} clips of this ball tell no law of restitution",
             hint="Measure three at least, better five at each of three speeds.",
         )
-    fits = [_fit(law, points) for law in LawName]
+    fits = [_fit(law, points) for law in LawKind]
     total = logsumexp([fit.log_evidence for fit in fits])
     weighed = [_with_probability(fit, float(np.exp(fit.log_evidence - total))) for fit in fits]
     return tuple(sorted(weighed, key=lambda fit: -fit.probability))
@@ -174,9 +167,9 @@ class _Posterior:
     scatter: tuple[float, float]
 
 
-def _fit(law: LawName, points: CorPoints) -> CorLawFit:
+def _fit(law: LawKind, points: CorPoints) -> CorLawFit:
     sessions = len(np.unique(points.session))
-    rates: Sequence[float] = _RATES.tolist() if law is LawName.EXPONENTIAL else [0.0]
+    rates: Sequence[float] = _RATES.tolist() if law is LawKind.EXPONENTIAL else [0.0]
     between: Sequence[float] = _SCATTERS.tolist() if sessions > 1 else [0.0]
     grid = [
         posterior
@@ -186,12 +179,17 @@ def _fit(law: LawName, points: CorPoints) -> CorLawFit:
     weights = np.array([item.log_weight for item in grid])
     evidence = float(logsumexp(weights))
     draws = _drawn(law, grid, np.exp(weights - evidence))
-    names = _NAMES[law]
+    names = PARAMETERS[law]
     columns = draws[:, : len(names)]
+    speeds = np.linspace(points.speed.min(), points.speed.max(), _CURVE_SPEEDS)
+    values, covariance = _along_curve(law, draws, speeds)
     return CorLawFit(
         law=law,
-        parameters={name: _summary(column) for name, column in zip(names, columns.T, strict=True)},
-        covariance=np.atleast_2d(np.cov(columns, rowvar=False)),
+        parameters={
+            name: _about(value, column)
+            for name, value, column in zip(names, values.tolist(), columns.T, strict=True)
+        },
+        covariance=covariance,
         log_evidence=evidence,
         probability=1.0,
         strike_scatter=_summary(draws[:, -2]),
@@ -202,7 +200,7 @@ def _fit(law: LawName, points: CorPoints) -> CorLawFit:
 
 
 def _given_scatter(
-    law: LawName, points: CorPoints, sigma: float, tau: float, rates: Sequence[float]
+    law: LawKind, points: CorPoints, sigma: float, tau: float, rates: Sequence[float]
 ) -> list[_Posterior]:
     """Exact posteriors of the linear parameters for each rate, at given scatters."""
     common = [points.shared]
@@ -252,17 +250,17 @@ def _log_scatter_prior(scatter: float) -> float:
     return float(np.log(mass[index]))
 
 
-def _bases(law: LawName, speed: FloatArray, rates: FloatArray) -> tuple[FloatArray, float]:
+def _bases(law: LawKind, speed: FloatArray, rates: FloatArray) -> tuple[FloatArray, float]:
     """Columns (R, N, P) that the linear parameters multiply, and what stands without any."""
-    if law is LawName.EXPONENTIAL:
+    if law is LawKind.EXPONENTIAL:
         decay = np.exp(-rates[:, None] * speed)
         return np.stack([decay, np.ones_like(decay)], axis=2), 0.0
-    if law is LawName.POWER:
+    if law is LawKind.POWER:
         return -(speed[None, :, None] ** _POWER), 1.0
     return np.ones((1, len(speed), 1)), 0.0
 
 
-def _drawn(law: LawName, grid: Sequence[_Posterior], weights: FloatArray) -> FloatArray:
+def _drawn(law: LawKind, grid: Sequence[_Posterior], weights: FloatArray) -> FloatArray:
     rng = np.random.default_rng(_SEED)
     rows = []
     counts = rng.multinomial(_DRAWS, weights / weights.sum())
@@ -271,7 +269,7 @@ def _drawn(law: LawName, grid: Sequence[_Posterior], weights: FloatArray) -> Flo
             continue
         normal = rng.standard_normal((len(item.mean), count))
         linear = (item.mean[:, None] + np.linalg.solve(item.factor.T, normal)).T
-        if law is LawName.EXPONENTIAL:
+        if law is LawKind.EXPONENTIAL:
             # a rate is drawn within its cell of the logarithmic grid, not on its centre
             cell = np.log(_RATES[1] / _RATES[0])
             rate = item.rate * np.exp(cell * (rng.random(count) - 0.5))
@@ -281,12 +279,49 @@ def _drawn(law: LawName, grid: Sequence[_Posterior], weights: FloatArray) -> Flo
     return np.vstack(rows)
 
 
-def _evaluate(law: LawName, draws: FloatArray, speed: float) -> FloatArray:
-    if law is LawName.EXPONENTIAL:
+def _along_curve(
+    law: LawKind, draws: FloatArray, speeds: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Parameters of the mean curve, and the covariance that gives back the curve's own.
+
+    Amplitude, rate and floor of an exponential trade against each other far beyond what a
+    straight line describes, so that their means lie on no likely curve and their own covariance
+    overstates the curve's. What is handed on is the law nearest to the mean curve, with the
+    curve's covariance seen through its derivatives.
+    """
+    curves = np.stack([_evaluate(law, draws, float(v)) for v in speeds], axis=1)
+    count = len(PARAMETERS[law])
+    start = draws[:, :count].mean(axis=0)
+    mean = curves.mean(axis=0)
+
+    def away(values: FloatArray) -> FloatArray:
+        return _evaluate_at(law, values, speeds) - mean
+
+    near = least_squares(away, start, method="lm")
+    inverse: FloatArray = np.linalg.pinv(
+        np.asarray(near.jac, dtype=float), rcond=_SMALLEST_DIRECTION
+    )
+    covariance = inverse @ np.atleast_2d(np.cov(curves, rowvar=False)) @ inverse.T
+    return np.asarray(near.x), np.asarray(0.5 * (covariance + covariance.T))
+
+
+def _evaluate_at(law: LawKind, values: FloatArray, speeds: FloatArray) -> FloatArray:
+    return np.array([float(_evaluate(law, values[None, :], float(v))[0]) for v in speeds])
+
+
+def _about(value: float, draws: FloatArray) -> Estimate:
+    """Spread of the draws about a value that need not be their mean."""
+    low, high = np.quantile(draws, [0.025, 0.975])
+    std = float(np.sqrt(np.mean((draws - value) ** 2)))
+    return Estimate(float(value), std, float(low), float(high))
+
+
+def _evaluate(law: LawKind, draws: FloatArray, speed: float) -> FloatArray:
+    if law is LawKind.EXPONENTIAL:
         return np.asarray(draws[:, 0] * np.exp(-draws[:, 1] * speed) + draws[:, 2])
-    if law is LawName.POWER:
+    if law is LawKind.POWER:
         return np.asarray(1.0 - draws[:, 0] * speed**_POWER)
-    return draws[:, 0]
+    return np.asarray(draws[:, 0])
 
 
 def _summary(values: FloatArray) -> Estimate:

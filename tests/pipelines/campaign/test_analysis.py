@@ -5,9 +5,10 @@ import pytest
 from scipy.stats import binom
 
 from pipelines.campaign.analysis.agreement import agreement
-from pipelines.campaign.analysis.cor_law import CorPoints, LawName, fit_cor_laws
+from pipelines.campaign.analysis.cor_law import CorPoints, fit_cor_laws
 from pipelines.campaign.analysis.outliers import find_outliers
 from pipelines.campaign.analysis.precision import precision
+from pipelines.setup.cor_file import LawKind
 
 # NIST/SEMATECH e-Handbook 1.3.5.17.3, Rosner's 54 values: three outliers at 5 %
 ROSNER = """-0.25 0.68 0.94 1.15 1.20 1.26 1.26 1.34 1.38 1.43 1.49 1.49 1.55 1.56 1.58 1.65 1.69
@@ -71,7 +72,7 @@ def test_intervals_hold_the_law_as_often_as_they_say(campaigns: int) -> None:
     held = []
     for _ in range(campaigns):
         fits = {fit.law: fit for fit in fit_cor_laws(_campaign(rng))}
-        fit = fits[LawName.EXPONENTIAL]
+        fit = fits[LawKind.EXPONENTIAL]
         for speed in (1.5, 2.5, 3.5):
             found = fit.at(speed)
             held.append(found.low <= _law(np.array(speed)) <= found.high)
@@ -94,9 +95,9 @@ def test_the_law_of_a_constant_ball_is_not_called_exponential_with_certainty() -
         np.zeros(24, int),
     )
     fits = {fit.law: fit for fit in fit_cor_laws(points)}
-    assert fits[LawName.CONSTANT].probability > 0.4
-    assert fits[LawName.POWER].probability < 0.01
-    assert fits[LawName.CONSTANT].at(2.0).value == pytest.approx(0.75, abs=0.005)
+    assert fits[LawKind.CONSTANT].probability > 0.4
+    assert fits[LawKind.POWER].probability < 0.01
+    assert fits[LawKind.CONSTANT].at(2.0).value == pytest.approx(0.75, abs=0.005)
 
 
 def test_a_shared_error_does_not_average_away() -> None:
@@ -104,7 +105,7 @@ def test_a_shared_error_does_not_average_away() -> None:
     points = _campaign(rng)
     large = CorPoints(points.speed, points.cor, points.std, 10 * points.shared, points.session)
     fits = [
-        {fit.law: fit for fit in fit_cor_laws(each)}[LawName.CONSTANT].parameters["d"].std
+        {fit.law: fit for fit in fit_cor_laws(each)}[LawKind.CONSTANT].parameters["d"].std
         for each in (points, large)
     ]
     assert fits[1] > 0.035

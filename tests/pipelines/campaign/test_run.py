@@ -143,6 +143,7 @@ def test_the_published_tables_keep_lab_book_and_reasons(tmp_path: Path) -> None:
     from pipelines.campaign.lab_book import read_lab_book
     from pipelines.campaign.publish import Edition, publish
     from pipelines.campaign.report import ReportFacts
+    from pipelines.setup.cor_file import read_cor_file
     from pipelines.setup.file import Setup
 
     names = [f"s{i:02d}" for i in range(14)]
@@ -180,6 +181,8 @@ def test_the_published_tables_keep_lab_book_and_reasons(tmp_path: Path) -> None:
         == len(pd.read_excel(out / "results.xlsx"))
         == 15
     )
+    laws = read_cor_file(out / "cor.toml")
+    assert laws["jokku"].std_at(2.0) < 0.02
     summary = json.loads((out / "summary.json").read_text())
     assert summary["clips"] == {"done": 14, "failed": 1, "waiting": 0, "excluded": 1}
     assert summary["excluded"] == [{"clip": "s03.mp4", "why": "ball rolled"}]
