@@ -295,7 +295,7 @@ def _along_curve(
     mean = curves.mean(axis=0)
 
     def away(values: FloatArray) -> FloatArray:
-        return _evaluate_at(law, values, speeds) - mean
+        return np.asarray(_evaluate_at(law, values, speeds) - mean)
 
     near = least_squares(away, start, method="lm")
     inverse: FloatArray = np.linalg.pinv(
