@@ -58,7 +58,7 @@ _COMMANDS = {
     "cor": _Command(
         _MEASURE,
         "cor_command",
-        "Coefficient of restitution by three roads, with their agreement.",
+        "Coefficient of restitution estimated three ways, with their agreement.",
     ),
     "simulate": _Command(
         "pipelines.model.simulate", "simulate_command", "Simulate a strike and the flight after it."

@@ -188,7 +188,7 @@ landing_command = _make(
 cor_command = _make(
     (*COR, "pendulum_speed_before", "ball_speed"),
     "cor",
-    "Coefficient of restitution by three roads, with their agreement.",
+    "Coefficient of restitution estimated three ways, with their agreement.",
     "vision cor clip.mp4 --ball jokku --setup setup.toml",
 )
 

@@ -461,7 +461,8 @@ def _backswing(evaluated: Evaluated) -> Quantity:
             "backswing_angle", "deg", "the pendulum is already swinging when it comes into view"
         )
     start = float(np.median(metric.swing_rad[first]))
-    if not _swings_from(start, metric, evaluated.scene.inputs.pendulum_stiffness):
+    timed = evaluated.scene.rate.known
+    if timed and not _swings_from(start, metric, evaluated.scene.inputs.pendulum_stiffness):
         return Quantity.missing(
             "backswing_angle",
             "deg",
