@@ -19,7 +19,7 @@ from sample_videos.presets import default_scene, staged
 from sample_videos.renderer.rig import pivot, swing_rotation
 from sample_videos.scene import Scene, Sensor
 from sample_videos.shot import Shot
-from vision.tracks import Face, PendulumTrack, Track, Tracks
+from vision.tracks import Face, Motion, MotionKind, PendulumTrack, Track, Tracks
 
 __all__ = ["Filming", "film_scene", "planned_tracks"]
 
@@ -155,6 +155,7 @@ def planned_tracks(filming: Filming, scene: Scene, shot: Shot) -> Tracks:
         pendulum=_pendulum(filming, scene, moment.phi, len(resting)),
         background=np.zeros((camera.lens.height, camera.lens.width), dtype=np.float32),
         rest_frames=rest,
+        motion=Motion(MotionKind.STRIKE, 1.0),
     )
 
 
