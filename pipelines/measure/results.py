@@ -48,6 +48,8 @@ _DRAWS = ndtri((0.5 + np.arange(1, 1025)[np.newaxis] / np.array([[_PLASTIC], [_P
 SWING_ENERGY_SHARE = 0.25
 """Of the kinetic energy of a free swing: what friction, a rig of other numbers or the arc's place
 may make of it; a pendulum that was let go elsewhere is further off."""
+UNSEEN_FALL_SHARE = 0.5
+"""Of gravity: a fall less sure than that, without a strike seen, is no sign of a flight at all."""
 VAGUE = 0.3
 """A depth known to no better than this share, and mostly from what is usual, is a guess."""
 SUPPOSED = (UncertaintySource.LENS_UNKNOWN, UncertaintySource.BALL_PLANE_GUESS)
@@ -216,6 +218,11 @@ def _doubts(
         said = "; ".join((by_gravity.statement, *known))
         plain = contradicts_gravity(value, true, std)
         doubts.append(Doubt(RATE_AND_SCALE, abs(value / true - 1.0), plain, said))
+    struck = evaluated.impact is not None and evaluated.impact.contact is not None
+    if not struck and by_gravity is not None and by_gravity.outcome is CheckOutcome.UNDECIDED:
+        unseen = (gravity.std or 0.0) > UNSEEN_FALL_SHARE * evaluated.scene.inputs.gravity
+        said = f"nothing shows that what was followed flies: {by_gravity.statement}"
+        doubts.append(Doubt(RATE_AND_SCALE if unseen else frozenset(), math.inf, unseen, said))
     if agreement is not None and agreement.outcome is CheckOutcome.FAILED:
         known_cors = [found[name].value or 0.0 for name in ESTIMATES if found[name].known]
         apart = (max(known_cors) - min(known_cors)) / max(abs(found["cor"].value or 1.0), 1e-6)

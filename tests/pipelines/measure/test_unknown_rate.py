@@ -78,3 +78,21 @@ def test_a_rate_said_wrongly_is_contradicted_by_the_fall(monkeypatch: pytest.Mon
     by_name = {item.name: item for item in found.results.quantities}
     assert by_name["ball_speed"].value is None
     assert by_name["cor"].value is None
+
+
+def test_a_path_that_shows_no_fall_and_no_strike_is_no_flight() -> None:
+    scene, shot = film_scene(FILMING)
+    tracks = planned_tracks(FILMING, scene, shot)
+    assert tracks.rest_frames is not None
+    first = tracks.rest_frames[1]
+    few = tracks.ball.frame < first + 18
+    tracks = replace(tracks, ball=tracks.ball.where(few), pendulum=None)
+    inputs = gather_inputs(planned_setup(FILMING, scene), None, None)
+    clock = np.arange(scene.frames, dtype=float)
+    rate = CaptureRate(TRUE_FPS, 0.1, RateSource.OPTION)
+    found = measure_tracks(Followed(tracks, clock, rate, inputs))
+    by_name = {item.name: item for item in found.results.quantities}
+    gravity = found.results.gravity
+    assert gravity.std is None or gravity.std > 4.9
+    assert by_name["ball_speed"].value is None
+    assert by_name["launch_angle"].value is None
