@@ -1,0 +1,49 @@
+"""Clips that hold no strike, or hardly a picture: refused, or told for what they are."""
+
+import numpy as np
+import pytest
+
+from metrology import ClipError, NotFoundError
+from tests.vision.ball.painted import PaintedClip, exposed, wall, with_ball, with_box
+from vision.following import follow
+from vision.tracks import MotionKind
+
+
+def _noise(count: int, height: int, width: int) -> PaintedClip:
+    rng = np.random.default_rng(0)
+    return PaintedClip([rng.integers(0, 256, (height, width)).astype(np.uint8)] * count)
+
+
+@pytest.mark.parametrize(("height", "width"), [(8, 100), (20, 33_000)])
+def test_sizes_that_cannot_be_worked_on_are_refused(height: int, width: int) -> None:
+    with pytest.raises(ClipError, match=f"{width} × {height} px are too"):
+        follow(_noise(3, height, width), 30.0)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("height", "width"), [(48, 64), (30, 40), (16, 3_000)])
+def test_small_pictures_of_nothing_hold_no_ball(height: int, width: int) -> None:
+    with pytest.raises(NotFoundError, match="no ball found"):
+        follow(_noise(12, height, width), 30.0)  # type: ignore[arg-type]
+
+
+def test_a_pendulum_alone_swings() -> None:
+    scene = wall(120, 240)
+    angles = 0.5 * np.cos(0.12 * np.arange(90))
+    pictures = [
+        exposed(with_box(scene, (120.0, -20.0), 90.0, float(angle), 8.0), 1.5, index)
+        for index, angle in enumerate(angles)
+    ]
+    tracks = follow(PaintedClip(pictures), 30.0)  # type: ignore[arg-type]
+    assert tracks.motion.kind is MotionKind.SWING
+    assert tracks.pendulum is None
+
+
+def test_a_ball_already_struck_flies() -> None:
+    scene = wall(120, 240)
+    pictures = []
+    for index in range(36):
+        place = (40.0 + 4.0 * index, 70.0 - 2.2 * index + 0.05 * index**2)
+        pictures.append(exposed(with_ball(scene, place, 10.0), 1.5, index))
+    tracks = follow(PaintedClip(pictures), 30.0)  # type: ignore[arg-type]
+    assert tracks.motion.kind is MotionKind.FLIGHT
+    assert tracks.rest_frames is None
