@@ -122,7 +122,19 @@ class LooseBall:
 
 @dataclass(frozen=True)
 class Room:
-    """What stands in the picture."""
+    """What stands in the picture; m.
+
+    Attributes
+    ----------
+    bar_width : float
+        Of the pendulum's arm: a bar, a rod or a cord.
+    block : (3,) tuple
+        Depth, height and thickness of the striking mass.
+    bob_radius : float
+        Of a sphere that strikes in its place; 0 is none.
+    block_colour : (3,) tuple
+        Reflectance of either, red green blue.
+    """
 
     wall: Wall = Wall()
     lighting: Lighting = Lighting()
@@ -133,6 +145,8 @@ class Room:
     show_ball: bool = True
     bar_width: float = 0.022
     block: Vector = (0.09, 0.085, 0.085)
+    bob_radius: float = 0.0
+    block_colour: Colour = (0.19, 0.19, 0.195)
     scales: tuple[SwingingScale, ...] = ()
     loose_balls: tuple[LooseBall, ...] = ()
 

@@ -105,7 +105,8 @@ def film_truth(film: Film, shot: Shot | None) -> Truth:
 
 def _frames(film: Film) -> FrameTruth:
     scene, kept = film.scene, film.kept()
-    block = np.array([scene.pendulum.face_offset - 0.5 * scene.room.block[0], 0.0])
+    half = scene.room.bob_radius or 0.5 * scene.room.block[0]
+    block = np.array([scene.pendulum.face_offset - half, 0.0])
     rows = []
     for index in kept:
         camera, times = film.camera(index), film.row_times(index)

@@ -13,6 +13,7 @@ from sample_videos.renderer.bodies import Solid
 from sample_videos.renderer.coverage import PixelGrid
 from sample_videos.renderer.picture import Canvas, exposed
 from sample_videos.renderer.rig import (
+    bob_centre,
     pendulum_solids,
     pivot,
     scale_pose,
@@ -21,7 +22,7 @@ from sample_videos.renderer.rig import (
 )
 from sample_videos.renderer.sensor import developed, flicker_gain, vignette
 from sample_videos.renderer.stage import Panorama, build_stage
-from sample_videos.scene import LooseBall, Scene
+from sample_videos.scene import BallLook, LooseBall, Scene
 
 __all__ = ["Film"]
 
@@ -161,6 +162,8 @@ class Film:
         phi = self.motion.at(swing_parts.ravel()).phi.reshape(swing_parts.shape)
         turns = swing_rotation(phi)
         pendulum: list[Actor] = [self._swinging(s, turns, camera, ball) for s in self._pendulum]
+        if self._pendulum and scene.room.bob_radius:
+            pendulum.append(self._bob(turns, camera))
         actors += self._ordered(pendulum, ball, float(np.mean(phi)), camera)
         return actors
 
@@ -168,6 +171,15 @@ class Film:
         self, solid: Solid, turns: FloatArray, camera: Camera, ball: RoundActor | None
     ) -> SolidActor:
         return SolidActor(solid, solid.moved(turns, self._pivot), self.scene, camera, ball)
+
+    def _bob(self, turns: FloatArray, camera: Camera) -> RoundActor:
+        room = self.scene.room
+        centres = turns @ bob_centre(self.scene) + self._pivot
+        look = BallLook("plain", room.block_colour)
+        poses = [
+            BallPose(centre, np.eye(3), np.zeros(3), room.bob_radius, look) for centre in centres
+        ]
+        return RoundActor(poses, self.scene, camera, [])
 
     def _ordered(
         self, pendulum: list[Actor], ball: RoundActor | None, phi: float, camera: Camera

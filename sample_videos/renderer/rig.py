@@ -8,6 +8,7 @@ from sample_videos.renderer.bodies import Solid, box, prism
 from sample_videos.scene import Scene, SwingingScale
 
 __all__ = [
+    "bob_centre",
     "pendulum_solids",
     "pivot",
     "rest_centre",
@@ -23,8 +24,6 @@ FloatArray = NDArray[np.float64]
 STEEL = (0.2, 0.205, 0.22)
 # likewise by eye, share of the light: the bar
 BAR = (0.5, 0.5, 0.48)
-# likewise by eye, share of the light: the block
-BLOCK = (0.19, 0.19, 0.195)
 # likewise by eye, share of the light: the plate
 PLATE = (0.46, 0.46, 0.44)
 CORD = (0.15, 0.14, 0.13)
@@ -110,12 +109,19 @@ def pendulum_solids(scene: Scene) -> list[Solid]:
         return []
     length, face = scene.pendulum.length, scene.pendulum.face_offset
     depth, height, thick = scene.room.block
-    bar = scene.room.bar_width
+    bar, room = scene.room.bar_width, scene.room
+    struck = [box([face - 0.5 * depth, -length, 0], [depth, height, thick], room.block_colour)]
     return [
-        box([0, -0.5 * length + 0.01, 0], [bar, length - 0.02, 0.012], BAR),
-        box([face - 0.5 * depth, -length, 0], [depth, height, thick], BLOCK),
+        box([0, -0.5 * length + 0.01, 0], [bar, length - 0.02, min(0.012, bar)], BAR),
+        *([] if room.bob_radius else struck),
         _cylinder(np.array([0, 0, -0.01]), np.array([0, 0, 0.035]), 0.022, PLATE),
     ]
+
+
+def bob_centre(scene: Scene) -> FloatArray:
+    """Middle of a spherical bob about the pivot, hanging straight down (3,), m."""
+    pendulum = scene.pendulum
+    return np.array([pendulum.face_offset - scene.room.bob_radius, -pendulum.length, 0.0])
 
 
 def scale_solids(scale: SwingingScale) -> list[Solid]:

@@ -26,8 +26,8 @@ _BESIDE_BALL_PX = 2.5
 _ROUNDS = 3
 _ANGLES = 72
 _STEP_PX = 0.25
-# Of the bob's radius: where its outline is looked for, and where inside is.
-_REACH, _INSIDE = (0.5, 1.6), 0.6
+# Of the bob's radius: where its outline is looked for, and where its limb is as light as at the rim.
+_REACH, _LIMB = (0.5, 1.6), (0.6, 0.85)
 # A rim point counts where the bob stands out from the wall by this share of the light.
 _LEAST_CONTRAST = 0.06
 _FEWEST = 12
@@ -124,7 +124,8 @@ def _rim(
         at = (spot + mass.anchor[row]).astype(np.float32)
         seen = _light(_at(scene.picture(index), at) / scene.views[index].gain)
         total += seen / _light(_at(before, at)) / len(rows)
-    inside = np.median(total[:, away < _INSIDE * radius + _STEP_PX], axis=1)
+    limb = (away > _LIMB[0] * radius) & (away < _LIMB[1] * radius)
+    inside = np.median(total[:, limb], axis=1)
     outside = np.median(total[:, away > (_REACH[1] - 0.3) * radius], axis=1)
     points = []
     for ray_at, profile, dark, bright in zip(ray, total, inside, outside, strict=True):

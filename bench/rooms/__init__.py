@@ -1,0 +1,1 @@
+"""Rooms, pendulums, balls and cameras drawn at random, filmed and followed."""
