@@ -26,7 +26,7 @@ _BESIDE_BALL_PX = 2.5
 _ROUNDS = 3
 _ANGLES = 72
 _STEP_PX = 0.25
-# Of the bob's radius: where its outline is looked for, and where its limb is as light as at the rim.
+# Of the bob's radius: where its outline is looked for, and where it is as light as at the rim.
 _REACH, _LIMB = (0.5, 1.6), (0.6, 0.85)
 # A rim point counts where the bob stands out from the wall by this share of the light.
 _LEAST_CONTRAST = 0.06
