@@ -32,7 +32,8 @@ _REACH, _LIMB = (0.5, 1.6), (0.6, 0.85)
 _LEAST_CONTRAST = 0.06
 _FEWEST = 12
 _DARKEST = 0.02
-_LEAST_STD_PX = 0.06
+# px: an unknown transfer curve and the limb's shading move the edge at half light by so much.
+_LEAST_STD_PX = 0.2
 # A square's rim strays from a circle by 0.12 of its radius.
 _ROUND_SHARE = 0.06
 # Half the arc about the arm's direction in which a rod hides the rim, rad.
