@@ -9,13 +9,12 @@ arc, leaves a free registration adrift; one pivot for all pictures holds it.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from vision.pendulum.imaged_swing import ImagedSwing
 from vision.pendulum.layer import CORRELATED_PIXELS, Glimpse, hold
-from vision.pendulum.rigid import Patch
+from vision.pendulum.rigid import Patch, sampled
 
 __all__ = ["Bundle", "bundle", "learnt_look"]
 
@@ -212,9 +211,7 @@ def learnt_look(
         if glimpse.hidden is not None:
             x, y, radius = glimpse.hidden
             free &= (spot[:, 0] - x) ** 2 + (spot[:, 1] - y) ** 2 > radius**2
-        u, v = spot.T.astype(np.float32)[:, None]
-        border = cv2.BORDER_REPLICATE
-        shown = cv2.remap(glimpse.picture, u, v, cv2.INTER_CUBIC, borderMode=border)[0]
+        shown = sampled(glimpse.picture, spot[:, 0], spot[:, 1])
         total += free * shown / glimpse.gain
         weight += free
     enough = weight >= max(3.0, 0.25 * len(glimpses))

@@ -6,7 +6,6 @@ rim, and where its side meets its face is the near rim. The ball meets the face 
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
@@ -15,7 +14,7 @@ from scipy.special import ndtr
 from vision.ball.outline.cutout import TYPICAL_GAMMA
 from vision.ball.rest import Rest
 from vision.pendulum.mass import MassPoses
-from vision.pendulum.rigid import Pose
+from vision.pendulum.rigid import Pose, sampled
 from vision.scene.scene import Scene
 from vision.tracks import Face
 
@@ -24,7 +23,6 @@ __all__ = ["find_face"]
 FloatArray = NDArray[np.float64]
 FloatImage = NDArray[np.float32]
 
-_ROW_POINTS = 128
 _FRAMES = 10
 _FEWEST = 3
 _STEP_PX = 0.5
@@ -223,12 +221,7 @@ class _Look:
 
 
 def _at(picture: FloatImage, spot: FloatArray) -> FloatArray:
-    # In rows of a hundred or so, since OpenCV takes no side of 32,768 and more.
-    width = min(_ROW_POINTS, len(spot))
-    padded = np.pad(spot, ((0, -len(spot) % width), (0, 0)), mode="edge")
-    x, y = (part.reshape(-1, width) for part in padded.T.astype(np.float32))
-    values = cv2.remap(picture, x, y, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(values.ravel()[: len(spot)], dtype=float)
+    return np.asarray(sampled(picture, spot[:, 0], spot[:, 1]), dtype=float)
 
 
 def _light(gray: FloatArray) -> FloatArray:

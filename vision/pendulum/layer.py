@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.pendulum.imaged_swing import ImagedSwing
-from vision.pendulum.rigid import Patch
+from vision.pendulum.rigid import Patch, sampled
 
 __all__ = ["Glimpse", "Held", "Placed", "hold", "hold_at", "locate_along"]
 
@@ -22,7 +22,6 @@ FloatArray = NDArray[np.float64]
 CORRELATED_PIXELS = 4.0
 LEAST_SEEN = 0.33
 _ROBUST = 3.0
-_BORDER = cv2.BORDER_REPLICATE
 _SLOPE = np.array([-0.5, 0.0, 0.5])
 _FLAT = np.array([0.25, 0.5, 0.25])
 _COARSE_POINTS = 700
@@ -132,8 +131,7 @@ def hold_at(patch: Patch, middle: FloatArray, spread: FloatArray, glimpse: Glimp
     left, top = np.maximum(np.floor(spot.min(axis=0)).astype(int) - 3, 0)
     right, bottom = np.ceil(spot.max(axis=0)).astype(int) + 4
     window = (slice(top, max(bottom, top + 1)), slice(left, max(right, left + 1)))
-    u = (spot[:, 0] - left).astype(np.float32)[None]
-    v = (spot[:, 1] - top).astype(np.float32)[None]
+    u, v = spot[:, 0] - left, spot[:, 1] - top
     shown = _sampled(glimpse.picture[window], u, v)
     scene = _sampled(glimpse.behind[window], u, v) * glimpse.gain
     clear = 1.0 - patch.opacity
@@ -176,12 +174,12 @@ def _explained(without: FloatArray, left: FloatArray, opacity: FloatArray) -> fl
     return 1.0 - float(opacity @ np.abs(left)) / max(there, 1e-9)
 
 
-def _sampled(window: FloatImage, u: FloatImage, v: FloatImage) -> FloatArray:
+def _sampled(window: FloatImage, u: FloatArray, v: FloatArray) -> FloatArray:
     """Value and slopes of a window at points, (n, 3)."""
-    value = cv2.remap(window, u, v, cv2.INTER_CUBIC, borderMode=_BORDER)[0]
+    value = sampled(window, u, v)
     gx = cv2.sepFilter2D(window, cv2.CV_32F, _SLOPE, _FLAT)
     gy = cv2.sepFilter2D(window, cv2.CV_32F, _FLAT, _SLOPE)
-    slopes = [cv2.remap(g, u, v, cv2.INTER_LINEAR, borderMode=_BORDER)[0] for g in (gx, gy)]
+    slopes = [sampled(np.asarray(one, np.float32), u, v, cv2.INTER_LINEAR) for one in (gx, gy)]
     return np.column_stack([value, *slopes]).astype(np.float64)
 
 

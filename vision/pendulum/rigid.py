@@ -6,12 +6,13 @@ behind its edge pull nothing. Shift and turn are fitted by Gauss–Newton on thi
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Patch", "Pose", "register", "warped"]
+__all__ = ["Patch", "Pose", "register", "sampled", "warped"]
 
 FloatImage = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
@@ -21,6 +22,7 @@ _CORRELATED_PIXELS = 4.0
 _SLOPE = np.array([-0.5, 0.0, 0.5])
 _FLAT = np.array([0.25, 0.5, 0.25])
 _LEAST_SEEN = 0.33
+_ROW = 16384
 # How far a patch may move while it is registered, px.
 _REACH = 12
 _SHORT = 4e-3
@@ -71,6 +73,22 @@ class Pose:
     covariance: FloatArray
     misfit: float
     seen: float
+
+
+def sampled(
+    pictures: FloatImage, x: NDArray[Any], y: NDArray[Any], interpolation: int = cv2.INTER_CUBIC
+) -> FloatImage:
+    """Gray levels of a picture (H, W) or several (H, W, C) at points (n,): (n,) or (n, C).
+
+    OpenCV takes fewer than 32768 points in a row: they are laid out in several.
+    """
+    count = len(x)
+    rows = max(1, -(-count // _ROW))
+    maps = np.zeros((2, rows * _ROW if rows > 1 else count), dtype=np.float32)
+    maps[0, :count], maps[1, :count] = x, y
+    u, v = maps.reshape(2, rows, -1)
+    found = cv2.remap(pictures, u, v, interpolation, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(found.reshape(-1, *found.shape[2:])[:count])
 
 
 def warped(patch: Patch, anchor: FloatArray, turn: float) -> tuple[FloatArray, FloatArray]:
@@ -194,7 +212,7 @@ class _Registration:
             dx, dy = x - np.float32(self._hidden[0]), y - np.float32(self._hidden[1])
             inside &= dx * dx + dy * dy > np.float32(self._hidden[2] ** 2)
         self._inside = inside
-        self._u, self._v = (x - np.float32(self._left))[None], (y - np.float32(self._top))[None]
+        self._u, self._v = x - np.float32(self._left), y - np.float32(self._top)
         self.seen = float(np.dot(self._opacity, inside)) / self._opaque
 
     def _sampled(self) -> tuple[FloatImage, FloatImage]:
@@ -202,12 +220,10 @@ class _Registration:
         return self._at_points(self._frame), self._clear[:, None] * self._at_points(self._scene)
 
     def _at_points(self, pictures: FloatImage) -> FloatImage:
-        border = cv2.BORDER_REPLICATE
         # Smooth slopes are less led astray by what the patch does not describe.
-        seen = cv2.remap(pictures, self._u, self._v, cv2.INTER_LINEAR, borderMode=border)[0]
-        value = np.ascontiguousarray(pictures[:, :, 0])
-        seen[:, 0] = cv2.remap(value, self._u, self._v, cv2.INTER_CUBIC, borderMode=border)[0]
-        return np.asarray(seen)
+        seen = sampled(pictures, self._u, self._v, cv2.INTER_LINEAR)
+        seen[:, 0] = sampled(np.ascontiguousarray(pictures[:, :, 0]), self._u, self._v)
+        return seen
 
     def advance(self) -> bool:
         """One step; returns whether it was the last."""

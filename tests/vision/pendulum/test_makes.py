@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.vision.pendulum.swinging import STRIKE, Filmed, Make, filmed
+from vision.pendulum.rigid import sampled
 from vision.pendulum.search import Striker, find_striker
 
 ROUND = Make(half=(6.0, 6.0), round=True, rod=0.7, light=0.3)
@@ -70,3 +71,9 @@ def test_the_pivot_is_where_all_turns_about() -> None:
 def test_nothing_that_swings_is_no_striker() -> None:
     film = filmed(Make(swings=False))
     assert find_striker(film.scene, film.rest, film.ball) is None
+
+
+def test_a_close_up_has_more_points_than_fit_in_a_row_of_opencv() -> None:
+    picture = np.arange(12.0, dtype=np.float32).reshape(3, 4)
+    x = np.full(40_000, 2.0)
+    assert sampled(picture, x, np.full(40_000, 1.0)) == pytest.approx(np.full(40_000, 6.0))
