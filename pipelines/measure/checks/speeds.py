@@ -9,6 +9,7 @@ from scipy.special import ndtr
 from metrology import Quantity
 from physics.bodies import Pendulum
 from pipelines.measure.fits.flight_fit import FlightFit
+from pipelines.measure.fits.slow_errors import SLOW_OVER_RANDOM
 from pipelines.measure.metres import MetricTracks
 from pipelines.report import Check, CheckKind, CheckOutcome
 
@@ -43,7 +44,10 @@ def speed_per_frame(tracks: MetricTracks, flight: FlightFit) -> tuple[float, flo
     way = tracks.ball_m[used[-1]] - tracks.ball_m[used[0]]
     took = float(tracks.ball_time_s[used[-1]] - tracks.ball_time_s[used[0]])
     spread = sum(float(np.trace(tracks.ball_cov_m2[end])) / 2 for end in (used[0], used[-1]))
-    return float(np.hypot(*way)) / took, math.sqrt(spread) / took
+    # few frames beside the mass: what changes slowly along the outline does not average out of them
+    return float(np.hypot(*way)) / took, math.sqrt(spread) * math.hypot(
+        1.0, SLOW_OVER_RANDOM
+    ) / took
 
 
 def speed_by_pendulum(body: Pendulum, ball_mass: float, before: float, after: float) -> float:

@@ -11,12 +11,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["slow_error_whitening"]
+__all__ = ["SLOW_OVER_RANDOM", "slow_error_whitening"]
 
 FloatArray = NDArray[np.float64]
 
 _MODES = 4
-_SLOW_OVER_RANDOM = 1.5
+SLOW_OVER_RANDOM = 1.5
 
 
 def slow_error_whitening(
@@ -42,7 +42,7 @@ def slow_error_whitening(
     phase = (time_s - time_s[0]) / max(float(np.ptp(time_s)), 1e-9)
     order = np.arange(0 if offset else 1, _MODES + 1)
     modes = np.cos(np.pi * phase[:, np.newaxis] * order)
-    axes, size, _ = np.linalg.svd(_SLOW_OVER_RANDOM * modes, full_matrices=False)
+    axes, size, _ = np.linalg.svd(SLOW_OVER_RANDOM * modes, full_matrices=False)
     shrink = 1.0 - 1.0 / np.sqrt(1.0 + size**2)
 
     # residuals of a search that ran away to infinity come out as NaN
