@@ -33,6 +33,8 @@ _SWOLLEN = 0.1
 _FLIGHT_FRAMES = 24
 _FLIGHT_DEGREE = 3
 _FLIGHT_ROUNDS = 12
+# Of so many parts of a flight, no more than this many rest: the top of a throw, a release.
+_PARTS, _MOST_RESTING = 8, 2
 
 
 @dataclass(frozen=True)
@@ -125,6 +127,12 @@ def off_flight(
     inside = np.flatnonzero((frame >= stretch.first) & (frame <= stretch.last))
     if len(inside) < _FLIGHT_FRAMES or stretch.looks < _FLIGHT_FRAMES:
         return place, off
+    floor = _LEAST_OFF_PX + _LEAST_OFF_RADII * usual
+    parts = np.array_split(centre[inside], _PARTS)
+    resting = [float(np.hypot(*_spread(part))) < 2.0 * floor for part in parts]
+    if sum(resting) > _MOST_RESTING:
+        # Mostly rest, before or after the motion: no one law holds there.
+        return place, off
     time = np.interp(frame[inside], [stretch.first, stretch.last], [-1.0, 1.0])
     design = np.vander(time, _FLIGHT_DEGREE + 1)
     weight = np.ones(len(inside))
@@ -135,9 +143,14 @@ def off_flight(
         scale = max(1.2 * float(np.median(away)), 0.02)
         weight = 1.0 / (1.0 + (away / (3.0 * scale)) ** 2) ** 2
     place[inside] = design @ fitted
-    floor = _LEAST_OFF_PX + _LEAST_OFF_RADII * usual
     off[inside] = away > max(floor, _OFF_SIGMA * scale)
     return place, off
+
+
+def _spread(centre: FloatArray) -> FloatArray:
+    """How far positions reach along each axis, the outermost left aside."""
+    low, high = np.quantile(centre, [0.1, 0.9], axis=0)
+    return np.asarray(high - low)
 
 
 def _near_radius(frame: IntArray, radius: FloatArray) -> FloatArray:

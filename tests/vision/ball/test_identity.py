@@ -75,3 +75,10 @@ def test_a_run_of_frames_drawn_off_a_flight_is_told() -> None:
     place, off = off_flight(frame, centre, np.full(100, 15.0))
     assert np.flatnonzero(off).tolist() == list(range(90, 98))
     assert np.abs(place[90:98, 1] + 2.0 - centre[90:98, 1]).max() < 0.5
+
+
+def test_a_motion_that_ends_in_rest_is_no_flight() -> None:
+    frame = np.arange(400)
+    centre = np.column_stack([np.minimum(2.8 * frame, 84.0), np.full(400, 50.0)])
+    centre += np.random.default_rng(3).normal(0.0, 0.2, centre.shape)
+    assert not off_flight(frame, centre, np.full(400, 8.5))[1].any()
