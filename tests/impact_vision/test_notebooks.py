@@ -5,7 +5,6 @@ from pathlib import Path
 
 import nbformat
 import pytest
-from jupyter_client.manager import AsyncKernelManager
 from nbclient import NotebookClient
 
 ROOT = Path(__file__).parents[2]
@@ -23,9 +22,11 @@ def test_a_notebook_runs_and_shows_what_it_holds(
     monkeypatch.setenv("PYTHONPATH", f"{ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
     notebook = nbformat.read(path, as_version=4)
     shown = [_kinds(cell) for cell in notebook.cells]
-    manager = AsyncKernelManager(kernel_name="python3", transport="ipc")
     NotebookClient(
-        notebook, km=manager, timeout=240, resources={"metadata": {"path": str(tmp_path)}}
+        notebook,
+        kernel_name="python3",
+        timeout=240,
+        resources={"metadata": {"path": str(tmp_path)}},
     ).execute()
     assert [_kinds(cell) for cell in notebook.cells] == shown
 
