@@ -281,5 +281,7 @@ def _require_balls(book: LabBook | None, setup: Setup, ball: str | None) -> None
 def _notes(book: LabBook | None, absent: Sequence[str]) -> tuple[str, ...]:
     notes = () if book is None else book.notes
     if absent:
-        notes += (f"{len(absent)} clips of the lab book were not given: {', '.join(absent[:8])}.",)
+        notes += (
+            f"Named in the lab book, but not given: {', '.join(absent[:8])} ({len(absent)}).",
+        )
     return notes

@@ -142,7 +142,7 @@ def fit_cor_laws(points: CorPoints) -> tuple[CorLawFit, ...]:
     """
     if len(points.speed) < 3:
         raise TooLittleDataError(
-            f"{len(points.speed)} clips of this ball tell no law of restitution",
+            f"too few clips of this ball for a law of restitution ({len(points.speed)})",
             hint="Measure three at least, better five at each of three speeds.",
         )
     fits = [_fit(law, points) for law in LawKind]
