@@ -45,8 +45,12 @@ def measure_options(
     wall_grid: Given | None = None,
     ball_at: At = None,
     mass_at: At = None,
+    *,
+    cache: bool = False,
 ) -> MeasureOptions:
     """Options of the measuring chain, each checked before any work.
+
+    `cache` lets it take up what was measured before, and keep what it measures now.
 
     Raises
     ------
@@ -62,6 +66,7 @@ def measure_options(
         wall_grid=_length_text(wall_grid),
         ball_at=point_from("--ball-at", ball_at),
         mass_at=point_from("--mass-at", mass_at),
+        cache=cache,
     )
 
 

@@ -2,7 +2,6 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -185,5 +184,5 @@ def measure(
     >>> m.ball_speed  # doctest: +SKIP
     ball_speed: 5.2012 ± 0.0093 m/s
     """
-    options = measure_options(setup, fps, ball, wall_grid, ball_at, mass_at)
-    return Measurement(measure_clip(Path(path), replace(options, cache=cache)))
+    options = measure_options(setup, fps, ball, wall_grid, ball_at, mass_at, cache=cache)
+    return Measurement(measure_clip(Path(path), options))

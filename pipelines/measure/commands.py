@@ -3,7 +3,6 @@
 import os
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated
@@ -116,8 +115,7 @@ def measure_command(
     """
     wanted = Wanted(csv, json, tracks, overlay, plot, report, quiet)
     wanted.require_writable((*clips, setup))
-    options = measure_options(setup, fps, ball, wall_grid, ball_at, mass_at)
-    options = replace(options, cache=not no_cache)
+    options = measure_options(setup, fps, ball, wall_grid, ball_at, mass_at, cache=not no_cache)
     if out is not None:
         said = [str(word) for word in (fps, ball, wall_grid, ball_at, mass_at, *_asked(wanted))]
         said.append("" if setup is None else setup.read_text(encoding="utf-8"))
@@ -155,8 +153,8 @@ def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # t
     ) -> None:
         wanted = Wanted(csv, json, tracks, overlay, plot, report, quiet)
         wanted.require_writable((clip, setup))
-        options = measure_options(setup, fps, ball, wall_grid, ball_at, mass_at)
-        measured = _one(clip, replace(options, cache=not no_cache), wanted, names)
+        options = measure_options(setup, fps, ball, wall_grid, ball_at, mass_at, cache=not no_cache)
+        measured = _one(clip, options, wanted, names)
         quantity = measured.quantity(needed)
         if not quantity.known:
             raise MeasurementError(

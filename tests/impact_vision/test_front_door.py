@@ -14,6 +14,7 @@ import sample_videos
 from metrology import MeasurementError, UsageError
 from physics.bodies import BALLS, PAPER_PENDULUM, PAPER_SUPPORT
 from physics.restitution.restitution import ConstantCor
+from pipelines.measure.chain import MeasureOptions
 
 CLIPS = Path(sample_videos.__file__).parent / "clips"
 CLIP = CLIPS / "jokku_90_small.mp4"
@@ -166,6 +167,21 @@ def test_what_cannot_be_is_refused_before_any_work() -> None:
         iv.measure(CLIP, ball_at=(1, 2, 3, 4))
     with pytest.raises(UsageError, match="not both"):
         iv.explain(balls=pd.DataFrame(), trials=pd.DataFrame())
+
+
+@pytest.mark.parametrize("cache", [True, False])
+def test_whether_earlier_stages_are_taken_up_reaches_the_chain(
+    cache: bool, measured: iv.Measurement, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[bool] = []
+
+    def chain(path: Path, options: MeasureOptions) -> object:
+        asked.append(options.cache)
+        return measured.record
+
+    monkeypatch.setattr("pipelines.api.measured.measure_clip", chain)
+    iv.measure(CLIP, cache=cache)
+    assert asked == [cache]
 
 
 def test_the_catalogue_and_its_base_class_are_there() -> None:
