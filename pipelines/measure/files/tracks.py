@@ -29,8 +29,8 @@ def tracks_as_frame(measured: Measurement) -> pd.DataFrame:
 
     `x_m` is to the right along the wall, `y_m` up; `phi_rad` is 0 at the lowest point of the
     swing, positive towards the ball. Empty where no scale, or no angle, is known. A row's standard
-    uncertainties are its own noise; what all rows of a clip share (scale, where the pivot is) is in
-    the budgets of the quantities.
+    uncertainties are noise and slow errors along the track; what all rows of a clip share (scale,
+    where the pivot is: up to a degree or so of the angle) is in the budgets of the quantities.
     """
     parts = []
     for name, track in _objects(measured).items():

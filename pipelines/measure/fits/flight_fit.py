@@ -180,6 +180,7 @@ def _surely_fallen(values: FloatArray, height: float) -> float:
     return min(max(2.0 * fall, 0.0) + _STEP_S, _LONGEST_FALL_S)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def _flown(values: FloatArray, elapsed: FloatArray) -> FloatArray:
     """x, y, vx, vy (..., N, 4) at times (N,) of one flight (7,) or a stack of them (..., 7)."""
     lanes = values.reshape(-1, values.shape[-1])
