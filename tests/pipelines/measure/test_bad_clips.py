@@ -148,8 +148,8 @@ def test_a_pendulum_alone_is_not_taken_for_a_struck_ball(
     clip = written(rendered(bare, shot), tmp_path / "clip.mp4")
     result = run("measure", clip, "--ball", "basketball")
     assert result.exit_code == 4
-    assert "does not fall freely" in result.output
-    assert "--ball-at" in result.output
+    assert "of a full swing is in view" in result.output
+    assert "ball_speed" not in result.output
 
 
 def test_without_a_pendulum_the_flight_is_measured_and_the_contact_is_not(
