@@ -15,7 +15,7 @@ from metrology.errors import (
     UsageError,
 )
 from metrology.files import write_text_whole, written_whole
-from metrology.measurands import Given, Measurand, read_given, read_number
+from metrology.measurands import Given, Measurand, read_given, read_number, read_scale
 from metrology.quantity import Contribution, Quantity
 from metrology.sources import UncertaintySource
 from metrology.units import parse_measured, parse_quantity, parse_with_uncertainty
@@ -44,6 +44,7 @@ __all__ = [
     "parse_with_uncertainty",
     "read_given",
     "read_number",
+    "read_scale",
     "write_text_whole",
     "written_whole",
 ]

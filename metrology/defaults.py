@@ -124,6 +124,11 @@ class Defaults:
         "pitch of the wall grid", 0.05, 0.001, "m",
         "the paper's grid of 50 mm; printed and hung within 0.1 %", relative=True,
     )  # fmt: skip
+    PLANE_SCALE = Default(
+        "scale in the plane of motion", None, 0.005, "m/px",
+        "a rule held up by hand: its ends marked to 1 px each in 300 px are 0.5 %, and 1 cm off the"
+        " plane at 4 m is 0.25 %", relative=True,
+    )  # fmt: skip
     VISIBLE_DEPTH = Default(
         "depth of the mass' visible side", 0.0, 0.007, "1",
         "a mass 6 cm thick seen from 4 m: its near side, 3 cm nearer, is enlarged by 0.03/4",

@@ -7,7 +7,8 @@ meant, with the reason. A number outside is refused before any work, in the same
 import math
 from dataclasses import dataclass
 
-from metrology.errors import DomainError, UsageError
+from metrology.defaults import Defaults
+from metrology.errors import DomainError, UnitError, UsageError
 from metrology.units import parse_measured, parse_quantity
 
 __all__ = [
@@ -33,6 +34,8 @@ __all__ = [
     "PENDULUM_INERTIA",
     "PENDULUM_LENGTH",
     "PENDULUM_MASS",
+    "PIXELS_PER_METRE",
+    "PLANE_SCALE",
     "POSITION_STD",
     "SHUTTER",
     "SPEED",
@@ -42,6 +45,7 @@ __all__ = [
     "Measurand",
     "read_given",
     "read_number",
+    "read_scale",
 ]
 
 
@@ -165,6 +169,44 @@ def read_given(typed: str | float, what: Measurand, place: str = "") -> Given:
     return Given(value, std)
 
 
+def read_scale(typed: str | float, place: str = "") -> tuple[float, float]:
+    """A scale in the plane of motion, as length per pixel or as pixels per length.
+
+    Parameters
+    ----------
+    typed : str or float
+        ``"2.44 mm/px"``, ``"409.9 px/m ± 2 px/m"``; a bare number is in m/px.
+    place : str
+        The option it was typed at (``--scale``), for the message.
+
+    Returns
+    -------
+    value, std : float
+        m/px; the standard uncertainty of `Defaults.PLANE_SCALE` where none is written.
+
+    Raises
+    ------
+    UnitError
+        If it is neither.
+    DomainError
+        If it is out of range, or its uncertainty is zero.
+    """
+    try:
+        given = read_given(typed, PLANE_SCALE, place)
+    except UnitError:
+        try:
+            turned = read_given(typed, PIXELS_PER_METRE, place)
+        except UnitError:
+            raise UnitError(
+                f"{place} {typed!r} is no scale".strip(),
+                hint=f"Such as '{PLANE_SCALE.example}' or '{PIXELS_PER_METRE.example} ± 2 px/m'.",
+            ) from None
+        std = None if turned.std is None else turned.std / turned.value**2
+        given = Given(1.0 / turned.value, std)
+    std = Defaults.PLANE_SCALE.std_of(given.value) if given.std is None else given.std
+    return given.value, std
+
+
 def _at(place: str, problem: UsageError) -> UsageError:
     """The same refusal with the option's name before it."""
     return type(problem)(f"{place} {problem.message}".strip(), hint=problem.hint)
@@ -174,6 +216,14 @@ _RIG = "rigs on a bench or a stand are meant, from a finger's breadth to a house
 CAPTURE_RATE = Measurand(
     "a capture rate", "1/s", 1.0, 1e7, "cameras take 1 to ten million frames per second", "600 fps"
 )
+PLANE_SCALE = Measurand(
+    "a scale", "m/px", 1e-8, 1.0,
+    "a pixel shows between 10 nm (a microscope) and 1 m (a stadium from afar)", "2.44 mm/px",
+)  # fmt: skip
+PIXELS_PER_METRE = Measurand(
+    "a scale", "px/m", 1.0, 1e8,
+    "a metre is between one pixel (a stadium from afar) and 1e8 (a microscope)", "409.9 px/m",
+)  # fmt: skip
 SHUTTER = Measurand(
     "a shutter time", "s", 1e-9, 10.0, "shutters are open for nanoseconds to seconds", "1/2000 s"
 )

@@ -22,6 +22,8 @@ PLAIN_UNITS: dict[str, dict[str, float]] = {
     "s": {"s": 1.0, "ms": 0.001},
     "1/s": {"fps": 1.0, "Hz": 1.0},
     "m/s": {"m/s": 1.0},
+    "m/px": {"m/px": 1.0, "cm/px": 0.01, "mm/px": 0.001},
+    "px/m": {"px/m": 1.0, "px/cm": 100.0, "px/mm": 1000.0},
     "kg m^2": {"kg m^2": 1.0},
     "kg/m^3": {"kg/m^3": 1.0},
 }
@@ -35,6 +37,8 @@ def _registry() -> Any:
 
     registry: Any = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
     registry.define("frame = []")
+    # of a camera, not the length of 1/96 inch that style sheets mean by it
+    registry.define("@alias pixel = px")
     registry.define("fps = 1 / second")
     return registry
 

@@ -5,7 +5,7 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from metrology import UsageError, measurands, read_given
+from metrology import UsageError, measurands, read_given, read_scale
 from pipelines.measure.chain import MeasureOptions
 from pipelines.setup.file import Setup, load_setup
 
@@ -47,10 +47,12 @@ def measure_options(
     mass_at: At = None,
     *,
     cache: bool = False,
+    scale: Given | None = None,
 ) -> MeasureOptions:
     """Options of the measuring chain, each checked before any work.
 
-    `cache` lets it take up what was measured before, and keep what it measures now.
+    `cache` lets it take up what was measured before, and keep what it measures now. `scale` is that
+    of the plane of motion (bare: m/px), and goes before the wall of the setup.
 
     Raises
     ------
@@ -58,6 +60,11 @@ def measure_options(
         For a rate, point, quantity or setup that can't be.
     """
     rate = None if fps is None else read_given(fps, measurands.CAPTURE_RATE, "--fps")
+    if scale is not None and wall_grid is not None:
+        raise UsageError(
+            "--scale and --wall-grid both say how large a pixel is",
+            hint="Give the scale of the plane of motion, or the wall's squares, not both.",
+        )
     return MeasureOptions(
         setup=setup_from(setup),
         fps=None if rate is None else rate.value,
@@ -66,6 +73,7 @@ def measure_options(
         wall_grid=_length_text(wall_grid),
         ball_at=point_from("--ball-at", ball_at),
         mass_at=point_from("--mass-at", mass_at),
+        scale_m_per_px=None if scale is None else read_scale(scale, "--scale"),
         cache=cache,
     )
 

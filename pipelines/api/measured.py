@@ -144,6 +144,7 @@ def measure(
     ball_at: At = None,
     mass_at: At = None,
     cache: bool = True,
+    scale: Given | None = None,
 ) -> Measurement:
     """Measure one clip.
 
@@ -163,6 +164,9 @@ def measure(
         A point on the ball, or on the pendulum's mass, px.
     cache : bool
         Take up stages of an earlier measurement of the same clip.
+    scale : str or float, optional
+        Of the plane of motion, where somebody knows it: "409.9 px/m ± 2 px/m", "2.44 mm/px", or in
+        m/px. The wall is not calibrated then.
 
     Returns
     -------
@@ -184,5 +188,7 @@ def measure(
     >>> m.ball_speed  # doctest: +SKIP
     ball_speed: 5.2012 ± 0.0093 m/s
     """
-    options = measure_options(setup, fps, ball, wall_grid, ball_at, mass_at, cache=cache)
+    options = measure_options(
+        setup, fps, ball, wall_grid, ball_at, mass_at, cache=cache, scale=scale
+    )
     return Measurement(measure_clip(Path(path), options))

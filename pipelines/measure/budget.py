@@ -113,7 +113,8 @@ def systematic_budget(
     values : callable
         Does the chain again for a scene; (Q,).
     scale_std : float
-        Relative uncertainty of the ball's own size as a scale, where there is no calibration.
+        Relative uncertainty of the scale that somebody gives, or else of the ball's own size as
+        one, where there is no calibration.
 
     Returns
     -------
@@ -195,12 +196,9 @@ def _moved(scene: Scene, scale_std: float) -> list[tuple[UncertaintySource, Scen
             (UncertaintySource.CAMERA_SLANT, replace(scene, slant_rad=Defaults.CAMERA_SLANT.std))
         )
         if np.isfinite(scale_std):
-            moved.append(
-                (
-                    UncertaintySource.BALL_DIAMETER,
-                    replace(scene, scale=scene.scale * (1 + scale_std)),
-                )
-            )
+            by_ball = scene.metres_per_px is None
+            source = UncertaintySource.BALL_DIAMETER if by_ball else UncertaintySource.SCALE
+            moved.append((source, replace(scene, scale=scene.scale * (1 + scale_std))))
     return moved
 
 

@@ -57,7 +57,8 @@ _LEAST_VARIANCE = 1e-12
 class MeasureOptions:
     """What the user said on the command line.
 
-    `scale_m_per_px` is a scale in the plane of motion with its standard uncertainty, m/px.
+    `scale_m_per_px` is a scale in the plane of motion with its standard uncertainty, m/px: who
+    knows it needs no wall, and the wall is not calibrated.
     """
 
     setup: Setup = field(default_factory=Setup)
@@ -210,7 +211,9 @@ def measure_tracks(
     inputs, rate = followed.inputs, followed.rate
     tracks = _timed(followed.tracks, followed.seconds(rate.fps))
     tell("calibrating", 0.0)
-    wall = _calibrated(tracks, inputs)
+    wall = _Wall(refusal=NoScale(_SCALE_GIVEN))
+    if followed.scale_m_per_px is None:
+        wall = _calibrated(tracks, inputs)
     if not rate.known:
         rate = _rate_by_fall(replace(followed, tracks=tracks), wall)
         tracks = _timed(tracks, followed.seconds(rate.fps))
@@ -269,6 +272,7 @@ def _rate_by_fall(followed: Followed, wall: "_Wall") -> CaptureRate:
     return replace(rate, fps=told.fps, std=told.std, notice=notice)
 
 
+_SCALE_GIVEN = "the scale of the plane of motion was given, and nothing says where the wall is"
 _FALLING = (MotionKind.STRIKE, MotionKind.FLIGHT, MotionKind.DROP)
 
 

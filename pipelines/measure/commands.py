@@ -48,6 +48,10 @@ BallOption = Annotated[
 GridOption = Annotated[
     str | None, typer.Option("--wall-grid", help="Side of the wall's squares, such as 50mm.")
 ]
+ScaleOption = Annotated[
+    str | None,
+    typer.Option("--scale", help="In the plane of motion: '2.44 mm/px', '410 px/m ± 2 px/m'."),
+]
 BallAtOption = Annotated[
     str | None, typer.Option("--ball-at", metavar="X,Y[,FRAME]", help="A point on the ball, px.")
 ]
@@ -103,6 +107,7 @@ def measure_command(
     report: ReportOption = None,
     out: OutOption = None,
     jobs: JobsOption = None,
+    scale: ScaleOption = None,
     no_cache: NoCacheOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -110,14 +115,19 @@ def measure_command(
 
     Example: vision measure clip.mp4 --ball jokku --fps 600 --report clip.html
 
+    No grid on the wall: vision measure clip.mp4 --fps 600 --scale "409.9 px/m ± 2 px/m"
+
     Many clips: vision measure clips/*.mp4 --setup lab.toml --out results -j 2 --report report.html
     writes results/CLIP.json and results/CLIP.report.html for each, and results/results.csv.
     """
     wanted = Wanted(csv, json, tracks, overlay, plot, report, quiet)
     wanted.require_writable((*clips, setup))
-    options = measure_options(setup, fps, ball, wall_grid, ball_at, mass_at, cache=not no_cache)
+    options = measure_options(
+        setup, fps, ball, wall_grid, ball_at, mass_at, cache=not no_cache, scale=scale
+    )
     if out is not None:
         said = [str(word) for word in (fps, ball, wall_grid, ball_at, mass_at, *_asked(wanted))]
+        said.append("" if scale is None else scale)
         said.append("" if setup is None else setup.read_text(encoding="utf-8"))
         _into_folder(clips, options, wanted, Folder(out), said, jobs or os.cpu_count() or 1)
         return
@@ -148,12 +158,15 @@ def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # t
         overlay: OverlayOption = None,
         plot: PlotOption = None,
         report: ReportOption = None,
+        scale: ScaleOption = None,
         no_cache: NoCacheOption = False,
         quiet: QuietOption = False,
     ) -> None:
         wanted = Wanted(csv, json, tracks, overlay, plot, report, quiet)
         wanted.require_writable((clip, setup))
-        options = measure_options(setup, fps, ball, wall_grid, ball_at, mass_at, cache=not no_cache)
+        options = measure_options(
+            setup, fps, ball, wall_grid, ball_at, mass_at, cache=not no_cache, scale=scale
+        )
         measured = _one(clip, options, wanted, names)
         quantity = measured.quantity(needed)
         if not quantity.known:

@@ -280,7 +280,7 @@ def _reasons(evaluated: Evaluated, no_grid: NoScale) -> dict[str, str]:
         landing = f"the wall's grid is needed: {no_grid.reason}"
         reasons |= dict.fromkeys(_LANDING, landing)
         wanted = [name for name, unit in DERIVED.items() if unit in _NEEDS_METRES]
-        if scene.inputs.ball is None:
+        if scene.inputs.ball is None and scene.metres_per_px is None:
             text = f"neither a wall grid nor the ball's diameter gives a scale ({no_grid.reason})"
             reasons |= dict.fromkeys([*wanted, "gravity", "launch_angle"], text)
         elif no_grid.contradicts and impact is not None:

@@ -1,6 +1,7 @@
 """`import impact_vision as iv`: quick to import, results that show themselves, tables that fit."""
 
 import inspect
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -11,10 +12,11 @@ import pytest
 
 import impact_vision as iv
 import sample_videos
-from metrology import MeasurementError, UsageError
+from metrology import MeasurementError, UncertaintySource, UsageError, read_scale
 from physics.bodies import BALLS, PAPER_PENDULUM, PAPER_SUPPORT
 from physics.restitution.restitution import ConstantCor
-from pipelines.measure.chain import MeasureOptions
+from pipelines.measure.chain import Followed, MeasureOptions, measure_tracks
+from pipelines.measure.inputs import gather_inputs
 
 CLIPS = Path(sample_videos.__file__).parent / "clips"
 CLIP = CLIPS / "jokku_90_small.mp4"
@@ -182,6 +184,31 @@ def test_whether_earlier_stages_are_taken_up_reaches_the_chain(
     monkeypatch.setattr("pipelines.api.measured.measure_clip", chain)
     iv.measure(CLIP, cache=cache)
     assert asked == [cache]
+
+
+def test_a_given_scale_serves_where_neither_wall_nor_ball_is_known(
+    measured: iv.Measurement,
+) -> None:
+    """The scale is what the wall gave, the speed to be found is the renderer's."""
+    truth = json.loads(CLIP.with_suffix(".truth.json").read_text(encoding="utf-8"))["quantities"]
+    tracks, rate = measured.record.tracks, measured.record.rate
+    ball = measured.tracks.query("object == 'ball'")
+    per_px = float(np.ptp(ball["x_m"]) / np.ptp(ball["x_px"]))
+    followed = Followed(
+        tracks,
+        np.arange(float(tracks.ball.frame[-1] + 1)),
+        rate,
+        gather_inputs(iv.Setup(), None, None),
+        read_scale(f"{1.0 / per_px} px/m ± 3 %"),
+    )
+    found = {quantity.name: quantity for quantity in measure_tracks(followed).results.quantities}
+    speed = found["ball_speed"]
+    assert speed.known, speed.reason
+    assert speed.value == pytest.approx(truth["ball_speed"]["value"], abs=2.0 * speed.std)
+    lines = {line.source: line.std for line in speed.budget}
+    assert lines[UncertaintySource.SCALE] == pytest.approx(0.03 * speed.value, rel=0.2)
+    assert UncertaintySource.BALL_DIAMETER not in lines
+    assert not found["landing_distance"].known
 
 
 def test_the_catalogue_and_its_base_class_are_there() -> None:

@@ -4,7 +4,15 @@ import math
 
 import pytest
 
-from metrology import DomainError, UnitError, measurands, parse_measured, read_given, read_number
+from metrology import (
+    DomainError,
+    UnitError,
+    measurands,
+    parse_measured,
+    read_given,
+    read_number,
+    read_scale,
+)
 from metrology.measurands import Measurand
 
 KINDS = [kind for kind in vars(measurands).values() if isinstance(kind, Measurand)]
@@ -61,3 +69,28 @@ def test_a_wrong_uncertainty_is_refused(typed: str) -> None:
 def test_nothing_is_known_without_uncertainty() -> None:
     with pytest.raises(DomainError, match="without uncertainty"):
         read_given("4 m ± 0 mm", measurands.CAMERA_DISTANCE)
+
+
+@pytest.mark.parametrize(
+    ("typed", "value", "std"),
+    [
+        ("2.44 mm/px", 2.44e-3, 0.005 * 2.44e-3),
+        ("2.44 mm/px ± 0.01 mm/px", 2.44e-3, 1e-5),
+        ("409.9 px/m ± 2 px/m", 1 / 409.9, 2 / 409.9**2),
+        ("409.9 ± 2 px/m", 1 / 409.9, 2 / 409.9**2),
+        ("4.099 px/cm ± 0.5 %", 1 / 409.9, 0.005 / 409.9),
+        ("10 px/inch ± 1 %", 0.00254, 0.0000254),
+        ("100 pixels / m", 0.01, 0.005 * 0.01),
+        (0.00244, 2.44e-3, 0.005 * 2.44e-3),
+    ],
+)
+def test_a_scale_is_read_either_way_round(typed: str | float, value: float, std: float) -> None:
+    assert read_scale(typed, "--scale") == pytest.approx((value, std), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "typed", ["2 mm", "409.9 px", "2 mm/px ± 1 mm", "0 px/m", "3 px/m ± 0", ""]
+)
+def test_what_is_no_scale_is_refused(typed: str) -> None:
+    with pytest.raises((UnitError, DomainError), match="--scale"):
+        read_scale(typed, "--scale")
