@@ -55,6 +55,13 @@ SECTIONS = (
         ("bench.measure", "{shared}/scenes", "{shared}/rendered"),
     ),
     Section(
+        "following",
+        "Following what nobody here filmed",
+        "Share of frames near the truth, RMS, and how often two stated uncertainties hold it; real "
+        "clips: frames within max(1 px, 1.5 × the truth's own uncertainty).",
+        ("bench.scenes", "--following"),
+    ),
+    Section(
         "altered",
         "As another camera might have filmed it",
         "The ray-traced clips again, altered; root mean square errors over the four.",
@@ -96,6 +103,13 @@ SECTIONS = (
         "What `vision calibrate plan` foresees against the errors of clips rendered and measured "
         "like that. z is the error over the predicted ±, 1 on the whole if the plan is true.",
         ("bench.planning",),
+    ),
+    Section(
+        "campaign",
+        "A campaign",
+        "Laws drawn with strikes, sessions and shared inputs that scatter; a campaign killed at "
+        "random moments; a scheduler whose workers only wait.",
+        ("bench.campaign",),
     ),
     Section(
         "speed",

@@ -1,14 +1,14 @@
 """Things that lay still for so long that they look like background, told from what they hid.
 
 A ball that rests for most of the clip is what most frames show at that place. Two states of a
-region, with
-and without the thing, are told apart by the region's own outline: only with the thing does the
-picture have a step along it. The same holds for the shadow that left with it.
+region, with and without the thing, are told apart by the region's own outline: only with the thing
+does the picture have a step along it. The same holds for the shadow that left with it.
 """
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from skimage.measure import label, regionprops
 
 __all__ = ["without_ghosts"]
 
@@ -53,39 +53,38 @@ def without_ghosts(
         code |= np.where(opened > 0, np.uint8(1 << bit), np.uint8(0))
     # Pixels that differ in the same epochs belong together: the ball that left, apart from the mass
     # that swung into its place.
-    values, counts = np.unique(code, return_counts=True)
     least = float(np.median(noise))
-    for value in values[(counts >= _SMALLEST) & _at_one_end(values, len(epochs))]:
-        count, labels, boxes, _ = cv2.connectedComponentsWithStats((code == value).astype(np.uint8))
-        for label in range(1, count):
-            if boxes[label, cv2.CC_STAT_AREA] < _SMALLEST:
-                continue
-            window = _window(boxes[label], usual.shape)
-            region = (labels[window] == label).astype(np.uint8)
-            others = [epochs[bit][window] for bit in range(len(epochs)) if value >> bit & 1]
-            steps = [_step_along(other, region) for other in others]
-            best, seen = int(np.argmin(steps)), _step_along(usual[window], region)
-            if seen > _LEAST_STEP * least and steps[best] < _SMOOTHER * seen:
-                wide = cv2.dilate(region, np.ones((7, 7), np.uint8)) > 0
-                clean[window][wide] = others[best][wide]
+    pieces = label(code, connectivity=2)  # type: ignore[no-untyped-call]
+    for piece in regionprops(pieces, intensity_image=code):  # type: ignore[no-untyped-call]
+        value = int(piece.intensity_max)
+        if piece.area < _SMALLEST or not _at_one_end(value, len(epochs)):
+            continue
+        window = _window(piece.bbox, usual.shape)
+        region = (pieces[window] == piece.label).astype(np.uint8)
+        others = [epochs[bit][window] for bit in range(len(epochs)) if value >> bit & 1]
+        steps = [_step_along(other, region) for other in others]
+        best, seen = int(np.argmin(steps)), _step_along(usual[window], region)
+        if seen > _LEAST_STEP * least and steps[best] < _SMOOTHER * seen:
+            wide = cv2.dilate(region, np.ones((7, 7), np.uint8)) > 0
+            clean[window][wide] = others[best][wide]
     return clean
 
 
-def _at_one_end(codes: NDArray[np.uint8], epochs: int) -> NDArray[np.bool_]:
+def _at_one_end(code: int, epochs: int) -> bool:
     """Whether an alternative is what the clip begins or ends with: a thing that lay and left.
 
     What is seen for a while in between is something that swung by.
     """
     ends = [(1 << run) - 1 for run in range(1, epochs)]
     ends += [((1 << run) - 1) << (epochs - run) for run in range(1, epochs)]
-    return np.isin(codes, ends)
+    return code in ends
 
 
-def _window(box: NDArray[np.int32], shape: tuple[int, ...]) -> tuple[slice, slice]:
-    left, top, width, height = (int(value) for value in box[:4])
+def _window(box: tuple[int, int, int, int], shape: tuple[int, ...]) -> tuple[slice, slice]:
+    top, left, bottom, right = box
     return (
-        slice(max(0, top - 8), min(shape[0], top + height + 8)),
-        slice(max(0, left - 8), min(shape[1], left + width + 8)),
+        slice(max(0, top - 8), min(shape[0], bottom + 8)),
+        slice(max(0, left - 8), min(shape[1], right + 8)),
     )
 
 
