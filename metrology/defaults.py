@@ -144,6 +144,20 @@ class Defaults:
         "slant of a camera set up by eye", 0.0, math.radians(6.0), "rad",
         "a wall's vanishing lines are not seen below some 10°, a rectangle of 6° deviation",
     )  # fmt: skip
+    LENS_DISTORTION = Default(
+        "distortion of a lens that nobody measured", 0.0, 0.01, "1",
+        "share of its distance from the axis by which the picture's edge is displaced: lenses of"
+        " cameras and phones are sold with 0.5 % to 2 %",
+    )  # fmt: skip
+    PLANE_DEPTH = Default(
+        "depth of the plane of motion", None, 0.01, "m",
+        "the ball flies 4 cm before or behind the plane that was meant, seen from 4 m",
+        relative=True,
+    )  # fmt: skip
+    NOMINAL_RATE = Default(
+        "a camera's nominal rate", None, 0.001, "1/s",
+        "59.94 is written 60 (1000/1001); quartz itself is good to 50 ppm", relative=True,
+    )  # fmt: skip
     BACKSWING_SCATTER = Default(
         "scatter of the back-swing", 0.0, math.radians(0.2), "rad",
         "a protractor with lines of 1°, read to a fifth",

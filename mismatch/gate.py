@@ -1,7 +1,7 @@
 """One gate for all verdicts: what is left over, what the proof says, and whether it is steady."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -23,6 +23,10 @@ can't be blamed any more, and something else acts."""
 DOUBTED = 0.45
 """Probability that a name without proof has at most."""
 
+UNPROVED = 0.9
+"""Probability that a name has at most where no trial is left to prove it on: that the catalogue
+lacks what truly acts can't be seen from the trial that chose the name."""
+
 CARRIED = 0.3
 """Share of g below which a body that is said to be free does not fall."""
 
@@ -40,6 +44,8 @@ class Doubt(Enum):
     CARRIED = "the body does not fall as a free one does: something carries or holds it"
     LEFT_OVER = "it leaves most of the mismatch unexplained"
     ONE_TRIAL = "its strength hangs on one trial alone"
+    UNPROVED = "no trial is kept out of the fit to prove it on"
+    UNKNOWN_CALIBRATION = "it is no larger than what a calibration that nobody knows may leave open"
     NOISE = "the noise that is needed is as large as the motion itself, so nothing can be said"
 
 
@@ -68,6 +74,11 @@ class Passed:
         """Whether anything may be named at all."""
         return not {Doubt.WORSE_HELD_OUT, Doubt.CARRIED, Doubt.NOISE}.intersection(self.doubts)
 
+    @property
+    def shaken(self) -> bool:
+        """Whether something speaks against the answer, rather than too little for it."""
+        return not {Doubt.UNPROVED}.issuperset(self.doubts)
+
 
 def pass_gate(
     prepared: Prepared, best: Hypothesis | None, kind: VerdictKind, kept: HeldOut | None
@@ -91,7 +102,7 @@ def pass_gate(
         if carried and prepared.fit.misfit >= MISFIT:
             return Passed("unexplained", doubts=(Doubt.CARRIED,))
         return Passed(kind)
-    doubts = []
+    doubts = [] if kept is not None else [Doubt.UNPROVED]
     proved = kept is None or kept.ratio_95[0] > 1.0
     if _noise_swallows(forward):
         doubts.append(Doubt.NOISE)
@@ -116,13 +127,16 @@ def _passed(
     if best.misfit >= MISFIT:
         decades = math.log10(best.misfit) / DECADES
         trust = (1.0 - _left(prepared, best)) / (1.0 + decades**2)
-    through = Passed(kind, trust, DOUBTED if doubts else 0.999, doubts)
+    most = UNPROVED if doubts else 0.999
+    through = Passed(kind, trust, most, doubts)
+    if through.shaken:
+        through = replace(through, most=DOUBTED)
     if not through.names:
         return Passed("unexplained", trust, DOUBTED, doubts)
     if best.has_unnamed and best.misfit >= MISFIT * MISFIT:
         # A fitted shape that still leaves structure is a description, not a law.
         return Passed("unexplained", trust, DOUBTED, (*doubts, Doubt.LEFT_OVER)[:2])
-    if doubts and kind == "explained":
+    if through.shaken and kind == "explained":
         return Passed("ambiguous", trust, DOUBTED, doubts)
     return through
 

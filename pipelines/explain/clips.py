@@ -38,9 +38,12 @@ class ClipCampaign(Campaign):
     ----------
     widths : mapping
         Id of a fault of the instrument → standard uncertainty of the calibration in it.
+    calibrated : bool
+        Whether the widths are of the clips' own calibration, or what is usual of one.
     """
 
     widths: Mapping[str, float] = field(default_factory=dict)
+    calibrated: bool = True
 
 
 def clip_facts(path: Path) -> dict[str, ClipFacts]:

@@ -17,6 +17,8 @@ from physics import bodies
 from physics.arrays import FloatArray
 from physics.contact.batch import contact_outcomes
 from physics.effects import Effect
+from pipelines.explain.clips import ClipCampaign
+from pipelines.explain.systematics import unknown_widths
 from pipelines.explain.tabular import TableLike, name_of, read_table
 from pipelines.explain.tracks import flight_rows, is_track_table, swing_rows
 from pipelines.setup.file import BallSetup, Setup
@@ -168,8 +170,10 @@ def load_campaign(
     balls: dict[str, pd.DataFrame] = {}
     swings: dict[str, pd.DataFrame] = {}
     notes: list[str] = []
+    tracked = False
     if ball_csv is not None:
         table = _samples(ball_csv, ("trial", "t_s"), setup)
+        tracked = is_track_table(table)
         axes = [name for name in ("x_m", "y_m", "z_m") if name in table.columns]
         if not axes:
             raise UsageError(
@@ -181,6 +185,7 @@ def load_campaign(
         balls = {str(name): part for name, part in table.groupby("trial", sort=False)}
     if pendulum_csv is not None:
         table = _samples(pendulum_csv, ("trial", "t_s", "phi_rad"), setup)
+        tracked = tracked or is_track_table(table)
         table, more = _tidied(table, ["phi_rad"], name_of(pendulum_csv))
         notes += more
         if float(np.nanmax(np.abs(_numbers(table, "phi_rad")))) > 2.0 * math.pi:
@@ -206,6 +211,8 @@ def load_campaign(
         if alone:
             notes.append(f"no ball was seen in trial {', '.join(alone[:6])}; left out")
     trials = tuple(_trial(name, balls.get(name), swings.get(name)) for name in names)
+    if tracked:
+        return ClipCampaign(trials, tuple(notes), unknown_widths(trials), calibrated=False)
     return Campaign(trials, tuple(notes))
 
 

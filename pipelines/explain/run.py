@@ -144,7 +144,8 @@ def explain_campaign(
     )
     if not isinstance(campaign, ClipCampaign):
         return explained
-    return replace(explained, verdict=within_calibration(explained.verdict, campaign.widths))
+    verdict = within_calibration(explained.verdict, campaign.widths, known=campaign.calibrated)
+    return replace(explained, verdict=verdict)
 
 
 def _own(effects: OwnEffects) -> tuple[Effect, ...]:

@@ -5,7 +5,10 @@ import pandas as pd
 import pytest
 
 from metrology import UsageError
+from mismatch.gate import DOUBTED, UNPROVED, Doubt
+from pipelines.explain.run import explain_files
 from pipelines.explain.tracks import flight_rows, is_track_table, swing_rows
+from pipelines.setup.file import read_setup
 
 TOUCH, RELEASE, PUSHED, LANDS = 0.1, 0.115, 0.04, 0.5
 PX_PER_M = 200.0
@@ -70,3 +73,37 @@ def test_a_table_without_metres_says_what_would_help() -> None:
     with pytest.raises(UsageError, match="metres") as told:
         flight_rows(table, "a")
     assert "--wall-grid" in str(told.value)
+
+
+SETUP = read_setup('[ball]\nmass = "5 kg"\ndiameter = "200 mm"\n[model]\neffects = ["gravity"]\n')
+
+
+def rolled(angle: float) -> pd.DataFrame:
+    """The flight of a heavy ball as a camera shows it that is rolled by `angle`, rad."""
+    time = np.arange(0.0, 0.5, 1 / 600)
+    x, y = 5.0 * time, 1.0 * time - 0.5 * 9.806 * time**2
+    rng = np.random.default_rng(5)
+    seen = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    x, y = seen @ np.stack([x, y]) + 1e-4 * rng.standard_normal((2, time.size))
+    return pd.DataFrame(
+        {
+            "t_s": time, "object": "ball", "x_px": 300 + x * PX_PER_M, "y_px": 200 - y * PX_PER_M,
+            "x_m": x, "y_m": y, "x_m_std": 1e-4, "y_m_std": 1e-4,
+        }
+    )  # fmt: skip
+
+
+def test_an_error_that_any_unknown_calibration_may_have_is_not_surely_named() -> None:
+    verdict = explain_files(rolled(np.radians(0.6)), None, SETUP)
+    assert verdict.verdict == "ambiguous"
+    assert [effect.probability <= DOUBTED for effect in verdict.effects] == [True]
+    assert any(Doubt.UNKNOWN_CALIBRATION.value in note for note in verdict.notes)
+    assert "vision explain CLIP" in str(verdict.next_measurement)
+
+
+def test_an_error_beyond_any_usual_calibration_is_named_but_one_trial_proves_no_name() -> None:
+    verdict = explain_files(rolled(np.radians(8.0)), None, SETUP)
+    assert verdict.effects
+    assert all(effect.probability <= UNPROVED for effect in verdict.effects)
+    assert not any(Doubt.UNKNOWN_CALIBRATION.value in note for note in verdict.notes)
+    assert Doubt.UNPROVED.value in verdict.remainder.statement
