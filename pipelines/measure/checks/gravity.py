@@ -7,6 +7,7 @@ from scipy.special import ndtr
 
 from metrology import Quantity
 from pipelines.measure.budget import Scene
+from pipelines.measure.checks.power import LEAST_POWER
 from pipelines.report import Check, CheckKind, CheckOutcome
 from vision.clip.capture_rate import RateSource
 
@@ -34,7 +35,6 @@ _COMMON_RATES = (
 _SIGMAS = 3.0
 RELEVANT_SHARE = 0.1
 """Of gravity: what a rate off by a twentieth, or lengths off by a tenth, make of it."""
-LEAST_POWER = 0.5
 _PLAIN_SIGMAS = 5.0
 _BEYOND_AIR = 0.1
 """Share of gravity that spin or drag could hide; what is plainly beyond it, they can't."""

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtrc, ndtr
 
 from metrology import Contribution, Quantity, UncertaintySource
+from pipelines.measure.checks.power import LEAST_POWER
 from pipelines.measure.derived import DERIVED
 from pipelines.report import Check, CheckKind, CheckOutcome
 
@@ -16,7 +17,6 @@ ESTIMATES = ("cor_speeds", "cor_launch", "cor_range")
 _SIGMAS, _CHANCE = 3.0, 0.003
 RELEVANT = 0.1
 """Difference between two estimates that would matter, of the coefficient of restitution."""
-LEAST_POWER = 0.5
 MODEL_STD = {"cor_speeds": 0.002, "cor_launch": 0.004, "cor_range": 0.004}
 """What each estimate leaves out: the rigid balance of Eqs 8-10 knows no ball that slides."""
 

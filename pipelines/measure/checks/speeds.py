@@ -8,6 +8,7 @@ from scipy.special import ndtr
 
 from metrology import Quantity
 from physics.bodies import Pendulum
+from pipelines.measure.checks.power import LEAST_POWER
 from pipelines.measure.fits.flight_fit import FlightFit
 from pipelines.measure.fits.slow_errors import SLOW_OVER_RANDOM
 from pipelines.measure.metres import MetricTracks
@@ -29,7 +30,6 @@ _STEPS = 4
 _SIGMAS = 3.0
 RELEVANT_SHARE = 0.1
 """Of the ball's speed: a disagreement that would matter to a coefficient of restitution."""
-LEAST_POWER = 0.5
 
 
 def speed_per_frame(tracks: MetricTracks, flight: FlightFit) -> tuple[float, float]:
