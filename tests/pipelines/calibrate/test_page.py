@@ -85,6 +85,8 @@ def click_through(page: Any) -> None:
     settled(page)
     go_on(page, "5. Distances")
     fill(page, "camera_distance", "4.602 m")
+    says(page, "[data-test=changes]", "camera to wall 4.602 m")
+    settled(page)
     fill(page, "ball_plane_offset", "0.451 m")
     says(page, "[data-test=changes]", "camera to wall 4.602 m", "ball's plane to wall 0.451 m")
     assert std_mm(page) < sized
