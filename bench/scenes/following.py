@@ -78,7 +78,7 @@ def following_lines(clip: Path, name: str, truths: list[Truth], rate: float) -> 
     try:
         tracks = follow(Clip.open(clip), rate)
     except MeasurementError as problem:
-        yield f"| {name} | – | {problem} |"
+        yield f"| {name} | – | {problem.in_one_line} |"
         return
     spent = time.process_time() - start
     motion = f"{tracks.motion.kind.value} {tracks.motion.probability:.2f}"
