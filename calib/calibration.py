@@ -18,7 +18,8 @@ FloatArray = NDArray[np.float64]
 class Parameters(NamedTuple):
     """What a calibration determines, in the order of its vectors; of stacks, arrays.
 
-    Turns in rad about the camera's axes; places in m in the grid's frame; principal point in px.
+    Turns in rad about the camera's axes; places in m in the grid's frame; principal point in px;
+    `log_pitch` of the grid's true pitch over the one that was said.
     """
 
     turn_x: Any
@@ -33,10 +34,11 @@ class Parameters(NamedTuple):
     k1: Any
     k2: Any
     ball_plane_offset: Any
+    log_pitch: Any
 
     @classmethod
     def of(cls, vector: FloatArray) -> Self:
-        """Names for the numbers of a vector (12,), or of vectors (..., 12)."""
+        """Names for the numbers of a vector (P,), or of vectors (..., P)."""
         return cls(*np.moveaxis(vector, -1, 0))
 
 
@@ -52,7 +54,7 @@ class Source:
     ----------
     name : UncertaintySource
         The input.
-    covariance : (12, 12) array
+    covariance : (P, P) array
         Its share of the covariance of the parameters; the shares add up to the whole.
     """
 
@@ -76,8 +78,8 @@ class Calibration:
     The world's origin is bound to the ball at rest: whatever the parameters, the ball at rest is at
     `rest_xy` on its plane. Without a ball at rest, the world is the grid's own frame.
 
-    A stack of K calibrations has a vector (K, 12): its camera is a stack, and places come out as
-    (K, N, 2) for N pixels.
+    P is the number of `PARAMETERS`. A stack of K calibrations has a vector (K, P): its camera is a
+    stack, and places come out as (K, N, 2) for N pixels.
 
     Attributes
     ----------
@@ -85,7 +87,7 @@ class Calibration:
         Lens at the best estimate.
     orientation : (3, 3) array
         Rotation from the wall's frame to the camera's at zero turns.
-    vector : (12,) array
+    vector : (P,) array
         Parameters, see `PARAMETERS`.
     sources : tuple of Source
         Covariance by source.
@@ -118,8 +120,10 @@ class Calibration:
 
     @property
     def covariance(self) -> FloatArray:
-        """Covariance of `vector`, (12, 12)."""
-        return np.asarray(sum((s.covariance for s in self.sources), np.zeros((12, 12))))
+        """Covariance of `vector`, (P, P)."""
+        return np.asarray(
+            sum((s.covariance for s in self.sources), np.zeros((len(PARAMETERS), len(PARAMETERS))))
+        )
 
     @property
     def parameters(self) -> Parameters:
@@ -178,7 +182,7 @@ class Calibration:
         return replace(seen, position=seen.position + moved)
 
     def with_parameters(self, vector: ArrayLike) -> Self:
-        """The same scene with other parameters (12,), or a stack of them (K, 12)."""
+        """The same scene with other parameters (P,), or a stack of them (K, P)."""
         return replace(self, vector=np.asarray(vector, dtype=np.float64))
 
     def position(
@@ -241,12 +245,12 @@ class Calibration:
 
         Returns
         -------
-        (..., 12) array
+        (..., P) array
         """
         std = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
         columns = []
         for index in range(len(self.vector)):
-            step = np.zeros(12)
+            step = np.zeros(len(PARAMETERS))
             # Large enough to rise above rounding, small enough for the map to be straight
             step[index] = np.clip(0.1 * std[index], 1e-9, 1e-2 * max(1.0, abs(self.vector[index])))
             ahead = np.asarray(function(self.with_parameters(self.vector + step)))

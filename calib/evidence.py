@@ -1,13 +1,21 @@
 """What is known about a scene besides its grid: taped distances, the ball's size, its free fall."""
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from metrology import Defaults
+
 __all__ = ["BallOutlines", "Evidence", "FreeFall", "Known"]
 
 FloatArray = NDArray[np.float64]
+
+RADIUS_COMMON_STD_PX, RADIUS_COMMON_OVER_RANDOM = 0.05, 4.0
+"""px, and times the random part: what all radii of a clip are off by together. What biases an
+outline (shading, blur, compression) biases it in every frame, and more where a frame tells less of
+it; radii of rendered and filmed balls of known size, `bench.tracking`."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +48,15 @@ class BallOutlines:
     radius_px: FloatArray
     std_px: FloatArray
     diameter: Known
-    common_std_px: float = 0.05
+    common_std_px: float = RADIUS_COMMON_STD_PX
+
+    @classmethod
+    def followed(
+        cls, centre_px: FloatArray, radius_px: FloatArray, std_px: FloatArray, diameter: Known
+    ) -> Self:
+        """Outlines as following a ball gives them, with what they are off by together."""
+        common = np.hypot(RADIUS_COMMON_STD_PX, RADIUS_COMMON_OVER_RANDOM * np.median(std_px))
+        return cls(centre_px, radius_px, std_px, diameter, float(common))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +104,8 @@ class Evidence:
         Ball plane in front of the wall by tape, m.
     outlines : BallOutlines or None
     fall : FreeFall or None
+    pitch_relative_std : float
+        Standard uncertainty of the grid's pitch over the pitch; not 0.
     """
 
     rest_px: FloatArray | None = None
@@ -101,3 +119,9 @@ class Evidence:
     ball_plane_offset: Known | None = None
     outlines: BallOutlines | None = None
     fall: FreeFall | None = None
+    pitch_relative_std: float = Defaults.GRID_PITCH.std
+
+    @property
+    def taped(self) -> bool:
+        """Whether tape alone tells the scale of the ball plane: then a fall is left as a check."""
+        return self.camera_distance is not None and self.ball_plane_offset is not None

@@ -49,7 +49,7 @@ WORST_CHI2 = 10.0
 them by three times that is none, and their labels are wrong."""
 MOST_STEPS = 40
 STEPS: FloatArray = np.array(
-    [1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4, 1e-4, 1e-2, 1e-2, 1e-4, 1e-4, 1e-4]
+    [1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4, 1e-4, 1e-2, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4]
 )
 """Steps of finite differences, in the units of the parameters."""
 FALL_POINTS = 24
@@ -146,7 +146,7 @@ def _start(grid: WallGrid, evidence: Evidence, lens: LensPrior | None) -> Calibr
     return Calibration(
         lens=guess,
         orientation=best[1],
-        vector=np.array([0.0, 0.0, 0.0, *values, depth]),
+        vector=np.array([0.0, 0.0, 0.0, *values, depth, 0.0]),
         sources=(),
         rest_px=evidence.rest_px,
         rest_xy=np.array([0.0, evidence.rest_height]),
@@ -162,7 +162,8 @@ def _blocks(
     whitened = _whitening(grid)
 
     def nodes(c: Calibration) -> FloatArray:
-        error = whitened(c.grid_camera.project(wall) - grid.points_px)
+        true = np.exp(c.parameters.log_pitch)[..., np.newaxis, np.newaxis] * wall
+        error = whitened(c.grid_camera.project(true) - grid.points_px)
         return np.asarray(np.nan_to_num(error.reshape(*error.shape[:-2], -1), nan=1e3))
 
     blocks: dict[UncertaintySource, Residuals] = {UncertaintySource.GRID_LINES: nodes}
@@ -178,6 +179,8 @@ def _blocks(
             UncertaintySource.LENS_CALIBRATION,
             np.linalg.inv(np.linalg.cholesky(lens.covariance)),
         )
+    pitch_std = evidence.pitch_relative_std
+    blocks[UncertaintySource.GRID_PITCH] = lambda c: _one(c.parameters.log_pitch / pitch_std)
     intrinsics = [PARAMETERS.index(n) for n in INTRINSICS]
     blocks[name] = lambda c: (c.vector[..., intrinsics] - np.array(centre)) @ known_to.T
     _add_tape(blocks, evidence)
@@ -207,7 +210,7 @@ def _whitening(grid: WallGrid) -> Callable[[FloatArray], FloatArray]:
 
 
 def _lines_together(grid: WallGrid, rows: FloatArray) -> FloatArray:
-    """Information (12, 12) that errors of the crossings carry into the parameters.
+    """Information (P, P) that errors of the crossings carry into the parameters.
 
     The weights are those of independent errors: what a line's crossings have in common may drift
     from line to line, and weights that rely on its being random would follow the drift.
@@ -398,7 +401,7 @@ def _disagreement(
     listed = ", ".join(f"{e.source} {1e3 * e.value:.0f} ± {1e3 * e.std:.0f} mm" for e in estimates)
     listed = f" (ball plane in front of the wall: {listed})" if listed else ""
     if len(alike) == 1:
-        likeliest = f"the likeliest wrong input is: {alike[0]} (or the pitch of the grid)"
+        likeliest = f"the likeliest wrong input is: {alike[0]}"
     else:
-        likeliest = f"one of these is wrong, or the pitch of the grid: {', '.join(alike)}"
+        likeliest = f"one of these is wrong: {', '.join(alike)}"
     return (f"the inputs contradict each other{listed}; {likeliest}",)

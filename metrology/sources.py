@@ -31,6 +31,7 @@ class UncertaintySource(StrEnum):
     CONTRADICTION = "contradiction between estimates"
 
     GRID_LINES = "grid lines"
+    GRID_PITCH = "pitch of the grid"
     LENS_UNKNOWN = "lens not known beforehand"
     LENS_CALIBRATION = "lens calibration"
     CAMERA_DISTANCE = "camera distance by tape"
@@ -80,6 +81,7 @@ _SHARED = frozenset(
         UncertaintySource.PERSPECTIVE,
         UncertaintySource.CAMERA_ROLL,
         UncertaintySource.CAMERA_SLANT,
+        UncertaintySource.GRID_PITCH,
         UncertaintySource.LENS_UNKNOWN,
         UncertaintySource.LENS_CALIBRATION,
         UncertaintySource.CAMERA_DISTANCE,

@@ -15,7 +15,7 @@ from calib.camera.lens_file import read_lens, write_board, write_lens
 from calib.evidence import Evidence
 from calib.grid.grid import WallGrid, find_wall_grid
 from calib.moved import camera_movement
-from calib.pose import calibrate
+from calib.solve import solve
 from metrology import ClipError, UsageError
 from pipelines.calibrate.clip import ClipOrCommand, clip_command, old_view
 from pipelines.calibrate.plan import plan_filming_command
@@ -84,7 +84,7 @@ def wall_command(
     grid = _grid(clip, wall_grid)
     tape = None if camera_distance is None else distance_from(camera_distance)
     prior = None if lens is None else read_lens(lens, width=grid.size[0], height=grid.size[1])
-    found = calibrate(grid, Evidence(camera_distance=tape), lens=prior)
+    found = solve(grid, Evidence(camera_distance=tape), lens=prior).calibration
     value, std = found.parameters, Parameters.of(np.sqrt(np.diag(found.covariance)))
     distance, focal = found.camera_distance, found.grid_camera.lens.fx
     typer.echo(f"{len(grid.nodes)} crossings, lines {'dark' if grid.dark else 'bright'}")

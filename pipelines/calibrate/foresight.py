@@ -13,15 +13,14 @@ from numpy.typing import NDArray
 
 from calib.calibration import Calibration
 from calib.camera.lens_model import Lens
-from calib.free_fall import with_free_fall
 from calib.planning import board_lens, planned_grid
-from calib.plausibility import plausible
-from calib.pose import calibrate
+from calib.solve import SeenFall, solve
 from metrology import Defaults, MeasurementError, Quantity
 from pipelines.calibrate.filming import Filming, film_scene, planned_tracks
 from pipelines.measure.budget import Scene as Known
 from pipelines.measure.budget import systematic_budget, values_after_move
 from pipelines.measure.calibrated import scene_evidence
+from pipelines.measure.checks.gravity import seen_fall
 from pipelines.measure.derived import derived_values, random_covariance
 from pipelines.measure.fits.impact import find_impact
 from pipelines.measure.inputs import gather_inputs
@@ -155,29 +154,12 @@ def _times(known: Known, scene: Scene) -> FloatArray:
 
 
 def _calibrated(filming: Filming, scene: Scene, tracks: Tracks, known: Known) -> Calibration:
+    def see_fall(calibration: Calibration) -> SeenFall | None:
+        return seen_fall(replace(known, calibration=calibration), tracks, _times(known, scene))
+
     grid = planned_grid(scene.camera, scene.room.wall.pitch)
     evidence = scene_evidence(tracks, known.inputs)
-    found = plausible(calibrate(grid, evidence, lens=filming.lens))
-    if filming.tape_std_m is not None:
-        return found
-    try:
-        metric = tracks_in_metres(tracks, CameraMapping(found), _times(known, scene))
-        free = find_impact(metric, known.inputs).free_flight
-        gravity, rate = float(free.fitted.values[6]), known.rate
-        by_rate = 2.0 * gravity * rate.std / rate.fps
-        std = math.hypot(math.sqrt(float(free.fitted.covariance[6, 6])), by_rate)
-        flying = np.isin(_times(known, scene)[tracks.ball.frame], free.time_s)
-        return with_free_fall(
-            found,
-            grid,
-            evidence,
-            (gravity, std),
-            known.inputs.gravity,
-            px=tracks.ball.centre_px[flying],
-            lens=filming.lens,
-        ).calibration
-    except MeasurementError:
-        return found
+    return solve(grid, evidence, lens=filming.lens, see_fall=see_fall).calibration
 
 
 def _evaluated(known: Known, tracks: Tracks, scene: Scene) -> Evaluated:

@@ -4,23 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib.calibration import Calibration
 from calib.camera.lens_file import read_lens
 from calib.camera.lens_prior import LensPrior
 from calib.evidence import BallOutlines, Evidence, Known
-from calib.grid.grid import WallGrid, find_wall_grid
-from calib.plausibility import plausible
-from calib.pose import calibrate
+from calib.grid.grid import find_wall_grid
+from calib.solve import Solved, solve
 from pipelines.measure.inputs import Inputs
 from vision.tracks import Track, Tracks
 
 __all__ = ["calibrate_clip", "known_lens", "scene_evidence"]
 
-# What biases an outline biases it in every frame; it is larger where one frame tells less of it.
-_RADIUS_COMMON_STD_PX, _RADIUS_COMMON_OVER_RANDOM = 0.05, 4.0
 
-
-def calibrate_clip(tracks: Tracks, inputs: Inputs) -> tuple[Calibration, WallGrid]:
+def calibrate_clip(tracks: Tracks, inputs: Inputs) -> Solved:
     """Find the wall grid behind the scene and fit camera and ball plane to all that is known.
 
     Raises
@@ -34,7 +29,7 @@ def calibrate_clip(tracks: Tracks, inputs: Inputs) -> tuple[Calibration, WallGri
     grid = find_wall_grid(
         tracks.background, pitch_m=inputs.grid_pitch, fine_pitch_m=inputs.fine_pitch
     )
-    return plausible(calibrate(grid, scene_evidence(tracks, inputs), lens=lens)), grid
+    return solve(grid, scene_evidence(tracks, inputs), lens=lens)
 
 
 def known_lens(tracks: Tracks, inputs: Inputs) -> LensPrior | None:
@@ -68,6 +63,7 @@ def scene_evidence(tracks: Tracks, inputs: Inputs) -> Evidence:
     evidence = Evidence(
         camera_distance=_known(camera.distance_to_wall),
         ball_plane_offset=_known(wall.ball_plane_offset),
+        pitch_relative_std=inputs.rig.grid_pitch.relative_std,
     )
     if inputs.ball is not None:
         radius = 0.5 * inputs.ball.diameter
@@ -95,11 +91,6 @@ def _outlines(ball: Track, tracks: Tracks, inputs: Inputs) -> BallOutlines | Non
     good = ball.where(round_again & (ball.quality >= np.median(ball.quality) * 0.5))
     if len(good) < 3:
         return None
-    usual = float(np.median(good.radius_std_px))
-    return BallOutlines(
-        good.centre_px,
-        good.radius_px,
-        good.radius_std_px,
-        Known(diameter.value, diameter.std),
-        float(np.hypot(_RADIUS_COMMON_STD_PX, _RADIUS_COMMON_OVER_RANDOM * usual)),
+    return BallOutlines.followed(
+        good.centre_px, good.radius_px, good.radius_std_px, Known(diameter.value, diameter.std)
     )

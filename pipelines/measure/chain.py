@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.calibration import Calibration
-from calib.free_fall import with_free_fall
 from calib.grid.grid import WallGrid
 from calib.plausibility import ContradictionError
 from calib.pose import FOCAL_OVER_WIDTH
+from calib.solve import Solved
 from metrology import CalibrationError, MeasurementError, UncertaintySource
 from pipelines.measure.budget import Propagation, Scene, systematic_budget, values_after_move
-from pipelines.measure.calibrated import calibrate_clip, known_lens, scene_evidence
-from pipelines.measure.checks.gravity import contradicts_gravity
+from pipelines.measure.calibrated import calibrate_clip
+from pipelines.measure.checks.gravity import seen_fall
 from pipelines.measure.derived import derived_values, random_covariance
 from pipelines.measure.fits.impact import find_impact
 from pipelines.measure.inputs import Inputs, gather_inputs
@@ -43,7 +43,6 @@ __all__ = [
     "MeasureOptions",
     "measure_clip",
     "measure_tracks",
-    "weighed_by_fall",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -329,35 +328,46 @@ def _plane_scale(scene: Scene, tracks: Tracks, wall: "_Wall") -> PlaneScale | No
 
 @dataclass(frozen=True)
 class _Wall:
-    """What the wall gave: a calibration with its grid, or why there is none."""
+    """What the wall gave: a calibrated scene, or why there is none."""
 
-    calibration: Calibration | None = None
-    grid: WallGrid | None = None
+    solved: Solved | None = None
     refusal: NoScale = field(default_factory=NoScale)
+
+    @property
+    def calibration(self) -> Calibration | None:
+        return None if self.solved is None else self.solved.calibration
+
+    @property
+    def grid(self) -> WallGrid | None:
+        return None if self.solved is None else self.solved.grid
 
 
 def _calibrated(tracks: Tracks, inputs: Inputs) -> _Wall:
     try:
-        calibration, grid = calibrate_clip(tracks, inputs)
+        return _Wall(calibrate_clip(tracks, inputs))
     except ContradictionError as problem:
         text = f"{problem.message}; {_sizes(inputs)}"
         return _Wall(refusal=NoScale(text, contradicts=True))
     except CalibrationError as problem:
         return _Wall(refusal=NoScale(problem.in_one_line))
-    return _Wall(calibration, grid)
 
 
 def _weighed(wall: _Wall, followed: Followed, scene: Scene) -> _Wall:
-    """The wall with the free fall weighed in, where nothing is taped and a clock is known."""
-    camera, setup = scene.inputs.setup.camera, scene.inputs.setup.wall
-    taped = camera.distance_to_wall is not None and setup.ball_plane_offset is not None
-    if wall.calibration is None or wall.grid is None or taped:
+    """The wall with the free fall weighed in, where nothing is taped and a clock is known.
+
+    A fall that contradicts the rest is left to the self-check by gravity.
+    """
+    if wall.solved is None or wall.solved.evidence.taped:
         return wall
     if scene.rate.source is RateSource.ASSUMED:
         return wall
-    times = followed.seconds(scene.rate.fps)
-    weighed = weighed_by_fall(wall.calibration, wall.grid, followed.tracks, scene, times)
-    return replace(wall, calibration=weighed)
+    fall = seen_fall(scene, followed.tracks, followed.seconds(scene.rate.fps))
+    if fall is None:
+        return wall
+    try:
+        return replace(wall, solved=wall.solved.weighing(fall))
+    except CalibrationError:
+        return wall
 
 
 def _sizes(inputs: Inputs) -> str:
@@ -369,35 +379,6 @@ def _sizes(inputs: Inputs) -> str:
         f"{squares} and a ball of {1e3 * inputs.ball.diameter:g} mm"
         " contradict each other: check --wall-grid and --ball, and that the ball was followed"
     )
-
-
-def weighed_by_fall(
-    calibration: Calibration, grid: WallGrid, tracks: Tracks, scene: Scene, time_s: FloatArray
-) -> Calibration:
-    """Where nothing is taped, the flight's own free fall tells the scale of the ball plane.
-
-    A fall that contradicts the rest is left to the self-check by gravity.
-    """
-    try:
-        free = find_impact(_in_metres(scene, time_s, tracks), scene.inputs).free_flight
-        gravity = float(free.fitted.values[6])
-        if contradicts_gravity(gravity, scene.inputs.gravity):
-            return calibration
-        by_rate = 2.0 * gravity * scene.rate.std / scene.rate.fps
-        std = float(np.hypot(np.sqrt(free.fitted.covariance[6, 6]), by_rate))
-        flying = np.isin(time_s[tracks.ball.frame], free.time_s)
-        fused = with_free_fall(
-            calibration,
-            grid,
-            scene_evidence(tracks, scene.inputs),
-            (gravity, std),
-            scene.inputs.gravity,
-            px=tracks.ball.centre_px[flying],
-            lens=known_lens(tracks, scene.inputs),
-        )
-    except MeasurementError:
-        return calibration
-    return calibration if fused.contradiction is not None else fused.calibration
 
 
 _NOT_STRUCK = (MotionKind.SWING, MotionKind.COLLISION, MotionKind.DROP)

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from calib.calibration import Calibration
 from calib.evidence import BallOutlines, Evidence, FreeFall, Known
-from calib.plausibility import plausible
-from calib.pose import calibrate
+from calib.solve import solve
 from metrology import CalibrationError, Contribution, Defaults, UncertaintySource
 from pipelines.calibrate.wizard.answers import Answers
 from vision.clip.capture_rate import nominal_rate_std
@@ -27,9 +26,6 @@ DRAG_SHARE = 0.4
 speed is squared."""
 UNKNOWN_DRAG = Known(0.1, 0.1)
 """What the air takes from the fall of a ball of unknown mass, m/s²."""
-RADIUS_COMMON_STD_PX, RADIUS_COMMON_OVER_RANDOM = 0.05, 4.0
-"""px, and times the random part: what all radii of a clip are off by together, as measuring takes
-it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,14 +75,10 @@ def outlook(answers: Answers) -> Outlook:
     if answers.grid is None:
         return Outlook(None, problem="There is no wall grid yet: step 3.")
     prior = None if answers.lens is None else answers.lens.prior
-    grid = answers.grid
-    evidence = evidence_of(answers)
     try:
-        found = plausible(calibrate(grid, evidence, lens=prior))
+        found = solve(answers.grid, evidence_of(answers), lens=prior).calibration
     except CalibrationError as problem:
         return Outlook(None, problem=problem.in_one_line)
-    except np.linalg.LinAlgError:
-        return Outlook(None, problem="No camera can be fitted: these crossings lie in one line.")
     landing, told = answers.landing
     rest = answers.rest
     start = np.zeros(2) if rest is None else found.position(rest)[0]
@@ -122,8 +114,7 @@ def evidence_of(answers: Answers) -> Evidence:
     evidence = replace(
         evidence, ball_radius=radius, rest_height=height, outlines=_outlines(answers)
     )
-    taped = answers.camera_distance is not None and answers.ball_plane_offset is not None
-    if taped or not answers.rate_known:
+    if evidence.taped or not answers.rate_known:
         return evidence
     return replace(evidence, fall=_fall(answers))
 
@@ -132,13 +123,12 @@ def _outlines(answers: Answers) -> BallOutlines | None:
     flight = None if answers.seen is None else answers.seen.flight
     if flight is None or answers.ball is None:
         return None
-    usual = float(np.median(flight.radius_std_px))
-    return BallOutlines(
+    diameter = answers.ball.diameter
+    return BallOutlines.followed(
         flight.centre_px,
         flight.radius_px,
         flight.radius_std_px,
-        Known(answers.ball.diameter, Defaults.BALL_DIAMETER.std_of(answers.ball.diameter)),
-        float(np.hypot(RADIUS_COMMON_STD_PX, RADIUS_COMMON_OVER_RANDOM * usual)),
+        Known(diameter, Defaults.BALL_DIAMETER.std_of(diameter)),
     )
 
 

@@ -3,15 +3,22 @@
 import math
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from metrology import Quantity
+from calib.evidence import Known
+from calib.solve import SeenFall
+from metrology import MeasurementError, Quantity
 from pipelines.measure.budget import Scene
 from pipelines.measure.checks.power import LEAST_POWER
+from pipelines.measure.fits.impact import find_impact
+from pipelines.measure.metres import CameraMapping, tracks_in_metres
 from pipelines.report import Check, CheckKind, CheckOutcome
 from vision.clip.capture_rate import RateSource
+from vision.tracks import Tracks
 
-__all__ = ["contradicts_gravity", "gravity_check"]
+__all__ = ["contradicts_gravity", "gravity_check", "seen_fall"]
 
 _COMMON_RATES = (
     24,
@@ -47,6 +54,33 @@ def contradicts_gravity(value: float, gravity: float, std: float = math.inf) -> 
     """Whether a free fall (m/s²) is so far off that nothing in metres and seconds can be right."""
     off = abs(value / gravity - 1.0)
     return off > BEYOND_REPAIR or (off > _BEYOND_AIR and off * gravity > _PLAIN_SIGMAS * std)
+
+
+def seen_fall(scene: Scene, tracks: Tracks, time_s: NDArray[np.float64]) -> SeenFall | None:
+    """The free fall that a flight shows; None where there is none, or rate or scale must be wrong.
+
+    Parameters
+    ----------
+    scene : Scene
+        With a calibration; its rate's uncertainty enters twice, as time is squared.
+    tracks : Tracks
+        In pixels.
+    time_s : (F,) array
+        Mid-exposure time of every frame of the clip, s.
+    """
+    assert scene.calibration is not None
+    try:
+        metric = tracks_in_metres(tracks, CameraMapping(scene.calibration), time_s)
+        free = find_impact(metric, scene.inputs).free_flight
+    except MeasurementError:
+        return None
+    value = float(free.fitted.values[6])
+    if contradicts_gravity(value, scene.inputs.gravity):
+        return None
+    by_rate = 2.0 * value * scene.rate.std / scene.rate.fps
+    std = math.hypot(math.sqrt(float(free.fitted.covariance[6, 6])), by_rate)
+    flying = np.isin(metric.ball_time_s, free.time_s)
+    return SeenFall(Known(value, std), scene.inputs.gravity, tracks.ball.centre_px[flying])
 
 
 def gravity_check(found: Quantity, scene: Scene) -> tuple[Quantity, Check | None]:

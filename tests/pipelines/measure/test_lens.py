@@ -55,10 +55,10 @@ def test_the_lens_of_the_setup_is_the_prior_of_the_clip(
         return grid
 
     monkeypatch.setattr(calibrated, "find_wall_grid", seen)
-    plain, _ = calibrated.calibrate_clip(tracks, inputs)
-    known, _ = calibrated.calibrate_clip(
+    plain = calibrated.calibrate_clip(tracks, inputs).calibration
+    known = calibrated.calibrate_clip(
         tracks, with_lens(inputs, lens_file(scene, tmp_path / "lens.toml"))
-    )
+    ).calibration
 
     def open_distance(c: Calibration) -> float:
         return float(np.sqrt(c.covariance[5, 5]))

@@ -4,17 +4,9 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
-from calib.free_fall import CalibrationByFall
-from calib.planning import planned_grid
-from calib.pose import calibrate
 from metrology import Contribution, Quantity, UncertaintySource
-from pipelines.calibrate.filming import Filming, film_scene, planned_tracks
-from pipelines.calibrate.foresight import planned_setup
-from pipelines.measure import chain
-from pipelines.measure.budget import Scene, systematic_budget
-from pipelines.measure.calibrated import scene_evidence
+from pipelines.measure.budget import systematic_budget
 from pipelines.measure.derived import DERIVED
 from pipelines.measure.fits.impact import find_impact
 from pipelines.measure.inputs import gather_inputs
@@ -22,9 +14,6 @@ from pipelines.measure.results import Evaluated, reading_on_wall
 from pipelines.setup.file import Setup
 from tests.pipelines.measure.ideal_tracks import Noise, ideal_tracks, known_stroke
 from tests.pipelines.measure.test_budget import a_calibration, a_scene
-from vision.clip.capture_rate import CaptureRate, RateSource
-
-FILMING = Filming(width=432, height=240, tape_std_m=None)
 
 
 def test_a_reading_on_the_wall_does_not_hang_on_what_only_corrects_it() -> None:
@@ -44,25 +33,6 @@ def test_a_reading_on_the_wall_does_not_hang_on_what_only_corrects_it() -> None:
     evaluated = Evaluated(scene, None, impact, np.full(len(DERIVED), 0.1), np.zeros(0), {}, "")
     reading = reading_on_wall(evaluated, landing)
     assert [line.source for line in reading.budget] == [UncertaintySource.GRID_LINES]
-
-
-@pytest.mark.parametrize("contradiction", [None, "the ball falls with 12 m/s²"])
-def test_only_a_contradiction_keeps_the_fall_out_of_the_calibration(
-    contradiction: str | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    filmed, shot = film_scene(FILMING)
-    tracks = planned_tracks(FILMING, filmed, shot)
-    inputs = gather_inputs(planned_setup(FILMING, filmed), None, None)
-    grid = planned_grid(filmed.camera)
-    before = calibrate(grid, scene_evidence(tracks, inputs))
-    reworded = replace(before, warnings=("the ball plane comes out 1.94 m in front of the wall",))
-    monkeypatch.setattr(
-        chain, "with_free_fall", lambda *_, **__: CalibrationByFall(reworded, contradiction)
-    )
-    times = np.arange(filmed.frames) / FILMING.fps
-    scene = Scene(inputs, CaptureRate(FILMING.fps, 0.1, RateSource.OPTION), before)
-    found = chain.weighed_by_fall(before, grid, tracks, scene, times)
-    assert (found is before) == (contradiction is not None)
 
 
 def test_a_rate_that_nobody_knows_adds_no_finite_line() -> None:

@@ -8,12 +8,11 @@ import pytest
 from calib.calibration import Calibration
 from calib.camera.camera import Camera, Lens
 from calib.evidence import BallOutlines, Evidence, Known
-from calib.free_fall import with_free_fall
 from calib.grid.grid import WallGrid
 from calib.grid.phase import GridMap
-from calib.plausibility import plausible
-from calib.pose import LensPrior, calibrate
-from metrology import CalibrationError
+from calib.pose import LensPrior
+from calib.solve import SeenFall, Solved, solve
+from metrology import CalibrationError, UncertaintySource
 
 FloatArray = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -82,8 +81,8 @@ def scene() -> Scene:
 
 
 @pytest.fixture(scope="module")
-def untaped(scene: Scene) -> Calibration:
-    return calibrate(scene.grid, scene.untaped)
+def untaped(scene: Scene) -> Solved:
+    return solve(scene.grid, scene.untaped)
 
 
 def length_error(c: Calibration, scene: Scene) -> float:
@@ -102,75 +101,93 @@ def scale_std(c: Calibration, scene: Scene) -> float:
     return float(np.sqrt(slope @ c.covariance @ slope))
 
 
+def fall(solved: Solved, scene: Scene, std: float = 0.01, factor: float = 1.0) -> SeenFall:
+    apparent = factor * seen_gravity(solved.calibration, scene)
+    return SeenFall(Known(apparent, std), GRAVITY, scene.flight_px)
+
+
 @pytest.mark.parametrize("where", ["flight", "middle of the picture"])
 def test_a_fall_narrows_the_scale_where_nothing_is_taped(
-    untaped: Calibration, scene: Scene, where: str
+    untaped: Solved, scene: Scene, where: str
 ) -> None:
-    before = scale_std(untaped, scene)
+    before = scale_std(untaped.calibration, scene)
     assert before > 0.003
-    fused = with_free_fall(
-        untaped,
-        scene.grid,
-        scene.untaped,
-        (seen_gravity(untaped, scene), 0.01),
-        GRAVITY,
-        px=scene.flight_px if where == "flight" else None,
-    ).calibration
+    told = fall(untaped, scene)
+    told = told if where == "flight" else replace(told, px=None)
+    fused = untaped.weighing(told).calibration
     after = scale_std(fused, scene)
     assert after < 0.5 * before
     assert abs(length_error(fused, scene)) < max(2.0 * after, 0.001)
     assert "free fall" in {source.name for source in fused.sources}
-    assert fused.warnings == untaped.warnings
+    assert fused.warnings == untaped.calibration.warnings
 
 
-def test_a_fall_measured_too_fast_pulls_the_scale(untaped: Calibration, scene: Scene) -> None:
-    apparent = 1.01 * seen_gravity(untaped, scene)
-    fused = with_free_fall(
-        untaped, scene.grid, scene.untaped, (apparent, 0.005), GRAVITY, px=scene.flight_px
-    ).calibration
+def test_a_fall_measured_too_fast_pulls_the_scale(untaped: Solved, scene: Scene) -> None:
+    fused = untaped.weighing(fall(untaped, scene, 0.005, factor=1.01)).calibration
     assert length_error(fused, scene) == pytest.approx(-0.01, abs=0.002)
 
 
-def test_a_fall_that_contradicts_the_tape_is_told(scene: Scene) -> None:
+def test_a_fall_that_contradicts_the_tape_is_told_and_left_out(scene: Scene) -> None:
     evidence = replace(scene.taped, ball_plane_offset=Known(DEPTH - 0.15, TAPE))
-    wrong = calibrate(scene.grid, evidence)
-    assert wrong.warnings == ()
-    fused = with_free_fall(
-        wrong,
-        scene.grid,
-        evidence,
-        (seen_gravity(wrong, scene), 0.01),
-        GRAVITY,
-        px=scene.flight_px,
-    )
-    told = fused.contradiction
+    wrong = solve(scene.grid, evidence)
+    assert wrong.calibration.warnings == ()
+    weighed = wrong.weighing(fall(wrong, scene))
+    assert weighed.calibration is wrong.calibration
+    told = weighed.contradiction
     assert told is not None
-    assert told in fused.calibration.warnings
     assert "instead of 9.81" in told
     assert "too long" in told
-    assert "pitch of the grid" in told
+    assert "ball plane offset by tape" in told
     assert "capture rate" in told
 
 
 def test_a_fall_that_agrees_is_silent(scene: Scene) -> None:
-    taped = calibrate(scene.grid, scene.taped)
-    fused = with_free_fall(
-        taped, scene.grid, scene.taped, (seen_gravity(taped, scene), 0.01), GRAVITY
-    )
+    taped = solve(scene.grid, scene.taped)
+    fused = taped.weighing(replace(fall(taped, scene), px=None))
     assert fused.contradiction is None
-    assert scale_std(fused.calibration, scene) < scale_std(taped, scene)
+    assert scale_std(fused.calibration, scene) < scale_std(taped.calibration, scene)
 
 
-def test_a_fall_upwards_is_refused(untaped: Calibration, scene: Scene) -> None:
+def test_a_fall_upwards_is_refused(untaped: Solved) -> None:
     with pytest.raises(CalibrationError, match="tells no scale"):
-        with_free_fall(untaped, scene.grid, scene.untaped, (-0.2, 0.1), GRAVITY)
+        untaped.weighing(SeenFall(Known(-0.2, 0.1), GRAVITY))
+
+
+def test_a_fall_is_asked_for_where_tape_does_not_tell_the_scale(scene: Scene) -> None:
+    asked: list[Calibration] = []
+
+    def see(calibration: Calibration) -> None:
+        asked.append(calibration)
+
+    solve(scene.grid, scene.taped, see_fall=see)
+    assert not asked
+    solve(scene.grid, scene.untaped, see_fall=see)
+    assert len(asked) == 1
+
+
+def test_the_pitch_enters_where_it_is_the_scale(scene: Scene) -> None:
+    """A length on the wall is as unsure as the squares it is counted in."""
+
+    def on_wall(std: float) -> tuple[float, float]:
+        found = solve(scene.grid, replace(scene.taped, pitch_relative_std=std)).calibration
+
+        def width(c: Calibration) -> float:
+            return float(np.ptp(c.on_wall(np.array([[40.0, 180.0], [600.0, 180.0]]))[:, 0]))
+
+        budget = {line.source: line.std for line in found.budget(width)}
+        return budget[UncertaintySource.GRID_PITCH], width(found)
+
+    # the tape of the distance is no better than 0.14 %, so a pitch of 0.02 % is the scale by itself
+    std, value = on_wall(2e-4)
+    assert std == pytest.approx(2e-4 * value, rel=0.1)
+    assert on_wall(4e-4)[0] == pytest.approx(2.0 * std, rel=0.1)
 
 
 def test_a_wrong_pitch_shows_in_the_ball() -> None:
     def of_pitch(pitch: float) -> Calibration:
         scene = make_scene(pitch=pitch)
         lens = LensPrior(scene.camera.lens, np.array([0.005, 1.0, 1.0, 0.01, 0.01]))
-        return plausible(calibrate(scene.grid, scene.untaped, lens=lens))
+        return solve(scene.grid, scene.untaped, lens=lens).calibration
 
     with pytest.raises(CalibrationError, match="in front of the wall"):
         of_pitch(0.025)
