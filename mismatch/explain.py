@@ -108,9 +108,9 @@ def explain_in_full(
     """As `explain`, with the fits behind the verdict."""
     chosen = options or Options()
     _require_trials(campaign, chosen.hold_out)
+    _require_enough(campaign)
     campaign = without_odd_trials(campaign)
     prepared = prepare(campaign, setup_model)
-    _require_enough(campaign)
     refuse_nonsense(campaign, prepared)
     catalogue = [effect for forms in CATALOGUE.values() for effect in forms]
     effects = [

@@ -8,7 +8,7 @@ import numpy as np
 from mismatch.records.records import Records
 from physics.arrays import FloatArray
 
-__all__ = ["SwingSeen", "local_states", "seen_swings"]
+__all__ = ["SwingSeen", "local_states", "seen_in_halves", "seen_swings"]
 
 WINDOW = 0.09
 """Periods on each side of an instant over which a cubic follows a swing."""
@@ -33,12 +33,15 @@ class SwingSeen:
         rad.
     half_swings : int
         Passages from one side to the other.
+    pace : float
+        Angular frequency as seen, at the swing's own amplitude, rad/s; NaN as `rate`.
     """
 
     rate: float
     middle: float
     amplitude: float
     half_swings: int
+    pace: float = math.nan
 
 
 def seen_swings(records: Records) -> tuple[SwingSeen, ...]:
@@ -47,6 +50,17 @@ def seen_swings(records: Records) -> tuple[SwingSeen, ...]:
     for trial in range(records.trials):
         used = records.pendulum_used[trial]
         found.append(_seen(records.pendulum_time[trial, used], records.pendulum_angle[trial, used]))
+    return tuple(found)
+
+
+def seen_in_halves(records: Records) -> tuple[SwingSeen, ...]:
+    """What the first and the second half of every record show: losses part their amplitudes."""
+    found = []
+    for trial in range(records.trials):
+        used = records.pendulum_used[trial]
+        time, angle = records.pendulum_time[trial, used], records.pendulum_angle[trial, used]
+        cut = time.size // 2
+        found += [_seen(time[:cut], angle[:cut]), _seen(time[cut:], angle[cut:])]
     return tuple(found)
 
 
@@ -62,7 +76,8 @@ def _seen(time: FloatArray, angle: FloatArray) -> SwingSeen:
     mean = min(_mean_amplitude(time, angle, passed), 3.0)
     longer = 1.0 + mean**2 / 16.0 + 11.0 * mean**4 / 3072.0 + 173.0 * mean**6 / 737280.0
     half = float(passed[-1] - passed[0]) / (passed.size - 1)
-    return SwingSeen(math.pi / half * longer, middle, amplitude, int(passed.size))
+    pace = math.pi / half
+    return SwingSeen(pace * longer, middle, amplitude, int(passed.size), pace)
 
 
 def _running_middle(angle: FloatArray, middle: float) -> float:

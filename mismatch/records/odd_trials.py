@@ -1,6 +1,10 @@
 """Trials that say nothing of their own, or whose clock can't be believed."""
 
+from dataclasses import replace
+from enum import Enum
+
 import numpy as np
+from scipy.stats import rankdata
 
 from metrology import UsageError
 from mismatch.records.campaign import Campaign, Trial
@@ -17,45 +21,118 @@ BESIDE = 8
 JUMPED = 0.5
 """Share of a pause that the ball's way must leave over before the clock has jumped."""
 
+ROUGH = 1.2
+"""Rank von Neumann ratio from which samples do not follow one another: of noise it is 2 ± 2/√n, of
+a motion that is sampled ten times in its course a few hundredths."""
+
+ENOUGH = 8
+"""Samples that can tell whether they follow one another."""
+
+LONGEST, SHORTEST = 1e5, 1e-5
+"""s that a record may last: a day, and the contact of the hardest bodies."""
+
+FARTHEST = 1e6
+"""m or rad: beyond the sky, and a wheel no pendulum."""
+
+LEAST_WAY = 1e-9
+"""m or rad: no instrument sees less."""
+
+CLOCK = 1e-2
+"""Share of a step that the rounding of a clock may be."""
+
 SEEN = 0.05
 """m that the ball must get on in a pause for its way to say anything."""
 
 
 def without_odd_trials(campaign: Campaign) -> Campaign:
-    """The campaign without copies of trials and without trials whose clock jumps ahead.
+    """The campaign without trials that say nothing of their own, or nothing at all.
+
+    Those are copies of others, trials whose clock jumps ahead or can't be one, in which nothing
+    moves, and whose samples do not follow one another: noise alone, or rows in no order.
 
     Raises
     ------
     UsageError
-        If the clock jumps in every trial.
+        If no trial is left.
     """
     kept: list[Trial] = []
-    copies: list[str] = []
-    jumping: list[str] = []
+    odd: dict[_Odd, list[str]] = {}
     for trial in campaign.trials:
-        if _clock_jumps(trial.ball_time, trial.position):
-            jumping.append(trial.name)
-        elif any(_same(trial, other) for other in kept):
-            copies.append(trial.name)
-        else:
+        why = _oddity(trial, kept)
+        if why is None:
             kept.append(trial)
+        else:
+            odd.setdefault(why, []).append(trial.name)
     if not kept:
+        worst = max((why for why in odd if why is not _Odd.COPY), key=lambda why: len(odd[why]))
         raise UsageError(
-            f"the clock jumps ahead in every trial ({', '.join(jumping[:4])})",
-            hint="While t_s goes on, the ball does not; are the times those of the frames?",
+            worst.value.format(f"every trial ({', '.join(odd[worst][:4])})"), hint=_HINTS[worst]
         )
     notes = [*campaign.notes]
-    if copies:
-        notes.append(
-            f"trials {', '.join(copies[:6])} repeat other trials number by number, which is no"
-            " further evidence; left out"
-        )
-    if jumping:
-        notes.append(
-            f"the clock jumps ahead in trial {', '.join(jumping[:6])}, while the ball does not;"
-            " left out"
-        )
-    return Campaign(tuple(kept), tuple(notes)) if copies or jumping else campaign
+    for why, names in odd.items():
+        listed = f"{', '.join(names[:6])}{', …' if len(names) > 6 else ''}"
+        notes.append(f"{why.value.format(f'trial {listed}')}; left out")
+    return replace(campaign, trials=tuple(kept), notes=tuple(notes)) if odd else campaign
+
+
+class _Odd(Enum):
+    """What is odd about trials, as a note says it of them."""
+
+    COPY = "what {} recorded repeats other trials number by number, which is no further evidence"
+    JUMP = "the clock jumps ahead in {}, while the ball does not"
+    CLOCK = "the times in {} are none of a motion that anyone could film"
+    FAR = "positions or angles in {} are beyond all bounds"
+    STILL = "nothing moves in {}"
+    ROUGH = "the samples of {} do not follow one another"
+
+
+_HINTS = {
+    _Odd.JUMP: "While t_s goes on, the ball does not; are the times those of the frames?",
+    _Odd.CLOCK: "t_s is in seconds, and needs decimals enough to tell one sample from the next.",
+    _Odd.FAR: "Positions are in metres and angles in radians.",
+    _Odd.STILL: "Each trial needs a moving ball or a swinging pendulum.",
+    _Odd.ROUGH: "Are the rows in order, and is it one trial under each name? Or is it noise alone?",
+}
+
+
+def _oddity(trial: Trial, others: list[Trial]) -> _Odd | None:
+    if not _believable_clock(trial.ball_time) or not _believable_clock(trial.pendulum_time):
+        return _Odd.CLOCK
+    series = _series(trial)
+    if any(float(np.abs(values).max()) > FARTHEST for values in series):
+        return _Odd.FAR
+    if series and all(float(np.ptp(values)) < LEAST_WAY for values in series):
+        return _Odd.STILL
+    rough = [_roughness(values) for values in series if values.size >= ENOUGH]
+    if rough and min(rough) > ROUGH:
+        return _Odd.ROUGH
+    if _clock_jumps(trial.ball_time, trial.position):
+        return _Odd.JUMP
+    return _Odd.COPY if any(_same(trial, other) for other in others) else None
+
+
+def _series(trial: Trial) -> list[FloatArray]:
+    """What was recorded, channel by channel."""
+    channels = [*trial.position.T, trial.pendulum_angle]
+    finite = [np.asarray(values[np.isfinite(values)]) for values in channels]
+    return [values for values in finite if values.size]
+
+
+def _roughness(values: FloatArray) -> float:
+    """Rank von Neumann ratio (Bartels, J. Am. Stat. Assoc. 77, 40 (1982)): 2 for noise."""
+    ranks = rankdata(values)
+    spread = float(np.square(ranks - ranks.mean()).sum())
+    return float(np.square(np.diff(ranks)).sum()) / spread if spread > 0.0 else 2.0
+
+
+def _believable_clock(time: FloatArray) -> bool:
+    if time.size < 2:
+        return True
+    span = float(time[-1] - time[0])
+    if not SHORTEST < span < LONGEST:
+        return False
+    rounding = float(np.spacing(np.abs(time).max()))
+    return rounding < CLOCK * float(np.median(np.diff(time)))
 
 
 def _same(one: Trial, other: Trial) -> bool:

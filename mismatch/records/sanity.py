@@ -1,11 +1,12 @@
 """Data that no physics explains: wrong units, swapped columns, another experiment."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from metrology import UsageError
-from mismatch.fitting.local_states import seen_swings
+from mismatch.fitting.local_states import SwingSeen, seen_in_halves, seen_swings
 from mismatch.fitting.normal_equations import spread_laws
 from mismatch.fitting.prepare import Prepared, prepare
 from mismatch.model.forward import OUTSIDE, Forward
@@ -26,6 +27,19 @@ ASIDE = 0.3
 PACE = 2.0
 """Ratio of periods beyond which a setup describes another pendulum."""
 
+MIXED = 1.15
+"""Ratio of periods within one campaign beyond which its trials are of several pendulums: the zero
+of a protractor and a grip that slips change a period by a few per cent."""
+
+KEPT = 0.004
+"""Scatter of small-swing rates, relative, that one pendulum can't have."""
+
+KEEPS_TIME = 0.25
+"""Share of that scatter from which it comes of the correction for amplitude alone."""
+
+WIDER = 1.5
+"""Recorded angle over the back-swing from which they are in different units."""
+
 SUSPICIOUS = 0.05
 SWAP_GAIN = 0.1
 ANOTHER_EXPERIMENT = 0.35
@@ -42,6 +56,8 @@ def refuse_nonsense(campaign: Campaign, prepared: Prepared) -> None:
     forward, fit = prepared.forward, prepared.fit
     if forward.mode == "swing":
         _refuse_swing(forward)
+    if forward.mode == "impact":
+        _refuse_wider_than_released(forward)
     if forward.mode == "swing" or not forward.records.ball_used.any():
         return
     _refuse_upside_down(campaign, forward.baseline.gravity)
@@ -97,6 +113,7 @@ def _refuse_swing(forward: Forward) -> None:
             f"the pendulum swings {widest:.3g} rad to each side and comes back",
             hint="phi_rad is in radians; are these degrees?",
         )
+    _refuse_degrees(forward)
     period = 2.0 * np.pi / float(np.median([one.rate for one in seen]))
     expected = 2.0 * np.pi / forward.small_rate
     if forward.baseline.pendulum is not None and not 1 / PACE < period / expected < PACE:
@@ -105,6 +122,48 @@ def _refuse_swing(forward: Forward) -> None:
             f" {expected:.3g} s",
             hint="Check length, mass, com and inertia of [pendulum], and that t_s is in seconds;"
             " without [pendulum] the period is taken from the record.",
+        )
+    if forward.baseline.pendulum is not None:
+        _refuse_mixed(seen)
+
+
+def _refuse_mixed(seen: Sequence[SwingSeen]) -> None:
+    """One setup describes one pendulum: its records keep one pace."""
+    rates = np.array([one.rate for one in seen])
+    slow, fast = 2.0 * np.pi / rates.min(), 2.0 * np.pi / rates.max()
+    if slow > MIXED * fast:
+        raise UsageError(
+            f"small swings take {fast:.3g} s in one trial and {slow:.3g} s in another: these are"
+            " several pendulums, or several clocks",
+            hint="Explain the trials of each pendulum by themselves, with its own [pendulum].",
+        )
+
+
+def _refuse_degrees(forward: Forward) -> None:
+    """Wide swings take longer than small ones; if they keep time, they are smaller than written."""
+    pieces = [s for s in seen_in_halves(forward.records) if s.half_swings > 2]
+    if len(pieces) < 3:
+        return
+    paces, rates = (np.log([getattr(p, name) for p in pieces]) for name in ("pace", "rate"))
+    if float(rates.std()) > KEPT and float(paces.std()) < KEEPS_TIME * float(rates.std()):
+        widest = max(p.amplitude for p in pieces)
+        raise UsageError(
+            f"swings of up to {widest:.3g} rad take no longer than small ones, as no pendulum's do",
+            hint="phi_rad is in radians; are these degrees?",
+        )
+
+
+def _refuse_wider_than_released(forward: Forward) -> None:
+    """A pendulum does not swing wider than it was drawn back."""
+    records = forward.records
+    widest = np.abs(np.where(records.pendulum_used, records.pendulum_angle, 0.0)).max(axis=1)
+    known = np.isfinite(records.backswing) & records.pendulum_used.any(axis=1)
+    shares = widest[known] / np.maximum(np.abs(records.backswing[known]), 1e-3)
+    if shares.size and float(np.median(shares)) > WIDER:
+        raise UsageError(
+            f"the pendulum is seen at {np.median(widest[known]):.3g} rad, and was drawn back to"
+            f" {np.median(np.abs(records.backswing[known])):.3g} rad only",
+            hint="phi_rad is in radians and backswing_deg in degrees; is one of them the other?",
         )
 
 

@@ -12,6 +12,7 @@ from metrology import ClipError, MeasurementError, NotFoundError, UsageError
 from mismatch.records.campaign import Campaign, Trial
 from physics.bodies import GRAVITY, PAPER_PENDULUM, PAPER_SUPPORT, Pendulum
 from pipelines.explain.systematics import calibration_widths, common_widths
+from pipelines.explain.tabular import numbers_of, read_sheet
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measure.measurement import Measurement
 from pipelines.setup.file import Setup
@@ -59,20 +60,19 @@ def clip_facts(path: Path) -> dict[str, ClipFacts]:
     UsageError
         If the file can't be read, or has no column ``clip``.
     """
-    try:
-        table = pd.read_csv(path, dtype={"clip": str, "ball": str}, skipinitialspace=True)
-    except (OSError, UnicodeDecodeError, ValueError) as problem:
-        raise UsageError(
-            f"can't read {path}: {problem}", hint="A CSV file with a header line is expected."
-        ) from problem
-    table.columns = [str(name).strip() for name in table.columns]
+    table = read_sheet(path, {"backswing": "deg"}, ("clip", "ball")).table
     if "clip" not in table or not {"backswing_deg", "ball"} & set(table.columns):
         raise UsageError(
             f"{path} has the columns {', '.join(table.columns)}",
             hint="A table of clips has the columns clip and backswing_deg, and may have ball.",
         )
     nothing = pd.Series(np.nan, index=table.index)
-    angles = pd.to_numeric(table.get("backswing_deg", nothing), errors="coerce")
+    angles = nothing.to_numpy()
+    if "backswing_deg" in table:
+        said: list[str] = []
+        angles = numbers_of(table, "backswing_deg", path.name, said)
+        if said:
+            raise UsageError(said[0].removesuffix("; they are left out"), hint="Mend these cells.")
     balls = table.get("ball", nothing)
     facts = {}
     for name, angle, ball in zip(table["clip"], angles, balls, strict=True):

@@ -19,17 +19,29 @@ from physics.contact.batch import contact_outcomes
 from physics.effects import Effect
 from pipelines.explain.clips import ClipCampaign
 from pipelines.explain.systematics import unknown_widths
-from pipelines.explain.tabular import TableLike, name_of, read_table
+from pipelines.explain.tabular import Sheet, TableLike, name_of, numbers_of, read_sheet
 from pipelines.explain.tracks import flight_rows, is_track_table, swing_rows
 from pipelines.setup.file import BallSetup, Setup
 
 __all__ = ["baseline_for_balls", "baseline_from_setup", "load_campaign", "load_effects"]
 
-BALL_COLUMNS = frozenset(
-    {"trial", "backswing_deg", "ball", "t_s", "x_m", "y_m", "z_m", "x_m_std", "y_m_std", "z_m_std"}
-)
+UNITS = {"t": "s", "x": "m", "y": "m", "z": "m", "phi": "rad", "backswing": "deg"}
+"""Stem of each column of numbers → its unit."""
+
+NUMBERS = (
+    "t_s", "x_m", "y_m", "z_m", "phi_rad", "backswing_deg", "x_m_std", "y_m_std", "z_m_std",
+)  # fmt: skip
+
+COARSE = 0.2
+"""Share of rows that repeat a time from which it is the clock that is wrong, not a few rows."""
 MOST_ROWS = 8000
 """Rows of one trial beyond which more of them tell nothing new about its motion."""
+
+MOST_SAMPLES = 120_000
+"""Rows of a campaign that are fitted at once: more take minutes and tell nothing new."""
+
+MOST_TRIALS = 400
+"""Trials of a campaign that are fitted at once."""
 
 LEAST_RUN = 6
 """Rows in a row that are a stretch of record, not rows out of order."""
@@ -39,20 +51,26 @@ TABLE_SPEEDS = np.array([0.6, 0.9, 1.3, 1.8, 2.4, 3.0, 3.6, 4.2])
 closer together below, where the weight counts for more."""
 
 
-def _checked(table: pd.DataFrame, what: str, needed: tuple[str, ...]) -> pd.DataFrame:
-    """The table with its numbers as numbers."""
+def _checked(sheet: Sheet, needed: tuple[str, ...]) -> tuple[pd.DataFrame, list[str]]:
+    """The table with its numbers as numbers, and what of it was no number."""
+    table, what, notes = sheet.table, sheet.name, list(sheet.notes)
     missing = [name for name in needed if name not in table.columns]
     if missing:
         raise UsageError(
             f"{what} has no column {', '.join(missing)}; it has {', '.join(table.columns)}",
             hint="See the input of `vision explain`: trial, t_s and at least one of x_m, y_m, z_m.",
         )
-    for name in table.columns:
-        if name.endswith(("_m", "_s", "_rad", "_deg", "_std")):
-            table[name] = pd.to_numeric(table[name], errors="coerce")
     if table.empty:
         raise UsageError(f"{what} has a header but no rows")
-    return table
+    for name in NUMBERS:
+        if name in table.columns:
+            positive = name.endswith("_std")
+            table[name] = numbers_of(table, name, what, notes, positive=positive)
+    nameless = table["trial"].isna()
+    if nameless.any():
+        notes.append(f"{what}: {int(nameless.sum())} rows name no trial; they are left out")
+        table = table[~nameless]
+    return table, notes
 
 
 def _tidied(
@@ -66,9 +84,17 @@ def _tidied(
     if int(bad.sum()):
         notes.append(f"{what}: {int(bad.sum())} of {count} rows have no time or no value; left out")
     doubled = table.duplicated(["trial", "t_s"])
+    apart = doubled & ~table.duplicated(["trial", "t_s", *value_columns])
+    if float(apart.mean() if len(apart) else 0.0) > COARSE:
+        raise UsageError(
+            f"{what}: {int(apart.sum())} of {count} rows repeat a time of their trial with another"
+            " value",
+            hint="Are the times rounded, or two things recorded under one trial's name?",
+        )
     if int(doubled.sum()):
         notes.append(f"{what}: {int(doubled.sum())} rows repeat a time of their trial; left out")
         table = table[~doubled]
+    table = _of_one_mind(table, what, notes)
     times = table.groupby("trial", sort=False)["t_s"]
     set_back = [str(name) for name, t in times if _set_back(t.to_numpy())]
     if set_back:
@@ -89,15 +115,42 @@ def _tidied(
     return _thinned(table, what, notes), notes
 
 
+def _of_one_mind(table: pd.DataFrame, what: str, notes: list[str]) -> pd.DataFrame:
+    """Without trials that state two balls, or two back-swings."""
+    for column, said in (("backswing_deg", "two back-swings"), ("ball", "two balls")):
+        if column not in table:
+            continue
+        stated = table.groupby("trial", sort=False)[column].nunique()
+        torn = [str(name) for name in stated[stated > 1].index]
+        if not torn:
+            continue
+        names = f"{', '.join(torn[:4])}{', …' if len(torn) > 4 else ''}"
+        table = table[~table["trial"].astype(str).isin(torn)]
+        if table.empty:
+            raise UsageError(
+                f"{what}: the column {column} says {said} within trial {names}",
+                hint="Each trial has one; are several trials under one name?",
+            )
+        notes.append(f"{what}: trial {names} states {said} in {column}; left out")
+    return table
+
+
 def _thinned(table: pd.DataFrame, what: str, notes: list[str]) -> pd.DataFrame:
-    """Every n-th row of trials that hold more than a fit can use."""
-    sizes = table.groupby("trial", sort=False)["t_s"].transform("size").to_numpy()
-    every = -(-sizes // MOST_ROWS)
+    """Every n-th row of trials, and every n-th trial, where there are more than a fit can use."""
+    names = table["trial"].drop_duplicates()
+    if len(names) > MOST_TRIALS:
+        stride = -(-len(names) // MOST_TRIALS)
+        notes.append(f"{what}: of {len(names)} trials one in {stride} is used")
+        table = table[table["trial"].isin(set(names.iloc[::stride]))]
+    trials = table.groupby("trial", sort=False)
+    sizes = trials["t_s"].transform("size").to_numpy()
+    most = min(MOST_ROWS, max(MOST_SAMPLES // max(trials.ngroups, 1), LEAST_RUN))
+    every = -(-sizes // most)
     if sizes.size == 0 or int(every.max()) < 2:
         return table
-    place = table.groupby("trial", sort=False).cumcount().to_numpy()
+    place = trials.cumcount().to_numpy()
     notes.append(
-        f"{what}: trials of more than {MOST_ROWS} rows are thinned, to one row in"
+        f"{what}: trials of more than {most} rows are thinned, to one row in"
         f" {int(every.max())} of the longest"
     )
     kept: pd.DataFrame = table[place % every == 0]
@@ -119,10 +172,12 @@ def _numbers(table: pd.DataFrame, column: str) -> FloatArray:
     return np.asarray(table[column], dtype=np.float64)
 
 
-def _samples(source: TableLike, needed: tuple[str, ...], setup: Setup) -> pd.DataFrame:
-    """Rows of the ball, or where `phi_rad` is needed, of the pendulum."""
-    table = read_table(source, {"trial": str, "ball": str})
-    what = str(source) if isinstance(source, Path) else "the table"
+def _samples(
+    source: TableLike, needed: tuple[str, ...], setup: Setup
+) -> tuple[pd.DataFrame, list[str]]:
+    """Rows of the ball, or where `phi_rad` is needed, of the pendulum; notes on reading them."""
+    sheet = read_sheet(source, UNITS, ("trial", "ball"))
+    table = sheet.table
     if is_track_table(table):
         trial = source.stem if isinstance(source, Path) else "1"
         if "phi_rad" in needed:
@@ -130,7 +185,7 @@ def _samples(source: TableLike, needed: tuple[str, ...], setup: Setup) -> pd.Dat
         else:
             table = flight_rows(table, trial, _rest_height(setup))
         table = table.assign(trial=table.get("trial", trial))
-    return _checked(table, what, needed)
+    return _checked(replace(sheet, table=table), needed)
 
 
 def _rest_height(setup: Setup) -> float:
@@ -172,7 +227,7 @@ def load_campaign(
     notes: list[str] = []
     tracked = False
     if ball_csv is not None:
-        table = _samples(ball_csv, ("trial", "t_s"), setup)
+        table, notes = _samples(ball_csv, ("trial", "t_s"), setup)
         tracked = is_track_table(table)
         axes = [name for name in ("x_m", "y_m", "z_m") if name in table.columns]
         if not axes:
@@ -184,10 +239,16 @@ def load_campaign(
         notes += more
         balls = {str(name): part for name, part in table.groupby("trial", sort=False)}
     if pendulum_csv is not None:
-        table = _samples(pendulum_csv, ("trial", "t_s", "phi_rad"), setup)
+        table, more = _samples(pendulum_csv, ("trial", "t_s", "phi_rad"), setup)
+        notes += more
         tracked = tracked or is_track_table(table)
         table, more = _tidied(table, ["phi_rad"], name_of(pendulum_csv))
         notes += more
+        if table.empty:
+            raise UsageError(
+                f"{name_of(pendulum_csv)}: no row has a time and an angle",
+                hint="Leave the pendulum's table away, or fill its column phi_rad.",
+            )
         if float(np.nanmax(np.abs(_numbers(table, "phi_rad")))) > 2.0 * math.pi:
             raise UsageError(
                 f"{name_of(pendulum_csv)} has angles beyond a full turn",

@@ -11,7 +11,7 @@ from mismatch.table.table import CHANNELS, TrialTable
 from physics.arrays import FloatArray
 from physics.effects import Effect
 from pipelines.explain.io import baseline_for_balls
-from pipelines.explain.tabular import TableLike, read_table
+from pipelines.explain.tabular import TableLike, name_of, numbers_of, read_sheet
 from pipelines.setup.file import Setup
 
 __all__ = ["explain_trial_table", "is_trial_table", "load_trial_table"]
@@ -23,6 +23,12 @@ COLUMNS = {
 }
 """Names of each number; the second ones are those that `vision measure --csv` writes."""
 
+UNITS = {
+    "impact_speed": "m_s", "pendulum_speed_before": "m_s", "ball_speed": "m_s",
+    "range": "m", "landing_distance": "m", "backswing": "deg", "backswing_angle": "deg",
+}  # fmt: skip
+"""Stem of each column of numbers → its unit."""
+
 BACKSWING = ("backswing_deg", "backswing_angle_deg")
 TRIAL = ("trial", "clip")
 
@@ -30,10 +36,9 @@ TRIAL = ("trial", "clip")
 def is_trial_table(path: TableLike) -> bool:
     """Whether a table's header is that of a trial table: numbers of trials, and no times."""
     try:
-        header = read_table(path) if isinstance(path, pd.DataFrame) else pd.read_csv(path, nrows=0)
-    except (OSError, UnicodeDecodeError, ValueError):
-        return False
-    names = {str(name).strip() for name in header.columns}
+        names = set(read_sheet(path, UNITS, rows=1).table.columns)
+    except UsageError:
+        return False  # told in full when its samples are read
     results = {name for key in ("ball_speed", "range") for name in COLUMNS[key]}
     return "t_s" not in names and bool(names & (results | {*COLUMNS["impact_speed"]}))
 
@@ -46,16 +51,21 @@ def load_trial_table(path: TableLike) -> TrialTable:
     UsageError
         If it can't be read, has no rows, or holds numbers that can't be.
     """
-    table = read_table(path)
-    notes: list[str] = []
-    table = _without_doubles(table, notes)
+    sheet = read_sheet(path, UNITS, ("trial", "clip", "ball"))
+    what, notes = name_of(path), list(sheet.notes)
+    table = _without_doubles(sheet.table, notes)
+
+    def column(name: str | None, *, positive: bool = False) -> FloatArray:
+        if name is None or name not in table:
+            return np.full(len(table), np.nan)
+        return numbers_of(table, name, what, notes, positive=positive)
+
     found = {key: _first(table, names) for key, names in COLUMNS.items()}
-    values = np.column_stack([_numbers(table, found[key], notes) for key in CHANNELS])
+    values = np.column_stack([column(found[key]) for key in CHANNELS])
     stds = np.column_stack(
-        [_numbers(table, None if (n := found[key]) is None else f"{n}_std", []) for key in CHANNELS]
+        [column(f"{name}_std" if (name := found[key]) else None, positive=True) for key in CHANNELS]
     )
-    swing = _first(table, BACKSWING)
-    backswing = np.deg2rad(_numbers(table, swing, notes))
+    backswing = np.deg2rad(column(_first(table, BACKSWING)))
     name = _first(table, TRIAL)
     names = (
         [str(n) for n in table[name]] if name else [str(k + 1) for k in range(len(table))]
@@ -97,16 +107,6 @@ def explain_trial_table(
 
 def _first(table: pd.DataFrame, names: Sequence[str]) -> str | None:
     return next((name for name in names if name in table.columns), None)
-
-
-def _numbers(table: pd.DataFrame, column: str | None, notes: list[str]) -> FloatArray:
-    if column is None or column not in table:
-        return np.full(len(table), np.nan)
-    numbers = np.asarray(pd.to_numeric(table[column], errors="coerce"), dtype=np.float64)
-    bad = int((~np.isfinite(numbers) & table[column].notna().to_numpy()).sum())
-    if bad:
-        notes.append(f"{column}: {bad} entries are no numbers; left out")
-    return np.where(np.isfinite(numbers), numbers, np.nan)
 
 
 def _without_doubles(table: pd.DataFrame, notes: list[str]) -> pd.DataFrame:

@@ -40,7 +40,7 @@ def test_trials_that_are_copies_of_one_are_no_further_evidence_of_anything(make)
     copies = tuple(replace(one, name=str(index)) for index in range(4))
     verdict = explain(Campaign(copies), baseline)
     assert not confident(verdict)
-    assert any("1, 2, 3 repeat other trials" in note for note in verdict.notes)
+    assert any("trial 1, 2, 3 recorded repeats other trials" in note for note in verdict.notes)
 
 
 def test_missing_values_are_left_out():

@@ -14,14 +14,24 @@ from pipelines.explain.command import explain_command
 
 __all__ = ["engine_answer", "engine_version"]
 
-SOURCES = ("physics/**/*.py", "mismatch/**/*.py", "pipelines/explain*.py", "pipelines/setup*.py")
+SOURCES = ("metrology", "physics", "mismatch", "pipelines/explain", "pipelines/setup")
+"""Folders whose modules an answer depends on, whatever they are called in them."""
 
 
 def engine_version(root: Path) -> str:
-    """Digest of the sources an answer depends on."""
+    """Digest of the sources an answer depends on.
+
+    Raises
+    ------
+    FileNotFoundError
+        If a folder of them holds no module: answers of another engine would pass for this one's.
+    """
     digest = hashlib.sha256()
-    for pattern in SOURCES:
-        for path in sorted(root.glob(pattern)):
+    for folder in SOURCES:
+        modules = sorted((root / folder).rglob("*.py"))
+        if not modules:
+            raise FileNotFoundError(f"no module in {root / folder}, on which answers depend")
+        for path in modules:
             digest.update(path.relative_to(root).as_posix().encode())
             digest.update(path.read_bytes())
     return digest.hexdigest()[:12]

@@ -28,7 +28,7 @@ from pipelines.setup.file import load_setup
 from sample_videos.render import render_clip
 
 ROOT = Path(__file__).parents[3]
-CHAIN = ("vision/**/*.py", "calib/**/*.py", "pipelines/measure/*.py")
+CHAIN = ("vision/**/*.py", "calib/**/*.py", "pipelines/measure/**/*.py")
 
 
 def _filmed(folder: Path, filmed: Filmed, take: Callable[[], Take], number: int) -> Path:

@@ -181,3 +181,31 @@ def test_a_list_of_effects_that_is_none_is_told(tmp_path, written, said):
     own.write_text(written + "\n")
     with pytest.raises(UsageError, match=said):
         load_effects(own)
+
+
+def test_a_trial_that_states_two_back_swings_is_left_out_and_told(tmp_path):
+    ball = tmp_path / "ball.csv"
+    rows = [f"{k % 2},{k / 10},{k},{30 if k != 8 else 60}" for k in range(20)]
+    ball.write_text("trial,t_s,x_m,backswing_deg\n" + "\n".join(rows) + "\n")
+    campaign = load_campaign(ball, None, read_setup(SETUP))
+    assert [trial.name for trial in campaign.trials] == ["1"]
+    assert any("trial 0 states two back-swings" in note for note in campaign.notes)
+
+
+def test_a_clock_that_stands_still_is_refused(tmp_path):
+    ball = tmp_path / "ball.csv"
+    ball.write_text("trial,t_s,x_m\n" + "".join(f"1,{k // 2},{k}\n" for k in range(20)))
+    with pytest.raises(UsageError, match="repeat a time"):
+        load_campaign(ball, None, read_setup(SETUP))
+
+
+def test_a_campaign_of_any_size_is_thinned_to_what_can_be_fitted(tmp_path, monkeypatch):
+    monkeypatch.setattr("pipelines.explain.io.MOST_SAMPLES", 100)
+    monkeypatch.setattr("pipelines.explain.io.MOST_TRIALS", 5)
+    ball = tmp_path / "ball.csv"
+    rows = [f"{trial},{k / 10},{k}" for trial in range(10) for k in range(60)]
+    ball.write_text("trial,t_s,x_m\n" + "\n".join(rows) + "\n")
+    campaign = load_campaign(ball, None, read_setup(SETUP))
+    assert len(campaign.trials) == 5
+    assert sum(trial.ball_time.size for trial in campaign.trials) <= 100
+    assert sum("one" in note for note in campaign.notes) == 2

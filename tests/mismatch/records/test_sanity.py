@@ -1,0 +1,53 @@
+"""What free swings say of their own units and of their setup."""
+
+import numpy as np
+import pytest
+from scipy.special import ellipk
+
+from metrology import UsageError
+from mismatch.model.baseline import Baseline
+from mismatch.model.forward import Forward
+from mismatch.records.campaign import Campaign, Trial
+from mismatch.records.records import lay_out
+from mismatch.records.sanity import refuse_nonsense
+from physics.bodies import PAPER_PENDULUM
+
+RATE = np.sqrt(
+    PAPER_PENDULUM.mass * 9.80665 * PAPER_PENDULUM.com / PAPER_PENDULUM.inertia
+)  # small swings, rad/s
+
+
+class Swings:
+    """As much of what was prepared as the check looks at."""
+
+    def __init__(self, amplitudes, pace=1.0, written=1.0):
+        time = np.arange(0.0, 8.0, 1.0 / 60.0)
+        trials = []
+        for number, amplitude in enumerate(amplitudes):
+            # the period of a pendulum, exactly; its shape is close to a sine
+            rate = RATE * np.pi / (2.0 * ellipk(np.sin(amplitude / 2.0) ** 2))
+            rate *= pace if number % 2 else 1.0
+            angle = written * amplitude * np.cos(rate * time)
+            trials.append(Trial(str(number), np.zeros(0), np.zeros((0, 3)), time, angle))
+        baseline = Baseline({}, PAPER_PENDULUM)
+        records = lay_out(Campaign(tuple(trials)), baseline)
+        spans = np.full(len(trials), 8.0)
+        self.forward = Forward(baseline, records, "swing", spans, spans, 96, (1.2, 0.3, 1.2))
+        self.fit = None
+
+
+def test_a_pendulum_that_keeps_its_pace_passes():
+    refuse_nonsense(Campaign((Trial("1", *(np.zeros(0),) * 4),)), Swings([0.2, 0.7, 1.1, 0.4]))
+
+
+@pytest.mark.parametrize("degrees", [0.5, 1.0, 1.5])
+def test_small_angles_in_degrees_are_noticed_by_their_pace(degrees):
+    amplitudes = np.radians(degrees) * np.array([1.0, 0.6, 0.3, 0.8])
+    swings = Swings(amplitudes, written=180.0 / np.pi)
+    with pytest.raises(UsageError, match="take no longer than small ones"):
+        refuse_nonsense(None, swings)
+
+
+def test_trials_of_two_pendulums_are_noticed():
+    with pytest.raises(UsageError, match="several pendulums"):
+        refuse_nonsense(None, Swings([0.2, 0.25, 0.2, 0.25], pace=1.3))
