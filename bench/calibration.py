@@ -11,9 +11,9 @@ import av
 import cv2
 import numpy as np
 
+from calib.calibration import BallOutlines, Evidence, FreeFall, Known
 from calib.camera.camera import Camera, Lens
 from calib.camera.lens import Board, calibrate_lens, find_board
-from calib.evidence import BallOutlines, Evidence, FreeFall, Known
 from calib.grid.grid import WallGrid, find_wall_grid
 from calib.pose import calibrate
 from metrology import CalibrationError

@@ -13,9 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.calibration import Calibration
+from calib.calibration import Calibration, Evidence
 from calib.camera.camera import Camera
-from calib.evidence import Evidence
 from calib.grid.grid import find_wall_grid
 from calib.pose import PRINCIPAL_STD, calibrate
 from metrology import CalibrationError

@@ -16,7 +16,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
 
-from metrology.formatting import format_quantity
+from metrology.quantity import format_quantity
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measure.files.pictures import overlay_marks, report_input
 from pipelines.report.plots import STYLE, panels_of, write_plot

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from physics.bodies import JOKKU, PAPER_PENDULUM, PAPER_SUPPORT
-from physics.contact.batch import contact_outcomes
+from physics.contact.contact import contact_outcomes
 from physics.effects import Term, effect_named
 from physics.flight.air import PAPER_AIR
 from physics.flight.flight import fly, land_many

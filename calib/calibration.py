@@ -1,5 +1,11 @@
-"""A calibrated scene: pixels to metres on the ball's plane and on the wall, and how sure."""
+"""A calibrated scene: pixels to metres on the ball's plane and on the wall, and how sure.
 
+Whether a fitted scene can be: a ball between wall and camera.
+
+What is known about a scene besides its grid: taped distances, the ball's size, its free fall.
+"""
+
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Self
@@ -8,9 +14,21 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calib.camera.camera import Camera, Lens, rotation_matrix
-from metrology import Contribution, UncertaintySource
+from metrology import CalibrationError, Contribution, Defaults, UncertaintySource
 
-__all__ = ["PARAMETERS", "Calibration", "DepthEstimate", "Parameters", "Source"]
+__all__ = [
+    "PARAMETERS",
+    "BallOutlines",
+    "Calibration",
+    "ContradictionError",
+    "DepthEstimate",
+    "Evidence",
+    "FreeFall",
+    "Known",
+    "Parameters",
+    "Source",
+    "plausible",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -43,6 +61,7 @@ class Parameters(NamedTuple):
 
 
 PARAMETERS = Parameters._fields
+
 """Their names, in order."""
 
 
@@ -295,3 +314,164 @@ class Calibration:
         if self.ball_radius is None:
             return camera.to_plane(px, self._depth)
         return camera.sphere_on_plane(px, self.ball_radius, self._depth)
+
+
+# A ball nearer to the camera than to the wall is not what a measurement against a wall looks like
+FAR_OUT = 0.5
+
+SURE = 2.0
+
+
+class ContradictionError(CalibrationError):
+    """Grid pitch, ball diameter and taped distances can't all be right."""
+
+
+def plausible(calibration: Calibration) -> Calibration:
+    """The calibration, with a warning where the ball is suspiciously far from the wall.
+
+    Apparent size puts the ball at a distance from the camera that does not depend on the grid; a
+    wrong pitch moves the wall away from behind it.
+
+    Raises
+    ------
+    ContradictionError
+        If the ball plane is behind the wall or behind the camera.
+    """
+    depth, distance = calibration.ball_plane_offset, calibration.camera_distance
+    # size against grid tells depth over distance far better than either of them
+    share = depth / distance
+    share_std = _total(calibration.budget(lambda c: c.ball_plane_offset / c.camera_distance))
+    if not -SURE * share_std < share < 1.0:
+        std = _total(calibration.budget(lambda c: c.ball_plane_offset))
+        raise ContradictionError(
+            f"the ball plane would be {depth:.2f} ± {std:.2f} m in front of the wall and the "
+            f"camera {distance:.2f} m: no such scene",
+            hint="Likeliest wrong: the pitch of the grid, or the diameter of the ball.",
+        )
+    if share - SURE * share_std < FAR_OUT:
+        return calibration
+    told = (
+        f"the ball plane comes out {depth:.2f} m in front of the wall, {distance - depth:.2f} m "
+        "from the camera: check the pitch of the grid and the diameter of the ball"
+    )
+    return replace(calibration, warnings=(*calibration.warnings, told))
+
+
+def _total(budget: tuple[Contribution, ...]) -> float:
+    return math.sqrt(sum(line.std**2 for line in budget))
+
+
+RADIUS_COMMON_STD_PX, RADIUS_COMMON_OVER_RANDOM = 0.05, 4.0
+
+"""px, and times the random part: what all radii of a clip are off by together. What biases an
+outline (shading, blur, compression) biases it in every frame, and more where a frame tells less of
+it; radii of rendered and filmed balls of known size, `bench.tracking`."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """A number somebody measured, with its standard uncertainty."""
+
+    value: float
+    std: float
+
+
+@dataclass(frozen=True, eq=False)
+class BallOutlines:
+    """Outlines of a ball of known size.
+
+    Attributes
+    ----------
+    centre_px : (N, 2) array
+        Centres of the outlines, px.
+    radius_px : (N,) array
+        Radii of the outlines, px.
+    std_px : (N,) array
+        Their independent standard uncertainties, px.
+    diameter : Known
+        Diameter of the ball, m.
+    common_std_px : float
+        What all radii may be off by together (blur, threshold, shading), px.
+    """
+
+    centre_px: FloatArray
+    radius_px: FloatArray
+    std_px: FloatArray
+    diameter: Known
+    common_std_px: float = RADIUS_COMMON_STD_PX
+
+    @classmethod
+    def followed(
+        cls, centre_px: FloatArray, radius_px: FloatArray, std_px: FloatArray, diameter: Known
+    ) -> Self:
+        """Outlines as following a ball gives them, with what they are off by together."""
+        common = np.hypot(RADIUS_COMMON_STD_PX, RADIUS_COMMON_OVER_RANDOM * np.median(std_px))
+        return cls(centre_px, radius_px, std_px, diameter, float(common))
+
+
+@dataclass(frozen=True, eq=False)
+class FreeFall:
+    """A stretch of free flight.
+
+    Attributes
+    ----------
+    centre_px : (N, 2) array
+        Centres of the ball's outline, px.
+    time_s : (N,) array
+        Times, s.
+    std_px : (N,) array
+        Standard uncertainty of each centre along one axis, px.
+    acceleration : Known
+        Mean downward acceleration to expect, m/s²: gravity, less what the air takes; its
+        uncertainty holds that of the capture rate too.
+    """
+
+    centre_px: FloatArray
+    time_s: FloatArray
+    std_px: FloatArray
+    acceleration: Known
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """All that may be known; every part optional.
+
+    Attributes
+    ----------
+    rest_px : (2,) array or None
+        Centre of the ball's outline at rest: the world's origin in x.
+    rest_height : float
+        Height of the ball's centre at rest above y = 0, m.
+    ball_radius : float or None
+        Radius of the ball, m, for the correction from outline centre to centre.
+    camera_distance : Known or None
+        Camera to wall, along the wall's normal, m.
+    camera_x, camera_y : Known or None
+        Where the camera stands, world coordinates, m.
+    axis_foot_x, axis_foot_y : Known or None
+        Where the optical axis meets the wall, world coordinates, m.
+    ball_plane_offset : Known or None
+        Ball plane in front of the wall by tape, m.
+    outlines : BallOutlines or None
+    fall : FreeFall or None
+    pitch_relative_std : float
+        Standard uncertainty of the grid's pitch over the pitch; not 0.
+    """
+
+    rest_px: FloatArray | None = None
+    rest_height: float = 0.0
+    ball_radius: float | None = None
+    camera_distance: Known | None = None
+    camera_x: Known | None = None
+    camera_y: Known | None = None
+    axis_foot_x: Known | None = None
+    axis_foot_y: Known | None = None
+    ball_plane_offset: Known | None = None
+    outlines: BallOutlines | None = None
+    fall: FreeFall | None = None
+    pitch_relative_std: float = Defaults.GRID_PITCH.std
+
+    @property
+    def taped(self) -> bool:
+        """Whether tape alone tells the scale of the ball plane: then a fall is left as a check."""
+        return self.camera_distance is not None and self.ball_plane_offset is not None

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calib.camera.camera import Camera
-from calib.camera.lens_model import Lens
-from calib.camera.lens_prior import LensPrior
+from calib.camera.camera import Camera, Lens
+from calib.camera.lens_fit import LensPrior
 from calib.grid.grid import WallGrid
-from calib.grid.phase import GridMap
+from calib.grid.spectrum import GridMap
 from metrology import CalibrationError
 
 __all__ = [

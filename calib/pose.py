@@ -4,56 +4,84 @@ Seen square on, a grid does not tell focal length from distance: only their rati
 wall, is determined. A broad prior on the focal length keeps the fit finite, and the covariance
 carries the trade-off; tape, ball diameter or free fall then narrow exactly the combination they
 determine.
+
+Has the camera moved since it was calibrated? The same wall, looked at again.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calib.calibration import PARAMETERS, Calibration, DepthEstimate, Source
+from calib.calibration import (
+    PARAMETERS,
+    BallOutlines,
+    Calibration,
+    DepthEstimate,
+    Evidence,
+    FreeFall,
+    Known,
+    Source,
+)
 from calib.camera.camera import Lens
-from calib.camera.lens_prior import LensPrior
-from calib.evidence import BallOutlines, Evidence, FreeFall, Known
+from calib.camera.lens_fit import LensPrior
 from calib.grid.grid import WallGrid
 from metrology import CalibrationError, UncertaintySource
 
-__all__ = ["LensPrior", "calibrate"]
+__all__ = ["LensPrior", "calibrate", "camera_movement"]
 
 FloatArray = NDArray[np.float64]
+
 Residuals = Callable[[Calibration], FloatArray]
+
 """Whitened residuals (n,) of a calibration, or (K, n) of a stack of them."""
 
 # A lens nobody knows: 24° to 100° of view, its distortion anything from a fish-eye to a telephoto,
 # its principal point within a few per cent of the middle.
 FOCAL_OVER_WIDTH, LOG_FOCAL_STD = 1.25, 0.5
+
 PRINCIPAL_STD = 0.01
+
 K1_STD, K2_STD = 0.3, 0.1
+
 DEPTH_SHARE, DEPTH_SHARE_STD = 0.1, 0.1
+
 DEPTH_SOURCES = {
     UncertaintySource.BALL_PLANE_OFFSET: ("ball_plane_offset",),
     UncertaintySource.BALL_DIAMETER: ("outlines",),
     UncertaintySource.FREE_FALL: ("fall",),
 }
+
 INTRINSICS = ("log_focal", "principal_x", "principal_y", "k1", "k2")
+
 ALWAYS = (
     UncertaintySource.GRID_LINES,
     UncertaintySource.LENS_UNKNOWN,
     UncertaintySource.LENS_CALIBRATION,
     UncertaintySource.BALL_PLANE_GUESS,
 )
+
 DISAGREE_AT = 3.5
+
 WORST_CHI2 = 10.0
+
 """The crossings' covariance is as large as their scatter about a smooth map: a camera that misses
 them by three times that is none, and their labels are wrong."""
+
 MOST_STEPS = 40
+
 STEPS: FloatArray = np.array(
     [1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4, 1e-4, 1e-2, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4]
 )
+
 """Steps of finite differences, in the units of the parameters."""
+
 FALL_POINTS = 24
+
 SIZE_POINTS, ALIKE_SHARE, ROUGH_SHARE = 15, 0.2, 0.1
+
 """Radii at so many places along the path; errors are alike over this share of it, all but so much
 of their variance."""
 
@@ -405,3 +433,58 @@ def _disagreement(
     else:
         likeliest = f"one of these is wrong: {', '.join(alike)}"
     return (f"the inputs contradict each other{listed}; {likeliest}",)
+
+
+@dataclass(frozen=True)
+class Movement:
+    """How the wall's crossings have moved in the picture between two recordings.
+
+    Attributes
+    ----------
+    px : float
+        Root mean square movement, px.
+    std : float
+        What noise alone would make of it, px.
+    moved : bool
+        Whether the movement stands out of the noise and is larger than a tenth of a px.
+    """
+
+    px: float
+    std: float
+    moved: bool
+
+    def __str__(self) -> str:
+        if not self.moved:
+            return f"the camera has not moved ({self.px:.2f} px)"
+        return f"the camera moved by {self.px:.1f} px"
+
+
+def camera_movement(old: WallGrid, new: WallGrid) -> Movement:
+    """Compare two pictures of the same wall by the same camera.
+
+    The grid repeats, so that a movement by more than half a pitch is seen short by whole pitches.
+
+    Raises
+    ------
+    CalibrationError
+        If the pictures differ in size.
+    """
+    if old.size != new.size:
+        raise CalibrationError(
+            f"the old picture has {old.size[0]}×{old.size[1]} px, the new one "
+            f"{new.size[0]}×{new.size[1]}",
+            hint="Film in the mode the calibration was made in.",
+        )
+    columns, rows = (np.linspace(0.1, 0.9, 9) * (length - 1) for length in old.size)
+    px = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+    wall = new.map(px) - old.map(px)
+    wall -= np.round(np.median(wall, axis=0))
+    step = np.linalg.solve(new.map.jacobian(px), wall[..., np.newaxis])[..., 0]
+    length = float(np.sqrt((step**2).sum(axis=-1).mean()))
+    # A map has ten parameters, fitted to two coordinates of each crossing
+    noise = 0.0
+    for grid in (old, new):
+        variance = float(np.median(np.trace(grid.covariance_px2, axis1=1, axis2=2)))
+        noise += variance * 5.0 / len(grid.nodes)
+    std = float(np.sqrt(noise))
+    return Movement(length, std, length > max(4.0 * std, 0.1))

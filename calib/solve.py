@@ -11,10 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.calibration import Calibration
-from calib.evidence import Evidence, FreeFall, Known
+from calib.calibration import Calibration, Evidence, FreeFall, Known, plausible
 from calib.grid.grid import WallGrid
-from calib.plausibility import plausible
 from calib.pose import LensPrior, calibrate
 from metrology import CalibrationError
 

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from pipelines.api.calibrated import CalibratedClip as CalibratedClip
     from pipelines.api.calibrated import calibrate as calibrate
     from pipelines.api.clip import Clip as Clip
+    from pipelines.api.clip import render as render
     from pipelines.api.explained import Verdict as Verdict
     from pipelines.api.explained import explain as explain
-    from pipelines.api.filmed import render as render
     from pipelines.api.measured import Measurement as Measurement
     from pipelines.api.measured import measure as measure
     from pipelines.api.modelled import ModelResult as ModelResult
@@ -65,7 +65,7 @@ _HOMES = {
     "explain": "pipelines.api.explained",
     "measure": "pipelines.api.measured",
     "plan": "pipelines.api.modelled",
-    "render": "pipelines.api.filmed",
+    "render": "pipelines.api.clip",
     "simulate": "pipelines.api.modelled",
 }
 _MODULES = {"effects": "physics.effects"}

@@ -1,6 +1,5 @@
 """The ground every room stands on: error tree, quantities, unit strings, whole files."""
 
-from metrology import measurands
 from metrology.defaults import Default, Defaults
 from metrology.errors import (
     CalibrationError,
@@ -15,10 +14,17 @@ from metrology.errors import (
     UsageError,
 )
 from metrology.files import write_text_whole, written_whole
-from metrology.measurands import Given, Measurand, read_given, read_number, read_scale
-from metrology.quantity import Contribution, Quantity
-from metrology.sources import UncertaintySource
-from metrology.units import parse_measured, parse_quantity, parse_with_uncertainty
+from metrology.measurands import (
+    Given,
+    Measurand,
+    parse_measured,
+    parse_quantity,
+    parse_with_uncertainty,
+    read_given,
+    read_number,
+    read_scale,
+)
+from metrology.quantity import Contribution, Quantity, UncertaintySource
 
 __all__ = [
     "CalibrationError",

@@ -2,14 +2,18 @@
 
 Every length, mass, rate and angle has a `Measurand`: its unit and the range in which it can be
 meant, with the reason. A number outside is refused before any work, in the same words everywhere.
+
+Unit strings, parsed only where a person types one: ``50mm``, ``600 fps``, ``8.5 deg``.
 """
 
 import math
+import re
 from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 from metrology.defaults import Defaults
 from metrology.errors import DomainError, UnitError, UsageError
-from metrology.units import parse_measured, parse_quantity
 
 __all__ = [
     "AIR_DENSITY",
@@ -34,8 +38,6 @@ __all__ = [
     "PENDULUM_INERTIA",
     "PENDULUM_LENGTH",
     "PENDULUM_MASS",
-    "PIXELS_PER_METRE",
-    "PLANE_SCALE",
     "POSITION_STD",
     "SHUTTER",
     "SPEED",
@@ -43,10 +45,180 @@ __all__ = [
     "WALL_COORDINATE",
     "Given",
     "Measurand",
+    "parse_measured",
+    "parse_quantity",
+    "parse_with_uncertainty",
     "read_given",
     "read_number",
     "read_scale",
 ]
+
+_FLOAT = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+
+_PLUS_MINUS = ("±", "+/-", "+-")
+
+_IN_BRACKETS = re.compile(r"\(([^()]*)\)\s*([^()]*)")
+
+_NUMBER_AND_UNIT = re.compile(rf"({_FLOAT})(?:\s*/\s*({_FLOAT}))?\s*([A-Za-zµμ°%][\w\s*/^°%-]*)?")
+
+PLAIN_UNITS: dict[str, dict[str, float]] = {
+    "m": {"m": 1.0, "cm": 0.01, "mm": 0.001},
+    "kg": {"kg": 1.0, "g": 0.001},
+    "s": {"s": 1.0, "ms": 0.001},
+    "1/s": {"fps": 1.0, "Hz": 1.0},
+    "m/s": {"m/s": 1.0},
+    "m/px": {"m/px": 1.0, "cm/px": 0.01, "mm/px": 0.001},
+    "px/m": {"px/m": 1.0, "px/cm": 100.0, "px/mm": 1000.0},
+    "kg m^2": {"kg m^2": 1.0},
+    "kg/m^3": {"kg/m^3": 1.0},
+}
+
+"""What nearly everybody writes, by the unit wanted: factors known without a registry of all units,
+which takes longer to load than a clip that was measured before takes to be shown again."""
+
+
+@cache
+def _registry() -> Any:
+    import pint
+
+    registry: Any = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
+    registry.define("frame = []")
+    # of a camera, not the length of 1/96 inch that style sheets mean by it
+    registry.define("@alias pixel = px")
+    registry.define("fps = 1 / second")
+    return registry
+
+
+def parse_quantity(text: str | float, unit: str) -> float:
+    """Turn what a person typed into a float in `unit`.
+
+    Parameters
+    ----------
+    text : str or float
+        ``"50mm"``, ``"1/2000 s"``, or a bare number, which is taken to be in `unit` already.
+    unit : str
+        The unit wanted, as pint spells it ("m", "kg/m^3", "rad").
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    UnitError
+        If the text is no number, or has another dimension.
+    """
+    if isinstance(text, int | float) and not isinstance(text, bool):
+        return _finite(float(text), str(text), unit)
+    match = _NUMBER_AND_UNIT.fullmatch(str(text).strip())
+    if match is None:
+        raise _no_quantity(str(text), unit)
+    numerator, denominator, unit_text = match.groups()
+    try:
+        magnitude = float(numerator) / float(denominator or 1)
+        plain = PLAIN_UNITS.get(unit, {}).get((unit_text or "").strip())
+        if plain is not None:
+            magnitude *= plain
+        elif unit_text:
+            parsed = _registry().Quantity(magnitude, _registry().parse_units(unit_text))
+            magnitude = float(parsed.to(unit).magnitude)
+    # pint has errors of its own, and lets those of what it parses with through
+    except Exception as problem:
+        raise _no_quantity(str(text), unit) from problem
+    return _finite(magnitude, str(text), unit)
+
+
+def _finite(value: float, text: str, unit: str) -> float:
+    if not math.isfinite(value):
+        raise _no_quantity(text, unit)
+    return value
+
+
+def _no_quantity(text: str, unit: str) -> UnitError:
+    return UnitError(
+        f"{text!r} is not a quantity in {unit}",
+        hint=f"Write a number with a unit, such as '1 {unit}'.",
+    )
+
+
+def parse_with_uncertainty(text: str | float, unit: str, default_std: float) -> tuple[float, float]:
+    """Turn ``"4.00 m ± 5 mm"`` (or ``+/-``, ``+-``) into value and standard uncertainty in `unit`.
+
+    Parameters
+    ----------
+    text : str or float
+        A quantity, with or without its standard uncertainty.
+    unit : str
+        The unit wanted.
+    default_std : float
+        Standard uncertainty where none is written, in `unit`.
+
+    Returns
+    -------
+    value, std : float
+
+    Raises
+    ------
+    UnitError
+        If either part is no quantity of that dimension, or the uncertainty is negative.
+    """
+    value, std = parse_measured(text, unit)
+    return value, default_std if std is None else std
+
+
+def parse_measured(text: str | float, unit: str) -> tuple[float, float | None]:
+    """Turn ``"0.353 kg ± 1 g"`` into value and standard uncertainty, None where none is written.
+
+    A unit on one side of the sign serves both (``"450 ± 10 mm"``); ``± 0.5 %`` is a share of the
+    value; a temperature's uncertainty is a difference (``"26 degC ± 1 degC"`` is ± 1 K).
+
+    Parameters
+    ----------
+    text : str or float
+        A quantity, with or without its standard uncertainty.
+    unit : str
+        The unit wanted.
+
+    Returns
+    -------
+    value : float
+    std : float or None
+
+    Raises
+    ------
+    UnitError
+        If either part is no quantity of that dimension, or the uncertainty is negative.
+    """
+    if not isinstance(text, str):
+        return parse_quantity(text, unit), None
+    plain = text.strip()
+    bracketed = _IN_BRACKETS.fullmatch(plain)
+    if bracketed is not None:
+        plain = f"{bracketed[1]} {bracketed[2]}"
+    for sign in _PLUS_MINUS:
+        if sign in plain:
+            value, _, spread = (part.strip() for part in plain.partition(sign))
+            return _value_and_std(value, spread, unit, text)
+    return parse_quantity(plain, unit), None
+
+
+def _value_and_std(value: str, spread: str, unit: str, text: str) -> tuple[float, float]:
+    left, right = _NUMBER_AND_UNIT.fullmatch(value), _NUMBER_AND_UNIT.fullmatch(spread)
+    if left is None or right is None:
+        raise _no_quantity(text, unit)
+    share = (right[3] or "").strip() == "%"
+    own = left[3] or ("" if share else right[3]) or ""
+    number = parse_quantity(f"{left[1]}/{left[2] or 1} {own}", unit)
+    size = float(right[1]) / float(right[2] or 1)
+    if share:
+        std = 0.01 * size * abs(number)
+    else:
+        step = (right[3] or own).strip()
+        # a difference: where a unit has another zero (degC), that zero drops out
+        std = size * (parse_quantity(f"1 {step}", unit) - parse_quantity(f"0 {step}", unit))
+    if not std >= 0:
+        raise UnitError(f"the uncertainty in {text!r} is negative")
+    return number, _finite(std, text, unit)
 
 
 @dataclass(frozen=True)
@@ -213,90 +385,119 @@ def _at(place: str, problem: UsageError) -> UsageError:
 
 
 _RIG = "rigs on a bench or a stand are meant, from a finger's breadth to a house"
+
 CAPTURE_RATE = Measurand(
     "a capture rate", "1/s", 1.0, 1e7, "cameras take 1 to ten million frames per second", "600 fps"
 )
+
 PLANE_SCALE = Measurand(
     "a scale", "m/px", 1e-8, 1.0,
     "a pixel shows between 10 nm (a microscope) and 1 m (a stadium from afar)", "2.44 mm/px",
 )  # fmt: skip
+
 PIXELS_PER_METRE = Measurand(
     "a scale", "px/m", 1.0, 1e8,
     "a metre is between one pixel (a stadium from afar) and 1e8 (a microscope)", "409.9 px/m",
 )  # fmt: skip
+
 SHUTTER = Measurand(
     "a shutter time", "s", 1e-9, 10.0, "shutters are open for nanoseconds to seconds", "1/2000 s"
 )
+
 CAMERA_DISTANCE = Measurand(
     "a camera's distance from the wall", "m", 0.02, 1000.0,
     "a camera sees a wall from 2 cm to 1 km", "4.00 m ± 5 mm",
 )  # fmt: skip
+
 WALL_COORDINATE = Measurand(
     "a place on the wall", "m", -1000.0, 1000.0, "walls are less than 1 km wide", "1.10 m"
 )
+
 GRID_PITCH = Measurand(
     "a square of the wall grid", "m", 1e-3, 2.0, "squares are 1 mm to 2 m wide", "50 mm"
 )
+
 FINE_PITCH = Measurand(
     "the distance between fine lines", "m", 1e-4, 2.0, "fine lines are 0.1 mm to 2 m apart", "10 mm"
 )
+
 BALL_PLANE_OFFSET = Measurand(
     "the ball plane's distance from the wall", "m", 0.0, 100.0,
     "the ball flies in front of the wall, less than 100 m from it", "0.45 m",
 )  # fmt: skip
+
 BALL_MASS = Measurand(
     "a ball's mass", "kg", 1e-6, 100.0, "balls weigh a milligram to 100 kg", "0.353 kg"
 )
+
 BALL_DIAMETER = Measurand(
     "a ball's diameter", "m", 1e-3, 2.0, "balls are 1 mm to 2 m across", "220 mm"
 )
+
 LAUNCH_ANGLE = Measurand(
     "a launch angle", "rad", -math.pi / 2, math.pi / 2, "it lies within ±90° of the horizontal",
     "8.5 deg",
 )  # fmt: skip
+
 BACKSWING = Measurand(
     "a back-swing angle", "rad", -math.pi, math.pi, "a pendulum is let go within ±180° of its"
     " lowest point", "90 deg",
 )  # fmt: skip
+
 PENDULUM_LENGTH = Measurand("a pendulum's length", "m", 0.01, 100.0, _RIG, "0.5541 m")
+
 PENDULUM_INERTIA = Measurand(
     "a pendulum's moment of inertia", "kg*m^2", 1e-9, 1e7, _RIG, "1.579 kg m^2"
 )
+
 PENDULUM_MASS = Measurand("a pendulum's mass", "kg", 1e-4, 1e5, _RIG, "6.0 kg")
+
 CENTRE_OF_MASS = Measurand(
     "the distance from the pivot to the centre of mass", "m", 1e-3, 100.0, _RIG, "0.4553 m"
 )
+
 EFFECTIVE_MASS = Measurand("an effective mass", "kg", 1e-4, 1e5, _RIG, "5.1667 kg")
+
 SUPPORT_HEIGHT = Measurand(
     "the height of the support", "m", 0.0, 100.0, "the ball falls from 0 to 100 m", "0.3120 m"
 )
+
 AIR_TEMPERATURE = Measurand(
     "an air temperature", "kelvin", 200.0, 350.0, "air outdoors and in labs has 200 K to 350 K",
     "26 degC",
 )  # fmt: skip
+
 AIR_PRESSURE = Measurand(
     "an air pressure", "Pa", 1e4, 2e5, "people film at 100 hPa to 2000 hPa", "1013.25 hPa"
 )
+
 HUMIDITY = Measurand("a relative humidity", "1", 0.0, 1.0, "it is 0 to 1", "50 %")
+
 AIR_DENSITY = Measurand(
     "a density of the air", "kg/m^3", 1e-6, 20.0, "gases have up to 20 kg/m³", "1.180 kg/m^3"
 )
+
 AIR_VISCOSITY = Measurand(
     "a viscosity of the air", "Pa*s", 1e-7, 1e-3, "gases have 1e-7 to 1e-3 Pa s", "1.852e-5 Pa s"
 )
+
 DRAG_COEFFICIENT = Measurand(
     "a drag coefficient", "1", 0.0, 1.6, "spheres have 0.1 to 0.5, blunt bodies up to 1.6", "0.47"
 )
+
 SPEED = Measurand(
     "a speed", "m/s", 1e-3, 1000.0, "impacts have millimetres to a kilometre per second", "3.2 m/s"
 )
+
 DISTANCE = Measurand(
     "a distance", "m", 1e-3, 1000.0, "balls land between 1 mm and 1 km away", "2.5 m"
 )
+
 ANGLE_STD = Measurand(
     "the scatter of an angle", "rad", 0.0, math.pi, "angles scatter by less than half a turn",
     "0.2 deg",
 )  # fmt: skip
+
 POSITION_STD = Measurand(
     "the noise of positions", "m", 1e-9, 100.0, "positions are known to between 1 nm and 100 m",
     "1.7 mm",

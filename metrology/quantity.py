@@ -1,11 +1,120 @@
-"""A measured quantity: value, standard uncertainty, unit, and its budget (GUM, JCGM 100)."""
+"""A measured quantity: value, standard uncertainty, unit, and its budget (GUM, JCGM 100).
+
+Where uncertainty comes from: one name for each input that a budget may list.
+
+Numbers with their uncertainty as they are printed: two significant digits of it (GUM, 7.2.6).
+"""
 
 import math
 from dataclasses import dataclass
+from enum import StrEnum
 
-from metrology.sources import UncertaintySource
+__all__ = [
+    "Contribution",
+    "Quantity",
+    "UncertaintySource",
+    "format_pair",
+    "format_quantity",
+    "format_unit",
+    "format_value",
+]
 
-__all__ = ["Contribution", "Quantity"]
+
+class UncertaintySource(StrEnum):
+    """An input whose uncertainty enters a result (GUM 3.3); the value is what is printed.
+
+    Decisions compare members, never the words.
+    """
+
+    TRACK_NOISE = "noise of the tracks"
+    CAPTURE_RATE = "capture rate"
+    RELEASE_INSTANT = "moment of release"
+    FRAME_COUNT = "onset and release between frames"
+    COR_MEAN = "the estimates together"
+    PENDULUM_INERTIA = "inertia of the pendulum"
+    PENDULUM_ARM = "depth of the mass' visible side"
+    PENDULUM_RINGING = "pendulum just after contact"
+    SUPPORT_HEIGHT = "height of the support"
+    BALL_MASS = "mass of the ball"
+    CAMERA_ROLL = "roll of the camera, no grid to tell"
+    CAMERA_SLANT = "slant of the camera, no grid to tell"
+    SCALE = "scale of lengths"
+    PERSPECTIVE = "depth of the motion's plane"
+    DRAG = "drag of the air"
+    MODEL = "what the model of the motion leaves out"
+    LANDING_SEEN = "landing as seen"
+    CONTRADICTION = "contradiction between estimates"
+
+    GRID_LINES = "grid lines"
+    GRID_PITCH = "pitch of the grid"
+    LENS_UNKNOWN = "lens not known beforehand"
+    LENS_CALIBRATION = "lens calibration"
+    CAMERA_DISTANCE = "camera distance by tape"
+    CAMERA_X = "camera place by tape, x"
+    CAMERA_Y = "camera place by tape, y"
+    AXIS_FOOT_X = "axis foot by tape, x"
+    AXIS_FOOT_Y = "axis foot by tape, y"
+    BALL_PLANE_OFFSET = "ball plane offset by tape"
+    BALL_DIAMETER = "ball diameter"
+    FREE_FALL = "free fall"
+    BALL_PLANE_GUESS = "ball plane guessed"
+    BALL_CENTRE = "ball in the picture"
+
+    TRIAL_SCATTER = "scatter of the trials"
+    COR = "coefficient of restitution"
+    LAUNCH_ANGLE = "launch angle"
+    CONTACT_TIME = "contact time"
+    BACKSWING = "back-swing"
+    DISTANCE = "distance"
+    IMPACT_SPEED = "impact speed"
+    EFFECTIVE_MASS = "effective mass"
+    DRAG_COEFFICIENT = "drag coefficient"
+    AIR_DENSITY = "air density"
+    GRAVITY = "gravity"
+    SUPPORT = "support height"
+    MASS_OF_BALL = "ball mass"
+
+    @property
+    def shared_by_setup(self) -> bool:
+        """Whether all clips of one laboratory and one setup file are off by it together.
+
+        What is each clip's own (noise, where the camera was put down for it) averages out over a
+        campaign; what is shared does not.
+        """
+        return self in _SHARED
+
+
+_SHARED = frozenset(
+    {
+        UncertaintySource.CAPTURE_RATE,
+        UncertaintySource.PENDULUM_INERTIA,
+        UncertaintySource.PENDULUM_ARM,
+        UncertaintySource.PENDULUM_RINGING,
+        UncertaintySource.SUPPORT_HEIGHT,
+        UncertaintySource.BALL_MASS,
+        UncertaintySource.SCALE,
+        UncertaintySource.PERSPECTIVE,
+        UncertaintySource.CAMERA_ROLL,
+        UncertaintySource.CAMERA_SLANT,
+        UncertaintySource.GRID_PITCH,
+        UncertaintySource.LENS_UNKNOWN,
+        UncertaintySource.LENS_CALIBRATION,
+        UncertaintySource.CAMERA_DISTANCE,
+        UncertaintySource.CAMERA_X,
+        UncertaintySource.CAMERA_Y,
+        UncertaintySource.AXIS_FOOT_X,
+        UncertaintySource.AXIS_FOOT_Y,
+        UncertaintySource.BALL_PLANE_OFFSET,
+        UncertaintySource.BALL_PLANE_GUESS,
+        UncertaintySource.BALL_DIAMETER,
+        UncertaintySource.DRAG_COEFFICIENT,
+        UncertaintySource.AIR_DENSITY,
+        UncertaintySource.GRAVITY,
+        UncertaintySource.SUPPORT,
+        UncertaintySource.MASS_OF_BALL,
+        UncertaintySource.EFFECTIVE_MASS,
+    }
+)
 
 
 @dataclass(frozen=True)
@@ -68,3 +177,79 @@ class Quantity:
     def known(self) -> bool:
         """Whether there is a value."""
         return self.value is not None
+
+
+_UNITS = {"1": "", "deg": "°", "m/s^2": "m/s²", "kg m^2": "kg m²", "N s": "N s"}
+
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+_SMALL, _LARGE = 1e-4, 1e6
+
+"""Sizes, in the number's own unit, beyond which a power of ten is written, as printf's %g does."""
+
+
+def format_quantity(quantity: Quantity) -> str:
+    """Print a quantity: ``"6.361 ± 0.012 m/s"``, or why there is none.
+
+    Parameters
+    ----------
+    quantity : Quantity
+
+    Returns
+    -------
+    str
+    """
+    if quantity.value is None:
+        return f"not measured: {quantity.reason}" if quantity.reason else "not measured"
+    return format_value(quantity.value, quantity.std, quantity.unit)
+
+
+def format_value(value: float, std: float | None, unit: str) -> str:
+    """Print value, standard uncertainty (left out where it is not known) and unit."""
+    suffix = format_unit(unit)
+    gap = "" if suffix in ("", "°") else " "
+    size = max(abs(value), std or 0.0)
+    exponent = 0
+    if math.isfinite(size) and size > 0 and not _SMALL <= size < _LARGE:
+        exponent = math.floor(math.log10(size))
+    if std is None and not exponent:
+        return f"{format_pair(value, None)[0]}{gap}{suffix}"
+    scale = 10.0**exponent
+    printed, spread = format_pair(value / scale, None if std is None else std / scale)
+    body = printed if spread is None else f"{printed} ± {spread}"
+    if exponent:
+        power = str(exponent).translate(_SUPERSCRIPT)
+        body = f"({body})·10{power}" if spread is not None else f"{body}·10{power}"
+    elif suffix == "°" and spread is not None:
+        return f"({body})°"
+    return f"{body}{gap}{suffix}"
+
+
+def format_pair(value: float, std: float | None) -> tuple[str, str | None]:
+    """Print value and standard uncertainty, both rounded to two significant digits of the latter.
+
+    Parameters
+    ----------
+    value : float
+    std : float or None
+        Standard uncertainty; without one (or with zero) the value gets six digits.
+
+    Returns
+    -------
+    value, std : str
+        `std` is None where none is known.
+    """
+    if std is None:
+        return f"{value:.6g}", None
+    if std == 0 or not math.isfinite(std):
+        return f"{value:.6g}", f"{std:g}"
+    # Rounding 0.0996 to two digits gives 0.10: the digits are counted after rounding.
+    place = math.floor(math.log10(float(f"{std:.1e}"))) - 1
+    if place >= 0:
+        return f"{round(value, -place):.0f}", f"{round(std, -place):.0f}"
+    return f"{value:.{-place}f}", f"{std:.{-place}f}"
+
+
+def format_unit(unit: str) -> str:
+    """Spell a unit for readers: nothing for 1, ° for deg, m/s² for m/s^2."""
+    return _UNITS.get(unit, unit)

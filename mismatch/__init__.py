@@ -2,7 +2,7 @@
 
 from mismatch.explain import Explained, Options, explain, explain_in_full
 from mismatch.model.baseline import BallModel, Baseline, ContactTable, Scatter
-from mismatch.records.campaign import Campaign, Trial
+from mismatch.records.records import Campaign, Trial
 from mismatch.verdict import Verdict
 
 __all__ = [

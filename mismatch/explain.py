@@ -10,21 +10,38 @@ from mismatch.fitting.held_out import hold_out
 from mismatch.fitting.hypotheses import LOOSE_LAWS, MISFIT, Hypothesis
 from mismatch.fitting.normal_equations import spread_laws
 from mismatch.fitting.prepare import Prepared, prepare
-from mismatch.fitting.scan import scan
-from mismatch.fitting.spread import robust_spread
-from mismatch.gate import Passed, pass_gate
+from mismatch.fitting.scan import robust_spread, scan
 from mismatch.model.baseline import Baseline
-from mismatch.model.candidates import Candidate, candidates_for, start_values, steps_of
+from mismatch.model.candidates import (
+    Candidate,
+    candidates_for,
+    refuse_unusable,
+    start_values,
+    steps_of,
+    within_patience,
+)
 from mismatch.model.forward import OUTSIDE, Forward
-from mismatch.model.own_effects import refuse_unusable, within_patience
-from mismatch.records.campaign import Campaign
-from mismatch.records.odd_trials import without_odd_trials
-from mismatch.records.remainder import noise_notes, reduced_chi2, remainder_of
-from mismatch.records.sanity import refuse_nonsense
-from mismatch.search.locate import locate, where_it_is_largest
+from mismatch.records.records import Campaign
+from mismatch.records.sanity import refuse_nonsense, without_odd_trials
+from mismatch.search.locate import (
+    locate,
+    noise_notes,
+    reduced_chi2,
+    remainder_of,
+    where_it_is_largest,
+)
 from mismatch.search.naming import Naming, name_effects
-from mismatch.verdict import Alternative, HeldOut, NamedEffect, ParameterValue, Verdict, VerdictKind
-from physics.arrays import FloatArray
+from mismatch.verdict import (
+    Alternative,
+    HeldOut,
+    NamedEffect,
+    ParameterValue,
+    Passed,
+    Verdict,
+    VerdictKind,
+    pass_gate,
+)
+from physics.domain import FloatArray
 from physics.effects import CATALOGUE, MEASUREMENT_IDS, Effect
 
 __all__ = ["Explained", "Options", "explain", "explain_in_full"]

@@ -1,17 +1,34 @@
-"""What the engine says: frozen, and as the contract's JSON."""
+"""What the engine says: frozen, and as the contract's JSON.
 
-from dataclasses import dataclass
+One gate for all verdicts: what is left over, what the proof says, and whether it is steady.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from enum import Enum
 from typing import Any, Literal, TypeAlias
+
+import numpy as np
+
+from mismatch.fitting.hypotheses import MISFIT, Hypothesis
+from mismatch.fitting.prepare import Prepared
+from mismatch.fitting.scan import trial_pulls
+from mismatch.model.forward import Forward
+from mismatch.records.sanity import fall_in_g
+from physics.domain import FloatArray
 
 __all__ = [
     "Alternative",
+    "Doubt",
     "HeldOut",
     "Location",
     "NamedEffect",
     "ParameterValue",
+    "Passed",
     "Remainder",
     "Verdict",
     "VerdictKind",
+    "pass_gate",
 ]
 
 VerdictKind: TypeAlias = Literal["no_mismatch", "explained", "ambiguous", "unexplained"]
@@ -223,3 +240,181 @@ _HEADLINES: dict[str, str] = {
     "ambiguous": "Something was left out of the model; several explanations fit alike.",
     "unexplained": "Simulation and recording differ, and no known effect explains it.",
 }
+
+DECADES = 3.0
+
+"""Powers of ten of misfit at which a law is as likely to be wrong as right: beyond a few the noise
+can't be blamed any more, and something else acts."""
+
+DOUBTED = 0.45
+
+"""Probability that a name without proof has at most."""
+
+UNPROVED = 0.9
+
+"""Probability that a name has at most where no trial is left to prove it on: that the catalogue
+lacks what truly acts can't be seen from the trial that chose the name."""
+
+CARRIED = 0.3
+
+"""Share of g below which a body that is said to be free does not fall."""
+
+SWALLOWED = 0.1
+
+"""Noise over the spread of the motion from which "nothing is missing" would say nothing."""
+
+PULLED = 0.5
+
+"""Share of a strength that one trial alone may make up."""
+
+
+class Doubt(Enum):
+    """What speaks against an answer that fits best."""
+
+    WORSE_HELD_OUT = "on trials kept out of the fit it does no better than the model without it"
+    CARRIED = "the body does not fall as a free one does: something carries or holds it"
+    LEFT_OVER = "it leaves most of the mismatch unexplained"
+    ONE_TRIAL = "its strength hangs on one trial alone"
+    UNPROVED = "no trial is kept out of the fit to prove it on"
+    UNKNOWN_CALIBRATION = "it is no larger than what a calibration that nobody knows may leave open"
+    NOISE = "the noise that is needed is as large as the motion itself, so nothing can be said"
+
+
+@dataclass(frozen=True)
+class Passed:
+    """What the gate lets through.
+
+    Attributes
+    ----------
+    kind : VerdictKind
+    trust : float
+        Factor on the probabilities of what is named.
+    most : float
+        Largest probability that a name may have.
+    doubts : tuple of Doubt
+        Why no more is believed.
+    """
+
+    kind: VerdictKind
+    trust: float = 1.0
+    most: float = 0.999
+    doubts: tuple[Doubt, ...] = ()
+
+    @property
+    def names(self) -> bool:
+        """Whether anything may be named at all."""
+        return not {Doubt.WORSE_HELD_OUT, Doubt.CARRIED, Doubt.NOISE}.intersection(self.doubts)
+
+    @property
+    def shaken(self) -> bool:
+        """Whether something speaks against the answer, rather than too little for it."""
+        return not {Doubt.UNPROVED}.issuperset(self.doubts)
+
+
+def pass_gate(
+    prepared: Prepared, best: Hypothesis | None, kind: VerdictKind, kept: HeldOut | None
+) -> Passed:
+    """Hold an answer against its own remainder, its proof on held-out trials, and each trial.
+
+    Parameters
+    ----------
+    prepared : Prepared
+    best : Hypothesis or None
+    kind : VerdictKind
+        What the search would say.
+    kept : HeldOut or None
+        The proof, if there was one.
+    """
+    forward = prepared.forward
+    carried = _carried(forward)
+    if best is None:
+        if kind == "no_mismatch" and _noise_swallows(forward):
+            return Passed("unexplained", doubts=(Doubt.NOISE,))
+        if carried and prepared.fit.misfit >= MISFIT:
+            return Passed("unexplained", doubts=(Doubt.CARRIED,))
+        return Passed(kind)
+    doubts = [] if kept is not None else [Doubt.UNPROVED]
+    proved = kept is None or kept.ratio_95[0] > 1.0
+    if _noise_swallows(forward):
+        doubts.append(Doubt.NOISE)
+    if best.misfit >= MISFIT:
+        if carried:
+            doubts.append(Doubt.CARRIED)
+        if not proved:
+            doubts.append(Doubt.WORSE_HELD_OUT)
+        if _left(prepared, best) > 0.5:
+            doubts.append(Doubt.LEFT_OVER)
+        if _hangs_on_one(forward, best):
+            doubts.append(Doubt.ONE_TRIAL)
+    elif kept is not None and kept.ratio_95[1] < 1.0:
+        doubts.append(Doubt.WORSE_HELD_OUT)
+    return _passed(prepared, best, kind, tuple(doubts))
+
+
+def _passed(
+    prepared: Prepared, best: Hypothesis, kind: VerdictKind, doubts: tuple[Doubt, ...]
+) -> Passed:
+    trust = 1.0
+    if best.misfit >= MISFIT:
+        decades = math.log10(best.misfit) / DECADES
+        trust = (1.0 - _left(prepared, best)) / (1.0 + decades**2)
+    most = UNPROVED if doubts else 0.999
+    through = Passed(kind, trust, most, doubts)
+    if through.shaken:
+        through = replace(through, most=DOUBTED)
+    if not through.names:
+        return Passed("unexplained", trust, DOUBTED, doubts)
+    if best.has_unnamed and best.misfit >= MISFIT * MISFIT:
+        # A fitted shape that still leaves structure is a description, not a law.
+        return Passed("unexplained", trust, DOUBTED, (*doubts, Doubt.LEFT_OVER)[:2])
+    if through.shaken and kind == "explained":
+        return Passed("ambiguous", trust, DOUBTED, doubts)
+    return through
+
+
+def _left(prepared: Prepared, best: Hypothesis) -> float:
+    """Root mean square misfit beyond the noise that an answer leaves, over that of the baseline."""
+    before = max(prepared.fit.misfit - 1.0, 1e-9)
+    return float(min(1.0, math.sqrt(max(best.misfit - 1.0, 0.0) / before)))
+
+
+def _carried(forward: Forward) -> bool:
+    vertical = forward.records.ball_used[..., 1].any()
+    return forward.mode == "flight" and bool(vertical) and abs(fall_in_g(forward, 1)) < CARRIED
+
+
+def _noise_swallows(forward: Forward) -> bool:
+    """Whether the noise of a record is comparable with what it shows."""
+    records = forward.records
+    sizes: list[float] = []
+    for trial in range(records.trials):
+        used = records.pendulum_used[trial]
+        if forward.mode == "swing" and used.any():
+            spread = float(np.std(records.pendulum_angle[trial, used]))
+            sizes.append(records.sigma[trial, 3] / max(spread, 1e-12))
+        seen = records.ball_used[trial]
+        if forward.mode != "swing" and seen.any():
+            ways = [
+                (float(np.std(records.position[trial, seen[:, k], k])), records.sigma[trial, k])
+                for k in range(3)
+                if seen[:, k].any()
+            ]
+            widest, sigma = max(ways)
+            sizes.append(sigma / max(widest, 1e-12))
+    return not sizes or float(np.median(sizes)) > SWALLOWED
+
+
+def _hangs_on_one(forward: Forward, best: Hypothesis) -> bool:
+    """Whether leaving one trial out would change a strength by half of itself or more."""
+    shifts: FloatArray = trial_pulls(forward, best.fit)
+    if forward.records.trials < 3 or not shifts.size:
+        return False
+    for index, item in enumerate(best.fit.free):
+        if item.parameter.is_shape or item.parameter.expected is not None:
+            continue
+        size = abs(best.fit.value(index)[0] - item.parameter.neutral)
+        members = [m for m in best.members if best.fit.model.entries[item.entry][0] is m.effect]
+        alone = bool(members) and len(members[0].effect.strengths) == 1
+        if alone and float(np.abs(shifts[:, index]).max()) > PULLED * max(size, 1e-300):
+            return True
+    return False

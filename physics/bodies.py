@@ -1,11 +1,21 @@
-"""Pendulum, ball and support as the physics sees them, with the paper's own (Tables 2 to 4)."""
+"""Pendulum, ball and support as the physics sees them, with the paper's own (Tables 2 to 4).
+
+How long ball and pendulum stay in touch, as a law of the impact speed.
+
+Energies of the pendulum and the loss in the impact (Eqs 18 to 23, exact and as printed).
+"""
 
 import math
 from dataclasses import dataclass, field
 
 from metrology import Defaults
-from physics.contact.contact_time import ContactTimeLaw
-from physics.domain import require_angle, require_non_negative, require_positive
+from physics.domain import (
+    FloatOrArray,
+    Number,
+    require_angle,
+    require_non_negative,
+    require_positive,
+)
 from physics.restitution.restitution import CorLaw, ExponentialCor
 
 __all__ = [
@@ -16,11 +26,49 @@ __all__ = [
     "PAPER_PENDULUM",
     "PAPER_SUPPORT",
     "Ball",
+    "ContactTimeLaw",
     "Pendulum",
     "Support",
+    "lost_by_pendulum",
+    "lost_by_pendulum_approximate",
 ]
 
+
+@dataclass(frozen=True)
+class ContactTimeLaw:
+    """Δt(v) = Δt₀ (v / v₀)^(−(n − 1)/(n + 1)): a spring of force k δⁿ, by dimension analysis.
+
+    With n = 1 (a linear spring) the contact time does not depend on speed, with n = 3/2 (Hertz) it
+    falls as v^(−1/5). An inflated shell lies between.
+
+    Attributes
+    ----------
+    reference_time : float
+        Δt₀, s.
+    reference_speed : float
+        v₀, m/s.
+    exponent : float
+        n, the power of the compression in the contact force; 1 to 3.
+    """
+
+    reference_time: float
+    reference_speed: float = 2.5
+    exponent: float = 1.34
+
+    def __post_init__(self) -> None:
+        require_positive("a contact time", self.reference_time, "s")
+        require_positive("the speed of a reference contact time", self.reference_speed, "m/s")
+        require_positive("the exponent of the contact force", self.exponent)
+
+    def __call__(self, speed: FloatOrArray) -> FloatOrArray:
+        """Contact time in s at impact speed `speed` (m/s), shaped as `speed`."""
+        power = -(self.exponent - 1.0) / (self.exponent + 1.0)
+        ratio: FloatOrArray = (speed / self.reference_speed) ** power
+        return self.reference_time * ratio
+
+
 GRAVITY = Defaults.GRAVITY.known
+
 """m/s²."""
 
 
@@ -155,9 +203,11 @@ class Support:
 PAPER_PENDULUM = Pendulum(
     length=0.5541, inertia=1.579, mass=6.0, com=0.4553, effective_mass=5.1667, face_offset=0.045
 )
+
 """Table 2. The face offset is not printed; it is that of the simulated reference contacts."""
 
 PAPER_SUPPORT = Support(height=0.3120)
+
 """Table 2."""
 
 JOKKU = Ball(
@@ -170,6 +220,7 @@ JOKKU = Ball(
     cor_range=(1.1233, 3.9162),
     surface="soccer",
 )
+
 """Table 4 and Eq. 24 (a jokku ball is the ball of Korean foot volleyball)."""
 
 BASKETBALL = Ball(
@@ -182,6 +233,22 @@ BASKETBALL = Ball(
     cor_range=(1.0364, 3.8250),
     surface="basketball",
 )
+
 """Table 4 and Eq. 25."""
 
 BALLS = {JOKKU.name: JOKKU, BASKETBALL.name: BASKETBALL}
+
+
+def kinetic_energy(pendulum: Pendulum, speed: Number) -> Number:
+    """½ I (v/L)², J, for the contact point's speed v in m/s."""
+    return 0.5 * pendulum.inertia * (speed / pendulum.length) ** 2
+
+
+def lost_by_pendulum(pendulum: Pendulum, before: Number, after: Number) -> Number:
+    """½ I (ω₁² − ω₂²), J: what the pendulum gives away, to the ball and to deformation (Eq. 19)."""
+    return kinetic_energy(pendulum, before) - kinetic_energy(pendulum, after)
+
+
+def lost_by_pendulum_approximate(pendulum: Pendulum, before: Number, impulse: Number) -> Number:
+    """Eqs 20, 21 with the dimensions put right: v_M⁰ F̃, J. Too large by 1/(1 − F̃/(2 M v))."""
+    return before * impulse

@@ -1,13 +1,38 @@
-"""Checks at the door: a number that no law holds for is refused by name, never made a NaN."""
+"""Checks at the door: a number that no law holds for is refused by name, never made a NaN.
+
+The number types of the physics room: one formula serves a float and an array of trials alike.
+"""
 
 import math
+from typing import TypeAlias, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from metrology import DomainError
-from physics.arrays import FloatArray, Number
 
-__all__ = ["require_angle", "require_finite", "require_non_negative", "require_positive"]
+__all__ = [
+    "FloatArray",
+    "FloatOrArray",
+    "Number",
+    "Vector",
+    "require_angle",
+    "require_finite",
+    "require_non_negative",
+    "require_positive",
+]
+
+FloatArray: TypeAlias = NDArray[np.float64]
+
+Number: TypeAlias = float | FloatArray
+
+"""A float, or an array with one entry per trial or parameter set."""
+
+Vector: TypeAlias = tuple[Number, Number, Number]
+
+"""Components along x, y, z of the world; each a float, or arrays that broadcast together."""
+
+FloatOrArray = TypeVar("FloatOrArray", float, FloatArray)
 
 
 def _values(value: Number) -> FloatArray:

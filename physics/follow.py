@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from physics.arrays import FloatArray
+from physics.domain import FloatArray
 
 __all__ = ["Event", "Path", "follow_until"]
 

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics.arrays import FloatArray, Number
 from physics.bodies import (
     GRAVITY,
     PAPER_PENDULUM,
@@ -13,17 +12,14 @@ from physics.bodies import (
     Pendulum,
     Support,
 )
-from physics.contact.batch import contact_outcomes
+from physics.contact.contact import ContactOutcome, contact_outcomes
 from physics.contact.impact import ImpulsiveImpact, impact
-from physics.contact.outcome import ContactOutcome
-from physics.domain import require_non_negative
+from physics.domain import FloatArray, Number, require_non_negative
+from physics.effects.base import Term
 from physics.effects.flight import CoefficientCurve, Drag, DragByReynolds
-from physics.effects.term import Term
-from physics.flight.air import PAPER_AIR, Air
+from physics.flight.air import PAPER_AIR, SUBCRITICAL_DRAG, Air
 from physics.flight.closed_form import Landing, Launch, drag_constant, land
-from physics.flight.drag_curves import SUBCRITICAL_DRAG
-from physics.flight.flight import STEP, land_many
-from physics.flight.motion import FlightModel
+from physics.flight.flight import STEP, FlightModel, land_many
 
 __all__ = [
     "Experiment",

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from physics.arrays import FloatArray, Number
+from physics.domain import FloatArray, Number
 
 __all__ = ["Rates", "Trajectory", "crossing", "integrate", "runge_kutta_step"]
 

@@ -8,8 +8,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from metrology import Defaults, DomainError
-from physics.arrays import FloatArray
-from physics.domain import require_positive
+from physics.domain import FloatArray, require_positive
 from physics.forward import Experiment, impulsive_launch, numerical_landing
 from physics.restitution.restitution import CorLaw
 from physics.swing import backswing_for_speed, frictionless_speed

@@ -7,11 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from metrology import DomainError
-from physics.arrays import FloatArray, FloatOrArray, Number
 from physics.bodies import GRAVITY, Pendulum
-from physics.domain import require_angle, require_positive
-from physics.effects.base import SwingState
-from physics.effects.term import Term
+from physics.domain import FloatArray, FloatOrArray, Number, require_angle, require_positive
+from physics.effects.base import SwingState, Term
 from physics.follow import Event, Path, follow_until
 
 __all__ = [

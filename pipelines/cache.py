@@ -3,6 +3,8 @@
 A key holds everything that a result depends on: the clip's own bytes, what was said of it, the
 versions of what worked it out, and the sources themselves, so that a change of the code is never
 answered with what the code before it found.
+
+`vision cache`: what is kept of clips measured before.
 """
 
 import hashlib
@@ -10,21 +12,30 @@ import os
 import pickle
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Self
 
-__all__ = ["Cache", "clip_digest"]
+import typer
+from typer.core import TyperGroup
+
+__all__ = ["CACHE_COMMANDS", "Cache", "CacheGroup", "clip_digest"]
 
 PACKAGES = ("calib", "metrology", "physics", "pipelines", "vision")
+
 LIBRARIES = ("av", "numpy", "opencv-python-headless", "scikit-image", "scipy")
+
 LIMIT_BYTES = 1_000_000_000
+
 """About a thousand clips; the oldest entries go first."""
+
 FOLDER_VARIABLE = "IMPACT_VISION_CACHE"
+
 """Environment variable with the folder to use; "off" keeps nothing."""
+
 _SUFFIX = ".pickle"
 
 
@@ -162,3 +173,32 @@ def _code() -> str:
             line = f"{source.relative_to(root)} {seen.st_size} {seen.st_mtime_ns}\n"
             digest.update(line.encode())
     return digest.hexdigest()
+
+
+class CacheGroup(TyperGroup):
+    """The commands under `vision cache`."""
+
+
+def show_command() -> None:
+    """Say where results are kept, and how much of the disk they take.
+
+    Example: vision cache show
+    """
+    kept = Cache.of_user()
+    if kept.folder is None:
+        typer.echo(f"nothing is kept ({FOLDER_VARIABLE}=off)")
+        return
+    typer.echo(f"{kept.folder}: {kept.size() / 1e6:.1f} MB of {kept.limit_bytes / 1e6:.0f} MB")
+
+
+def clear_command() -> None:
+    """Remove what is kept; every clip is then measured afresh.
+
+    Example: vision cache clear
+    """
+    typer.echo(f"{Cache.of_user().clear() / 1e6:.1f} MB removed")
+
+
+CACHE_COMMANDS: dict[str, Callable[..., Any]] = {"show": show_command, "clear": clear_command}
+
+"""Commands under `vision cache`, by name."""

@@ -88,7 +88,7 @@ _COMMANDS = {
         "ClipOrCommand",
     ),
     "cache": _Command(
-        "pipelines.cache_command",
+        "pipelines.cache",
         "CACHE_COMMANDS",
         "What is kept of clips measured before, so that they need not be followed again.",
         "CacheGroup",

@@ -17,8 +17,8 @@ from pipelines.model.options import angle_of, choose_ball, experiment_of, setup_
 from pipelines.setup.file import Setup
 from pipelines.terminal import screen
 from sample_videos import Encoding, Physics, Scene, Shake, Shot, Truth, render_clip, strike
-from sample_videos.encode import SUFFIXES
 from sample_videos.presets import View, default_scene
+from sample_videos.render import SUFFIXES
 from sample_videos.truth import truth_path
 
 __all__ = ["RenderOptions", "parse_size", "planned_scene", "render_command"]

@@ -1,21 +1,129 @@
-"""Film a scene: into memory, or to a clip with its truth beside it."""
+"""Film a scene: into memory, or to a clip with its truth beside it.
 
-from collections.abc import Callable, Iterator
+Write frames to a clip: H.264, MJPEG, lossless FFV1, or a folder of pictures.
+"""
+
+import shutil
+from collections.abc import Callable, Iterable, Iterator
+from fractions import Fraction
 from pathlib import Path
+from tempfile import mkdtemp
 
+import av
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from sample_videos.encode import write_clip
+from metrology import UsageError, written_whole
 from sample_videos.motion import Motion
 from sample_videos.renderer.film import Film
-from sample_videos.scene import Scene
+from sample_videos.scene import Encoding, Scene
 from sample_videos.shot import Shot
 from sample_videos.truth import Truth, film_truth, write_truth
 
-__all__ = ["render_clip", "render_frames"]
+__all__ = ["SUFFIXES", "render_clip", "render_frames", "write_clip"]
 
 Picture = NDArray[np.uint8]
+
+SUFFIXES = {
+    "h264": (".mp4", ".mov", ".mkv"),
+    "mjpeg": (".avi", ".mov", ".mkv"),
+    "ffv1": (".mkv", ".avi"),
+    "png": ("",),
+}
+
+"""File names that each codec may have; a folder of pictures has none."""
+
+FORMATS = {"h264": "yuv420p", "mjpeg": "yuvj420p", "ffv1": "bgr0"}
+
+
+def write_clip(frames: Iterable[Picture], path: Path, encoding: Encoding) -> None:
+    """Write frames (H, W, 3), uint8, blue green red; whole or not at all.
+
+    Raises
+    ------
+    UsageError
+        If the name does not go with the codec, the size can't be encoded, or the place can't be
+        written to.
+    """
+    if path.suffix.lower() not in SUFFIXES[encoding.codec]:
+        wanted = ", ".join(SUFFIXES[encoding.codec]) if encoding.codec != "png" else "no suffix"
+        raise UsageError(
+            f"{path.name} does not go with the codec {encoding.codec}",
+            hint=f"Name it with {wanted}.",
+        )
+    if encoding.codec == "png":
+        _write_folder(frames, path)
+        return
+    with written_whole(path) as temporary:
+        _write_video(frames, temporary, encoding)
+
+
+def _write_video(frames: Iterable[Picture], path: Path, encoding: Encoding) -> None:
+    rate = Fraction(encoding.container_fps).limit_denominator(1001)
+    pixel = FORMATS[encoding.codec]
+    with av.open(str(path), "w") as container:
+        stream = None
+        for index, picture in enumerate(frames):
+            if stream is None:
+                stream = container.add_stream(
+                    "libx264" if encoding.codec == "h264" else encoding.codec, rate=rate
+                )
+                stream.height, stream.width = picture.shape[:2]
+                stream.pix_fmt = pixel
+                stream.thread_count = 1
+                if encoding.codec != "ffv1" and encoding.rate_factor is None:
+                    stream.bit_rate = int(encoding.bitrate)
+                if encoding.codec == "h264":
+                    if picture.shape[0] % 2 or picture.shape[1] % 2:
+                        raise UsageError(
+                            f"H.264 can't hold {picture.shape[1]} x {picture.shape[0]} px",
+                            hint="Give an even width and height.",
+                        )
+                    stream.options = {"preset": "medium", "profile": "high"}
+                    if encoding.rate_factor is not None:
+                        stream.options |= {"crf": f"{encoding.rate_factor:g}"}
+                    stream.codec_context.colorspace = 5
+                    stream.codec_context.color_range = 1
+            frame = _converted(picture, encoding.codec)
+            frame.pts = index
+            frame.time_base = 1 / rate
+            container.mux(stream.encode(frame))
+        if stream is None:
+            raise UsageError("a clip of no frames can't be written")
+        container.mux(stream.encode(None))
+
+
+def _converted(picture: Picture, codec: str) -> av.VideoFrame:
+    if codec == "h264":
+        # the scaler in FFmpeg cuts luma off where this one rounds: half a gray level on the mean
+        planes = np.asarray(cv2.cvtColor(picture, cv2.COLOR_BGR2YUV_I420), dtype=np.uint8)
+        return av.VideoFrame.from_ndarray(planes, format="yuv420p")
+    return av.VideoFrame.from_ndarray(picture, format="bgr24").reformat(format=FORMATS[codec])
+
+
+def _write_folder(frames: Iterable[Picture], path: Path) -> None:
+    if path.exists():
+        raise UsageError(
+            f"the folder {path} exists", hint="Name one that does not, or remove it first."
+        )
+    try:
+        temporary = Path(mkdtemp(prefix=f".{path.name}-", dir=path.parent))
+    except OSError as problem:
+        raise UsageError(
+            f"can't write {path}: {problem.strerror}",
+            hint="Name a folder inside one that exists and that you may write to.",
+        ) from problem
+    try:
+        count = 0
+        for count, picture in enumerate(frames, 1):
+            cv2.imwrite(str(temporary / f"{count - 1:06d}.png"), picture)
+        if count == 0:
+            raise UsageError("a clip of no frames can't be written")
+        temporary.chmod(0o755)
+        temporary.replace(path)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def render_frames(scene: Scene, shot: Shot | Motion) -> tuple[Iterator[Picture], Truth]:

@@ -11,10 +11,8 @@ from physics.bodies import GRAVITY
 from physics.contact.contact import ContactHistory, simulate_contact
 from physics.effects import Term
 from physics.effects.flight import CoefficientCurve, Magnus
-from physics.flight.air import PAPER_AIR, Air
-from physics.flight.drag_curves import SUBCRITICAL_DRAG
-from physics.flight.flight import FlightPath, fly
-from physics.flight.motion import FlightModel
+from physics.flight.air import PAPER_AIR, SUBCRITICAL_DRAG, Air
+from physics.flight.flight import FlightModel, FlightPath, fly
 from physics.forward import Experiment
 from physics.swing import SwingModel, SwingPath, swing, swing_on
 from sample_videos.motion import Curve, Piece, SampledMotion

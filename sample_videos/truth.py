@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from calib.camera.camera import Camera
 from metrology import write_text_whole
-from physics.energy import lost_by_pendulum
+from physics.bodies import lost_by_pendulum
+from sample_videos.renderer.bodies import pivot, rest_centre, swing_rotation
 from sample_videos.renderer.film import Film
-from sample_videos.renderer.rig import pivot, rest_centre, swing_rotation
 from sample_videos.scene import Scene
 from sample_videos.shot import Shot
 

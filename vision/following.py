@@ -8,15 +8,13 @@ from numpy.typing import NDArray
 
 from metrology import NotFoundError
 from vision.ball.ball import BallFits, follow_ball
-from vision.ball.choice import Choice, choose_ball, rivals
+from vision.ball.choice import Choice, choose_ball, rivals, uncovered, untangled
 from vision.ball.circles import Circles, find_circles
-from vision.ball.ghosts import uncovered
-from vision.ball.identity import untangled
 from vision.ball.linking import Path, link_circles
 from vision.ball.outline.refine import refine_ball
 from vision.ball.rest import Rest, find_rest
 from vision.clip.footage import Footage
-from vision.motion.kind import motion_of
+from vision.motion import motion_of
 from vision.pendulum.search import Striker, find_striker, pendulum_track
 from vision.scene.scene import Scene
 from vision.tracks import Followed, MotionKind, MotionModel, PendulumTrack, Track, Tracks

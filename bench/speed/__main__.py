@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sample_videos.encode import write_clip
+from sample_videos.render import write_clip
 from sample_videos.scene import Encoding
 from vision.clip.clip import Clip
 

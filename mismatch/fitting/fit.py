@@ -17,9 +17,8 @@ from mismatch.fitting.normal_equations import (
     spread_laws,
 )
 from mismatch.fitting.shooting import LinearisedArcs, arcs_of, closed, linearise_arcs, moved_arcs
-from mismatch.model.forward import Forward
-from mismatch.model.model import Model
-from physics.arrays import FloatArray
+from mismatch.model.forward import Forward, Model
+from physics.domain import FloatArray
 from physics.effects import Parameter
 
 __all__ = ["Ending", "Fit", "fit_model"]

@@ -10,7 +10,7 @@ from mismatch.fitting.hypotheses import Hypothesis
 from mismatch.fitting.normal_equations import Free, free_parameters
 from mismatch.model.forward import Forward
 from mismatch.verdict import HeldOut
-from physics.arrays import FloatArray
+from physics.domain import FloatArray
 
 __all__ = ["choose_held_out", "hold_out"]
 

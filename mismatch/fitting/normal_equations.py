@@ -9,9 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mismatch.model.forward import NUISANCES, Forward
-from mismatch.model.model import Model
-from physics.arrays import FloatArray
+from mismatch.model.forward import NUISANCES, Forward, Model
+from physics.domain import FloatArray
 from physics.effects import Effect, Parameter
 
 __all__ = [

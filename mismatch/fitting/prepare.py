@@ -8,15 +8,12 @@ from numpy.typing import NDArray
 
 from metrology import TooLittleDataError
 from mismatch.fitting.fit import Fit, fit_model
-from mismatch.fitting.local_states import seen_swings
-from mismatch.fitting.shooting import PIECE_STEPS
+from mismatch.fitting.shooting import PIECE_STEPS, seen_swings
 from mismatch.model.baseline import Baseline
-from mismatch.model.forward import Forward, Mode
-from mismatch.model.model import Model
-from mismatch.records.campaign import Campaign
+from mismatch.model.forward import Forward, Mode, Model
 from mismatch.records.noise import Noise, estimate_noise
-from mismatch.records.records import Records, lay_out
-from physics.arrays import FloatArray
+from mismatch.records.records import Campaign, Records, lay_out
+from physics.domain import FloatArray
 from physics.effects import CATALOGUE
 
 __all__ = ["Prepared", "baseline_model", "prepare"]

@@ -2,6 +2,8 @@
 
 Around a fitted model the records are linear in small strengths, and everything the fit may still
 change (trial-to-trial values, the laws' offsets, parameters already in the model) is projected out.
+
+How well fitted parameters are known where the law behind them is not quite right.
 """
 
 from collections.abc import Sequence
@@ -11,17 +13,17 @@ from functools import cached_property
 import numpy as np
 
 from mismatch.fitting.fit import Fit
-from mismatch.fitting.normal_equations import Linearised, linearise, priors, reduce
+from mismatch.fitting.normal_equations import Linearised, inverse_of, linearise, priors, reduce
 from mismatch.model.candidates import Candidate, start_values, steps_of
-from mismatch.model.forward import Forward
-from mismatch.model.model import Model
-from physics.arrays import FloatArray
+from mismatch.model.forward import Forward, Model
+from physics.domain import FloatArray
 
-__all__ = ["Scan", "price", "scan"]
+__all__ = ["Scan", "price", "robust_spread", "scan", "trial_pulls"]
 
 LANES_AT_ONCE = 48
 
 WIDTHS = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
+
 """Widths of the priors of curves that are looked at, in units of the declared one."""
 
 
@@ -175,3 +177,65 @@ def scan(forward: Forward, fit: Fit, candidates: Sequence[Candidate]) -> Scan:
     matrix[weak, :], matrix[:, weak], vector[weak] = 0.0, 0.0, 0.0
     matrix[weak, weak] = 1.0
     return Scan(tuple(candidates), tuple(columns), matrix, vector, np.array(starts))
+
+
+LEAST_TRIALS = 6
+
+"""Trials from which their scatter says something."""
+
+
+def robust_spread(forward: Forward, fit: Fit) -> FloatArray:
+    """Standard uncertainties that hold where the law is not quite right.
+
+    Each trial pulls the parameters its own way; how far the pulls scatter says how well they are
+    known, whatever left the residuals over (sandwich estimate by trial: Liang and Zeger,
+    Biometrika 73, 13 (1986)). Never below what the noise alone gives, inflated by the misfit.
+
+    Returns
+    -------
+    (n,) array
+        One per free parameter.
+    """
+    plain = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    plain = plain * np.sqrt(fit.misfit)
+    information, pulls = _pulls(forward, fit)
+    first = information.shape[0] - len(fit.free)
+    trials, freedom = pulls.shape[0], pulls.shape[1]
+    if trials < max(LEAST_TRIALS, freedom + 2) or not np.isfinite(information).all():
+        return np.asarray(plain)
+    inverse = inverse_of(information)
+    pulls = pulls - pulls.mean(axis=0)
+    spread = inverse @ (pulls.T @ pulls) @ inverse * trials / (trials - freedom)
+    return np.asarray(np.maximum(plain, np.sqrt(np.maximum(np.diag(spread)[first:], 0.0))))
+
+
+def trial_pulls(forward: Forward, fit: Fit) -> FloatArray:
+    """How far leaving each trial out would move each free parameter, to first order.
+
+    Returns
+    -------
+    (trials that take part, n) array
+    """
+    information, pulls = _pulls(forward, fit)
+    if not (np.isfinite(information).all() and np.isfinite(pulls).all()):
+        return np.zeros((0, len(fit.free)))
+    moved: FloatArray = pulls @ inverse_of(information)
+    return moved[:, information.shape[0] - len(fit.free) :]
+
+
+def _pulls(forward: Forward, fit: Fit) -> tuple[FloatArray, FloatArray]:
+    """Information on the shared parameters (n, n), and each trial's pull on them (trials, n)."""
+    system = linearise(forward, fit.model, fit.nuisance, fit.law_offsets, fit.free)
+    first = system.shared.shape[-1] - len(fit.free)
+    # Shapes keep the hold they were fitted with; a place that no row tells apart has no slope.
+    prior = system.shared_prior.copy()
+    prior[first:] += [1.0 / f.parameter.scale**2 if f.parameter.is_shape else 0.0 for f in fit.free]
+    cross = np.swapaxes(system.own, 1, 2) @ system.shared
+    inner = np.swapaxes(system.own, 1, 2) @ system.own + np.diag(system.prior)
+    tiny = 1e-12 * np.einsum("tqq->tq", inner) + 1e-12
+    inner = inner + tiny[:, :, None] * np.eye(inner.shape[1])
+    left = system.shared - system.own @ np.linalg.solve(inner, cross)
+    information = np.einsum("tmn,tmk->nk", system.shared, left) + np.diag(prior)
+    pulls = np.einsum("tmn,tm->tn", left, system.residual)
+    pulls = pulls[np.abs(system.residual).sum(axis=1) > 0.0]
+    return information, pulls

@@ -7,8 +7,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from metrology import Defaults, SetupError
-from physics.arrays import FloatArray
 from physics.bodies import GRAVITY, Pendulum
+from physics.domain import FloatArray
 
 __all__ = ["BallModel", "Baseline", "ContactTable", "Scatter"]
 

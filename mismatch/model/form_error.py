@@ -13,7 +13,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from mismatch.model.forward import Forward
-from physics.arrays import FloatArray, Number, Vector
+from physics.domain import FloatArray, Number, Vector
 from physics.effects import (
     Contact,
     Coordinate,

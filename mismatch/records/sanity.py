@@ -1,47 +1,71 @@
-"""Data that no physics explains: wrong units, swapped columns, another experiment."""
+"""Data that no physics explains: wrong units, swapped columns, another experiment.
+
+Trials that say nothing of their own, or whose clock can't be believed.
+
+Frames lost at an instant of its own in each trial.
+
+A jump of the clock shows as the velocity from one instant on. One derivative, cut off at every
+instant in turn, therefore scores all instants of a trial at once.
+"""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from enum import Enum
 
 import numpy as np
+from scipy.stats import rankdata
 
 from metrology import UsageError
-from mismatch.fitting.local_states import SwingSeen, seen_in_halves, seen_swings
-from mismatch.fitting.normal_equations import spread_laws
+from mismatch.fitting.fit import Fit
+from mismatch.fitting.hypotheses import MISFIT
+from mismatch.fitting.normal_equations import inverse_of, linearise, spread_laws
 from mismatch.fitting.prepare import Prepared, prepare
+from mismatch.fitting.shooting import SwingSeen, seen_in_halves, seen_swings
 from mismatch.model.forward import OUTSIDE, Forward
-from mismatch.records.campaign import Campaign
-from physics.arrays import FloatArray
+from mismatch.records.records import Campaign, Trial
+from physics.domain import FloatArray, Number
+from physics.effects import CATALOGUE, Values
+from physics.effects.measurement import DroppedFrames
 
-__all__ = ["fall_in_g", "refuse_nonsense"]
+__all__ = ["dropped_in_each", "fall_in_g", "refuse_nonsense", "without_odd_trials"]
 
 FAR_OFF = 30.0
+
 """Factor between recorded and expected size beyond which only a unit can be wrong."""
 
 RUNAWAY = 1e4
+
 """As `FAR_OFF`, but beyond any unit: the refitted baseline has run off."""
 
 ASIDE = 0.3
+
 """Share of g by which a fall may miss, or a motion across it be bent, and still be one."""
 
 PACE = 2.0
+
 """Ratio of periods beyond which a setup describes another pendulum."""
 
 MIXED = 1.15
+
 """Ratio of periods within one campaign beyond which its trials are of several pendulums: the zero
 of a protractor and a grip that slips change a period by a few per cent."""
 
 KEPT = 0.004
+
 """Scatter of small-swing rates, relative, that one pendulum can't have."""
 
 KEEPS_TIME = 0.25
+
 """Share of that scatter from which it comes of the correction for amplitude alone."""
 
 WIDER = 1.5
+
 """Recorded angle over the back-swing from which they are in different units."""
 
 SUSPICIOUS = 0.05
+
 SWAP_GAIN = 0.1
+
 ANOTHER_EXPERIMENT = 0.35
 
 
@@ -227,3 +251,276 @@ def fall_in_g(forward: Forward, axis: int) -> float:
         if time.size >= 6:
             found.append(-2.0 * float(np.polyfit(time - time.mean(), place, 2)[0]))
     return float(np.median(found)) / forward.baseline.gravity if found else 0.0
+
+
+HOLE = 6.0
+
+"""Median steps from which a pause of the clock may be a jump."""
+
+BESIDE = 8
+
+"""Rows on each side that tell how fast the ball is there."""
+
+JUMPED = 0.5
+
+"""Share of a pause that the ball's way must leave over before the clock has jumped."""
+
+ROUGH = 1.2
+
+"""Rank von Neumann ratio from which samples do not follow one another: of noise it is 2 ± 2/√n, of
+a motion that is sampled ten times in its course a few hundredths."""
+
+ENOUGH = 8
+
+"""Samples that can tell whether they follow one another."""
+
+LONGEST, SHORTEST = 1e5, 1e-5
+
+"""s that a record may last: a day, and the contact of the hardest bodies."""
+
+FARTHEST = 1e6
+
+"""m or rad: beyond the sky, and a wheel no pendulum."""
+
+LEAST_WAY = 1e-9
+
+"""m or rad: no instrument sees less."""
+
+CLOCK = 1e-2
+
+"""Share of a step that the rounding of a clock may be."""
+
+SEEN = 0.05
+
+"""m that the ball must get on in a pause for its way to say anything."""
+
+
+def without_odd_trials(campaign: Campaign) -> Campaign:
+    """The campaign without trials that say nothing of their own, or nothing at all.
+
+    Those are copies of others, trials whose clock jumps ahead or can't be one, in which nothing
+    moves, and whose samples do not follow one another: noise alone, or rows in no order.
+
+    Raises
+    ------
+    UsageError
+        If no trial is left.
+    """
+    kept: list[Trial] = []
+    odd: dict[_Odd, list[str]] = {}
+    for trial in campaign.trials:
+        why = _oddity(trial, kept)
+        if why is None:
+            kept.append(trial)
+        else:
+            odd.setdefault(why, []).append(trial.name)
+    if not kept:
+        worst = max((why for why in odd if why is not _Odd.COPY), key=lambda why: len(odd[why]))
+        raise UsageError(
+            worst.value.format(f"every trial ({', '.join(odd[worst][:4])})"), hint=_HINTS[worst]
+        )
+    notes = [*campaign.notes]
+    for why, names in odd.items():
+        listed = f"{', '.join(names[:6])}{', …' if len(names) > 6 else ''}"
+        notes.append(f"{why.value.format(f'trial {listed}')}; left out")
+    return replace(campaign, trials=tuple(kept), notes=tuple(notes)) if odd else campaign
+
+
+class _Odd(Enum):
+    """What is odd about trials, as a note says it of them."""
+
+    COPY = "what {} recorded repeats other trials number by number, which is no further evidence"
+    JUMP = "the clock jumps ahead in {}, while the ball does not"
+    CLOCK = "the times in {} are none of a motion that anyone could film"
+    FAR = "positions or angles in {} are beyond all bounds"
+    STILL = "nothing moves in {}"
+    ROUGH = "the samples of {} do not follow one another"
+
+
+_HINTS = {
+    _Odd.JUMP: "While t_s goes on, the ball does not; are the times those of the frames?",
+    _Odd.CLOCK: "t_s is in seconds, and needs decimals enough to tell one sample from the next.",
+    _Odd.FAR: "Positions are in metres and angles in radians.",
+    _Odd.STILL: "Each trial needs a moving ball or a swinging pendulum.",
+    _Odd.ROUGH: "Are the rows in order, and is it one trial under each name? Or is it noise alone?",
+}
+
+
+def _oddity(trial: Trial, others: list[Trial]) -> _Odd | None:
+    if not _believable_clock(trial.ball_time) or not _believable_clock(trial.pendulum_time):
+        return _Odd.CLOCK
+    series = _series(trial)
+    if any(float(np.abs(values).max()) > FARTHEST for values in series):
+        return _Odd.FAR
+    if series and all(float(np.ptp(values)) < LEAST_WAY for values in series):
+        return _Odd.STILL
+    rough = [_roughness(values) for values in series if values.size >= ENOUGH]
+    if rough and min(rough) > ROUGH:
+        return _Odd.ROUGH
+    if _clock_jumps(trial.ball_time, trial.position):
+        return _Odd.JUMP
+    return _Odd.COPY if any(_same(trial, other) for other in others) else None
+
+
+def _series(trial: Trial) -> list[FloatArray]:
+    """What was recorded, channel by channel."""
+    channels = [*trial.position.T, trial.pendulum_angle]
+    finite = [np.asarray(values[np.isfinite(values)]) for values in channels]
+    return [values for values in finite if values.size]
+
+
+def _roughness(values: FloatArray) -> float:
+    """Rank von Neumann ratio (Bartels, J. Am. Stat. Assoc. 77, 40 (1982)): 2 for noise."""
+    ranks = rankdata(values)
+    spread = float(np.square(ranks - ranks.mean()).sum())
+    return float(np.square(np.diff(ranks)).sum()) / spread if spread > 0.0 else 2.0
+
+
+def _believable_clock(time: FloatArray) -> bool:
+    if time.size < 2:
+        return True
+    span = float(time[-1] - time[0])
+    if not SHORTEST < span < LONGEST:
+        return False
+    rounding = float(np.spacing(np.abs(time).max()))
+    return rounding < CLOCK * float(np.median(np.diff(time)))
+
+
+def _same(one: Trial, other: Trial) -> bool:
+    return np.array_equal(one.position, other.position, equal_nan=True) and np.array_equal(
+        one.pendulum_angle, other.pendulum_angle, equal_nan=True
+    )
+
+
+def _clock_jumps(time: FloatArray, position: FloatArray) -> bool:
+    """Whether the ball gets on far less in a pause of the clock than its speed on both sides says.
+
+    Under a constant force the way is the mean of both velocities times the time.
+    """
+    found = np.asarray(np.isfinite(position).any(axis=0))
+    rows = np.isfinite(position[:, found]).all(axis=1)
+    if not found.any():
+        return False
+    time, place = time[rows], position[rows][:, found]
+    if time.size < 2 * BESIDE:
+        return False
+    steps = np.diff(time)
+    for at in np.flatnonzero(steps > HOLE * np.median(steps)) + 1:
+        if at < BESIDE or time.size - at < BESIDE:
+            continue
+        before, after = slice(at - BESIDE, at), slice(at, at + BESIDE)
+        first, v1 = _line(time[before], place[before], time[at - 1])
+        last, v2 = _line(time[after], place[after], time[at])
+        if np.linalg.norm(v1) < 0.2 * np.linalg.norm(v2):
+            continue  # struck in between
+        pause = float(steps[at - 1])
+        way = 0.5 * (v1 + v2) * pause
+        length = float(np.linalg.norm(way))
+        if length > SEEN and float((last - first) @ way) < (1.0 - JUMPED) * length**2:
+            return True
+    return False
+
+
+def _line(time: FloatArray, place: FloatArray, at: float) -> tuple[FloatArray, FloatArray]:
+    """Place at a time and velocity, by a straight line through a few rows."""
+    slope, level = np.polyfit(time - at, place, 1)
+    return level, slope
+
+
+INSTANTS = 160
+
+LEAST_STEP = 1e-5
+
+"""s of gap for the derivative."""
+
+
+@dataclass(frozen=True)
+class DroppedInEach(DroppedFrames):
+    """The same number of frames lost in every trial, each time at another instant.
+
+    Attributes
+    ----------
+    instants : tuple of float
+        s after contact onset, by trial.
+    looks : float
+        What finding them costs (chi-square units).
+    """
+
+    form: str = "at an instant of its own in each trial"
+    instants: tuple[float, ...] = ()
+    looks: float = 0.0
+
+    def clock(self, values: Values, time: Number) -> Number:
+        """Jump once in each trial."""
+        after = np.asarray(time, dtype=np.float64) - np.array(self.instants)[:, None]
+        return np.asarray(time + values["gap"] * np.heaviside(after, 0.0))
+
+
+def _since(forward: Forward, fit: Fit) -> FloatArray:
+    """(T, 3S + P) time of every entry after contact onset (or the first sample)."""
+    records = forward.records
+    if forward.mode == "impact":
+        clock = fit.nuisance[:, :1]
+        ball, swing = records.ball_time - clock, records.pendulum_time - clock
+    else:
+        ball = records.ball_time - records.ball_time[:, :1]
+        swing = records.pendulum_time - records.pendulum_time[:, :1]
+    return np.concatenate([np.tile(ball, 3), swing], axis=1)
+
+
+def dropped_in_each(forward: Forward, fit: Fit) -> DroppedInEach | None:
+    """The law with each trial's likeliest instant for one common gap.
+
+    None for swings alone, and where such gaps leave more than noise.
+    """
+    if forward.mode == "swing" or forward.records.trials < 2:
+        return None
+    common = CATALOGUE["dropped_frames"][0]
+    lost = fit.model.having(common, {"gap": LEAST_STEP, "instant": -1e3})
+    whole = fit.model.having(common, {"gap": 0.0, "instant": -1e3})
+    system = linearise(
+        forward, whole.order(), fit.nuisance, fit.law_offsets, (), [lost.order()], [LEAST_STEP]
+    )
+    slope = system.shared[..., -1]
+    since = _since(forward, fit)
+    used = forward.records.used
+    scores, sizes, grids = [], [], []
+    for trial in range(forward.records.trials):
+        times = since[trial][used[trial]]
+        low, high = (times.min(), times.max()) if times.size else (0.0, 1.0)
+        grid = np.linspace(low, high, INSTANTS + 2)[1:-1]
+        column = slope[trial][:, None] * (since[trial][:, None] > grid)
+        own = system.own[trial]
+        inner = own.T @ own + np.diag(system.prior)
+        inner = inner + 1e-12 * np.diag(np.diag(inner))
+        # A coordinate that no row of this trial shows makes the system singular.
+        left = column - own @ (inverse_of(inner) @ (own.T @ column))
+        scores.append(left.T @ system.residual[trial])
+        sizes.append(np.einsum("mg,mg->g", left, column))
+        grids.append(grid)
+    score, size, grid = np.array(scores), np.array(sizes), np.array(grids)
+    frame = float(np.median(np.diff(forward.records.ball_time, axis=1)))
+    # Frames get lost; a record that gains some would be told otherwise.
+    gaps = np.geomspace(0.05, 40.0, 40) * frame
+    # What is left over for other reasons makes steps, too: differences count in units of it.
+    gains = 2.0 * gaps[:, None, None] * score - np.square(gaps)[:, None, None] * size
+    gains = gains / fit.misfit
+    # Averaged over the instants, as likely all of them, a trial's evidence pays for its own search.
+    largest = gains.max(axis=2)
+    mean = np.exp(0.5 * (gains - largest[..., None])).mean(axis=2)
+    evidence = (largest + 2.0 * np.log(mean)).sum(axis=1)
+    best = int(np.argmax(evidence))
+    which = np.argmax(gains[best], axis=1)[:, None]
+    instants = np.take_along_axis(grid, which, axis=1)[:, 0]
+    # At the chosen instants a fit finds a larger gap, and gains more than it may keep.
+    fitted = np.square(np.take_along_axis(score, which, axis=1).sum())
+    fitted /= max(float(np.take_along_axis(size, which, axis=1).sum()), 1e-30)
+    if fit.chi2 - fitted > MISFIT * fit.expected:
+        # A step at will in each trial takes a part of any misfit; it is believed if it takes all.
+        return None
+    gap = replace(common.parameters[0], lower=0.0)
+    return DroppedInEach(
+        parameters=(gap,),
+        instants=tuple(float(t) for t in instants),
+        looks=float(max(fitted - fit.misfit * evidence[best], 0.0)),
+    )

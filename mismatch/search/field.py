@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mismatch.model.forward import Forward
-from physics.arrays import FloatArray, Vector
+from physics.domain import FloatArray, Vector
 from physics.effects import Coordinate, Effect, FlightState, Parameter, Phase, Size, Values
 
 __all__ = ["Field", "smooth_fields"]

@@ -12,7 +12,7 @@ from mismatch.fitting.fit import Fit
 from mismatch.fitting.scan import scan
 from mismatch.model.candidates import Candidate
 from mismatch.model.forward import Forward
-from physics.arrays import FloatArray, Number, Vector
+from physics.domain import FloatArray, Number, Vector
 from physics.effects import Effect, FlightState, Parameter, Phase, SwingState, Values
 
 __all__ = ["LatentForce", "missing_force"]

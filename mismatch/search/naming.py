@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from mismatch.fitting.fit import Fit
-from mismatch.fitting.form_evidence import scan_beyond_forms
 from mismatch.fitting.hypotheses import (
     MISFIT,
     Hypothesis,
@@ -15,15 +14,15 @@ from mismatch.fitting.hypotheses import (
     is_known,
     least_worth,
     null_threshold,
+    scan_beyond_forms,
     second_effect_share,
     told_apart,
 )
-from mismatch.fitting.scan import Scan, scan
-from mismatch.fitting.spread import robust_spread
+from mismatch.fitting.scan import Scan, robust_spread, scan
 from mismatch.model.candidates import Candidate, candidates_for
 from mismatch.model.forward import Forward
-from mismatch.records.clock_jumps import dropped_in_each
-from physics.arrays import FloatArray
+from mismatch.records.sanity import dropped_in_each
+from physics.domain import FloatArray
 from physics.effects import Effect
 
 __all__ = ["Naming", "name_effects"]

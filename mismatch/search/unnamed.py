@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from physics.arrays import FloatArray, Number, Vector
+from physics.domain import FloatArray, Number, Vector
 from physics.effects import (
     Contact,
     Coordinate,

@@ -13,7 +13,7 @@ from scipy.special import log_ndtr, logsumexp
 
 from mismatch.model.baseline import Scatter
 from mismatch.table.table import TrialTable
-from physics.arrays import FloatArray
+from physics.domain import FloatArray
 
 __all__ = [
     "NOISE_SIZES",

@@ -1,4 +1,7 @@
-"""Which sets of effects a trial table calls for: every set by evidence and prior."""
+"""Which sets of effects a trial table calls for: every set by evidence and prior.
+
+How well an answer foretells trials of a table that it has not seen.
+"""
 
 import itertools
 import math
@@ -6,11 +9,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from mismatch.model.candidates import Candidate, start_values
-from mismatch.model.model import Model
-from mismatch.table.candidates import Strength, strengths_of
+from mismatch.model.forward import Model
 from mismatch.table.evidence import (
     Gram,
     Posterior,
@@ -20,18 +23,24 @@ from mismatch.table.evidence import (
     integrated,
     posterior_of,
 )
-from mismatch.table.model import NUISANCES, TableForward
-from physics.arrays import FloatArray
+from mismatch.table.table import LEAST_TRIALS, NUISANCES, Strength, TableForward, strengths_of
+from mismatch.verdict import HeldOut
+from physics.domain import FloatArray
 
-__all__ = ["Answer", "Search", "refined", "search"]
+__all__ = ["Answer", "Search", "search", "table_held_out"]
 
 SIZE_PRIOR = (0.5, 0.4, 0.09, 0.01)
+
 """Prior probability that nothing, one, two, three things are missing, shared by sets of a size."""
 
 SEED_PAIRS = 30
+
 MOST_REFINED = 24
+
 WORTH_REFINING = 9.0
+
 STEPS = np.array([1e-3, 1e-4, 1e-4, 1e-4])
+
 ROUNDS = 4
 
 
@@ -318,3 +327,81 @@ def search(
     }
     chances = np.exp(np.array([answer.log_weight for answer in answers]) - total)
     return Search(tuple(answers), chances, inclusion, pool.laws)
+
+
+RESAMPLED = 2000
+
+
+def _foretold(
+    forward: TableForward, laws: int, answer: Answer, kept_out: NDArray[np.bool_]
+) -> FloatArray:
+    """Errors (T, 3) of an answer that was trained without the marked trials."""
+    scatter = forward.forward.baseline.scatter
+    width = np.tile([scatter.cor_law, scatter.launch_angle_law], laws // 2)
+    strengths = [s for c in answer.members for s in strengths_of(c, answer.model)]
+    width = np.concatenate([width, [s.width for s in strengths]])
+    sign = np.concatenate([np.zeros(laws), [float(s.sign) for s in strengths]])
+    problem = answer.problem
+    seen = np.where(kept_out[:, None], np.nan, problem.residual)
+    gram = gram_of(Problem(seen, problem.columns, problem.jacobian), forward.table, scatter)
+    posterior = posterior_of(gram, np.arange(width.size, dtype=np.int64), width, sign)
+    return np.asarray(problem.residual - problem.columns @ posterior.mean)
+
+
+def _errors(
+    forward: TableForward, laws: int, answer: Answer, kept_out: NDArray[np.bool_] | None
+) -> FloatArray:
+    if kept_out is not None:
+        return _foretold(forward, laws, answer, kept_out)[kept_out]
+    count = forward.table.trials
+    return np.concatenate(
+        [_foretold(forward, laws, answer, np.arange(count) == k)[k : k + 1] for k in range(count)]
+    )
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.nanmean(np.square(values))))
+
+
+def table_held_out(
+    forward: TableForward,
+    laws: int,
+    null: Answer,
+    best: Answer,
+    kept_out: NDArray[np.bool_] | None = None,
+) -> HeldOut | None:
+    """Errors on unseen trials before and after.
+
+    Parameters
+    ----------
+    laws : int
+        How many shared parameters are trial-to-trial values of the balls.
+    kept_out : (T,) bool array, optional
+        Trials to keep out together; by default each is kept out in turn.
+
+    Returns
+    -------
+    HeldOut or None
+        None where too few trials would be left.
+    """
+    table = forward.table
+    channel = 2 if table.present[2] else 1
+    before = _errors(forward, laws, null, kept_out)[:, channel]
+    after = _errors(forward, laws, best, kept_out)[:, channel]
+    told = np.isfinite(before) & np.isfinite(after)
+    if int(told.sum()) < 2 or table.trials - 1 < LEAST_TRIALS - 1:
+        return None
+    before, after = before[told], after[told]
+    picks = np.random.default_rng(3).integers(0, before.size, (RESAMPLED, before.size))
+    ratio = np.sqrt(
+        np.square(before)[picks].mean(axis=1)
+        / np.maximum(np.square(after)[picks].mean(axis=1), 1e-24)
+    )
+    low, high = np.quantile(ratio, (0.025, 0.975))
+    names = table.names
+    if kept_out is not None:
+        names = tuple(n for n, out in zip(table.names, kept_out, strict=True) if out)
+    return HeldOut(
+        names, _rms(before), _rms(after), (float(low), float(high)),
+        "m" if channel == 2 else "m_s",
+    )  # fmt: skip

@@ -11,11 +11,11 @@ from physics.effects.base import (
     Phase,
     Size,
     SwingState,
+    Term,
     Values,
     View,
 )
 from physics.effects.catalogue import CATALOGUE, MEASUREMENT_IDS, effect_named
-from physics.effects.term import Term
 
 __all__ = [
     "CATALOGUE",

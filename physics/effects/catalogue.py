@@ -5,7 +5,7 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from metrology import UsageError
-from physics.effects.base import Effect
+from physics.effects.base import Effect, Form
 from physics.effects.flight import (
     AsymmetricWake,
     Buoyancy,
@@ -16,7 +16,6 @@ from physics.effects.flight import (
     SpinDecay,
     Wind,
 )
-from physics.effects.form import Form
 from physics.effects.impact import (
     MASS_ERROR,
     ContactDisplacement,

@@ -6,9 +6,8 @@ from typing import Protocol
 import numpy as np
 
 from metrology.measurands import DRAG_COEFFICIENT
-from physics.arrays import Number, Vector
-from physics.effects.base import Coordinate, Effect, FlightState, Parameter, Phase, Values
-from physics.effects.form import Form
+from physics.domain import Number, Vector
+from physics.effects.base import Coordinate, Effect, FlightState, Form, Parameter, Phase, Values
 
 __all__ = [
     "AsymmetricWake",

@@ -9,17 +9,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from physics.arrays import Number, Vector
+from physics.domain import Number, Vector
 from physics.effects.base import (
     Contact,
     Effect,
     FlightState,
+    Form,
     Outcome,
     Parameter,
     Phase,
     Values,
 )
-from physics.effects.form import Form
 
 __all__ = [
     "MASS_ERROR",

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics.arrays import FloatArray, Number, Vector
-from physics.effects.base import Coordinate, Effect, Extent, Parameter, Phase, Values, View
-from physics.effects.form import Form
+from physics.domain import FloatArray, Number, Vector
+from physics.effects.base import Coordinate, Effect, Extent, Form, Parameter, Phase, Values, View
 
 __all__ = [
     "OTHER_ROWS",

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from physics.arrays import Number
+from physics.domain import Number
 from physics.effects.base import Coordinate, Effect, Parameter, Phase, Size, SwingState, Values
 
 __all__ = ["BackswingOffset", "BearingFriction", "PendulumDrag", "ViscousDamping"]

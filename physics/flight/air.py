@@ -1,27 +1,52 @@
-"""Air: density of moist air after CIPM-2007, viscosity after Sutherland and Wilke."""
+"""Air: density of moist air after CIPM-2007, viscosity after Sutherland and Wilke.
+
+Drag and lift coefficients of spheres and balls, as smooth curves with source and range.
+"""
 
 import math
 from dataclasses import dataclass
-from typing import Self
+from functools import cache
+from typing import Any, Self
+
+import numpy as np
 
 from metrology import Defaults, DomainError
-from physics.domain import require_non_negative, require_positive
+from physics.domain import FloatArray, Number, require_non_negative, require_positive
 
-__all__ = ["PAPER_AIR", "Air", "moist_air_density", "moist_air_viscosity", "vapour_fraction"]
+__all__ = [
+    "BASKETBALL_DRAG",
+    "DRAG_CURVES",
+    "PAPER_AIR",
+    "SMOOTH_SPHERE_DRAG",
+    "SOCCER_DRAG",
+    "SOCCER_LIFT",
+    "SUBCRITICAL_DRAG",
+    "Air",
+    "DragCurve",
+    "drag_curve",
+    "moist_air_density",
+    "moist_air_viscosity",
+    "standard_drag",
+]
 
 GAS_CONSTANT = 8.314472
+
 """J/(mol K), the value CIPM-2007 was evaluated with."""
 
 MOLAR_MASS_DRY = 28.96546e-3
+
 """kg/mol, dry air with 400 µmol/mol of CO₂ (CIPM-2007, Eq. 4)."""
 
 MOLAR_MASS_WATER = 18.01528e-3
+
 """kg/mol (CIPM-2007, section 2)."""
 
 CIPM_TEMPERATURE = (288.15, 300.15)
+
 """K, 15 to 27 °C: where CIPM-2007 is established (section 1)."""
 
 CIPM_PRESSURE = (600e2, 1100e2)
+
 """Pa, 600 to 1100 hPa: likewise."""
 
 
@@ -217,4 +242,210 @@ def _sutherland(temperature: float, reference: float, at: float, constant: float
 
 
 PAPER_AIR = Air(Defaults.AIR_DENSITY.known, Defaults.AIR_VISCOSITY.known)
+
 """Table 3 of the paper, 26 °C. The printed density is that of dry air at 1013 hPa."""
+
+SUBCRITICAL_DRAG = Defaults.DRAG_COEFFICIENT.known
+
+"""C_D of a sphere between Re = 1e3 and 1e5."""
+
+
+def standard_drag(reynolds: Number) -> Number:
+    """Drag of a smooth sphere below the drag crisis.
+
+    C_D = 24/Re (1 + 0.15 Re^0.687) + 0.42 / (1 + 42500 Re^−1.16), Clift and Gauvin (1971); within
+    6 % of the measurements up to Re = 3e5.
+    """
+    re = np.maximum(reynolds, 1e-9)
+    stokes: Number = 24.0 / re * (1.0 + 0.15 * re**0.687)
+    newton: Number = 0.42 / (1.0 + 42500.0 * re**-1.16)
+    return stokes + newton
+
+
+@dataclass(frozen=True)
+class DragCurve:
+    """C_D(Re): a subcritical level that gives way to a supercritical one at the drag crisis.
+
+    C_D = high + (low − high) / (1 + exp((Re − centre) / width)), with `low` the curve of
+    `standard_drag` where it is None, and the supercritical level rising by `rise` per decade of Re.
+
+    Attributes
+    ----------
+    name : str
+    low : float or None
+        Level below the crisis.
+    high, rise : float
+        Level above the crisis (at 1.2 times the centre) and its rise per decade.
+    centre, width : float
+        Reynolds number of the crisis and the width of the fall.
+    valid : (2,) tuple of float
+        Reynolds numbers between which the source has data.
+    source : str
+        Where the numbers are from.
+    confirmed : bool
+        Whether the numbers were found in the source or in two independent accounts of it.
+    """
+
+    name: str
+    low: float | None
+    high: float
+    centre: float
+    width: float
+    valid: tuple[float, float]
+    source: str
+    confirmed: bool
+    rise: float = 0.0
+
+    def __call__(self, reynolds: Number) -> Number:
+        """C_D at `reynolds`, float or array."""
+        below = standard_drag(reynolds) if self.low is None else self.low
+        share = 0.5 - 0.5 * np.tanh((reynolds - self.centre) / (2.0 * self.width))
+        above: Number = self.high
+        if self.rise:
+            decades = np.log10(np.maximum(reynolds, 1.2 * self.centre) / (1.2 * self.centre))
+            above = self.high + self.rise * decades
+        return above + (below - above) * share
+
+    def covers(self, lowest: float, highest: float) -> bool:
+        """Whether the range of Reynolds numbers lies inside `valid`."""
+        return self.valid[0] <= lowest and highest <= self.valid[1]
+
+    def notes(self, lowest: float, highest: float) -> tuple[str, ...]:
+        """What a user should know about using the curve between two Reynolds numbers."""
+        notes = []
+        if not self.covers(lowest, highest):
+            notes.append(
+                f"the drag curve {self.name!r} is used at Re {lowest:.2g} to {highest:.2g};"
+                f" its source covers {self.valid[0]:.2g} to {self.valid[1]:.2g}"
+            )
+        if not self.confirmed:
+            notes.append(f"the drag curve {self.name!r} could not be confirmed in a primary source")
+        return tuple(notes)
+
+
+SMOOTH_SPHERE_DRAG = DragCurve(
+    name="smooth",
+    low=None,
+    high=0.08,
+    rise=0.10,
+    centre=3.4e5,
+    width=1.6e4,
+    valid=(1.0, 4e6),
+    source=(
+        "Subcritical: Clift and Gauvin (1971). Crisis: Achenbach, J. Fluid Mech. 54, 565 (1972):"
+        " 0.51 at Re 2e5, 0.39 at 3.3e5, 0.09 at 3.75e5, 0.07 at 4e5, 0.10 at 8e5, 0.18 at 4e6"
+    ),
+    confirmed=True,
+)
+
+"""Smooth sphere."""
+
+SOCCER_DRAG = DragCurve(
+    name="soccer",
+    low=0.501,
+    high=0.155,
+    centre=12.19 * 0.2185 / 1.5e-5,
+    width=1.309 * 0.2185 / 1.5e-5,
+    valid=(7e4, 5e5),
+    source=(
+        "Goff and Carré, Eur. J. Phys. 31, 775 (2010), eq. 3: C_D = 0.155 + 0.346 / (1 + exp((v −"
+        " 12.19 m/s) / 1.309 m/s)), a fit to wind-tunnel data of Asai et al. (2007); turned to"
+        " Reynolds numbers with their A = 0.0375 m² and ν = 1.5e-5 m²/s"
+    ),
+    confirmed=True,
+)
+
+"""Soccer ball with panels; the smaller jokku ball is taken to be like it."""
+
+BASKETBALL_DRAG = DragCurve(
+    name="basketball",
+    low=0.50,
+    high=0.25,
+    centre=1.4e5,
+    width=1.0e4,
+    valid=(3e4, 1.2e5),
+    source=(
+        "Level below the crisis: 0.5, as used since Brancazio, Am. J. Phys. 49, 356 (1981). Crisis:"
+        " placed where spheres of roughness k/d about 2e-3 have it (Achenbach, J. Fluid Mech. 65,"
+        " 113, 1974); no wind-tunnel curve of a basketball could be found to confirm it"
+    ),
+    confirmed=False,
+)
+
+"""Pebbled basketball. The paper's flights end below Re = 1.1e5, where only the level matters."""
+
+DRAG_CURVES = {curve.name: curve for curve in (SMOOTH_SPHERE_DRAG, SOCCER_DRAG, BASKETBALL_DRAG)}
+
+
+def drag_curve(surface: str) -> DragCurve:
+    """Drag curve of a surface by name.
+
+    Raises
+    ------
+    DomainError
+        If there is none of that name.
+    """
+    try:
+        return DRAG_CURVES[surface]
+    except KeyError:
+        raise DomainError(
+            f"there is no drag curve {surface!r}", hint=f"There are: {', '.join(DRAG_CURVES)}."
+        ) from None
+
+
+@cache
+def _through(places: tuple[float, ...], values: tuple[float, ...]) -> Any:
+    # a second to import, which what needs no such curve shall not wait for
+    from scipy.interpolate import PchipInterpolator
+
+    return PchipInterpolator(places, values)
+
+
+@dataclass(frozen=True)
+class LiftTable:
+    """C_L(Sp) of a spinning ball, monotone cubic between tabulated points and level beyond them.
+
+    Attributes
+    ----------
+    name : str
+    spin_parameter, lift : tuple of float
+        Sp = ω R / v and C_L.
+    valid_reynolds : (2,) tuple of float
+        Reynolds numbers of the data; C_L hardly depends on Re within them.
+    source : str
+    confirmed : bool
+        As in `DragCurve`.
+    """
+
+    name: str
+    spin_parameter: tuple[float, ...]
+    lift: tuple[float, ...]
+    valid_reynolds: tuple[float, float]
+    source: str
+    confirmed: bool
+
+    def __call__(self, spin_parameter: Number, reynolds: Number) -> Number:
+        """C_L at `spin_parameter`; `reynolds` is accepted for laws that depend on it."""
+        top = self.spin_parameter[-1]
+        sp: FloatArray = np.minimum(np.asarray(spin_parameter, dtype=np.float64), top)
+        value = _through(self.spin_parameter, self.lift)(sp)
+        return float(value) if np.ndim(value) == 0 else np.asarray(value)
+
+    def covers(self, spin_parameter: float) -> bool:
+        """Whether the table has data at this spin parameter."""
+        return 0.0 <= spin_parameter <= self.spin_parameter[-1] and math.isfinite(spin_parameter)
+
+
+SOCCER_LIFT = LiftTable(
+    name="soccer",
+    spin_parameter=(0.0, 0.04, 0.10, 0.20, 0.40),
+    lift=(0.0, 0.10, 0.16, 0.23, 0.33),
+    valid_reynolds=(1.5e5, 5e5),
+    source=(
+        "Table distributed with PyFME's soccer ball; of the size that Asai et al., Sports Eng. 10,"
+        " 101 (2007), and Goff and Carré (2010) plot. The primary table could not be confirmed"
+    ),
+    confirmed=False,
+)
+
+"""Soccer ball beyond the drag crisis."""

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from metrology import DomainError
-from physics.arrays import Number
 from physics.bodies import GRAVITY, Ball
-from physics.domain import require_non_negative, require_positive
+from physics.domain import Number, require_non_negative, require_positive
 from physics.flight.air import Air
 
 __all__ = ["Landing", "Launch", "drag_constant", "drag_free_distance", "land"]

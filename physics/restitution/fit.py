@@ -10,8 +10,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from metrology import DomainError, TooLittleDataError
-from physics.arrays import FloatArray
-from physics.domain import require_positive
+from physics.domain import FloatArray, require_positive
 from physics.restitution.restitution import ConstantCor, CorLaw, ExponentialCor, PowerLawCor
 
 __all__ = ["CorFit", "FittedParameter", "compare_cor_fits", "fit_cor"]

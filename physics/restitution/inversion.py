@@ -6,10 +6,9 @@ from typing import Self
 import numpy as np
 
 from metrology import Contribution, DomainError, Quantity, UncertaintySource
-from physics.arrays import FloatArray, Number
 from physics.bodies import GRAVITY, Ball, Pendulum, Support
 from physics.contact.impact import cor_from_ball_speed
-from physics.domain import require_non_negative, require_positive
+from physics.domain import FloatArray, Number, require_non_negative, require_positive
 from physics.flight.air import Air
 from physics.flight.closed_form import drag_free_distance
 from physics.restitution.restitution import require_cor

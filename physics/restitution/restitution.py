@@ -10,7 +10,7 @@ from typing import Any, Protocol, cast
 import numpy as np
 
 from metrology import DomainError, UsageError
-from physics.arrays import FloatOrArray, Number
+from physics.domain import FloatOrArray, Number
 
 __all__ = [
     "ConstantCor",

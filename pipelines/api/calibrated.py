@@ -8,11 +8,9 @@ from typing import Any
 
 from calib.calibration import Calibration
 from metrology import CalibrationError, Quantity
-from pipelines.api.asked import Given
-from pipelines.api.quantities import Quantities, QuantityView, as_document
+from pipelines.api.quantities import Given, Quantities, QuantityView, as_document
 from pipelines.calibrate.clip import find_unattended, session_of
-from pipelines.calibrate.wizard.files import setup_text
-from pipelines.calibrate.wizard.session import Session
+from pipelines.calibrate.wizard.session import Session, setup_text
 from pipelines.report.notebook import results_html
 from pipelines.setup.file import Setup, read_setup
 

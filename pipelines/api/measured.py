@@ -6,8 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from metrology import ClipError
-from pipelines.api.asked import At, Given, SetupLike, measure_options
-from pipelines.api.quantities import Quantities, QuantityView
+from pipelines.api.quantities import At, Given, Quantities, QuantityView, SetupLike, measure_options
 from pipelines.measure import measurement as chain
 from pipelines.measure.chain import measure_clip
 from pipelines.measure.files.output import harmless, measurement_as_dict, measurement_as_row

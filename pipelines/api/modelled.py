@@ -8,11 +8,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from metrology import Quantity, measurands, read_number
 from physics.bodies import GRAVITY
-from physics.flight.air import PAPER_AIR
-from physics.flight.drag_curves import SUBCRITICAL_DRAG
+from physics.flight.air import PAPER_AIR, SUBCRITICAL_DRAG
 from physics.restitution.inversion import RangeInputs, cor_from_range
-from pipelines.api.asked import Given, SetupLike, setup_from
-from pipelines.api.quantities import Quantities, QuantityView, as_document, as_row
+from pipelines.api.quantities import (
+    Given,
+    Quantities,
+    QuantityView,
+    SetupLike,
+    as_document,
+    as_row,
+    setup_from,
+)
 from pipelines.model.effects import added_effects
 from pipelines.model.options import angle_of, asked, scatter_of
 from pipelines.model.plan import plan as plan_strike

@@ -12,9 +12,9 @@ from typer.core import TyperGroup
 
 from metrology import CalibrationError, NotFoundError, UsageError
 from physics.bodies import BALLS, PAPER_SUPPORT
-from pipelines.calibrate.wizard.answers import Answers, BallKind
-from pipelines.calibrate.wizard.files import lens_beside, read_view
-from pipelines.calibrate.wizard.parsing import (
+from pipelines.calibrate.wizard.answers import (
+    Answers,
+    BallKind,
     ball_from,
     distance_from,
     fine_pitch_from,
@@ -24,10 +24,10 @@ from pipelines.calibrate.wizard.parsing import (
     rate_from,
 )
 from pipelines.calibrate.wizard.scene import look_at
-from pipelines.calibrate.wizard.session import Session, with_ball
+from pipelines.calibrate.wizard.session import Session, lens_beside, read_view, with_ball
 from pipelines.calibrate.wizard.terminal import Dialogue, ask_all, told_of
 from pipelines.setup.file import load_setup, read_setup
-from pipelines.web.jobs import Jobs
+from pipelines.web.guard import Jobs
 
 __all__ = ["ClipOrCommand", "clip_command", "find_unattended", "old_view", "session_of"]
 

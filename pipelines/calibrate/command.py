@@ -1,4 +1,7 @@
-"""`vision calibrate`: boards to print, lenses, the wall of a clip, and whether a camera moved."""
+"""`vision calibrate`: boards to print, lenses, the wall of a clip, and whether a camera moved.
+
+`vision calibrate rate`: the camera's true capture rate from a light of known rate in view.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -9,28 +12,67 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from calib.calibration import Parameters
-from calib.camera.lens import Board, calibrate_lens, find_board
-from calib.camera.lens_file import read_lens, write_board, write_lens
-from calib.evidence import Evidence
+from calib.calibration import Evidence, Parameters
+from calib.camera.lens import Board, calibrate_lens, find_board, read_lens, write_board, write_lens
 from calib.grid.grid import WallGrid, find_wall_grid
-from calib.moved import camera_movement
+from calib.pose import camera_movement
 from calib.solve import solve
-from metrology import ClipError, UsageError
+from calib.time_base import rate_from_blinking
+from metrology import ClipError, UsageError, parse_quantity
 from pipelines.calibrate.clip import ClipOrCommand, clip_command, old_view
 from pipelines.calibrate.plan import plan_filming_command
-from pipelines.calibrate.rate import rate_command
-from pipelines.calibrate.wizard.files import read_view
-from pipelines.calibrate.wizard.parsing import board_size, distance_from, pitch_from
+from pipelines.calibrate.wizard.answers import (
+    board_size,
+    distance_from,
+    pitch_from,
+    point_from,
+    rate_from,
+)
+from pipelines.calibrate.wizard.session import read_view
 from vision.clip.clip import Clip
+from vision.clip.footage import choose_capture_rate
 
 __all__ = ["CALIBRATE_COMMANDS", "ClipOrCommand"]
 
+
+def rate_command(
+    clip: Annotated[Path, typer.Argument(help="A clip with the blinking light in view.")],
+    light_at: Annotated[str, typer.Option(help="Where the light is: X,Y in px.")],
+    blink: Annotated[str, typer.Option(help="How often it blinks, such as '10 Hz'.")],
+    blink_std: Annotated[str, typer.Option(help="How well that is known.")] = "0 Hz",
+    around: Annotated[int, typer.Option(help="Half the side of the place looked at, px.")] = 4,
+    fps: Annotated[
+        str | None, typer.Option(help="The rate the camera is thought to have; within a third.")
+    ] = None,
+) -> None:
+    """Measure the capture rate from a light in view that blinks at a known rate."""
+    film = Clip.open(clip)
+    column, row = point_from(light_at, (film.info.width, film.info.height))
+    if around < 0:
+        raise UsageError(f"--around {around} is no size", hint="Give px, 0 or more.")
+    top, left = max(0, round(float(row)) - around), max(0, round(float(column)) - around)
+    place = np.s_[top : round(float(row)) + around + 1, left : round(float(column)) + around + 1]
+    rate = choose_capture_rate(film.info, None if fps is None else rate_from(fps))
+    found = rate_from_blinking(
+        [float(frame.gray[place].mean()) for frame in film.frames()],
+        parse_quantity(blink, "Hz"),
+        blink_std_hz=parse_quantity(blink_std, "Hz"),
+        nominal_fps=rate.fps,
+    )
+    typer.echo(f"capture rate {found.fps:.3f} ± {found.std:.3f} fps, by the {found.source}")
+    typer.echo(f"in the setup file: capture_fps = {found.fps:.6g}")
+    if abs(found.fps - rate.fps) > max(4.0 * found.std, 1e-3 * rate.fps):
+        typer.echo(f"{rate.fps:g} fps, from the {rate.source}, is not what it is", err=True)
+
+
 FRAMES_AVERAGED = 40
+
 """Frames whose median shows the wall without what moves: that hides it in fewer than half."""
 
 BoardSize = Annotated[str, typer.Option(help="Inner corners, columns x rows.")]
+
 Square = Annotated[str, typer.Option(help="Side of a square.")]
+
 Charuco = Annotated[bool, typer.Option(help="A ChArUco board: markers in the white squares.")]
 
 
@@ -156,4 +198,5 @@ CALIBRATE_COMMANDS: dict[str, Callable[..., None]] = {
     "rate": rate_command,
     "plan": plan_filming_command,
 }
+
 """Commands under `vision calibrate`, by name."""

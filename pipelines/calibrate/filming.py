@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.camera.lens_prior import LensPrior
+from calib.camera.lens_fit import LensPrior
 from calib.planning import (
     BALL_ERROR_PX,
     MASS_ERROR_PX,
@@ -16,7 +16,7 @@ from calib.planning import (
 )
 from physics.bodies import JOKKU, PAPER_PENDULUM, PAPER_SUPPORT, Ball, Pendulum, Support
 from sample_videos.presets import default_scene, staged
-from sample_videos.renderer.rig import pivot, swing_rotation
+from sample_videos.renderer.bodies import pivot, swing_rotation
 from sample_videos.scene import Scene, Sensor
 from sample_videos.shot import Shot
 from vision.tracks import Face, Motion, MotionKind, PendulumTrack, Track, Tracks

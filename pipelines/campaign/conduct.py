@@ -1,9 +1,14 @@
-"""A campaign from what was asked to its folder: for the command line and for notebooks alike."""
+"""A campaign from what was asked to its folder: for the command line and for notebooks alike.
+
+What a campaign says in numbers: ``summary.json``.
+
+Everything a campaign's folder holds besides the ledger, written anew from the ledger.
+"""
 
 import json
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,12 +17,15 @@ from typing import Any
 import pandas as pd
 
 from metrology import UsageError, write_text_whole
-from pipelines.api.asked import measure_options, setup_from
 from pipelines.api.explained import explain as find_missing_physics
-from pipelines.campaign.lab_book import LabBook, match_clips, read_lab_book
+from pipelines.api.quantities import measure_options, setup_from
+from pipelines.campaign.analysis.balls import BallAnalysis, CampaignAnalysis, analyse
+from pipelines.campaign.analysis.cor_law import CorLawFit, Estimate
+from pipelines.campaign.figures import draw_figures, write_figures
+from pipelines.campaign.lab_book import LabBook, Strike, match_clips, read_lab_book
 from pipelines.campaign.ledger import Ledger, Outcome, State, lock_folder
-from pipelines.campaign.publish import Edition, Published, publish, publish_tables
-from pipelines.campaign.report import ReportFacts
+from pipelines.campaign.report import ReportFacts, write_report
+from pipelines.campaign.results import ClipResult, clip_results, results_frame, write_tables
 from pipelines.campaign.run import (
     Crew,
     Plan,
@@ -30,13 +38,205 @@ from pipelines.campaign.run import (
     run,
 )
 from pipelines.measure.files.output import software_version
+from pipelines.setup.cor_file import BallLaw, write_cor_file
 from pipelines.setup.file import Setup, ball_from_option
 
-__all__ = ["Asked", "Campaign", "campaign", "conduct"]
+__all__ = ["Asked", "Campaign", "Edition", "campaign", "conduct", "publish"]
+
+_SPEEDS = 9
+
+"""Speeds at which `cor_at` tells the law, across the range fitted."""
+
+
+def summarise(results: Sequence[ClipResult], analysis: CampaignAnalysis) -> dict[str, Any]:
+    """The campaign as the contract's ``summary.json``.
+
+    Parameters
+    ----------
+    results : sequence of ClipResult
+    analysis : CampaignAnalysis
+    """
+    states = [result.state for result in results]
+    return {
+        "clips": {
+            "done": states.count(State.DONE),
+            "failed": states.count(State.FAILED),
+            "waiting": states.count(State.WAITING) + states.count(State.RUNNING),
+            "excluded": sum(result.excluded is not None for result in results),
+        },
+        "balls": {ball.ball or "ball": _ball(ball) for ball in analysis.balls},
+        "sensors": {
+            one.sensor.column: {
+                "quantity": one.sensor.quantity,
+                "unit": one.sensor.unit,
+                "pairs": one.agreement.pairs,
+                "bias": {"value": one.agreement.bias, "std": one.agreement.bias_std},
+                "limits_of_agreement": [one.agreement.lower, one.agreement.upper],
+                "biased": one.agreement.biased,
+            }
+            for one in analysis.sensors
+        },
+        "outliers": [
+            {"clip": ball.clips[item.index].clip, "why": _why(ball, item.index, item.critical)}
+            for ball in analysis.balls
+            for item in ball.outliers
+        ],
+        "failed": [
+            {"clip": result.clip, "why": result.error}
+            for result in results
+            if result.state == State.FAILED
+        ],
+        "excluded": [
+            {"clip": result.clip, "why": result.excluded}
+            for result in results
+            if result.excluded is not None
+        ],
+    }
+
+
+def laws_of(analysis: CampaignAnalysis) -> dict[str, BallLaw]:
+    """The likeliest law of each ball, as `simulate`, `plan` and `explain` take it."""
+    return {
+        ball.ball or "ball": _ball_law(ball.ball or "ball", ball.fits[0])
+        for ball in analysis.balls
+        if ball.fits
+    }
+
+
+def _ball_law(name: str, fit: CorLawFit) -> BallLaw:
+    return BallLaw(
+        ball=name,
+        kind=fit.law,
+        parameters={key: item.value for key, item in fit.parameters.items()},
+        covariance=fit.covariance,
+        speeds=fit.speeds,
+        strike_scatter=fit.strike_scatter.value,
+        session_scatter=fit.session_scatter.value,
+    )
+
+
+def _why(ball: BallAnalysis, index: int, critical: float) -> str:
+    return (
+        f"its restitution is {abs(ball.distances[index]):.1f} standard deviations off the law of"
+        f" {ball.ball or 'the ball'} (generalised ESD test, 5 %, {critical:.1f} allowed)"
+    )
+
+
+def _ball(ball: BallAnalysis) -> dict[str, Any]:
+    if not ball.fits:
+        return {"law": None, "reason": ball.why_no_law, "clips": len(ball.clips)}
+    fit = ball.fits[0]
+    low, high = fit.speeds
+    speeds = [low + (high - low) * i / (_SPEEDS - 1) for i in range(_SPEEDS)]
+    precision = ball.precision
+    return {
+        "law": str(fit.law),
+        "clips": len(ball.clips),
+        "speeds": [low, high],
+        "parameters": {name: _estimate(item) for name, item in fit.parameters.items()},
+        "covariance": fit.covariance.tolist(),
+        "strike_scatter": _estimate(fit.strike_scatter),
+        "session_scatter": _estimate(fit.session_scatter),
+        "cor_at": [_at(fit, speed) for speed in speeds],
+        "laws": {str(other.law): other.probability for other in ball.fits},
+        "precision": None
+        if precision is None
+        else {
+            "repeatability": precision.repeatability,
+            "repeatability_95": [precision.repeatability_low, precision.repeatability_high],
+            "between_sessions": precision.between,
+            "reproducibility": precision.reproducibility,
+            "sessions": precision.sessions,
+        },
+        "range_rms_m": None if ball.ranges is None else ball.ranges.rms(),
+    }
+
+
+def _estimate(item: Estimate) -> dict[str, Any]:
+    return {"value": item.value, "std": item.std, "interval_95": [item.low, item.high]}
+
+
+def _at(fit: CorLawFit, speed: float) -> dict[str, Any]:
+    following = fit.next_strike(speed)
+    return {
+        "speed": speed,
+        **_estimate(fit.at(speed)),
+        "next_strike_95": [following.low, following.high],
+    }
+
+
+@dataclass(frozen=True)
+class Edition:
+    """What a campaign's pages are made from, besides the ledger.
+
+    Attributes
+    ----------
+    folder : Path
+    book : LabBook or None
+    strikes : mapping of str to Strike or None
+        By the clip's name.
+    setup : Setup
+    ball : str or None
+        Ball of clips for which the lab book names none.
+    facts : ReportFacts
+    against_paper : bool
+        Draw the paper's laws beside one's own.
+    """
+
+    folder: Path
+    book: LabBook | None
+    strikes: Mapping[str, Strike | None]
+    setup: Setup
+    ball: str | None
+    facts: ReportFacts
+    against_paper: bool = False
+
+    def frame(self, ledger: Ledger) -> pd.DataFrame:
+        """The table of results."""
+        return results_frame(ledger.entries(), self.strikes, self.book)
+
+    def results(self, ledger: Ledger) -> list[ClipResult]:
+        """What the ledger holds of the campaign's clips."""
+        return clip_results(ledger.entries(), self.strikes)
+
+
+@dataclass(frozen=True)
+class Published:
+    """What was written."""
+
+    results: list[ClipResult]
+    frame: pd.DataFrame
+    analysis: CampaignAnalysis
+
+
+def publish_tables(edition: Edition, ledger: Ledger) -> None:
+    """Write the tables alone: cheap enough to do while clips come in."""
+    write_tables(edition.frame(ledger), edition.folder)
+
+
+def publish(edition: Edition, ledger: Ledger) -> Published:
+    """Write tables, figures, laws, summary and report; each whole or not at all."""
+    results = edition.results(ledger)
+    frame = edition.frame(ledger)
+    write_tables(frame, edition.folder)
+    analysis = analyse(results, edition.setup, edition.ball)
+    figures = draw_figures(analysis, against_paper=edition.against_paper)
+    write_figures(figures, edition.folder / "figures")
+    summary = json.dumps(summarise(results, analysis), indent=2, ensure_ascii=False)
+    write_text_whole(edition.folder / "summary.json", summary + "\n")
+    laws = laws_of(analysis)
+    if laws:
+        write_cor_file(edition.folder / "cor.toml", laws)
+    write_report(edition.folder / "report.html", edition.facts, results, analysis, figures)
+    return Published(results, frame, analysis)
+
 
 TABLES_EVERY_S = 5.0
+
 """The tables are written anew at most this often while clips come in; a clip takes longer."""
+
 TABLES_SHARE = 50.0
+
 """… and however many clips there are, writing them takes at most a fiftieth of the time."""
 
 

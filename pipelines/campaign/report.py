@@ -11,7 +11,7 @@ from jinja2 import Environment, StrictUndefined
 from matplotlib.figure import Figure
 
 from metrology import write_text_whole
-from metrology.formatting import format_pair
+from metrology.quantity import format_pair
 from pipelines.campaign.analysis.balls import BallAnalysis, CampaignAnalysis, SensorAnalysis
 from pipelines.campaign.figures import svg_text
 from pipelines.campaign.ledger import State

@@ -197,7 +197,7 @@ def answer(request: Request) -> dict[str, Any]:
 def _measured(request: Request) -> dict[str, Any]:
     from metrology import write_text_whole
     from metrology.files import written_whole
-    from pipelines.api.asked import measure_options
+    from pipelines.api.quantities import measure_options
     from pipelines.measure.chain import measure_clip
     from pipelines.measure.files.output import measurement_as_dict
     from pipelines.measure.files.pictures import overlay_marks

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from metrology import ClipError, MeasurementError, NotFoundError, UsageError
-from mismatch.records.campaign import Campaign, Trial
+from mismatch.records.records import Campaign, Trial
 from physics.bodies import GRAVITY, PAPER_PENDULUM, PAPER_SUPPORT, Pendulum
 from pipelines.explain.systematics import calibration_widths, common_widths
 from pipelines.explain.tabular import numbers_of, read_sheet

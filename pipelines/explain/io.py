@@ -12,10 +12,10 @@ import pandas as pd
 
 from metrology import Defaults, SetupError, TooLittleDataError, UsageError
 from mismatch.model.baseline import BallModel, Baseline, ContactTable, Scatter
-from mismatch.records.campaign import Campaign, Trial
+from mismatch.records.records import Campaign, Trial
 from physics import bodies
-from physics.arrays import FloatArray
-from physics.contact.batch import contact_outcomes
+from physics.contact.contact import contact_outcomes
+from physics.domain import FloatArray
 from physics.effects import Effect
 from pipelines.explain.clips import ClipCampaign
 from pipelines.explain.systematics import unknown_widths

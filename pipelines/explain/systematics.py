@@ -9,8 +9,7 @@ import numpy as np
 from calib.calibration import Calibration
 from metrology import Defaults
 from mismatch import Trial, Verdict
-from mismatch.gate import DOUBTED, Doubt
-from mismatch.verdict import NamedEffect
+from mismatch.verdict import DOUBTED, Doubt, NamedEffect
 from pipelines.measure.measurement import Measurement
 from pipelines.measure.metres import CameraMapping
 

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from metrology import UsageError
-from physics.arrays import FloatArray
+from physics.domain import FloatArray
 
 __all__ = ["Sheet", "TableLike", "name_of", "numbers_of", "read_sheet"]
 

@@ -19,7 +19,7 @@ from pipelines.measure.derived import DERIVED, derived_values
 from pipelines.measure.fits.impact import Impact, find_impact, moved_impact
 from pipelines.measure.inputs import Inputs
 from pipelines.measure.metres import MetricTracks
-from vision.clip.capture_rate import CaptureRate
+from vision.clip.footage import CaptureRate
 
 __all__ = ["Propagation", "Scene", "merged", "systematic_budget", "values_after_move"]
 

@@ -1,5 +1,12 @@
-"""From a clip to a measurement, unattended."""
+"""From a clip to a measurement, unattended.
 
+What was measured before, found again where nothing that it follows from has changed.
+
+Two stages are kept: what was followed hangs on the clip, its rate and the points that somebody
+shows; the measurement on all that was said besides.
+"""
+
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -7,20 +14,25 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.calibration import Calibration
+from calib.calibration import Calibration, ContradictionError
 from calib.grid.grid import WallGrid
-from calib.plausibility import ContradictionError
 from calib.pose import FOCAL_OVER_WIDTH
 from calib.solve import Solved
 from metrology import CalibrationError, MeasurementError, UncertaintySource
+from pipelines.cache import Cache, clip_digest
 from pipelines.measure.budget import Propagation, Scene, systematic_budget, values_after_move
-from pipelines.measure.calibrated import calibrate_clip
 from pipelines.measure.checks.gravity import seen_fall
 from pipelines.measure.derived import derived_values, random_covariance
 from pipelines.measure.fits.impact import find_impact
 from pipelines.measure.inputs import Inputs, gather_inputs
 from pipelines.measure.measurement import Measurement
-from pipelines.measure.metres import BallScale, CameraMapping, MetricTracks, tracks_in_metres
+from pipelines.measure.metres import (
+    BallScale,
+    CameraMapping,
+    MetricTracks,
+    calibrate_clip,
+    tracks_in_metres,
+)
 from pipelines.measure.motions.measured import (
     Mapping,
     MotionScene,
@@ -29,11 +41,11 @@ from pipelines.measure.motions.measured import (
     motion_quantities,
     rate_by_fall,
 )
-from pipelines.measure.remembered import remembered, watched
 from pipelines.measure.results import Evaluated, NoScale, Results, results_of
 from pipelines.setup.file import Setup
-from vision.clip.capture_rate import CaptureRate, RateSource, choose_capture_rate
 from vision.clip.clip import Clip
+from vision.clip.footage import CaptureRate, RateSource, choose_capture_rate
+from vision.clip.info import ClipInfo
 from vision.following import follow
 from vision.tracks import MotionKind, Tracks
 
@@ -43,12 +55,100 @@ __all__ = [
     "MeasureOptions",
     "measure_clip",
     "measure_tracks",
+    "remembered",
+    "watched",
 ]
 
+_Progress = Callable[[str, float], None]
+
+_Measure = Callable[..., Measurement]
+
+
+def remembered(measure: _Measure) -> _Measure:
+    """Let a function that measures a clip first look whether it was measured before.
+
+    Parameters
+    ----------
+    measure : callable
+        Takes a path, options and a progress callable.
+    """
+
+    @functools.wraps(measure)
+    def measured(
+        path: Path,
+        options: "MeasureOptions | None" = None,
+        progress: _Progress | None = None,
+    ) -> Measurement:
+        path = Path(path)
+        kept = Cache.of_user(wanted=options is not None and options.cache)
+        if kept.folder is None or options is None or not path.exists():
+            return measure(path, options, progress)
+        lens = options.setup.camera.lens
+        lens_digest = clip_digest(lens) if lens is not None and lens.is_file() else None
+        key = kept.key("measurement", clip_digest(path), lens_digest, options)
+        found = kept.get(key)
+        if isinstance(found, Measurement):
+            return replace(found, info=replace(found.info, path=path))
+        made = measure(path, options, progress)
+        kept.put(key, made)
+        return made
+
+    return measured
+
+
+@dataclass(frozen=True, eq=False)
+class Watched:
+    """What following a clip to its end gave.
+
+    Attributes
+    ----------
+    tracks : Tracks
+    clock : (F,) array
+        Mid-exposure time of every frame, in frames of the camera.
+    info : ClipInfo
+        With the count of the frames that came out of it.
+    warnings : tuple of str
+        Of the clip, with what could not be decoded.
+    """
+
+    tracks: Tracks
+    clock: NDArray[np.float64]
+    info: ClipInfo
+    warnings: tuple[str, ...]
+
+
+def watched(
+    clip: Clip, capture_fps: float, options: "MeasureOptions", follow: Callable[[], Tracks]
+) -> Watched:
+    """Follow a clip, or take up how it was followed before.
+
+    Parameters
+    ----------
+    clip : Clip
+    capture_fps : float
+        Frames per second at which it is followed.
+    options : MeasureOptions
+        The points that somebody shows, and whether anything may be kept.
+    follow : callable
+        Does it.
+    """
+    kept = Cache.of_user(wanted=options.cache)
+    key = kept.key("tracks", clip.info.sha256, capture_fps, options.ball_at, options.mass_at)
+    found = kept.get(key)
+    if isinstance(found, Watched):
+        return replace(found, info=replace(found.info, path=clip.info.path))
+    tracks = follow()
+    made = Watched(tracks, clip.capture_times(1.0), clip.info, clip.warnings)
+    kept.put(key, made)
+    return made
+
+
 FloatArray = NDArray[np.float64]
+
 Point = tuple[float, float] | tuple[float, float, int]
 
 _RADIUS_STD_PX = 0.1
+
 _LEAST_VARIANCE = 1e-12
 
 
@@ -272,6 +372,7 @@ def _rate_by_fall(followed: Followed, wall: "_Wall") -> CaptureRate:
 
 
 _SCALE_GIVEN = "the scale of the plane of motion was given, and nothing says where the wall is"
+
 _FALLING = (MotionKind.STRIKE, MotionKind.FLIGHT, MotionKind.DROP)
 
 

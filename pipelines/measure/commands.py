@@ -16,14 +16,18 @@ from metrology import (
     UsageError,
     write_text_whole,
 )
-from metrology.formatting import format_quantity
-from pipelines.api.asked import measure_options
-from pipelines.batch.folder import Folder, Job, files_of, measure_all
+from metrology.quantity import format_quantity
+from pipelines.api.quantities import measure_options
+from pipelines.batch import Folder, Job, files_of, measure_all
 from pipelines.measure.chain import MeasureOptions, measure_clip
-from pipelines.measure.files.output import measurement_as_json, measurements_as_csv, results_table
-from pipelines.measure.files.wanted import Wanted
+from pipelines.measure.files.output import (
+    Wanted,
+    measurement_as_json,
+    measurements_as_csv,
+    results_table,
+)
+from pipelines.measure.inputs import QuantityName, kinds_of
 from pipelines.measure.measurement import QUANTITY_UNITS, Measurement
-from pipelines.measure.names import QuantityName, kinds_of
 from pipelines.report import quantity_label
 from pipelines.setup.file import load_setup
 from pipelines.terminal import screen

@@ -6,10 +6,10 @@ from calib.calibration import Calibration
 from calib.grid.grid import WallGrid
 from metrology import Quantity
 from pipelines.measure.fits.impact import Impact
-from pipelines.measure.names import QUANTITY_UNITS
+from pipelines.measure.inputs import QUANTITY_UNITS
 from pipelines.report import Check
 from pipelines.setup.rig import Known
-from vision.clip.capture_rate import CaptureRate
+from vision.clip.footage import CaptureRate
 from vision.clip.info import ClipInfo
 from vision.tracks import Motion, Tracks
 

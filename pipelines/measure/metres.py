@@ -1,25 +1,43 @@
-"""Tracks from pixels to metres in the ball plane, with x in the direction of flight."""
+"""Tracks from pixels to metres in the ball plane, with x in the direction of flight.
+
+The calibration of a clip from its own pictures and what the lab wrote down.
+"""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from calib.calibration import Calibration
+from calib.calibration import BallOutlines, Calibration, Evidence, Known
+from calib.camera.lens import read_lens
+from calib.camera.lens_fit import LensPrior
+from calib.grid.grid import find_wall_grid
+from calib.solve import Solved, solve
 from metrology import NotFoundError
+from pipelines.measure.inputs import Inputs
 from vision.tracks import PendulumTrack, Track, Tracks
 
-__all__ = ["BallScale", "CameraMapping", "MetricTracks", "PlaneMapping", "tracks_in_metres"]
+__all__ = [
+    "BallScale",
+    "CameraMapping",
+    "MetricTracks",
+    "calibrate_clip",
+    "scene_evidence",
+    "tracks_in_metres",
+]
 
 FloatArray = NDArray[np.float64]
 
 _LEAD_STD_PX = 0.14
+
 """px: what the track of the mass adds between where its face is seen and where it touches; scatter
 of the lead that closes the gap at the true contact, over ray-traced clips of 208 to 640 px."""
+
 BEND_SHARE = 0.003
+
 CREEP_SHARE = 0.25
 
 
@@ -310,3 +328,84 @@ def _centre_of_arc(points: FloatArray) -> FloatArray:
 
     best = least_squares(misfit, [*start[:2], radius], loss="soft_l1", f_scale=1e-3)
     return np.asarray(best.x[:2] + middle)
+
+
+def calibrate_clip(tracks: Tracks, inputs: Inputs) -> Solved:
+    """Find the wall grid behind the scene and fit camera and ball plane to all that is known.
+
+    Raises
+    ------
+    CalibrationError
+        If there is no grid, or it contradicts what is known.
+    SetupError
+        If the lens file can't be used.
+    """
+    lens = known_lens(tracks, inputs)
+    grid = find_wall_grid(
+        tracks.background, pitch_m=inputs.grid_pitch, fine_pitch_m=inputs.fine_pitch
+    )
+    return solve(grid, scene_evidence(tracks, inputs), lens=lens)
+
+
+def known_lens(tracks: Tracks, inputs: Inputs) -> LensPrior | None:
+    """The lens of the setup file, for the clip's picture; None where none is named.
+
+    Raises
+    ------
+    SetupError
+        If its file can't be read, or its picture has another shape than the clip's.
+    """
+    path = inputs.setup.camera.lens
+    if path is None:
+        return None
+    height, width = tracks.background.shape
+    return read_lens(path, width=width, height=height)
+
+
+def _known(pair: tuple[float, float] | None) -> Known | None:
+    return None if pair is None else Known(*pair)
+
+
+def scene_evidence(tracks: Tracks, inputs: Inputs) -> Evidence:
+    """What is known of the scene besides its grid.
+
+    The foot of the optical axis is written down as seen from the ball at rest and the floor: where
+    either is not known, so is it not.
+    """
+    camera, wall = inputs.setup.camera, inputs.setup.wall
+    foot = camera.principal_point_on_wall
+    ball = tracks.ball
+    evidence = Evidence(
+        camera_distance=_known(camera.distance_to_wall),
+        ball_plane_offset=_known(wall.ball_plane_offset),
+        pitch_relative_std=inputs.rig.grid_pitch.relative_std,
+    )
+    if inputs.ball is not None:
+        radius = 0.5 * inputs.ball.diameter
+        evidence = replace(evidence, ball_radius=radius, outlines=_outlines(ball, tracks, inputs))
+        if inputs.fall is not None:
+            evidence = replace(evidence, rest_height=inputs.fall + radius)
+    if tracks.rest_frames is not None:
+        first, last = tracks.rest_frames
+        still = (ball.frame >= first) & (ball.frame <= last)
+        if still.any():
+            evidence = replace(evidence, rest_px=np.median(ball.centre_px[still], axis=0))
+    if foot is not None and evidence.rest_px is not None:
+        evidence = replace(evidence, axis_foot_x=_known(foot[0]))
+        if inputs.ball is not None and inputs.fall is not None:
+            evidence = replace(evidence, axis_foot_y=_known(foot[1]))
+    return evidence
+
+
+def _outlines(ball: Track, tracks: Tracks, inputs: Inputs) -> BallOutlines | None:
+    diameter = inputs.rig.ball_diameter
+    assert diameter is not None
+    after = -1 if tracks.rest_frames is None else tracks.rest_frames[1]
+    # the ball is squashed in the first hundredths of a second after its rest
+    round_again = ball.frame > after + (0.03 / np.median(np.diff(ball.time_s)))
+    good = ball.where(round_again & (ball.quality >= np.median(ball.quality) * 0.5))
+    if len(good) < 3:
+        return None
+    return BallOutlines.followed(
+        good.centre_px, good.radius_px, good.radius_std_px, Known(diameter.value, diameter.std)
+    )

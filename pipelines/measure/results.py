@@ -20,15 +20,19 @@ from pipelines.measure.checks.consequences import (
     Doubt,
     doubted,
 )
-from pipelines.measure.checks.gravity import contradicts_gravity, gravity_check
-from pipelines.measure.checks.restitution import ESTIMATES, fused_cor
+from pipelines.measure.checks.gravity import (
+    ESTIMATES,
+    contradicts_gravity,
+    fused_cor,
+    gravity_check,
+)
 from pipelines.measure.checks.speeds import BESIDE, SpeedsAgree, speeds_agree
 from pipelines.measure.derived import DERIVED
 from pipelines.measure.fits.discs import disc_contact
 from pipelines.measure.fits.impact import UNSEEN_HALF_CONTACT_STD_S, Impact
+from pipelines.measure.inputs import QUANTITY_UNITS, QuantityName, kinds_of
 from pipelines.measure.metres import MetricTracks
 from pipelines.measure.motions.measured import MotionResults
-from pipelines.measure.names import QUANTITY_UNITS, QuantityName, kinds_of
 from pipelines.report import Check, CheckKind, CheckOutcome
 from vision.tracks import MotionKind, Tracks
 

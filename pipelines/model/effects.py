@@ -7,12 +7,12 @@ import numpy as np
 
 from metrology import SetupError, UsageError
 from physics import effects as catalogue
-from physics.contact.outcome import ContactOutcome
+from physics.contact.contact import ContactOutcome
 from physics.effects import Term
 from physics.forward import Experiment
 from physics.swing import frictionless_speed, swing
 from pipelines.setup.file import Setup
-from pipelines.setup.parameters import read_parameter
+from pipelines.setup.schema import read_parameter
 
 __all__ = [
     "added_effects",

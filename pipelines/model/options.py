@@ -14,7 +14,7 @@ from rich.table import Table
 
 from metrology import Quantity, UsageError, measurands, read_number, write_text_whole
 from physics import bodies
-from physics.flight.drag_curves import SUBCRITICAL_DRAG, DragCurve, drag_curve
+from physics.flight.air import SUBCRITICAL_DRAG, DragCurve, drag_curve
 from physics.forward import Experiment
 from physics.planning import PlanScatter
 from physics.restitution.restitution import ConstantCor, CorLaw, parse_cor_law

@@ -16,7 +16,7 @@ from metrology import (
     measurands,
     read_number,
 )
-from physics.arrays import FloatArray
+from physics.domain import FloatArray
 from physics.forward import (
     Experiment,
     impulsive_launch,

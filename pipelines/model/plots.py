@@ -9,7 +9,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 
-from physics.arrays import FloatArray
+from physics.domain import FloatArray
 from physics.flight.flight import FlightPath
 from physics.forward import Experiment
 from pipelines.figures import Picture, save_figure

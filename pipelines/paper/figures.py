@@ -8,12 +8,16 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from metrology import UsageError
-from physics.arrays import FloatArray
-from physics.bodies import BALLS, PAPER_PENDULUM, Ball
+from physics.bodies import (
+    BALLS,
+    PAPER_PENDULUM,
+    Ball,
+    lost_by_pendulum,
+    lost_by_pendulum_approximate,
+)
 from physics.contact.impact import external_impulse
-from physics.energy import lost_by_pendulum, lost_by_pendulum_approximate
-from physics.flight.air import PAPER_AIR
-from physics.flight.drag_curves import DRAG_CURVES, SOCCER_LIFT, SUBCRITICAL_DRAG
+from physics.domain import FloatArray
+from physics.flight.air import DRAG_CURVES, PAPER_AIR, SOCCER_LIFT, SUBCRITICAL_DRAG
 from physics.flight.flight import FlightPath, fly
 from physics.forward import (
     Experiment,
@@ -25,7 +29,7 @@ from physics.forward import (
 from physics.swing import frictionless_speed
 from pipelines.model.plots import BLUE, GRAY, ORANGE, saved_figure
 from pipelines.paper import printed
-from pipelines.paper.speeds import (
+from pipelines.paper.table5 import (
     EFFECTIVE_MASS,
     backswing_by_rational,
     law_of,

@@ -1,7 +1,7 @@
 """What the quantities of the results table are called on paper, and how they are printed."""
 
 from metrology import Quantity
-from metrology.formatting import format_quantity, format_value
+from metrology.quantity import format_quantity, format_value
 
 __all__ = ["quantity_label", "quantity_text"]
 

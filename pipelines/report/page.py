@@ -8,7 +8,7 @@ from pathlib import Path
 from jinja2 import Environment, StrictUndefined
 
 from metrology import Contribution, Quantity, write_text_whole
-from metrology.formatting import format_pair, format_unit
+from metrology.quantity import format_pair, format_unit
 from pipelines.report.inputs import ReportInput
 from pipelines.report.labels import quantity_label
 from pipelines.report.plots import panel_svg, panels_of

@@ -23,8 +23,8 @@ import tomli_w
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from metrology import SetupError, UsageError, write_text_whole
-from physics.arrays import FloatArray
 from physics.bodies import Ball
+from physics.domain import FloatArray
 from physics.planning import PlanScatter
 from physics.restitution.restitution import ConstantCor, CorLaw, ExponentialCor, PowerLawCor
 from pipelines.setup.tables import Setup

@@ -25,7 +25,6 @@ from physics import bodies
 from physics.effects import CATALOGUE
 from physics.restitution.restitution import CorLaw, parse_cor_law, require_real
 from physics.swing import frictionless_speed
-from pipelines.setup.parameters import nearest, read_parameter
 from pipelines.setup.schema import (
     AirTable,
     BallTable,
@@ -33,6 +32,8 @@ from pipelines.setup.schema import (
     ModelTable,
     PendulumTable,
     SetupSchema,
+    nearest,
+    read_parameter,
 )
 from pipelines.setup.tables import (
     AirSetup,

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from metrology import Default, Defaults
-from metrology.formatting import format_value
+from metrology.quantity import format_value
 from physics import bodies
 from pipelines.setup.tables import BallSetup, Setup
 

@@ -1,10 +1,16 @@
-"""The setup file as it is written: every key a lab may give, checked and turned into SI."""
+"""The setup file as it is written: every key a lab may give, checked and turned into SI.
 
+Parameters of effects as people type them: in ``[model.drag]`` and in ``--effect drag:…``.
+"""
+
+import difflib
+from collections.abc import Iterable
 from typing import Annotated, Any
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator
 
-from metrology import Given, Measurand, UsageError, measurands, read_given, read_number
+from metrology import Given, Measurand, SetupError, UsageError, measurands, read_given, read_number
+from physics.effects import CATALOGUE, Parameter
 
 __all__ = [
     "AirTable",
@@ -13,6 +19,8 @@ __all__ = [
     "ModelTable",
     "PendulumTable",
     "SetupSchema",
+    "nearest",
+    "read_parameter",
 ]
 
 
@@ -37,9 +45,13 @@ def _number(what: Measurand) -> BeforeValidator:
 
 
 Angle = Annotated[float, _number(measurands.ANGLE_STD)]
+
 Share = Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)]
+
 Finite = Annotated[float, Field(allow_inf_nan=False)]
+
 CameraDistance = Annotated[Given, _given(measurands.CAMERA_DISTANCE)]
+
 WallCoordinate = Annotated[Given, _given(measurands.WALL_COORDINATE)]
 
 
@@ -154,3 +166,40 @@ class SetupSchema(_Table):
     scatter: ScatterTable = ScatterTable()
     noise: NoiseTable = NoiseTable()
     model: ModelTable = ModelTable()
+
+
+def read_parameter(effect: str, key: str, typed: Any) -> Given:
+    """A parameter of an effect of the catalogue, with or without its unit and uncertainty.
+
+    Parameters
+    ----------
+    effect, key : str
+        Id of the effect and name of its parameter.
+    typed : Any
+        A number or a text.
+
+    Raises
+    ------
+    SetupError
+        If the effect has no such parameter, or nature does not allow the value.
+    """
+    known: dict[str, Parameter] = {p.name: p for e in CATALOGUE[effect] for p in e.parameters}
+    if key not in known:
+        raise SetupError(f"there is no key 'model.{effect}.{key}'{nearest(key, known)}")
+    p = known[key]
+    what = Measurand(
+        p.meaning or p.name, p.unit, p.lower, p.upper, f"nature allows {p.lower:g} to {p.upper:g}",
+        f"{p.expected if p.expected is not None else p.scale:g} {p.unit if p.unit != '1' else ''}",
+    )  # fmt: skip
+    try:
+        return read_given(typed, what)
+    except UsageError as problem:
+        raise SetupError(
+            f"[model.{effect}] {key}: {problem.message}", hint=problem.hint
+        ) from problem
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Say which of the known names is the nearest, as the end of a message."""
+    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.0)
+    return f"; the nearest is '{near[0]}'" if near else ""

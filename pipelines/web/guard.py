@@ -4,38 +4,120 @@ The page is bound to 127.0.0.1, but other programs, other users and web pages in
 reach that too. So: a token in the address that works once and is exchanged for a cookie; requests
 only under the page's own name (against DNS rebinding) and from the page itself (against other
 sites); one window at a time.
+
+What runs in the browser: it lets no click be lost while a step is drawn anew.
+
+Work behind the page: one piece after another, so that the page never waits and never races.
 """
 
 import asyncio
 import hmac
 import secrets
 import time
+from collections import deque
 from collections.abc import Awaitable, Callable, Iterable, MutableMapping
 from html import escape
 from http.cookies import CookieError, SimpleCookie
+from threading import Lock, Thread
 from typing import Any
 from urllib.parse import parse_qs
 
-from metrology import UsageError
-from pipelines.calibrate.wizard.page.script import LEAVING_PATH
+from metrology import ImpactVisionError, UsageError
 
-__all__ = ["Guard"]
+__all__ = ["HOLD", "RELEASE", "SCRIPT", "Guard", "Jobs"]
+
+LEAVING_PATH = "/leaving"
+
+"""Where a window tells that it is being closed or reloaded."""
+
+SCRIPT = (
+    """<script>(() => {
+const page = window.wizard = {focus: null, pressed: false, held: null};
+const named = at => at && at.closest ? at.closest("[data-test]") : null;
+const on = (name, act) => document.addEventListener(name, act, true);
+on("focusin", event => {
+  const at = named(event.target);
+  page.focus = at ? at.dataset.test : null;
+});
+for (const name of ["pointerdown", "keydown"]) on(name, () => { page.pressed = true; });
+// not before the click that this makes has been told
+for (const name of ["pointerup", "pointercancel", "keyup"])
+  on(name, () => setTimeout(() => { page.pressed = false; }, 0));
+window.addEventListener("blur", () => { page.pressed = false; });
+on("click", event => {
+  if (page.held === null || !named(event.target)) return;
+  page.held.push(event.target);
+  event.stopImmediatePropagation();
+  event.preventDefault();
+});
+// what is where the other was: the same kind of element with the same text
+const successor = old => {
+  if (document.contains(old)) return old;
+  const root = document.querySelector(`[data-test="${named(old).dataset.test}"]`);
+  const like = at => at.tagName === old.tagName && at.textContent === old.textContent;
+  return root === null || like(root) ? root : [...root.querySelectorAll(old.tagName)].find(like);
+};
+page.hold = () => {
+  const at = document.activeElement;
+  if (page.pressed || document.querySelector(".q-menu")) return false;
+  if (at.dataset.told !== undefined && at.value !== at.dataset.told) return false;
+  page.held = [];
+  clearTimeout(page.watchdog);
+  page.watchdog = setTimeout(page.release, 5000);
+  return true;
+};
+page.release = () => {
+  clearTimeout(page.watchdog);
+  const held = page.held || [];
+  page.held = null;
+  if (document.activeElement === document.body && page.focus) {
+    const at = document.querySelector(`[data-test="${page.focus}"]`);
+    if (at) at.focus();
+  }
+  for (const old of held) { const at = successor(old); if (at) at.click(); }
+};
+window.addEventListener("beforeunload", () => navigator.sendBeacon("LEAVING"));
+})()</script>"""
+).replace("LEAVING", LEAVING_PATH)
+
+"""Clicks that fall into a redrawing are held back and made again on what is drawn then."""
+
+HOLD = "window.wizard.hold()"
+
+"""Hold clicks back; false, and nothing held, while something is pressed, open or being typed."""
+
+RELEASE = "setTimeout(window.wizard.release, 30)"
+
+"""Once the step is drawn anew: give the focus back and make the clicks that were held back."""
 
 Scope = MutableMapping[str, Any]
+
 Message = MutableMapping[str, Any]
+
 Receive = Callable[[], Awaitable[Message]]
+
 Send = Callable[[Message], Awaitable[None]]
+
 App = Callable[[Scope, Receive, Send], Awaitable[None]]
 
 HOSTS = ("127.0.0.1", "localhost")
+
 RELOAD_S = 2.5
+
 """s that a window that is being reloaded may still seem to be there: a browser takes less."""
+
 LEAVING_S = 20.0
+
 """s that a window that said it goes may take to be gone: then it is taken to have stayed."""
+
 RETRY_S = 2
+
 """How long a refused window waits before it asks again."""
+
 POLICY = 1008
+
 """WebSocket: closed because a rule was broken (RFC 6455, 7.4.1)."""
+
 HEADERS = (
     (b"x-frame-options", b"DENY"),
     (b"x-content-type-options", b"nosniff"),
@@ -232,3 +314,62 @@ async def _answer(
     ]
     await send({"type": "http.response.start", "status": status, "headers": start})
     await send({"type": "http.response.body", "body": body})
+
+
+class Jobs:
+    """Pieces of work done in the order they come in, on a thread that ends with the program.
+
+    Attributes
+    ----------
+    problem : str
+        Why the last piece did not succeed; empty if it did.
+    revision : int
+        Grows whenever something begins or ends.
+    """
+
+    def __init__(self) -> None:
+        self.problem = ""
+        self.revision = 0
+        self._lock = Lock()
+        self._waiting: deque[tuple[str, Callable[[], object]]] = deque()
+        self._thread: Thread | None = None
+        self._now = ""
+
+    @property
+    def busy(self) -> str:
+        """What is being done, empty if nothing is."""
+        with self._lock:
+            return self._now or (self._waiting[0][0] if self._waiting else "")
+
+    def submit(self, label: str, job: Callable[[], object]) -> None:
+        """Do `job` when all before it is done; errors raised on purpose end up in `problem`."""
+        with self._lock:
+            self._waiting.append((label, job))
+            self.revision += 1
+            if self._thread is None:
+                self._thread = Thread(target=self._work, daemon=True)
+                self._thread.start()
+
+    def _work(self) -> None:
+        try:
+            while (job := self._next()) is not None:
+                try:
+                    job()
+                    self.problem = ""
+                except ImpactVisionError as problem:
+                    self.problem = problem.in_one_line
+        finally:
+            # also where a bug ends the thread: the next piece starts another
+            with self._lock:
+                self._thread, self._now = None, ""
+                self.revision += 1
+
+    def _next(self) -> Callable[[], object] | None:
+        with self._lock:
+            self.revision += 1
+            if not self._waiting:
+                # nobody may believe the thread alive once it has seen that nothing waits
+                self._thread, self._now = None, ""
+                return None
+            self._now, job = self._waiting.popleft()
+            return job

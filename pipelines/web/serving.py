@@ -14,8 +14,7 @@ from metrology import UsageError
 from pipelines.calibrate.wizard.page.drawing import encoded
 from pipelines.calibrate.wizard.page.page import FIRST_URL, PICTURE_URL, WizardPage
 from pipelines.calibrate.wizard.session import Session
-from pipelines.web.guard import Guard
-from pipelines.web.jobs import Jobs
+from pipelines.web.guard import Guard, Jobs
 
 __all__ = ["GRACE_S", "serve"]
 

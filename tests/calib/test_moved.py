@@ -7,7 +7,7 @@ import pytest
 
 from calib.camera.camera import Camera, Lens
 from calib.grid.grid import find_wall_grid
-from calib.moved import camera_movement
+from calib.pose import camera_movement
 from metrology import CalibrationError
 from tests.calib.synthetic import rendered
 

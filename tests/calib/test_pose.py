@@ -6,11 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from calib.calibration import PARAMETERS, Calibration
+from calib.calibration import PARAMETERS, BallOutlines, Calibration, Evidence, FreeFall, Known
 from calib.camera.camera import Camera, Lens
-from calib.evidence import BallOutlines, Evidence, FreeFall, Known
 from calib.grid.grid import WallGrid
-from calib.grid.phase import GridMap
+from calib.grid.spectrum import GridMap
 from calib.pose import LensPrior, calibrate
 from metrology import CalibrationError
 

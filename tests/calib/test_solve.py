@@ -5,11 +5,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from calib.calibration import Calibration
+from calib.calibration import BallOutlines, Calibration, Evidence, Known
 from calib.camera.camera import Camera, Lens
-from calib.evidence import BallOutlines, Evidence, Known
 from calib.grid.grid import WallGrid
-from calib.grid.phase import GridMap
+from calib.grid.spectrum import GridMap
 from calib.pose import LensPrior
 from calib.solve import SeenFall, Solved, solve
 from metrology import CalibrationError, UncertaintySource

@@ -3,7 +3,7 @@ import math
 import pytest
 
 from metrology import Contribution, Quantity
-from metrology.formatting import format_pair, format_quantity, format_value
+from metrology.quantity import format_pair, format_quantity, format_value
 
 
 @pytest.mark.parametrize(

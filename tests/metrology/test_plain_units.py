@@ -7,7 +7,7 @@ import pint
 import pytest
 
 from metrology import UnitError, parse_quantity
-from metrology.units import PLAIN_UNITS
+from metrology.measurands import PLAIN_UNITS
 
 PLAIN = [(unit, typed) for unit, row in PLAIN_UNITS.items() for typed in row]
 

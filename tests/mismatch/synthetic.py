@@ -6,12 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from mismatch.model.baseline import BallModel, Baseline, ContactTable
-from mismatch.model.forward import Forward
-from mismatch.model.model import Model
-from mismatch.records.campaign import Campaign, Trial
-from mismatch.records.records import lay_out
+from mismatch.model.forward import Forward, Model
+from mismatch.records.records import Campaign, Trial, lay_out
 from physics.bodies import JOKKU, PAPER_PENDULUM, PAPER_SUPPORT
-from physics.contact.batch import contact_outcomes
+from physics.contact.contact import contact_outcomes
 from physics.effects import CATALOGUE, Effect
 
 SPEEDS = np.array([0.8, 1.4, 2.0, 2.8, 3.4, 4.2])

@@ -8,7 +8,7 @@ import pytest
 from metrology import TooLittleDataError, UsageError
 from mismatch import Campaign, Options, Trial, explain
 from mismatch.fitting.prepare import prepare
-from mismatch.records.odd_trials import without_odd_trials
+from mismatch.records.sanity import without_odd_trials
 from physics.effects import CATALOGUE, Effect, Parameter
 from tests.mismatch.synthetic import struck_campaign, thrown_campaign
 

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from bench.real.made import write_rolling
-from mismatch.gate import DOUBTED, Doubt
+from mismatch.verdict import DOUBTED, Doubt
 from pipelines.explain.command import explain_files_in_full
 from pipelines.explain.report import explain_report_html
 

@@ -8,8 +8,7 @@ import pytest
 
 from metrology import UsageError
 from mismatch.fitting.prepare import prepare
-from mismatch.model.candidates import MOST_SHAPES, candidates_for
-from mismatch.model.own_effects import refuse_unusable, within_patience
+from mismatch.model.candidates import MOST_SHAPES, candidates_for, refuse_unusable, within_patience
 from physics.effects import Effect, Extent, Parameter
 from tests.mismatch.synthetic import thrown_campaign
 

@@ -12,11 +12,10 @@ import pytest
 from metrology import Quantity
 from pipelines import cache as module
 from pipelines.cache import Cache, clip_digest
-from pipelines.measure.chain import MeasureOptions
+from pipelines.measure.chain import MeasureOptions, remembered, watched
 from pipelines.measure.measurement import Measurement
-from pipelines.measure.remembered import remembered, watched
 from pipelines.setup.file import CameraSetup, Setup
-from vision.clip.capture_rate import CaptureRate, RateSource
+from vision.clip.footage import CaptureRate, RateSource
 from vision.clip.info import ClipInfo
 
 

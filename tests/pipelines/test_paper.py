@@ -12,13 +12,18 @@ from typer.testing import CliRunner
 from metrology import UsageError
 from physics.bodies import BALLS
 from pipelines.paper import audit, draw_figures, paper_command
-from pipelines.paper.cells import Cell, judged
-from pipelines.paper.conclusions import conclusions, swing_checks
+from pipelines.paper.audit import conclusions, swing_checks
+from pipelines.paper.command import filled, sections
 from pipelines.paper.figures import FIGURES
-from pipelines.paper.page import filled, sections
-from pipelines.paper.printed import TABLE_6
-from pipelines.paper.speeds import law_of, measured_speeds, speed_by_rational, speed_for
-from pipelines.paper.table5 import Explanation, investigate
+from pipelines.paper.printed import TABLE_6, Cell, judged
+from pipelines.paper.table5 import (
+    Explanation,
+    investigate,
+    law_of,
+    measured_speeds,
+    speed_by_rational,
+    speed_for,
+)
 
 app = typer.Typer(pretty_exceptions_enable=False)
 app.command()(paper_command)

@@ -22,8 +22,8 @@ from sample_videos import (
     render_frames,
     staged,
 )
-from sample_videos.encode import write_clip
 from sample_videos.make_clips import CLIPS, FOLDER
+from sample_videos.render import write_clip
 from sample_videos.truth import truth_path
 
 RESULT_NAMES = {

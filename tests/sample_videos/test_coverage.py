@@ -4,8 +4,16 @@ import numpy as np
 import pytest
 
 from calib.camera.camera import Camera, Lens
-from sample_videos.renderer.bodies import box, outline, outline_coverage, shade_behind
-from sample_videos.renderer.coverage import PixelGrid, Window, pixel_coverage, quadric_coverage
+from sample_videos.renderer.bodies import (
+    PixelGrid,
+    Window,
+    box,
+    outline,
+    outline_coverage,
+    pixel_coverage,
+    quadric_coverage,
+    shade_behind,
+)
 from sample_videos.renderer.stage import into_camera
 
 

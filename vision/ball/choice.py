@@ -1,35 +1,64 @@
-"""Which of the round things that moved is the ball."""
+"""Which of the round things that moved is the ball.
+
+Ghosts: circles of edges that only the static scene has, where something was or will be.
+
+A thing that lies still for most of a clip becomes part of the static scene; before it comes, or
+after it has left, its outline shows all the same, but it is not in the picture. There the scene is
+put right from the frames that show what is behind it, and the thing itself is seen again.
+
+Who is who where paths end or meet: heads joined to tails by one global assignment.
+
+A chain that is best by itself may change from one thing to another: from a puck to the one that it
+strikes, say. So at every moment at which a path ends or two meet, all paths are cut, and heads and
+tails are joined anew by the assignment that is best for all together (Kuhn 1955, `scipy.optimize.
+linear_sum_assignment`): each tail begins near where its head would have gone. A thing that lies
+still and is struck is still near its place in the next frame, the striker is not.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
+from vision.ball.circles import Circles
 from vision.ball.linking import Path
-from vision.motion.lawful import lawful_stretch
+from vision.motion import lawful_stretch
+from vision.scene.scene import Scene
 
-__all__ = ["Choice", "choose_ball", "rivals", "trimmed"]
+__all__ = ["Choice", "choose_ball", "rivals", "uncovered", "untangled"]
 
 FloatArray = NDArray[np.float64]
 
 # A thing that came less far than this (in radii) only wobbles: a swinging scale, a codec's blocks.
 _LEAST_TRAVEL = 2.0
+
 _RADIUS_TOLERANCE = 0.3
+
 # Steepness over noise at which an outline counts as nothing, and as clear.
 _FAINT, _CLEAR = 5.0, 60.0
+
 _FEWEST_STILL = 3
+
 _STILL_RADII = 0.15
+
 # Something that lay still and then flies was struck: that is what clips are made for.
 _STRUCK_BONUS = 2.0
+
 # The more so where another thing came to it at that moment.
 _MET_BONUS = 2.5
+
 # A pendulum's way of two diameters of the ball bends by 7 to 9 %; what rolls or slides goes along
 # a line.
 _LEAST_APPROACH = 4.0
+
 _STRAIGHT = 0.04
+
 _FEWEST_CAME = 4
+
 # An outline so complete, this much larger, may enclose a glint.
 _CREDIBLE = 0.62
+
 _ENCLOSING = 1.4
 
 
@@ -222,3 +251,194 @@ def _gap(path: Path, at: tuple[float, float, int | None]) -> float:
         nearest = int(np.argmin(np.abs(path.frame - at[2])))
         return float(distance[max(0, nearest - 1) : nearest + 2].min())
     return float(distance.min())
+
+
+FloatImage = NDArray[np.float32]
+
+IntArray = NDArray[np.int64]
+
+_PRESENCE = 0.35
+
+_COVERAGE = 0.65
+
+_SAME_RADII, _SAME_SIZE = 0.2, 0.2
+
+_MOST_GHOSTS = 3
+
+_FEWEST_LOOKS = 4
+
+_MOST_FRAMES = 9
+
+_MARGIN_RADII, _MARGIN_PX = 1.1, 1.0
+
+_FADE_PX = 2.0
+
+# Other things hide the scene out to a little beyond their outline.
+_BEYOND_PX = 2.0
+
+
+@dataclass(frozen=True)
+class _Ghost:
+    """Where the static scene shows a round thing that is not there in these frames."""
+
+    frame: IntArray
+    centre: FloatArray
+    radius: float
+
+
+def uncovered(scene: Scene, found: dict[int, Circles]) -> bool:
+    """Take ghosts out of the static scene.
+
+    Parameters
+    ----------
+    scene : Scene
+        Whose background is put right.
+    found : dict of int to Circles
+        All candidates by frame.
+
+    Returns
+    -------
+    bool
+        Whether there was a ghost, and the candidates should be looked for again.
+    """
+    ghosts = _ghosts(found)
+    for ghost in ghosts:
+        _uncover(scene, ghost, found)
+    return bool(ghosts)
+
+
+def _ghosts(found: dict[int, Circles]) -> list[_Ghost]:
+    """Outlines without presence that stand in one place in several looks, most seen first."""
+    rows = [
+        (frame, *circles.centre_px[place], circles.radius_px[place])
+        for frame, circles in sorted(found.items())
+        for place in np.nonzero((circles.presence < _PRESENCE) & (circles.coverage > _COVERAGE))[0]
+    ]
+    table = np.array(rows, dtype=np.float64).reshape(-1, 4)
+    ghosts: list[_Ghost] = []
+    while len(table) >= _FEWEST_LOOKS and len(ghosts) < _MOST_GHOSTS:
+        gap = np.hypot(table[:, None, 1] - table[None, :, 1], table[:, None, 2] - table[None, :, 2])
+        size = np.abs(np.log(table[:, None, 3] / table[None, :, 3]))
+        like = (gap < _SAME_RADII * table[:, 3] + 1.0) & (size < _SAME_SIZE)
+        best = int(np.argmax(like.sum(axis=1)))
+        member = like[best]
+        if member.sum() < _FEWEST_LOOKS:
+            break
+        middle = np.median(table[member, 1:], axis=0)
+        frames = np.unique(table[member, 0]).astype(np.int64)
+        ghosts.append(_Ghost(frames, middle[:2], float(middle[2])))
+        table = table[~member]
+    return ghosts
+
+
+def _uncover(scene: Scene, ghost: _Ghost, found: dict[int, Circles]) -> None:
+    chosen = np.unique(np.linspace(0, len(ghost.frame) - 1, _MOST_FRAMES).astype(np.int64))
+    frames = ghost.frame[chosen]
+    centre, radius = ghost.centre, ghost.radius
+    rows, columns = np.ogrid[: scene.shape[0], : scene.shape[1]]
+    away = np.hypot(columns - centre[0], rows - centre[1])
+    reach = _MARGIN_RADII * radius + _MARGIN_PX
+    where = np.clip((reach + _FADE_PX - away) / _FADE_PX, 0.0, 1.0).astype(np.float32)
+    hidden = []
+    for frame in frames:
+        others = found[int(frame)]
+        mask = np.zeros(scene.shape, dtype=bool)
+        for place in range(len(others)):
+            there = others.presence[place] > _PRESENCE and others.coverage[place] > 0.7
+            if there:
+                x, y = others.centre_px[place]
+                mask |= np.hypot(columns - x, rows - y) < others.radius_px[place] + _BEYOND_PX
+        hidden.append(mask)
+    scene.uncover(frames, hidden, where)
+
+
+_MEETING_RADII = 3.0
+
+_LOOKS_BACK = 4
+
+# Off its prediction by this (radii, and px) costs one; more than the cap costs no more.
+_OFF_RADII, _OFF_PX = 0.25, 1.0
+
+_CAP = 12.0
+
+_SWOLLEN = 0.15
+
+# Joining otherwise than the chains did must be better by this.
+_CLEARLY = 1.5
+
+_FEWEST = 3
+
+_MOST_MEETINGS = 12
+
+
+def untangled(paths: list[Path]) -> list[Path]:
+    """Exchange tails where another assignment explains all paths better.
+
+    Parameters
+    ----------
+    paths : list of Path
+        What `link_circles` returned.
+
+    Returns
+    -------
+    list of Path
+        Of the same candidates; a head or tail that belongs to nothing else stands for itself.
+    """
+    for moment in _moments(paths):
+        paths = _rejoined(paths, moment)
+    return paths
+
+
+def _moments(paths: list[Path]) -> list[int]:
+    """Frames after which a path ends while another is near, in time order."""
+    found: set[int] = set()
+    for path in paths:
+        last = int(path.frame[-1])
+        for other in paths:
+            if other is path or not int(other.frame[0]) < last < int(other.frame[-1]):
+                continue
+            after = int(np.searchsorted(other.frame, last, side="right"))
+            gap = float(np.hypot(*(other.centre_px[after] - path.centre_px[-1])))
+            if gap < _MEETING_RADII * max(path.radius, other.radius):
+                found.add(last)
+    return sorted(found)[:_MOST_MEETINGS]
+
+
+def _rejoined(paths: list[Path], moment: int) -> list[Path]:
+    """Cut all paths after a frame and join heads and tails anew."""
+    live = [path for path in paths if path.frame[0] <= moment < path.frame[-1]]
+    ended = [path for path in paths if path.frame[-1] == moment]
+    rest = [path for path in paths if not any(path is one for one in live + ended)]
+    heads = [path.where(path.frame <= moment) for path in live] + ended
+    tails = [path.where(path.frame > moment) for path in live]
+    if not tails:
+        return paths
+    cost = np.array([[_cost(head, tail) for tail in tails] for head in heads])
+    before = float(sum(cost[place, place] for place in range(len(tails))))
+    rows, columns = linear_sum_assignment(cost)
+    if before - float(cost[rows, columns].sum()) < _CLEARLY:
+        return paths
+    joined = list(rest)
+    for row, head in enumerate(heads):
+        own = columns[rows == row]
+        if len(own) and cost[row, own[0]] < _CAP:
+            joined.append(head.then(tails[int(own[0])]))
+        else:
+            joined += [thing for thing in (head,) if len(thing.frame) >= _FEWEST]
+            joined += [tails[int(at)] for at in own if len(tails[int(at)].frame) >= _FEWEST]
+    return joined
+
+
+def _cost(head: Path, tail: Path) -> float:
+    """How far a tail begins from where its head would have gone, in tolerances."""
+    frame = head.frame[-_LOOKS_BACK:].astype(np.float64)
+    place = head.centre_px[-_LOOKS_BACK:]
+    if len(frame) > 1:
+        slope, start = np.polyfit(frame - frame[-1], place, 1)
+    else:
+        slope, start = np.zeros(2), place[-1]
+    expected = start + slope * (float(tail.frame[0]) - frame[-1])
+    radius = head.radius
+    off = float(np.hypot(*(tail.centre_px[0] - expected))) / (_OFF_RADII * radius + _OFF_PX)
+    swollen = abs(float(np.log(tail.radius / radius))) / _SWOLLEN
+    return min(off + swollen, _CAP)

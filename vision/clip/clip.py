@@ -2,26 +2,275 @@
 
 Times come from presentation stamps only; frames are upright and have square pixels; woven fields
 are separated. Nothing is held: memory does not grow with the length of the clip.
+
+What is settled when a video is opened: fields, orientation, clock, and what to warn of.
+
+A folder of numbered images read as a clip.
 """
 
+import hashlib
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from metrology import ClipError
-from vision.clip.fields import separate_field
-from vision.clip.image_folder import ImageFolder
-from vision.clip.info import ClipInfo, Frame, GrayImage
-from vision.clip.opening import Fields, open_video
-from vision.clip.picture import Upright
+from vision.clip.fields import CombingDetector, separate_field
+from vision.clip.info import ClipInfo, Frame, GrayImage, Weave
+from vision.clip.picture import Upright, bit_depth, upright_of
 from vision.clip.video_file import VideoFile
 
-__all__ = ["Clip", "ClipInfo", "Fields", "Frame"]
+__all__ = ["Clip"]
+
+Fields = Literal["auto", "progressive", "top_first", "bottom_first"]
+
+# Looking for woven fields stops after this many pixels, some 0.05 s of decoding, but not before so
+# many pictures; broadcast sizes, which alone are recorded in fields, are worth a longer look.
+_COMBING_PIXELS = 16_000_000
+
+_COMBING_PICTURES = 48
+
+_BROADCAST_PICTURES = 300
+
+_BROADCAST_HEIGHTS = (480, 486, 512, 576, 608, 1080, 1088)
+
+
+def open_video(path: Path, fields: Fields) -> tuple[VideoFile, ClipInfo, Upright]:
+    """Open a video file.
+
+    Parameters
+    ----------
+    path : Path
+        An existing file that is not empty.
+    fields : {"auto", "progressive", "top_first", "bottom_first"}
+        As in `Clip.open`.
+
+    Returns
+    -------
+    video : VideoFile
+    info : ClipInfo
+    upright : Upright
+
+    Raises
+    ------
+    ClipError
+        If it can't be read.
+    """
+    video = VideoFile(path)
+    times = video.packets.times
+    weave, notes = _weave(video) if fields == "auto" else (fields, [])
+    upright, note = upright_of(video.first_picture, video.pixel_aspect)
+    notes += [note] if note else []
+    parts = 1 if weave == "progressive" else 2
+    height, width = video.first_picture.height, video.first_picture.width
+    width = round(width * upright.stretch)
+    if upright.stretch != 1.0:
+        notes.append(
+            f"Stored pixels are {upright.stretch:.4f} times as wide as high; pictures are "
+            "stretched to square pixels."
+        )
+    rate = 1.0 / times.interval_s if times.interval_s > 0 else video.declared_rate
+    info = ClipInfo(
+        path=path,
+        sha256=video.sha256(),
+        width=height if upright.swap else width,
+        height=width if upright.swap else height,
+        frames=parts * len(times.seconds),
+        codec=video.codec,
+        container_fps=parts * rate,
+        container_declares_rate=True,
+        duration_s=float(times.seconds[-1]) + (parts - 1) * 0.5 / rate,
+        rotation=upright.rotation,
+        weave=weave,
+        bit_depth=bit_depth(video.first_picture),
+        capture_fps_metadata=video.capture_fps(),
+        variable_rate=times.variable,
+        warnings=tuple(_file_warnings(video) + notes),
+    )
+    return video, info, upright
+
+
+def _weave(video: VideoFile) -> tuple[Weave, list[str]]:
+    height, width = video.first_picture.height, video.first_picture.width
+    broadcast = height in _BROADCAST_HEIGHTS
+    least = _BROADCAST_PICTURES if broadcast else _COMBING_PICTURES
+    detector = CombingDetector()
+    for picture in islice(video.pictures(), max(least, _COMBING_PIXELS // (height * width))):
+        if detector.wants(picture.index):
+            detector.show(picture.gray())
+        if detector.settled:
+            break
+    seen = detector.verdict()
+    half_line = (
+        "the fields are separated, which doubles the frame rate, and each is resampled onto the "
+        "full picture's lines, which takes out the half-line offset between them"
+    )
+    if video.declared_interlaced:
+        if seen != "progressive":
+            return seen, [f"The clip is interlaced: {half_line}."]
+        if detector.settled:
+            return "progressive", [
+                "The file calls its pictures interlaced, but what moves in them shows no combing; "
+                "they are taken as whole pictures."
+            ]
+        return video.declared_order, [
+            f"The clip is interlaced, says the file, and too little moves to check it: {half_line}."
+        ]
+    if seen == "progressive":
+        return seen, []
+    return seen, [f"The pictures are combed: two fields woven without a flag; {half_line}."]
+
+
+def _file_warnings(video: VideoFile) -> list[str]:
+    packets = video.packets
+    times = packets.times
+    found = len(times.seconds)
+    notes = []
+    if packets.declared > found + packets.edited_out:
+        notes.append(
+            f"The file is cut off: it declares {packets.declared} pictures and holds {found} "
+            f"({100 * found / packets.declared:.0f} %); what is there is read."
+        )
+    elif packets.declared_s and found > 1 and not packets.declared:
+        end = float(times.seconds[-1]) + times.interval_s
+        # Sound may outlast the pictures in a whole file, and a last frame may be shown long.
+        if not packets.whole and end < 0.98 * packets.declared_s - 2.0 * times.interval_s:
+            notes.append(
+                f"The file is cut off: it declares {packets.declared_s:.2f} s and ends at "
+                f"{end:.2f} s ({100 * end / packets.declared_s:.0f} %); what is there is read."
+            )
+    if packets.corrupt:
+        notes.append(f"{packets.corrupt} packets of the file are damaged.")
+    if not packets.stamped:
+        notes.append(
+            "The file has no usable time stamps; its frames are taken to be evenly spaced at "
+            f"{video.declared_rate:.4g} frames per second."
+        )
+    if times.missing:
+        notes.append(
+            f"{times.missing} frames are missing from an otherwise even clock (dropped while "
+            "recording); the gaps keep their time."
+        )
+    return notes
+
+
+_SUFFIXES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"}
+
+
+def is_image(path: Path) -> bool:
+    """Whether a file's name is that of an image."""
+    return path.suffix.lower() in _SUFFIXES
+
+
+class ImageFrame:
+    """One image, read when it is asked for."""
+
+    def __init__(self, index: int, path: Path, shape: tuple[int, int] | None) -> None:
+        self.index = index
+        self.time_s = float(index)
+        self._path = path
+        self._shape = shape
+
+    def gray(self) -> GrayImage:
+        """Gray levels (H, W), uint8 or uint16."""
+        image = self._read(cv2.IMREAD_UNCHANGED)
+        if image.ndim == 3:
+            image = image[:, :, :3] if image.shape[2] > 3 else image
+            image = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
+        return image
+
+    def colour(self) -> NDArray[np.uint8]:
+        """Colour image (H, W, 3), blue first."""
+        return self._read(cv2.IMREAD_COLOR)
+
+    def _read(self, flags: int) -> NDArray[Any]:
+        # IMREAD_UNCHANGED skips the camera's orientation tag, so it is asked for without.
+        data = np.frombuffer(self._path.read_bytes(), np.uint8)
+        image = cv2.imdecode(data, flags | cv2.IMREAD_IGNORE_ORIENTATION) if len(data) else None
+        if image is None or image.dtype not in (np.uint8, np.uint16):
+            raise ClipError(
+                f"{self._path} is no image that can be read",
+                hint="Remove it from the folder, or save the images as PNG of 8 or 16 bit.",
+            )
+        if self._shape is not None and image.shape[:2] != self._shape:
+            height, width = self._shape
+            raise ClipError(
+                f"{self._path} is {image.shape[1]}×{image.shape[0]} px, the images before it are "
+                f"{width}×{height} px",
+                hint="Keep the images of one recording, and nothing else, in the folder.",
+            )
+        return np.asarray(image)
+
+
+class ImageFolder:
+    """Images of one folder in natural order (frame2 before frame10).
+
+    Parameters
+    ----------
+    path : Path
+        The folder.
+
+    Raises
+    ------
+    ClipError
+        If there is no image in it, or the first can't be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._paths = sorted((item for item in path.iterdir() if is_image(item)), key=_natural)
+        if not self._paths:
+            raise ClipError(
+                f"there are no images in the folder {path}",
+                hint="Give a video file, or a folder of numbered PNG, JPEG, BMP or TIFF images.",
+            )
+        first = ImageFrame(0, self._paths[0], None).gray()
+        self._shape = (int(first.shape[0]), int(first.shape[1]))
+        self.damage: tuple[str, ...] = ()
+        self.info = ClipInfo(
+            path=path,
+            sha256=self._digest(),
+            width=self._shape[1],
+            height=self._shape[0],
+            frames=len(self._paths),
+            codec=self._paths[0].suffix.lower().lstrip("."),
+            container_fps=1.0,
+            container_declares_rate=False,
+            duration_s=float(len(self._paths) - 1),
+            rotation=0,
+            weave="progressive",
+            bit_depth=8 * first.dtype.itemsize,
+            capture_fps_metadata=None,
+            variable_rate=False,
+        )
+
+    @property
+    def times_s(self) -> NDArray[np.float64]:
+        """Numbers of the images, as times."""
+        return np.arange(len(self._paths), dtype=np.float64)
+
+    def pictures(self) -> Iterator[ImageFrame]:
+        """Give the images in order."""
+        for index, path in enumerate(self._paths):
+            yield ImageFrame(index, path, self._shape)
+
+    def _digest(self) -> str:
+        digest = hashlib.sha256()
+        for path in self._paths:
+            digest.update(path.name.encode())
+            digest.update(hashlib.sha256(path.read_bytes()).digest())
+        return digest.hexdigest()
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    parts = re.findall(r"\d+|\D+", path.name)
+    return [(int(part), "") if part.isdigit() else (-1, part) for part in parts]
 
 
 FloatArray = NDArray[np.float64]

@@ -1,32 +1,130 @@
-"""A clip's gray frames, held in memory where they fit and decoded again where they don't."""
+"""A clip's gray frames, held in memory where they fit and decoded again where they don't.
 
+A clock that ticks when something moves: frames before and after the action count for nothing.
+
+What a look at every so-many frames can tell depends on how far things move between looks, not on
+the frame rate nor on how long nothing happened. So each frame is held, coarsely, against the last
+one that differed: a slow motion ticks when it has come far enough to be seen, a fast one with every
+frame, a still picture hardly ever.
+
+How many frames per second the camera took, who says so, and how well it is known.
+"""
+
+import math
 from collections import deque
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from enum import StrEnum
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from metrology import ClipError, NotFoundError
-from vision.clip.motion_clock import MotionClock
+from metrology import ClipError, NotFoundError, UsageError
+from vision.clip.info import ClipInfo, GrayImage
 
 if TYPE_CHECKING:
     from vision.clip.clip import Clip
 
-__all__ = ["Footage", "GrayFrame"]
+__all__ = [
+    "CaptureRate",
+    "Footage",
+    "GrayFrame",
+    "MotionClock",
+    "RateSource",
+    "choose_capture_rate",
+    "nominal_rate_std",
+]
+
+FloatImage = NDArray[np.float32]
+
+# Side of the cells whose means are compared, px: a ball of 5 px fills a third of one.
+_CELL = 8
+
+_FINEST_CELL = 4
+
+# A small picture still gets so many cells across.
+_CELLS_ACROSS = 24
+
+# Means of a cell that move by so many of their own noise, and at least this much of white, moved.
+_SIGMA = 8.0
+
+_LEAST_CHANGE = 1.5 / 255.0
+
+# Still frames tick like 1, 1/2, 1/3, ... of this.
+_STILL_TICK = 0.25
+
+
+class MotionClock:
+    """Tells for each frame shown to it, in order, whether something moved, and keeps the time.
+
+    Attributes
+    ----------
+    time : float
+        Ticks so far: about one for each frame in which something moved.
+    """
+
+    def __init__(self) -> None:
+        self.time = 0.0
+        self._reference: FloatImage | None = None
+        self._still = 0
+
+    def tick(self, frame: GrayImage) -> bool:
+        """Show the next frame (H, W); says whether it differs from the last that differed."""
+        cells = _cells(frame)
+        full = 255.0 if frame.dtype == np.uint8 else 65535.0
+        if self._reference is None:
+            self._reference = cells
+            return False
+        if _differ(cells, self._reference, full):
+            self._reference = cells
+            self._still = 0
+            self.time += 1.0
+            return True
+        self._still += 1
+        self.time += _STILL_TICK / self._still
+        return False
+
+
+def _cells(frame: GrayImage) -> FloatImage:
+    height, width = frame.shape
+    cell = int(np.clip(min(height, width) // _CELLS_ACROSS, _FINEST_CELL, _CELL))
+    size = (max(1, width // cell), max(1, height // cell))
+    trimmed = frame[: max(1, size[1] * cell), : max(1, size[0] * cell)]
+    half = (min(2 * size[0], width), min(2 * size[1], height))
+    fine = cv2.resize(trimmed, half, interpolation=cv2.INTER_AREA).astype(np.float32)
+    return np.asarray(cv2.resize(fine, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
+
+
+def _differ(cells: FloatImage, reference: FloatImage, full: float) -> bool:
+    """Whether some cell changed by more than its noise, a change of light left aside."""
+    usual = float(np.median(reference))
+    gain = float(np.median(cells)) / usual if usual > 0.0 else 1.0
+    change = np.abs(cells - np.float32(gain) * reference)
+    noise = 1.4826 * float(np.median(change))
+    return bool(change.max() > max(_SIGMA * noise, _LEAST_CHANGE * full))
+
 
 GrayFrame = NDArray[np.uint8] | NDArray[np.uint16]
 
 _HELD_BYTES = 120_000_000
+
 # Of longer clips: the even sample, which doubles while it is gathered, and a block of neighbours.
 _SAMPLE_BYTES = 50_000_000
+
 _FEWEST_SAMPLES = 24
+
 _BLOCK_BYTES = 60_000_000
+
 # Still frames kept before the first motion and after the last: enough to know what lay still.
 _MARGIN = 60
+
 _MARGIN_BYTES = 40_000_000
+
 # A ball of 5 px with as much around it; OpenCV's resampling counts pixels in 15 bits.
 _SMALLEST_SIDE, _LARGEST_SIDE = 16, 32_766
+
 # Weight of plain time beside the time told by motion, where frames are spread.
 _IDLE_SHARE = 0.15
 
@@ -57,7 +155,7 @@ class Footage:
     whole_count : int
         Number of frames of the clip.
     clock : (count,) array
-        Time told by what moves (`vision.clip.motion_clock`), ticks.
+        Time told by what moves (`vision.clip.footage`), ticks.
     sample_index : (n,) int array
         Which frames are held as the sample.
     sample_frames : list of (H, W) arrays
@@ -259,3 +357,120 @@ class _Gathered:
                 kept[index] = gray
                 last = self._bucket(index)
         self.sample = kept
+
+
+class RateSource(StrEnum):
+    """Who says how fast the camera ran; in the order in which they are believed."""
+
+    OPTION = "option"
+    SETUP = "setup"
+    METADATA = "metadata"
+    CONTAINER = "container"
+    ASSUMED = "assumed"
+
+
+ASSUMED_FPS = 600.0
+
+HIGH_SPEED_FPS = 119.0
+
+"""From here up a container's rate is the camera's; 119.88 is the slowest nominal "120"."""
+
+# A nominal rate may be the broadcast one, 1000/1001 of it (SMPTE ST 12): a rectangle of that width.
+_NOMINAL_SPREAD = (1.0 / 1001.0) / math.sqrt(12.0)
+
+
+@dataclass(frozen=True)
+class CaptureRate:
+    """Frame rate of the camera.
+
+    Attributes
+    ----------
+    fps : float
+        Frames (fields, where they are separated) per second of real time.
+    std : float
+        Its standard uncertainty, 1/s; infinite where the rate is only assumed.
+    source : RateSource
+        Where the number comes from.
+    notice : str or None
+        What the user must know about it.
+    """
+
+    fps: float
+    std: float
+    source: RateSource
+    notice: str | None = None
+
+    @property
+    def known(self) -> bool:
+        """Whether anything tells the rate: only then are there seconds."""
+        return math.isfinite(self.std)
+
+
+def nominal_rate_std(fps: float) -> float:
+    """Standard uncertainty of a rate that is only known by its name, 1/s: 600 may be 599.4."""
+    return fps * _NOMINAL_SPREAD
+
+
+def choose_capture_rate(
+    info: ClipInfo,
+    option: float | None = None,
+    setup: float | None = None,
+    *,
+    option_std: float | None = None,
+    setup_std: float | None = None,
+) -> CaptureRate:
+    """Choose: option, else setup file, metadata, container rate if high; 600 is assumed at last.
+
+    Parameters
+    ----------
+    info : ClipInfo
+        Of the clip.
+    option, setup : float, optional
+        Rate from the command line and from the setup file, 1/s.
+    option_std, setup_std : float, optional
+        Their standard uncertainties, 1/s; if not given, nominal and broadcast rate are both held
+        possible.
+
+    Returns
+    -------
+    CaptureRate
+
+    Raises
+    ------
+    UsageError
+        If a given rate is not positive.
+    """
+    if option is not None:
+        return _given(option, option_std, RateSource.OPTION, info)
+    if setup is not None:
+        return _given(setup, setup_std, RateSource.SETUP, info)
+    if info.capture_fps_metadata is not None:
+        metadata_fps = info.capture_fps_metadata
+        return CaptureRate(metadata_fps, nominal_rate_std(metadata_fps), RateSource.METADATA)
+    rate = info.container_fps
+    if info.container_declares_rate and rate >= HIGH_SPEED_FPS:
+        return CaptureRate(rate, nominal_rate_std(rate), RateSource.CONTAINER)
+    said = f"{rate:.4g} frames per second" if info.container_declares_rate else "no frame rate"
+    return CaptureRate(
+        ASSUMED_FPS,
+        math.inf,
+        RateSource.ASSUMED,
+        f"CAPTURE RATE ASSUMED: {info.path.name} declares {said} and not the camera's rate; "
+        f"{ASSUMED_FPS:g} fps is assumed. Times and speeds are given only where a free fall with a "
+        "known scale tells the rate: give the true one with --fps RATE or capture_fps in the "
+        "setup file.",
+    )
+
+
+def _given(fps: float, std: float | None, source: RateSource, info: ClipInfo) -> CaptureRate:
+    if not (math.isfinite(fps) and fps > 0):
+        raise UsageError(
+            f"a capture rate of {fps:g} fps makes no sense", hint="Give it as --fps 600."
+        )
+    told = info.capture_fps_metadata
+    notice = None
+    if told is not None and abs(told / fps - 1.0) > 0.005:
+        notice = (
+            f"The file itself says {told:g} fps, the {source} {fps:g} fps; the {source} is used."
+        )
+    return CaptureRate(fps, nominal_rate_std(fps) if std is None else std, source, notice)

@@ -1,8 +1,24 @@
-"""Video files through PyAV: opened, checked, and decoded from first to last picture."""
+"""Video files through PyAV: opened, checked, and decoded from first to last picture.
+
+Frame times from the container's time stamps: sorted, and freed of their rounding.
+
+Containers round time stamps to their ticks: 600 frames per second in a Matroska file (1 ms) come as
+steps of 1 and 2 ms. Where every stamp lies within a tick of an even clock (frames missing from it
+allowed), that clock is the better estimate of each time; where not, the rate varies and the stamps
+stand.
+
+The camera's frame rate where the file tells it.
+
+Known: Android's ``com.android.capture.fps`` (a ``moov/meta`` key, written for slow motion); Sony's
+non-real-time metadata, an XML ``<VideoFrame … captureFps="959.04p"/>`` inside the file or beside it
+as ``STEMM01.XML``; Matroska or other tags named like a capture rate. Apple's and GoPro's high-speed
+modes keep the true rate as the container's own.
+"""
 
 import hashlib
 import os
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
@@ -16,15 +32,142 @@ from av.stream import Disposition
 from numpy.typing import NDArray
 
 from metrology import ClipError
-from vision.clip.capture_metadata import capture_fps_in_file, capture_fps_in_tags
-from vision.clip.frame_times import FrameTimes, frame_times
 from vision.clip.info import GrayImage, Weave
 from vision.clip.picture import colour_image, luma_image
 
-__all__ = ["Packets", "VideoFile", "VideoPicture"]
+__all__ = ["VideoFile", "capture_fps_in_tags"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FrameTimes:
+    """When each frame is shown.
+
+    Attributes
+    ----------
+    stamps : (N,) int array
+        Time stamps in ticks, increasing.
+    seconds : (N,) array
+        Times, s, 0 at the first frame.
+    interval_s : float
+        Usual interval between frames, s; NaN for a single frame.
+    variable : bool
+        Whether the stamps do not fit an even clock.
+    missing : int
+        Frames that an even clock has and the clip has not.
+    """
+
+    stamps: NDArray[np.int64]
+    seconds: FloatArray
+    interval_s: float
+    variable: bool
+    missing: int
+
+
+def frame_times(
+    stamps: NDArray[np.int64], tick_s: float, declared_fps: tuple[float, ...] = ()
+) -> FrameTimes:
+    """Build the table of times.
+
+    Parameters
+    ----------
+    stamps : (N,) int array
+        Presentation time stamps in any order; repeated ones are kept once.
+    tick_s : float
+        Length of a tick, s.
+    declared_fps : tuple of float
+        Rates that the container declares; one that fits every stamp as well is preferred to the
+        fitted rate.
+
+    Returns
+    -------
+    FrameTimes
+    """
+    ticks = np.unique(stamps)
+    since = (ticks - ticks[0]).astype(np.float64) if len(ticks) else np.zeros(0)
+    if len(ticks) < 3:
+        interval = tick_s * since[-1] if len(ticks) == 2 else np.nan
+        return FrameTimes(ticks, tick_s * since, float(interval), False, 0)
+    count, interval_ticks = _even_clock(since)
+    declared_ticks = [1.0 / (fps * tick_s) for fps in declared_fps if fps > 0]
+    for candidate in (*declared_ticks, interval_ticks):
+        if not _fits(since, count, candidate):
+            continue
+        interval_ticks = candidate
+        missing = int(count[-1]) + 1 - len(count)
+        seconds = tick_s * interval_ticks * count
+        return FrameTimes(ticks, seconds, tick_s * interval_ticks, False, missing)
+    usual = float(np.median(np.diff(since)))
+    return FrameTimes(ticks, tick_s * since, tick_s * usual, True, 0)
+
+
+def _even_clock(since: FloatArray) -> tuple[FloatArray, float]:
+    """Which beat of an even clock each stamp is, and the clock's interval in ticks."""
+    steps = np.diff(since)
+    beats = np.maximum(1.0, np.round(steps / np.median(steps)))
+    count = np.concatenate([[0.0], np.cumsum(beats)])
+    interval = _slope(count, since)
+    count = np.round(since / interval)
+    if np.any(np.diff(count) < 1):
+        count = np.concatenate([[0.0], np.cumsum(beats)])
+    return count, _slope(count, since)
+
+
+def _fits(since: FloatArray, count: FloatArray, interval: float) -> bool:
+    residual = since - count * interval
+    return float(np.ptp(residual)) <= 2.0
+
+
+def _slope(count: FloatArray, since: FloatArray) -> float:
+    centred = count - count.mean()
+    return float(centred @ since / (centred @ centred))
+
+
+_TAG = re.compile(r"captur\w*[ ._-]?(fps|frame[ _-]?rate)", re.IGNORECASE)
+
+_NUMBER = re.compile(r"(\d+(?:\.\d+)?)(?:\s*/\s*(\d+(?:\.\d+)?))?")
+
+_SONY = re.compile(rb"captureFps\s*=\s*[\"'](\d+(?:\.\d+)?)[pi]?[\"']")
+
+_LOOK_BYTES = 1 << 20
+
+
+def capture_fps_in_tags(tags: Mapping[str, str]) -> float | None:
+    """Find a capture rate among a container's tags, 1/s."""
+    for key, value in tags.items():
+        if _TAG.search(key):
+            number = _NUMBER.match(value.strip())
+            if number is not None:
+                rate = float(number.group(1)) / float(number.group(2) or 1.0)
+                if rate > 0:
+                    return rate
+    return None
+
+
+def capture_fps_in_file(path: Path) -> float | None:
+    """Find Sony's XML at the file's beginning or end, or in the file beside it, 1/s."""
+    with path.open("rb") as file:
+        size = file.seek(0, 2)
+        file.seek(0)
+        parts = [file.read(_LOOK_BYTES)]
+        if size > _LOOK_BYTES:
+            file.seek(max(_LOOK_BYTES, size - _LOOK_BYTES))
+            parts.append(file.read(_LOOK_BYTES))
+    sidecar = path.with_name(f"{path.stem}M01.XML")
+    if sidecar.is_file():
+        parts.append(sidecar.read_bytes()[:_LOOK_BYTES])
+    for part in parts:
+        found = _SONY.search(part)
+        if found is not None and float(found.group(1)) > 0:
+            return float(found.group(1))
+    return None
+
 
 _MOST_THREADS = 8
+
 _BOTTOM_SHOWN_FIRST = (3, 4)  # AV_FIELD_BB, AV_FIELD_TB
+
 # Pictures decoded when a clip is opened, to see whether their time stamps can be trusted: more than
 # any codec reorders.
 _TRIAL_PICTURES = 24

@@ -1,23 +1,302 @@
-"""The overlay video: every frame with what was found in it, written whole or not at all."""
+"""The overlay video: every frame with what was found in it, written whole or not at all.
+
+Text on images, with the signs that uncertainties need (± ° ²), which OpenCV's fonts lack.
+
+What an overlay shows beside the tracks, as plain arrays and lines of text.
+
+One frame of the overlay: the picture enlarged, what was found in it, numbers below.
+"""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
 from pathlib import Path
 
 import av
 import cv2
+import matplotlib
 import numpy as np
 from av.error import FFmpegError
 from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
 
 from metrology import UsageError, written_whole
 from vision.clip.clip import Clip
 from vision.overlay import OVERLAY_SUFFIXES
-from vision.overlay.drawing import OverlayPainter
-from vision.overlay.marks import OverlayMarks
-from vision.tracks import Tracks
+from vision.tracks import PendulumTrack, Track, Tracks
 
 __all__ = ["OVERLAY_SUFFIXES", "OverlayMarks", "overlay_still", "png_bytes", "write_overlay"]
+
+Colour = tuple[int, int, int]
+
+
+@cache
+def _font(size: int) -> ImageFont.FreeTypeFont:
+    # DejaVu Sans comes with matplotlib, so that text looks the same on every machine.
+    path = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
+    return ImageFont.truetype(str(path), size)
+
+
+def line_height(size: int) -> int:
+    """Distance between lines of text, px."""
+    return round(1.45 * size)
+
+
+def text_width(text: str, size: int) -> int:
+    """Width of a line of text, px."""
+    return int(np.ceil(_font(size).getlength(text)))
+
+
+def write_text(
+    image: NDArray[np.uint8], text: str, corner: tuple[int, int], size: int, colour: Colour
+) -> None:
+    """Write a line into an image (H, W, 3) in place, blue first; `corner` is its upper left, px."""
+    width, height = text_width(text, size) + 2, line_height(size)
+    left, top = max(0, corner[0]), max(0, corner[1])
+    patch = image[top : top + height, left : left + width]
+    if not text or patch.size == 0:
+        return
+    mask = Image.new("L", (patch.shape[1], patch.shape[0]))
+    ImageDraw.Draw(mask).text((0, 0), text, font=_font(size), fill=255)
+    cover = np.asarray(mask, np.float32)[:, :, None] / 255.0
+    patch[:] = np.round(patch * (1.0 - cover) + np.array(colour, np.float32) * cover).astype(
+        np.uint8
+    )
+
+
+@dataclass(frozen=True)
+class OverlayMarks:
+    """Marks on the picture; everything may be left out.
+
+    Attributes
+    ----------
+    contact : (2,) tuple of int or None
+        First and last frame in contact, both included.
+    grid_px : (N, 2) array or None
+        Wall grid points, px.
+    landing_px : (2,) array or None
+        Where the ball's centre is seen at landing, px.
+    landing_label : str
+        Written beside the landing point.
+    captions : tuple of str
+        Results in lines, written below the picture.
+    capture_fps : float or None
+        Frames per second of the camera, for the running clock; frames are counted without it.
+    """
+
+    contact: tuple[int, int] | None = None
+    grid_px: NDArray[np.float64] | None = None
+    landing_px: NDArray[np.float64] | None = None
+    landing_label: str = "landing"
+    captions: tuple[str, ...] = ()
+    capture_fps: float | None = None
+
+
+ColourImage = NDArray[np.uint8]
+
+FloatArray = NDArray[np.float64]
+
+# Blue, green, red; told apart by people with any colour vision (Okabe and Ito 2008).
+_BALL: Colour = (0, 159, 230)
+
+_PENDULUM: Colour = (233, 180, 86)
+
+_GRID: Colour = (115, 158, 0)
+
+_LANDING: Colour = (167, 121, 204)
+
+_CONTACT: Colour = (0, 94, 213)
+
+_STRIP: Colour = (32, 28, 26)
+
+_TEXT: Colour = (240, 240, 240)
+
+_DIM: Colour = (170, 170, 170)
+
+_WIDTH = 1000
+
+_MOST_ENLARGED = 6
+
+_SHIFT = 4
+
+# A track is drawn through gaps of this many frames, and broken at longer ones.
+_GAP = 3
+
+
+class OverlayPainter:
+    """Paints frames of one clip.
+
+    Parameters
+    ----------
+    width, height : int
+        Size of the clip's frames, px.
+    tracks : Tracks
+    marks : OverlayMarks
+    """
+
+    def __init__(self, width: int, height: int, tracks: Tracks, marks: OverlayMarks) -> None:
+        self._tracks, self._marks = tracks, marks
+        self.scale = int(np.clip(round(_WIDTH / width), 1, _MOST_ENLARGED))
+        self._picture = (width * self.scale, height * self.scale)
+        self._size = int(np.clip(self._picture[0] / 56, 13, 30))
+        self._thick = max(1, round(self._picture[0] / 640))
+        self._strip = self._make_strip()
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Height and width of what is painted, px; both even, as video codecs want them."""
+        return self._picture[1] + self._picture[1] % 2 + self._strip.shape[0], (
+            self._picture[0] + self._picture[0] % 2
+        )
+
+    def paint(self, index: int, picture: ColourImage) -> ColourImage:
+        """Paint one frame.
+
+        Parameters
+        ----------
+        index : int
+            Frame index.
+        picture : (H, W, 3) uint8 array
+            The frame, blue first.
+
+        Returns
+        -------
+        (H', W', 3) uint8 array
+        """
+        canvas = np.zeros((*self.shape, 3), np.uint8)
+        view = canvas[: self._picture[1], : self._picture[0]]
+        view[:] = cv2.resize(picture, self._picture, interpolation=cv2.INTER_CUBIC)
+        self._draw_grid(view)
+        if self._tracks.pendulum is not None:
+            self._draw_pendulum(view, index, self._tracks.pendulum)
+        self._draw_ball(view, index, self._tracks.ball)
+        self._draw_landing(view)
+        self._draw_contact(view, index)
+        canvas[-self._strip.shape[0] :] = self._strip
+        self._write_running_numbers(canvas[-self._strip.shape[0] :], index)
+        return canvas
+
+    def _make_strip(self) -> ColourImage:
+        """The strip without its running numbers: captions in as many columns as fit."""
+        size, step = self._size, line_height(self._size)
+        captions = self._marks.captions
+        widest = max((text_width(text, size) for text in captions), default=1) + 2 * size
+        room = self._picture[0] - 2 * size
+        columns = int(np.clip(room // widest, 1, 3))
+        rows = -(-len(captions) // columns)
+        height = step * (rows + 1) + size
+        strip = np.empty(
+            (height + height % 2, self._picture[0] + self._picture[0] % 2, 3), np.uint8
+        )
+        strip[:] = _STRIP
+        for number, text in enumerate(captions):
+            column, row = divmod(number, max(rows, 1))
+            corner = (size + column * (room // columns), size // 2 + step * (row + 1))
+            write_text(strip, text, corner, size, _TEXT)
+        return strip
+
+    def _write_running_numbers(self, strip: ColourImage, index: int) -> None:
+        rate = self._marks.capture_fps
+        parts = [f"frame {index}"]
+        if rate is not None:
+            parts.append(f"t = {1000.0 * index / rate:.1f} ms")
+        row = _row(self._tracks.ball, index)
+        if row is not None:
+            ball = self._tracks.ball
+            x, y = ball.centre_px[row]
+            parts.append(f"ball ({x:.2f}, {y:.2f}) px, radius {ball.radius_px[row]:.2f} px")
+        if self._tracks.pendulum is not None:
+            row = _row(self._tracks.pendulum.track, index)
+            if row is not None:
+                angle = np.degrees(self._tracks.pendulum.angle_rad[row])
+                parts.append(f"pendulum {angle:+.2f}°")
+        write_text(strip, "   ".join(parts), (self._size, self._size // 2), self._size, _DIM)
+
+    def _place(self, points: FloatArray) -> NDArray[np.int32]:
+        """Clip pixels to canvas pixels in fixed point; pixel centres are at integers in both."""
+        enlarged = (np.asarray(points, np.float64) + 0.5) * self.scale - 0.5
+        return np.round(enlarged * (1 << _SHIFT)).astype(np.int32)
+
+    def _circle(
+        self, view: ColourImage, centre: FloatArray, radius: float, colour: Colour, thick: int
+    ) -> None:
+        x, y = self._place(centre).tolist()
+        size = max(1, round(radius * self.scale * (1 << _SHIFT)))
+        cv2.circle(view, (x, y), size, colour, thick, cv2.LINE_AA, _SHIFT)
+
+    def _draw_trail(self, view: ColourImage, track: Track, index: int, colour: Colour) -> None:
+        past = track.frame <= index
+        centres, frames = track.centre_px[past], track.frame[past]
+        if len(frames) == 0:
+            return
+        for run in np.split(centres, np.flatnonzero(np.diff(frames) > _GAP) + 1):
+            points = self._place(run).reshape(-1, 1, 2)
+            cv2.polylines(view, [points], False, colour, self._thick, cv2.LINE_AA, _SHIFT)
+
+    def _draw_ball(self, view: ColourImage, index: int, ball: Track) -> None:
+        self._draw_trail(view, ball, index, _BALL)
+        row = _row(ball, index)
+        if row is None:
+            return
+        self._circle(view, ball.centre_px[row], float(ball.radius_px[row]), _BALL, self._thick)
+        self._circle(view, ball.centre_px[row], 1.5 * self._thick / self.scale, _BALL, -1)
+
+    def _draw_pendulum(self, view: ColourImage, index: int, pendulum: PendulumTrack) -> None:
+        self._draw_trail(view, pendulum.track, index, _PENDULUM)
+        row = _row(pendulum.track, index)
+        if row is None:
+            return
+        mass = pendulum.track.centre_px[row]
+        ends = self._place(np.array([pendulum.pivot_px, mass]))
+        # The pivot is often above the picture: the line is cut off by OpenCV, the dot is not seen.
+        cv2.line(
+            view, ends[0].tolist(), ends[1].tolist(), _PENDULUM, self._thick, cv2.LINE_AA, _SHIFT
+        )  # fmt: skip
+        for point in (pendulum.pivot_px, mass):
+            self._circle(view, point, 2.5 * self._thick / self.scale, _PENDULUM, -1)
+
+    def _draw_grid(self, view: ColourImage) -> None:
+        if self._marks.grid_px is None:
+            return
+        arm = round(2.5 * self._thick) << _SHIFT
+        for x, y in self._place(self._marks.grid_px).tolist():
+            cv2.line(view, (x - arm, y), (x + arm, y), _GRID, 1, cv2.LINE_AA, _SHIFT)
+            cv2.line(view, (x, y - arm), (x, y + arm), _GRID, 1, cv2.LINE_AA, _SHIFT)
+
+    def _draw_landing(self, view: ColourImage) -> None:
+        if self._marks.landing_px is None:
+            return
+        centre = self._place(self._marks.landing_px)
+        arm = round(0.7 * self._size) << _SHIFT
+        for across in (np.array([arm, arm]), np.array([arm, -arm])):
+            ends = (centre - across).tolist(), (centre + across).tolist()
+            cv2.line(view, *ends, _LANDING, self._thick + 1, cv2.LINE_AA, _SHIFT)
+        x, y = (centre >> _SHIFT).tolist()
+        label = self._marks.landing_label
+        left = min(x + self._size, view.shape[1] - text_width(label, self._size) - 4)
+        corner = (left, y - 2 * self._size)
+        write_text(view, label, (corner[0] + 1, corner[1] + 1), self._size, _STRIP)
+        write_text(view, label, corner, self._size, _LANDING)
+
+    def _draw_contact(self, view: ColourImage, index: int) -> None:
+        contact = self._marks.contact
+        if contact is None or not contact[0] <= index <= contact[1]:
+            return
+        border = 2 * self._thick + 1
+        corner = (view.shape[1] - 1 - border // 2, view.shape[0] - 1 - border // 2)
+        cv2.rectangle(view, (border // 2, border // 2), corner, _CONTACT, border)
+        label = f"contact {index - contact[0] + 1}/{contact[1] - contact[0] + 1}"
+        size = round(1.3 * self._size)
+        width, height = text_width(label, size) + size, line_height(size) + size // 3
+        view[border : border + height, border : border + width] = _CONTACT
+        write_text(view, label, (border + size // 2, border + size // 6), size, (255, 255, 255))
+
+
+def _row(track: Track, index: int) -> int | None:
+    place = int(np.searchsorted(track.frame, index))
+    return place if place < len(track) and track.frame[place] == index else None
+
 
 _PLAYED_FPS = 30
 

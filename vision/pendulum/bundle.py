@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.pendulum.imaged_swing import ImagedSwing
+from vision.pendulum.arc import ImagedSwing
 from vision.pendulum.layer import CORRELATED_PIXELS, Glimpse, hold
 from vision.pendulum.rigid import Patch, sampled
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.special import ndtr
 
-from vision.ball.outline.cutout import TYPICAL_GAMMA
+from vision.ball.outline.edges import TYPICAL_GAMMA
 from vision.ball.rest import Rest
 from vision.pendulum.mass import MassPoses
 from vision.pendulum.rigid import Pose, sampled

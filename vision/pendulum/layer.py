@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.pendulum.imaged_swing import ImagedSwing
+from vision.pendulum.arc import ImagedSwing
 from vision.pendulum.rigid import Patch, sampled
 
 __all__ = ["Glimpse", "Held", "Placed", "hold", "hold_at", "locate_along"]

@@ -1,37 +1,230 @@
-"""The static scene: what is seen when nothing moves, its noise, and each frame's brightness."""
+"""The static scene: what is seen when nothing moves, its noise, and each frame's brightness.
 
-from collections.abc import Sequence
+Things that lay still for so long that they look like background, told from what they hid.
+
+A ball that rests for most of the clip is what most frames show at that place. Two states of a
+region, with and without the thing, are told apart by the region's own outline: only with the thing
+does the picture have a step along it. The same holds for the shadow that left with it.
+
+Pictures sorted pixel by pixel: a network of minima and maxima over whole pictures at a time.
+"""
+
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
 import scipy.special
 from numpy.typing import NDArray
+from skimage.measure import label, regionprops
 
-from vision.scene.ghosts import without_ghosts
-from vision.scene.stack import densest, median_of, sorted_stack
-
-__all__ = ["Background", "LightMeter", "brightness", "estimate_background"]
+__all__ = [
+    "Background",
+    "LightMeter",
+    "brightness",
+    "densest",
+    "estimate_background",
+    "sorted_stack",
+]
 
 FloatImage = NDArray[np.float32]
 
+_DIFFERENT = 6.0
+
+_SMALLEST = 40
+
+# A thing's outline is a step that the noise does not make, and that is gone without the thing.
+_LEAST_STEP = 1.5
+
+_SMOOTHER = 0.4
+
+
+def without_ghosts(
+    epochs: list[FloatImage],
+    stable: list[NDArray[np.bool_]],
+    usual: FloatImage,
+    noise: FloatImage,
+) -> FloatImage:
+    """Replace regions of the usual picture that show something that was not always there.
+
+    Parameters
+    ----------
+    epochs : list of (H, W) float32 arrays
+        The scene in successive parts of the clip.
+    stable : list of (H, W) bool arrays
+        Where nothing moved in each part; elsewhere it tells nothing of the scene.
+    usual : (H, W) float32 array
+        What is shown most of the time.
+    noise : (H, W) float32 array
+        Standard deviation of a frame's pixel, gray levels.
+
+    Returns
+    -------
+    (H, W) float32 array
+    """
+    clean = usual.copy()
+    code = np.zeros(usual.shape, dtype=np.uint8)
+    kernel = np.ones((3, 3), np.uint8)
+    for bit, (epoch, still) in enumerate(zip(epochs, stable, strict=True)):
+        differs = ((np.abs(epoch - usual) > _DIFFERENT * noise) & still).astype(np.uint8)
+        opened = cv2.morphologyEx(differs, cv2.MORPH_OPEN, kernel)
+        code |= np.where(opened > 0, np.uint8(1 << bit), np.uint8(0))
+    # Pixels that differ in the same epochs belong together: the ball that left, apart from the mass
+    # that swung into its place.
+    least = float(np.median(noise))
+    pieces = label(code, connectivity=2)  # type: ignore[no-untyped-call]
+    for piece in regionprops(pieces, intensity_image=code):  # type: ignore[no-untyped-call]
+        value = int(piece.intensity_max)
+        if piece.area < _SMALLEST or not _at_one_end(value, len(epochs)):
+            continue
+        window = _window(piece.bbox, usual.shape)
+        region = (pieces[window] == piece.label).astype(np.uint8)
+        others = [epochs[bit][window] for bit in range(len(epochs)) if value >> bit & 1]
+        steps = [_step_along(other, region) for other in others]
+        best, seen = int(np.argmin(steps)), _step_along(usual[window], region)
+        if seen > _LEAST_STEP * least and steps[best] < _SMOOTHER * seen:
+            wide = cv2.dilate(region, np.ones((7, 7), np.uint8)) > 0
+            clean[window][wide] = others[best][wide]
+    return clean
+
+
+def _at_one_end(code: int, epochs: int) -> bool:
+    """Whether an alternative is what the clip begins or ends with: a thing that lay and left.
+
+    What is seen for a while in between is something that swung by.
+    """
+    ends = [(1 << run) - 1 for run in range(1, epochs)]
+    ends += [((1 << run) - 1) << (epochs - run) for run in range(1, epochs)]
+    return code in ends
+
+
+def _window(box: tuple[int, int, int, int], shape: tuple[int, ...]) -> tuple[slice, slice]:
+    top, left, bottom, right = box
+    return (
+        slice(max(0, top - 8), min(shape[0], bottom + 8)),
+        slice(max(0, left - 8), min(shape[1], right + 8)),
+    )
+
+
+def _step_along(picture: FloatImage, region: NDArray[np.uint8]) -> float:
+    """Mean step of the picture across the region's outline, gray levels per pixel."""
+    soft = cv2.GaussianBlur(region.astype(np.float32), (0, 0), 1.5)
+    nx, ny = cv2.Scharr(soft, cv2.CV_32F, 1, 0), cv2.Scharr(soft, cv2.CV_32F, 0, 1)
+    length = np.hypot(nx, ny)
+    smooth = cv2.GaussianBlur(picture, (0, 0), 1.5)
+    gx = cv2.Scharr(smooth, cv2.CV_32F, 1, 0) / 32.0
+    gy = cv2.Scharr(smooth, cv2.CV_32F, 0, 1) / 32.0
+    across = (gx * nx + gy * ny) / np.maximum(length, 1e-6)
+    # Smoothed along the outline, so that lines of the scene that cross it cancel.
+    weight = length * (length > 0.3 * length.max())
+    mean = cv2.GaussianBlur(across * weight, (0, 0), 3.0)
+    norm = cv2.GaussianBlur(weight, (0, 0), 3.0)
+    local = np.abs(mean) / np.maximum(norm, 1e-6)
+    return float(np.sum(local * weight) / max(float(np.sum(weight)), 1e-6))
+
+
+Level = TypeVar("Level", np.uint16, np.float32)
+
+
+def sorted_stack(pictures: Sequence[NDArray[Level]]) -> list[NDArray[Level]]:
+    """Sort each pixel over several pictures.
+
+    Parameters
+    ----------
+    pictures : sequence of (H, W) arrays
+        The pictures.
+
+    Returns
+    -------
+    list of (H, W) arrays
+        The lowest levels, the second lowest, and so on.
+    """
+    stack = list(pictures)
+    for low, high in _comparisons(len(stack)):
+        one, other = stack[low], stack[high]
+        stack[low], stack[high] = np.minimum(one, other), np.maximum(one, other)
+    return stack
+
+
+def median_of(pictures: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
+    """Median of each pixel over several pictures."""
+    stack = sorted_stack(pictures)
+    middle = len(stack) // 2
+    if len(stack) % 2:
+        return stack[middle]
+    return np.float32(0.5) * (stack[middle - 1] + stack[middle])
+
+
+def densest(ordered: Sequence[NDArray[np.uint16]], share: float) -> NDArray[np.float32]:
+    """Middle of the narrowest interval that holds a share of each pixel's levels.
+
+    Parameters
+    ----------
+    ordered : sequence of (H, W) arrays
+        What `sorted_stack` gave.
+    share : float
+        That share, 0 to 1.
+
+    Returns
+    -------
+    (H, W) array
+    """
+    count = len(ordered)
+    reach = min(max(1, round(share * count) - 1), count - 1)
+    best = np.full(ordered[0].shape, np.iinfo(np.uint32).max, dtype=np.uint32)
+    for first in range(count - reach):
+        width = (ordered[first + reach] - ordered[first]).astype(np.uint32)
+        np.minimum(best, (width << 8) + np.uint32(first), out=best)
+    place = (best & 0xFF).astype(np.int64)
+    stack = np.stack(ordered)
+    low, high = (
+        np.take_along_axis(stack, (place + part)[None], axis=0)[0].astype(np.float32)
+        for part in (reach // 2, (reach + 1) // 2)
+    )
+    return np.asarray(np.float32(0.5) * (low + high))
+
+
+def _comparisons(count: int) -> Iterator[tuple[int, int]]:
+    """Batcher's odd-even merge sort (1968): pairs to be put in order, one after another."""
+    width = 1
+    while width < count:
+        step = width
+        while step >= 1:
+            for first in range(step % width, count - step, 2 * step):
+                for low in range(first, min(first + step, count - step)):
+                    if low // (2 * width) == (low + step) // (2 * width):
+                        yield low, low + step
+            step //= 2
+        width *= 2
+
+
 _LEVEL_BINS = 16
+
 _LAW_PIXELS = 60_000
+
 # Fixed-point steps of a gray level.
 _STEPS = 128
+
 _EPOCHS = 5
+
 # The static scene is seen in at least this part of the frames, wherever it is seen at all.
 _DENSEST = 0.35
+
 # An epoch that scatters by more than this, over noise, shows something that moves.
 _STABLE = 3.0
+
 _BAND_PIXELS = 6_000_000
+
 _BRIGHTNESS_PIXELS = 4000
+
 _FEWEST_LIT = 50
+
 # Rounding to whole gray levels and the codec's quantiser leave about this much where a clip looks
 # noise-free.
 _NOISE_FLOOR = 0.6
+
 # Residual unsteadiness of a registered picture: edges of the scene are that much less certain.
 _JITTER_PX = 0.06
 
@@ -112,7 +305,7 @@ def estimate_background(frames: Sequence[NDArray[Any]], scale: float = 1.0) -> B
     Brightness is equalised first, so that mains flicker does not blur the medians. The clip is cut
     into epochs with a median each. A pixel takes the level about which its levels crowd most, since
     what moves shows ever other ones; where something lay still for so long that they crowd about
-    the wrong thing, the epoch without its outline is taken (`vision.scene.ghosts`).
+    the wrong thing, the epoch without its outline is taken (`vision.scene.background`).
 
     Parameters
     ----------

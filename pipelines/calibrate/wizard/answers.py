@@ -1,24 +1,58 @@
-"""What the user has said or accepted so far, step by step; never changed, only replaced."""
+"""What the user has said or accepted so far, step by step; never changed, only replaced.
 
+What people type into the wizard's fields, turned into answers or a refusal that helps.
+"""
+
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.camera.lens_prior import LensPrior
-from calib.evidence import Known
+from calib.calibration import Known
+from calib.camera.lens import Board, calibrate_lens, find_board, lens_toml, read_lens
+from calib.camera.lens_fit import LensPrior
 from calib.grid.grid import WallGrid
+from metrology import (
+    ClipError,
+    Defaults,
+    UnitError,
+    UsageError,
+    measurands,
+    read_given,
+    read_number,
+)
 from pipelines.calibrate.wizard.scene import BallSeen, Scene
-from vision.clip.capture_rate import RateSource
+from vision.clip.footage import RateSource
 
-__all__ = ["STEPS", "Answers", "BallKind", "LensChoice", "WallSource"]
+__all__ = [
+    "STEPS",
+    "Answers",
+    "BallKind",
+    "LensChoice",
+    "WallSource",
+    "ball_from",
+    "board_pictures",
+    "board_size",
+    "distance_from",
+    "fine_pitch_from",
+    "lens_from_board",
+    "lens_from_file",
+    "pitch_from",
+    "point_from",
+    "rate_from",
+]
 
 FloatArray = NDArray[np.float64]
+
 WallSource = Literal["found", "corners", "hand"]
 
 STEPS = ("clip and rate", "lens", "wall grid", "ball and support", "distances", "check")
+
 """Names of the six steps, in order."""
 
 
@@ -147,3 +181,191 @@ class Answers:
         width, height = self.scene.size
         left = self.rest is not None and self.rest[0] > 0.5 * width
         return np.array([(0.1 if left else 0.9) * width, 0.85 * height]), False
+
+
+PICTURES = (".jpg", ".jpeg", ".png", ".bmp", ".tif", ".tiff")
+
+NOTHING = ("", "none", "-", "no")
+
+
+def rate_from(text: str) -> float | None:
+    """Capture rate in 1/s: ``600`` or ``600 fps``; None for nothing.
+
+    Raises
+    ------
+    UsageError
+        If it is no positive rate.
+    """
+    if text.strip().lower() in NOTHING:
+        return None
+    return read_number(text, measurands.CAPTURE_RATE)
+
+
+def pitch_from(text: str) -> float:
+    """Side of a square of the wall grid, m.
+
+    Raises
+    ------
+    UsageError
+        If it is no length of 1 mm to 2 m.
+    """
+    return read_number(text, measurands.GRID_PITCH)
+
+
+def fine_pitch_from(text: str, pitch: float) -> float | None:
+    """Distance between fine lines, m; None for none.
+
+    Raises
+    ------
+    UsageError
+        If it is no smaller than the pitch.
+    """
+    if text.strip().lower() in NOTHING:
+        return None
+    fine = read_number(text, measurands.FINE_PITCH)
+    if fine >= pitch:
+        raise UsageError(
+            f"fine lines {1e3 * fine:g} mm apart are no finer than the grid's {1e3 * pitch:g} mm",
+            hint="Leave it empty where there are none.",
+        )
+    return fine
+
+
+def distance_from(text: str) -> Known | None:
+    """A taped length, ``4.00 m`` or ``4.00 m ± 3 mm``; None for nothing.
+
+    Raises
+    ------
+    UsageError
+        If it is no positive length, or its uncertainty is none.
+    """
+    if text.strip().lower() in NOTHING:
+        return None
+    taped = read_given(text, measurands.CAMERA_DISTANCE)
+    return Known(taped.value, Defaults.TAPE.std if taped.std is None else taped.std)
+
+
+def ball_from(text: str, presets: Sequence[BallKind]) -> BallKind | None:
+    """A ball by its preset's name, or by diameter and maybe mass: ``220 mm, 0.4 kg``.
+
+    Raises
+    ------
+    UsageError
+        If it is neither.
+    """
+    if text.strip().lower() in NOTHING:
+        return None
+    named = {kind.name: kind for kind in presets}
+    if text.strip() in named:
+        return named[text.strip()]
+    size, _, weight = text.partition(",")
+    try:
+        diameter = read_number(size, measurands.BALL_DIAMETER)
+    except UnitError as problem:
+        raise UsageError(
+            f"the ball {text!r} is neither a preset nor a diameter",
+            hint=f"Presets: {', '.join(named)}; or a diameter such as '220 mm'.",
+        ) from problem
+    mass = read_number(weight, measurands.BALL_MASS) if weight.strip() else None
+    return BallKind("ball", diameter, mass)
+
+
+def point_from(text: str, size: tuple[int, int]) -> FloatArray:
+    """A place in a picture of that size, ``X,Y`` in px: (2,).
+
+    Raises
+    ------
+    UsageError
+        If it is no pair of numbers, or not in the picture.
+    """
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError as problem:
+        raise UsageError(f"{text!r} is no place", hint="Write X,Y in px: 105,265.") from problem
+    if not (0.0 <= x <= size[0] - 1.0 and 0.0 <= y <= size[1] - 1.0):
+        raise UsageError(
+            f"the place {text} is outside the picture", hint=f"It has {size[0]} × {size[1]} px."
+        )
+    return np.array([x, y])
+
+
+def lens_from_file(path: Path, size: tuple[int, int]) -> LensChoice:
+    """A lens file, for pictures of that size.
+
+    Raises
+    ------
+    SetupError
+        As `calib.camera.lens.read_lens`.
+    """
+    prior = read_lens(path, width=size[0], height=size[1])
+    return LensChoice(prior, path.read_text(encoding="utf-8"), f"lens file {path.name}")
+
+
+def lens_from_board(
+    pictures: Sequence[tuple[str, bytes]], board: Board, size: tuple[int, int]
+) -> LensChoice:
+    """The lens from pictures of a board: names and contents of picture files.
+
+    Raises
+    ------
+    ClipError
+        If one is no picture.
+    CalibrationError
+        If the lens can't be had from them, or they have another shape than the clip.
+    """
+    views = [find_board(_decoded(name, data), board, name) for name, data in pictures]
+    found = calibrate_lens(views)
+    lens = found.lens
+    if abs(size[0] / size[1] - lens.width / lens.height) > 0.01 * size[0] / size[1]:
+        raise UsageError(
+            f"the board was filmed at {lens.width}×{lens.height} px, the clip at "
+            f"{size[0]}×{size[1]}: another shape",
+            hint="Film the board in the mode the clip is filmed in: other modes crop the sensor.",
+        )
+    told = (
+        f"{len(found.used)} views of a board, held-out error {found.held_out_rms_px:.2f} px"
+        + "".join(f"; {warning}" for warning in found.warnings)
+    )
+    return LensChoice(found.prior.resized(*size), lens_toml(found), told)
+
+
+def _decoded(name: str, data: bytes) -> NDArray[np.uint8]:
+    encoded = np.frombuffer(data, dtype=np.uint8)
+    picture = cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE) if len(encoded) else None
+    if picture is None:
+        raise ClipError(f"{name} is no picture that can be read", hint="Give JPEG or PNG files.")
+    return np.asarray(picture, dtype=np.uint8)
+
+
+def board_size(text: str) -> tuple[int, int]:
+    """Inner corners of a board, ``8x6``.
+
+    Raises
+    ------
+    UsageError
+        If it is no pair of numbers from 3 up.
+    """
+    match = re.fullmatch(r"\s*(\d+)\s*[x×]\s*(\d+)\s*", text)
+    if match is None or min(int(n) for n in match.groups()) < 3:
+        raise UsageError(
+            f"{text!r} is no board size", hint="Write inner corners as columns x rows: 8x6."
+        )
+    return int(match[1]), int(match[2])
+
+
+def board_pictures(folder: Path) -> list[tuple[str, bytes]]:
+    """Names and contents of the pictures in a folder.
+
+    Raises
+    ------
+    UsageError
+        If there is no such folder, or no picture in it.
+    """
+    if not folder.is_dir():
+        raise UsageError(f"there is no folder {folder}", hint="Name the folder of the pictures.")
+    found = sorted(path for path in folder.iterdir() if path.suffix.lower() in PICTURES)
+    if not found:
+        raise UsageError(
+            f"there is no picture in {folder}", hint=f"Looked for {', '.join(PICTURES)}."
+        )
+    return [(path.name, path.read_bytes()) for path in found]

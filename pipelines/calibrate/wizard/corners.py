@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.grid.grid import WallGrid, find_wall_grid
-from calib.grid.phase import GridMap, refitted
+from calib.grid.spectrum import GridMap, refitted
 from metrology import CalibrationError, UsageError
 from pipelines.calibrate.wizard.answers import WallSource
 

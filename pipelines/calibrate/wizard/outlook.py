@@ -1,4 +1,7 @@
-"""What the answers so far amount to: the calibrated scene, and how sure a landing will be."""
+"""What the answers so far amount to: the calibrated scene, and how sure a landing will be.
+
+A known length against the calibration.
+"""
 
 import math
 from dataclasses import dataclass, replace
@@ -6,25 +9,39 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.calibration import Calibration
-from calib.evidence import BallOutlines, Evidence, FreeFall, Known
+from calib.calibration import BallOutlines, Calibration, Evidence, FreeFall, Known
 from calib.solve import solve
-from metrology import CalibrationError, Contribution, Defaults, UncertaintySource
+from metrology import (
+    CalibrationError,
+    Contribution,
+    Defaults,
+    UncertaintySource,
+    UsageError,
+    measurands,
+    read_number,
+)
 from pipelines.calibrate.wizard.answers import Answers
-from vision.clip.capture_rate import nominal_rate_std
+from vision.clip.footage import nominal_rate_std
 
-__all__ = ["Length", "Outlook", "evidence_of", "length_between", "outlook"]
+__all__ = ["Outlook", "Verdict", "length_between", "outlook", "verdict"]
 
 FloatArray = NDArray[np.float64]
 
 PLACE_STD_PX = 0.2
+
 """px, of a ball at landing, along x, where following did not tell: supposed."""
+
 CLICK_STD_PX = 0.5
+
 GRAVITY = Known(Defaults.GRAVITY.known, Defaults.GRAVITY.std)
+
 DRAG_SHARE = 0.4
+
 """Of the mean drag taken as a constant over the flight: C_D's default is good to a fifth, and the
 speed is squared."""
+
 UNKNOWN_DRAG = Known(0.1, 0.1)
+
 """What the air takes from the fall of a ball of unknown mass, m/s²."""
 
 
@@ -193,3 +210,58 @@ def length_between(
         slope = length(calibration, px + 0.5 * step) - length(calibration, px - 0.5 * step)
         clicks += (CLICK_STD_PX * slope) ** 2
     return Length(length(calibration), math.sqrt(systematic + clicks))
+
+
+DISAGREES_AT = 3.0
+
+"""Standard deviations: less than one true length in 300 is further off."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a known length says.
+
+    Attributes
+    ----------
+    text : str
+    disagrees : bool
+        Whether it contradicts the calibration.
+    """
+
+    text: str
+    disagrees: bool = False
+
+
+def verdict(
+    calibration: Calibration, first: FloatArray, second: FloatArray, known: str, *, on_wall: bool
+) -> Verdict:
+    """Measure between two places and compare.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    first, second : (2,) array
+        Px.
+    known : str
+        The length as somebody wrote it, empty for none.
+    on_wall : bool
+        Else on the ball's plane.
+    """
+    length = length_between(calibration, first, second, on_wall=on_wall)
+    plane = "on the wall" if on_wall else "on the ball's plane"
+    if not np.isfinite(length.value):
+        return Verdict("One end looks past the wall.", disagrees=True)
+    told = f"{length.value:.4f} ± {length.std:.4f} m between the ends, {plane}."
+    if not known.strip():
+        return Verdict(told)
+    try:
+        true = read_number(known, measurands.DISTANCE)
+    except UsageError as problem:
+        return Verdict(f"{told} {problem.in_one_line}", disagrees=True)
+    off = length.value - true
+    ratio = abs(off) / length.std
+    agrees = "agrees" if ratio < DISAGREES_AT else "disagrees: check the grid's pitch and the ends"
+    return Verdict(
+        f"{told} {1e3 * off:+.1f} mm off, {ratio:.1f} standard deviations: {agrees}.",
+        ratio >= DISAGREES_AT,
+    )

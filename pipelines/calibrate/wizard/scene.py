@@ -8,8 +8,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.clip.capture_rate import CaptureRate, choose_capture_rate
 from vision.clip.clip import Clip
+from vision.clip.footage import CaptureRate, choose_capture_rate
 from vision.clip.info import ClipInfo
 from vision.following import follow
 from vision.tracks import Track, Tracks

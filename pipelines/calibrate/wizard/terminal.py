@@ -6,8 +6,8 @@ from functools import partial
 from pathlib import Path
 
 from metrology import ImpactVisionError, NotFoundError
-from pipelines.calibrate.wizard.answers import Answers
-from pipelines.calibrate.wizard.parsing import (
+from pipelines.calibrate.wizard.answers import (
+    Answers,
     ball_from,
     distance_from,
     fine_pitch_from,

@@ -1,4 +1,9 @@
-"""Repeatability and reproducibility of a method of measurement (ISO 5725-2)."""
+"""Repeatability and reproducibility of a method of measurement (ISO 5725-2).
+
+Agreement of camera and sensor (Bland and Altman, Lancet 327, 307, 1986).
+
+Strikes that do not belong: the generalised ESD test (Rosner, Technometrics 25, 165, 1983).
+"""
 
 import math
 from dataclasses import dataclass
@@ -6,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
+from scipy.stats import t as student
 
-__all__ = ["Precision", "precision"]
+__all__ = ["Agreement", "Outlier", "Precision", "agreement", "find_outliers", "precision"]
 
 FloatArray = NDArray[np.float64]
 
@@ -78,3 +84,138 @@ def precision(values: FloatArray, session: NDArray[np.int64], fitted: int = 0) -
         values=len(values),
         sessions=len(names),
     )
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Differences camera − sensor of N pairs, in the unit of both.
+
+    Attributes
+    ----------
+    bias, bias_std : float
+        Mean difference and its standard uncertainty.
+    scatter : float
+        Standard deviation of the differences.
+    lower, upper : float
+        95 % limits of agreement.
+    limits_std : float
+        Standard uncertainty of either limit, √(3/N) of the scatter.
+    slope, slope_std : float
+        Of the differences over the means: does the disagreement grow with the quantity?
+    pairs : int
+    means, differences : (N,) array
+    """
+
+    bias: float
+    bias_std: float
+    scatter: float
+    lower: float
+    upper: float
+    limits_std: float
+    slope: float
+    slope_std: float
+    pairs: int
+    means: FloatArray
+    differences: FloatArray
+
+    @property
+    def biased(self) -> bool | None:
+        """Whether the bias is beyond chance (95 %); None with fewer than three pairs."""
+        if self.pairs < 3:
+            return None
+        return bool(abs(self.bias) > student.ppf(0.975, self.pairs - 1) * self.bias_std)
+
+
+def agreement(camera: FloatArray, sensor: FloatArray) -> Agreement | None:
+    """Compare pairs (N,); None with fewer than two."""
+    both = np.isfinite(camera) & np.isfinite(sensor)
+    camera, sensor = camera[both], sensor[both]
+    number = len(camera)
+    if number < 2:
+        return None
+    differences, means = camera - sensor, (camera + sensor) / 2
+    bias, scatter = float(differences.mean()), float(differences.std(ddof=1))
+    slope, slope_std = _slope(means, differences)
+    return Agreement(
+        bias=bias,
+        bias_std=scatter / np.sqrt(number),
+        scatter=scatter,
+        lower=bias - 1.96 * scatter,
+        upper=bias + 1.96 * scatter,
+        limits_std=float(np.sqrt(3 / number) * scatter),
+        slope=slope,
+        slope_std=slope_std,
+        pairs=number,
+        means=means,
+        differences=differences,
+    )
+
+
+def _slope(x: FloatArray, y: FloatArray) -> tuple[float, float]:
+    centred = x - x.mean()
+    spread = float((centred**2).sum())
+    if len(x) < 3 or spread == 0:
+        return 0.0, float("inf")
+    slope = float((centred * y).sum()) / spread
+    rest = y - y.mean() - slope * centred
+    return slope, float(np.sqrt((rest**2).sum() / (len(x) - 2) / spread))
+
+
+FALSE_ALARMS = 0.05
+
+"""Chance that a clean set has any outlier named."""
+
+_MOST_SHARE = 0.2
+
+"""More than a fifth are no outliers but another population."""
+
+
+@dataclass(frozen=True)
+class Outlier:
+    """A value that the test names.
+
+    Attributes
+    ----------
+    index : int
+        Into the values tested.
+    distance : float
+        From the mean of the others kept, in their standard deviations.
+    critical : float
+        What the test allows.
+    """
+
+    index: int
+    distance: float
+    critical: float
+
+
+def find_outliers(values: FloatArray) -> tuple[Outlier, ...]:
+    """Outliers among `values` (N,), the furthest first; none is looked for in fewer than six.
+
+    Values are standardised residuals against a law, so that slow and fast strikes compare.
+    """
+    kept = np.flatnonzero(np.isfinite(values))
+    number = len(kept)
+    if number < 6:
+        return ()
+    removed: list[Outlier] = []
+    named = 0
+    for i in range(1, max(1, int(_MOST_SHARE * number)) + 1):
+        sample = values[kept]
+        spread = float(sample.std(ddof=1))
+        if spread == 0:
+            break
+        distances = np.abs(sample - sample.mean()) / spread
+        worst = int(distances.argmax())
+        critical = _critical(number, i)
+        removed.append(Outlier(int(kept[worst]), float(distances[worst]), critical))
+        if distances[worst] > critical:
+            named = i
+        kept = np.delete(kept, worst)
+    return tuple(removed[:named])
+
+
+def _critical(number: int, i: int) -> float:
+    left = number - i
+    quantile = student.ppf(1 - FALSE_ALARMS / (2 * (left + 1)), left - 1)
+    return float(left * quantile / np.sqrt((left - 1 + quantile**2) * (left + 1)))

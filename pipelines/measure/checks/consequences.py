@@ -1,15 +1,28 @@
-"""What follows from a failed check: which quantities hang on it, and how far they are in doubt."""
+"""What follows from a failed check: which quantities hang on it, and how far they are in doubt.
+
+When a check that found nothing may say "passed".
+"""
 
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 from metrology import Contribution, Quantity, UncertaintySource
-from pipelines.measure.names import QuantityName
+from pipelines.measure.inputs import QuantityName
 
-__all__ = ["COR", "FLIGHT", "PENDULUM", "RATE_AND_SCALE", "WITHHELD_BEYOND", "Doubt", "doubted"]
+__all__ = [
+    "COR",
+    "FLIGHT",
+    "LEAST_POWER",
+    "PENDULUM",
+    "RATE_AND_SCALE",
+    "WITHHELD_BEYOND",
+    "Doubt",
+    "doubted",
+]
 
 WITHHELD_BEYOND = 0.1
+
 """Share by which a contradiction may put a quantity in doubt before it says nothing any more."""
 
 COR = frozenset(
@@ -20,6 +33,7 @@ COR = frozenset(
         QuantityName.COR,
     }
 )
+
 FLIGHT = COR | {
     QuantityName.BALL_SPEED,
     QuantityName.LAUNCH_ANGLE,
@@ -31,19 +45,24 @@ FLIGHT = COR | {
     QuantityName.CONTACT_END,
     QuantityName.CONTACT_FRAMES,
 }
+
 """What hangs on the fitted flight."""
+
 PENDULUM = COR | {
     QuantityName.PENDULUM_SPEED_BEFORE,
     QuantityName.PENDULUM_SPEED_AFTER,
     QuantityName.ENERGY_LOSS,
 }
+
 """What hangs on the pendulum's motion, its inertia and the masses."""
+
 RATE_AND_SCALE = frozenset(QuantityName) - {
     QuantityName.CONTACT_FRAMES,
     QuantityName.BACKSWING_ANGLE,
     QuantityName.SWING_PERIOD,
     QuantityName.SWING_DAMPING,
 }
+
 """What hangs on the capture rate or the scale of lengths, or on the track that both are read from:
 a fall that is not gravity's may be the fault of any."""
 
@@ -93,3 +112,8 @@ def _widened(item: Quantity, share: float) -> Quantity:
     line = Contribution(UncertaintySource.CONTRADICTION, share * reach)
     budget = tuple(sorted((*item.budget, line), key=lambda one: -one.std))
     return Quantity.measured(item.name, item.value, item.unit, budget)
+
+
+LEAST_POWER = 0.5
+
+"""Probability of noticing an error that matters; a check that would rather miss it can't tell."""

@@ -1,24 +1,28 @@
-"""Every flight contains g: a free fall that is off means a wrong capture rate or a wrong scale."""
+"""Every flight contains g: a free fall that is off means a wrong capture rate or a wrong scale.
+
+The estimates of the coefficient of restitution: their mean, and whether they agree.
+"""
 
 import math
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
+from scipy.special import chdtrc, ndtr
 
-from calib.evidence import Known
+from calib.calibration import Known
 from calib.solve import SeenFall
-from metrology import MeasurementError, Quantity
+from metrology import Contribution, MeasurementError, Quantity, UncertaintySource
 from pipelines.measure.budget import Scene
-from pipelines.measure.checks.power import LEAST_POWER
+from pipelines.measure.checks.consequences import LEAST_POWER
+from pipelines.measure.derived import DERIVED
 from pipelines.measure.fits.impact import find_impact
 from pipelines.measure.metres import CameraMapping, tracks_in_metres
 from pipelines.report import Check, CheckKind, CheckOutcome
-from vision.clip.capture_rate import RateSource
+from vision.clip.footage import RateSource
 from vision.tracks import Tracks
 
-__all__ = ["contradicts_gravity", "gravity_check", "seen_fall"]
+__all__ = ["ESTIMATES", "contradicts_gravity", "fused_cor", "gravity_check", "seen_fall"]
 
 _COMMON_RATES = (
     24,
@@ -39,14 +43,23 @@ _COMMON_RATES = (
     960,
     1000,
 )
+
 _SIGMAS = 3.0
+
 RELEVANT_SHARE = 0.1
+
 """Of gravity: what a rate off by a twentieth, or lengths off by a tenth, make of it."""
+
 _PLAIN_SIGMAS = 5.0
+
 _BEYOND_AIR = 0.1
+
 """Share of gravity that spin or drag could hide; what is plainly beyond it, they can't."""
+
 _UNTOLD = 0.1
+
 BEYOND_REPAIR = 0.3
+
 """Share by which a fall may miss gravity before rate or scale must be plainly wrong."""
 
 
@@ -144,3 +157,77 @@ def _why(quantity: Quantity, scene: Scene) -> str:
         f"A capture rate of {rate:.1f} fps instead of {scene.rate.fps:g} would explain it{named},"
         f" or lengths that are {1 / ratio:.3f} times too long"
     )
+
+
+FloatArray = NDArray[np.float64]
+
+ESTIMATES = ("cor_speeds", "cor_launch", "cor_range")
+
+_COR_SIGMAS, _CHANCE = 3.0, 0.003
+
+RELEVANT = 0.1
+
+"""Difference between two estimates that would matter, of the coefficient of restitution."""
+
+MODEL_STD = {"cor_speeds": 0.002, "cor_launch": 0.004, "cor_range": 0.004}
+
+"""What each estimate leaves out: the rigid balance of Eqs 8-10 knows no ball that slides."""
+
+
+def fused_cor(
+    values: FloatArray,
+    random: FloatArray,
+    systematic: dict[UncertaintySource, FloatArray],
+    found: dict[str, Quantity],
+) -> tuple[Quantity, Check | None]:
+    """Best linear unbiased mean of the estimates that exist, and their agreement.
+
+    Parameters
+    ----------
+    values, random, systematic
+        As in `Evaluated`.
+    found : dict
+        Quantities by name; one that is missing there takes no part.
+    """
+    names = list(DERIVED)
+    estimates = [name for name in ESTIMATES if found[name].known]
+    if not estimates:
+        return Quantity.missing("cor", "1", str(found["cor_speeds"].reason)), None
+    at = [names.index(name) for name in estimates]
+    covariance = random[np.ix_(at, at)].copy()
+    for column in systematic.values():
+        share = np.nan_to_num(column[at])
+        covariance += np.outer(share, share)
+    covariance += np.diag([MODEL_STD[name] ** 2 for name in estimates])
+    covariance += 1e-8 * np.eye(len(at))
+    weight = np.linalg.solve(covariance, np.ones(len(at)))
+    weight /= weight.sum()
+    # noise that all estimates share can drive weights beyond 0..1: no estimate is trusted backwards
+    weight = np.clip(weight, 0.0, None)
+    weight /= weight.sum()
+    value = float(weight @ values[at])
+    std = float(np.sqrt(weight @ covariance @ weight))
+    fused = Quantity.measured("cor", value, "1", (Contribution(UncertaintySource.COR_MEAN, std),))
+    if len(at) < 2:
+        return fused, None
+    return fused, _agreement(values[at], covariance, estimates)
+
+
+def _agreement(values: FloatArray, covariance: FloatArray, estimates: list[str]) -> Check:
+    step = np.diff(np.eye(len(values)), axis=0)
+    apart = step @ values
+    spread = step @ covariance @ step.T
+    chance = float(chdtrc(len(apart), apart @ np.linalg.solve(spread, apart)))
+    listed = ", ".join(f"{name} {value:.3f}" for name, value in zip(estimates, values, strict=True))
+    closest = float(np.sqrt(np.diag(spread).min()))
+    power = float(ndtr(-_COR_SIGMAS + RELEVANT / closest))
+    if chance < _CHANCE:
+        text = (
+            f"the estimates of the coefficient of restitution disagree ({listed}):"
+            " check the pendulum's inertia and the ball's mass in the setup file"
+        )
+        return Check(CheckKind.COR_AGREEMENT, CheckOutcome.FAILED, text, power)
+    if power < LEAST_POWER:
+        text = f"the estimates ({listed}) are too unsure to tell a difference of {RELEVANT:g}"
+        return Check(CheckKind.COR_AGREEMENT, CheckOutcome.UNDECIDED, text, power)
+    return Check(CheckKind.COR_AGREEMENT, CheckOutcome.PASSED, f"they agree ({listed})", power)

@@ -8,9 +8,9 @@ from scipy.special import ndtr
 
 from metrology import Quantity
 from physics.bodies import Pendulum
-from pipelines.measure.checks.power import LEAST_POWER
+from pipelines.measure.checks.consequences import LEAST_POWER
 from pipelines.measure.fits.flight_fit import FlightFit
-from pipelines.measure.fits.slow_errors import SLOW_OVER_RANDOM
+from pipelines.measure.fits.swing_fit import SLOW_OVER_RANDOM
 from pipelines.measure.metres import MetricTracks
 from pipelines.report import Check, CheckKind, CheckOutcome
 

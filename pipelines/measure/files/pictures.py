@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from metrology.formatting import format_quantity
+from metrology.quantity import format_quantity
 from pipelines.measure.files.output import software_version
 from pipelines.measure.fits.contact_fit import arm_along_bar, gap_after, gap_before
 from pipelines.measure.fits.impact import Impact

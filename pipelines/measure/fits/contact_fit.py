@@ -4,21 +4,24 @@ Before and after contact the gap between face and ball follows from free swing, 
 each fitted on its own side only. What the gap leaves open is how far the face leads the bar; the
 way the ball moves while it is pushed tells that: a longer contact rounds the corner between rest
 and flight.
+
+The shape of a contact: how far the ball has come while the force between mass and ball lasts.
 """
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import cumulative_trapezoid, solve_ivp
 
 from metrology import NotFoundError
+from physics.contact.contact import damping_for_cor
 from pipelines.measure.fits.flight_fit import FlightFit
-from pipelines.measure.fits.pulse import ContactPulse, contact_pulse
-from pipelines.measure.fits.slow_errors import slow_error_whitening
-from pipelines.measure.fits.swing_fit import SwingFit
+from pipelines.measure.fits.swing_fit import SwingFit, slow_error_whitening
 
 __all__ = [
     "ContactFit",
@@ -33,24 +36,112 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 
+_POINTS = 201
+
+_STEP = 0.15
+
+
+@dataclass(frozen=True)
+class ContactPulse:
+    """A contact in its own units: time 0 to 1 from onset to release, approach speed × duration = 1.
+
+    Attributes
+    ----------
+    phase : (P,) array
+        Time from onset over the duration of contact.
+    compression : (P,) array
+        Compression over approach speed × duration.
+    path : (P,) array
+        Distance the ball has moved over its speed at release × duration.
+    """
+
+    phase: FloatArray
+    compression: FloatArray
+    path: FloatArray
+
+
+def contact_pulse(exponent: float, cor: float) -> ContactPulse:
+    """Pulse of a Hunt–Crossley contact F = k δⁿ (1 + c δ') (Hunt & Crossley 1975).
+
+    Parameters
+    ----------
+    exponent : float
+        n: 1 a linear spring, 1.5 Hertz's law.
+    cor : float
+        Coefficient of restitution of the pulse.
+
+    Returns
+    -------
+    ContactPulse
+        Interpolated between exponents in steps of 0.15 and to the nearest hundredth of `cor`.
+    """
+    place = (exponent - 1.0) / _STEP
+    lower = math.floor(place)
+    share = place - lower
+    one = _solved(lower, round(cor, 2))
+    other = _solved(lower + 1, round(cor, 2))
+    return ContactPulse(
+        one.phase,
+        (1.0 - share) * one.compression + share * other.compression,
+        (1.0 - share) * one.path + share * other.path,
+    )
+
+
+@lru_cache(maxsize=256)
+def _solved(step: int, cor: float) -> ContactPulse:
+    exponent = 1.0 + step * _STEP
+    damping = float(damping_for_cor(cor))
+
+    def rates(_: float, state: FloatArray) -> list[float]:
+        compression, rate = float(state[0]), float(state[1])
+        force = max(compression, 0.0) ** exponent * max(1.0 + damping * rate, 0.0)
+        return [rate, -force]
+
+    def released(time: float, state: FloatArray) -> float:
+        return float(state[0]) if time > 0.1 else 1.0
+
+    released.terminal = True  # type: ignore[attr-defined]
+    solution = solve_ivp(
+        rates, (0.0, 50.0), [0.0, 1.0], events=released, rtol=1e-8, atol=1e-10, dense_output=True
+    )
+    duration = float(solution.t[-1])
+    dense: Any = solution.sol
+    phase = np.linspace(0.0, 1.0, _POINTS)
+    compression, rate = dense(phase * duration)
+    speed = 1.0 - rate
+    path = cumulative_trapezoid(speed / speed[-1], phase, initial=0)
+    return ContactPulse(phase, compression / duration, path)
+
+
 # Inflated balls lie between a linear spring and Hertz's 3/2 (Cross, Am. J. Phys. 67, 222, 1999).
 EXPONENT, EXPONENT_STD = 1.3, 0.12
+
 OUTLINE_AHEAD, OUTLINE_AHEAD_STD = 0.05, 0.06
+
 """Share of the compression by which the middle of the fitted outline is ahead of the ball's centre.
 
 The outline's rear is pressed in by the whole compression, its front is not: a circle through all of
 it moves ahead by up to half, one that leaves the rear out by nothing; robust fits leave most of it
 out."""
+
 # How far balls' paths through the contact differ from such a law's, over the speed gained × Δt.
 SHAPE_STD = 0.003
+
 # What is tried: leads in standard uncertainties of what was known, exponents in the law's range.
 _LEADS = np.linspace(-3.0, 3.0, 19)
+
 _EXPONENTS = np.linspace(1.1, 1.5, 4)
+
 _SOFT_FROM = 2.0
+
 BOUND_SHARE = 0.05
+
 """Share: how sharp the bound of contact times is; damping makes a contact some per cent longer."""
+
 CONTRADICTS = 9.0
+
 """Twice the log-likelihood that is lost where the bound contradicts what is seen: 3 sigma."""
+
 # Between the COR of the speeds and that of a contact head-on.
 COR_STD = 0.05
 
@@ -78,7 +169,7 @@ class ImpactView:
     lead, lead_std : float
         How far the face leads the line from pivot to mass, as seen.
     longest_s : float
-        The longest contact that such a ball can have (`physics.contact.hertz`), s.
+        The longest contact that such a ball can have (`physics.contact.impact`), s.
     """
 
     before: SwingFit

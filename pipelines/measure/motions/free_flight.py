@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from metrology import TooLittleDataError
 from metrology.least_squares import Fitted, fit
-from pipelines.measure.fits.slow_errors import slow_error_whitening
+from pipelines.measure.fits.swing_fit import slow_error_whitening
 
 __all__ = ["FlightPath", "FreeFlight", "FreeFlightPriors", "fit_free_flight", "steady_stretch"]
 

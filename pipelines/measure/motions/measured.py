@@ -11,6 +11,7 @@ from scipy.special import ndtr
 from metrology import Contribution, MeasurementError, Quantity, UncertaintySource
 from pipelines.measure.checks.consequences import WITHHELD_BEYOND, Doubt, doubted
 from pipelines.measure.fits.discs import disc_contact
+from pipelines.measure.inputs import QuantityName, in_pixels
 from pipelines.measure.motions.collision import Collision, Passage, fit_collision
 from pipelines.measure.motions.free_flight import (
     FlightPath,
@@ -19,7 +20,6 @@ from pipelines.measure.motions.free_flight import (
     fit_free_flight,
 )
 from pipelines.measure.motions.swing import fit_free_swing
-from pipelines.measure.names import QuantityName, in_pixels
 from pipelines.report import Check, CheckKind, CheckOutcome
 from vision.tracks import MotionKind, Track, Tracks
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from calib.camera.board import Board
 from calib.camera.camera import rotation_matrix
-from calib.camera.lens_file import read_lens
+from calib.camera.lens import read_lens
 from pipelines.cli import app
 
 Picture = NDArray[np.uint8]

@@ -8,8 +8,15 @@ import numpy as np
 import pytest
 
 from calib.camera.camera import Camera, Lens, rotation_matrix
-from calib.camera.lens import Board, BoardView, calibrate_lens, find_board
-from calib.camera.lens_file import read_lens, write_board, write_lens
+from calib.camera.lens import (
+    Board,
+    BoardView,
+    calibrate_lens,
+    find_board,
+    read_lens,
+    write_board,
+    write_lens,
+)
 from calib.camera.lens_fit import MODELS, fit_boards, held_out_errors
 from metrology import CalibrationError, SetupError, UsageError
 from tests.shared_data import shared_folder

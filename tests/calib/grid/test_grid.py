@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from calib.camera.camera import Camera, Lens
-from calib.grid.grid import WallGrid, find_wall_grid
-from calib.grid.growth import ranked
-from calib.grid.phase import GridMap, Support
+from calib.grid.grid import WallGrid, find_wall_grid, ranked
+from calib.grid.spectrum import GridMap, Support
 from metrology import CalibrationError
 from tests.calib.synthetic import line_grid, rendered, some_camera
 from tests.shared_data import shared_folder

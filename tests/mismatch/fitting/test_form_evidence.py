@@ -7,7 +7,7 @@ import pytest
 
 from mismatch import explain
 from mismatch.fitting.fit import fit_model
-from mismatch.fitting.form_evidence import form_evidence
+from mismatch.fitting.hypotheses import form_evidence
 from mismatch.fitting.normal_equations import free_parameters
 from mismatch.fitting.prepare import prepare
 from physics.effects import CATALOGUE, Effect, Parameter

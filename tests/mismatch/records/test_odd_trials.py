@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from metrology import UsageError
-from mismatch.records.campaign import Campaign, Trial
-from mismatch.records.odd_trials import without_odd_trials
+from mismatch.records.records import Campaign, Trial
+from mismatch.records.sanity import without_odd_trials
 
 TIME = np.arange(60) / 120.0
 NONE = np.zeros(0)

@@ -7,8 +7,7 @@ from scipy.special import ellipk
 from metrology import UsageError
 from mismatch.model.baseline import Baseline
 from mismatch.model.forward import Forward
-from mismatch.records.campaign import Campaign, Trial
-from mismatch.records.records import lay_out
+from mismatch.records.records import Campaign, Trial, lay_out
 from mismatch.records.sanity import refuse_nonsense
 from physics.bodies import PAPER_PENDULUM
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from mismatch.fitting.prepare import prepare
-from mismatch.records.clock_jumps import dropped_in_each
-from mismatch.records.noise import SIGNIFICANT
-from mismatch.records.spectrum import fit_spectrum, shared_deviance
+from mismatch.records.noise import SIGNIFICANT, fit_spectrum, shared_deviance
+from mismatch.records.sanity import dropped_in_each
 from tests.mismatch.synthetic import struck_campaign
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mismatch.explain import explain
-from mismatch.records.campaign import Campaign
+from mismatch.records.records import Campaign
 from tests.mismatch.synthetic import struck_campaign
 
 

@@ -8,7 +8,7 @@ import pytest
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import scan
 from mismatch.model.candidates import Candidate
-from mismatch.model.model import Model, lane_terms
+from mismatch.model.forward import Model, lane_terms
 from mismatch.search.latent import missing_force
 from physics.effects import CATALOGUE, Effect, Parameter
 from tests.mismatch.synthetic import struck_campaign

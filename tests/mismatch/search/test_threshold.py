@@ -9,8 +9,8 @@ from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import scan
 from mismatch.model.baseline import BallModel, Baseline
 from mismatch.model.candidates import candidates_for
-from mismatch.records.campaign import Campaign, Trial
-from mismatch.records.clock_jumps import dropped_in_each
+from mismatch.records.records import Campaign, Trial
+from mismatch.records.sanity import dropped_in_each
 from mismatch.search.naming import name_effects
 from physics.effects import CATALOGUE
 from tests.mismatch.synthetic import struck_campaign

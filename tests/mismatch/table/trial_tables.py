@@ -6,9 +6,9 @@ import numpy as np
 
 from mismatch.model.baseline import Baseline
 from mismatch.table.table import TrialTable
-from physics.arrays import FloatArray
 from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT, Ball
-from physics.contact.batch import contact_outcomes
+from physics.contact.contact import contact_outcomes
+from physics.domain import FloatArray
 from physics.flight.flight import land_many
 from physics.forward import Experiment, ball_state
 from physics.swing import frictionless_speed

@@ -10,12 +10,23 @@ from scipy.optimize import brentq
 from scipy.special import beta
 
 from metrology import DomainError
-from physics.bodies import BALLS, JOKKU, PAPER_PENDULUM, PAPER_SUPPORT, Pendulum, Support
-from physics.contact.batch import contact_outcomes
-from physics.contact.contact import simulate_contact
-from physics.contact.contact_time import ContactTimeLaw
-from physics.contact.law import HuntCrossley, damping_for_cor, elastic_contact_time
-from physics.contact.outcome import ContactOutcome
+from physics.bodies import (
+    BALLS,
+    JOKKU,
+    PAPER_PENDULUM,
+    PAPER_SUPPORT,
+    ContactTimeLaw,
+    Pendulum,
+    Support,
+)
+from physics.contact.contact import (
+    ContactOutcome,
+    HuntCrossley,
+    contact_outcomes,
+    damping_for_cor,
+    elastic_contact_time,
+    simulate_contact,
+)
 from tests.shared_data import shared_folder
 
 FIELDS = (

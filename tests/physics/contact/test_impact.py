@@ -4,15 +4,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from metrology import DomainError
-from physics.bodies import PAPER_PENDULUM, Pendulum
+from physics.bodies import PAPER_PENDULUM, Pendulum, lost_by_pendulum, lost_by_pendulum_approximate
 from physics.contact.impact import (
     cor_from_ball_speed,
     external_impulse,
     impact,
-)
-from physics.energy import (
-    lost_by_pendulum,
-    lost_by_pendulum_approximate,
 )
 
 masses = st.floats(0.05, 20.0)

@@ -7,14 +7,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metrology import DomainError
-from physics.arrays import FloatArray, Vector
 from physics.bodies import GRAVITY, JOKKU
+from physics.domain import FloatArray, Vector
 from physics.effects import Effect, FlightState, Parameter, Phase, Term, Values, effect_named
-from physics.flight.air import PAPER_AIR, Air
+from physics.flight.air import PAPER_AIR, SOCCER_DRAG, Air
 from physics.flight.closed_form import Launch, drag_constant, drag_free_distance, land
-from physics.flight.drag_curves import SOCCER_DRAG
-from physics.flight.flight import fly, land_many
-from physics.flight.motion import FlightModel, PlanarFlight
+from physics.flight.flight import FlightModel, PlanarFlight, fly, land_many
 from physics.forward import Experiment, ball_state, drag_term
 from physics.integrator import integrate, runge_kutta_step
 from tests.physics.independent import Array, extrapolated

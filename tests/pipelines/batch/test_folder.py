@@ -7,11 +7,11 @@ import pytest
 from typer.testing import CliRunner
 
 from metrology import UsageError
+from pipelines.batch import Done, Folder, Job, files_of, measure_all
 from pipelines.batch import folder as batch
-from pipelines.batch.folder import Done, Folder, Job, files_of, measure_all
 from pipelines.cli import app
 from pipelines.measure.chain import MeasureOptions
-from pipelines.measure.files.wanted import Wanted
+from pipelines.measure.files.output import Wanted
 
 
 def rows(out: Path) -> list[dict[str, str]]:

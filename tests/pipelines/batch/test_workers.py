@@ -7,7 +7,7 @@ import time
 import pytest
 
 from metrology import UsageError
-from pipelines.batch.workers import WorkerDied, run_tasks
+from pipelines.batch import WorkerDied, run_tasks
 
 
 def _work(task: str) -> str:

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from calib.camera.camera import Camera, Lens
-from pipelines.calibrate.wizard.page.script import HOLD, RELEASE, SCRIPT
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.setup.file import load_setup
+from pipelines.web.guard import HOLD, RELEASE, SCRIPT
 from tests.calib.synthetic import rendered
 from tests.pipelines.calibrate.wizard_page import (
     CLIP,

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from bench.planning import COMPARED, SETTINGS, compared
 from pipelines.calibrate.filming import Filming
-from pipelines.calibrate.foresight import Foreseen, changes_of, foresee
+from pipelines.calibrate.plan import Foreseen, changes_of, foresee
 from pipelines.cli import app
 from pipelines.measure.measurement import QUANTITY_UNITS
 

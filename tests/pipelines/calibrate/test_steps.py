@@ -9,27 +9,17 @@ import cv2
 import numpy as np
 import pytest
 
+from calib.calibration import Known
 from calib.camera.camera import Camera, Lens
-from calib.camera.lens import Board
-from calib.camera.lens_file import read_lens
-from calib.camera.lens_prior import FLOOR, LensPrior
-from calib.evidence import Known
+from calib.camera.lens import Board, read_lens
+from calib.camera.lens_fit import FLOOR, LensPrior
 from calib.grid.grid import WallGrid
-from calib.moved import camera_movement
+from calib.pose import camera_movement
 from metrology import CalibrationError, ClipError, SetupError, UsageError
-from pipelines.calibrate.wizard.answers import Answers, BallKind, LensChoice
-from pipelines.calibrate.wizard.checking import verdict
-from pipelines.calibrate.wizard.corners import grid_from_corners, starting_corners
-from pipelines.calibrate.wizard.files import read_view, save, setup_text
-from pipelines.calibrate.wizard.outlook import length_between, outlook
-from pipelines.calibrate.wizard.page.drawing import (
-    grid_lines,
-    handles,
-    marks,
-    residual_arrows,
-    shaded_map,
-)
-from pipelines.calibrate.wizard.parsing import (
+from pipelines.calibrate.wizard.answers import (
+    Answers,
+    BallKind,
+    LensChoice,
     ball_from,
     board_pictures,
     board_size,
@@ -41,10 +31,26 @@ from pipelines.calibrate.wizard.parsing import (
     point_from,
     rate_from,
 )
+from pipelines.calibrate.wizard.corners import grid_from_corners, starting_corners
+from pipelines.calibrate.wizard.outlook import length_between, outlook, verdict
+from pipelines.calibrate.wizard.page.drawing import (
+    grid_lines,
+    handles,
+    marks,
+    residual_arrows,
+    shaded_map,
+)
 from pipelines.calibrate.wizard.scene import Scene, look_at
-from pipelines.calibrate.wizard.session import Session, with_corners, with_grid
+from pipelines.calibrate.wizard.session import (
+    Session,
+    read_view,
+    save,
+    setup_text,
+    with_corners,
+    with_grid,
+)
 from pipelines.calibrate.wizard.terminal import Dialogue, ask_all
-from pipelines.web.jobs import Jobs
+from pipelines.web.guard import Jobs
 from tests.calib.synthetic import rendered
 
 SIZE = (320, 180)

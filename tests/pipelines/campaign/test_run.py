@@ -140,8 +140,8 @@ def test_a_ledger_of_a_later_version_is_refused(tmp_path: Path) -> None:
 
 
 def test_the_published_tables_keep_lab_book_and_reasons(tmp_path: Path) -> None:
+    from pipelines.campaign.conduct import Edition, publish
     from pipelines.campaign.lab_book import read_lab_book
-    from pipelines.campaign.publish import Edition, publish
     from pipelines.campaign.report import ReportFacts
     from pipelines.setup.cor_file import read_cor_file
     from pipelines.setup.file import Setup

@@ -5,11 +5,11 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from mismatch.model.model import Model
+from mismatch.model.forward import Model
 from mismatch.table.explain import explain_table
 from physics.effects import CATALOGUE
 from pipelines.cli import app
-from pipelines.explain.model import improved_setup
+from pipelines.explain.command import improved_setup
 from pipelines.setup.file import load_setup
 from tests.mismatch.table.trial_tables import SETUP, lab, simulated_table
 

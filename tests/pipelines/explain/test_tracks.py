@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from metrology import UsageError
-from mismatch.gate import DOUBTED, UNPROVED, Doubt
+from mismatch.verdict import DOUBTED, UNPROVED, Doubt
 from pipelines.explain.run import explain_files
 from pipelines.explain.tracks import flight_rows, is_track_table, swing_rows
 from pipelines.setup.file import read_setup

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from physics.bodies import BASKETBALL
 from sample_videos import Scene, Shot, default_scene, render_frames, staged
-from sample_videos.encode import write_clip
+from sample_videos.render import write_clip
 from sample_videos.scene import Encoding
 
 __all__ = ["FPS", "Frames", "corrupted", "rendered", "stroke", "written"]

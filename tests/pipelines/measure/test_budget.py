@@ -21,7 +21,7 @@ from pipelines.measure.inputs import gather_inputs
 from pipelines.measure.metres import BallScale
 from pipelines.setup.file import Setup
 from tests.pipelines.measure.ideal_tracks import Noise, ideal_tracks, known_stroke
-from vision.clip.capture_rate import CaptureRate
+from vision.clip.footage import CaptureRate
 
 DISTANCE, FOCAL = PARAMETERS.index("log_distance"), PARAMETERS.index("log_focal")
 

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 import sample_videos
 from metrology import SetupError, UnitError, parse_quantity, parse_with_uncertainty
 from pipelines.cli import app
-from pipelines.measure.checks.power import LEAST_POWER
+from pipelines.measure.checks.consequences import LEAST_POWER
 from pipelines.measure.fits.discs import disc_contact
 from pipelines.setup.file import read_setup
 from tests.shared_data import shared_folder

@@ -8,11 +8,10 @@ import pytest
 from metrology import NotFoundError
 from pipelines.measure.derived import DERIVED, derived_values, random_covariance
 from pipelines.measure.fits.contact_fit import fit_contact
-from pipelines.measure.fits.flight_span import flight_end
-from pipelines.measure.fits.impact import departure, find_impact
+from pipelines.measure.fits.flight_fit import flight_end
+from pipelines.measure.fits.impact import NEAR_SHARE, STEEL, departure, find_impact
 from pipelines.measure.inputs import gather_inputs
 from pipelines.measure.metres import MetricTracks
-from pipelines.measure.striking_face import NEAR_SHARE, STEEL
 from pipelines.setup.file import Setup
 from sample_videos import Shot
 from tests.pipelines.measure.ideal_tracks import Noise, ideal_tracks, known_stroke

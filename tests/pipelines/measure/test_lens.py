@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from calib.calibration import Calibration
-from calib.camera.lens_prior import LensPrior
+from calib.camera.lens_fit import LensPrior
 from calib.grid.grid import WallGrid
 from calib.planning import planned_grid
 from calib.pose import calibrate
 from metrology import SetupError
 from pipelines.calibrate.filming import Filming, film_scene, planned_tracks
-from pipelines.calibrate.foresight import planned_setup
+from pipelines.calibrate.plan import planned_setup
 from pipelines.measure import calibrated
 from pipelines.measure.inputs import Inputs, gather_inputs
 from sample_videos.scene import Scene

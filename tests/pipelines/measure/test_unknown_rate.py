@@ -9,13 +9,13 @@ import pytest
 from calib.grid.grid import WallGrid
 from calib.planning import planned_grid
 from pipelines.calibrate.filming import Filming, film_scene, planned_tracks
-from pipelines.calibrate.foresight import planned_setup
+from pipelines.calibrate.plan import planned_setup
 from pipelines.measure import calibrated
 from pipelines.measure.chain import Followed, Found, measure_tracks
 from pipelines.measure.inputs import gather_inputs
 from pipelines.report import CheckKind, CheckOutcome
 from sample_videos import Shot
-from vision.clip.capture_rate import CaptureRate, RateSource
+from vision.clip.footage import CaptureRate, RateSource
 from vision.tracks import Motion, MotionKind
 
 TRUE_FPS = 300.0

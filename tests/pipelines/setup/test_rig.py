@@ -8,12 +8,12 @@ import pytest
 
 from metrology import Default, Defaults, SetupError, UsageError
 from physics.flight.air import moist_air_density
-from pipelines.calibrate.wizard.parsing import pitch_from
+from pipelines.calibrate.wizard.answers import pitch_from
 from pipelines.measure.budget import Scene, systematic_budget
 from pipelines.measure.inputs import gather_inputs
 from pipelines.setup.file import Setup, read_setup
 from pipelines.setup.rig import Origin, rig_of
-from vision.clip.capture_rate import CaptureRate
+from vision.clip.footage import CaptureRate
 
 SURE = """
 [camera]

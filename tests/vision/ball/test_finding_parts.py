@@ -7,8 +7,7 @@ from vision.ball.linking import link_circles
 from vision.ball.rest import find_rest
 from vision.pendulum.arc import fit_arc
 from vision.scene.alignment import Aligner, warp_to_scene
-from vision.scene.background import brightness, estimate_background
-from vision.scene.stack import densest, sorted_stack
+from vision.scene.background import brightness, densest, estimate_background, sorted_stack
 
 
 def _film(places: list[tuple[float, float]], flicker: float = 0.0) -> list[np.ndarray]:

@@ -1,7 +1,7 @@
 import numpy as np
 
-from vision.ball.consistency import expected_places, off_flight
-from vision.ball.identity import untangled
+from vision.ball.ball import expected_places, off_flight
+from vision.ball.choice import untangled
 from vision.ball.linking import Path
 
 

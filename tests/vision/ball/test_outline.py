@@ -2,10 +2,8 @@ import numpy as np
 import pytest
 
 from tests.vision.ball.painted import GAMMA, exposed, wall, with_ball
-from vision.ball.outline.cutout import Cutouts
-from vision.ball.outline.edge_profile import EdgeProfile
-from vision.ball.outline.equations import Sums, panelled, reduced
-from vision.ball.outline.fits import OutlineFits
+from vision.ball.outline.edges import Cutouts, EdgeProfile
+from vision.ball.outline.equations import OutlineFits, Sums, panelled, reduced
 from vision.ball.outline.outline import FitRules, Start, fit_outlines
 
 

@@ -6,9 +6,9 @@ import pytest
 
 from metrology import UsageError
 from tests.vision.clip.written_clips import moving_disc, write_clip
-from vision.clip.capture_metadata import capture_fps_in_tags
-from vision.clip.capture_rate import choose_capture_rate
 from vision.clip.clip import Clip
+from vision.clip.footage import choose_capture_rate
+from vision.clip.video_file import capture_fps_in_tags
 
 
 @pytest.fixture

@@ -1,6 +1,6 @@
 import numpy as np
 
-from vision.clip.motion_clock import MotionClock
+from vision.clip.footage import MotionClock
 
 
 def _picture(seed: int, x: float | None = None, gain: float = 1.0) -> np.ndarray:

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from vision.motion.kind import motion_of
-from vision.motion.lawful import lawful_stretch
+from vision.motion import lawful_stretch, motion_of
 from vision.tracks import MotionKind, Track
 
 RADIUS = 12.0

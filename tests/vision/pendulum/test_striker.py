@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from vision.ball.ball import BallFits
-from vision.ball.outline.fits import nothing_found
+from vision.ball.outline.equations import nothing_found
 from vision.ball.rest import Rest
 from vision.pendulum.arc import Arc
-from vision.pendulum.mass import MassPoses
+from vision.pendulum.mass import MassPoses, Striking, restitution_px, striking
 from vision.pendulum.rigid import Patch, Pose
-from vision.pendulum.striker import Striking, restitution_px, striking
 
 REST = Rest(0, 30, np.array([100.0, 200.0]), np.array([1.0, 0.0]), 1.5)
 PIVOT, ARM = np.array([90.0, 100.0]), 100.0

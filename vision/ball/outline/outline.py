@@ -10,6 +10,8 @@ A and C (whatever colour and shading the ball has there) are free in each sector
 that neither panels nor light bias it; they are eliminated (variable projection, Golub
 and Pereyra 1973) and only the outline's few parameters are iterated. Sectors that the model does
 not describe lose weight. Many frames are fitted at once.
+
+The circle of edges nearest a guess: all that a ball of a few pixels allows.
 """
 
 from collections import deque
@@ -18,25 +20,40 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.ball.outline.cutout import Cutouts
-from vision.ball.outline.edge_profile import EdgeProfile
-from vision.ball.outline.equations import Equations, Sums, linearised, panelled, reduced
-from vision.ball.outline.fits import OutlineFits, nothing_found
-from vision.ball.outline.ring import Ring, Template
+from vision.ball.circles import find_circles
+from vision.ball.outline.edges import Cutouts, EdgeProfile
+from vision.ball.outline.equations import (
+    Equations,
+    OutlineFits,
+    Ring,
+    Sums,
+    Template,
+    linearised,
+    nothing_found,
+    panelled,
+    reduced,
+)
+from vision.scene.scene import Scene, Window
 from vision.workers import side_by_side
 
-__all__ = ["FitRules", "Start", "fit_outlines"]
+__all__ = ["FitRules", "Start", "fit_outlines", "voted_outlines"]
 
 FloatArray = NDArray[np.float64]
+
 IntArray = NDArray[np.int64]
+
 BoolArray = NDArray[np.bool_]
 
 # Pixels of a handful of frames stay in the processor's cache.
 _BATCH_PIXELS = 80_000
+
 _SETTLED = 0.3
+
 # How far inside a sector is used that an edge of the ball's own crosses, px: the outline's blur.
 _NARROW = 1.6
+
 _BASIS = 3
+
 # Independent parts that an outline is taken to have.
 _CLUSTERS = 8
 
@@ -271,3 +288,87 @@ def _clustered(score: FloatArray) -> FloatArray:
         cross = np.einsum("nsi,nsj->nij", score, np.roll(score, lag, axis=1))
         meat += (1.0 - lag / (reach + 1.0)) * (cross + np.swapaxes(cross, 1, 2))
     return np.asarray(meat)
+
+
+FloatImage = NDArray[np.float32]
+
+_VOTED_STD = 0.15
+
+# How much a circle's radius scatters (natural logarithm).
+_SWELLING = 0.15
+
+_SMALLEST_WINDOW = 16
+
+
+def voted_outlines(scene: Scene, frame: IntArray, guess: FloatArray, radius: float) -> OutlineFits:
+    """Find the circle of edges nearest each guess.
+
+    Parameters
+    ----------
+    scene : Scene
+        Footage with its static scene.
+    frame : (F,) int array
+        Frame indices, increasing.
+    guess : (F, 2) array
+        Where it may be, px.
+    radius : float
+        Its radius, px.
+
+    Returns
+    -------
+    OutlineFits
+    """
+    fits = nothing_found(len(frame))
+    windows = [_window(start, radius, scene.shape) for start in guess]
+    for place, (index, gray) in enumerate(scene.windows(frame, windows)):
+        if min(gray.shape) >= _SMALLEST_WINDOW:
+            picture = gray.astype(np.float32)
+            _vote(scene, index, picture, windows[place], guess[place], radius, fits, place)
+    return fits
+
+
+def _window(start: FloatArray, radius: float, shape: tuple[int, int]) -> Window:
+    reach = int(np.ceil(2.5 * radius + 6))
+    x, y = int(start[0]), int(start[1])
+    return (
+        slice(max(0, y - reach), max(0, min(shape[0], y + reach + 1))),
+        slice(max(0, x - reach), max(0, min(shape[1], x + reach + 1))),
+    )
+
+
+def _vote(
+    scene: Scene,
+    index: int,
+    picture: FloatImage,
+    window: Window,
+    start: FloatArray,
+    radius: float,
+    fits: OutlineFits,
+    place: int,
+) -> None:
+    circles = find_circles(
+        picture,
+        scene.expected(index, window),
+        np.ascontiguousarray(scene.background.noise[window]),
+        radii=(0.75 * radius, 1.3 * radius),
+        most=8,
+        least_coverage=0.5,
+    )
+    if len(circles) == 0:
+        return
+    centres = circles.centre_px + np.array([window[1].start, window[0].start])
+    gap = np.hypot(*(centres - start).T)
+    swollen = np.log(circles.radius_px / radius) / _SWELLING
+    clear = circles.coverage * np.log1p(circles.sharpness)
+    clear /= (1.0 + (gap / radius) ** 2) * (1.0 + swollen**2)
+    best = int(np.argmax(clear))
+    std = max(_VOTED_STD, 0.03 * radius) * max(1.0, 30.0 / float(circles.sharpness[best]))
+    # A circle of another size is not the outline: its centre may be off by as much.
+    std = float(np.hypot(std, circles.radius_px[best] - radius))
+    fits.found[place] = True
+    fits.centre[place] = centres[best]
+    fits.radius[place] = circles.radius_px[best]
+    fits.covariance[place] = std**2 * np.eye(2)
+    fits.bound[place] = std**2 / 9.0 * np.eye(2)
+    fits.misfit[place] = 1.0
+    fits.contrast[place] = circles.coverage[best]

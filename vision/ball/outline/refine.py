@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.ball.ball import SMALL_RADIUS, BallFits, trusted_rows
-from vision.ball.outline.cutout import Cutouts, Hides, Wanted, cut_out, ring_widths
-from vision.ball.outline.edge_profile import EdgeProfile
-from vision.ball.outline.fits import OutlineFits, nothing_found
+from vision.ball.outline.edges import Cutouts, EdgeProfile, Hides, Wanted, cut_out, ring_widths
+from vision.ball.outline.equations import OutlineFits, nothing_found
 from vision.ball.outline.outline import FitRules, Start, fit_outlines
 from vision.scene.scene import Scene
 

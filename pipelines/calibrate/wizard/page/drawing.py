@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from calib.calibration import Calibration
 from calib.grid.grid import WallGrid
-from calib.grid.phase import pixel_grid
+from calib.grid.spectrum import pixel_grid
 from pipelines.calibrate.wizard.answers import Answers
 
 __all__ = [

@@ -10,7 +10,7 @@ from pipelines.calibrate.wizard.answers import Answers
 from pipelines.calibrate.wizard.corners import starting_corners
 from pipelines.calibrate.wizard.page.drawing import ruler
 from pipelines.calibrate.wizard.session import Session
-from pipelines.web.jobs import Jobs
+from pipelines.web.guard import Jobs
 
 __all__ = ["LABELS", "Places"]
 

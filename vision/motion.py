@@ -1,4 +1,19 @@
-"""What happens in a clip: a strike, a flight, a drop, a swing, a collision, or nothing.
+"""What moves how: motion models of followed things, and what happens in a clip.
+
+How lawfully a thing moves: the stretch of its path that a constant acceleration explains.
+
+A thrown, struck or falling ball runs along a parabola, a rolling one along a line; a hand, a blob
+or a string of unrelated edges does not. Each look beyond the three that fix the motion, and that
+lies where the motion says, would have lain there by chance with a probability of about tolerance
+over travel; the logarithms add up to the evidence.
+
+Whether a thing swings: a decaying oscillation on an arc, as one linear fit for each frequency.
+
+A bob on a cord or rod of length l at the small angle φ = a cos(ωt) e^(-γt) is at x = l sin φ,
+y = l cos φ: along the arc terms in ω, across it in 2ω, each decaying. With the decay taken to
+first order all of them are linear in their amplitudes once ω is given.
+
+What happens in a clip: a strike, a flight, a drop, a swing, a collision, or nothing.
 
 The explanations compete. Each says where the followed thing is in the frames that it claims, to
 within a scatter s; a frame that it leaves unexplained may be anywhere in the area A that was
@@ -12,32 +27,246 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.motion.lawful import lawful_stretch
-from vision.motion.oscillation import PARAMETERS, fit_oscillation
 from vision.tracks import Motion, MotionKind, Track
 
-__all__ = ["motion_of"]
+__all__ = ["lawful_stretch", "motion_of"]
 
 FloatArray = NDArray[np.float64]
 
+IntArray = NDArray[np.int64]
+
+_TRIALS = 120
+
 _FEWEST = 5
+
+# Circles of edges scatter by about this: px, and in radii.
+_PATH_SCATTER_PX = 0.7
+
+_PATH_SCATTER_RADII = 0.12
+
+# A look that is off the motion costs so many nats: some are mistaken.
+_OFF_PRICE = 1.0
+
+_LEAST_TRAVEL = 1.0
+
+
+@dataclass(frozen=True)
+class LawfulStretch:
+    """The part of a path that one constant acceleration explains.
+
+    Attributes
+    ----------
+    first, last : int
+        Its first and last frame.
+    looks : int
+        How many looks agree.
+    evidence : float
+        How much more likely they are so than by chance, nats; 0 where there is no such stretch.
+    travel_px : float
+        How far it goes, px.
+    """
+
+    first: int
+    last: int
+    looks: int
+    evidence: float
+    travel_px: float
+
+
+def lawful_stretch(frame: IntArray, centre: FloatArray, radius: float) -> LawfulStretch:
+    """Find the stretch of a path with the most evidence for a constant acceleration.
+
+    Parameters
+    ----------
+    frame : (N,) int array
+        Frames, increasing.
+    centre : (N, 2) array
+        Centres, px.
+    radius : float
+        Radius, px.
+
+    Returns
+    -------
+    LawfulStretch
+        With no evidence where the thing stays where it is.
+    """
+    count = len(frame)
+    nothing = LawfulStretch(int(frame[0]), int(frame[0]), 0, 0.0, 0.0)
+    if count < _FEWEST:
+        return nothing
+    tolerance = _PATH_SCATTER_PX + _PATH_SCATTER_RADII * radius
+    best = nothing
+    for chosen in _triples(count):
+        time = (frame - frame[chosen[0]]).astype(np.float64) / max(
+            float(frame[chosen[2]] - frame[chosen[0]]), 1.0
+        )
+        powers = np.column_stack([np.ones(count), time, time * time])
+        expected = powers @ np.linalg.solve(powers[chosen], centre[chosen])
+        off = np.hypot(*(centre - expected).T) > tolerance
+        first, last = _best_run(off, chosen)
+        agree = ~off[first : last + 1]
+        place = centre[first : last + 1][agree]
+        travel = float(np.hypot(*np.ptp(place, axis=0)))
+        if travel < _LEAST_TRAVEL * radius or len(place) < _FEWEST:
+            continue
+        spare = len(place) - 3
+        evidence = spare * np.log1p(travel / tolerance) - _OFF_PRICE * np.count_nonzero(~agree)
+        if evidence > best.evidence:
+            best = LawfulStretch(
+                int(frame[first]), int(frame[last]), len(place), float(evidence), travel
+            )
+    return best
+
+
+def _triples(count: int) -> IntArray:
+    """Sets of three looks at all distances, the same for all paths of a length."""
+    rng = np.random.default_rng(count)
+    triples: list[tuple[int, int, int]] = []
+    while len(triples) < _TRIALS:
+        span = int(rng.integers(4, max(count, 5)))
+        start = int(rng.integers(0, max(count - span, 1)))
+        end = min(start + span, count - 1)
+        middle = int(rng.integers(start + 1, end))
+        triples.append((start, middle, end))
+    return np.array(triples, dtype=np.int64)
+
+
+def _best_run(off: NDArray[np.bool_], chosen: IntArray) -> tuple[int, int]:
+    """First and last look of the run about the chosen ones in which most agree."""
+    gain = np.where(off, -1.0, 0.5)
+    low, high = int(chosen[0]), int(chosen[2])
+    before = np.cumsum(gain[:low][::-1])
+    after = np.cumsum(gain[high + 1 :])
+    if len(before) and before.max() > 0:
+        low -= int(np.argmax(before)) + 1
+    if len(after) and after.max() > 0:
+        high += int(np.argmax(after)) + 1
+    return low, high
+
+
+_FREQUENCIES = 80
+
+# Periods shorter than so many frames are not told from noise.
+_SHORTEST_PERIOD = 8.0
+
+# Less than this part of a period is an arc that turns back: below it nothing is known of a swing.
+_LEAST_PERIODS = 0.35
+
+_ROUNDS = 4
+
+# Columns of both axes, and the frequency.
+PARAMETERS = 15
+
+
+@dataclass(frozen=True)
+class Oscillation:
+    """A swing.
+
+    Attributes
+    ----------
+    omega : float
+        Angular frequency, rad per frame.
+    residual_px : (N,) array
+        Distance of each position from it, px.
+    periods : float
+        How many periods were seen.
+    """
+
+    omega: float
+    residual_px: FloatArray
+    periods: float
+
+
+def fit_oscillation(time: FloatArray, centre: FloatArray, scale_px: float) -> Oscillation | None:
+    """Fit a swing to positions.
+
+    Parameters
+    ----------
+    time : (N,) array
+        Frames.
+    centre : (N, 2) array
+        Positions, px.
+    scale_px : float
+        Residual beyond which a position loses weight, px.
+
+    Returns
+    -------
+    Oscillation or None
+        None where there are too few positions.
+    """
+    if len(time) < 2 * PARAMETERS:
+        return None
+    span = float(time[-1] - time[0])
+    spacing = span / (len(time) - 1)
+    shortest = max(_SHORTEST_PERIOD, 4.0 * spacing)
+    lowest, highest = 2 * np.pi * _LEAST_PERIODS / span, 2 * np.pi / shortest
+    if highest <= lowest:
+        return None
+    shifted = time - time[0]
+    best, cost = None, np.inf
+    for omega in np.geomspace(lowest, highest, _FREQUENCIES):
+        residual = _residual(shifted, centre, float(omega), scale_px)
+        robust = float(np.mean(np.minimum(residual, 3.0 * scale_px)))
+        if robust < cost:
+            best, cost = Oscillation(float(omega), residual, omega * span / (2 * np.pi)), robust
+    return best
+
+
+def _residual(time: FloatArray, centre: FloatArray, omega: float, scale_px: float) -> FloatArray:
+    span = float(time[-1])
+    turn = omega * time
+    ones = np.ones_like(time)
+    design = np.column_stack(
+        [
+            ones,
+            np.cos(turn),
+            np.sin(turn),
+            time / span * np.cos(turn),
+            time / span * np.sin(turn),
+            np.cos(2 * turn),
+            np.sin(2 * turn),
+        ]
+    )
+    weight = ones
+    residual = np.zeros_like(time)
+    for _ in range(_ROUNDS):
+        root = np.sqrt(weight)[:, None]
+        # A ridge: below half a period the columns are nearly one another's.
+        normal = (design * root).T @ (design * root) + 1e-6 * len(time) * np.eye(design.shape[1])
+        amplitude = np.linalg.solve(normal, (design * weight[:, None]).T @ centre)
+        residual = np.hypot(*(centre - design @ amplitude).T)
+        weight = 1.0 / (1.0 + (residual / scale_px) ** 2) ** 2
+    return residual
+
+
 _LEAST_REST = 5
+
 # What a law leaves over: px, and in radii (deformation, drag, a camera that is not ideal).
 _SCATTER_PX = 0.4
+
 _SCATTER_RADII = 0.04
+
 _MOST_INDEPENDENT = 40.0
+
 # A law may leave this part of the frames it claims unexplained (mistaken fits).
 _STRAY = 0.05
+
 # A swing is all of the motion, or none of it.
 _SWINGING = 0.8
+
 # Nothing is surer than this: what was not thought of is left.
 _MOST_CERTAIN = 0.99
+
 # A strike, a drop and a throw differ by how the motion begins. Odds where that was not seen.
 _UNSEEN_STRIKER_ODDS = 3.0
+
 # A drop goes along its acceleration: sideways by less than this part of the way.
 _DROP_SIDEWAYS = 0.06
+
 _DROP_ODDS = 30.0
+
 _BEGINS_AT_REST = 0.15
+
 # Acceleration of a flight shows when it bends or speeds up the path by so many scatters.
 _SEEN_ACCELERATION = 4.0
 

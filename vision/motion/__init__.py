@@ -1,1 +1,0 @@
-"""What moves how: motion models of followed things, and what happens in a clip."""
