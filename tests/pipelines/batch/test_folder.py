@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+import pipelines.batch as batch
 from metrology import UsageError
 from pipelines.batch import Done, Folder, Job, files_of, measure_all
-from pipelines.batch import folder as batch
 from pipelines.cli import app
 from pipelines.measure.chain import MeasureOptions
 from pipelines.measure.files.output import Wanted

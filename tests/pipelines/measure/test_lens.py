@@ -14,7 +14,7 @@ from calib.pose import calibrate
 from metrology import SetupError
 from pipelines.calibrate.filming import Filming, film_scene, planned_tracks
 from pipelines.calibrate.plan import planned_setup
-from pipelines.measure import calibrated
+from pipelines.measure import metres
 from pipelines.measure.inputs import Inputs, gather_inputs
 from sample_videos.scene import Scene
 from vision.tracks import Tracks
@@ -54,9 +54,9 @@ def test_the_lens_of_the_setup_is_the_prior_of_the_clip(
     def seen(*_: object, **__: object) -> WallGrid:
         return grid
 
-    monkeypatch.setattr(calibrated, "find_wall_grid", seen)
-    plain = calibrated.calibrate_clip(tracks, inputs).calibration
-    known = calibrated.calibrate_clip(
+    monkeypatch.setattr(metres, "find_wall_grid", seen)
+    plain = metres.calibrate_clip(tracks, inputs).calibration
+    known = metres.calibrate_clip(
         tracks, with_lens(inputs, lens_file(scene, tmp_path / "lens.toml"))
     ).calibration
 
@@ -76,17 +76,17 @@ def test_a_lens_of_another_picture_is_refused(
     scene, tracks, inputs = filmed
     other = lens_file(scene, tmp_path / "lens.toml", width=640, height=480)
     with pytest.raises(SetupError, match="another shape"):
-        calibrated.known_lens(tracks, with_lens(inputs, other))
+        metres.known_lens(tracks, with_lens(inputs, other))
     with pytest.raises(SetupError, match="can't read"):
-        calibrated.known_lens(tracks, with_lens(inputs, tmp_path / "none.toml"))
-    assert calibrated.known_lens(tracks, inputs) is None
+        metres.known_lens(tracks, with_lens(inputs, tmp_path / "none.toml"))
+    assert metres.known_lens(tracks, inputs) is None
 
 
 def test_the_uncertainty_of_the_lens_is_carried_on(
     filmed: tuple[Scene, Tracks, Inputs],
 ) -> None:
     scene, tracks, inputs = filmed
-    evidence = calibrated.scene_evidence(tracks, inputs)
+    evidence = metres.scene_evidence(tracks, inputs)
     grid = planned_grid(scene.camera)
     landing = scene.camera.project([1.9, 0.1, scene.room.plane])
 
@@ -107,16 +107,16 @@ def test_the_foot_of_the_axis_needs_the_ball_and_the_floor_it_is_measured_from(
     told = ((float(foot[0]), 0.005), (float(foot[1]), 0.005))
     camera = replace(inputs.setup.camera, principal_point_on_wall=told)
     inputs = replace(inputs, setup=replace(inputs.setup, camera=camera))
-    evidence = calibrated.scene_evidence(tracks, inputs)
+    evidence = metres.scene_evidence(tracks, inputs)
     assert evidence.axis_foot_x is not None
     assert evidence.axis_foot_y is not None
     found = calibrate(planned_grid(scene.camera), evidence)
     assert found.camera.axis_foot == pytest.approx(foot, abs=0.003)
     assert not found.warnings
     # a floor nobody knows gives no height; without a ball at rest the world has no origin at all
-    floorless = calibrated.scene_evidence(tracks, replace(inputs, fall=None))
+    floorless = metres.scene_evidence(tracks, replace(inputs, fall=None))
     assert floorless.axis_foot_x is not None
     assert floorless.axis_foot_y is None
-    nowhere = calibrated.scene_evidence(replace(tracks, rest_frames=None), inputs)
+    nowhere = metres.scene_evidence(replace(tracks, rest_frames=None), inputs)
     assert nowhere.axis_foot_x is None
     assert nowhere.axis_foot_y is None

@@ -10,7 +10,7 @@ from calib.grid.grid import WallGrid
 from calib.planning import planned_grid
 from pipelines.calibrate.filming import Filming, film_scene, planned_tracks
 from pipelines.calibrate.plan import planned_setup
-from pipelines.measure import calibrated
+from pipelines.measure import metres
 from pipelines.measure.chain import Followed, Found, measure_tracks
 from pipelines.measure.inputs import gather_inputs
 from pipelines.report import CheckKind, CheckOutcome
@@ -31,7 +31,7 @@ def found_at(fps: float, std: float, monkeypatch: pytest.MonkeyPatch) -> tuple[F
     def seen(*_: object, **__: object) -> WallGrid:
         return grid
 
-    monkeypatch.setattr(calibrated, "find_wall_grid", seen)
+    monkeypatch.setattr(metres, "find_wall_grid", seen)
     tracks = planned_tracks(FILMING, scene, shot)
     tracks = replace(tracks, motion=Motion(MotionKind.STRIKE, 0.9))
     clock = np.arange(scene.frames, dtype=float)
