@@ -78,6 +78,12 @@ _COMMANDS = {
         "explain_command",
         "Find where simulation and recording differ and what physics was left out.",
     ),
+    "effects": _Command(
+        "pipelines.explain.own_effects",
+        "EFFECT_COMMANDS",
+        "Check effects of your own before they take part in explaining.",
+        "EffectCommands",
+    ),
     "render": _Command(
         "pipelines.render", "render_command", "Render a synthetic clip with its truth file."
     ),

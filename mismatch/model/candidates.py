@@ -265,12 +265,12 @@ def within_patience(
         If it takes longer than `seconds`; the look is left to itself.
     """
     found: list[Result] = []
-    raised: list[Exception] = []
+    raised: list[Exception | SystemExit] = []
 
     def run() -> None:
         try:
             found.append(look())
-        except Exception as problem:  # handed on to who asked
+        except (Exception, SystemExit) as problem:  # handed on to who asked
             raised.append(problem)
 
     thread = threading.Thread(target=run, daemon=True)

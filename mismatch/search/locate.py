@@ -421,8 +421,8 @@ def noise_notes(campaign: Campaign, prepared: Prepared) -> tuple[str, ...]:
         values = np.concatenate([one.reshape(-1) for one in stated])
         values = values[np.isfinite(values) & (values > 0.0)]
         # Squares of the smallest numbers are zero.
-        largest = float(values.max(initial=0.0)) or position
-        column = largest * float(np.sqrt(np.mean((values / largest) ** 2))) or position
+        largest = float(values.max(initial=0.0))
+        column = largest * float(np.sqrt(np.mean((values / largest) ** 2))) if largest else position
         if not 0.85 < position / column < 1.18:
             notes.append(
                 f"the file states {column:.2g} m for its positions' uncertainty, they scatter by"

@@ -1,9 +1,8 @@
-"""Campaign files in, bodies and samples out; a user's own effects."""
+"""Campaign files in, bodies and samples out."""
 
-import importlib.util
 import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -16,14 +15,13 @@ from mismatch.records.records import Campaign, Trial
 from physics import bodies
 from physics.contact.contact import contact_outcomes
 from physics.domain import FloatArray
-from physics.effects import Effect
 from pipelines.explain.clips import ClipCampaign
 from pipelines.explain.systematics import unknown_widths
 from pipelines.explain.tabular import Sheet, TableLike, name_of, numbers_of, read_sheet
 from pipelines.explain.tracks import flight_rows, is_track_table, swing_rows
 from pipelines.setup.file import BallSetup, Setup
 
-__all__ = ["baseline_for_balls", "baseline_from_setup", "load_campaign", "load_effects"]
+__all__ = ["baseline_for_balls", "baseline_from_setup", "load_campaign"]
 
 UNITS = {"t": "s", "x": "m", "y": "m", "z": "m", "phi": "rad", "backswing": "deg"}
 """Stem of each column of numbers → its unit."""
@@ -410,55 +408,3 @@ def _contact_table(ball: BallSetup, setup: Setup) -> ContactTable | None:
         outcome.ball_x, outcome.ball_y, outcome.ball_vx, outcome.ball_vy,
     )  # fmt: skip
     return ContactTable(TABLE_SPEEDS, np.column_stack([np.asarray(c) for c in columns]))
-
-
-def _refuse_strangers(path: Path, listed: Sequence[object]) -> None:
-    for item in listed:
-        if isinstance(item, type) and issubclass(item, Effect):
-            raise UsageError(
-                f"EFFECTS in {path} holds the class {item.__name__}",
-                hint=f"List an instance of it: {item.__name__}(...).",
-            )
-        if not isinstance(item, Effect):
-            raise UsageError(
-                f"EFFECTS in {path} holds {item!r}, which is no effect",
-                hint="Subclass physics.effects.Effect and list instances.",
-            )
-
-
-def load_effects(path: Path) -> tuple[Effect, ...]:
-    """Effects from a user's Python file: the instances in its list ``EFFECTS``, or every one.
-
-    Raises
-    ------
-    UsageError
-        If the file can't be read or run, or holds no effect.
-    """
-    if not path.is_file():
-        raise UsageError(f"there is no file {path}", hint="Check the path given to --effects.")
-    spec = importlib.util.spec_from_file_location("effects_of_the_user", path)
-    if spec is None or spec.loader is None:
-        raise UsageError(f"{path} is no Python file")
-    module = importlib.util.module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-    except Exception as problem:  # a user's file may raise anything; none of it is our bug
-        raise UsageError(f"{path} stops with {type(problem).__name__}: {problem}") from problem
-    listed = getattr(module, "EFFECTS", None)
-    if listed is None:
-        found = list(vars(module).values())
-    elif isinstance(listed, list | tuple):
-        found = list(listed)
-        _refuse_strangers(path, found)
-    else:
-        raise UsageError(
-            f"EFFECTS in {path} is no list but {listed!r}",
-            hint="Write EFFECTS = [MyEffect(...)], a list of instances.",
-        )
-    effects = tuple(item for item in found if isinstance(item, Effect))
-    if not effects:
-        raise UsageError(
-            f"{path} holds no effect",
-            hint="Subclass physics.effects.Effect and list an instance in EFFECTS.",
-        )
-    return effects

@@ -17,12 +17,8 @@ from mismatch.table.table import CHANNELS, TrialTable
 from physics.domain import FloatArray
 from physics.effects import Effect
 from pipelines.explain.clips import ClipCampaign, campaign_from_clips, clip_facts, with_rig
-from pipelines.explain.io import (
-    baseline_for_balls,
-    baseline_from_setup,
-    load_campaign,
-    load_effects,
-)
+from pipelines.explain.io import baseline_for_balls, baseline_from_setup, load_campaign
+from pipelines.explain.own_effects import check_effect, load_effects, under_guard
 from pipelines.explain.systematics import within_calibration
 from pipelines.explain.tabular import TableLike, name_of, numbers_of, read_sheet
 from pipelines.setup.file import Setup, load_setup
@@ -252,7 +248,8 @@ def explain_table_file(
     """
     known = setup if isinstance(setup, Setup) else load_setup(setup)
     own = _own(effects)
-    return explain_trial_table(table, known, hold_out or (), own)
+    with under_guard(own):
+        return explain_trial_table(table, known, hold_out or (), own)
 
 
 def explain_campaign(
@@ -264,9 +261,10 @@ def explain_campaign(
     """Explain a campaign that has been read or measured already."""
     baseline = baseline_from_setup(known, campaign)
     own = _own(effects)
-    explained = explain_in_full(
-        campaign, baseline, options=Options(hold_out=hold_out or (), effects=own)
-    )
+    with under_guard(own):
+        explained = explain_in_full(
+            campaign, baseline, options=Options(hold_out=hold_out or (), effects=own)
+        )
     if not isinstance(campaign, ClipCampaign):
         return explained
     verdict = within_calibration(explained.verdict, campaign.widths, known=campaign.calibrated)
@@ -276,4 +274,6 @@ def explain_campaign(
 def _own(effects: OwnEffects) -> tuple[Effect, ...]:
     if isinstance(effects, Path):
         return load_effects(effects)
+    for effect in effects or ():
+        check_effect(effect)
     return tuple(effects or ())

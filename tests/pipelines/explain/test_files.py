@@ -8,9 +8,9 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from metrology import ImpactVisionError, TooLittleDataError, UsageError
+from metrology import TooLittleDataError, UsageError
 from pipelines.explain.command import explain_command
-from pipelines.explain.io import load_campaign, load_effects
+from pipelines.explain.io import load_campaign
 from pipelines.explain.run import explain_files
 from pipelines.setup.file import read_setup
 from tests.mismatch.synthetic import thrown_campaign
@@ -104,16 +104,6 @@ def test_a_handful_of_points_is_too_little(tmp_path, thrown):
         explain_files(ball, None, thrown[1])
 
 
-def test_a_users_file_that_stops_is_the_users_message(tmp_path):
-    own = tmp_path / "own.py"
-    own.write_text("raise RuntimeError('no')\n")
-    with pytest.raises(UsageError, match="RuntimeError"):
-        load_effects(own)
-    own.write_text("x = 1\n")
-    with pytest.raises(ImpactVisionError, match="no effect"):
-        load_effects(own)
-
-
 def rows_of(ball) -> list[str]:
     return ball.read_text().splitlines()
 
@@ -166,21 +156,6 @@ def test_a_ball_table_without_numbers_is_no_free_swing(thrown, tmp_path):
     ball.write_text("trial,t_s,x_m,y_m\n" + "".join(f"0,{k / 600},,\n" for k in range(40)))
     with pytest.raises(TooLittleDataError, match="no row"):
         explain_files(ball, pendulum, setup)
-
-
-@pytest.mark.parametrize(
-    ("written", "said"),
-    [
-        ("EFFECTS = 3", "is no list"),
-        ("EFFECTS = [3]", "is no effect"),
-        ("from physics.effects import Effect\nEFFECTS = [Effect]", "holds the class Effect"),
-    ],
-)
-def test_a_list_of_effects_that_is_none_is_told(tmp_path, written, said):
-    own = tmp_path / "own.py"
-    own.write_text(written + "\n")
-    with pytest.raises(UsageError, match=said):
-        load_effects(own)
 
 
 def test_a_trial_that_states_two_back_swings_is_left_out_and_told(tmp_path):
