@@ -129,6 +129,11 @@ class Defaults:
         "a rule held up by hand: its ends marked to 1 px each in 300 px are 0.5 %, and 1 cm off the"
         " plane at 4 m is 0.25 %", relative=True,
     )  # fmt: skip
+    STICK_SCALE = Default(
+        "scale of another program's track", None, 0.02, "px/m",
+        "a stick that hangs nearer or farther than the motion: 2.8 % in Tracker's example BallToss",
+        relative=True,
+    )  # fmt: skip
     VISIBLE_DEPTH = Default(
         "depth of the mass' visible side", 0.0, 0.007, "1",
         "a mass 6 cm thick seen from 4 m: its near side, 3 cm nearer, is enlarged by 0.03/4",

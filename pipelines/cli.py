@@ -93,6 +93,11 @@ _COMMANDS = {
         "From pixels to metres: calibrate CLIP, a lens, a wall; has the camera moved.",
         "ClipOrCommand",
     ),
+    "convert": _Command(
+        "pipelines.interop.command",
+        "convert_command",
+        "Turn tracks or a lens of one program into those of another.",
+    ),
     "cache": _Command(
         "pipelines.cache",
         "CACHE_COMMANDS",

@@ -25,6 +25,7 @@ from calib.camera.lens_fit import (
     held_out_errors,
     prior_of,
 )
+from calib.camera.lens_yaml import YAML_SUFFIXES, lens_yaml, read_lens_yaml
 from metrology import CalibrationError, SetupError, write_text_whole, written_whole
 
 __all__ = [
@@ -33,6 +34,7 @@ __all__ = [
     "calibrate_lens",
     "find_board",
     "lens_toml",
+    "prior_toml",
     "read_lens",
     "write_board",
     "write_lens",
@@ -269,12 +271,30 @@ def lens_toml(calibration: LensCalibration) -> str:
 
 
 def write_lens(path: Path, calibration: LensCalibration) -> None:
-    """Write a lens file, whole or not at all."""
-    write_text_whole(path, lens_toml(calibration))
+    """Write a lens file, whole or not at all: YAML of OpenCV and ROS where its name says so."""
+    if path.suffix.lower() in YAML_SUFFIXES:
+        write_text_whole(path, lens_yaml(calibration.prior, path.stem))
+    else:
+        write_text_whole(path, lens_toml(calibration))
+
+
+def prior_toml(prior: LensPrior) -> str:
+    """Text of a lens file for a lens that was read from elsewhere."""
+    lens = prior.lens
+    lines = ["[lens]", f"width = {lens.width}", f"height = {lens.height}"]
+    lines += [f"{name} = {float(getattr(lens, name))!r}" for name in NAMES]
+    lines += [
+        "",
+        "[prior]",
+        "# log focal length, principal point x and y (px), k1 and k2",
+        f"std = {prior.std.tolist()!r}",
+        f"correlation = {np.round(prior.related, 9).tolist()!r}",
+    ]
+    return "\n".join(lines) + "\n"
 
 
 def read_lens(path: Path, *, width: int | None = None, height: int | None = None) -> LensPrior:
-    """Read a lens file for a picture of the given size.
+    """Read a lens file (TOML, or YAML of OpenCV or ROS) for a picture of the given size.
 
     Parameters
     ----------
@@ -287,6 +307,8 @@ def read_lens(path: Path, *, width: int | None = None, height: int | None = None
     SetupError
         If the file is missing or wrong, or its picture has another shape.
     """
+    if path.suffix.lower() in YAML_SUFFIXES:
+        return _for_picture(read_lens_yaml(path), width, height)
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as problem:
@@ -310,7 +332,12 @@ def read_lens(path: Path, *, width: int | None = None, height: int | None = None
         int(numbers["height"]),
         *(float(numbers.get(name, 0.0)) for name in NAMES),
     )
-    prior = _prior(lens, table, path)
+    return _for_picture(_prior(lens, table, path), width, height)
+
+
+def _for_picture(prior: LensPrior, width: int | None, height: int | None) -> LensPrior:
+    """The lens scaled to a picture of the same shape."""
+    lens = prior.lens
     if width is None or height is None:
         return prior
     if abs(width / height - lens.width / lens.height) > 0.01 * width / height:

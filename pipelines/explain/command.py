@@ -6,6 +6,7 @@ The improved model as a setup file that `simulate`, `plan` and `measure` take.
 import json
 import sys
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -23,6 +24,9 @@ from pipelines.explain.run import (
     explain_table_file,
     is_trial_table,
 )
+from pipelines.interop.columns import parse_columns
+from pipelines.interop.reading import PROJECT_SUFFIXES, made_elsewhere
+from pipelines.interop.tables import TABLE_SUFFIXES
 from pipelines.setup.cor_file import read_cor_file, with_laws
 from pipelines.setup.file import load_setup
 
@@ -99,6 +103,10 @@ def explain_command(
     strikes: Annotated[
         bool, typer.Option(help="Clips only: compare swing and contact, too, not flights alone.")
     ] = False,
+    columns: Annotated[
+        str | None,
+        typer.Option(help="Of another program's table: 't=Time (s), x=X (cm), y=Y (cm), ball=A'."),
+    ] = None,
     cor_law: Annotated[
         Path | None,
         typer.Option(help="Laws of restitution of a campaign (cor.toml).", metavar="FILE"),
@@ -130,13 +138,15 @@ def explain_command(
         )
     ball = _ball_file(inputs or [])
     known = load_setup(setup)
+    if columns is not None:
+        known = replace(known, columns={**known.columns, **parse_columns(columns)})
     if cor_law is not None:
         known = with_laws(known, read_cor_file(cor_law))
     held = tuple(name.strip() for name in hold_out.split(",")) if hold_out else None
     explained: Explained | TableExplained
     if inputs and ball is None:
         explained = explain_clips(inputs, known, held, effects, trials, strikes=strikes)
-    elif ball is not None and is_trial_table(ball):
+    elif ball is not None and _of_trials(ball, known.columns):
         if pendulum is not None:
             raise UsageError(
                 f"{ball} holds numbers of whole trials; a pendulum's samples don't go with them",
@@ -161,10 +171,15 @@ def explain_command(
         sys.stdout.write(explained.verdict.text() + "\n")
 
 
+def _of_trials(path: Path, columns: Mapping[str, str]) -> bool:
+    return not made_elsewhere(path, columns) and is_trial_table(path)
+
+
 def _ball_file(inputs: list[Path]) -> Path | None:
     if not inputs:
         return None
-    tables = [path for path in inputs if path.suffix.lower() in (".csv", ".tsv", ".txt")]
+    known = (*PROJECT_SUFFIXES, *TABLE_SUFFIXES)
+    tables = [path for path in inputs if path.suffix.lower() in known]
     if len(tables) == len(inputs) == 1:
         return tables[0]
     if tables:

@@ -19,6 +19,7 @@ from pipelines.explain.clips import ClipCampaign
 from pipelines.explain.systematics import unknown_widths
 from pipelines.explain.tabular import Sheet, TableLike, name_of, numbers_of, read_sheet
 from pipelines.explain.tracks import flight_rows, is_track_table, swing_rows
+from pipelines.interop.reading import made_elsewhere, track_table
 from pipelines.setup.file import BallSetup, Setup
 
 __all__ = ["baseline_for_balls", "baseline_from_setup", "load_campaign"]
@@ -174,10 +175,12 @@ def _samples(
     source: TableLike, needed: tuple[str, ...], setup: Setup
 ) -> tuple[pd.DataFrame, list[str]]:
     """Rows of the ball, or where `phi_rad` is needed, of the pendulum; notes on reading them."""
+    trial = source.stem if isinstance(source, Path) else "1"
+    if isinstance(source, Path) and made_elsewhere(source, setup.columns):
+        source = track_table(source, setup.columns)
     sheet = read_sheet(source, UNITS, ("trial", "ball"))
     table = sheet.table
     if is_track_table(table):
-        trial = source.stem if isinstance(source, Path) else "1"
         if "phi_rad" in needed:
             table = swing_rows(table, trial)
         else:

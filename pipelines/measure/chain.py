@@ -7,7 +7,7 @@ shows; the measurement on all that was said besides.
 """
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -55,6 +55,7 @@ __all__ = [
     "MeasureOptions",
     "measure_clip",
     "measure_tracks",
+    "measurement_of",
     "remembered",
     "watched",
 ]
@@ -275,19 +276,36 @@ def measure_clip(
     seen = watched(clip, rate.fps, options, follow_it)
     followed = Followed(seen.tracks, seen.clock, rate, inputs, options.scale_m_per_px)
     found = measure_tracks(followed, tell, options.budget)
+    return measurement_of(seen.info, followed, found, seen.warnings)
+
+
+def measurement_of(
+    info: ClipInfo, followed: Followed, found: Found, warnings: Sequence[str] = ()
+) -> Measurement:
+    """What was followed and what was found of it, as the result of one clip.
+
+    Parameters
+    ----------
+    info : ClipInfo
+    followed : Followed
+    found : Found
+        Of `followed`.
+    warnings : sequence of str
+        Of reading the clip; they come first.
+    """
     return Measurement(
-        info=seen.info,
+        info=info,
         rate=found.rate,
         quantities=found.results.quantities,
         beside=found.results.beside,
         gravity=found.results.gravity,
         checks=found.results.checks,
-        warnings=tuple(dict.fromkeys([*seen.warnings, *found.warnings])),
-        tracks=_timed(seen.tracks, followed.seconds(found.rate.fps)),
+        warnings=tuple(dict.fromkeys([*warnings, *found.warnings])),
+        tracks=_timed(followed.tracks, followed.seconds(found.rate.fps)),
         grid=found.grid,
         calibration=found.calibration,
         impact=found.evaluated.impact,
-        defaults=inputs.rig.defaults_used,
+        defaults=followed.inputs.rig.defaults_used,
     )
 
 

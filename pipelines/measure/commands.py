@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated
@@ -43,7 +43,9 @@ __all__ = [
 ]
 
 ClipArgument = Annotated[Path, typer.Argument(metavar="CLIP", help="Video or folder of pictures.")]
-ClipsArgument = Annotated[list[Path], typer.Argument(metavar="CLIP...", help="Videos to measure.")]
+ClipsOrNoneArgument = Annotated[
+    list[Path] | None, typer.Argument(metavar="CLIP...", help="Videos to measure.")
+]
 SetupOption = Annotated[Path | None, typer.Option("--setup", help="What the lab knows (TOML).")]
 FpsOption = Annotated[str | None, typer.Option("--fps", help="Capture rate, such as 600.")]
 BallOption = Annotated[
@@ -78,6 +80,14 @@ OutOption = Annotated[
 JobsOption = Annotated[
     int | None, typer.Option("-j", min=1, help="With --out: processes; default one a core.")
 ]
+FromTracksOption = Annotated[
+    Path | None,
+    typer.Option("--from-tracks", help="Tracks of another program instead of following the clip."),
+]
+ColumnsOption = Annotated[
+    str | None,
+    typer.Option("--columns", help="Of such a table: 't=Time (s), x=X (cm), y=Y (cm), ball=A'."),
+]
 NoCacheOption = Annotated[
     bool, typer.Option("--no-cache", help="Measure afresh, whatever was measured before.")
 ]
@@ -96,7 +106,7 @@ COR = ("cor_speeds", "cor_launch", "cor_range", "cor", "external_impulse", "ener
 
 
 def measure_command(
-    clips: ClipsArgument,
+    clips: ClipsOrNoneArgument = None,
     setup: SetupOption = None,
     fps: FpsOption = None,
     ball: BallOption = None,
@@ -112,6 +122,8 @@ def measure_command(
     out: OutOption = None,
     jobs: JobsOption = None,
     scale: ScaleOption = None,
+    from_tracks: FromTracksOption = None,
+    columns: ColumnsOption = None,
     no_cache: NoCacheOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -123,12 +135,25 @@ def measure_command(
 
     Many clips: vision measure clips/*.mp4 --setup lab.toml --out results -j 2 --report report.html
     writes results/CLIP.json and results/CLIP.report.html for each, and results/results.csv.
+
+    Tracked elsewhere: vision measure clip.mp4 --from-tracks clip.trk --tracks clip.kva
     """
+    clips = list(clips or [])
     wanted = Wanted(csv, json, tracks, overlay, plot, report, quiet)
-    wanted.require_writable((*clips, setup))
+    wanted.require_writable((*clips, setup, from_tracks))
     options = measure_options(
         setup, fps, ball, wall_grid, ball_at, mass_at, cache=not no_cache, scale=scale
     )
+    if from_tracks is not None:
+        _from_tracks(from_tracks, clips, options, wanted, columns)
+        return
+    if columns is not None or not clips:
+        raise UsageError(
+            "--columns tells the columns of --from-tracks"
+            if clips
+            else "there is no clip to measure",
+            hint="vision measure CLIP, or vision measure --from-tracks FILE",
+        )
     if out is not None:
         said = [str(word) for word in (fps, ball, wall_grid, ball_at, mass_at, *_asked(wanted))]
         said.append("" if scale is None else scale)
@@ -281,18 +306,39 @@ def _into_folder(
         raise type(failures[0])(f"{len(failures)} of {len(clips)} clips could not be measured")
 
 
+def _from_tracks(
+    path: Path,
+    clips: Sequence[Path],
+    options: MeasureOptions,
+    wanted: Wanted,
+    columns: str | None,
+) -> None:
+    """Measure what another program tracked, with the clip or without."""
+    from pipelines.interop.columns import parse_columns
+    from pipelines.interop.measured import measure_from_tracks
+    from pipelines.interop.reading import settled_columns
+
+    if len(clips) > 1:
+        raise UsageError(
+            "--from-tracks goes with one clip", hint="Give the clip that was tracked, or none."
+        )
+    clip = clips[0] if clips else None
+    wanted.require_clip(clip)
+    setup = options.setup
+    said = settled_columns(path, {**setup.columns, **parse_columns(columns)}, setup.path)
+    names = tuple(QuantityName)
+    measured = _measured(
+        lambda tell: measure_from_tracks(path, options, clip, said, tell), clip, wanted, names
+    )
+    _require_something(measured, path)
+
+
 def _several(
     clips: Sequence[Path], options: MeasureOptions, wanted: Wanted, names: tuple[str, ...]
 ) -> None:
     """Measure all clips; one that fails is told and does not take the others with it."""
     if len(clips) == 1:
-        measured = _one(clips[0], options, wanted, names)
-        if not any(item.known for item in measured.quantities):
-            kind = measured.motion.kind
-            named = [(item, kinds_of(item.name)) for item in measured.quantities]
-            own = [item for item, kinds in named if kind in kinds and len(kinds) < len(MotionKind)]
-            reason = (own or list(measured.quantities))[0].reason
-            raise MeasurementError(f"nothing can be measured from {clips[0]}: {reason}")
+        _require_something(_one(clips[0], options, wanted, names), clips[0])
         return
     done: list[Measurement] = []
     failures: list[ImpactVisionError] = []
@@ -308,6 +354,22 @@ def _several(
         raise type(failures[0])(f"{len(failures)} of {len(clips)} clips could not be measured")
 
 
+def _require_something(measured: Measurement, path: Path) -> None:
+    """Refuse a measurement in which nothing is known.
+
+    Raises
+    ------
+    MeasurementError
+    """
+    if any(item.known for item in measured.quantities):
+        return
+    kind = measured.motion.kind
+    named = [(item, kinds_of(item.name)) for item in measured.quantities]
+    own = [item for item, kinds in named if kind in kinds and len(kinds) < len(MotionKind)]
+    reason = (own or list(measured.quantities))[0].reason
+    raise MeasurementError(f"nothing can be measured from {path}: {reason}")
+
+
 def _one(
     clip: Path,
     options: MeasureOptions,
@@ -316,6 +378,20 @@ def _one(
     *,
     budgets: bool = True,
 ) -> Measurement:
+    return _measured(
+        lambda tell: measure_clip(clip, options, tell), clip, wanted, names, budgets=budgets
+    )
+
+
+def _measured(
+    measure: Callable[[Callable[[str, float], None]], Measurement],
+    clip: Path | None,
+    wanted: Wanted,
+    names: tuple[str, ...],
+    *,
+    budgets: bool = True,
+) -> Measurement:
+    """Measure with a bar on the terminal, write the files, and tell."""
     errors = screen(errors=True)
     with Progress(
         TextColumn("{task.description}"),
@@ -326,11 +402,7 @@ def _one(
         disable=wanted.quiet or not errors.is_terminal,
     ) as bar:
         task = bar.add_task("reading", total=1.0)
-        measured = measure_clip(
-            clip,
-            options,
-            lambda step, part: bar.update(task, description=step, completed=part),
-        )
+        measured = measure(lambda step, part: bar.update(task, description=step, completed=part))
         bar.update(task, description="writing", completed=0.5)
         wanted.write(measured, clip, names)
     if wanted.json == "-":

@@ -25,6 +25,7 @@ __all__ = [
     "CameraMapping",
     "MetricTracks",
     "calibrate_clip",
+    "centre_of_arc",
     "scene_evidence",
     "tracks_in_metres",
 ]
@@ -284,7 +285,7 @@ def _swing(pendulum: PendulumTrack | None, mapping: PlaneMapping, direction: flo
     pivot = mapping.point(pendulum.pivot_px) * flip
     if _bends(mapping, pendulum.pivot_px, pendulum.track.centre_px):
         # a lens that bends lines bends the arc: its centre has to be found in metres
-        pivot = _centre_of_arc(mass)
+        pivot = centre_of_arc(mass)
     arm = mass - pivot
     angle = np.arctan2(arm[:, 0], -arm[:, 1])
     scale = float(np.median(np.hypot(*arm.T))) / pendulum.arm_px
@@ -315,7 +316,7 @@ def _bends(mapping: PlaneMapping, pivot_px: FloatArray, mass_px: FloatArray) -> 
     return off > BEND_SHARE * float(np.hypot(*(ends[1] - ends[0])))
 
 
-def _centre_of_arc(points: FloatArray) -> FloatArray:
+def centre_of_arc(points: FloatArray) -> FloatArray:
     """Centre of the circle through (N, 2) points: algebraic start, then geometric, robust."""
     middle = points.mean(axis=0)
     near = points - middle

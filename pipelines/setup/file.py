@@ -181,6 +181,7 @@ def _build(schema: SetupSchema, folder: Path) -> Setup:
         if schema.pendulum is None
         else PendulumStd(**{key: _std(given) for key, given in schema.pendulum}),
         support_std=_std(schema.support.height),
+        columns=schema.columns.model_dump(exclude_none=True),
     )
 
 

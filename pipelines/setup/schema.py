@@ -153,6 +153,21 @@ class ModelTable(BaseModel):
     effects: tuple[str, ...] = ("gravity", "drag")
 
 
+class ColumnsTable(_Table):
+    """``[columns]``: what the columns of a table of tracks hold, and which track is which."""
+
+    t: str | None = None
+    frame: str | None = None
+    x: str | None = None
+    y: str | None = None
+    object: str | None = None
+    trial: str | None = None
+    ball: str | None = None
+    pendulum: str | None = None
+    unit: str | None = None
+    t_unit: str | None = None
+
+
 class SetupSchema(_Table):
     """The whole file."""
 
@@ -166,6 +181,7 @@ class SetupSchema(_Table):
     scatter: ScatterTable = ScatterTable()
     noise: NoiseTable = NoiseTable()
     model: ModelTable = ModelTable()
+    columns: ColumnsTable = ColumnsTable()
 
 
 def read_parameter(effect: str, key: str, typed: Any) -> Given:

@@ -201,7 +201,8 @@ class ModelSetup:
 class Setup:
     """All that the setup file and the options say; SI, frozen, editable by `having`.
 
-    `pendulum`, `ball` are None where nothing was said; `balls` holds the named balls of a campaign.
+    `pendulum`, `ball` are None where nothing was said; `balls` holds the named balls of a campaign,
+    `columns` what the columns of other programs' tables hold.
 
     Examples
     --------
@@ -223,6 +224,7 @@ class Setup:
     path: Path | None = field(default=None, compare=False)
     pendulum_std: PendulumStd = PendulumStd()
     support_std: float | None = None
+    columns: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def air(self) -> Air:
@@ -336,6 +338,7 @@ def document_of(setup: Setup) -> dict[str, Any]:
             if value is not None
         },
         "model": _model(setup),
+        "columns": dict(setup.columns),
     }
     return {name: kept for name, table in document.items() if (kept := _said(table))}
 

@@ -205,6 +205,10 @@ def results_table(measured: Measurement, names: Sequence[str] | None = None) -> 
 
 _PLOT_SUFFIXES = (".png", ".svg")
 
+_PROJECT_SUFFIXES = (".trk", ".kva")
+
+"""Of Tracker and Kinovea; whatever else is asked for gets the track CSV."""
+
 
 @dataclass(frozen=True)
 class Wanted:
@@ -263,8 +267,23 @@ class Wanted:
                     hint=f"Name a file that ends in {', '.join(given)}.",
                 )
 
-    def write(self, measured: Measurement, clip: Path, names: Sequence[str]) -> None:
+    def require_clip(self, clip: Path | None) -> None:
+        """Refuse pictures of a clip that is not given.
+
+        Raises
+        ------
+        UsageError
+        """
+        if clip is None and self.overlay is not None:
+            raise UsageError(
+                "--overlay draws on the clip, which is not given",
+                hint="vision measure CLIP --from-tracks FILE --overlay FILE.mp4",
+            )
+
+    def write(self, measured: Measurement, clip: Path | None, names: Sequence[str]) -> None:
         """Write all files; each is written whole or not at all.
+
+        Without a clip there is no overlay, and the report has no pictures of it.
 
         Raises
         ------
@@ -278,10 +297,8 @@ class Wanted:
         if "--json" in files:
             write_text_whole(files["--json"], measurement_as_json(measured, names) + "\n")
         if self.tracks is not None:
-            from pipelines.measure.files.tracks import tracks_as_csv
-
-            write_text_whole(self.tracks, tracks_as_csv(measured))
-        if self.overlay is not None:
+            _write_tracks(self.tracks, measured, clip)
+        if self.overlay is not None and clip is not None:
             from pipelines.measure.files.pictures import overlay_marks
             from vision.overlay.overlay import write_overlay
 
@@ -295,4 +312,19 @@ class Wanted:
             from pipelines.measure.files.pictures import report_input
             from pipelines.report.page import write_report
 
-            write_report(self.report, report_input(measured, Clip.open(clip)))
+            write_report(
+                self.report, report_input(measured, None if clip is None else Clip.open(clip))
+            )
+
+
+def _write_tracks(path: Path, measured: Measurement, clip: Path | None) -> None:
+    """The track CSV, or the project of another program where the name says so."""
+    if path.suffix.lower() in _PROJECT_SUFFIXES:
+        from pipelines.interop.exported import external_of
+        from pipelines.interop.reading import write_tracks
+
+        write_tracks(path, external_of(measured, path, clip))
+        return
+    from pipelines.measure.files.tracks import tracks_as_csv
+
+    write_text_whole(path, tracks_as_csv(measured))

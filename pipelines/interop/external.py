@@ -1,0 +1,211 @@
+"""Tracks as another program wrote them, in one form whatever the program."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from metrology import UsageError
+
+__all__ = [
+    "BALL",
+    "PENDULUM",
+    "ExternalTrack",
+    "ExternalTracks",
+    "PlaneOfMotion",
+    "Program",
+    "as_track_table",
+]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+BALL, PENDULUM = "ball", "pendulum"
+"""Objects as the track table of `vision measure` names them."""
+
+
+class Program(StrEnum):
+    """Who wrote the file."""
+
+    TRACKER = "Tracker"
+    KINOVEA = "Kinovea"
+    TRACKPY = "trackpy"
+    DEEPLABCUT = "DeepLabCut"
+    SLEAP = "SLEAP"
+    IMPACT_VISION = "impact-vision"
+    TABLE = "a table"
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneOfMotion:
+    """The other program's scale and axes, in the plane of motion.
+
+    Attributes
+    ----------
+    px_per_m : float
+    relative_std : float
+        Standard uncertainty of the scale over its value, as far as the file tells.
+    origin_px : (2,) array
+        Where x = y = 0; pixel centres are integers.
+    turn_rad : float
+        Angle of the x axis above the picture's rows, counterclockwise, rad.
+    """
+
+    px_per_m: float
+    relative_std: float
+    origin_px: FloatArray
+    turn_rad: float = 0.0
+
+    def metres(self, px: FloatArray) -> FloatArray:
+        """Points (N, 2) of the picture in metres, x along the axis, y 90° further."""
+        x, y = (np.asarray(px, dtype=float) - self.origin_px).T
+        cosine, sine = np.cos(self.turn_rad), np.sin(self.turn_rad)
+        return np.column_stack([x * cosine - y * sine, -x * sine - y * cosine]) / self.px_per_m
+
+    def pixels(self, metres: FloatArray) -> FloatArray:
+        """The reverse of `metres`."""
+        x, y = (np.asarray(metres, dtype=float) * self.px_per_m).T
+        cosine, sine = np.cos(self.turn_rad), np.sin(self.turn_rad)
+        turned = np.column_stack([x * cosine - y * sine, -x * sine - y * cosine])
+        return np.asarray(turned + self.origin_px)
+
+
+@dataclass(frozen=True, eq=False)
+class ExternalTrack:
+    """One object, one row per frame in which it was marked, in time order.
+
+    Attributes
+    ----------
+    name : str
+        As the other program has it.
+    frame : (N,) int array
+        Index of the picture in its clip, from 0.
+    px : (N, 2) array
+        Pixel centres are integers, y points down. Of a table in metres alone: at the scale of its
+        `PlaneOfMotion`.
+    time_s : (N,) array or None
+        As the other program has it, s.
+    std_px : (N, 2) array or None
+        Standard uncertainty that the other program states, px.
+    radius_px : (N,) array or None
+        Size, where it was measured, px.
+    """
+
+    name: str
+    frame: IntArray
+    px: FloatArray
+    time_s: FloatArray | None = None
+    std_px: FloatArray | None = None
+    radius_px: FloatArray | None = None
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+
+@dataclass(frozen=True, eq=False)
+class ExternalTracks:
+    """All that a file tells.
+
+    Attributes
+    ----------
+    path : Path
+    program : Program
+    tracks : tuple of ExternalTrack
+    size : (2,) tuple of int or None
+        Width and height of the pictures, px.
+    fps : float or None
+        Pictures per second of real time, as the file says or its times imply.
+    plane : PlaneOfMotion or None
+        None where the file knows pixels only.
+    clip : str or None
+        Name of the clip.
+    notes : tuple of str
+        What was taken for granted on reading, in whole sentences.
+    """
+
+    path: Path
+    program: Program
+    tracks: tuple[ExternalTrack, ...]
+    size: tuple[int, int] | None = None
+    fps: float | None = None
+    plane: PlaneOfMotion | None = None
+    clip: str | None = None
+    notes: tuple[str, ...] = ()
+
+    def chosen(self, columns: Mapping[str, str]) -> Self:
+        """The same with the ball first, and called so, and the pendulum where there is one.
+
+        Parameters
+        ----------
+        columns : mapping of str to str
+            ``{"ball": "masa A", "pendulum": "bob"}`` where the names do not tell by themselves.
+
+        Raises
+        ------
+        UsageError
+            If a name is not in the file, or nothing tells which track is the ball.
+        """
+        given = {one.name: one for one in self.tracks}
+        ball, pendulum = (self._called(kind, columns) for kind in (BALL, PENDULUM))
+        others = [name for name in given if name not in (ball, pendulum)]
+        if ball is None and len(others) == 1:
+            ball = others.pop()
+        if ball is None and (pendulum is None or others):
+            names = ", ".join(repr(name) for name in given) or "none"
+            raise UsageError(
+                f"{self.path.name} does not say which of its tracks is the ball: {names}",
+                hint=f'Say it: --columns "ball={next(iter(given), "NAME")}", or as ball = "…" in '
+                "the table [columns] of the setup file.",
+            )
+        named = [] if ball is None else [replace(given[ball], name=BALL)]
+        named += [] if pendulum is None else [replace(given[pendulum], name=PENDULUM)]
+        return replace(self, tracks=(*named, *(given[name] for name in others if name != ball)))
+
+    def _called(self, kind: str, columns: Mapping[str, str]) -> str | None:
+        names = [one.name for one in self.tracks]
+        if kind in columns:
+            if columns[kind] not in names:
+                raise UsageError(
+                    f"{self.path.name} has no track {columns[kind]!r}",
+                    hint=f"It has: {', '.join(repr(name) for name in names)}.",
+                )
+            return columns[kind]
+        return next((name for name in names if name.strip().lower() == kind), None)
+
+
+def as_track_table(external: ExternalTracks) -> pd.DataFrame:
+    """Rows as `vision measure --tracks` writes them; empty where the file does not tell.
+
+    Parameters
+    ----------
+    external : ExternalTracks
+    """
+    parts = []
+    for track in external.tracks:
+        time = track.time_s
+        if time is None:
+            rate = external.fps
+            time = np.full(len(track), np.nan) if rate is None else track.frame / rate
+        metres = np.full((len(track), 2), np.nan)
+        if external.plane is not None:
+            metres = external.plane.metres(track.px)
+        parts.append(
+            pd.DataFrame(
+                {
+                    "frame": track.frame,
+                    "t_s": time,
+                    "object": track.name,
+                    "x_px": track.px[:, 0],
+                    "y_px": track.px[:, 1],
+                    "x_m": metres[:, 0],
+                    "y_m": metres[:, 1],
+                    "radius_px": np.nan if track.radius_px is None else track.radius_px,
+                }
+            )
+        )
+    return pd.concat(parts, ignore_index=True)

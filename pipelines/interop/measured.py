@@ -1,0 +1,299 @@
+"""`vision measure --from-tracks`: the numbers of a clip whose tracks another program made."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from metrology import UsageError
+from pipelines.cache import clip_digest
+from pipelines.interop.external import BALL, PENDULUM, ExternalTrack, ExternalTracks, Program
+from pipelines.interop.reading import read_tracks
+from pipelines.measure.chain import (
+    Followed,
+    MeasureOptions,
+    measure_tracks,
+    measurement_of,
+)
+from pipelines.measure.inputs import Inputs, gather_inputs
+from pipelines.measure.measurement import Measurement
+from pipelines.measure.metres import centre_of_arc
+from vision.ball.rest import find_rest
+from vision.clip.clip import Clip
+from vision.clip.footage import choose_capture_rate
+from vision.clip.info import ClipInfo
+from vision.motion import motion_of
+from vision.scene.background import estimate_background
+from vision.tracks import Face, MotionKind, PendulumTrack, Track, Tracks
+from vision.tracks import Followed as FollowedObject
+
+__all__ = ["measure_from_tracks"]
+
+FloatArray = NDArray[np.float64]
+
+LEAST_MARK_STD_PX = 0.1
+"""px: templates are matched, and marks clicked, to no better than about a tenth of a pixel."""
+CLICKED_MARK_STD_PX = 0.5
+"""px, of a track too short to show its own scatter: half a pixel, as a careful click."""
+UNSEEN_RADIUS_PX = 10.0
+"""px: where neither the ball's size nor a scale is known; only the search for rest looks at it."""
+_SCENE_FRAMES = 25
+_SAME_RATE = 0.01
+_MARGIN_PX = 16
+
+
+@dataclass(frozen=True, eq=False)
+class _Filmed:
+    """What the clip adds to its tracks: or stands in for it, where it is not given."""
+
+    info: ClipInfo
+    background: NDArray[np.float32]
+    clock: FloatArray
+    warnings: tuple[str, ...]
+
+
+def measure_from_tracks(
+    path: Path,
+    options: MeasureOptions | None = None,
+    clip: Path | None = None,
+    columns: Mapping[str, str] | None = None,
+    progress: Callable[[str, float], None] | None = None,
+) -> Measurement:
+    """Measure a motion from tracks that another program made.
+
+    Parameters
+    ----------
+    path : Path
+        Tracks of Tracker, Kinovea, trackpy, DeepLabCut, SLEAP, or a table.
+    options : MeasureOptions, optional
+        Setup and overrides, as for a clip. A scale in them goes before that of the file.
+    clip : Path, optional
+        The clip that was tracked: its wall and its frame times are used then.
+    columns : mapping of str to str, optional
+        Which column is which and which track is the ball; goes before ``[columns]`` of the setup.
+    progress : callable, optional
+        Called with the step's name and the part of it that is done.
+
+    Raises
+    ------
+    UsageError
+        If the tracks can't be read, or don't belong to the clip.
+    MeasurementError
+        If there are too few marks.
+    """
+    options = options or MeasureOptions()
+    said = {**options.setup.columns, **(columns or {})}
+    external = read_tracks(path, said).chosen(said)
+    if external.tracks[0].name != BALL:
+        raise UsageError(
+            f"{path.name} has a pendulum and no ball",
+            hint='Name the ball: --columns "ball=NAME".',
+        )
+    inputs = gather_inputs(options.setup, options.ball, options.wall_grid)
+    filmed = _of_clip(clip, external) if clip is not None else _without_clip(external)
+    camera = options.setup.camera
+    rate = choose_capture_rate(
+        filmed.info,
+        options.fps,
+        camera.capture_fps,
+        option_std=options.fps_std,
+        setup_std=camera.capture_fps_std,
+    )
+    scale, said_of_scale = _scale(external, options, clip)
+    tracks = _tracks(external, filmed, inputs, scale)
+    followed = Followed(tracks, filmed.clock, rate, inputs, scale)
+    found = measure_tracks(followed, progress, options.budget)
+    source = f"Tracks from {path.name} ({external.program}); nothing was looked for in pictures."
+    warnings = (source, *external.notes, *said_of_scale, *filmed.warnings)
+    return measurement_of(filmed.info, followed, found, warnings)
+
+
+def _scale(
+    external: ExternalTracks, options: MeasureOptions, clip: Path | None
+) -> tuple[tuple[float, float] | None, tuple[str, ...]]:
+    """Metres per pixel with its std: as said, else as the wall will tell, else as the file has."""
+    if options.scale_m_per_px is not None:
+        return options.scale_m_per_px, ()
+    walled = options.wall_grid is not None or options.setup.wall.grid is not None
+    if external.plane is None or (clip is not None and walled):
+        return None, ()
+    per_px = 1.0 / external.plane.px_per_m
+    std = external.plane.relative_std
+    said = (
+        f"The scale is that of {external.path.name}, taken to be good to {100 * std:.1f} %"
+        " (a stick nearer or farther than the motion); say it better with --scale."
+    )
+    return (per_px, per_px * std), (said,)
+
+
+def _of_clip(path: Path, external: ExternalTracks) -> _Filmed:
+    clip = Clip.open(path)
+    last = max(int(track.frame.max()) for track in external.tracks)
+    size = (clip.info.width, clip.info.height)
+    if external.size is not None and external.size != size:
+        raise UsageError(
+            f"{external.path.name} was made on pictures of {external.size[0]} × {external.size[1]}"
+            f" px, {path.name} has {size[0]} × {size[1]}",
+            hint="Give the clip that was tracked.",
+        )
+    step = max(1, clip.info.frames // _SCENE_FRAMES)
+    pictures = [frame.gray for frame in clip.frames() if frame.index % step == 0]
+    clock = clip.capture_times(1.0)
+    if last >= len(clock):
+        raise UsageError(
+            f"{external.path.name} has a mark in picture {last}; {path.name} has {len(clock)}",
+            hint="Give the clip that was tracked; pictures count from 0.",
+        )
+    deep = 1.0 if pictures[0].dtype == np.uint8 else 1.0 / 257.0
+    background = estimate_background(pictures, deep).image
+    info = clip.info
+    said = external.fps
+    if said is not None and abs(said / info.container_fps - 1.0) > _SAME_RATE:
+        # another rate than the file's: somebody told the program how fast the camera ran
+        info = replace(info, capture_fps_metadata=info.capture_fps_metadata or said)
+    return _Filmed(info, background, clock, clip.warnings)
+
+
+def _without_clip(external: ExternalTracks) -> _Filmed:
+    """A stand-in for the clip: empty pictures as large as the tracks, on the tracks' own clock."""
+    count = max(int(track.frame.max()) for track in external.tracks) + 1
+    low = np.vstack([track.px for track in external.tracks]).max(axis=0) + _MARGIN_PX
+    width, height = external.size or (max(int(low[0]), 1), max(int(low[1]), 1))
+    rate = external.fps
+    info = ClipInfo(
+        path=external.path,
+        sha256=clip_digest(external.path),
+        width=width,
+        height=height,
+        frames=count,
+        codec="tracks",
+        container_fps=rate or 1.0,
+        container_declares_rate=False,
+        duration_s=(count - 1) / (rate or 1.0),
+        rotation=0,
+        weave="progressive",
+        bit_depth=8,
+        capture_fps_metadata=rate,
+        variable_rate=False,
+    )
+    # as many rows as any motion spans: positions left of or above the picture do no harm
+    empty = np.zeros((min(height, 8192), min(width, 8192)), dtype=np.float32)
+    return _Filmed(info, empty, _clock(external, count), ())
+
+
+def _clock(external: ExternalTracks, count: int) -> FloatArray:
+    """Time of each picture in pictures: even, but where the file's own times are not."""
+    clock = np.arange(count, dtype=float)
+    if external.program is Program.TRACKER or external.fps is None:
+        return clock
+    known: dict[int, float] = {}
+    for track in external.tracks:
+        if track.time_s is not None:
+            known |= dict(zip(track.frame.tolist(), track.time_s.tolist(), strict=True))
+    if len(known) < 2:
+        return clock
+    frame = np.array(sorted(known))
+    time = np.array([known[int(one)] for one in frame])
+    return np.asarray(np.interp(clock, frame, (time - time[0]) * external.fps + frame[0]))
+
+
+def _tracks(
+    external: ExternalTracks,
+    filmed: _Filmed,
+    inputs: Inputs,
+    scale: tuple[float, float] | None,
+) -> Tracks:
+    radius = UNSEEN_RADIUS_PX
+    if scale is not None and inputs.ball is not None:
+        radius = 0.5 * inputs.ball.diameter / scale[0]
+    named = {track.name: _track(track, radius) for track in external.tracks}
+    ball = named.pop(BALL)
+    swing = named.pop(PENDULUM, None)
+    rest = find_rest(ball.frame, ball.centre_px, float(np.median(ball.radius_px)))
+    pendulum = None if swing is None or rest is None else _pendulum(swing, ball, rest.direction)
+    rest_frames = None if rest is None else (rest.first, rest.last)
+    motion = motion_of(ball, rest_frames, pendulum=pendulum is not None, struck_by_another=False)
+    return Tracks(
+        ball=ball,
+        pendulum=pendulum,
+        background=filmed.background,
+        rest_frames=None if motion.kind is MotionKind.SWING else rest_frames,
+        others=tuple(FollowedObject(track) for track in named.values()),
+        motion=motion,
+    )
+
+
+def _track(given: ExternalTrack, radius: float) -> Track:
+    count = len(given)
+    std = _mark_std(given)
+    covariance = np.zeros((count, 2, 2))
+    covariance[:, [0, 1], [0, 1]] = std**2
+    size = np.full(count, radius)
+    if given.radius_px is not None and np.isfinite(given.radius_px).all():
+        size = given.radius_px
+    return Track(
+        frame=given.frame,
+        time_s=given.frame.astype(float),
+        centre_px=given.px,
+        covariance_px2=covariance,
+        bound_px2=covariance,
+        radius_px=size,
+        radius_std_px=np.full(count, 0.1 * radius),
+        quality=np.ones(count),
+    )
+
+
+def _mark_std(given: ExternalTrack) -> FloatArray:
+    """Standard uncertainty of each mark (N, 2), px: as stated, else by its own scatter.
+
+    Third differences take out any smooth motion; their scatter is √20 times that of the marks.
+    """
+    if given.std_px is not None and np.isfinite(given.std_px).all():
+        return np.maximum(given.std_px, LEAST_MARK_STD_PX)
+    steady = np.diff(given.frame) == np.median(np.diff(given.frame)) if len(given) > 4 else []
+    if np.sum(steady) < 6:
+        return np.full((len(given), 2), CLICKED_MARK_STD_PX)
+    third = np.diff(given.px, n=3, axis=0)
+    whole = np.array(steady)[:-2] & np.array(steady)[1:-1] & np.array(steady)[2:]
+    scatter = 1.4826 * np.median(np.abs(third[whole]), axis=0) / np.sqrt(20.0)
+    return np.tile(np.maximum(scatter, LEAST_MARK_STD_PX), (len(given), 1))
+
+
+def _pendulum(mass: Track, ball: Track, forward: FloatArray) -> PendulumTrack | None:
+    """The mass on the arc that its marks lie on; where its face is nobody knows.
+
+    Parameters
+    ----------
+    mass : Track
+    ball : Track
+    forward : (2,) array
+        Direction in which the ball leaves.
+    """
+    if len(mass) < 8:
+        return None
+    px = mass.centre_px
+    pivot = centre_of_arc(px)
+    reach_px = np.hypot(*(px - pivot).T)
+    arm = float(np.median(reach_px))
+    # radial scatter of the marks, over the part of the circle that they span
+    turned = np.ptp(np.arctan2(*(px - pivot).T))
+    spread = (float(np.std(reach_px - arm)) / max(1.0 - np.cos(0.5 * turned), 1e-3)) ** 2
+    side = 1.0 if forward[0] >= 0.0 else -1.0
+    angle = np.arctan2(side * (px[:, 0] - pivot[0]), px[:, 1] - pivot[1])
+    std = np.sqrt(mass.covariance_px2[:, 0, 0]) / arm
+    touching = int(np.argmin(np.hypot(*(px - np.median(ball.centre_px[:3], axis=0)).T)))
+    # the face is somewhere between the mark and the ball: half of that way, give or take all of it
+    gap = np.median(ball.centre_px[:3], axis=0) - px[touching]
+    reach = max(float(np.hypot(*gap)), 1.0)
+    face = Face(int(mass.frame[touching]), px[touching] + 0.5 * gap, reach)
+    return PendulumTrack(
+        replace(mass, radius_px=np.full(len(mass), 0.5 * reach)),
+        angle,
+        std,
+        pivot,
+        spread / len(px) * np.eye(2),
+        arm,
+        face,
+    )

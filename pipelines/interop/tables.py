@@ -1,0 +1,506 @@
+"""Tracks in tables: text exports of Tracker and Kinovea, trackpy, DeepLabCut, SLEAP, spreadsheets.
+
+Positions in pixels are taken with the centres of pixels at integers, as trackpy and DeepLabCut have
+them; those of Tracker's ``pixelx`` and ``pixely`` count from the corner of the first pixel.
+"""
+
+import io
+import re
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from metrology import Defaults, UsageError, parse_quantity
+from pipelines.interop.columns import column_use
+from pipelines.interop.external import ExternalTrack, ExternalTracks, PlaneOfMotion, Program
+from pipelines.interop.markup import read_bytes
+from pipelines.interop.tracker import CORNER_PX
+
+__all__ = [
+    "HDF5_SUFFIXES",
+    "TABLE_SUFFIXES",
+    "header_of",
+    "is_of_a_program",
+    "read_table_of_tracks",
+]
+
+FloatArray = NDArray[np.float64]
+
+HDF5_SUFFIXES = (".h5", ".hdf5")
+TABLE_SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".xlsx", *HDF5_SUFFIXES)
+LEAST_LIKELIHOOD = 0.6
+"""DeepLabCut's own ``pcutoff``: marks that the network holds less likely are left out."""
+TABLE_PX_PER_M = 1000.0
+"""A table in metres has no pixels: it is laid on a picture of a millimetre a pixel."""
+ON_THE_GRID = 0.25
+"""Times that are off an even clock by less than this part of a step are on it."""
+
+
+def _decoded(data: bytes) -> str:
+    """Text of a file whose encoding nobody states: UTF-8, UTF-16 with a mark, or Latin-1."""
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return data.decode("utf-16", errors="replace")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
+def read_table_of_tracks(path: Path, said: Mapping[str, str]) -> ExternalTracks:
+    """Read a table of tracks, whoever wrote it.
+
+    Parameters
+    ----------
+    path : Path
+        CSV, TSV or text (any separator, decimal point or comma), XLSX, or SLEAP's HDF5.
+    said : mapping of str to str
+        Which column is which, where the names do not tell (`columns.parse_columns`).
+
+    Raises
+    ------
+    UsageError
+        If it can't be read, or nothing tells what its columns are.
+    """
+    suffix = path.suffix.lower()
+    if suffix in HDF5_SUFFIXES:
+        return _sleap_h5(path)
+    if suffix == ".xlsx":
+        return _spreadsheet(_sheet(path), path, said)
+    text = _decoded(read_bytes(path, "a table of tracks"))
+    lines = [line for line in text.splitlines() if line.strip()]
+    if not lines:
+        raise UsageError(f"{path} is empty")
+    for recognises, read in _READERS:
+        if recognises(lines):
+            return read(lines, path, said)
+    return _spreadsheet(_frame_of(lines, path), path, said)
+
+
+def header_of(path: Path) -> list[str]:
+    """Names of the columns of a table that is no known program's; none of anything else.
+
+    Raises
+    ------
+    UsageError
+        If it can't be read.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in TABLE_SUFFIXES or suffix in HDF5_SUFFIXES or is_of_a_program(path):
+        return []
+    if suffix == ".xlsx":
+        return list(_sheet(path).columns)
+    text = _decoded(read_bytes(path, "a table of tracks"))
+    lines = [line for line in text.splitlines() if line.strip()]
+    return list(_frame_of(lines, path).columns) if lines else []
+
+
+_HEAD_BYTES = 2**16
+
+
+def is_of_a_program(path: Path) -> bool:
+    """Whether a text file's first lines are those of a program whose tables are known.
+
+    Raises
+    ------
+    UsageError
+        If it can't be read.
+    """
+    if path.suffix.lower() == ".xlsx":
+        return False
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEAD_BYTES)
+    except OSError as problem:
+        raise UsageError(f"can't read {path}: {problem.strerror}") from problem
+    lines = [line for line in _decoded(head).splitlines() if line.strip()]
+    if not lines:
+        return False
+    trackpy = {"x", "y", "frame", "mass", "size"} <= {part.strip() for part in lines[0].split(",")}
+    return trackpy or any(recognises(lines) for recognises, _ in _READERS)
+
+
+def _is_kinovea_text(lines: Sequence[str]) -> bool:
+    return lines[0].lower().startswith("#kinovea")
+
+
+def _is_deeplabcut(lines: Sequence[str]) -> bool:
+    return bool(re.match(r"scorer[,;\t]", lines[0])) and len(lines) > 3
+
+
+def _is_tracker_text(lines: Sequence[str]) -> bool:
+    """Names of the masses over a header that begins with the time."""
+    at = 1 if lines[0].startswith("#multi") else 0
+    if len(lines) < at + 3:
+        return False
+    names, header = lines[at], lines[at + 1]
+    heads = re.split(r"[\t,; ]", header.strip())
+    others = re.split(r"[\t,;]", names)
+    return (
+        heads[0] == "t"
+        and not any(re.fullmatch(r"[-+.\deE]+", part) for part in others if part.strip())
+        and {"x", "y", "pixelx", "frame", "r"} & set(heads[1:]) != set()
+    )
+
+
+def _is_sleap(lines: Sequence[str]) -> bool:
+    heads = lines[0].split(",")
+    return "frame_idx" in heads and any(head.endswith(".x") for head in heads)
+
+
+def _separator(line: str) -> str:
+    """Which of tab, semicolon and comma parts a header; a blank where none does."""
+    for mark in ("\t", ";", ","):
+        if mark in line:
+            return mark
+    return r"\s+"
+
+
+def _with_point_decimals(table: pd.DataFrame) -> pd.DataFrame:
+    """Columns of words that are numbers with a decimal comma, as numbers."""
+    for name in table.columns:
+        if pd.api.types.is_numeric_dtype(table[name]):
+            continue
+        words = table[name].astype("string").str.strip()
+        number = pd.to_numeric(words.str.replace(",", ".", regex=False), errors="coerce")
+        if number.notna().any() and number.notna().sum() >= words.notna().sum():
+            table[name] = number.astype(float)
+    return table
+
+
+def _frame_of(lines: Sequence[str], path: Path) -> pd.DataFrame:
+    at = next((k for k, line in enumerate(lines) if not line.startswith(("#", "%", "//"))), 0)
+    if at > 0 and not re.search(r"[A-Za-z]", lines[at]):
+        # the header itself is a comment, as numpy.savetxt writes it
+        at -= 1
+        lines = [*lines[:at], lines[at].lstrip("#%/ "), *lines[at + 1 :]]
+    try:
+        table = pd.read_csv(
+            io.StringIO("\n".join(lines[at:])),
+            sep=_separator(lines[at]),
+            skipinitialspace=True,
+            engine="python",
+            index_col=False,
+        )
+    except (ValueError, pd.errors.ParserError) as problem:
+        raise UsageError(
+            f"{path} is no table: {problem}", hint="A header line and one row per mark is expected."
+        ) from problem
+    table.columns = [str(name).strip() for name in table.columns]
+    return _with_point_decimals(table)
+
+
+def _sheet(path: Path) -> pd.DataFrame:
+    read_bytes(path, "a spreadsheet")
+    try:
+        table = pd.read_excel(path)
+    # openpyxl raises whatever its parser came upon in a broken file
+    except Exception as problem:
+        raise UsageError(f"{path} is no spreadsheet: {problem}") from problem
+    table.columns = [str(name).strip() for name in table.columns]
+    return _with_point_decimals(table.dropna(how="all"))
+
+
+def _values(table: pd.DataFrame, name: str) -> FloatArray:
+    return np.asarray(pd.to_numeric(table[name], errors="coerce"), dtype=float)
+
+
+def _track(
+    name: str,
+    px: FloatArray,
+    frame: FloatArray | None = None,
+    time_s: FloatArray | None = None,
+    extra: Mapping[str, FloatArray] | None = None,
+) -> ExternalTrack:
+    """A track of the rows that have a place and a time, in order, each picture once."""
+    key = time_s if frame is None else frame
+    assert key is not None
+    known = np.isfinite(px).all(axis=1) & np.isfinite(key)
+    _, first = np.unique(key[known], return_index=True)
+    rows = np.flatnonzero(known)[first]
+    if frame is None:
+        assert time_s is not None
+        numbers = _frames(time_s[rows])
+    else:
+        numbers = np.rint(frame[rows]).astype(np.int64)
+    kept = {key: values[rows] for key, values in (extra or {}).items()}
+    return ExternalTrack(
+        name=name,
+        frame=numbers,
+        px=px[rows],
+        time_s=None if time_s is None else time_s[rows],
+        std_px=kept.get("std_px"),
+        radius_px=kept.get("radius_px"),
+    )
+
+
+def _frames(time_s: FloatArray) -> NDArray[np.int64]:
+    """Numbers of the pictures at these times: on an even clock with gaps, else one by one."""
+    if len(time_s) < 2:
+        return np.zeros(len(time_s), dtype=np.int64)
+    step = np.diff(time_s)
+    usual = float(np.median(step[step <= 1.5 * np.min(step)])) if np.min(step) > 0 else 0.0
+    if usual <= 0.0:
+        return np.arange(len(time_s))
+    count = (time_s - time_s[0]) / usual
+    if np.max(np.abs(step / usual - np.rint(step / usual))) < ON_THE_GRID:
+        return np.concatenate([[0], np.cumsum(np.rint(step / usual))]).astype(np.int64)
+    return np.arange(len(count))
+
+
+def _rate(tracks: Sequence[ExternalTrack]) -> float | None:
+    """Pictures per second of tracks that have both, 1/s."""
+    for track in tracks:
+        if track.time_s is not None and len(track) > 1:
+            span = float(track.time_s[-1] - track.time_s[0])
+            pictures = float(track.frame[-1] - track.frame[0])
+            if span > 0.0 and pictures > 0.0:
+                return pictures / span
+    return None
+
+
+def _found(
+    path: Path,
+    program: Program,
+    tracks: Sequence[ExternalTrack],
+    plane: PlaneOfMotion | None = None,
+    notes: Sequence[str] = (),
+) -> ExternalTracks:
+    marked = tuple(track for track in tracks if len(track))
+    if not marked:
+        raise UsageError(f"{path} holds no row with a time and a place")
+    return ExternalTracks(path, program, marked, fps=_rate(marked), plane=plane, notes=tuple(notes))
+
+
+def _table_plane() -> PlaneOfMotion:
+    return PlaneOfMotion(TABLE_PX_PER_M, Defaults.STICK_SCALE.std, np.zeros(2))
+
+
+def _spreadsheet(table: pd.DataFrame, path: Path, said: Mapping[str, str]) -> ExternalTracks:
+    """Any table with a header: trackpy's, our own, or one whose columns somebody names."""
+    names = set(table.columns)
+    if {"x", "y", "frame", "mass", "size"} <= names:
+        return _trackpy(table, path)
+    if {"object", "frame", "t_s", "x_px", "y_px"} <= names:
+        return _own(table, path)
+    use = column_use(list(table.columns), said, path.name)
+    parts = [("", table)]
+    if "object" in use.columns:
+        parts = [(str(name), rows) for name, rows in table.groupby(use.columns["object"])]
+    tracks = []
+    for name, rows in parts:
+        place = np.column_stack([_values(rows, use.columns[key]) for key in "xy"])
+        if use.metre is not None:
+            place = _table_plane().pixels(place * use.metre)
+        clock = [
+            None if key not in use.columns else _values(rows, use.columns[key])
+            for key in ("frame", "t")
+        ]
+        time = None if clock[1] is None else clock[1] * use.second
+        tracks.append(_track(name or path.stem, place, clock[0], time))
+    plane = None if use.metre is None else _table_plane()
+    return _found(path, Program.TABLE, tracks, plane)
+
+
+def _trackpy(table: pd.DataFrame, path: Path) -> ExternalTracks:
+    parts = [("particle", table)]
+    if "particle" in table:
+        parts = [(f"particle {name:g}", rows) for name, rows in table.groupby("particle")]
+    tracks = []
+    for name, rows in parts:
+        # trackpy's size is a radius of gyration of the brightness, no outline
+        extra = {}
+        if "ep" in rows and np.isfinite(_values(rows, "ep")).all():
+            extra["std_px"] = np.repeat(_values(rows, "ep")[:, np.newaxis], 2, axis=1)
+        place = np.column_stack([_values(rows, "x"), _values(rows, "y")])
+        tracks.append(_track(name, place, _values(rows, "frame"), None, extra))
+    return _found(path, Program.TRACKPY, tracks)
+
+
+def _own(table: pd.DataFrame, path: Path) -> ExternalTracks:
+    tracks = []
+    for name, rows in table.groupby("object", sort=False):
+        extra = {}
+        if {"x_px_std", "y_px_std"} <= set(rows.columns):
+            extra["std_px"] = np.column_stack([_values(rows, f"{key}_px_std") for key in "xy"])
+        if "radius_px" in rows:
+            extra["radius_px"] = _values(rows, "radius_px")
+        place = np.column_stack([_values(rows, "x_px"), _values(rows, "y_px")])
+        tracks.append(_track(str(name), place, _values(rows, "frame"), _values(rows, "t_s"), extra))
+    return _found(path, Program.IMPACT_VISION, tracks)
+
+
+def _tracker_text(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> ExternalTracks:
+    """Tracker's File > Export > Data File: names of the masses, then t and their columns."""
+    at = 1 if lines[0].startswith("#multi") else 0
+    mark = _separator(lines[at + 1])
+    heads = [part.strip() for part in re.split(mark, lines[at + 1].strip(" \r\n"))]
+    while heads and not heads[-1]:
+        heads.pop()
+    over = [part.strip() for part in re.split(mark, lines[at])]
+    table = pd.DataFrame(
+        [
+            [part.strip() for part in re.split(mark, line.strip(" \r\n"))][: len(heads)]
+            for line in lines[at + 2 :]
+        ]
+    )
+    table = _with_point_decimals(table.replace("", None))
+    names = [name for name in over if name] or ["mass A"]
+    width = max(1, (len(heads) - 1) // len(names))
+    time = _values(table, 0)  # type: ignore[arg-type]
+    tracks, plane = [], None
+    for number, name in enumerate(names):
+        first = 1 + number * width
+        own = {head: first + k for k, head in enumerate(heads[first : first + width])}
+        frame = _values(table, own["frame"]) if "frame" in own else None  # type: ignore[arg-type]
+        if {"pixelx", "pixely"} <= own.keys():
+            kind, shift = ("pixelx", "pixely"), CORNER_PX
+        else:
+            kind, shift = ("x", "y"), 0.0
+        if not set(kind) <= own.keys():
+            raise UsageError(
+                f"{path}: the columns of {name} hold no x and y",
+                hint="In Tracker, show x and y (or pixelx and pixely) in the table, and export.",
+            )
+        place = np.column_stack([_values(table, own[part]) for part in kind])  # type: ignore[arg-type]
+        if shift == 0.0:
+            plane = _table_plane()
+            place = plane.pixels(place * _metre(said))
+        tracks.append(_track(name, place - shift, frame, time))
+    return _found(path, Program.TRACKER, tracks, plane)
+
+
+def _metre(said: Mapping[str, str]) -> float:
+    """Metres per unit of a program's export; Tracker's unit is the metre unless it is changed."""
+    return parse_quantity(f"1 {said.get('unit', 'm')}", "m")
+
+
+def _kinovea_text(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> ExternalTracks:
+    """Kinovea's Export to spreadsheet > Gnuplot: blocks of ``t x y``, y up."""
+    blocks: list[tuple[str, list[list[float]]]] = [("track 1", [])]
+    for line in lines:
+        if line.startswith("#"):
+            title = line.lstrip("# ").strip()
+            if title.lower().startswith("kinovea") or title == "T X Y":
+                continue
+            blocks.append((title, []))
+            continue
+        parts = line.replace(",", ".").split()
+        try:
+            blocks[-1][1].append([float(part) for part in parts[:3]])
+        except ValueError as problem:
+            raise UsageError(f"{path}: {line.strip()!r} is no row of T X Y") from problem
+    unit = said.get("unit", "px")
+    in_px = unit.lower() in ("px", "pixel", "pixels")
+    plane = None if in_px else _table_plane()
+    tracks = []
+    for name, rows in blocks:
+        table = np.array([row for row in rows if len(row) == 3], dtype=float).reshape(-1, 3)
+        place = table[:, 1:] * [1.0, -1.0]
+        if plane is not None:
+            place = plane.pixels(table[:, 1:] * _metre(said))
+        tracks.append(_track(name, place, None, table[:, 0]))
+    notes = () if "unit" in said else ("Kinovea's text does not say its unit; taken as pixels.",)
+    return _found(path, Program.KINOVEA, tracks, plane, notes)
+
+
+def _deeplabcut(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> ExternalTracks:
+    """Three header lines (four with several animals): scorer, bodyparts, coords."""
+    mark = _separator(lines[0])
+    rows = next((k for k, line in enumerate(lines[:5]) if line.startswith("coords")), None)
+    if rows is None:
+        raise UsageError(f"{path} has no line `coords`, which DeepLabCut writes")
+    heads = [line.split(mark) for line in lines[1 : rows + 1]]
+    table = _numbers_of(lines[rows + 1 :], mark, path)
+    columns: dict[str, dict[str, int]] = {}
+    for k in range(1, min(len(head) for head in heads)):
+        name = " ".join(head[k].strip() for head in heads[:-1])
+        columns.setdefault(name, {})[heads[-1][k].strip()] = k
+    tracks, left_out = [], 0
+    for name, own in columns.items():
+        if not {"x", "y"} <= own.keys():
+            continue
+        place = table[:, [own["x"], own["y"]]]
+        if "likelihood" in own:
+            unsure = table[:, own["likelihood"]] < LEAST_LIKELIHOOD
+            left_out += int(unsure.sum())
+            place = np.where(unsure[:, np.newaxis], np.nan, place)
+        tracks.append(_track(name, place, table[:, 0]))
+    return _found(path, Program.DEEPLABCUT, tracks, None, _unlikely(left_out))
+
+
+def _numbers_of(lines: Sequence[str], mark: str, path: Path) -> FloatArray:
+    try:
+        table = pd.read_csv(io.StringIO("\n".join(lines)), sep=mark, header=None)
+    except (ValueError, pd.errors.ParserError) as problem:
+        raise UsageError(f"{path} is cut off or no table: {problem}") from problem
+    return np.asarray(table.apply(pd.to_numeric, errors="coerce"), dtype=float)
+
+
+def _unlikely(count: int) -> tuple[str, ...]:
+    if not count:
+        return ()
+    return (f"{count} marks of a likelihood below {LEAST_LIKELIHOOD:g} were left out.",)
+
+
+def _sleap(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> ExternalTracks:
+    """``sleap-convert --format analysis.csv``: a row per animal and picture, NODE.x, NODE.y."""
+    table = _frame_of(lines, path)
+    nodes = [name[:-2] for name in table.columns if name.endswith(".x")]
+    tracks = []
+    parts = [("", table)]
+    if "track" in table and table["track"].notna().any():
+        parts = [(f"{name} ", rows) for name, rows in table.groupby("track")]
+    for animal, rows in parts:
+        for node in nodes:
+            place = np.column_stack([_values(rows, f"{node}.{key}") for key in "xy"])
+            tracks.append(_track(f"{animal}{node}", place, _values(rows, "frame_idx")))
+    return _found(path, Program.SLEAP, tracks)
+
+
+def _sleap_h5(path: Path) -> ExternalTracks:
+    """SLEAP's analysis HDF5: ``tracks`` (animals, 2, nodes, pictures)."""
+    try:
+        import h5py
+    except ImportError as problem:
+        raise UsageError(
+            f"{path}: reading HDF5 needs the package h5py",
+            hint="pip install h5py, or export CSV: sleap-convert --format analysis.csv.",
+        ) from problem
+    try:
+        with h5py.File(path) as file:
+            if "tracks" not in file:
+                raise UsageError(
+                    f"{path} is no analysis file of SLEAP: it has no data set `tracks`",
+                    hint="Of DeepLabCut, give the CSV file.",
+                )
+            places = np.asarray(file["tracks"], dtype=float)
+            names = [
+                [bytes(one).decode("utf-8", "replace") for one in np.asarray(file[key]).ravel()]
+                if key in file
+                else []
+                for key in ("track_names", "node_names")
+            ]
+    except OSError as problem:
+        raise UsageError(f"{path} is no whole HDF5 file: {problem}") from problem
+    if places.ndim != 4 or places.shape[1] != 2:
+        raise UsageError(f"{path}: `tracks` is not (animals, 2, nodes, pictures)")
+    frame = np.arange(places.shape[3], dtype=float)
+    tracks = []
+    for animal, per_node in enumerate(places):
+        first = f"{names[0][animal]} " if len(places) > 1 and animal < len(names[0]) else ""
+        for node in range(places.shape[2]):
+            last = names[1][node] if node < len(names[1]) else f"node {node}"
+            tracks.append(_track(f"{first}{last}", per_node[:, node].T, frame))
+    return _found(path, Program.SLEAP, tracks)
+
+
+_Reader = Callable[[Sequence[str], Path, Mapping[str, str]], ExternalTracks]
+_READERS: tuple[tuple[Callable[[Sequence[str]], bool], _Reader], ...] = (
+    (_is_kinovea_text, _kinovea_text),
+    (_is_deeplabcut, _deeplabcut),
+    (_is_tracker_text, _tracker_text),
+    (_is_sleap, _sleap),
+)

@@ -1,0 +1,226 @@
+"""Tracker's and Kinovea's own files: read as they stand, written so that they read back."""
+
+import io
+import json
+import os
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from metrology import UsageError
+from pipelines.interop.columns import parse_columns
+from pipelines.interop.external import ExternalTrack, ExternalTracks, PlaneOfMotion, Program
+from pipelines.interop.measured import measure_from_tracks
+from pipelines.interop.reading import read_tracks, track_table, write_tracks
+
+SHARED = Path(os.environ.get("IMPACT_VISION_SHARED", "../shared")) / "clips"
+
+KVA = """<?xml version="1.0" encoding="utf-8"?>
+<KinoveaVideoAnalysis>
+  <FormatVersion>2.0</FormatVersion>
+  <Producer>Kinovea.2023.1.2</Producer>
+  <OriginalFilename>toss</OriginalFilename>
+  <ImageSize>640;480</ImageSize>
+  <AverageTimeStampsPerFrame>512</AverageTimeStampsPerFrame>
+  <CaptureFramerate>240</CaptureFramerate>
+  <FirstTimeStamp>1024</FirstTimeStamp>
+  <Calibration>
+    <CalibrationLine>
+      <Length>40</Length>
+      <Segment><A>100;200</A><B>300;200</B></Segment>
+      <Origin>100;200</Origin>
+    </CalibrationLine>
+    <Unit Abbreviation="cm">Centimeters</Unit>
+  </Calibration>
+  <Tracks>
+    <Track id="11111111-2222-3333-4444-555555555555" name="balle">
+      <TimePosition>2048</TimePosition>
+      <TrackPointList Count="3">
+        <TrackPoint>100.5;200.5;2048</TrackPoint>
+        <TrackPoint>150.5;190.5;2560</TrackPoint>
+        <TrackPoint>200.5;185.5;3584</TrackPoint>
+      </TrackPointList>
+      <MainLabel Text="balle"><SpacePosition>1;1</SpacePosition></MainLabel>
+    </Track>
+  </Tracks>
+</KinoveaVideoAnalysis>
+"""
+
+
+def shared(name: str) -> Path:
+    path = SHARED / name
+    if not path.exists():
+        pytest.skip(f"{path} is not here")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("project", "marks", "calibration"),
+    [
+        ("balltoss.trk", "balltoss_ball.csv", "balltoss_calib.json"),
+        ("BallToss.trz", "balltoss_ball.csv", "balltoss_calib.json"),
+        ("diabolo240.trk", "diabolo240_masa-A.csv", "diabolo240_calib.json"),
+    ],
+)
+def test_a_tracker_project_is_read_as_another_reader_reads_it(project, marks, calibration) -> None:
+    external = read_tracks(shared(f"tracker/{project}"))
+    listed = pd.read_csv(shared(f"tracker/{marks}"))
+    said = json.loads(shared(f"tracker/{calibration}").read_text())
+    track = external.tracks[0]
+    assert track.frame.tolist() == listed["frame"].tolist()
+    # Tracker counts from the corner of the first pixel
+    assert np.abs(track.px + 0.5 - listed[["x_px", "y_px"]].to_numpy()).max() < 1e-3
+    assert external.plane is not None
+    assert external.plane.px_per_m == pytest.approx(said["coords"][0]["xscale"])
+    assert external.fps == pytest.approx(1000.0 / said["delta_t_ms"])
+
+
+@pytest.mark.parametrize("suffix", [".trk", ".kva", ".csv", ".xlsx"])
+def test_a_track_comes_back_from_every_format(suffix, tmp_path) -> None:
+    rng = np.random.default_rng(3)
+    frame = np.flatnonzero(rng.random(200) < 0.9)
+    given = ExternalTracks(
+        path=tmp_path / "a",
+        program=Program.IMPACT_VISION,
+        tracks=tuple(
+            ExternalTrack(name, frame, rng.uniform(-50, 4000, (len(frame), 2)))
+            for name in ("ball", "masse <&> B")
+        ),
+        size=(3840, 2160),
+        fps=600.0,
+        plane=PlaneOfMotion(412.3, 0.01, np.array([120.3, 900.7]), 0.02),
+        clip="clips/a b.mp4",
+    )
+    path = tmp_path / f"a{suffix}"
+    write_tracks(path, given)
+    back = read_tracks(path)
+    for one, other in zip(given.tracks, back.tracks, strict=True):
+        assert one.name == other.name
+        assert (other.frame - other.frame[0] == one.frame - one.frame[0]).all()
+        assert np.abs(one.px - other.px).max() < 0.01
+    if suffix in (".trk", ".kva"):
+        assert back.size == given.size
+        assert back.fps == pytest.approx(600.0)
+        assert back.plane is not None
+        metres = given.plane.metres(given.tracks[0].px)
+        assert np.abs(back.plane.metres(back.tracks[0].px) - metres).max() < 1e-3
+
+
+def test_plane_of_motion_turns_counterclockwise() -> None:
+    plane = PlaneOfMotion(100.0, 0.01, np.array([10.0, 20.0]), np.radians(90.0))
+    # the x axis points up in the picture, y to the left
+    assert plane.metres(np.array([[10.0, -80.0], [-90.0, 20.0]])) == pytest.approx(
+        np.array([[1.0, 0.0], [0.0, 1.0]])
+    )
+    assert plane.pixels(plane.metres(np.array([[3.0, 4.0]]))) == pytest.approx(
+        np.array([[3.0, 4.0]])
+    )
+
+
+def test_kinovea_annotations_with_ticks_and_a_line(tmp_path) -> None:
+    path = tmp_path / "a.kva"
+    path.write_text(KVA, encoding="utf-8")
+    external = read_tracks(path)
+    assert external.tracks[0].frame.tolist() == [2, 3, 5]
+    assert external.tracks[0].px[0].tolist() == [100.0, 200.0]
+    assert external.plane is not None
+    # 200 px are 40 cm
+    assert external.plane.px_per_m == pytest.approx(500.0)
+    table = track_table(path, {})
+    assert table["object"].unique().tolist() == ["ball"]
+    assert table["x_m"].tolist() == pytest.approx([0.001, 0.101, 0.201])
+    assert table["y_m"].tolist() == pytest.approx([-0.001, 0.019, 0.029])
+    assert table["t_s"].tolist() == pytest.approx([2 / 240, 3 / 240, 5 / 240])
+
+
+def test_kinovea_annotations_of_old_versions_count_from_the_first_mark(tmp_path) -> None:
+    path = tmp_path / "a.kva"
+    text = KVA
+    for ticks in (2048, 2560, 3584):
+        text = text.replace(f";{ticks}<", f";{ticks - 2048}<")
+    path.write_text(text)
+    assert read_tracks(path).tracks[0].frame.tolist() == [2, 3, 5]
+
+
+def test_numbers_from_trackers_marks_alone_agree_with_the_fall() -> None:
+    """Tracker's own example: with its g-scale of 409.9 px/m the ball falls with g."""
+    from pipelines.api.quantities import measure_options
+
+    path = shared("tracker/balltoss.trk")
+    measured = measure_from_tracks(path, measure_options(scale="409.9 px/m ± 1 px/m"))
+    fall = measured.quantity("fall_acceleration")
+    assert fall.known
+    assert abs(fall.value - 9.81) < 3.0 * fall.std
+    assert fall.std < 0.3
+
+
+def test_marks_and_clip_must_belong_together() -> None:
+    with pytest.raises(UsageError, match="1536 × 848"):
+        measure_from_tracks(
+            shared("tracker/diabolo240.trk"), clip=shared("balltoss_480p15_tracker.mp4")
+        )
+
+
+def test_several_tracks_need_a_name(tmp_path) -> None:
+    track = ExternalTrack("masa A", np.arange(5), np.zeros((5, 2)))
+    other = ExternalTrack("masa B", np.arange(5), np.zeros((5, 2)))
+    both = ExternalTracks(tmp_path / "a.trk", Program.TRACKER, (track, other))
+    with pytest.raises(UsageError, match="'masa A', 'masa B'") as refusal:
+        both.chosen({})
+    assert "--columns" in str(refusal.value.hint)
+    chosen = both.chosen(parse_columns("ball=masa B"))
+    assert [one.name for one in chosen.tracks] == ["ball", "masa A"]
+    with pytest.raises(UsageError, match="masa C"):
+        both.chosen({"ball": "masa C"})
+
+
+BOMB = (
+    '<?xml version="1.0"?><!DOCTYPE a [<!ENTITY a "aaaaaaaaaa">'
+    + "".join(f'<!ENTITY {chr(98 + k)} "{("&" + chr(97 + k) + ";") * 10}">' for k in range(9))
+    + "]><KinoveaVideoAnalysis>&j;</KinoveaVideoAnalysis>"
+)
+
+
+@pytest.mark.parametrize("name", ["a.trk", "a.kva"])
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (BOMB, "entities"),
+        ('<!DOCTYPE a SYSTEM "file:///etc/passwd"><a/>', "entities"),
+        ("<object class=", "no (Tracker project|Kinovea annotation file)"),
+        ("", "no (Tracker project|Kinovea annotation file)"),
+        ("<html></html>", "no (Tracker project|Kinovea annotation file)"),
+    ],
+)
+def test_hostile_or_broken_xml_is_refused(name, text, said, tmp_path) -> None:
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(UsageError, match=said):
+        read_tracks(path)
+
+
+def test_cut_archives_and_archives_of_something_else_are_refused(tmp_path) -> None:
+    whole = io.BytesIO()
+    with zipfile.ZipFile(whole, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("a.trk", "<object/>" + " " * 10_000)
+    cut = tmp_path / "cut.trz"
+    cut.write_bytes(whole.getvalue()[:-30])
+    with pytest.raises(UsageError, match="no whole Tracker archive"):
+        read_tracks(cut)
+    other = tmp_path / "other.trz"
+    with zipfile.ZipFile(other, "w") as archive:
+        archive.writestr("a.txt", "hello")
+    with pytest.raises(UsageError, match=r"holds no \.trk file"):
+        read_tracks(other)
+
+
+def test_an_archive_that_unpacks_without_end_is_refused(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr("pipelines.interop.markup.LARGEST_BYTES", 2**20)
+    path = tmp_path / "bomb.trz"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("a.trk", b"0" * (2**20 + 1))
+    with pytest.raises(UsageError, match="too large"):
+        read_tracks(path)
