@@ -32,6 +32,9 @@ class UncertaintySource(StrEnum):
     FRAME_COUNT = "onset and release between frames"
     COR_MEAN = "the estimates together"
     PENDULUM_INERTIA = "inertia of the pendulum"
+    PENDULUM_LENGTH = "length of the pendulum"
+    PENDULUM_MASS = "mass of the pendulum"
+    CENTRE_OF_MASS = "pivot to centre of mass"
     PENDULUM_ARM = "depth of the mass' visible side"
     PENDULUM_RINGING = "pendulum just after contact"
     SUPPORT_HEIGHT = "height of the support"
@@ -88,6 +91,9 @@ _SHARED = frozenset(
     {
         UncertaintySource.CAPTURE_RATE,
         UncertaintySource.PENDULUM_INERTIA,
+        UncertaintySource.PENDULUM_LENGTH,
+        UncertaintySource.PENDULUM_MASS,
+        UncertaintySource.CENTRE_OF_MASS,
         UncertaintySource.PENDULUM_ARM,
         UncertaintySource.PENDULUM_RINGING,
         UncertaintySource.SUPPORT_HEIGHT,

@@ -143,8 +143,9 @@ def simulate(
         if impact_speed is None
         else read_number(impact_speed, measurands.SPEED, "impact_speed"),
         cor=wanted.law,
-        scatter=scatter_of(known),
+        scatter=scatter_of(known, wanted.ball),
         effects=added_effects(known, tuple(effects)),
+        unsure=wanted.unsure,
     )
     return ModelResult(
         found.quantities,
@@ -183,7 +184,9 @@ def plan(
     known = setup_from(setup)
     wanted = asked(known, ball, str(cor), None if drag is None else str(drag))
     metres = read_number(distance, measurands.DISTANCE, "distance")
-    found = plan_strike(wanted.experiment, metres, cor=wanted.law, scatter=scatter_of(known))
+    found = plan_strike(
+        wanted.experiment, metres, cor=wanted.law, scatter=scatter_of(known, wanted.ball)
+    )
     return ModelResult(
         found.quantities,
         found.warnings,

@@ -168,14 +168,11 @@ def _moved(scene: Scene, scale_std: float) -> list[tuple[UncertaintySource, Scen
     if rate.known:
         faster = replace(rate, fps=rate.fps + rate.std)
         moved.append((UncertaintySource.CAPTURE_RATE, replace(scene, rate=faster)))
-    body, rig = inputs.pendulum, inputs.rig
-    heavier: Pendulum = replace(body, inertia=body.inertia * (1 + rig.inertia.relative_std))
-    moved.append(
-        (
-            UncertaintySource.PENDULUM_INERTIA,
-            replace(scene, inputs=replace(inputs, pendulum=heavier)),
-        )
-    )
+    rig = inputs.rig
+    moved += [
+        (source, replace(scene, inputs=replace(inputs, pendulum=body)))
+        for source, body in _other_pendulums(inputs)
+    ]
     nearer = replace(inputs, arm_share=inputs.arm_share * (1 + Defaults.VISIBLE_DEPTH.std))
     moved.append((UncertaintySource.PENDULUM_ARM, replace(scene, inputs=nearer)))
     ringing = replace(inputs, after_share=inputs.after_share * (1 + Defaults.RINGING.std))
@@ -200,6 +197,28 @@ def _moved(scene: Scene, scale_std: float) -> list[tuple[UncertaintySource, Scen
             source = UncertaintySource.BALL_DIAMETER if by_ball else UncertaintySource.SCALE
             moved.append((source, replace(scene, scale=scene.scale * (1 + scale_std))))
     return moved
+
+
+def _other_pendulums(inputs: Inputs) -> list[tuple[UncertaintySource, Pendulum]]:
+    """The pendulum with each of its numbers one standard uncertainty larger.
+
+    Mass and centre of mass only enter the stiffness of the swing, whose uncertainty its fit takes.
+    """
+    body, rig = inputs.pendulum, inputs.rig
+    others = [
+        (
+            UncertaintySource.PENDULUM_INERTIA,
+            replace(body, inertia=body.inertia * (1 + rig.inertia.relative_std)),
+        ),
+        (
+            UncertaintySource.PENDULUM_LENGTH,
+            replace(body, length=body.length * (1 + rig.length.relative_std)),
+        ),
+    ]
+    if rig.effective_mass is not None:
+        heavier = replace(body, effective_mass=rig.effective_mass.value + rig.effective_mass.std)
+        others.append((UncertaintySource.EFFECTIVE_MASS, heavier))
+    return others
 
 
 def merged(

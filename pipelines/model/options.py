@@ -5,27 +5,36 @@ import io
 import json
 import math
 import sys
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from rich.table import Table
 
-from metrology import Quantity, UsageError, measurands, read_number, write_text_whole
+from metrology import (
+    Quantity,
+    UncertaintySource,
+    UsageError,
+    measurands,
+    read_number,
+    write_text_whole,
+)
 from physics import bodies
 from physics.flight.air import SUBCRITICAL_DRAG, DragCurve, drag_curve
 from physics.forward import Experiment
 from physics.planning import PlanScatter
 from physics.restitution.restitution import ConstantCor, CorLaw, parse_cor_law
 from pipelines.setup.cor_file import BallLaw, law_of_ball, read_cor_file
-from pipelines.setup.file import Setup, ball_from_option, load_setup
+from pipelines.setup.file import BallSetup, Setup, ball_from_option, load_setup
+from pipelines.setup.rig import Known, Origin, rig_of
 from pipelines.terminal import screen
 
 __all__ = [
     "Asked",
     "angle_of",
     "asked",
+    "ball_asked",
     "choose_ball",
     "choose_cor",
     "choose_drag",
@@ -46,6 +55,11 @@ def setup_or_default(path: Path | None) -> Setup:
 
 
 def choose_ball(setup: Setup, option: str | None) -> bodies.Ball:
+    """The ball of `ball_asked` as the physics needs it."""
+    return ball_asked(setup, option).body()
+
+
+def ball_asked(setup: Setup, option: str | None) -> BallSetup:
     """The ball of ``--ball``, of the setup file, or the paper's jokku ball.
 
     Raises
@@ -54,18 +68,17 @@ def choose_ball(setup: Setup, option: str | None) -> bodies.Ball:
         If the option names nothing, or the setup has several balls and none is chosen.
     """
     if option is not None:
-        chosen = setup.balls.get(option)
-        return (chosen or ball_from_option(option)).body()
+        return setup.balls.get(option) or ball_from_option(option)
     if setup.ball is not None:
-        return setup.ball.body()
+        return setup.ball
     if len(setup.balls) == 1:
-        return next(iter(setup.balls.values())).body()
+        return next(iter(setup.balls.values()))
     if setup.balls:
         raise UsageError(
             f"the setup file has several balls: {', '.join(setup.balls)}",
             hint="Choose one with --ball NAME.",
         )
-    return bodies.BALLS[_DEFAULT_BALL]
+    return BallSetup.preset(_DEFAULT_BALL)
 
 
 def choose_cor(ball: bodies.Ball, option: str) -> tuple[CorLaw, bool]:
@@ -137,11 +150,17 @@ class Asked:
     law : CorLaw
     campaign : BallLaw or None
         Where the law comes from, if a campaign found it.
+    ball : BallSetup or None
+        As asked for.
+    unsure : tuple of (UncertaintySource, Experiment)
+        The experiment with each number whose uncertainty the setup gives that much larger.
     """
 
     experiment: Experiment
     law: CorLaw
     campaign: BallLaw | None = None
+    ball: BallSetup | None = None
+    unsure: tuple[tuple[UncertaintySource, Experiment], ...] = ()
 
     def scatter_at(self, speed: float | None, scatter: PlanScatter) -> PlanScatter:
         """The scatter with what a campaign knows of the law at an impact speed, m/s."""
@@ -160,17 +179,72 @@ def asked(
     UsageError
         If an option names nothing, SetupError if the file of laws can't be read.
     """
-    struck = choose_ball(setup, ball)
+    chosen = ball_asked(setup, ball)
+    struck = chosen.body()
     campaign = None if cor_law is None else law_of_ball(read_cor_file(cor_law), struck.name)
     if campaign is not None:
         struck = campaign.struck(struck)
     law, own = choose_cor(struck, cor)
-    return Asked(experiment_of(setup, struck, drag), law, campaign if own else None)
+    experiment = experiment_of(setup, struck, drag)
+    unsure = _unsure(setup, chosen, experiment)
+    return Asked(experiment, law, campaign if own else None, chosen, unsure)
 
 
-def scatter_of(setup: Setup) -> PlanScatter:
-    """The setup's scatter; where it is silent, 0.2 deg, 0.2 deg, 0.005, 0.01 and 0.3 deg."""
-    given = {
+def _unsure(
+    setup: Setup, ball: BallSetup, experiment: Experiment
+) -> tuple[tuple[UncertaintySource, Experiment], ...]:
+    rig, body = rig_of(setup, ball), experiment.pendulum
+
+    def pendulum(**larger: float) -> Experiment:
+        return replace(experiment, pendulum=replace(body, **larger))
+
+    def heavier(mass: float) -> Experiment:
+        return replace(experiment, ball=replace(experiment.ball, mass=mass))
+
+    def wider(diameter: float) -> Experiment:
+        return replace(experiment, ball=replace(experiment.ball, diameter=diameter))
+
+    def support(height: float) -> Experiment:
+        return replace(experiment, support=bodies.Support(height))
+
+    def air(density: float) -> Experiment:
+        return replace(experiment, air=replace(experiment.air, density=density))
+
+    def drag(coefficient: float) -> Experiment:
+        return replace(experiment, drag_coefficient=coefficient)
+
+    tried: list[tuple[UncertaintySource, Known | None, Callable[[float], Experiment]]] = [
+        (UncertaintySource.PENDULUM_INERTIA, rig.inertia, lambda x: pendulum(inertia=x)),
+        (UncertaintySource.PENDULUM_LENGTH, rig.length, lambda x: pendulum(length=x)),
+        (UncertaintySource.PENDULUM_MASS, rig.pendulum_mass, lambda x: pendulum(mass=x)),
+        (UncertaintySource.CENTRE_OF_MASS, rig.com, lambda x: pendulum(com=x)),
+        (
+            UncertaintySource.EFFECTIVE_MASS,
+            rig.effective_mass,
+            lambda x: pendulum(effective_mass=x),
+        ),
+        (UncertaintySource.SUPPORT_HEIGHT, rig.support_height, support),
+        (UncertaintySource.BALL_MASS, rig.ball_mass, heavier),
+        (UncertaintySource.BALL_DIAMETER, rig.ball_diameter, wider),
+        (UncertaintySource.AIR_DENSITY, rig.air_density, air),
+    ]
+    if experiment.drag_coefficient == rig.drag_coefficient.value:
+        tried.append((UncertaintySource.DRAG_COEFFICIENT, rig.drag_coefficient, drag))
+    return tuple(
+        (source, moved(known.value + known.std))
+        for source, known, moved in tried
+        if known is not None and known.std_from is Origin.SETUP
+    )
+
+
+def scatter_of(setup: Setup, ball: BallSetup | None = None) -> PlanScatter:
+    """The setup's scatter; where it is silent, 0.2 deg, 0.2 deg, 0.005, 0.01 and 0.3 deg.
+
+    How well the ball's launch angle is known stands beside the angle, too.
+    """
+    stated = None if ball is None else ball.launch_angle_std
+    given = {} if stated is None else {"launch_angle_law": stated}
+    given |= {
         name: value
         for name in ("backswing", "launch_angle", "cor", "cor_law", "launch_angle_law")
         if (value := getattr(setup.scatter, name)) is not None

@@ -229,7 +229,7 @@ def plan_command(
     known = setup_or_default(setup)
     wanted = asked(known, ball, cor, drag, cor_law)
     metres = read_number(distance, measurands.DISTANCE, "--distance")
-    scatter = scatter_of(known)
+    scatter = scatter_of(known, wanted.ball)
     planned = plan(wanted.experiment, metres, cor=wanted.law, scatter=scatter)
     if wanted.campaign is not None:
         # how well the law is known depends on the speed that the plan asks for

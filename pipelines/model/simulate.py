@@ -4,6 +4,7 @@ One strike of `simulate`: its inputs after the swing, its numbers, its two fligh
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated
@@ -239,6 +240,7 @@ def simulate(
     cor: CorLaw | None = None,
     scatter: PlanScatter | None = None,
     effects: tuple[Term, ...] = (),
+    unsure: Sequence[tuple[UncertaintySource, Experiment]] = (),
 ) -> Simulation:
     """Steps a to e of the paper from a back-swing angle (rad) or an impact speed (m/s).
 
@@ -253,6 +255,8 @@ def simulate(
         For the standard uncertainties.
     effects : tuple of Term
         Further physics from the catalogue.
+    unsure : sequence of (UncertaintySource, Experiment)
+        The experiment with a number one standard uncertainty larger, for each that is unsure.
 
     Returns
     -------
@@ -284,9 +288,25 @@ def simulate(
     except DomainError as problem:
         why = problem.message
     runs = [strike_numbers(s, t, effects)[0] for s, t in zip(strikes, turned, strict=True)]
+    others = []
+    for _, moved in unsure:
+        struck = strike_inputs(moved, backswing, impact_speed, law, effects, Shift())
+        contact = None if why else followed_contacts([struck]).at(0)
+        others.append(strike_numbers(struck, contact, effects)[0])
     best, flight, contact_flight = strike_numbers(strikes[0], turned[0], effects, samples=201)
     quantities = [
-        Quantity.measured(name, value, UNITS[name], _budget(name, runs, sources))
+        Quantity.measured(
+            name,
+            value,
+            UNITS[name],
+            (
+                *_budget(name, runs, sources),
+                *(
+                    Contribution(source, abs(other[name] - value))
+                    for (source, _), other in zip(unsure, others, strict=True)
+                ),
+            ),
+        )
         for name, value in best.items()
     ]
     if contact_flight is None:
@@ -408,8 +428,9 @@ def simulate_command(
         backswing=released,
         impact_speed=speed,
         cor=wanted.law,
-        scatter=wanted.scatter_at(reached, scatter_of(known)),
+        scatter=wanted.scatter_at(reached, scatter_of(known, wanted.ball)),
         effects=added,
+        unsure=wanted.unsure,
     )
     if plot is not None:
         save_figure(flights_figure(wanted.experiment, result.flight, result.contact_flight), plot)

@@ -74,6 +74,8 @@ class Rig:
     ----------
     inertia, pendulum_mass, com, length : Known
         Pendulum, SI.
+    effective_mass : Known or None
+        kg; None where it follows from inertia and length.
     support_height : Known or None
         None where nobody said.
     ball_mass, ball_diameter, launch_angle : Known or None
@@ -85,6 +87,7 @@ class Rig:
     pendulum_mass: Known
     com: Known
     length: Known
+    effective_mass: Known | None
     support_height: Known | None
     ball_mass: Known | None
     ball_diameter: Known | None
@@ -129,6 +132,10 @@ def rig_of(setup: Setup, ball: BallSetup | None) -> Rig:
         com=_known("pendulum.com", body.com, std.com, Defaults.CENTRE_OF_MASS, body_from),
         length=_known("pendulum.length", body.length, std.length, Defaults.PENDULUM_LENGTH,
                       body_from),
+        effective_mass=None if body.effective_mass is None else _known(
+            "pendulum.effective_mass", body.effective_mass, std.effective_mass,
+            Defaults.EFFECTIVE_MASS, body_from,
+        ),
         support_height=None if height is None else _known(
             "support.height", height, setup.support_std, Defaults.SUPPORT_HEIGHT, height_from
         ),

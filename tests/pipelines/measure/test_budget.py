@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from calib.calibration import PARAMETERS, Calibration, Source
 from calib.camera.camera import Camera, Lens
+from metrology import UncertaintySource
 from pipelines.measure.budget import (
     Propagation,
     Scene,
@@ -100,6 +101,24 @@ def test_a_rolled_camera_is_turned_upright_about_the_ball_at_rest() -> None:
     along = mapping.point(np.array([150.0, 80.0]))
     assert np.hypot(*along) == pytest.approx(1.0)
     assert abs(np.arctan2(along[1], along[0])) == pytest.approx(0.1)
+
+
+def test_the_pendulums_length_and_effective_mass_are_inputs() -> None:
+    """Energy goes with I/L², the ball speed of Eq. 7 with the effective mass."""
+    given = {"pendulum.length": "0.5541 m ± 1 %", "pendulum.effective_mass": "5.1667 kg ± 2 %"}
+    inputs = gather_inputs(Setup().having(given), "jokku", None)
+    tracks = ideal_tracks(*known_stroke("jokku", 60.0), Noise())
+    impact = find_impact(tracks, inputs)
+    scene = replace(a_scene(a_calibration(0.05, 0.001)), calibration=None, inputs=inputs)
+    table = systematic_budget(
+        scene, lambda moved: values_after_move(impact, tracks, moved.inputs), np.inf
+    )
+    value = dict(zip(DERIVED, values_after_move(impact, tracks, inputs), strict=True))
+    column = {name: index for index, name in enumerate(DERIVED)}
+    by_length = table[UncertaintySource.PENDULUM_LENGTH][column["energy_loss"]]
+    assert by_length == pytest.approx(0.02 * value["energy_loss"], rel=0.05)
+    by_mass = table[UncertaintySource.EFFECTIVE_MASS][column["ball_speed_eq7"]]
+    assert by_mass == pytest.approx(0.02 * value["ball_speed_eq7"], rel=1e-3)
 
 
 @pytest.mark.parametrize("moved", ["longer", "faster", "heavier"])

@@ -80,6 +80,7 @@ def test_every_physical_key_takes_its_uncertainty() -> None:
     assert told == pytest.approx(
         {
             "inertia": 0.05, "pendulum_mass": 0.005, "com": 0.001, "length": 0.0003,
+            "effective_mass": 0.1,
             "support_height": 0.002, "ball_mass": 0.002, "ball_diameter": 0.0005,
             "launch_angle": math.radians(0.1), "gravity": 0.01, "air_density": 0.01,
             "drag_coefficient": 0.02, "spin": 4.0, "grid_pitch": 2e-5,
