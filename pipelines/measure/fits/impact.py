@@ -51,6 +51,15 @@ STRUCK_OFF_CENTRE_M = 0.002
 
 """m: how far off the middle of the face a ball is struck that was set up by eye and rule."""
 
+MOST_OUTSIDE_SHARE = 0.02
+
+"""Of the ball's radius: what a transfer curve makes of the outline of a ball of 8 px and more; what
+is beyond is the fault of something else."""
+
+OUTSIDE_STD_SHARE = 0.5
+
+"""Of how far outlines lie outside: ball and mass differ in contrast."""
+
 IMPACT_ANGLE_STD = np.radians(0.4)
 
 PIVOT_SHARE = 0.15
@@ -127,12 +136,29 @@ def face_lead(
 
 def _seen_lead(tracks: MetricTracks, inputs: Inputs) -> tuple[float, float]:
     """Lead of the middle of the face: between its rims, or behind the foremost edge, m, and std."""
-    if tracks.spherical:
-        return tracks.lead_m, tracks.lead_std_m
-    if _shows_its_face(tracks, inputs):
+    if _shows_its_face(tracks, inputs) and not tracks.spherical:
         return tracks.middle_lead_m, float(np.hypot(tracks.middle_lead_std_m, _off_centre(tracks)))
+    outside, outside_std = _outline_outside(tracks, inputs)
+    seen, seen_std = tracks.lead_m - outside, float(np.hypot(tracks.lead_std_m, outside_std))
+    if tracks.spherical:
+        return seen, seen_std
     ahead, ahead_std = _edge_before_face(tracks, inputs)
-    return tracks.lead_m - ahead, float(np.hypot(tracks.lead_std_m, ahead_std))
+    return seen - ahead, float(np.hypot(seen_std, ahead_std))
+
+
+def _outline_outside(tracks: MetricTracks, inputs: Inputs) -> tuple[float, float]:
+    """How far outlines lie outside what they are of, m, and how well that is known.
+
+    Where half the light lies in a blurred edge hangs on the camera's transfer curve and sharpening,
+    which nobody knows: it moves every edge of a dark thing before a bright wall alike. The ball,
+    whose size is known, shows by how much; between two rims of one strip it cancels.
+    """
+    if inputs.ball is None or tracks.eye_m is None:
+        return 0.0, 0.0
+    outside = tracks.radius_m - 0.5 * inputs.ball.diameter
+    if abs(outside) > MOST_OUTSIDE_SHARE * tracks.radius_m:
+        return 0.0, MOST_OUTSIDE_SHARE * tracks.radius_m
+    return outside, OUTSIDE_STD_SHARE * abs(outside)
 
 
 def _shows_its_face(tracks: MetricTracks, inputs: Inputs) -> bool:

@@ -187,6 +187,27 @@ def test_a_mass_followed_by_its_near_side_gives_the_speeds_of_its_middle() -> No
     assert blind["pendulum_speed_before"] / true["pendulum_speed_before"] > 1.004
 
 
+def test_a_transfer_curve_that_widens_all_outlines_does_not_lengthen_the_contact_of_a_bob() -> None:
+    scene, shot = known_stroke("jokku", 60.0)
+    ideal = ideal_tracks(scene, shot, Noise())
+    outside = 0.0015
+    wide = replace(
+        ideal,
+        spherical=True,
+        eye_m=np.array([0.8, -0.1, 3.5]),
+        lead_m=ideal.middle_lead_m + outside,
+        lead_std_m=5e-4,
+        radius_m=ideal.radius_m + outside,
+    )
+    true = truth(shot)["contact_time"]
+    found, std = measured(wide, "jokku")
+    assert found["contact_time"] == pytest.approx(true, abs=0.25 / 600.0)
+    # nothing shows how far outlines lie outside where no camera is calibrated
+    blind, sure = measured(replace(wide, eye_m=None), "jokku")
+    assert blind["contact_time"] > true + 0.4 / 600.0
+    assert std["contact_time"] > 1.2 * sure["contact_time"]
+
+
 def test_a_contact_that_no_such_ball_can_have_is_withheld_and_a_doubtful_one_drawn_in() -> None:
     scene, shot = known_stroke("jokku", 60.0)
     inputs = gather_inputs(Setup(), "jokku", None)
