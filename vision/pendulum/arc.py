@@ -7,6 +7,7 @@ share the pivot and the view, a 2 × 2 matrix that is upper triangular, since tu
 plane of the swing in itself changes nothing.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -19,6 +20,8 @@ from vision.pendulum.rigid import Pose
 __all__ = ["Arc", "ImagedSwing", "fit_arc", "fit_imaged_swing"]
 
 FloatArray = NDArray[np.float64]
+
+_UNTURNED = (1.0, 0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -50,9 +53,25 @@ class ImagedSwing:
 
     def turning(self, angle: float) -> FloatArray:
         """The picture (2, 2) of a turn by `angle`, rad from +x towards +y in the plane."""
-        cosine, sine = np.cos(angle), np.sin(angle)
-        turn = np.array([[cosine, -sine], [sine, cosine]])
-        return np.asarray(self.view @ turn @ np.linalg.inv(self.view))
+        cosine, sine = math.cos(angle), math.sin(angle)
+        leaning = self.shear * sine
+        across = (1.0 + self.shear**2) * sine / self.stretch
+        return np.array([[cosine + leaning, -across], [self.stretch * sine, cosine - leaning]])
+
+    def by_view(self, angle: float) -> tuple[FloatArray, FloatArray]:
+        """How the picture of a turn changes with shear and with stretch, (2, 2) each."""
+        sine, stretch = math.sin(angle), self.stretch
+        across = (1.0 + self.shear**2) * sine / stretch**2
+        return (
+            np.array([[sine, -2.0 * self.shear * sine / stretch], [0.0, -sine]]),
+            np.array([[0.0, across], [sine, 0.0]]),
+        )
+
+    def placing(self, angle: float) -> FloatArray:
+        """Where the middle is and what maps offsets from it, row by row, (6,)."""
+        turning = self.turning(angle)
+        middle = self.pivot_px + turning @ (self.centre_px - self.pivot_px)
+        return np.array([*middle, *(turning.ravel() if self.turns else _UNTURNED)])
 
     def middle(self, angle: float) -> FloatArray:
         """Where the middle of the body is, (2,), px."""
@@ -75,6 +94,11 @@ class ImagedSwing:
         quarter = self.turning(angle + 0.5 * np.pi)
         moved = np.asarray(quarter @ (self.centre_px - self.pivot_px))
         return moved, quarter if self.turns else np.zeros((2, 2))
+
+    def way_per_radian(self, angle: float) -> FloatArray:
+        """The same change of `placing` as one row, (6,)."""
+        moved, turned = self.per_radian(angle)
+        return np.array([*moved, *turned.ravel()])
 
 
 # rad: what all turns may be off by together; a thick body shows more of one side as it swings.

@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.compiled import CORRELATED_PIXELS
 from vision.pendulum.arc import ImagedSwing
-from vision.pendulum.layer import CORRELATED_PIXELS, Glimpse, hold
+from vision.pendulum.layer import Glimpse, hold
 from vision.pendulum.rigid import Patch, sampled
 
 __all__ = ["Bundle", "bundle", "learnt_look"]
@@ -25,7 +26,6 @@ _FEWEST = 4
 # A camera up to some 25° aslant shortens a plane by a tenth; more is not expected.
 _VIEW_STD = 0.06
 _PIVOT_SHARE = 0.5
-_STEP = 1e-5
 _DAMPING = (1e-3, 1e3)
 _DONE = 1e-4
 
@@ -147,22 +147,18 @@ def _normal(
     matrix, pull = np.zeros((4, 4)), np.zeros(4)
     own, own_pull, cross = np.zeros(count), np.zeros(count), np.zeros((count, 4))
     gain, explained = 0.0, []
-    offsets = np.column_stack([patch.x, patch.y])
     for place, glimpse in enumerate(glimpses):
-        held = hold(patch, swing, float(angles[place]), glimpse)
+        angle = float(angles[place])
+        held = hold(patch, swing.placing(angle), glimpse, _ways(swing, angle))
         if held is None:
             continue
-        ways = _ways(swing, float(angles[place]), offsets)
-        slopes = np.einsum("nd,pnd->np", held.slope, ways)
-        factor = held.weight / (held.scale**2 * CORRELATED_PIXELS)
-        columns = np.column_stack([slopes, held.look])
-        normal = (columns * factor[:, None]).T @ columns
-        down = (columns * factor[:, None]).T @ held.residual
+        certain = 1.0 / (held.scale**2 * CORRELATED_PIXELS)
+        normal, down = certain * held.normal, certain * held.pull
         # brightness goes first
         normal, down = _without_last(normal, down)
         own[place], own_pull[place], cross[place] = normal[4, 4], down[4], normal[4, :4]
         reduced, reduced_pull = _without_last(normal, down)
-        if angles[place] == 0.0:
+        if angle == 0.0:
             reduced, reduced_pull = normal[:4, :4], down[:4]
         matrix += reduced
         pull += reduced_pull
@@ -178,22 +174,17 @@ def _without_last(normal: FloatArray, pull: FloatArray) -> tuple[FloatArray, Flo
     return normal[:-1, :-1] - np.outer(share, normal[-1, :-1]), pull[:-1] - share * pull[-1]
 
 
-def _ways(swing: ImagedSwing, angle: float, offsets: FloatArray) -> FloatArray:
-    """How points move per unit of pivot x, y, shear, stretch and angle, (5, n, 2)."""
+def _ways(swing: ImagedSwing, angle: float) -> FloatArray:
+    """How a placing changes per unit of pivot x, y, shear, stretch and angle, (5, 6)."""
     away = swing.centre_px - swing.pivot_px
-    turning = swing.turning(angle)
-    count = len(offsets)
-    ways = [np.broadcast_to(column, (count, 2)) for column in (np.eye(2) - turning).T]
-    for name in ("shear", "stretch"):
-        step = np.zeros(4)
-        step[2 if name == "shear" else 3] = _STEP
-        more = _with(swing, _shared(swing) + step).turning(angle)
-        less = _with(swing, _shared(swing) - step).turning(angle)
-        change = (more - less) / (2.0 * _STEP)
-        ways.append((offsets if swing.turns else 0.0 * offsets) @ change.T + change @ away)
-    shift, turned = swing.per_radian(angle)
-    ways.append(offsets @ turned.T + shift)
-    return np.stack(ways)
+    ways = np.zeros((5, 6))
+    ways[:2, :2] = (np.eye(2) - swing.turning(angle)).T
+    for place, change in enumerate(swing.by_view(angle), start=2):
+        ways[place, :2] = change @ away
+        if swing.turns:
+            ways[place, 2:] = change.ravel()
+    ways[4] = swing.way_per_radian(angle)
+    return ways
 
 
 def learnt_look(

@@ -49,6 +49,9 @@ _LEAST_STRIP_PX = 0.7
 _LEAST_SHADE = 0.25
 _BLUR_PX = (0.4, 2.5)
 _MOST_TILT = 0.5
+# Relative change of cost and parameters at which a fit has come to rest.
+_SETTLED = 1e-6
+_NORMAL_PEAK = float(1.0 / np.sqrt(2.0 * np.pi))
 
 
 @dataclass(frozen=True)
@@ -287,12 +290,24 @@ class _Fit:
         def misfit(values: FloatArray) -> FloatArray:
             return _model(strip, values) - strip.ratio
 
+        def slopes(values: FloatArray) -> FloatArray:
+            return _slopes(strip, values)
+
         first, last = float(strip.ahead.min()), float(strip.ahead.max())
         low = np.array([first, -_MOST_TILT, _BLUR_PX[0], *[0.0] * 6])[: len(start)]
         most = [last, _MOST_TILT, _BLUR_PX[1], *[np.inf] * 3, last - first, np.inf, last - first]
         high = np.array(most)[: len(start)]
         scale = 1.4826 * float(np.median(np.abs(misfit(start)))) + 1e-3
-        found = least_squares(misfit, start, bounds=(low, high), loss="soft_l1", f_scale=scale)
+        found = least_squares(
+            misfit,
+            start,
+            jac=slopes,
+            bounds=(low, high),
+            loss="soft_l1",
+            f_scale=scale,
+            ftol=_SETTLED,
+            xtol=_SETTLED,
+        )
         left = misfit(found.x)
         cost = float(left @ left)
         jacobian = np.asarray(found.jac, dtype=float)
@@ -307,12 +322,67 @@ class _Fit:
         return 0.5 * (simpler.cost - self.cost) / left > _TELLING
 
 
+@dataclass(frozen=True)
+class _Parts:
+    """What a strip's parameters say; fewer of them leave out the second rim, then the shadow."""
+
+    place: float
+    tilt: float
+    blur: float
+    wall: float
+    side: float
+    face: float
+    width: float
+    shade: float
+    deep: float
+
+    @classmethod
+    def of(cls, values: FloatArray) -> "_Parts":
+        place, tilt, blur, wall, side = (float(one) for one in values[:5])
+        face, width = values[5:7] if len(values) > 5 else (side, 0.0)
+        shade, deep = values[7:9] if len(values) > 7 else (wall, 0.0)
+        told = (float(one) for one in (face, width, shade, deep))
+        return cls(place, tilt, blur, wall, side, *told)
+
+    def rims(self, strip: _Strip) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """How far points are behind the shadow's edge, the far rim and the near one, in blurs."""
+        behind = self.place + self.tilt * strip.height - strip.ahead
+        half = 0.5 * self.width
+        return (
+            (behind + half + self.deep) / self.blur,
+            (behind + half) / self.blur,
+            (behind - half) / self.blur,
+        )
+
+
 def _model(strip: _Strip, values: FloatArray) -> FloatArray:
     """Light over that behind: the wall, maybe the mass' shadow on it, the face, and the side."""
-    place, tilt, blur, wall, side = values[:5]
-    face, width = (values[5], values[6]) if len(values) > 5 else (side, 0.0)
-    shade, deep = (values[7], values[8]) if len(values) > 7 else (wall, 0.0)
-    behind = place + tilt * strip.height - strip.ahead
-    shown = wall + (shade - wall) * ndtr((behind + 0.5 * width + deep) / blur)
-    shown += (face - shade) * ndtr((behind + 0.5 * width) / blur)
-    return np.asarray(shown + (side - face) * ndtr((behind - 0.5 * width) / blur))
+    parts = _Parts.of(values)
+    shadow, far, near = parts.rims(strip)
+    shown = parts.wall + (parts.shade - parts.wall) * ndtr(shadow)
+    shown += (parts.face - parts.shade) * ndtr(far)
+    return np.asarray(shown + (parts.side - parts.face) * ndtr(near))
+
+
+def _slopes(strip: _Strip, values: FloatArray) -> FloatArray:
+    """How that changes with each parameter, (n, p)."""
+    parts = _Parts.of(values)
+    rims = parts.rims(strip)
+    covered = [np.asarray(ndtr(rim)) for rim in rims]
+    # each step's height by its slope: what a pixel's move of its edge changes
+    steps = (parts.shade - parts.wall, parts.face - parts.shade, parts.side - parts.face)
+    edges = [
+        step * np.exp(-0.5 * rim * rim) * (_NORMAL_PEAK / parts.blur)
+        for step, rim in zip(steps, rims, strict=True)
+    ]
+    moved = edges[0] + edges[1] + edges[2]
+    blurred = -(edges[0] * rims[0] + edges[1] * rims[1] + edges[2] * rims[2])
+    wall, shade = 1.0 - covered[0], covered[0] - covered[1]
+    face, side = covered[1] - covered[2], covered[2]
+    width = 0.5 * (edges[0] + edges[1] - edges[2])
+    columns = [moved, moved * strip.height, blurred, wall, side, face, width, shade, edges[0]]
+    if len(values) < 9:
+        columns[3] = wall + shade
+    if len(values) < 7:
+        columns[4] = side + face
+    return np.column_stack(columns[: len(values)])

@@ -6,24 +6,19 @@ The body is a layer in front of the known scene (`vision.pendulum.rigid`): a pic
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vision.compiled import CORRELATED_PIXELS, LEAST_SEEN, gains_along, held_moments
 from vision.pendulum.arc import ImagedSwing
-from vision.pendulum.rigid import Patch, sampled
+from vision.pendulum.rigid import Patch, disc
 
-__all__ = ["Glimpse", "Held", "Placed", "hold", "hold_at", "locate_along"]
+__all__ = ["Glimpse", "Held", "Placed", "hold", "locate_along"]
 
 FloatImage = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 
-# Neighbouring residuals share interpolation and coding errors; so many pixels count as one.
-CORRELATED_PIXELS = 4.0
-LEAST_SEEN = 0.33
-_ROBUST = 3.0
-_SLOPE = np.array([-0.5, 0.0, 0.5])
-_FLAT = np.array([0.25, 0.5, 0.25])
+_NO_WAYS = np.zeros((0, 6))
 _COARSE_POINTS = 700
 _COARSE_PX = 1.2
 _STEPS = 10
@@ -62,14 +57,10 @@ class Held:
 
     Attributes
     ----------
-    residual : (n,) array
-        Picture minus layer, gray levels.
-    weight : (n,) array
-        What counts: in view, not hidden, and not far off.
-    slope : (n, 2) array
-        How the residual changes as the point moves by a pixel along x and y.
-    look : (n,) array
-        What a brighter body adds to the layer, per unit.
+    normal : (k + 1, k + 1) array
+        Robust normal equations of ways in which the placing may change and, last, the brightness.
+    pull : (k + 1,) array
+        Their right side: the step is −normal⁻¹ pull.
     scale : float
         Usual size of the residual, gray levels.
     seen : float
@@ -78,16 +69,17 @@ class Held:
         Log-likelihood gained over the scene without the body.
     explained : float
         Part of what differs from the scene that the body explains; 1 is all of it.
+    misfit : float
+        Weighted root mean square residual over noise.
     """
 
-    residual: FloatArray
-    weight: FloatArray
-    slope: FloatArray
-    look: FloatArray
+    normal: FloatArray
+    pull: FloatArray
     scale: float
     seen: float
     gain_of_it: float
     explained: float
+    misfit: float
 
 
 @dataclass(frozen=True)
@@ -112,75 +104,48 @@ class Placed:
     gain_of_it: float
 
 
-def hold(patch: Patch, swing: ImagedSwing, angle: float, glimpse: Glimpse) -> Held | None:
-    """Hold the body against a picture at an angle; None where too little of it is in view."""
-    return hold_at(patch, swing.middle(angle), swing.spread(angle), glimpse)
+def hold(
+    patch: Patch,
+    placing: FloatArray,
+    glimpse: Glimpse,
+    ways: FloatArray = _NO_WAYS,
+    *,
+    compare: bool = True,
+) -> Held | None:
+    """Hold the body against a picture; None where too little of it is in view.
 
-
-def hold_at(patch: Patch, middle: FloatArray, spread: FloatArray, glimpse: Glimpse) -> Held | None:
-    """Hold a body with its middle (2,) there, its offsets mapped by `spread` (2, 2)."""
-    spot = np.column_stack([patch.x, patch.y]) @ spread.T + middle
-    height, width = glimpse.picture.shape
-    free = ((spot > 1) & (spot < [width - 2, height - 2])).all(axis=1)
-    if glimpse.hidden is not None:
-        x, y, radius = glimpse.hidden
-        free &= (spot[:, 0] - x) ** 2 + (spot[:, 1] - y) ** 2 > radius**2
-    seen = float(patch.opacity @ free) / float(patch.opacity.sum())
+    Parameters
+    ----------
+    patch : Patch
+        The body about its middle.
+    placing : (6,) array
+        Where its middle is, px, and what maps its offsets, row by row.
+    glimpse : Glimpse
+        The picture.
+    ways : (k, 6) array
+        Changes of the placing.
+    compare : bool
+        Whether to compare with the scene alone, too.
+    """
+    count = len(ways) + 1
+    normal, pull = np.empty((count, count)), np.empty(count)
+    seen, scale, gained, explained, squares, weights = held_moments(
+        patch.points,
+        placing,
+        ways,
+        glimpse.picture,
+        glimpse.behind,
+        glimpse.gain,
+        glimpse.noise,
+        disc(glimpse.hidden),
+        compare,
+        normal,
+        pull,
+    )
     if seen < LEAST_SEEN:
         return None
-    left, top = np.maximum(np.floor(spot.min(axis=0)).astype(int) - 3, 0)
-    right, bottom = np.ceil(spot.max(axis=0)).astype(int) + 4
-    window = (slice(top, max(bottom, top + 1)), slice(left, max(right, left + 1)))
-    u, v = spot[:, 0] - left, spot[:, 1] - top
-    shown = _sampled(glimpse.picture[window], u, v)
-    scene = _sampled(glimpse.behind[window], u, v) * glimpse.gain
-    clear = 1.0 - patch.opacity
-    whole = patch.look * glimpse.gain
-    look = patch.opacity * whole
-    difference = shown - clear[:, None] * scene
-    # the light on the thing changes a little as it turns: brightness is free
-    counted = look * free
-    bright = float(counted @ difference[:, 0]) / max(float(counted @ look), 1e-9)
-    residual = difference[:, 0] - bright * look
-    size = np.abs(residual[free])
-    scale = max(1.4826 * float(np.median(size)), 0.7 * glimpse.noise)
-    weight = free / (1.0 + (residual / (_ROBUST * scale)) ** 2) ** 2
-    without = shown[:, 0] - scene[:, 0]
-    return Held(
-        residual,
-        weight,
-        difference[:, 1:],
-        look,
-        scale,
-        seen,
-        float(_gained(without[free], residual[free], patch.opacity[free], glimpse.noise)),
-        _explained(without[free], residual[free], patch.opacity[free]),
-    )
-
-
-def _gained(without: FloatArray, left: FloatArray, opacity: FloatArray, noise: float) -> np.float64:
-    """Log-likelihood of robust residuals with the body over that without it."""
-
-    def cost(residual: FloatArray) -> FloatArray:
-        return np.asarray(np.log1p((residual / (_ROBUST * noise)) ** 2))
-
-    gain = (_ROBUST**2 / 2) * (cost(without) - cost(left))
-    return np.sum(opacity * gain) / CORRELATED_PIXELS
-
-
-def _explained(without: FloatArray, left: FloatArray, opacity: FloatArray) -> float:
-    """1 − what is left over what there was, by absolute values, which a few stray pixels spare."""
-    there = float(opacity @ np.abs(without))
-    return 1.0 - float(opacity @ np.abs(left)) / max(there, 1e-9)
-
-
-def _sampled(window: FloatImage, u: FloatArray, v: FloatArray) -> FloatArray:
-    """Value and slopes of a window at points, (n, 3)."""
-    value = sampled(window, u, v)
-    gx = cv2.sepFilter2D(window, cv2.CV_32F, _SLOPE, _FLAT)
-    gy = cv2.sepFilter2D(window, cv2.CV_32F, _FLAT, _SLOPE)
-    slopes = [sampled(np.asarray(one, np.float32), u, v, cv2.INTER_LINEAR) for one in (gx, gy)]
-    return np.column_stack([value, *slopes]).astype(np.float64)
+    misfit = float(np.sqrt(squares / (weights + 1e-9))) / glimpse.noise
+    return Held(normal, pull, scale, seen, gained, explained, misfit)
 
 
 def locate_along(
@@ -207,9 +172,15 @@ def locate_along(
     arm = float(np.hypot(*(swing.centre_px - swing.pivot_px)))
     around = int(np.ceil(reach * arm / _COARSE_PX))
     tried = guess + np.arange(-around, around + 1) * (_COARSE_PX / arm)
-    coarse = _thinned(patch)
-    held = [hold(coarse, swing, float(angle), glimpse) for angle in tried]
-    gains = np.array([-np.inf if one is None else one.gain_of_it for one in held])
+    gains = gains_along(
+        _thinned(patch).points,
+        np.array([swing.placing(float(angle)) for angle in tried]),
+        glimpse.picture,
+        glimpse.behind,
+        glimpse.gain,
+        glimpse.noise,
+        disc(glimpse.hidden),
+    )
     if not np.isfinite(gains).any():
         return None
     best: Placed | None = None
@@ -230,28 +201,25 @@ def _thinned(patch: Patch) -> Patch:
 def _settled(patch: Patch, swing: ImagedSwing, glimpse: Glimpse, angle: float) -> Placed | None:
     """Gauss–Newton on the angle, brightness fitted along with it."""
     arm = float(np.hypot(*(swing.centre_px - swing.pivot_px)))
-    offsets = np.column_stack([patch.x, patch.y])
+    held, normal, step = None, 0.0, np.inf
     for _ in range(_STEPS):
-        held = hold(patch, swing, angle, glimpse)
+        way = swing.way_per_radian(angle)[None]
+        held = hold(patch, swing.placing(angle), glimpse, way, compare=False)
         if held is None:
             return None
-        shift, turned = swing.per_radian(angle)
-        pull = np.einsum("ni,ni->n", held.slope, offsets @ turned.T + shift)
-        weighted = held.weight * pull
-        cross, own = float(weighted @ held.look), float((held.weight * held.look) @ held.look)
-        normal = float(weighted @ pull) - cross**2 / max(own, 1e-9)
+        share = held.normal[0, 1] / max(float(held.normal[1, 1]), 1e-9)
+        normal = float(held.normal[0, 0] - share * held.normal[1, 0])
         if normal <= 0.0:
             return None
-        step = float(np.clip(-(weighted @ held.residual) / normal, -1.5 / arm, 1.5 / arm))
-        found = _placed(held, glimpse, angle, normal)
+        pull = float(held.pull[0] - share * held.pull[1])
+        step = float(np.clip(-pull / normal, -1.5 / arm, 1.5 / arm))
         if abs(step) * arm < _DONE_PX:
-            return found
+            break
         angle += step
-    return found if abs(step) * arm < _SETTLED_PX else None
-
-
-def _placed(held: Held, glimpse: Glimpse, angle: float, normal: float) -> Placed:
+    if held is None or abs(step) * arm >= _SETTLED_PX:
+        return None
+    there = hold(patch, swing.placing(angle), glimpse)
+    if there is None:
+        return None
     std = float(np.sqrt(CORRELATED_PIXELS / normal)) * held.scale
-    spread = float(held.weight @ held.residual**2) / float(held.weight.sum() + 1e-9)
-    misfit = float(np.sqrt(spread)) / glimpse.noise
-    return Placed(angle, std, misfit, held.seen, held.explained, held.gain_of_it)
+    return Placed(angle, std, there.misfit, there.seen, there.explained, there.gain_of_it)

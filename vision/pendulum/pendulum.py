@@ -17,7 +17,7 @@ from vision.ball.ball import BallFits
 from vision.ball.rest import Rest
 from vision.pendulum.arc import Arc, ImagedSwing, fit_arc, fit_imaged_swing
 from vision.pendulum.bundle import Bundle, bundle, learnt_look
-from vision.pendulum.layer import Glimpse, Placed, hold_at, locate_along
+from vision.pendulum.layer import Glimpse, Placed, hold, locate_along
 from vision.pendulum.mass import MassCandidate, MassPoses, Striking, striking
 from vision.pendulum.rigid import Patch, Pose, register
 from vision.scene.scene import Scene
@@ -401,11 +401,11 @@ class _Walk:
                 continue
             pose = self.known[index]
             cosine, sine = np.cos(pose.turn), np.sin(pose.turn)
-            turned = np.array([[cosine, -sine], [sine, cosine]])
+            placing = np.array([*pose.anchor, cosine, -sine, sine, cosine])
             held = [
                 one
                 for glimpse in self._follower.glimpses(index)
-                if (one := hold_at(self._patch, pose.anchor, turned, glimpse)) is not None
+                if (one := hold(self._patch, placing, glimpse)) is not None
             ]
             total += min((one.gain_of_it for one in held), default=0.0)
         return total
