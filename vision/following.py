@@ -33,9 +33,15 @@ Point = tuple[float, float] | tuple[float, float, int]
 # Frames looked at over the whole action, at first and at most.
 _LOOKS = 48
 _MOST_LOOKS = 256
-# Between looks a thing goes no further than this, in radii, if more looks can help it.
-_LONGEST_STEP = 2.5
+# Between looks a thing goes no further, and turns off its way by no more, in radii, if more looks
+# can help it; one that went so far when it was lost is looked for nearby.
+_LONGEST_STEP, _LONGEST_TURN, _LOST_STEP = 2.5, 0.35, 0.2
 _MOST_CLOSER = 150
+# An outline of which less stands out than this part of the usual is looked at again; what is found
+# further away, in radii, is something else.
+_CLEAR, _ELSEWHERE = 0.6, 0.3
+# Rounds of looking where the ball was not found along its way, and other things followed finely.
+_AGAIN, _FINELY = 2, 3
 
 
 def follow(
@@ -73,11 +79,12 @@ def follow(
     footage = Footage(clip)
     scene = Scene(footage)
     _tell(progress, 0.2)
-    choice = choose_ball(_paths(scene), _located(ball_at, footage.first))
+    looks = Looks(scene)
+    choice = choose_ball(looks.paths(), _located(ball_at, footage.first))
     if choice is None:
         raise _no_ball(ball_at)
     _tell(progress, 0.4)
-    rough = follow_ball(scene, choice.ball)
+    choice, rough = _followed(looks, choice, _located(ball_at, footage.first))
     if len(rough.frame) < 3:
         raise _no_ball(ball_at)
     _tell(progress, 0.6)
@@ -110,12 +117,13 @@ def follow(
 
 
 def _others(scene: Scene, choice: Choice, fps: float) -> tuple[Followed, ...]:
-    """What else is round and moves; the one that struck the ball as finely as the ball itself."""
+    """What else is round and moves; the first few as finely as the ball itself."""
     tracks = []
     for place, path in enumerate(choice.others):
-        fits = follow_ball(scene, path) if choice.struck and place == 0 else None
+        fits = follow_ball(scene, path) if place < _FINELY else None
         if fits is not None and len(fits.frame) >= 5:
-            tracks.append(Followed(_track(refine_ball(scene, fits), fps), MotionModel.ROLL))
+            model = MotionModel.ROLL if choice.struck and place == 0 else MotionModel.UNKNOWN
+            tracks.append(Followed(_track(refine_ball(scene, fits), fps), model))
         else:
             tracks.append(Followed(_path_track(path, fps)))
     return tuple(tracks)
@@ -141,21 +149,133 @@ def _tell(progress: Callable[[float], None] | None, part: float) -> None:
         progress(part)
 
 
-def _paths(scene: Scene) -> list[Path]:
-    """Round things that moved, looked for as densely as they move fast and meet."""
-    found: dict[int, Circles] = {}
-    count = _LOOKS
-    while True:
-        paths = _linked(scene, scene.spread(count), found)
-        if len(found) >= min(scene.count, _MOST_LOOKS) or _longest_step(paths) < _LONGEST_STEP:
+class Looks:
+    """Round things that moved, looked for as densely as they move fast, turn and meet.
+
+    Parameters
+    ----------
+    scene : Scene
+        Footage with its static scene.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self._found: dict[int, Circles] = {}
+
+    @property
+    def frames(self) -> IntArray:
+        """Frames looked at (n,), increasing."""
+        return np.array(sorted(self._found), dtype=np.int64)
+
+    def paths(self) -> list[Path]:
+        """Look over the whole action, first widely, then where it is not sure who went where."""
+        scene = self.scene
+        paths = self._linked(scene.spread(_LOOKS))
+        while len(closer := self._unsure(paths)):
+            paths = self._linked(closer)
+        if uncovered(scene, self._found):
+            looks = self.frames
+            self._found.clear()
+            paths = self._linked(looks)
+        closer = _meetings(paths, self.frames)
+        return untangled(self._linked(closer) if len(closer) else paths)
+
+    def again(self, frames: IntArray) -> bool:
+        """Look at more frames; whether there were any that had not been looked at."""
+        new = np.setdiff1d(frames, self.frames)[: max(_MOST_LOOKS - len(self._found), 0)]
+        self._found |= dict(zip(new.tolist(), _circles(self.scene, new), strict=True))
+        return len(new) > 0
+
+    def joined(self) -> list[Path]:
+        """Paths through what was found so far."""
+        return untangled(self._linked(self.frames))
+
+    def _linked(self, looks: IntArray) -> list[Path]:
+        """Paths through what is found at these looks and was found at earlier ones."""
+        new = np.setdiff1d(looks, self.frames)
+        self._found |= dict(zip(new.tolist(), _circles(self.scene, new), strict=True))
+        every = self.frames
+        return link_circles(every, [self._found[int(index)] for index in every])
+
+    def _unsure(self, paths: list[Path]) -> IntArray:
+        """Frames halfway between looks between which a likely thing goes far, turns or is lost."""
+        looks = self.frames
+        gap = np.diff(looks)
+        likely = rivals(paths)
+        wanted = np.full(len(gap), not likely)
+        for path in likely:
+            wanted |= _lost_between(path, looks, self.scene.shape)
+        wanted &= gap > 1
+        halfway = looks[:-1][wanted] + gap[wanted] // 2
+        spare = min(self.scene.count, _MOST_LOOKS) - len(looks)
+        # The widest first.
+        order = np.argsort(-gap[wanted], kind="stable")
+        return np.asarray(np.sort(halfway[order][: max(spare, 0)]))
+
+
+def _followed(
+    looks: Looks, choice: Choice, at: tuple[float, float, int | None] | None
+) -> tuple[Choice, BallFits]:
+    """Follow the choice; look again where it was missed, and choose anew where that shows more."""
+    rough = follow_ball(looks.scene, choice.ball)
+    for _ in range(_AGAIN):
+        missed = _missed(rough)
+        if not looks.again(missed):
             break
-        count = min(2 * count, _MOST_LOOKS)
-    if uncovered(scene, found):
-        looks = np.array(sorted(found), dtype=np.int64)
-        found.clear()
-        paths = _linked(scene, looks, found)
-    closer = _meetings(paths, np.array(sorted(found), dtype=np.int64))
-    return untangled(_linked(scene, closer, found) if len(closer) else paths)
+        better = choose_ball(looks.joined(), at)
+        if better is None or not _news(better.ball, rough, missed):
+            break
+        choice, rough = better, follow_ball(looks.scene, better.ball)
+    return choice, rough
+
+
+def _missed(rough: BallFits) -> IntArray:
+    """Frames on the way in which the ball was not found, or hardly."""
+    if len(rough) == 0:
+        return np.zeros(0, dtype=np.int64)
+    clear = rough.fits.contrast >= _CLEAR * float(np.median(rough.fits.contrast))
+    way = np.arange(int(rough.frame[0]), int(rough.frame[-1]) + 1)
+    return np.setdiff1d(way, rough.frame[clear])
+
+
+def _news(path: Path, rough: BallFits, missed: IntArray) -> bool:
+    """Whether a path goes where the ball was missed, elsewhere than where it was fitted."""
+    frame, own, _ = np.intersect1d(path.frame, missed, return_indices=True)
+    if len(frame) == 0 or len(rough) == 0:
+        return len(frame) > 0
+    fitted = np.isin(frame, rough.frame)
+    there = rough.centre[np.searchsorted(rough.frame, frame[fitted])]
+    off = np.hypot(*(path.centre_px[own[fitted]] - there).T) > _ELSEWHERE * path.radius
+    return bool(np.any(~fitted) or np.any(off))
+
+
+def _lost_between(path: Path, looks: IntArray, shape: tuple[int, int]) -> NDArray[np.bool_]:
+    """After which looks, the last one left out, a path is not sure."""
+    wanted = np.zeros(len(looks) - 1, dtype=bool)
+    if len(path.frame) < 2:
+        return wanted
+    at = np.searchsorted(looks, path.frame)
+    moved = np.diff(path.centre_px, axis=0) / path.radius
+    elapsed = np.diff(path.frame)[:, None].astype(np.float64)
+    step = np.hypot(*moved.T)
+    turned = np.zeros(len(step))
+    if len(step) > 1:
+        change = np.hypot(*(np.diff(moved / elapsed, axis=0) * elapsed[1:]).T)
+        turned[1:], turned[:-1] = change, np.maximum(turned[:-1], change)
+    for place in np.flatnonzero((step > _LONGEST_STEP) | (turned > _LONGEST_TURN)):
+        wanted[at[place] : at[place + 1]] = True
+    # A thing that is lost while it moves and is not on its way out may be found again.
+    if step[0] > _LOST_STEP and _stays(path.centre_px[1], path.centre_px[0], shape):
+        wanted[: at[0]] = True
+    if step[-1] > _LOST_STEP and _stays(path.centre_px[-2], path.centre_px[-1], shape):
+        wanted[at[-1] :] = True
+    return wanted
+
+
+def _stays(before: FloatArray, last: FloatArray, shape: tuple[int, int]) -> bool:
+    """Whether one step more leads to a place inside the picture."""
+    ahead = 2.0 * last - before
+    return bool(np.all(ahead >= 0) and ahead[0] < shape[1] and ahead[1] < shape[0])
 
 
 def _linked(scene: Scene, looks: IntArray, found: dict[int, Circles]) -> list[Path]:
@@ -164,12 +284,6 @@ def _linked(scene: Scene, looks: IntArray, found: dict[int, Circles]) -> list[Pa
     found |= dict(zip(new.tolist(), _circles(scene, new), strict=True))
     every = np.array(sorted(found), dtype=np.int64)
     return link_circles(every, [found[int(index)] for index in every])
-
-
-def _longest_step(paths: list[Path]) -> float:
-    """How far the likely things go from look to look, in radii; without any, without end."""
-    steps = [path.step for path in rivals(paths)]
-    return max(steps, default=np.inf)
 
 
 def _circles(scene: Scene, looks: IntArray) -> list[Circles]:

@@ -35,7 +35,10 @@ FloatArray = NDArray[np.float64]
 
 IntArray = NDArray[np.int64]
 
-_TRIALS = 120
+_TRIALS = 200
+
+# Of so many sets one agrees by chance more often than any given one does, nats.
+_SEARCHED = float(np.log(_TRIALS))
 
 _FEWEST = 5
 
@@ -95,53 +98,66 @@ def lawful_stretch(frame: IntArray, centre: FloatArray, radius: float) -> Lawful
     if count < _FEWEST:
         return nothing
     tolerance = _PATH_SCATTER_PX + _PATH_SCATTER_RADII * radius
+    chosen = _triples(count)
+    off = _off(frame, centre, chosen, tolerance)
+    first, last = _best_runs(off, chosen)
     best = nothing
-    for chosen in _triples(count):
-        time = (frame - frame[chosen[0]]).astype(np.float64) / max(
-            float(frame[chosen[2]] - frame[chosen[0]]), 1.0
-        )
-        powers = np.column_stack([np.ones(count), time, time * time])
-        expected = powers @ np.linalg.solve(powers[chosen], centre[chosen])
-        off = np.hypot(*(centre - expected).T) > tolerance
-        first, last = _best_run(off, chosen)
-        agree = ~off[first : last + 1]
-        place = centre[first : last + 1][agree]
+    # The longest runs first: what cannot beat the best is not weighed.
+    most = np.log1p(float(np.hypot(*np.ptp(centre, axis=0))) / tolerance)
+    for trial in np.argsort(first - last, kind="stable"):
+        run = slice(int(first[trial]), int(last[trial]) + 1)
+        agree = ~off[trial, run]
+        if (run.stop - run.start - 3) * most - _SEARCHED <= best.evidence:
+            break
+        place = centre[run][agree]
         travel = float(np.hypot(*np.ptp(place, axis=0)))
         if travel < _LEAST_TRAVEL * radius or len(place) < _FEWEST:
             continue
         spare = len(place) - 3
         evidence = spare * np.log1p(travel / tolerance) - _OFF_PRICE * np.count_nonzero(~agree)
+        evidence -= _SEARCHED
         if evidence > best.evidence:
             best = LawfulStretch(
-                int(frame[first]), int(frame[last]), len(place), float(evidence), travel
+                int(frame[run.start]), int(frame[run.stop - 1]), len(place), evidence, travel
             )
     return best
 
 
+def _off(
+    frame: IntArray, centre: FloatArray, chosen: IntArray, tolerance: float
+) -> NDArray[np.bool_]:
+    """Which looks (T, N) lie off the parabolas through each set of three chosen ones."""
+    begin, end = frame[chosen[:, 0]], frame[chosen[:, 2]]
+    time = (frame[None] - begin[:, None]) / np.maximum(end - begin, 1).astype(np.float64)[:, None]
+    powers = np.stack([np.ones_like(time), time, time * time], axis=2)
+    motion = np.linalg.solve(np.take_along_axis(powers, chosen[:, :, None], axis=1), centre[chosen])
+    away = centre - powers @ motion
+    return np.asarray(np.hypot(away[..., 0], away[..., 1]) > tolerance)
+
+
 def _triples(count: int) -> IntArray:
-    """Sets of three looks at all distances, the same for all paths of a length."""
+    """Sets of three looks at all distances, the same for all paths of a length.
+
+    Short ones are as frequent as long ones: a thing that bounces often is lawful in between.
+    """
     rng = np.random.default_rng(count)
-    triples: list[tuple[int, int, int]] = []
-    while len(triples) < _TRIALS:
-        span = int(rng.integers(4, max(count, 5)))
-        start = int(rng.integers(0, max(count - span, 1)))
-        end = min(start + span, count - 1)
-        middle = int(rng.integers(start + 1, end))
-        triples.append((start, middle, end))
-    return np.array(triples, dtype=np.int64)
+    longest = float(count - 1)
+    span = np.rint(4.0 * (longest / 4.0) ** rng.uniform(size=_TRIALS)).astype(np.int64)
+    start = np.floor(rng.uniform(size=_TRIALS) * (count - span)).astype(np.int64)
+    middle = start + 1 + np.floor(rng.uniform(size=_TRIALS) * (span - 1)).astype(np.int64)
+    return np.column_stack([start, middle, start + span])
 
 
-def _best_run(off: NDArray[np.bool_], chosen: IntArray) -> tuple[int, int]:
-    """First and last look of the run about the chosen ones in which most agree."""
+def _best_runs(off: NDArray[np.bool_], chosen: IntArray) -> tuple[IntArray, IntArray]:
+    """First and last look of the run about each set of chosen ones in which most agree."""
     gain = np.where(off, -1.0, 0.5)
-    low, high = int(chosen[0]), int(chosen[2])
-    before = np.cumsum(gain[:low][::-1])
-    after = np.cumsum(gain[high + 1 :])
-    if len(before) and before.max() > 0:
-        low -= int(np.argmax(before)) + 1
-    if len(after) and after.max() > 0:
-        high += int(np.argmax(after)) + 1
-    return low, high
+    total = np.concatenate([np.zeros((len(off), 1)), np.cumsum(gain, axis=1)], axis=1)
+    place = np.arange(off.shape[1] + 1)
+    before = np.where(place <= chosen[:, :1], total, np.inf)
+    after = np.where(place > chosen[:, 2:], total, -np.inf)
+    # Of equals the nearest to the chosen ones.
+    first = off.shape[1] - np.argmin(before[:, ::-1], axis=1)
+    return first, np.argmax(after, axis=1) - 1
 
 
 _FREQUENCIES = 80

@@ -77,11 +77,14 @@ class Expected:
         Whether the frame lies elsewhere, or is of another size.
     excess : (N,) array
         Squared distance from the prediction over what both state, per axis; NaN where unknown.
+    swollen : (N,) bool array
+        Whether the frame is of another size.
     """
 
     centre: FloatArray
     off: BoolArray
     excess: FloatArray
+    swollen: BoolArray
 
 
 def expected_places(
@@ -106,7 +109,8 @@ def expected_places(
     """
     count = len(frame)
     if count < _FEWEST + 1:
-        return Expected(np.full((count, 2), np.nan), np.zeros(count, bool), np.full(count, np.nan))
+        nothing, unknown = np.zeros(count, dtype=bool), np.full((count, 2), np.nan)
+        return Expected(unknown, nothing, unknown[:, 0], nothing)
     guesses = [
         _expected_place(frame, centre, variance, np.array(steps))
         for steps in (
@@ -125,8 +129,9 @@ def expected_places(
     floor = _LEAST_OFF_PX + _LEAST_OFF_RADII * float(np.median(radius))
     excess = scaled[best, rows]
     off = np.isfinite(excess) & (nearest > floor) & (excess > 0.5 * _OFF_SIGMA**2)
-    off |= np.abs(np.log(radius / _near_radius(frame, radius))) > _SWOLLEN
-    return Expected(places[best, rows], off, np.where(np.isfinite(excess), excess, np.nan))
+    swollen = np.abs(np.log(radius / _near_radius(frame, radius))) > _SWOLLEN
+    stated = np.where(np.isfinite(excess), excess, np.nan)
+    return Expected(places[best, rows], off | swollen, stated, swollen)
 
 
 def off_flight(
@@ -261,10 +266,23 @@ _SAME_START = 0.05
 
 _SECOND_LOOKS = 2
 
+# Sizes tried, of a path's own; looks at which they are; a contrast over all of them that is beyond
+# doubt; how much better another size must be.
+_SIZES = (1.0, 0.8, 1.25)
+
+_SIZE_LOOKS = 9
+
+_BORNE_OUT = 0.5
+
+_OTHER_SIZE = 1.3
+
 # Rounds of leaving out what does not belong; where more than this part would go, nothing does.
 _DROPS = 4
 
 _MOST_OFF = 0.3
+
+# Median of half a squared distance in two dimensions, and five standard deviations of it.
+_MEDIAN_EXCESS, _OFF_EXCESS = 0.693, 12.5
 
 # Frames on each side over which the scatter is judged, and how much a variance may grow.
 _WINDOW = 7
@@ -320,7 +338,7 @@ def follow_ball(scene: Scene, path: Path) -> BallFits:
     BallFits
         With radius free; for later refinement.
     """
-    search = _Search(scene, path.radius)
+    search = _Search(scene, _size(scene, path))
     inside = np.arange(int(path.frame[0]), int(path.frame[-1]) + 1)
     guess = np.column_stack(
         [np.interp(inside, path.frame, path.centre_px[:, axis]) for axis in (0, 1)]
@@ -328,14 +346,43 @@ def follow_ball(scene: Scene, path: Path) -> BallFits:
     near_look = np.isin(inside, np.add.outer(path.frame, (-1, 0, 1)))
     fits = search.run(inside, guess, near_look)
     found = BallFits(inside, fits).at(fits.found)
-    found = found.at(_plausible(found, path.radius))
+    found = found.at(_plausible(found, search.radius))
     table = _Table(scene.count, _gaps_filled(search, found, inside))
     for direction in (-1, 1):
         _extend(scene, search, table, direction)
     found = table.rows()
-    if path.radius >= SMALL_RADIUS:
+    if search.radius >= SMALL_RADIUS:
         found = _reconsidered(search, found)
     return _consistent(search, found)
+
+
+def _size(scene: Scene, path: Path) -> float:
+    """The radius that most of the looks bear out, px.
+
+    Where the rim is faint, as a ball's shaded side before a wall like it, circles of edges are
+    drawn through what is clear inside it; an outline of the right size explains more of the
+    picture.
+    """
+    if path.radius < SMALL_RADIUS:
+        return path.radius
+    rows = np.unique(np.linspace(0, len(path.frame) - 1, _SIZE_LOOKS).astype(np.int64))
+    frame, guess = path.frame[rows], path.centre_px[rows]
+    best, worth = path.radius, 0.0
+    for factor in _SIZES:
+        fits = _Search(scene, factor * path.radius).run(
+            frame, guess, np.zeros(len(rows), dtype=bool), afar=True
+        )
+        fits = fits.at(fits.found)
+        borne_out = float(fits.contrast.sum()) / len(rows)
+        if factor == 1.0 and borne_out > _BORNE_OUT:
+            return path.radius
+        if len(fits) < 3:
+            continue
+        radius = float(np.median(fits.radius))
+        here = borne_out * radius / float(np.median(fits.misfit))
+        if here > (_OTHER_SIZE if worth > 0.0 else 1.0) * worth:
+            best, worth = (path.radius if factor == 1.0 else radius), here
+    return best
 
 
 def _consistent(search: "_Search", found: BallFits) -> BallFits:
@@ -379,9 +426,8 @@ def trusted_rows(found: BallFits) -> BallFits:
         worst = expected.off & (expected.excess >= _around(expected.excess, np.nanmax))
         found = found.at(~worst)
     expected = _expected(found)
-    # 0.693 is the median of half a squared distance in two dimensions.
     known = np.where(np.isfinite(expected.excess), expected.excess, np.nan)
-    local = _around(known, np.nanmedian) / 0.693
+    local = _around(known, np.nanmedian) / _MEDIAN_EXCESS
     factor = np.clip(np.nan_to_num(local, nan=1.0), 1.0, _MOST_WIDENED)
     covariance = found.fits.covariance * factor[:, None, None]
     return BallFits(found.frame, replace(found.fits, covariance=covariance))
@@ -391,11 +437,15 @@ def _expected(found: BallFits) -> Expected:
     """What its neighbours, and the flight as a whole, say of each frame."""
     variance = 0.5 * np.trace(found.fits.covariance, axis1=1, axis2=2)
     near = expected_places(found.frame, found.centre, found.radius, variance)
+    # Where all scatter, one that scatters alike belongs to them: what they state is too little.
+    usual = np.nan_to_num(_around(near.excess, np.nanmedian) / _MEDIAN_EXCESS, nan=1.0)
+    alone = near.off & ~(near.excess < _OFF_EXCESS * np.maximum(usual, 1.0))
     flight, off = off_flight(found.frame, found.centre, found.radius)
     return Expected(
         np.where(off[:, None], flight, near.centre),
-        near.off | off,
+        alone | near.swollen | off,
         np.where(off, np.inf, near.excess),
+        near.swollen,
     )
 
 

@@ -52,6 +52,14 @@ def shown(circle: Circle, other: Circle, normalised: FloatImage) -> bool:
     return not _larger(circle, other) or _faint_beside(circle, other, normalised)
 
 
+def halo_of(blob: Circle, circle: Circle, normalised: FloatImage) -> bool:
+    """Whether a blob is a complete outline with the dimmed light or the soft shadow around it."""
+    gap = math.hypot(blob[0] - circle[0], blob[1] - circle[1])
+    inside = gap + circle[2] < 1.1 * blob[2] and _larger(blob, circle)
+    complete = circle[3] > 1.0 - _AS_COMPLETE
+    return inside and complete and _faint_beside(blob, circle, normalised)
+
+
 def _faint_beside(circle: Circle, other: Circle, normalised: FloatImage) -> bool:
     """Whether what a circle holds beyond a smaller one is next to nothing beside that."""
     x, y, radius = circle[:3]
@@ -202,7 +210,8 @@ def find_circles(
     found = [circle for circle in found if not any(part_of(circle, other) for other in solid)]
     found += solid
     if radii is None:
-        found += _blobs(normalised, low, high)
+        blobs = _blobs(normalised, low, high)
+        found += [b for b in blobs if not any(halo_of(b, circle, normalised) for circle in found)]
     else:
         found = [circle for circle in found if 0.95 * low < circle[2] < 1.05 * high]
     found = sorted(found, key=rank)[: 3 * most]
