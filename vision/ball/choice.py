@@ -16,6 +16,7 @@ still and is struck is still near its place in the next frame, the striker is no
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -352,6 +353,9 @@ def _uncover(scene: Scene, ghost: _Ghost, found: dict[int, Circles]) -> None:
     scene.uncover(frames, hidden, where)
 
 
+# A step so long, in radii, and so much faster than those before and after it both, is a leap to
+# something else: what is struck or let go is as fast afterwards, what is caught was before.
+_LEAP_RADII, _LEAP_RATIO = 3.0, 5.0
 _MEETING_RADII = 3.0
 
 _LOOKS_BACK = 4
@@ -384,9 +388,29 @@ def untangled(paths: list[Path]) -> list[Path]:
     list of Path
         Of the same candidates; a head or tail that belongs to nothing else stands for itself.
     """
+    paths = [piece for path in paths for piece in _unleapt(path)]
     for moment in _moments(paths):
         paths = _rejoined(paths, moment)
     return paths
+
+
+def _unleapt(path: Path) -> list[Path]:
+    """A path cut where it leaps from one thing to another that is as slow."""
+    elapsed = np.diff(path.frame).astype(np.float64)
+    step = np.hypot(*np.diff(path.centre_px, axis=0).T)
+    speed = step / elapsed
+    ends = [0]
+    for place in np.flatnonzero(step > _LEAP_RADII * path.radius):
+        sides = (speed[max(0, place - _LOOKS_BACK) : place], speed[place + 1 :][:_LOOKS_BACK])
+        usual = max((float(np.median(side)) for side in sides if len(side)), default=np.inf)
+        if speed[place] > _LEAP_RATIO * usual + 1e-9:
+            ends.append(int(place) + 1)
+    ends.append(len(path.frame))
+    if len(ends) == 2:
+        return [path]
+    rows = np.arange(len(path.frame))
+    pieces = [path.where((rows >= first) & (rows < last)) for first, last in pairwise(ends)]
+    return [piece for piece in pieces if len(piece.frame) >= _FEWEST]
 
 
 def _moments(paths: list[Path]) -> list[int]:

@@ -57,13 +57,8 @@ def find_rest(frame: IntArray, centre: FloatArray, radius: float) -> Rest | None
         return None
     anchor = np.median(centre[:_FEWEST], axis=0)
     tolerance = 0.12 * radius + 0.3
-    away = np.hypot(*(centre - anchor).T) > tolerance
-    # A single bad fit is no departure: it must stay away.
-    gone = away & np.append(away[1:], True) & np.append(away[2:], [True, True])
-    if not np.any(gone):
-        return None
-    departure = int(np.argmax(gone))
-    if departure < _FEWEST:
+    departure = _departure(np.hypot(*(centre - anchor).T), tolerance, radius)
+    if departure is None or departure < _FEWEST:
         return None
     place = np.median(centre[:departure], axis=0)
     scatter = 1.4826 * np.median(np.hypot(*(centre[:departure] - place).T))
@@ -79,3 +74,15 @@ def find_rest(frame: IntArray, centre: FloatArray, radius: float) -> Rest | None
     if length < 1e-6:
         return None
     return Rest(int(frame[0]), int(frame[last]), place, run / length, length / elapsed)
+
+
+def _departure(away: FloatArray, tolerance: float, radius: float) -> int | None:
+    """Row at which the ball leaves for good: it goes a radius away without coming back first.
+
+    A few bad fits, while something passes in front or beside, are no departure.
+    """
+    far = np.flatnonzero(away > radius)
+    if len(far) == 0:
+        return None
+    near = np.flatnonzero(away[: far[0]] <= tolerance)
+    return int(near[-1]) + 1 if len(near) else 0

@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.vision.ball.painted import exposed, wall, with_ball
+from vision.ball.choice import untangled
 from vision.ball.circles import Circles, find_circles
-from vision.ball.linking import link_circles
+from vision.ball.linking import Path, link_circles
 from vision.ball.rest import find_rest
 from vision.pendulum.arc import fit_arc
 from vision.scene.alignment import Aligner, warp_to_scene
@@ -181,3 +184,34 @@ def test_a_panelled_ball_as_bright_as_the_wall_is_seen_whole() -> None:
     best = int(np.argmax(found.coverage * np.sqrt(found.radius_px)))
     assert found.radius_px[best] == pytest.approx(20.0, abs=1.5)
     assert found.centre_px[best] == pytest.approx([100.0, 60.0], abs=1.5)
+
+
+def test_a_soft_shadow_about_a_ball_is_no_larger_ball() -> None:
+    scene = np.full((120, 120), 180.0, dtype=np.float32)
+    y, x = np.mgrid[0:120, 0:120].astype(float)
+    away = np.hypot(x - 60.0, y - 60.0)
+    halo = scene - 20.0 * np.clip((26.0 - away) / 12.0, 0.0, 1.0)
+    picture = np.where(away < 12.0, 60.0, halo)
+    picture += np.random.default_rng(3).normal(0.0, 1.0, picture.shape)
+    found = find_circles(picture.astype(np.float32), scene, np.ones_like(scene))
+    assert found.radius_px[0] == pytest.approx(12.0, abs=0.5)
+    assert not np.any(found.radius_px > 16.0)
+
+
+def test_what_rests_while_something_passes_before_it_has_not_left() -> None:
+    frame = np.arange(60)
+    x = np.where(frame < 40, 50.0, 50.0 + 2.0 * (frame - 39))
+    x[15:20] += 3.0
+    rest = find_rest(frame, np.column_stack([x, np.full(60, 20.0)]), 10.0)
+    assert rest is not None
+    assert rest.last == 39
+
+
+def test_a_leap_from_one_still_thing_to_another_is_a_change_of_identity() -> None:
+    frame = np.arange(40)
+    centre = np.column_stack([np.where(frame < 20, 20.0, 180.0) + 0.1 * frame, np.full(40, 60.0)])
+    ones = np.ones(40)
+    leapt = Path(frame, centre, 6.0 * ones, ones, 50.0 * ones, ones)
+    assert [len(path.frame) for path in untangled([leapt])] == [20, 20]
+    struck = np.column_stack([20.0 + 30.0 * np.maximum(frame - 20, 0), np.full(40, 60.0)])
+    assert len(untangled([replace(leapt, centre_px=struck)])) == 1

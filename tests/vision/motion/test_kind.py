@@ -83,3 +83,13 @@ def test_the_lawful_stretch_ends_at_the_bounce() -> None:
     stretch = lawful_stretch(np.arange(54), np.concatenate([fall, rise]), 6.0)
     assert (stretch.first, stretch.last) in {(0, 29), (0, 30), (0, 31)}
     assert stretch.evidence > 50.0
+
+
+def test_what_bounces_often_is_lawful_in_between() -> None:
+    rng, time = np.random.default_rng(14), np.arange(400.0)
+    across = np.cumsum(np.repeat(rng.normal(0.0, 3.0, 29), 14)[:400])
+    path = np.column_stack([across, 200.0 + 0.3 * (time % 14.0 - 7.0) ** 2])
+    path += rng.normal(0.0, 0.3, path.shape)
+    stretch = lawful_stretch(np.arange(400), path, 6.0)
+    assert 12 <= stretch.looks <= 16
+    assert stretch.evidence > 20.0
