@@ -29,14 +29,22 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 
 BALL_ERROR_PX, MASS_ERROR_PX, CROSSING_ERROR_PX = 0.05, 0.15, 0.3
+"""px that following leaves over besides noise, of ball and mass, from recordings of known truth
+(see above); and of a crossing of the grid, supposed."""
 HIDDEN_SHARE = 0.3
+"""Share of the wall that pendulum, stand and ball hide: supposed, as in the rendered scenes."""
 LEAST_CROSSINGS = 12
+"""Crossings, as `calib.grid.grid.LEAST_NODES` asks for."""
 LEAST_PITCH_PX = 3.0
+"""px: above the 2.5 px where lines may fold over (`calib.grid.grid.LEAST_PERIOD`), below what the
+search is sure to find."""
 FULL_WELL, READ_NOISE, GAMMA, WALL_SHARE = 9000.0, 18.0, 2.2, 0.66
 """Electrons of a small sensor's pixel, and where a well exposed wall lies on its scale."""
 REFERENCE_EXPOSURE_S = 1e-3
+"""s: the shutter that `light` is defined by."""
 BOARD_LENS_STD: FloatArray = np.array([1e-3, 0.5, 0.5, 2e-3, 2e-3])
-"""Log focal length, principal point (px), k1, k2 after twenty pictures of a board."""
+"""Relative focal length, principal point (px), k1, k2 after twenty pictures of a board,
+supposed."""
 
 
 @dataclass(frozen=True)

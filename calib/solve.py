@@ -21,7 +21,7 @@ __all__ = ["SeenFall", "Solved", "solve"]
 FloatArray = NDArray[np.float64]
 
 DISAGREE_AT = 3.0
-"""Standard uncertainties: by chance one fall in 370 is farther off."""
+"""Standard deviations: of honest falls one in 370 is farther off by chance."""
 PATH_POINTS = 9
 """Places on the throw that stands for the flight: a parabola needs three, the rest shows what a
 calibration bends."""

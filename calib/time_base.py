@@ -12,7 +12,9 @@ __all__ = ["RateEstimate", "rate_from_blinking", "rate_from_fall"]
 FloatArray = NDArray[np.float64]
 
 CLEAR = 8.0
+"""Log-likelihood beyond that of the best of pure noise: odds of three thousand to one."""
 FALSE_ALARM = 1e-3
+"""Chance that noise is taken for a blinking light: one clip in a thousand."""
 
 
 @dataclass(frozen=True)

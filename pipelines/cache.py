@@ -30,7 +30,7 @@ LIBRARIES = ("av", "numpy", "opencv-python-headless", "scikit-image", "scipy")
 
 LIMIT_BYTES = 1_000_000_000
 
-"""About a thousand clips; the oldest entries go first."""
+"""Bytes, about a thousand clips of 1 MB; the oldest entries go first."""
 
 FOLDER_VARIABLE = "IMPACT_VISION_CACHE"
 

@@ -26,10 +26,13 @@ __all__ = ["RenderOptions", "parse_size", "planned_scene", "render_command"]
 FACE_FRICTION = 0.08
 """Coulomb coefficient of face and ball, supposed: a struck ball is then seen to turn a little."""
 LIFT = 0.25
-"""Factor on the Magnus force of a lift coefficient of one per spin ratio: slow spin lifts less."""
+"""Factor on the Magnus force of a lift coefficient of one per spin ratio, supposed: slow spin lifts
+less."""
 FRAMES_AFTER_LANDING = 14
 """Frames that a clip goes on for, so that the touch-down is seen from both sides."""
 NOISE = {"none": 0.0, "low": 0.5, "good": 1.0, "high": 2.5, "dim": 4.0}
+"""Factor on the noise of a well exposed sensor: none, a good industrial camera, a phone by day,
+indoors, in dim light; supposed."""
 VIEWS = ("landing", "impact", "oblique")
 
 

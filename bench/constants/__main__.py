@@ -3,7 +3,8 @@
 A module-level constant counts as told if a docstring below it or a comment on or above its lines
 gives both a unit (or says that it is a share, a count, a factor) and a source or a derivation; a
 docstring tells of the one assignment above it. A script can't judge an argument: it asks for a
-unit's name and for four words that argue. Zero, a half, one and two are no choice.
+unit's name (or what is counted) and for four words that argue. Zero, a half, one and two are no
+choice, nor are the keys of a dictionary.
 
 Run: python -m bench.constants [--list] [FOLDER…]
 """
@@ -32,7 +33,8 @@ UNIT = re.compile(
     r"|digits?|lines?|squares?|files?|characters?|iterations?|terms?|levels?|flights?|swings?"
     r"|radii|radius|diameters?|sigma|sigmas|σ|standard deviations?|chi-square|χ²|odds|share|part"
     r"|fraction|factor|ratio|relative|per cent|of (?:a|an|the|its|their|what|all|one)|probability"
-    r"|dimensionless|units?|widths?|gray|grey|half|third|quarter|fifth|tenth|hundredth|1)\b|[°²³%σχ]"
+    r"|dimensionless|chances?|speeds?|cells?|windows?|views?|crossings?|corners?|bins?|panels?|parts"
+    r"|numbers?|orders?|periods?|exponents?|inches|units?|widths?|gray|grey|half|third|quarter|fifth|tenth|hundredth|1)\b|[°²³%σχ]"
 )
 REASON = re.compile(
     r"\b(19|20)\d\d\b|Eqs?\.|Table|Fig|section|paper|GUM|ISO|IEC|SMPTE|CIPM|CODATA|NIST|White|Hertz"
@@ -114,10 +116,12 @@ def _is_choice(value: ast.expr) -> bool:
     nodes = list(ast.walk(value))
     if not all(isinstance(node, allowed) for node in nodes):
         return False
+    keys = {id(key) for node in nodes if isinstance(node, ast.Dict) for key in node.keys}
     numbers = [
         float(node.value)
         for node in nodes
         if isinstance(node, ast.Constant)
+        and id(node) not in keys
         and isinstance(node.value, int | float)
         and not isinstance(node.value, bool)
     ]

@@ -14,9 +14,13 @@ FloatArray = NDArray[np.float64]
 GrayImage = NDArray[np.uint8]
 
 LEAST_MARKED = 6
+"""Corners of a marked board that must be read: a homography has eight unknowns, four corners; half
+as many again tell whether they are on one plane."""
 WINDOW_SHARE = 0.35
-"""Half the window of the corner search over the smallest distance between corners."""
+"""Half the window of the corner search over the smallest distance between corners: below a half, so
+that no window holds a neighbour."""
 LARGEST_WINDOW = 5
+"""px: an edge is one to two pixels wide, and a larger window takes in the bend of the lens."""
 
 
 @dataclass(frozen=True)

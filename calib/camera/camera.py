@@ -25,6 +25,8 @@ __all__ = ["SQUARE_TO_WALL", "Camera", "Lens", "rotation_matrix"]
 FloatArray = NDArray[np.float64]
 
 INVERSION_STEPS = 40
+"""Steps of the fixed-point inversion at most: it converges linearly, and at a rate of 0.4, near the
+fold of a lens, forty steps give the sixteen digits of a double."""
 
 
 @dataclass(frozen=True)

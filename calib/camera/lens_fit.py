@@ -37,8 +37,12 @@ IntArray = NDArray[np.int64]
 NAMES = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 
 MOST_STEPS = 25
+"""Steps of the Levenberg-Marquardt search at most: one that has not settled by then does not
+settle."""
 
 SETTLED = 1e-4
+"""Relative change of the cost that is none: a hundredth of the chi² by which a parameter moves a
+standard deviation, of a hundred points."""
 
 COEFFICIENT_STD = 1.0
 
@@ -49,10 +53,14 @@ SHAPE_STD = 0.02
 """Corners of a board on paper or cardboard off their places, over the side of a square."""
 
 SOFT_FROM = 4.0
+"""Standard deviations from which a corner loses weight (Geman-McClure): of normal errors in two
+directions one in three thousand is larger."""
 
 LEAST_NOISE = 0.01
+"""px: no corner is found better, so that exact corners do not end in a weight without bound."""
 
 DIGITS = 9
+"""Digits after the point, of m: a nanometre tells the corners of any board apart."""
 
 
 @dataclass(frozen=True)
@@ -330,12 +338,16 @@ def _moved(
 
 
 MOST_POINTS = 600
+"""Points that compare two models of a lens: a smooth map of five parameters is known long
+before."""
 
 BROWN = 5
+"""Numbers that the Brown model of a lens file has: k1, k2, p1, p2, k3 as OpenCV orders them."""
 
 FLOOR: FloatArray = np.array([1e-4, 0.05, 0.05, 1e-4, 1e-4])
 
-"""No lens is known better: focusing and warming up move it by as much."""
+"""Relative focal length, px, px and two dimensionless: no lens is known better, since focusing and
+warming up move it by as much."""
 
 
 @dataclass(frozen=True, eq=False)

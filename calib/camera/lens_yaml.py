@@ -24,7 +24,9 @@ FloatArray = NDArray[np.float64]
 
 YAML_SUFFIXES = (".yaml", ".yml")
 _LARGEST = 2**20
+"""Bytes: a thousand times what such a file has, so that a clip given by mistake is not read."""
 _MOST_NUMBERS = 64
+"""Numbers in one entry: the longest of OpenCV, the thin-prism and tilted model, has fourteen."""
 _MODELS = ("plumb_bob", "rational_polynomial")
 """Distortion models of ROS that are a lens here; ``equidistant`` is another law."""
 SAID_STD: FloatArray = np.array([2e-3, 2.0, 2.0, 5e-3, 1e-2])

@@ -29,14 +29,21 @@ __all__ = ["WallGrid", "find_wall_grid", "ranked"]
 FloatArray = NDArray[np.float64]
 
 SEEDS_TRIED = 12
+"""Seeds of a lattice that are tried at most, supposed: what is not among the best dozen is no
+wall."""
 
 SEARCH_WIDTH = 960
+"""px, supposed: wider pictures are reduced for the search, whose time goes with their area."""
 
 ENOUGH_AREA = 0.7
+"""Share of the picture in which a lattice that is found leaves no room for a better one."""
 
 MOST_UNEVEN = 1.6
+"""Ratio of both spacings: squares seen at 50° are 1.6 times as high as wide, and a wall is filmed
+within that."""
 
 LEAST_AREA = 0.03
+"""Share of the picture: what is smaller has too few lines on each side to count them by."""
 
 RIVAL = 0.9
 
@@ -44,7 +51,8 @@ RIVAL = 0.9
 
 GENERATOR = 0.3
 
-"""The same for waves of which the best are overtones."""
+"""Share of the best evidence that the waves which generate a lattice have; the others are their
+overtones."""
 
 OVERTONES = range(2, 13)
 
@@ -183,12 +191,20 @@ def _distinct(seeds: list[Seed]) -> list[Seed]:
 
 
 LEAST_NODES = 12
+"""Crossings: a camera has ten unknowns with its lens and each crossing two numbers, so that more
+than half are to spare."""
 
 MOST_OFF_AXIS = 0.3
+"""Share of the pattern between the axes of the grid: lines have nearly none, and a chessboard has
+all of it."""
 
 MOST_SKEW = 0.08
+"""Ratio less one, and cosine, of the sides of a square once the view is undone, supposed: a printed
+grid is within 1 %, most tiles and bricks are oblong by more."""
 
 REJECT_AT = 4.0
+"""Standard deviations: of normal errors one crossing in eight thousand is farther from the map in
+one of its two directions."""
 
 MOST_ROUNDS, SETTLED = 4, 0.1
 

@@ -18,8 +18,11 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 BINS = 32
+"""Bins of a period of the profile across a line: a line is a tenth of a period wide, three bins."""
 
 COARSER = (2, 3, 4, 5, 6, 8, 10)
+"""Fine lines per coarse one, as rulers and millimetre paper have them: factors of ten, and those
+between."""
 
 SIGNIFICANT = 5.0
 
@@ -27,17 +30,21 @@ SIGNIFICANT = 5.0
 
 CLEAR = 3.0
 
-"""The same for the wave itself, which local coherence has vouched for already."""
+"""Standard deviations for the wave itself, since local coherence has vouched for it already."""
 
 FAINTEST = 0.03
+"""Share of the profile, supposed: a harmonic fainter than this may be shading or compression."""
 
 FAINTEST_ALIASED = 0.15
+"""Share of the profile where harmonics fold over, supposed: five times as much, since what folds
+over adds to them."""
 
 ALIAS_FREE = 6.0
 
 """Below this period (px) the harmonics of sharp lines alias to where coarser lines would be."""
 
 HIGHEST_HARMONIC = 12
+"""Order: the harmonics of a line a tenth of a period wide fade out at ten."""
 
 
 @dataclass(frozen=True)
@@ -222,10 +229,13 @@ def squareness(grid_map: GridMap) -> tuple[float, float]:
 
 
 LARGEST_BLOCK = 6
+"""Crossings on a side that are measured together at most: 36 of them take the noise of one down to
+a sixth."""
 
 CLEAR_BLOCK = 6.0
 
-"""Amplitude over its standard deviation that a block must reach in the median."""
+"""Standard deviations that the amplitude of a block must reach in the median: phase noise is its
+inverse, a sixth of a radian."""
 
 EVEN = 1.0 / 12.0
 
@@ -235,8 +245,11 @@ What is finer than the lines, or folded over by the pixels, shifts small blocks,
 """
 
 BELOW_NYQUIST = 0.46
+"""Per px: half a period per pixel is the limit of sampling, less what blur and the window take."""
 
 PIXELS_AT_ONCE = 8192
+"""Pixels worked on at once, so that their harmonics stay within the cache of a core (a
+megabyte)."""
 
 
 @dataclass(frozen=True)

@@ -28,20 +28,26 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 
 WINDOWS = (32, 64, 128, 256)
+"""px: windows in which waves are looked for, each twice as large, from eight lines of 4 px to ten
+of 25 px."""
 
 PERIODS_ACROSS = 4.0
 
 """A window holds at least this many periods of what is looked for in it."""
 
 HIGHEST_FREQUENCY = 0.46
+"""Per px, as in `calib.grid.lattice`: below half a period per pixel, less what blur takes."""
 
 FOLDED_FREQUENCY = 1.0 / 3.0
 
 """Cycles per px; waves above may be fine lines folded over, so longer ones are looked for, too."""
 
 SMALLEST_ANGLE = np.radians(30.0)
+"""rad between both families of lines: a wall seen at 60° along its diagonal shows them 53° apart, 2
+atan(cos 60°); half of that is beyond any view."""
 
 CLIP_AT = 4.0
+"""Robust standard deviations: lines are within, a bright ball or a dark mass is cut to that."""
 
 SMOOTH_FROM = 4.0
 
@@ -273,12 +279,16 @@ def _refined(power: FloatArray, place: tuple[int, int], size: int) -> FloatArray
 
 
 WINDOW_PERIODS = 1.3
+"""Periods, standard deviation of the window: narrow enough to follow the view, wide enough (three
+periods in effect) to know a wave from an edge."""
 
 COHERENT = 8.0
 
 """|mean|² over its expectation in noise: exceeded by chance once in e^8 = 3000 windows."""
 
 GROWTH = 1.3
+"""Factor by which the region grows in a step, supposed: the map is extrapolated by less than a
+third of its size."""
 
 PERIOD_WANTED = 6.0
 
@@ -289,6 +299,7 @@ PERIOD_WANTED = 6.0
 PRIOR_STD = np.array([0.5, 0.5, 0.2, 0.1])
 
 PHASE_STD = 0.03
+"""Periods, supposed: how far local phases may be from a smooth map of few parameters."""
 
 
 @dataclass(frozen=True)

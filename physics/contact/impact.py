@@ -113,7 +113,8 @@ to 110 kPa (rules of FIVB, FIBA and IFAB)."""
 
 STIFFEST_MODULUS = 1.15e11
 
-"""Pa: E* = E / 2(1 − ν²) of steel on steel, E = 210 GPa, ν = 0.3."""
+"""Pa: E* = E / 2(1 − ν²) of steel on steel, since nothing that is thrown is stiffer; E = 210 GPa, ν
+= 0.3."""
 
 _HERTZ = 2.87
 

@@ -21,6 +21,7 @@ FloatArray = NDArray[np.float64]
 # told apart with any colour vision (Okabe and Ito 2008)
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _SIZE = (7.0, 4.2)
+"""Inches: a figure that fits the width of a page (A4 less its margins)."""
 _FSR = SENSORS[0]
 
 

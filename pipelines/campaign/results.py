@@ -38,6 +38,7 @@ ANALYSED = (
 )
 """Quantities that the analysis of a campaign looks at; the tables hold all."""
 _ROWS_AT_ONCE = 1000
+"""Rows written in one transaction: a second of work is lost at most."""
 
 
 @dataclass(frozen=True)

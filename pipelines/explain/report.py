@@ -31,6 +31,7 @@ from pipelines.figures import Picture
 __all__ = ["explain_report_html", "verdict_html", "write_explain_report"]
 
 MOST_PANELS = 6
+"""Panels, so that a page shows all of them at a size that can be read."""
 
 BASELINE, IMPROVED, SEEN = "tab:red", "tab:blue", "0.25"
 

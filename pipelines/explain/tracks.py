@@ -17,6 +17,8 @@ FloatArray = NDArray[np.float64]
 LEAST_ROWS = 8
 """Fewer rows tell no flight from a contact."""
 STILL_ROWS = 5
+"""Rows at the start in which a ball must lie still: fewer do not tell the noise from a creeping
+ball."""
 OFF = 4.0
 """Standard deviations off the free motion at which a row no longer belongs to it."""
 

@@ -12,6 +12,7 @@ from pipelines.measure.measurement import Measurement
 __all__ = ["external_of"]
 
 _LEAST_ROWS = 3
+"""Rows: two places give a velocity, the third shows whether it is one."""
 
 
 def external_of(measured: Measurement, path: Path, clip: Path | None) -> ExternalTracks:

@@ -24,7 +24,8 @@ FloatArray = NDArray[np.float64]
 
 _WHAT = "Kinovea annotation file"
 _SQUARE = 0.02
-"""A quadrilateral whose local scale differs by more than this over the track is no single scale."""
+"""Relative, supposed: a quadrilateral whose local scale differs by more over the track is no single
+scale."""
 
 
 def read_kva(path: Path) -> ExternalTracks:

@@ -40,8 +40,13 @@ CLICKED_MARK_STD_PX = 0.5
 UNSEEN_RADIUS_PX = 10.0
 """px: where neither the ball's size nor a scale is known; only the search for rest looks at it."""
 _SCENE_FRAMES = 25
+"""Frames whose median shows the scene without what moves: it is hidden in fewer than half of
+them."""
 _SAME_RATE = 0.01
+"""Relative: 59.94 and 60 fps are the same rate, 30 and 29 are not."""
 _MARGIN_PX = 16
+"""px around the tracks, so that the ball itself is inside the picture that they are said to come
+from."""
 
 
 @dataclass(frozen=True, eq=False)

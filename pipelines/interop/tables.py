@@ -98,6 +98,7 @@ def header_of(path: Path) -> list[str]:
 
 
 _HEAD_BYTES = 2**16
+"""Bytes that are looked at to tell which program wrote a file: more than the longest header."""
 
 
 def is_of_a_program(path: Path) -> bool:

@@ -205,6 +205,7 @@ def tracker_project(external: ExternalTracks) -> str:
 
 
 _COLOURS = ((255, 0, 0), (0, 160, 255), (0, 200, 0), (255, 160, 0))
+"""Red, green, blue of 255: colours that are told apart on a bright wall, as Tracker starts with."""
 
 
 def _add(parent: Element, name: str, kind: str, value: object) -> None:

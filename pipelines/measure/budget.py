@@ -26,6 +26,7 @@ __all__ = ["Propagation", "Scene", "merged", "systematic_budget", "values_after_
 FloatArray = NDArray[np.float64]
 
 _STEP_SIGMAS = 0.3
+"""Standard deviations of a step: the chain is straight over it, and it is far above rounding."""
 _LEAST_AXIS = 1e-12
 """Of the correlation's largest: below lies rounding, not knowledge."""
 

@@ -26,6 +26,7 @@ _STYLE: Any = {
     "legend.frameon": False,
     "svg.hashsalt": "impact-vision",
 }
+"""Points of type and lines: legible where a page is printed at half its size."""
 
 
 @contextmanager

@@ -127,6 +127,8 @@ class Explanation:
 
 
 _SCALES = {"origin": 0.05, "height": 0.02, "contact_time": 0.005, "drag": 0.3, "turn": 1.0}
+"""m, m, s, factor and degree: about what the paper leaves open of each, so that a solver's steps
+are alike."""
 
 _BOUNDS = {
     "origin": (-0.03, 0.03),

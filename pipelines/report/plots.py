@@ -32,9 +32,11 @@ STYLE: Any = {
     "legend.fontsize": 8,
     "svg.hashsalt": "impact-vision",
 }
+"""Points of type and lines: legible where a page is printed at half its size."""
 
 Panel = tuple[str, Callable[[Axes], None]]
 _POINTS: dict[str, Any] = {"fmt": "o", "ms": 2.6, "lw": 0, "elinewidth": 0.7, "capsize": 0}
+"""Points, sizes of marks and bars: several hundred frames stay apart in a panel."""
 
 
 def panels_of(report: ReportInput) -> tuple[Panel, ...]:

@@ -214,7 +214,7 @@ def length_between(
 
 DISAGREES_AT = 3.0
 
-"""Standard deviations: less than one true length in 300 is further off."""
+"""Standard deviations: less than one true length in 300 is farther off."""
 
 
 @dataclass(frozen=True)

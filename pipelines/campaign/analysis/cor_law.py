@@ -130,6 +130,8 @@ _PRIOR = {
     LawKind.POWER: ((0.25, 0.25),),
     LawKind.CONSTANT: ((0.7, 0.3),),
 }
+"""Mean and standard deviation of the linear parameters, dimensionless: any ball's e lies between 0
+and 1."""
 
 
 def fit_cor_laws(points: CorPoints) -> tuple[CorLawFit, ...]:

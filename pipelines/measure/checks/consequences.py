@@ -23,7 +23,8 @@ __all__ = [
 
 WITHHELD_BEYOND = 0.1
 
-"""Share by which a contradiction may put a quantity in doubt before it says nothing any more."""
+"""Share of a quantity that a contradiction may put in doubt before it says nothing any more,
+supposed."""
 
 COR = frozenset(
     {

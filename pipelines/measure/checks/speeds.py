@@ -27,7 +27,10 @@ BESIDE: dict[str, str] = {"ball_speed_per_frame": "m/s", "ball_speed_eq7": "m/s"
 """Name and unit of what is shown beside the quantities of the contract."""
 
 _STEPS = 4
+"""Frame steps of the displacement just after release: fewer are noise, more are slowed by gravity
+and air."""
 _SIGMAS = 3.0
+"""Standard deviations: of honest clips one in 370 fails by chance."""
 RELEVANT_SHARE = 0.1
 """Of the ball's speed: a disagreement that would matter to a coefficient of restitution."""
 

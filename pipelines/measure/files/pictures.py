@@ -28,6 +28,7 @@ __all__ = ["overlay_marks", "report_input"]
 FloatArray = NDArray[np.float64]
 
 _PENDULUM_STRETCH_S = 0.08
+"""s around the contact that are drawn: five contacts long on either side."""
 _CAPTIONS = ("contact_time", "ball_speed", "launch_angle", "landing_distance", "cor")
 
 

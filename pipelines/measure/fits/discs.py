@@ -13,7 +13,10 @@ __all__ = ["DiscContact", "disc_contact"]
 FloatArray = NDArray[np.float64]
 
 _LINE_FRAMES = 10
+"""Frames of a line on either side of the meeting: gliding discs slow down little over them."""
 RADIUS_STD_PX = 0.3
+"""px, of the distance of two outlines at their touch, supposed: the edges of both, blurred by
+motion."""
 
 
 @dataclass(frozen=True)

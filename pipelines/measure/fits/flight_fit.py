@@ -41,12 +41,18 @@ _STEP_S, _LEAST_STEP_S = 0.05, 1e-6
 """Runge–Kutta steps: a ball that drag slows by a tenth in a second is right to 1e-8 m with them."""
 
 _LONGEST_FALL_S = 6.0
+"""s: a fall of 170 m, more than any picture of a wall holds."""
 
 _NEWTON_STEPS = 6
+"""Steps: Newton doubles the digits in each, and a sample of the path starts with three."""
 
 LEAST_FRAMES = 6
+"""Frames: a parabola in two directions has six unknowns and each frame two numbers; half are to
+spare."""
 
 _FAR_OFF = 12.0
+"""Times the usual residual: a frame in which something else was followed, no error of an
+outline."""
 
 
 @dataclass(frozen=True)
@@ -233,16 +239,22 @@ def _path(lanes: FloatArray, until: float) -> Trajectory:
 
 
 LONGEST_CONTACT_S = 0.025
+"""s: the paper's inflated balls stay in touch for 14 to 19 ms; frames after this are flight for any
+of them."""
 
 _JUST_ABOVE_M = 0.004
+"""m above the floor at which a ball counts as landed, supposed: twice the 2 mm to which an outline
+is known."""
 
 _BOUNCE_M = 0.01
+"""m that a ball must rise again to have bounced: five times the 2 mm to which an outline is
+known."""
 
 _JUMP_RADII = 0.5
 
 _HARDEST_PULL = 15.0
 
-"""m/s²: gravity with drag and lift of a fast, light ball."""
+"""m/s²: gravity with half as much again, the drag and lift of a fast, light ball."""
 
 
 def flight_end(tracks: MetricTracks, inputs: Inputs, left: float) -> float:
@@ -317,7 +329,7 @@ FLOOR_CONTACT_STD_S = 0.004
 
 PULL_STD = 0.3
 
-"""Drag and lift along a path so short, m/s²."""
+"""m/s², drag and lift along a path so short, supposed: a few per cent of gravity."""
 
 
 @dataclass(frozen=True)
@@ -423,7 +435,7 @@ def _with_bounce(found: LandingSeen, rising: "_Piece", floor: float) -> LandingS
 
 _MOST_APART = 14.0
 
-"""χ² of two degrees of freedom that one bounce in a thousand exceeds."""
+"""χ² of two degrees of freedom that one bounce in a thousand exceeds (13.8)."""
 
 
 @dataclass(frozen=True)

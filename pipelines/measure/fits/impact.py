@@ -41,6 +41,8 @@ THICKNESSES = (0.4, 2.0)
 """Thickness a mass may have, over that of such a cube."""
 
 SLANT_STD, _TELLING_SLANT = 0.03, 0.1
+"""Slope of the line of sight to the face: how far it is unsure, and from where on the face is
+plainly seen, three times that."""
 
 NEAR_SHARE = 0.6
 
@@ -61,6 +63,8 @@ OUTSIDE_STD_SHARE = 0.5
 """Of how far outlines lie outside: ball and mass differ in contrast."""
 
 IMPACT_ANGLE_STD = np.radians(0.4)
+"""rad, of the bar at contact where the face is not seen, supposed: a bubble level is good to 0.3°,
+and the bar swings on during contact."""
 
 PIVOT_SHARE = 0.15
 
@@ -203,24 +207,33 @@ UNSEEN_HALF_CONTACT_S, UNSEEN_HALF_CONTACT_STD_S = 0.006, 0.003
 """Middle to end of a contact nobody sees: inflated balls stay on for 10 to 20 ms."""
 
 SWING_STRETCH_S = 0.08
+"""s of a swing on either side: a twentieth of the paper's period of 1.5 s, over which damping and
+bearing friction do not show."""
 
 NEAR_BEFORE_S, NEAR_AFTER_S = 0.01, 0.005
+"""s, before onset and after release: frames that show where ball and face part, beside the contact
+itself."""
 
 _ROUNDS = 3
+"""Rounds of choosing frames and fitting, supposed: the choice hangs on onset and release, which the
+next round hardly moves."""
 
 FAR_RADII = 0.5
 
 """So far from its rest a ball is on its way: shadows and the face beside it feign less."""
 
 STRAY_RADII = 0.15
+"""Radii by which the median frame may be off a free flight: more is another thing than a flying
+ball."""
 
 USUAL_SPEED = 2.5
 
-"""m/s: a speed of approach; the longest contact does not depend on it."""
+"""m/s: a speed of approach of the paper's strikes; the longest contact hardly depends on it."""
 
 LEAST_COR, MOST_COR = 0.1, 1.15
 
-"""No passive contact returns more speed than it takes; the measurement may, by a little."""
+"""COR, dimensionless: no passive contact returns more speed than it takes, but the measurement may
+by a little; below a tenth it did not bounce."""
 
 
 @dataclass(frozen=True)

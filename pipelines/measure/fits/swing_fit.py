@@ -28,6 +28,7 @@ _STEP_S, _LEAST_STEP_S = 0.015, 1e-6
 """Runge–Kutta steps: a swing of a second is right to 1e-7 rad with them."""
 
 LEAST_FRAMES = 5
+"""Frames: a swing has three unknowns, and two to spare show whether it is one."""
 
 
 @dataclass(frozen=True)
@@ -132,8 +133,10 @@ def _path(lanes: FloatArray, until: float) -> Trajectory:
 
 
 _MODES = 4
+"""Cosines that slow errors of an outline are made of: what changes faster looks like noise."""
 
 SLOW_OVER_RANDOM = 1.5
+"""Times the random error, supposed: what a followed outline is off by over many frames."""
 
 
 def slow_error_whitening(

@@ -16,6 +16,7 @@ FloatArray = NDArray[np.float64]
 LINE_FRAMES = 20
 """Frames of a line on one side of the meeting: rolling and sliding slow down little over them."""
 LEAST_FRAMES = 4
+"""Frames on either side: two give a velocity, two more show whether it is steady."""
 CENTRE_STD_SHARE = 0.02
 """Of the radius: how far an outline's centre may lie off the body's, for the line of centres."""
 

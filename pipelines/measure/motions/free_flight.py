@@ -21,9 +21,12 @@ __all__ = ["FlightPath", "FreeFlight", "FreeFlightPriors", "fit_free_flight", "s
 FloatArray = NDArray[np.float64]
 
 LEAST_FRAMES = 6
+"""Frames: a parabola in two directions has six unknowns and each frame two numbers; half are to
+spare."""
 _MIDDLE_SHARE = 0.6
 """Of the stretch: what a throw or a bounce does not reach; the rest must carry on from there."""
 _OFF_SIGMAS = 5.0
+"""Standard deviations: of a flight of a thousand frames none is farther off by chance."""
 ROLL_STD = math.radians(1.5)
 """A camera set up by eye, rad."""
 SIZE_TREND_STD = 0.01

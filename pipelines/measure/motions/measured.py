@@ -44,15 +44,22 @@ NARROWEST_FOCAL_OVER_SIZE = 0.9
 UNKNOWN_DRAG_OVER_PATH = 0.03
 """K times the path, for a ball of which nothing is known: a tennis ball over two metres."""
 _MOST_ANGLE_STD = 20.0
+"""deg: a direction that is less sure is none."""
 _STEADY_SIGMAS = 4.0
+"""Standard deviations between both halves of a flight: one honest flight in sixteen thousand is
+farther apart."""
 _LEAST_SHARE = 0.6
+"""Of the frames that a motion must explain to be called by its name: more than half, by a
+margin."""
 _MOST_MISFIT = 0.01
 """Of the path's length: outlines of balls are found to better than that, arcs miss it."""
 _MOMENTUM_SIGMAS = 4.0
+"""Standard deviations: of honest collisions one in sixteen thousand is farther off."""
 _GRAVITY_SIGMAS = 3.0
+"""Standard deviations: of honest flights one in 370 is farther off."""
 LEAST_POWER = 0.5
 RELEVANT_SHARE = 0.1
-"""Of gravity: what a check must be able to see to say anything about rate and scale."""
+"""Share of gravity: what a check must be able to see to say anything about rate and scale."""
 
 
 @dataclass(frozen=True)

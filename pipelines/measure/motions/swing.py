@@ -14,9 +14,13 @@ __all__ = ["FreeSwing", "fit_free_swing"]
 FloatArray = NDArray[np.float64]
 
 LEAST_FRAMES = 12
+"""Frames: a damped swing has five unknowns and each frame one number; more than half are to
+spare."""
 LEAST_PERIODS = 0.75
 """Below, a part of a swing tells neither its middle nor its amplitude, and so no period."""
 _TRIALS_PER_PERIOD = 12
+"""Trial frequencies per resolution of the record (one over its length): the nearest misses 0.6 % of
+the peak at most, 1 − sinc²(1/24)."""
 _MOST_MISFIT = 0.25
 """Of the amplitude: what misses a damped swing by more does not swing freely."""
 FLAT_DAMPING_STD = 1.0
