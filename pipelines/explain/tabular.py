@@ -7,7 +7,6 @@ one way only is refused.
 
 import codecs
 import csv
-import io
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -33,6 +32,9 @@ CHUNK = 250_000
 """Rows that are read at a time."""
 
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars"}
+
+HEAD = 1 << 18
+"""Bytes from which encoding, header and separator are told."""
 
 LOOKED_AT = 500
 """Lines whose fields are counted before anything is read."""
@@ -235,8 +237,10 @@ def _in_units(table: pd.DataFrame, units: Mapping[str, str], notes: list[str]) -
 
 
 def _read(path: Path, words: Sequence[str], notes: list[str], most: int | None) -> pd.DataFrame:
-    text = _decoded(path, notes)
-    lines = text[: 1 << 20].lstrip("\r\n").splitlines()
+    head, encoding = _head(path)
+    if encoding not in ("utf-8", "utf-8-sig"):
+        notes.append(f"{path.name}: read as {encoding}")
+    lines = head.lstrip("\r\n").splitlines()
     if not lines or not lines[0].strip():
         raise UsageError(
             f"can't read {path}: it is empty", hint="A CSV file with a header line is expected."
@@ -248,8 +252,8 @@ def _read(path: Path, words: Sequence[str], notes: list[str], most: int | None) 
     if mark != ",":
         notes.append(f"{path.name}: columns are parted by {SEPARATORS[mark]}")
     try:
-        return _kept_rows(text, mark, header, words, path.name, notes, most)
-    except (ValueError, OverflowError) as problem:  # what pandas raises is a ValueError
+        return _kept_rows(path, mark, encoding, words, notes, most)
+    except (OSError, ValueError, OverflowError) as problem:  # what pandas raises is a ValueError
         said = " ".join(str(problem).split())
         raise UsageError(
             f"can't read {path}: {said}", hint="A CSV file with a header line is expected."
@@ -257,21 +261,17 @@ def _read(path: Path, words: Sequence[str], notes: list[str], most: int | None) 
 
 
 def _kept_rows(
-    text: str,
-    mark: str,
-    header: Sequence[str],
-    words: Sequence[str],
-    name: str,
-    notes: list[str],
-    most: int | None,
+    path: Path, mark: str, encoding: str, words: Sequence[str], notes: list[str], most: int | None
 ) -> pd.DataFrame:
     """Rows of the file, or of a long one, one in every few: read piece by piece."""
-    every = -(-text.count("\n") // MOST_READ) or 1
+    every = 1 if most is not None else -(-_lines(path) // MOST_READ) or 1
     if every > 1:
-        notes.append(f"{name}: of more than {MOST_READ} rows one in {every} is read")
+        notes.append(f"{path.name}: of more than {MOST_READ} rows one in {every} is read")
     reader = pd.read_csv(
-        io.StringIO(text),
+        path,
         sep=mark,
+        encoding=encoding,
+        encoding_errors="replace",
         dtype=dict.fromkeys(words, str),
         skipinitialspace=True,
         index_col=False,
@@ -279,17 +279,22 @@ def _kept_rows(
         nrows=most,
         low_memory=False,
     )
-    parts = []
-    for number, part in enumerate(reader):
-        skipped = -(number * CHUNK) % every
-        parts.append(part.iloc[skipped::every])
-    table = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=list(header))
+    with reader:
+        parts = [
+            part.iloc[-(number * CHUNK) % every :: every] for number, part in enumerate(reader)
+        ]
+    table = pd.concat(parts, ignore_index=True)
     table.columns = [str(column).strip() for column in table.columns]
     return table
 
 
-def _decoded(path: Path, notes: list[str]) -> str:
-    """Text of a regular file of bearable size, whatever wrote it."""
+def _lines(path: Path) -> int:
+    with path.open("rb") as file:
+        return sum(piece.count(b"\n") for piece in iter(lambda: file.read(1 << 22), b""))
+
+
+def _head(path: Path) -> tuple[str, str]:
+    """The first lines of a regular file of bearable size, and the encoding that wrote it."""
     try:
         if not path.exists():
             raise UsageError(f"can't read {path}: there is no such file", hint="Check its path.")
@@ -304,21 +309,22 @@ def _decoded(path: Path, notes: list[str]) -> str:
                 f" of samples may have ({LARGEST / 1e9:.3g} GB)",
                 hint="Cut it into experiments, or write every n-th row.",
             )
-        raw = path.read_bytes()
+        with path.open("rb") as file:
+            raw = file.read(HEAD)
     except (OSError, ValueError) as problem:
         raise UsageError(f"can't read {path}: {problem}", hint="Check its path.") from problem
     encoding = _encoding(raw)
     try:
-        text = raw.decode(encoding)
+        # a cut within a character is no fault of the file
+        text = codecs.getincrementaldecoder(encoding)().decode(raw)
     except UnicodeDecodeError:
-        text, encoding = raw.decode("cp1252", errors="replace"), "cp1252"
+        encoding = "cp1252"
+        text = raw.decode(encoding, errors="replace")
     if "\x00" in text or not all(c.isprintable() or c in "\r\n\t" for c in text[:2000]):
         raise UsageError(
             f"can't read {path}: it is no text", hint="A CSV file with a header line is expected."
         )
-    if encoding not in ("utf-8", "utf-8-sig"):
-        notes.append(f"{path.name}: read as {encoding}")
-    return text
+    return text, encoding
 
 
 def _encoding(raw: bytes) -> str:
