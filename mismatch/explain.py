@@ -1,5 +1,6 @@
 """From a campaign and a baseline to a verdict."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -23,6 +24,7 @@ from mismatch.model.candidates import (
 from mismatch.model.forward import OUTSIDE, Forward
 from mismatch.records.records import Campaign
 from mismatch.records.sanity import refuse_nonsense, without_odd_trials
+from mismatch.search.field import Field
 from mismatch.search.locate import (
     locate,
     noise_notes,
@@ -388,12 +390,37 @@ def _own_gain(best: Hypothesis, index: int) -> float:
     return max(sizes)
 
 
+_PLAIN = (
+    (r"\\t?frac\{([^{}]*)\}\{([^{}]*)\}", r"\1/\2"),
+    (r"\\tfrac(\d)(\d)", r"\1/\2"),
+    (r"e\^\{((?:[^{}])*)\}", r"exp(\1)"),
+    (r"\\mathrm\{([^{}]*)\}", r"\1"),
+    (r"\\(?:mathbf|quad|,|;| )", " "),
+    (r"\\lambda", "λ"),
+    (r"\\varphi", "φ"),
+    (r"\\tau", "τ"),
+    (r"[{}\\]", ""),
+    (r"\s+", " "),
+)
+
+
+def _plain(law: str) -> str:
+    """A formula without the marks that typeset it."""
+    for pattern, instead in _PLAIN:
+        law = re.sub(pattern, instead, law)
+    return law.strip()
+
+
 def _law_in_words(effect: Effect, parameters: Sequence[ParameterValue]) -> str:
+    if isinstance(effect, Field):
+        curve = effect.in_words({p.name: p.value for p in parameters})
+        where = effect.form.replace("_", " ")
+        return f"No known effect fits. {effect.statement} Direction: {where}. The curve: {curve}."
     numbers = ", ".join(
         f"{p.name} = {p.value:.4g} {p.unit if p.unit != '1' else ''}".rstrip() for p in parameters
     )
     where = effect.form.replace("_", " ")
-    law = f"{effect.law}, {numbers}"
+    law = f"{_plain(effect.law)}, {numbers}"
     return f"No known effect fits. {effect.statement} Direction: {where}. Law: {law}."
 
 
@@ -417,8 +444,10 @@ def _alternatives(naming: Naming, passed: Passed) -> tuple[Alternative, ...]:
             why = "the further effect explains no more than chance or an imperfect law would"
         elif h in naming.rivals():
             why = "not excluded: the data can't tell it apart"
-        else:
+        elif best.gain > h.gain:
             why = f"fits worse by {best.gain - h.gain:.1f} in chi-square"
+        else:
+            why = "fits alike, but with more freedom, or with sizes that are rarely met"
         rows.append(Alternative(h.ids, why, behind))
     return tuple(rows[:8])
 

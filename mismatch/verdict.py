@@ -102,7 +102,15 @@ class Alternative:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Prediction of trials kept out of the fit, before and after (m, or rad for swings)."""
+    """Prediction of trials kept out of the fit, before and after (m, or rad for swings).
+
+    Attributes
+    ----------
+    gain : float or None
+        Chi-square units by which they fit better, with what each trial's own scatter has to take
+        up: a law of the contact moves no path that the scatter of launches may not move as well.
+        None where more than noise is left over, in which chi-square tells no odds.
+    """
 
     trials: tuple[str, ...]
     rmse_before: float
@@ -111,6 +119,13 @@ class HeldOut:
     unit: str = "m"
     extrapolation_before: float | None = None
     extrapolation_after: float | None = None
+    gain: float | None = None
+
+    @property
+    def proves(self) -> bool:
+        """Whether the answer predicts them better: in their error, or by odds of twenty to one."""
+        by_scatter = self.gain is not None and self.gain > PROVED
+        return self.ratio_95[0] > 1.0 or (by_scatter and self.ratio_95[1] >= 1.0)
 
     def to_json(self) -> dict[str, Any]:
         """As in the contract."""
@@ -120,12 +135,39 @@ class HeldOut:
             "ratio_95": list(self.ratio_95),
             "trials": list(self.trials),
         }
+        if self.gain is not None:
+            out["chi2_gain"] = self.gain
         if self.extrapolation_before is not None:
             out["extrapolation"] = {
                 f"rmse_before_{self.unit}": self.extrapolation_before,
                 f"rmse_after_{self.unit}": self.extrapolation_after,
             }
         return out
+
+    @property
+    def in_words(self) -> str:
+        """The proof in one or two sentences."""
+        told = (
+            f"Trials kept out of the fit: error {self.rmse_after:.3g} {self.unit} instead of"
+            f" {self.rmse_before:.3g} {self.unit} (before over after"
+            f" {self.ratio_95[0]:.4g} to {self.ratio_95[1]:.4g})"
+        )
+        if self.ratio_95[0] > 1.0:
+            told += "."
+        elif self.proves:
+            told += (
+                "; what trials may differ by takes up the error, but they then differ less:"
+                f" chi-square falls by {self.gain:.3g}."
+            )
+        else:
+            told += ": no proof of a better prediction."
+        if self.extrapolation_before is not None and self.extrapolation_after is not None:
+            told += (
+                " Fitted on the first 60 % of each track, the rest is predicted to"
+                f" {self.extrapolation_after:.3g} {self.unit} instead of"
+                f" {self.extrapolation_before:.3g} {self.unit}."
+            )
+        return told
 
 
 @dataclass(frozen=True)
@@ -199,9 +241,33 @@ class Verdict:
             "notes": list(self.notes),
         }
 
+    @property
+    def headline(self) -> str:
+        """What was found, in one sentence that nothing below it contradicts."""
+        if self.verdict == "explained" and all(e.id == "unnamed" for e in self.effects):
+            found = "Something was left out of the model: it is in no catalogue, and has been found"
+        elif self.verdict == "explained":
+            found = "Something was left out of the model, and it has been found"
+        elif self.verdict == "ambiguous" and self.indistinguishable:
+            found = "Something was left out of the model; several explanations fit nearly alike"
+        elif self.verdict == "ambiguous":
+            found = "Something was left out of the model; what fits best is in doubt"
+        else:
+            return _HEADLINES[self.verdict]
+        rest = "" if self.remainder.white else "; what it leaves over still has a pattern"
+        return f"{found}{rest}."
+
+    @property
+    def not_excluded(self) -> tuple[str, ...]:
+        """What may stand in place of each name, in words."""
+        return tuple(
+            f"Not excluded in place of {group[0]}: {', '.join(group[1:])}"
+            for group in self.indistinguishable
+        )
+
     def text(self) -> str:
         """The story in plain words."""
-        lines = [_HEADLINES[self.verdict]]
+        lines = [self.headline]
         if self.location is not None:
             lines.append(self.location.statement)
         for effect in self.effects:
@@ -212,32 +278,21 @@ class Verdict:
             lines.append(
                 f"{effect.id} (probability {effect.probability:.2f}): {effect.statement} {numbers}"
             )
-        lines.extend(
-            f"The data can't tell apart: {', '.join(group)}." for group in self.indistinguishable
-        )
+        lines.extend(f"{said}." for said in self.not_excluded)
         if self.next_measurement:
             lines.append(f"What would settle it: {self.next_measurement}.")
         if self.held_out is not None:
-            h = self.held_out
-            lines.append(
-                f"Trials kept out of the fit: error {h.rmse_after:.3g} {h.unit} instead of"
-                f" {h.rmse_before:.3g} {h.unit} (ratio {h.ratio_95[0]:.3g} to {h.ratio_95[1]:.3g})."
-            )
-            if h.extrapolation_before is not None and h.extrapolation_after is not None:
-                lines.append(
-                    "Fitted on the first 60 % of each track, the rest is predicted to"
-                    f" {h.extrapolation_after:.3g} {h.unit} instead of"
-                    f" {h.extrapolation_before:.3g} {h.unit}."
-                )
+            lines.append(self.held_out.in_words)
         lines.append(self.remainder.statement)
         lines.extend(f"Note: {note}" for note in self.notes)
         return "\n".join(lines)
 
 
+PROVED = 6.0
+"""Chi-square units by which held-out trials must fit better: odds of twenty to one."""
+
 _HEADLINES: dict[str, str] = {
     "no_mismatch": "Nothing is missing: simulation and recording agree within the noise.",
-    "explained": "Something was left out of the model, and it has been found.",
-    "ambiguous": "Something was left out of the model; several explanations fit alike.",
     "unexplained": "Simulation and recording differ, and no known effect explains it.",
 }
 
@@ -334,7 +389,7 @@ def pass_gate(
             return Passed("unexplained", doubts=(Doubt.CARRIED,))
         return Passed(kind)
     doubts = [] if kept is not None else [Doubt.UNPROVED]
-    proved = kept is None or kept.ratio_95[0] > 1.0
+    proved = kept is None or kept.proves
     if _noise_swallows(forward):
         doubts.append(Doubt.NOISE)
     if best.misfit >= MISFIT:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from mismatch.fitting.fit import Fit, fit_model
-from mismatch.fitting.hypotheses import Hypothesis
+from mismatch.fitting.hypotheses import MISFIT, Hypothesis
 from mismatch.fitting.normal_equations import Free, free_parameters
 from mismatch.model.forward import Forward
 from mismatch.verdict import HeldOut
@@ -32,8 +32,12 @@ def choose_held_out(forward: Forward) -> np.ndarray:
 
 def _errors(
     forward: Forward, model_fit: Fit, free: Sequence[Free], held: np.ndarray
-) -> tuple[FloatArray, FloatArray]:
-    """Squared error sums and counts (held-out trials × blocks), after training on the others."""
+) -> tuple[FloatArray, FloatArray, float]:
+    """Squared error sums and counts (held-out trials × blocks), after training on the others.
+
+    And what the held-out trials cost in all: their misfit, and how far each had to be moved from
+    what repeats, which takes up errors of metres that a law would else show.
+    """
     train = type(forward)(**{**vars(forward), "records": forward.records.chosen(~held)})
     trained = fit_model(
         train, model_fit.model, free, (model_fit.nuisance, model_fit.law_offsets), rounds=5
@@ -47,7 +51,8 @@ def _errors(
     part = slice(0, s3) if forward.mode != "swing" else slice(s3, None)
     squares, used = errors[held][:, part] ** 2, weights[held][:, part] > 0.0
     axes = 3 if forward.mode != "swing" else 1
-    return _in_blocks(squares, axes), _in_blocks(used.astype(np.float64), axes)
+    sums = _in_blocks(squares, axes), _in_blocks(used.astype(np.float64), axes)
+    return *sums, fitted.objective
 
 
 def _in_blocks(rows: FloatArray, axes: int) -> FloatArray:
@@ -101,8 +106,8 @@ def hold_out(
     if not mask.any() or mask.all():
         return None
     free = free_parameters(best.fit.model, [m.effect for m in best.members])
-    before, count = _errors(forward, base, (), mask)
-    after, _ = _errors(forward, best.fit, free, mask)
+    before, count, cost = _errors(forward, base, (), mask)
+    after, _, less = _errors(forward, best.fit, free, mask)
     rng = np.random.default_rng(11)
     picks = rng.integers(0, before.size, (DRAWS, before.size))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -117,4 +122,5 @@ def hold_out(
         "rad" if forward.mode == "swing" else "m",
         _extrapolation(forward, base, ()),
         _extrapolation(forward, best.fit, free),
+        float(cost - less) / best.misfit if best.misfit < MISFIT else None,
     )  # fmt: skip

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mismatch.model.forward import Forward
-from physics.domain import FloatArray, Vector
+from physics.domain import FloatArray, Number, Vector
 from physics.effects import Coordinate, Effect, FlightState, Parameter, Phase, Size, Values
 
 __all__ = ["Field", "smooth_fields"]
@@ -31,6 +31,16 @@ WORDS = {
     Coordinate.HEIGHT: "the height",
     Coordinate.SPEED: "the speed",
 }
+
+UNITS = {
+    Coordinate.TIME: "s",
+    Coordinate.PLACE: "m",
+    Coordinate.HEIGHT: "m",
+    Coordinate.SPEED: "m/s",
+}
+
+FELT = 0.1
+"""Share of its largest value from which a force is said to act."""
 
 
 def _weights() -> tuple[Parameter, ...]:
@@ -68,6 +78,25 @@ class Field(Effect):
     high: float = 1.0
     looks: float = LOOKS
 
+    def size(self, values: Values, place: Number) -> FloatArray:
+        """The curve itself, N, at values of the coordinate."""
+        scaled = (np.asarray(place) - self.low) / (self.high - self.low) * (KNOTS - 1)
+        terms = [values[p.name] * _spline(scaled - k) for k, p in enumerate(self.parameters)]
+        return np.asarray(np.sum(np.broadcast_arrays(*terms), axis=0))
+
+    def in_words(self, values: Values) -> str:
+        """Where the force is strongest, how strong, and where it has fallen to a tenth of that."""
+        grid = np.linspace(self.low, self.high, 201)
+        size = self.size(values, grid)
+        top = int(np.argmax(np.abs(size)))
+        unit = UNITS[self.coordinate]
+        felt = grid[np.abs(size) > FELT * abs(size[top])]
+        reach = f"from {felt.min():.3g} {unit} to {felt.max():.3g} {unit}"
+        return (
+            f"{size[top]:+.3g} N at most, where {WORDS[self.coordinate]} is {grid[top]:.3g} {unit};"
+            f" more than a tenth of that {reach}"
+        )
+
     def force(self, values: Values, flight: FlightState) -> Vector:
         """Sum of splines, along the direction."""
         place = {
@@ -75,10 +104,7 @@ class Field(Effect):
             Coordinate.PLACE: flight.x,
             Coordinate.HEIGHT: flight.y,
         }.get(self.coordinate, flight.speed)
-        scaled = (np.asarray(place) - self.low) / (self.high - self.low) * (KNOTS - 1)
-        size = sum(
-            values[p.name] * _spline(scaled - k) for k, p in enumerate(self.parameters)
-        ) + 0.0 * np.asarray(flight.x)
+        size = self.size(values, place) + 0.0 * np.asarray(flight.x)
         nothing = np.zeros_like(size)
         if self.form == "horizontal":
             return size, nothing, nothing

@@ -18,7 +18,15 @@ from mismatch.verdict import Location, Remainder
 from physics.domain import FloatArray
 from physics.effects import Effect, FlightState, SwingState, Values
 
-__all__ = ["locate", "noise_notes", "reduced_chi2", "remainder_of", "where_it_is_largest"]
+__all__ = [
+    "flight_state",
+    "locate",
+    "noise_notes",
+    "reduced_chi2",
+    "remainder_of",
+    "swing_state",
+    "where_it_is_largest",
+]
 
 FELT = 0.1
 
@@ -131,10 +139,8 @@ def _values_of(fit: Fit, effect: Effect) -> Values:
     return next(values for held, values in fit.model.entries if held is effect)
 
 
-def _force_along(
-    forward: Forward, fit: Fit, effect: Effect
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Force (3, T, S), velocity (3, T, S) and time since touch of the ball's rows."""
+def flight_state(forward: Forward, fit: Fit) -> tuple[FlightState, FloatArray]:
+    """The balls' states at their rows (T, S), as a fit has them, and their time since touch, s."""
     records = forward.records
     nuisance = spread_laws(forward, fit.nuisance, fit.law_offsets)[None]
     # Two looks at clocks a little apart give the velocity that goes with each row.
@@ -155,7 +161,32 @@ def _force_along(
         fit.model.value("drag", "drag_coefficient", 0.0), fit.model.value("magnus", "spin", 0.0),
         forward.nominal_speed()[:, None], records.order[:, None],
     )  # fmt: skip
+    return flight, ball
+
+
+def swing_state(forward: Forward, fit: Fit) -> SwingState | None:
+    """The pendulum's states at its rows (T, P), as a fit has them; None without a pendulum."""
+    body = forward.baseline.pendulum
+    records = forward.records
+    if body is None or not records.pendulum_used.any():
+        return None
+    nuisance = spread_laws(forward, fit.nuisance, fit.law_offsets)[None]
+    angle = forward.predict([fit.model], nuisance)[0][:, 3 * records.ball_time.shape[1] :]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        rate = np.gradient(angle, axis=1) / np.gradient(records.pendulum_time, axis=1)
+    return SwingState(
+        angle, np.nan_to_num(rate, posinf=0.0, neginf=0.0), body.inertia, body.mass, body.com,
+        body.length, forward.baseline.gravity, records.order[:, None],
+    )  # fmt: skip
+
+
+def _force_along(
+    forward: Forward, fit: Fit, effect: Effect
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Force (3, T, S), velocity (3, T, S) and time since touch of the ball's rows."""
+    flight, ball = flight_state(forward, fit)
     force = effect.force(_values_of(fit, effect), flight)
+    velocity = np.stack([np.broadcast_to(v, ball.shape) for v in (flight.vx, flight.vy, flight.vz)])
     return np.stack([np.broadcast_to(f, ball.shape) for f in force]), velocity, ball
 
 
@@ -386,8 +417,9 @@ def remainder_of(prepared: Prepared, best: Hypothesis | None) -> Remainder:
     subject = "The baseline's residuals" if best is None else "What remains after the best model"
     verb = "cannot be told from noise" if white else "still holds structure"
     told = f"{subject} {verb} (chi2 per degree of freedom {reduced:.2f})."
-    if correlated:
+    if correlated or probability == before == 1.0:
         # Noise that remembers is never white: its p-value would accuse the model of the noise.
+        # Records too short to tell have none.
         return Remainder(white, told)
     if best is None:
         told += f" Whiteness of the residuals: p = {probability:.1g}."

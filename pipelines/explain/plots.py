@@ -107,12 +107,14 @@ def figure_of(explained: Explained | TableExplained) -> Picture:
     if isinstance(explained, TableExplained):
         return figure_of_table(explained)
     forward, base = explained.prepared.forward, explained.prepared.fit
-    best = explained.naming.best
+    best = explained.naming.best if explained.verdict.effects else None
     channels = [k for k in range(3) if forward.records.ball_used[..., k].any()]
     if forward.records.pendulum_used.any():
         channels.append(3)
     # About a baseline that is out of step with a long swing no torque can be told from its phase.
-    forces = () if forward.mode == "swing" else missing_force(forward, base)
+    seen = {("horizontal", "vertical", "out_of_plane", "angle")[k] for k in channels}
+    found = () if forward.mode == "swing" else missing_force(forward, base)
+    forces = [force for force in found if force.channel in seen]
     rows = 2 if forces else 1
     columns = max(len(channels), len(forces), 1)
     figure = Picture(figsize=(4.2 * columns, 3.2 * rows), layout="constrained")

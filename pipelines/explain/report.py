@@ -6,7 +6,8 @@ Pictures of a verdict: what was recorded over both simulations, and what each le
 import base64
 import hashlib
 import io
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from importlib.resources import files
@@ -22,9 +23,12 @@ from metrology import write_text_whole
 from mismatch import Explained, Verdict
 from mismatch.fitting.fit import Fit
 from mismatch.fitting.normal_equations import spread_laws
+from mismatch.model.candidates import Candidate
+from mismatch.search.locate import flight_state, swing_state
 from mismatch.table.explain import TableExplained
 from mismatch.verdict import NamedEffect
-from physics.domain import FloatArray
+from physics.domain import FloatArray, Number, Vector
+from physics.effects import Coordinate, Effect, FlightState, Values
 from pipelines.explain.plots import figure_of
 from pipelines.figures import Picture
 
@@ -36,6 +40,40 @@ MOST_PANELS = 6
 BASELINE, IMPROVED, SEEN = "tab:red", "tab:blue", "0.25"
 
 AXES = ("x", "y", "z")
+
+MOST_NUMBERS = 6
+"""Numbers of a law that a table holds."""
+
+LIBRARIES = ("numpy", "scipy")
+"""On whose versions the numbers may depend."""
+
+BINS = 24
+"""Stretches of a coordinate in which rows are averaged."""
+
+LEAST_ROWS = 8
+"""Rows from which a curve is drawn."""
+
+DRAWS = 60
+"""Draws of a law's numbers, for its band."""
+
+ALONG = {
+    Coordinate.TIME: "time after release / s",
+    Coordinate.PLACE: "place along the way / m",
+    Coordinate.HEIGHT: "height / m",
+    Coordinate.SPEED: "speed / (m/s)",
+    Coordinate.RATE: "angular velocity / (rad/s)",
+    Coordinate.ANGLE: "angle / rad",
+}
+
+FLYING = frozenset({Coordinate.TIME, Coordinate.PLACE, Coordinate.HEIGHT, Coordinate.SPEED})
+"""Coordinates that a flight has."""
+
+WAYS = {
+    "horizontal": "forward",
+    "vertical": "upward",
+    "along_velocity": "along the path",
+    "normal_to_velocity": "at right angles to the path",
+}
 
 
 @dataclass(frozen=True)
@@ -128,7 +166,7 @@ def _tracks(explained: Explained) -> tuple[list[_Track | None], str, str]:
 
 
 def paths_figure(explained: Explained) -> Picture:
-    """Recorded paths over both simulations: up to six trials each by itself, then all together."""
+    """Recorded paths over both simulations: all together, then up to six trials magnified."""
     tracks, across, up = _tracks(explained)
     shown = [k for k, track in enumerate(tracks) if track is not None]
     picked = [
@@ -140,10 +178,10 @@ def paths_figure(explained: Explained) -> Picture:
     grid = figure.add_gridspec(rows, 2)
     for place, trial in enumerate(picked):
         axis = figure.add_subplot(grid[1 + place // 2, place % 2])
-        _draw(axis, [tracks[trial]], size=3.0)
+        _draw_off(axis, tracks[trial])
         axis.set_title(f"trial {names[trial]}", fontsize=9)
         axis.set_xlabel(across, fontsize=8)
-        axis.set_ylabel(up, fontsize=8)
+        axis.set_ylabel(f"{up.replace(' / ', ' off / m')}", fontsize=8)
     together = figure.add_subplot(grid[0, :])
     _draw(together, tracks, size=1.5)
     together.set_title(f"all {len(shown)} trials", fontsize=9)
@@ -152,6 +190,17 @@ def paths_figure(explained: Explained) -> Picture:
     handles, labels = together.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=3, fontsize=9)
     return figure
+
+
+def _draw_off(axis: Axes, track: _Track | None) -> None:
+    """One trial as the simulation before misses it, a thousand times as large."""
+    if track is None:
+        return
+    axis.plot(track.across, 1e3 * (track.seen - track.before), ".", ms=3.0, color=SEEN)
+    axis.axhline(0.0, lw=1.0, color=BASELINE, alpha=0.8)
+    if track.after is not None:
+        axis.plot(track.across, 1e3 * (track.after - track.before), "-", lw=1.2, color=IMPROVED)
+    axis.tick_params(labelsize=8)
 
 
 def _draw(axis: Axes, tracks: list[_Track | None], size: float) -> None:
@@ -224,6 +273,166 @@ def _coordinate(explained: Explained, axis: int) -> tuple[FloatArray, str]:
     return np.sqrt(squares), name
 
 
+def law_figure(explained: Explained) -> Picture | None:
+    """Each force or torque that was named over what it depends on, with its 95 % band.
+
+    None where nothing of that kind was named.
+    """
+    curves = [curve for member in _members(explained) for curve in _curve(explained, member.effect)]
+    if not curves:
+        return None
+    titles = list(dict.fromkeys(curve.title for curve in curves))
+    figure = Picture(figsize=(7.2, 2.9 * len(titles)), layout="constrained")
+    panels = figure.subplots(len(titles), 1, squeeze=False)[:, 0]
+    for curve in curves:
+        axis = panels[titles.index(curve.title)]
+        (line,) = axis.plot(curve.along, curve.size, "-", lw=1.4, label=curve.ball)
+        axis.fill_between(
+            curve.along, curve.low, curve.high, color=line.get_color(), alpha=0.25, lw=0
+        )
+        axis.set_title(curve.title, fontsize=10)
+        axis.set_xlabel(curve.along_name, fontsize=9)
+        axis.set_ylabel(curve.size_name, fontsize=9)
+        axis.tick_params(labelsize=8)
+    for axis in panels:
+        axis.axhline(0.0, color="0.6", lw=0.8)
+        if len(axis.get_legend_handles_labels()[1]) > 1:
+            axis.legend(fontsize=8)
+    return figure
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """A law over its coordinate: the mean of rows there, and 95 % of what its numbers allow."""
+
+    along: FloatArray
+    size: FloatArray
+    low: FloatArray
+    high: FloatArray
+    title: str
+    ball: str
+    along_name: str
+    size_name: str
+
+
+def _members(explained: Explained) -> tuple[Candidate, ...]:
+    best = explained.naming.best
+    return () if best is None or not explained.verdict.effects else best.members
+
+
+def _curve(explained: Explained, effect: Effect) -> list[_Curve]:
+    """The law's curve for each ball; nothing for what is no force or torque."""
+    best = explained.naming.best
+    acting = None if best is None else _acting(explained, best.fit, effect)
+    if best is None or acting is None:
+        return []
+    records = explained.prepared.forward.records
+    rows = np.broadcast_to(records.ball_index[:, None], acting.used.shape)[acting.used]
+    names = records.ball_names if acting.flying else ("",)
+    found = []
+    for index, ball in enumerate(names):
+        mine = rows == index if acting.flying else np.ones(rows.size, dtype=bool)
+        if int(mine.sum()) > LEAST_ROWS:
+            found.append(_banded(best.fit, effect, acting, mine, ball))
+    return found
+
+
+@dataclass(frozen=True)
+class _Acting:
+    """Rows at which a law acts: which they are, its coordinate there, and its size for values."""
+
+    used: NDArray[np.bool_]
+    place: FloatArray
+    size: Callable[[Values], FloatArray]
+    name: str
+    along: str
+    flying: bool
+
+
+def _acting(explained: Explained, fit: Fit, effect: Effect) -> _Acting | None:
+    forward = explained.prepared.forward
+    if "force" in effect.hooks:
+        flight, since = flight_state(forward, fit)
+        used = forward.records.ball_used.any(axis=-1) & (np.asarray(flight.time) > 0.0)
+
+        def forces(values: Values) -> dict[str, FloatArray]:
+            parts = _directions(effect.force(values, flight), flight)
+            return {way: np.broadcast_to(f, since.shape)[used] for way, f in parts.items()}
+
+        parts = forces(_values(fit, effect))
+        largest = max(parts, key=lambda way: float(np.abs(parts[way]).sum()))
+        way = effect.form if effect.form in parts else largest
+        place = np.broadcast_to(np.asarray(_of_flight(effect, flight)), since.shape)[used]
+        along = effect.coordinate if effect.coordinate in FLYING else Coordinate.SPEED
+        return _Acting(
+            used, place, lambda values: forces(values)[way], f"force {WAYS[way]} / N",
+            ALONG[along], True,
+        )  # fmt: skip
+    swing = swing_state(forward, fit)
+    if "torque" not in effect.hooks or swing is None:
+        return None
+    used = forward.records.pendulum_used
+    along = Coordinate.ANGLE if effect.coordinate is Coordinate.ANGLE else Coordinate.RATE
+    over = swing.phi if along is Coordinate.ANGLE else swing.omega
+
+    def torque(values: Values) -> FloatArray:
+        return np.broadcast_to(np.asarray(effect.torque(values, swing)), used.shape)[used]
+
+    place = np.broadcast_to(np.asarray(over), used.shape)[used]
+    return _Acting(used, place, torque, "torque / N m", ALONG[along], False)
+
+
+def _banded(
+    fit: Fit, effect: Effect, acting: _Acting, mine: NDArray[np.bool_], ball: str
+) -> _Curve:
+    """Means of rows in even stretches of the coordinate, for the answer and for draws about it."""
+    place = acting.place[mine]
+    edges = np.linspace(place.min(), place.max() + 1e-12, BINS + 1)
+    which = np.clip(np.searchsorted(edges, place, side="right") - 1, 0, BINS - 1)
+    count = np.bincount(which, minlength=BINS)
+    kept = count > 0
+
+    def means(values: Values) -> FloatArray:
+        sums = np.bincount(which, acting.size(values)[mine], minlength=BINS)
+        return np.asarray((sums / np.maximum(count, 1))[kept])
+
+    values = dict(_values(fit, effect))
+    own = [k for k, item in enumerate(fit.free) if fit.model.entries[item.entry][0] is effect]
+    names = [fit.free[k].parameter.name for k in own]
+    middle = [float(values[name]) for name in names]
+    spread = fit.misfit * fit.covariance[np.ix_(own, own)]
+    draws = np.random.default_rng(5).multivariate_normal(middle, spread, DRAWS)
+    moved = np.array([means(values | dict(zip(names, draw, strict=True))) for draw in draws])
+    low, high = np.quantile(moved, [0.025, 0.975], axis=0)
+    what = "a force in no catalogue" if effect.id == "unnamed" else effect.id.replace("_", " ")
+    middles = (0.5 * (edges[1:] + edges[:-1]))[kept]
+    return _Curve(middles, means(values), low, high, what, ball, acting.along, acting.name)
+
+
+def _values(fit: Fit, effect: Effect) -> Values:
+    return next(values for held, values in fit.model.entries if held is effect)
+
+
+def _of_flight(effect: Effect, flight: FlightState) -> Number:
+    return {
+        Coordinate.TIME: flight.time,
+        Coordinate.PLACE: flight.x,
+        Coordinate.HEIGHT: flight.y,
+    }.get(effect.coordinate, flight.speed)
+
+
+def _directions(force: Vector, flight: FlightState) -> dict[str, FloatArray]:
+    """A force by direction, N."""
+    fx, fy = np.asarray(force[0]), np.asarray(force[1])
+    speed = np.maximum(flight.speed, 1e-9)
+    return {
+        "horizontal": fx,
+        "vertical": fy,
+        "along_velocity": (fx * flight.vx + fy * flight.vy) / speed,
+        "normal_to_velocity": (fy * flight.vx - fx * flight.vy) / speed,
+    }
+
+
 def misfit_by_trial(explained: Explained) -> tuple[TrialMisfit, ...]:
     """What is left of every trial before and after, in mm (mrad for swings alone)."""
     axes = [a for a in _axes(explained) if a < 3] or [3]
@@ -241,10 +450,38 @@ def misfit_by_trial(explained: Explained) -> tuple[TrialMisfit, ...]:
             sizes.append(float(np.sqrt(np.mean(left**2))) if left.size else None)
         if sizes[0] is not None:
             found.append(TrialMisfit(name, sizes[0], sizes[1]))
-    return tuple(found)
+    return (*found, _together(explained, found, axes))
 
 
-FORCES = "Mean residual in units of the noise over time, and the missing force with its 95 % band."
+def _together(explained: Explained, rows: list[TrialMisfit], axes: list[int]) -> TrialMisfit:
+    """All trials as one row, each weighed by its number of samples."""
+    counts = {
+        name: sum(int(_used(explained, a)[k].sum()) for a in axes)
+        for k, name in enumerate(explained.trials)
+    }
+    weights = np.array([counts[row.name] for row in rows], dtype=float)
+
+    def mean(values: list[float]) -> float:
+        return float(np.sqrt(np.average(np.square(values), weights=weights)))
+
+    after = [row.after for row in rows if row.after is not None]
+    return TrialMisfit(
+        "all", mean([row.before for row in rows]), mean(after) if len(after) == len(rows) else None
+    )
+
+
+def _noise(explained: Explained) -> float:
+    """What noise alone would leave, mm or mrad."""
+    axes = [a for a in _axes(explained) if a < 3] or [3]
+    return 1e3 * float(np.sqrt(np.mean(np.square(explained.prepared.noise.sigma[:, axes]))))
+
+
+FORCES = (
+    "Above: mean residual in units of the noise, over time. Below: the force that is missing, by"
+    " the residuals alone, with its 95 % band; one curve for all trials."
+)
+
+SWING_MEANS = "Mean residual in units of the noise, over time."
 
 TABLE = "Recorded minus model for each number, over impact speed."
 
@@ -271,6 +508,11 @@ class _Told:
     text: str
     source: str
 
+    @property
+    def table(self) -> bool:
+        """Whether its numbers are few enough to be read one by one; a curve is drawn instead."""
+        return len(self.named.parameters) <= MOST_NUMBERS
+
 
 @dataclass(frozen=True)
 class _File:
@@ -287,6 +529,8 @@ def _png(figure: Picture) -> str:
 def _typeset(law: str) -> str:
     """A formula as SVG, base64; empty where matplotlib can't set it."""
     buffer = io.BytesIO()
+    law = re.sub(r"\\tfrac(\d)(\d)", r"\\frac{\1}{\2}", law).replace(r"\tfrac", r"\frac")
+    law = re.sub(r"\\(mathbf|boldsymbol) ?(\\[A-Za-z]+|[A-Za-z])", r"\\\1{\2}", law)
     try:
         math_to_image(f"${law}$", buffer, dpi=150, format="svg")
     except (ValueError, RuntimeError):
@@ -324,19 +568,23 @@ def explain_report_html(
     page = Environment(autoescape=True).from_string(_page())
     common = {
         "v": explained.verdict,
-        "headline": explained.verdict.text().splitlines()[0],
+        "headline": explained.verdict.headline,
         "effects": _told(explained),
         "png": _png(figure_of(explained)),
         "sources": _provenance(rests_on),
         "version": version("impact-vision"),
+        "libraries": ", ".join(f"{name} {version(name)}" for name in LIBRARIES),
     }
     if isinstance(explained, TableExplained):
-        return page.render(**common, caption=TABLE)
+        return page.render(**common, means=TABLE)
     forward = explained.prepared.forward
     swings = forward.mode == "swing"
+    laws = law_figure(explained)
     return page.render(
         **common,
-        caption=FORCES,
+        means=SWING_MEANS if swings else FORCES,
+        laws="" if laws is None else _png(laws),
+        noise=_noise(explained),
         paths=_png(paths_figure(explained)),
         residuals=_png(residuals_figure(explained)),
         trials=misfit_by_trial(explained),
