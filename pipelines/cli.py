@@ -64,9 +64,10 @@ _COMMANDS = {
         "pipelines.model.simulate", "simulate_command", "Simulate a strike and the flight after it."
     ),
     "plan": _Command(
-        "pipelines.model.plan",
-        "plan_command",
-        "Plan a strike: the back-swing angle and impact speed that reach a distance.",
+        "pipelines.campaign.design",
+        "PLAN_COMMANDS",
+        "Plan a strike that reaches a distance; plan campaign: how many strikes for a law.",
+        "DistanceOrCommand",
     ),
     "paper": _Command(
         "pipelines.paper",

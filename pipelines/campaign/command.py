@@ -103,6 +103,8 @@ def campaign_command(
             screen(errors=True).print(f"{clip} was measured again: {what} changed since")
         measured = done.summary["clips"]["done"]
         screen().print(f"{measured} clips measured; report: {done.report}")
+        if done.explained is not None:
+            screen().print(done.explained, soft_wrap=True)
     if done.wanting:
         raise MeasurementError(
             f"{len(done.wanting)} clips could not be measured:\n" + "\n".join(done.wanting[:50]),

@@ -10,13 +10,13 @@ import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from metrology import UsageError, write_text_whole
+from metrology import MeasurementError, UsageError, write_text_whole
 from pipelines.api.explained import explain as find_missing_physics
 from pipelines.api.quantities import measure_options, setup_from
 from pipelines.campaign.analysis.balls import BallAnalysis, CampaignAnalysis, analyse
@@ -275,6 +275,8 @@ class Campaign:
         Clips that could not be measured, each with its reason.
     again : dict of str to str
         Clips measured again, and what changed since.
+    explained : str or None
+        What the engine said of missing physics, where it was asked.
     """
 
     folder: Path
@@ -282,6 +284,7 @@ class Campaign:
     summary: dict[str, Any]
     wanting: tuple[str, ...] = ()
     again: dict[str, str] = field(default_factory=dict)
+    explained: str | None = None
 
     @property
     def report(self) -> Path:
@@ -433,8 +436,10 @@ def _published(
 ) -> Campaign:
     with Ledger(edition.folder) as ledger:
         published = publish(edition, ledger)
-    if explained:
-        _explain(edition, published)
+        said = _explain(edition, published) if explained else None
+        if said is not None:
+            facts = replace(edition.facts, notes=(*edition.facts.notes, said))
+            published = publish(replace(edition, facts=facts), ledger)
     wanting = [
         f"{result.clip}: {result.error or result.state}"
         for result in published.results
@@ -442,19 +447,34 @@ def _published(
     ]
     wanting += [f"{name}: named in the lab book, not given" for name in absent]
     summary = json.loads((edition.folder / "summary.json").read_text(encoding="utf-8"))
-    return Campaign(edition.folder, published.frame, summary, tuple(wanting), progress.again)
+    return Campaign(edition.folder, published.frame, summary, tuple(wanting), progress.again, said)
 
 
-def _explain(edition: Edition, published: Published) -> None:
-    """Hand the table of strikes to the engine; ``explain.html`` and ``explain.json`` tell."""
+def _explain(edition: Edition, published: Published) -> str:
+    """Hand the table of strikes to the engine; what it says, for the report.
+
+    ``explain.html`` and ``explain.json`` tell it in full.
+    """
     used = {result.clip for result in published.results if result.used}
     table = published.frame[published.frame["clip"].isin(used)]
-    verdict = find_missing_physics(
-        trials=table.rename(columns={"clip": "trial"}), setup=edition.setup
-    )
-    verdict.report(edition.folder / "explain.html")
-    text = json.dumps(verdict.to_dict(), indent=2, ensure_ascii=False)
+    told: dict[str, Any]
+    try:
+        verdict = find_missing_physics(
+            trials=table.rename(columns={"clip": "trial"}), setup=edition.setup
+        )
+    except (MeasurementError, UsageError) as problem:
+        # what is measured is published; that it does not tell of physics is no failure of it
+        told, said = {"verdict": None, "reason": problem.in_one_line}, problem.in_one_line
+        said = f"Missing physics was not looked for: {said}"
+    else:
+        verdict.report(edition.folder / "explain.html")
+        told = verdict.to_dict()
+        said = f"Missing physics ({told['verdict']}): see explain.html."
+        named = [effect["statement"] for effect in told["effects"]]
+        said = " ".join([said, *named])
+    text = json.dumps(told, indent=2, ensure_ascii=False)
     write_text_whole(edition.folder / "explain.json", text + "\n")
+    return said
 
 
 def _require_balls(book: LabBook | None, setup: Setup, ball: str | None) -> None:

@@ -225,6 +225,8 @@ def plan_command(
     """Plan a strike: the back-swing angle and impact speed that reach a distance.
 
     Example: vision plan --distance 2.5m --ball jokku
+
+    How many strikes a law of restitution needs: vision plan campaign --help
     """
     known = setup_or_default(setup)
     wanted = asked(known, ball, cor, drag, cor_law)

@@ -1,0 +1,226 @@
+"""A campaign as a lab would run it: 40 rendered clips of two balls, killed twice on the way.
+
+``python -m bench.campaign.filmed FOLDER [--jobs N]`` renders what FOLDER does not hold yet, runs
+``vision campaign`` on it as a user would, ends it twice with signal 9, goes on, and holds the laws
+that come out against the laws that the clips were rendered with.
+"""
+
+import argparse
+import csv
+import functools
+import json
+import math
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pipelines.render import RenderOptions, planned_scene
+from pipelines.setup.file import load_setup
+from sample_videos import render_clip
+
+BACKSWINGS_DEG = (30.0, 42.0, 54.0, 66.0, 78.0, 92.0, 106.0, 120.0)
+REPEATS = {"jokku": (3, 2, 3, 2, 3, 2, 3, 2), "basketball": (2, 3, 2, 3, 2, 3, 2, 3)}
+"""Strikes at each back-swing: 20 of each ball."""
+SIZE = (256, 144)
+"""px: the smallest picture whose grid of 50 mm (4 px fine squares) is still found in every clip."""
+SCATTER_COR = 0.004
+SETUP = """# what the lab wrote down
+[camera]
+capture_fps = 600
+shutter = "0.001 s"
+
+[wall]
+grid = "50 mm"
+fine_grid = "10 mm"
+ball_plane_offset = "0.450 m ± 0.005 m"
+
+[balls.jokku]
+preset = "jokku"
+
+[balls.basketball]
+preset = "basketball"
+"""
+
+
+@dataclass(frozen=True)
+class Laboratory:
+    """Clips, lab book and setup of a rendered campaign, and the laws behind it."""
+
+    folder: Path
+
+    @property
+    def clips(self) -> Path:
+        return self.folder / "clips"
+
+    @property
+    def book(self) -> Path:
+        return self.folder / "trials.csv"
+
+    @property
+    def setup(self) -> Path:
+        return self.folder / "lab.toml"
+
+    def truth(self, name: str) -> dict:
+        return json.loads((self.clips / f"{name}.truth.json").read_text())
+
+
+@dataclass(frozen=True)
+class Strike:
+    """One clip to render: where its pendulum starts, and how far this strike is off the law."""
+
+    name: str
+    ball: str
+    backswing_deg: float
+    offset: float
+    seed: int
+
+
+def film(lab: Laboratory, jobs: int, seed: int = 5) -> None:
+    """Render what is not there yet, and write what a lab would write down."""
+    lab.clips.mkdir(parents=True, exist_ok=True)
+    lab.setup.write_text(SETUP, encoding="utf-8")
+    rng = np.random.default_rng(seed)
+    rows, strikes = [], []
+    for ball, repeats in REPEATS.items():
+        for written, count in zip(BACKSWINGS_DEG, repeats, strict=True):
+            for repeat in range(count):
+                number, name = len(rows), f"{ball}_{written:03.0f}_{repeat + 1}"
+                swing = written + rng.normal(0.0, 0.3)
+                strikes.append(Strike(name, ball, swing, rng.normal(0.0, SCATTER_COR), number))
+                rows.append(
+                    {
+                        "clip": name,
+                        "ball": ball,
+                        "backswing_deg": written,
+                        "session": "AB"[repeat % 2],
+                        "operator": "BM"[number % 2],
+                    }
+                )
+    missing = [one for one in strikes if not (lab.clips / f"{one.name}.truth.json").exists()]
+    with ProcessPoolExecutor(jobs) as pool:
+        for name in pool.map(functools.partial(_rendered, lab), missing):
+            print(name, file=sys.stderr, flush=True)
+    for row in rows:
+        tape = _value(lab.truth(str(row["clip"]))["quantities"].get("landing_distance"))
+        row["landing_tape_m"] = "" if tape is None else f"{tape + rng.normal(0.0, 0.01):.3f}"
+    with lab.book.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, [*rows[0]])
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def _rendered(lab: Laboratory, strike: Strike) -> str:
+    setup = load_setup(lab.setup)
+    law = _scattered(setup.balls[strike.ball].cor, strike.offset)
+    options = RenderOptions(
+        backswing=math.radians(strike.backswing_deg),
+        ball=strike.ball,
+        size=SIZE,
+        seed=1000 + strike.seed,
+    )
+    scene, shot = planned_scene(setup.having({f"balls.{strike.ball}.cor": law}), options)
+    render_clip(scene, shot, lab.clips / f"{strike.name}.mp4")
+    return strike.name
+
+
+def _scattered(law, offset: float) -> str:
+    from physics.restitution.restitution import law_as_text
+
+    return f"{law_as_text(law)} + {offset:.6f}".replace("+ -", "- ")
+
+
+def _value(item) -> float | None:
+    value = item.get("value") if isinstance(item, dict) else item
+    return None if value is None else float(value)
+
+
+def command(lab: Laboratory, out: Path, jobs: int) -> list[str]:
+    run = "from pipelines.cli import app; app()"
+    given = ["campaign", str(lab.clips), "--trials", str(lab.book), "--setup", str(lab.setup)]
+    return [sys.executable, "-c", run, *given, "--out", str(out), "-j", str(jobs), "--paper"]
+
+
+def _done(out: Path) -> int:
+    try:
+        with sqlite3.connect(f"file:{out / 'ledger.sqlite'}?mode=ro", uri=True) as held:
+            return int(held.execute("select count(*) from clips where state='done'").fetchone()[0])
+    except sqlite3.Error:
+        return 0
+
+
+def run_killed(lab: Laboratory, out: Path, jobs: int, kill_at: tuple[int, ...]) -> float:
+    """Run to the end, ended by signal 9 once so many clips are done; wall time of all runs, s."""
+    began = time.monotonic()
+    for least in kill_at:
+        started = subprocess.Popen(command(lab, out, jobs), stderr=subprocess.DEVNULL)
+        while _done(out) < least and started.poll() is None:
+            time.sleep(0.3)
+        started.send_signal(signal.SIGKILL)
+        started.wait()
+        print(f"killed with {_done(out)} clips done", file=sys.stderr, flush=True)
+    ended = subprocess.run(command(lab, out, jobs), check=False)
+    print(f"exit code {ended.returncode}", file=sys.stderr, flush=True)
+    return time.monotonic() - began
+
+
+def judged(lab: Laboratory, out: Path) -> list[str]:
+    """Rows of the table: what was measured, and the laws against those behind the clips."""
+    summary = json.loads((out / "summary.json").read_text())
+    setup = load_setup(lab.setup)
+    with sqlite3.connect(out / "ledger.sqlite") as held:
+        clips, attempts = held.execute("select count(*), sum(attempts) from clips").fetchone()
+    rows = [
+        f"| 40 rendered clips, killed twice: rows, done, attempts | 40, 40, | {clips},"
+        f" {summary['clips']['done']}, {attempts} |"
+    ]
+    inside, speeds, worst = 0, 0, 0.0
+    for ball, found in summary["balls"].items():
+        for at in found["cor_at"]:
+            true = float(setup.balls[ball].cor(at["speed"]))
+            low, high = at["interval_95"]
+            inside, speeds = inside + (low <= true <= high), speeds + 1
+            worst = max(worst, abs(at["value"] - true))
+        middle = found["cor_at"][len(found["cor_at"]) // 2]
+        rows.append(
+            f"| {ball}: law {found['law']}, e({middle['speed']:.2f} m/s) | "
+            f"{float(setup.balls[ball].cor(middle['speed'])):.4f} | {middle['value']:.4f}"
+            f" ± {middle['std']:.4f} |"
+        )
+    rows.append(
+        f"| law within its 95 % band, at nine speeds of each ball | all | {inside}/{speeds},"
+        f" at most {worst:.4f} off |"
+    )
+    size = (out / "report.html").stat().st_size
+    rows.append(f"| report of {clips} clips | 20 MB (160 clips) | {size / 1e6:.1f} MB |")
+    return rows
+
+
+def main() -> None:
+    """Render, run, kill, judge, print."""
+    parser = argparse.ArgumentParser(prog="python -m bench.campaign.filmed", description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--only-film", action="store_true")
+    given = parser.parse_args()
+    lab = Laboratory(given.folder)
+    film(lab, given.jobs)
+    if given.only_film:
+        return
+    out = given.folder / "campaign"
+    took = run_killed(lab, out, given.jobs, (9, 23))
+    print("| | wanted | measured |\n|---|---|---|")
+    for row in judged(lab, out):
+        print(row)
+    print(f"| wall time with {given.jobs} processes, killed twice | | {took:.0f} s |")
+
+
+if __name__ == "__main__":
+    main()

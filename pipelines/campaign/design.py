@@ -1,0 +1,504 @@
+"""`vision plan campaign`: how many strikes, at which back-swings, for a law of wanted precision.
+
+One strike at impact speed v gives e = f(v; θ) with variance s² = clip² + σ²; its information on θ
+is g gᵀ / s² with g = ∂f/∂θ. The design is D-optimal: it makes the determinant of the information as
+large as can be, which by the theorem of Kiefer and Wolfowitz (1960) makes the largest variance of
+the law over the speeds as small as can be: P s² / N for P parameters and N strikes. What all
+strikes of a session, or of a setup, have in common does not average away and is added to it.
+"""
+
+import json
+import math
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+from rich.table import Table
+from typer.core import TyperGroup
+
+from metrology import Defaults, DomainError, MeasurementError, UsageError, write_text_whole
+from physics.bodies import Ball, Pendulum
+from physics.restitution.restitution import ConstantCor, CorLaw, ExponentialCor
+from physics.swing import frictionless_speed
+from pipelines.campaign.ledger import Ledger
+from pipelines.campaign.results import ClipResult, clip_results
+from pipelines.model.options import asked, scatter_of, setup_or_default
+from pipelines.model.plan import plan_command
+from pipelines.setup.rig import Rig, rig_of
+from pipelines.terminal import screen
+
+__all__ = [
+    "PLAN_COMMANDS",
+    "CampaignDesign",
+    "DistanceOrCommand",
+    "Precisions",
+    "Setting",
+    "design_campaign",
+    "from_pilot",
+    "from_rig",
+    "plan_campaign_command",
+]
+
+FloatArray = NDArray[np.float64]
+
+CLIP_STD = 0.007
+"""Of one clip's COR, what is its own: noise of the tracks in clips of 432 to 640 px of the sample
+recordings; a pilot campaign tells it better."""
+SESSION_SHARE = 0.25
+"""Of the variance that may be left, how much the sessions may take: more sessions cost a day each,
+more strikes minutes."""
+_FEWEST_SESSIONS = 2
+_STEPS = 4000
+_CONVERGED = 1e-4
+_LEAST_WEIGHT = 0.02
+_STEP_DEG = 2.0
+
+
+@dataclass(frozen=True)
+class Precisions:
+    """How well one strike is known, and what strikes have in common; all of the COR, one sigma.
+
+    Attributes
+    ----------
+    clip : float
+        Of one clip by itself.
+    strike : float
+        Scatter from strike to strike.
+    session : float
+        Scatter from session to session.
+    shared : mapping of str to float
+        Unknowns of the setup that every clip shares, by name.
+    source : str
+        Where the numbers come from, for people.
+    """
+
+    clip: float
+    strike: float
+    session: float
+    shared: Mapping[str, float]
+    source: str
+
+    @property
+    def one_strike(self) -> float:
+        """Of one strike, without what it shares."""
+        return math.hypot(self.clip, self.strike)
+
+    @property
+    def floor(self) -> float:
+        """What no number of strikes gets below."""
+        return math.hypot(*self.shared.values()) if self.shared else 0.0
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Strikes at one back-swing."""
+
+    backswing_deg: float
+    impact_speed: float
+    strikes: int
+
+
+@dataclass(frozen=True)
+class CampaignDesign:
+    """A campaign to be made.
+
+    Attributes
+    ----------
+    settings : tuple of Setting
+        All sessions together.
+    sessions : int
+    std : float
+        Largest standard uncertainty of the law over the speeds, all told.
+    random_std : float
+        Of that, what more strikes would make smaller.
+    floor : float
+        Of that, what only a better known setup makes smaller.
+    target : float
+    reachable : bool
+        Whether any number of strikes reaches the target.
+    precisions : Precisions
+    first : tuple of (str, float, float)
+        Unknowns of the setup, the most worth measuring first: name, what it leaves of the COR, and
+        the largest value at which the target can be reached with the others as they are (0: the
+        others alone are too large).
+    """
+
+    settings: tuple[Setting, ...]
+    sessions: int
+    std: float
+    random_std: float
+    floor: float
+    target: float
+    reachable: bool
+    precisions: Precisions
+    first: tuple[tuple[str, float, float], ...]
+
+    @property
+    def strikes(self) -> int:
+        """All strikes of all sessions."""
+        return sum(setting.strikes for setting in self.settings)
+
+
+def design_campaign(
+    law: CorLaw,
+    pendulum: Pendulum,
+    ball: Ball,
+    target: float,
+    precisions: Precisions,
+    *,
+    backswings_deg: tuple[float, float] = (20.0, 120.0),
+    gravity: float = Defaults.GRAVITY.known,
+) -> CampaignDesign:
+    """Choose back-swings and strikes for a wanted precision of the law.
+
+    Parameters
+    ----------
+    law : CorLaw
+        As far as it is known: where it bends decides where to measure.
+    pendulum, ball
+    target : float
+        Largest standard uncertainty of the law wanted, at any speed between the back-swings.
+    precisions : Precisions
+    backswings_deg : (2,) tuple of float
+        Smallest and largest back-swing that the rig allows, degrees.
+    gravity : float
+        m/s².
+
+    Raises
+    ------
+    DomainError
+        If the target is not positive, or no speeds are between the back-swings.
+    """
+    if not 0.0 < target < 1.0:
+        raise DomainError(
+            f"a standard uncertainty of {target:g} of the COR is not between 0 and 1",
+            hint="Such as --target-cor-std 0.003.",
+        )
+    angles = np.arange(backswings_deg[0], backswings_deg[1] + 0.5 * _STEP_DEG, _STEP_DEG)
+    reach = np.radians(angles)
+    if len(angles) < 3 or reach[0] <= ball.launch_angle or reach[-1] > np.pi:
+        raise DomainError(
+            f"back-swings from {backswings_deg[0]:g} to {backswings_deg[1]:g} degrees are no range",
+            hint=f"Between {math.degrees(ball.launch_angle):.0f} and 180, a few degrees apart.",
+        )
+    speeds = np.asarray(frictionless_speed(pendulum, reach, ball.launch_angle, gravity))
+    slopes = _slopes(law, speeds)
+    weights = _d_optimal(slopes)
+    left = target**2 - precisions.floor**2
+    reachable = left > 0.0
+    # beyond reach: as many strikes as make their own part no larger than what can't be mended
+    left = left if reachable else precisions.floor**2
+    sessions = max(
+        _FEWEST_SESSIONS, math.ceil(precisions.session**2 / (SESSION_SHARE * left) - 1e-9)
+    )
+    random = left - precisions.session**2 / sessions
+    counts = _rounded(weights, slopes, precisions.one_strike, random, sessions)
+    variance = _largest_variance(slopes, counts, precisions.one_strike)
+    variance += precisions.session**2 / sessions
+    settings = tuple(
+        Setting(float(angle), float(speed), int(count))
+        for angle, speed, count in zip(angles, speeds, counts, strict=True)
+        if count
+    )
+    return CampaignDesign(
+        settings=settings,
+        sessions=sessions,
+        std=math.sqrt(variance + precisions.floor**2),
+        random_std=math.sqrt(variance),
+        floor=precisions.floor,
+        target=target,
+        reachable=reachable,
+        precisions=precisions,
+        first=_first(precisions, target),
+    )
+
+
+def _slopes(law: CorLaw, speeds: FloatArray) -> FloatArray:
+    """∂e/∂θ at each speed, (V, P): of the exponential law, or of a level where e is constant."""
+    if isinstance(law, ConstantCor):
+        return np.ones((len(speeds), 1))
+    if isinstance(law, ExponentialCor):
+        bent, rate = np.exp(-law.rate * speeds - law.shift), law.rate
+        return np.column_stack(
+            [np.exp(-rate * speeds), -law.amplitude * speeds * bent, np.ones_like(speeds)]
+        )
+    # any other law is told from a straight line and its bend, which a parabola has
+    middle = (speeds - speeds.mean()) / np.ptp(speeds)
+    return np.column_stack([np.ones_like(middle), middle, middle**2])
+
+
+def _d_optimal(slopes: FloatArray) -> FloatArray:
+    """Shares of the strikes at each speed, by the multiplicative algorithm (Titterington 1976)."""
+    parameters = slopes.shape[1]
+    scaled = np.linalg.qr(slopes)[0]
+    shares = np.full(len(slopes), 1.0 / len(slopes))
+    for _ in range(_STEPS):
+        information = scaled.T @ (shares[:, np.newaxis] * scaled)
+        variance = np.einsum("ij,jk,ik->i", scaled, np.linalg.inv(information), scaled)
+        if variance.max() < parameters * (1.0 + _CONVERGED):
+            break
+        shares = shares * variance / parameters
+    return _gathered(shares)
+
+
+def _gathered(shares: FloatArray) -> FloatArray:
+    """Shares of neighbours put together on the largest: they are one back-swing of the optimum."""
+    kept = np.zeros_like(shares)
+    cuts = np.flatnonzero(shares > _LEAST_WEIGHT / len(shares))
+    for group in np.split(cuts, np.flatnonzero(np.diff(cuts) > 1) + 1):
+        kept[group[np.argmax(shares[group])]] = shares[group].sum()
+    return np.asarray(kept / kept.sum())
+
+
+def _largest_variance(slopes: FloatArray, counts: FloatArray, one: float) -> float:
+    """Largest variance of the law over the speeds with so many strikes at each."""
+    scaled = np.linalg.qr(slopes)[0]
+    information = scaled.T @ (counts[:, np.newaxis] * scaled) / one**2
+    variance = np.einsum("ij,jk,ik->i", scaled, np.linalg.pinv(information), scaled)
+    return float(variance.max())
+
+
+def _rounded(
+    weights: FloatArray, slopes: FloatArray, one: float, wanted: float, sessions: int
+) -> FloatArray:
+    """Whole strikes at each back-swing, the same in every session, that reach a variance."""
+    parameters = slopes.shape[1]
+    used = weights > 0.0
+    each = max(1, math.floor(parameters * one**2 / (wanted * sessions * used.sum())))
+    while True:
+        counts = np.where(used, np.maximum(np.rint(weights * each * used.sum()), 1.0), 0.0)
+        if _largest_variance(slopes, counts * sessions, one) <= wanted * (1.0 + 1e-9):
+            return np.asarray(counts * sessions)
+        each += 1
+
+
+def _first(precisions: Precisions, target: float) -> tuple[tuple[str, float, float], ...]:
+    ranked = sorted(precisions.shared.items(), key=lambda item: -item[1])
+    found = []
+    for name, std in ranked:
+        others = precisions.floor**2 - std**2
+        room = target**2 - others
+        found.append((name, std, math.sqrt(room) if room > 0.0 else 0.0))
+    return tuple(found)
+
+
+def from_pilot(results: Sequence[ClipResult], fallback: Precisions) -> Precisions:
+    """What the clips of a campaign tell of the next one.
+
+    Parameters
+    ----------
+    results : sequence of ClipResult
+        Of one ball, or of all.
+    fallback : Precisions
+        For what they don't tell (scatter).
+
+    Raises
+    ------
+    DomainError
+        If none of them has a COR.
+    """
+    used = [one for one in results if one.used and math.isfinite(one.quantity("cor")[0])]
+    if not used:
+        raise DomainError("no clip of that campaign has a coefficient of restitution")
+    names = dict.fromkeys(name for one in used for name in one.shared)
+    shared = {name: float(np.median([one.shared.get(name, 0.0) for one in used])) for name in names}
+    own = [
+        math.sqrt(max(one.quantity("cor")[1] ** 2 - sum(std**2 for std in one.shared.values()), 0))
+        for one in used
+    ]
+    return replace(
+        fallback,
+        clip=float(np.median(own)),
+        shared={name: std for name, std in shared.items() if std > 0.0},
+        source=f"{len(used)} clips measured",
+    )
+
+
+def from_rig(rig: Rig, ball: Ball, pendulum: Pendulum, law: CorLaw, scatter: float) -> Precisions:
+    """What the setup tells before any clip is measured.
+
+    By the balance of angular momentum e + 1 = (u / v)(1 + m / M): what the masses are off, e is off
+    by (1 + e) (m / M) / (1 + m / M) times their relative uncertainty.
+    """
+    middle = float(law(2.5))
+    ratio = ball.mass / pendulum.mass_at_contact
+    lever = (1.0 + middle) * ratio / (1.0 + ratio)
+    shared = {
+        "inertia of the pendulum": lever * rig.inertia.relative_std,
+        "length of the pendulum": lever * 2.0 * rig.length.relative_std,
+    }
+    if rig.ball_mass is not None:
+        shared["mass of the ball"] = lever * rig.ball_mass.relative_std
+    return Precisions(
+        clip=CLIP_STD,
+        strike=scatter,
+        session=0.0,
+        shared=shared,
+        source="the setup alone; one measured clip tells more (--pilot DIR)",
+    )
+
+
+def _pilot(folder: Path, ball: str, fallback: Precisions) -> Precisions:
+    if not (folder / "ledger.sqlite").is_file():
+        raise UsageError(
+            f"{folder} holds no campaign", hint="Name the folder that was given with --out."
+        )
+    with Ledger(folder) as ledger:
+        entries = list(ledger.entries())
+    results = clip_results(entries, {entry.order.clip: None for entry in entries})
+    return from_pilot(results, fallback)
+
+
+def _document(design: CampaignDesign) -> dict[str, Any]:
+    return {
+        "quantities": {
+            "cor_law_std": {"value": design.std, "unit": "1"},
+            "strikes": {"value": design.strikes, "unit": "1"},
+            "sessions": {"value": design.sessions, "unit": "1"},
+        },
+        "settings": [asdict(setting) for setting in design.settings],
+        "target": design.target,
+        "reachable": design.reachable,
+        "shared_std": design.floor,
+        "measure_first": [
+            {"source": name, "std": std, "needed": needed} for name, std, needed in design.first
+        ],
+        "basis": design.precisions.source,
+    }
+
+
+def _tell(design: CampaignDesign) -> None:
+    table = Table("back-swing", "impact speed", "strikes")
+    for setting in design.settings:
+        table.add_row(
+            f"{setting.backswing_deg:.0f}°",
+            f"{setting.impact_speed:.2f} m/s",
+            str(setting.strikes),
+        )
+    console = screen()
+    console.print(table)
+    console.print(
+        f"{design.strikes} strikes in {design.sessions} sessions, each with all back-swings: the"
+        f" law to {design.std:.4f} or better at every speed between them"
+        f" ({design.random_std:.4f} by scatter, {design.floor:.4f} by the setup).",
+        soft_wrap=True,
+    )
+    console.print(
+        f"One clip is taken to be good to {design.precisions.clip:.4f}, strikes to scatter by"
+        f" {design.precisions.strike:.4f}, sessions by {design.precisions.session:.4f}"
+        f" ({design.precisions.source}).",
+        soft_wrap=True,
+    )
+    for name, std, needed in design.first[:3]:
+        if std < 0.1 * design.target:
+            break
+        console.print(
+            f"Measure better: {name} leaves {std:.4f} of the COR; {_gain(design, std, needed)}.",
+            soft_wrap=True,
+        )
+
+
+def _gain(design: CampaignDesign, std: float, needed: float) -> str:
+    if not design.reachable:
+        if needed > 0.0:
+            return f"with the others as they are, {design.target:g} needs it at {needed:.4f}"
+        return f"the others alone leave more than {design.target:g}"
+    # strikes go as one over the variance that is left to them
+    left = design.target**2 - design.floor**2
+    saved = design.strikes * (1.0 - left / (left + std**2))
+    return f"known exactly, it would save about {saved:.0f} of the {design.strikes} strikes"
+
+
+def plan_campaign_command(
+    target: Annotated[
+        float,
+        typer.Option("--target-cor-std", help="Wanted standard uncertainty of the law, 1."),
+    ],
+    setup: Annotated[Path | None, typer.Option(help="Setup file (TOML).")] = None,
+    ball: Annotated[
+        str | None, typer.Option(help="A preset, or a ball of the setup file.", metavar="NAME")
+    ] = None,
+    cor_law: Annotated[
+        Path | None,
+        typer.Option(help="Laws of restitution of a campaign (cor.toml).", metavar="FILE"),
+    ] = None,
+    pilot: Annotated[
+        Path | None,
+        typer.Option(help="A campaign whose clips tell how well one is known.", metavar="DIR"),
+    ] = None,
+    smallest: Annotated[
+        float, typer.Option("--smallest", help="Smallest back-swing, degrees.")
+    ] = 20.0,
+    largest: Annotated[
+        float, typer.Option("--largest", help="Largest back-swing of the rig, degrees.")
+    ] = 120.0,
+    json_to: Annotated[
+        str | None, typer.Option("--json", help="Results as JSON; - for stdout.", metavar="FILE")
+    ] = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="No table.")] = False,
+) -> None:
+    """Say how many strikes, at which back-swings, a law of restitution of a wanted precision needs.
+
+    And what of the setup to measure better first. One clip measured before tells most:
+    vision plan campaign --target-cor-std 0.003 --setup lab.toml --pilot campaign
+    """
+    known = setup_or_default(setup)
+    wanted = asked(known, ball, "variable", None, cor_law)
+    struck, pendulum = wanted.experiment.ball, wanted.experiment.pendulum
+    chosen = known.balls.get(ball or "", known.ball)
+    precisions = from_rig(
+        rig_of(known, chosen), struck, pendulum, wanted.law, scatter_of(known).cor
+    )
+    if wanted.campaign is not None:
+        precisions = replace(
+            precisions,
+            strike=wanted.campaign.strike_scatter or precisions.strike,
+            session=wanted.campaign.session_scatter,
+        )
+    if pilot is not None:
+        precisions = _pilot(pilot, struck.name, precisions)
+    design = design_campaign(
+        wanted.law,
+        pendulum,
+        struck,
+        target,
+        precisions,
+        backswings_deg=(smallest, largest),
+        gravity=wanted.experiment.gravity,
+    )
+    text = json.dumps(_document(design), indent=1)
+    if json_to == "-":
+        sys.stdout.write(text + "\n")
+        return
+    if json_to is not None:
+        write_text_whole(Path(json_to), text + "\n")
+    if not quiet:
+        _tell(design)
+    if not design.reachable:
+        raise MeasurementError(
+            f"no number of strikes reaches {target:g}: what all clips of this setup share leaves"
+            f" {design.floor:.4f}",
+            hint=f"Measure {design.first[0][0]} better first.",
+        )
+
+
+class DistanceOrCommand(TyperGroup):
+    """`vision plan --distance 2.5m` means `vision plan distance --distance 2.5m`."""
+
+    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
+        """Put the command's name in where it is left out."""
+        if not args or args[0] not in self.commands:
+            args = ["distance", *args]
+        return super().parse_args(ctx, args)
+
+
+PLAN_COMMANDS: dict[str, Callable[..., None]] = {
+    "distance": plan_command,
+    "campaign": plan_campaign_command,
+}
+"""Commands under ``vision plan``; the first is meant where none is named."""
