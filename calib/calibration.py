@@ -363,9 +363,9 @@ def _total(budget: tuple[Contribution, ...]) -> float:
 
 RADIUS_COMMON_STD_PX, RADIUS_COMMON_OVER_RANDOM = 0.05, 4.0
 
-"""px, and times the random part: what all radii of a clip are off by together. What biases an
-outline (shading, blur, compression) biases it in every frame, and more where a frame tells less of
-it; radii of rendered and filmed balls of known size, `bench.tracking`."""
+"""px, and times the random part: what all radii of a clip are off by together, supposed. What
+biases an outline (shading, blur, compression) biases it in every frame, and more where a frame
+tells less of it."""
 
 
 @dataclass(frozen=True)

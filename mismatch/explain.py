@@ -59,6 +59,7 @@ HINT = 3.0
 """Misfit from which what an answer leaves over speaks against the setup around it."""
 
 LEAST_ROWS = 12
+"""Samples: fewer can't tell one effect from noise, whose size they must tell as well."""
 
 
 @dataclass(frozen=True)

@@ -303,7 +303,7 @@ can't be blamed any more, and something else acts."""
 
 DOUBTED = 0.45
 
-"""Probability that a name without proof has at most."""
+"""Probability that a name without proof has at most: below one half, so that it is no answer."""
 
 UNPROVED = 0.9
 

@@ -49,12 +49,18 @@ _ROBUST = np.float32(3.0)
 # the least.
 _STD_OF_MEDIAN, _LEAST_SCALE = 1.4826, 0.7
 _BINS = 512
+"""Bins of a histogram of gray values, over twice their mean: a quantile is then good to half a per
+cent."""
 # Of a registration: longest step, px, and turn, rad; when it has come to rest
 # and when it has not, px; the most of each step by which redescending weights make it fall short;
 # what keeps the normal equations regular.
 _LONGEST_PX, _MOST_TURN = 1.5, 0.1
 _SHORT, _SHORTISH, _UNSETTLED, _MOST_SHARE = 4e-3, 5e-2, 0.5, 0.7
+"""px, px, px and share: steps that matter to no measurement, that may still be chance, that are no
+rest; and the most of a step that is taken for the next."""
 _RIDGE, _LOOK_RIDGE = 1e-6, 1e-3
+"""Relative: ridges that keep a matrix of full rank where pixels do not tell a direction; far below
+what they tell else."""
 
 
 @compiled

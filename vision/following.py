@@ -37,6 +37,7 @@ _MOST_LOOKS = 256
 # can help it; one that went so far when it was lost is looked for nearby.
 _LONGEST_STEP, _LONGEST_TURN, _LOST_STEP = 2.5, 0.35, 0.2
 _MOST_CLOSER = 150
+"""Frames that are looked at more closely: more only cost time, since a path needs few."""
 # An outline of which less stands out than this part of the usual is looked at again; what is found
 # further away, in radii, is something else.
 _CLEAR, _ELSEWHERE = 0.6, 0.3

@@ -36,16 +36,20 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _TRIALS = 200
+"""Sets of looks tried: of two hundred one is free of outliers even where only a fifth of all looks
+is right."""
 
 # Of so many sets one agrees by chance more often than any given one does, nats.
 _SEARCHED = float(np.log(_TRIALS))
 
 _FEWEST = 5
+"""Looks: a parabola has three unknowns, and two more show whether it is one."""
 
 # Circles of edges scatter by about this: px, and in radii.
 _PATH_SCATTER_PX = 0.7
 
 _PATH_SCATTER_RADII = 0.12
+"""Radii, scatter of a rough outline about its path, supposed."""
 
 # A look that is off the motion costs so many nats: some are mistaken.
 _OFF_PRICE = 1.0
@@ -161,6 +165,7 @@ def _best_runs(off: NDArray[np.bool_], chosen: IntArray) -> tuple[IntArray, IntA
 
 
 _FREQUENCIES = 80
+"""Frequencies tried for a swing, geometrically, and refined afterwards; supposed."""
 
 # Periods shorter than so many frames are not told from noise.
 _SHORTEST_PERIOD = 8.0
@@ -169,9 +174,11 @@ _SHORTEST_PERIOD = 8.0
 _LEAST_PERIODS = 0.35
 
 _ROUNDS = 4
+"""Rounds of reweighting, supposed: outliers are out after a few."""
 
 # Columns of both axes, and the frequency.
 PARAMETERS = 15
+"""Numbers of a swing: columns of both axes, and the frequency."""
 
 
 @dataclass(frozen=True)
@@ -256,13 +263,17 @@ def _residual(time: FloatArray, centre: FloatArray, omega: float, scale_px: floa
 
 
 _LEAST_REST = 5
+"""Frames: what is at rest for fewer may only pass its turning point."""
 
 # What a law leaves over: px, and in radii (deformation, drag, a camera that is not ideal).
 _SCATTER_PX = 0.4
 
 _SCATTER_RADII = 0.04
+"""Radii, scatter of an outline about its path, supposed."""
 
 _MOST_INDEPENDENT = 40.0
+"""Frames that count as independent at most: errors of neighbours are alike, as the ball looks
+alike."""
 
 # A law may leave this part of the frames it claims unexplained (mistaken fits).
 _STRAY = 0.05
@@ -280,8 +291,11 @@ _UNSEEN_STRIKER_ODDS = 3.0
 _DROP_SIDEWAYS = 0.06
 
 _DROP_ODDS = 30.0
+"""Odds, supposed: of a fall straight down that begins at rest being a drop, or of one with speed
+sideways being none."""
 
 _BEGINS_AT_REST = 0.15
+"""Of the way that a fall's speed covers in its span: slower is let go, not thrown."""
 
 # Acceleration of a flight shows when it bends or speeds up the path by so many scatters.
 _SEEN_ACCELERATION = 4.0

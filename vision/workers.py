@@ -12,6 +12,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 _MOST_WORKERS = 4
+"""Processes at most: a clip gives no work to more."""
 _AHEAD = 2
 
 

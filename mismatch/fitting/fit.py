@@ -24,6 +24,7 @@ from physics.effects import Parameter
 __all__ = ["Ending", "Fit", "fit_model"]
 
 STEPS_OF_ARCS = 30
+"""Steps at most: one that has not settled by then does not settle."""
 GAP_WEIGHT = 30.0
 """Weight of a gap between two pieces over that of a row, when steps are compared."""
 

@@ -134,6 +134,7 @@ MEMBER_FINE = 9.0
 """Chi-square that each further effect must pay, ln n for a few thousand rows (BIC)."""
 
 DRAWS = 4000
+"""Draws: an evidence is then good to about 2 % of itself."""
 
 FALSE_ALARMS = 0.01
 

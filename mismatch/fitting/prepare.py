@@ -28,6 +28,7 @@ STRAY = 5.0
 """Sigma from the line through the neighbours."""
 
 NEIGHBOURS = 9
+"""Rows that tell a local velocity: a cubic has four unknowns, more than half are to spare."""
 
 MOST_PIECES = 120
 """Pieces of a long swing; beyond so many, each is longer than a period."""

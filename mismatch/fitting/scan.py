@@ -21,6 +21,7 @@ from physics.domain import FloatArray
 __all__ = ["Scan", "price", "robust_spread", "scan", "trial_pulls"]
 
 LANES_AT_ONCE = 48
+"""Trajectories integrated at once, so that their states stay within a processor's cache."""
 
 WIDTHS = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
 

@@ -38,6 +38,7 @@ WINDOW = 0.09
 """Periods on each side of an instant over which a cubic follows a swing."""
 
 FEWEST = 5
+"""Rows: a damped swing has four unknowns, and one more shows whether it is one."""
 
 MOST = 200
 
@@ -189,8 +190,11 @@ FAR = 1e3
 """rad and rad/s beyond which a swing has run off."""
 
 STATE_STEPS = (1e-5, 1e-4)
+"""rad and rad/s, steps of a difference: far above rounding, far below where a swing bends."""
 
 FREQUENCY_STEP = 1e-5
+"""Relative step of a difference by the frequency: far above rounding, far below where a swing
+bends."""
 
 
 @dataclass(frozen=True)

@@ -125,6 +125,8 @@ NUISANCES: dict[Mode, tuple[str, ...]] = {
 """What may differ from trial to trial, in the order of the nuisance arrays' last axis."""
 
 OUTSIDE = 1e6
+"""m or rad: a model that leaves every laboratory is cut off here, so that its misfit stays a
+number."""
 
 
 @dataclass(frozen=True)

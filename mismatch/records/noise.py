@@ -26,18 +26,24 @@ from physics.domain import FloatArray
 __all__ = ["Noise", "estimate_noise", "fit_spectrum", "shared_deviance", "whiteness"]
 
 DEGREE = 6
+"""Degree of the polynomial taken off a stretch: what a flight or half a swing does is below."""
 
 LEAST = 24
+"""Rows of a piece: more than three for each coefficient of what is taken off."""
 
 APART = 0.001
 
 """Probability below which channels are said to have different memories."""
 
 LARGEST_INFLATION = 40.0
+"""Factor on a variance: beyond six standard deviations a record says nothing, and how far beyond
+does not matter."""
 
 RHOS = 1.0 - np.geomspace(0.7, 0.025, 12)
+"""Correlations from one row to the next that are tried, from a memory of one row to forty."""
 
 SHARES = np.linspace(0.03, 0.97, 33)
+"""Shares of correlated noise that are tried, 3 % apart."""
 
 
 @dataclass(frozen=True)
@@ -212,6 +218,7 @@ STRETCHES = ((36, 4), (24, 4), (16, 4), (12, 5), (9, 5))
 """Rows of a stretch and degree of the polynomial through it, longest first."""
 
 OUTLIER = 4.8
+"""Standard deviations: of 600 rows one in a thousand stretches has one farther off."""
 
 ENOUGH = 12.0
 

@@ -63,10 +63,14 @@ WIDER = 1.5
 """Recorded angle over the back-swing from which they are in different units."""
 
 SUSPICIOUS = 0.05
+"""Of the size of the motion: a misfit from which swapped columns are tried."""
 
 SWAP_GAIN = 0.1
+"""Ratio of chi²: swapped columns must fit ten times as well to be named."""
 
 ANOTHER_EXPERIMENT = 0.35
+"""Of the size of the motion: a third is more than any missing effect of the catalogue moves,
+supposed."""
 
 
 def refuse_nonsense(campaign: Campaign, prepared: Prepared) -> None:
@@ -428,6 +432,7 @@ def _line(time: FloatArray, place: FloatArray, at: float) -> tuple[FloatArray, F
 
 
 INSTANTS = 160
+"""Instants at which two clocks are compared: as many as a record has cosines that matter."""
 
 LEAST_STEP = 1e-5
 

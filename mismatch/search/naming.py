@@ -28,6 +28,7 @@ from physics.effects import Effect
 __all__ = ["Naming", "name_effects"]
 
 MOST_SINGLES = 16
+"""Effects that are tried in groups, the best alone first; supposed."""
 SCALES = frozenset({"length_scale", "time_base"})
 KNOWN_GAIN = 2.0
 """Worth per misfit from which an effect of known size, like thinner air aloft, is taken in."""
@@ -36,6 +37,7 @@ STEADY = 3.0
 """Sigma, by the scatter of trials, from which a strength is not chance."""
 
 MOST_EFFECTS = 3
+"""Effects in one answer, supposed: a campaign hardly tells four apart."""
 
 
 @dataclass(frozen=True)

@@ -35,6 +35,7 @@ NOISE_SIZES = (
 """Tried where no uncertainty is stated: shares of the two speeds, and m of the range."""
 
 INFLATIONS = (1.0, 2.0, 4.0, 8.0)
+"""Factors on the noise that are averaged over, each double the last, as likely as each other."""
 DOUBT = 0.1
 """Prior probability of each inflation: a stated uncertainty is tested, not believed."""
 

@@ -45,6 +45,7 @@ BALL_SPEED = (
 )
 
 MOST_ALTERNATIVES = 8
+"""Rows, so that a reader sees all of them."""
 
 ABOVE_THE_LIMIT = 2.0
 
@@ -212,18 +213,23 @@ RIVAL = 20.0
 """Odds within which another answer of the same size is not told apart."""
 
 FAR_OFF = 30.0
+"""Factor between table and model: a unit or a decimal point wrong, no physics."""
 
 ANOTHER_EXPERIMENT = 0.6
+"""Relative: more than any missing effect of the catalogue does to a landing, supposed."""
 
 READING = 0.016
+"""m, supposed: how well a landing is read off the floor where nobody says so."""
 
 READING_SHARE = 0.012
 
 """m, and share of the range: what a landing read off a scale may scatter by."""
 
 SPEED_SHARE = 0.03
+"""Relative, supposed: noise of impact speeds from which it is not taken for white."""
 
 SURPRISE = 1e-3
+"""Probability of a chi² as large: one table in a thousand has it by chance."""
 
 
 @dataclass(frozen=True)

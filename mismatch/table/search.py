@@ -34,14 +34,21 @@ SIZE_PRIOR = (0.5, 0.4, 0.09, 0.01)
 """Prior probability that nothing, one, two, three things are missing, shared by sets of a size."""
 
 SEED_PAIRS = 30
+"""Pairs that are refined, the best of a linear look first; supposed."""
 
 MOST_REFINED = 24
+"""Groups that are refined at most, the best first; supposed."""
 
 WORTH_REFINING = 9.0
+"""Nats behind the best: a group farther behind has a share below 1e-4 of the posterior."""
 
 STEPS = np.array([1e-3, 1e-4, 1e-4, 1e-4])
+"""Steps of differences by the nuisances, in their units: far above rounding, far below where a
+landing bends."""
 
 ROUNDS = 4
+"""Rounds of Gauss-Newton: a landing is nearly straight in what is open, so that it settles in
+two."""
 
 
 @dataclass(frozen=True)
@@ -330,6 +337,7 @@ def search(
 
 
 RESAMPLED = 2000
+"""Resamples: a probability of 0.95 is then good to 0.005."""
 
 
 def _foretold(

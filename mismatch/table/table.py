@@ -40,6 +40,7 @@ CHANNELS = ("impact_speed", "ball_speed", "range")
 """What a trial may tell, in the order of the arrays' last axis; m/s, m/s, m."""
 
 LEAST_TRIALS = 4
+"""Trials: a law over speed has two unknowns, and two more show whether it is one."""
 
 
 @dataclass(frozen=True)
@@ -139,8 +140,11 @@ NUISANCES = ("speed", "backswing", "cor", "launch_angle")
 """What may differ from trial to trial: error of the impact speed (m/s), rad, 1, rad."""
 
 FLIGHT_STEPS = 48
+"""Steps of a flight, of the fourth order: its error falls with the fourth power of their number;
+supposed."""
 
 INSTANT = 1e-3
+"""s, step of a difference in time: a ball moves some millimetres in it, straight ahead."""
 
 
 @dataclass(frozen=True)
@@ -317,7 +321,7 @@ UNREMARKABLE = 3.0
 
 SPHERE_DRAG_STD = 0.15
 
-"""Spread of drag coefficients of balls below the drag crisis, where the model holds drag."""
+"""Dimensionless, spread of the drag coefficients of balls below the drag crisis, supposed."""
 
 POSITIONS_NEEDED = frozenset({"lens_distortion", "rolling_shutter", "dropped_frames"})
 

@@ -37,29 +37,40 @@ IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
 _EACH_SIDE = 5
+"""Frames on either side that foretell a place: a parabola has three unknowns, and the rest
+averages."""
 
 _ALONE = 6
+"""Frames on one side that foretell a place where nothing is seen on the other: twice a parabola's
+three unknowns."""
 
 _FEWEST = 4
+"""Frames: a parabola has three unknowns, and one more shows whether it is one."""
 
 # Frames further away than this tell nothing.
 _FURTHEST = 12
 
 _ROUNDS = 3
+"""Rounds of reweighting, supposed: outliers are out after two."""
 
 # Off by so many combined standard uncertainties, and by at least this (px, and in radii).
 _OFF_SIGMA = 5.0
 
 _LEAST_OFF_PX, _LEAST_OFF_RADII = 0.6, 0.03
+"""px, and share of the radius, that an outline may be off its neighbours' path, supposed: a fit's
+own error and the ball's pattern as it turns."""
 
 _SWOLLEN = 0.1
+"""Relative radius: a ball does not grow by a tenth over a few frames."""
 
 # A flight of so many frames is judged as a whole: drag and lens bend it no more than a cubic.
 _FLIGHT_FRAMES = 24
 
 _FLIGHT_DEGREE = 3
+"""Degree in time: a parabola with what drag makes of it."""
 
 _FLIGHT_ROUNDS = 12
+"""Rounds of reweighting at most, supposed."""
 
 # Of so many parts of a flight, no more than this many rest: the top of a throw, a release.
 _PARTS, _MOST_RESTING = 8, 2
@@ -243,26 +254,35 @@ def _expected_place(
 
 
 _LEAST_CONTRAST = 0.35
+"""Share of full contrast along an outline, supposed: less is a ball half hidden, or none."""
 
 # Balls smaller than this are too few pixels for the outline model; the circle of their edges is
 # used.
 SMALL_RADIUS = 6.0
 
 _LOST_AFTER = 4
+"""Frames without an outline that end a path: one or two may be hidden or dropped."""
 
 _AHEAD = 8
+"""Frames fitted at once: as far ahead as a parabola foretells a place within the reach of a fit,
+supposed."""
 
 # An outline of which so much less stands out than usual is looked at twice.
 _DIM = 0.8
+"""Share of the usual: an outline of which so much less stands out is looked at twice."""
 
 _PATH_FRAMES = 12
+"""Frames before that foretell a place: four times a parabola's three unknowns."""
 
 _OFF_PATH = 0.08
+"""Radii that an outline may be off the path of its neighbours, supposed: more is another thing."""
 
 # From a guess as near as this the sharp edge is found.
 _NEAR_PX = 1.5
+"""px: from a guess as near as this the sharp edge is found, as wide as its blur."""
 
 _SAME_START = 0.05
+"""Radii: two starts nearer than this end in the same outline."""
 
 _SECOND_LOOKS = 2
 
@@ -271,23 +291,32 @@ _SECOND_LOOKS = 2
 _SIZES = (1.0, 0.8, 1.25)
 
 _SIZE_LOOKS = 9
+"""Frames in which another size is tried, supposed: their median leaves a few wrong ones out."""
 
 _BORNE_OUT = 0.5
 
 _OTHER_SIZE = 1.3
+"""Factor on the evidence by which another size must be better, supposed: a pattern on the ball may
+look like an edge."""
 
 # Rounds of leaving out what does not belong; where more than this part would go, nothing does.
 _DROPS = 4
 
 _MOST_OFF = 0.3
+"""Share of the frames: where more are off, it is the path that is wrong and not the outlines."""
 
 # Median of half a squared distance in two dimensions, and five standard deviations of it.
 _MEDIAN_EXCESS, _OFF_EXCESS = 0.693, 12.5
+"""Dimensionless: the median of half a squared distance in two dimensions (ln 2), and five standard
+deviations of it (25/2)."""
 
 # Frames on each side over which the scatter is judged, and how much a variance may grow.
 _WINDOW = 7
+"""Frames on each side over which the scatter is judged: the variance of fifteen is good to 40 %."""
 
 _MOST_WIDENED = 400.0
+"""Factor by which a variance may grow: twenty standard deviations; what is farther off is no
+measurement."""
 
 
 @dataclass(frozen=True)

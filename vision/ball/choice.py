@@ -35,13 +35,16 @@ FloatArray = NDArray[np.float64]
 _LEAST_TRAVEL = 2.0
 
 _RADIUS_TOLERANCE = 0.3
+"""Log radius: looks whose radius differs by more belong to another thing."""
 
 # Steepness over noise at which an outline counts as nothing, and as clear.
 _FAINT, _CLEAR = 5.0, 60.0
 
 _FEWEST_STILL = 3
+"""Frames: of three that agree one may still be chance, of two none can be outvoted."""
 
 _STILL_RADII = 0.15
+"""Radii: what stays within these lies still, as noise of an outline is a tenth of that."""
 
 # Something that lay still and then flies was struck: that is what clips are made for.
 _STRUCK_BONUS = 2.0
@@ -54,13 +57,17 @@ _MET_BONUS = 2.5
 _LEAST_APPROACH = 4.0
 
 _STRAIGHT = 0.04
+"""Sagitta over length: a path bent less is a straight one as far as its looks tell."""
 
 _FEWEST_CAME = 4
+"""Looks: a line has two unknowns, and two more show whether it is one."""
 
 # An outline so complete, this much larger, may enclose a glint.
 _CREDIBLE = 0.62
 
 _ENCLOSING = 1.4
+"""Ratio of radii from which a circle encloses another, as far apart as two edges of one ball never
+are."""
 
 
 @dataclass(frozen=True)
@@ -259,18 +266,27 @@ FloatImage = NDArray[np.float32]
 IntArray = NDArray[np.int64]
 
 _PRESENCE = 0.35
+"""Share of a circle's inside that differs from the background, supposed: less is a ring around
+nothing."""
 
 _COVERAGE = 0.65
+"""Share of a circle's rim that has an edge: two thirds, since a third may be hidden."""
 
 _SAME_RADII, _SAME_SIZE = 0.2, 0.2
+"""Radii, and log radius: looks nearer and more alike than this are of one thing."""
 
 _MOST_GHOSTS = 3
+"""Places that are looked for where something lay in the background, supposed: a clip shows one ball
+at rest or two."""
 
 _FEWEST_LOOKS = 4
+"""Looks that must agree on such a place: of noise none do."""
 
 _MOST_FRAMES = 9
+"""Frames whose median fills such a place: it leaves out what passes in fewer than half."""
 
 _MARGIN_RADII, _MARGIN_PX = 1.1, 1.0
+"""Radii, and px: around an outline, as far as its blur and its error reach."""
 
 _FADE_PX = 2.0
 
@@ -357,22 +373,29 @@ def _uncover(scene: Scene, ghost: _Ghost, found: dict[int, Circles]) -> None:
 # something else: what is struck or let go is as fast afterwards, what is caught was before.
 _LEAP_RADII, _LEAP_RATIO = 3.0, 5.0
 _MEETING_RADII = 3.0
+"""Radii between centres: two balls touch at two, and a frame earlier they are a little apart."""
 
 _LOOKS_BACK = 4
+"""Looks from which a velocity is told: two give one, two more average it."""
 
 # Off its prediction by this (radii, and px) costs one; more than the cap costs no more.
 _OFF_RADII, _OFF_PX = 0.25, 1.0
 
 _CAP = 12.0
+"""Nats: beyond this two pieces are not of one thing, and how far beyond does not matter."""
 
 _SWOLLEN = 0.15
+"""Log radius per unit of cost: a circle's radius scatters by as much, supposed."""
 
 # Joining otherwise than the chains did must be better by this.
 _CLEARLY = 1.5
+"""Nats by which joining otherwise than the chains did must be better: odds of four and a half."""
 
 _FEWEST = 3
+"""Looks: what is seen in fewer is no path."""
 
 _MOST_MEETINGS = 12
+"""Meetings that are looked at, the earliest: a strike is among the first."""
 
 
 def untangled(paths: list[Path]) -> list[Path]:

@@ -107,10 +107,14 @@ IntArray = NDArray[np.int64]
 _RADII = np.array([2.6, 3.0, 3.5, 4.0, 4.6, 5.3])
 
 _COARSE_RADII = np.array([3.5, 4.0, 4.6, 5.3, 6.1, 7.0])
+"""px, radii on halved pictures: each 15 % above the last, as far as a circle of the next still has
+its edges within its ring."""
 
 _SECTORS = 16
+"""Sectors of a rim, supposed: an edge in each shows a whole circle."""
 
 _FEWEST_EDGES = 8
+"""Edge points: a circle has three unknowns, more than half are to spare."""
 
 # A change of so many units of noise is a change for certain; how strong it is no longer counts, so
 # that a ball's panels and its shading vanish, and its outline stays.
@@ -124,8 +128,10 @@ _SMALL_LEVEL = 20_000
 _STIRRED = 1.5
 
 _SUBSTANCE_RADIUS = 10.0
+"""px: inside larger circles every second pixel, or third, tells as much."""
 
 _PRESENCE_POINTS = 48
+"""Points of a rim: one each 7.5°."""
 
 _BOTH_SIDES = np.array([[-1.0], [1.0]], dtype=np.float32)
 

@@ -19,8 +19,11 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _REACH = 3
+"""Looks that may lie between two of one path: a ball is hidden in one or two."""
 _COLLISION_PRICE = 1.2
+"""Nats at most for a change of velocity, supposed: a ball may be struck, but not often."""
 _MISS_PRICE = 0.25
+"""Nats for each look without the ball, supposed: three in four are found."""
 # Edges less steep than this (over noise) may be noise, and count next to nothing.
 _FAINT = 5.0
 # An outline of which the static scene has more than the picture is a ghost's: it counts from

@@ -11,6 +11,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _FEWEST = 3
+"""Frames: a median of fewer does not leave out one that is wrong."""
 
 
 @dataclass(frozen=True)

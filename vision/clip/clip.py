@@ -36,10 +36,14 @@ Fields = Literal["auto", "progressive", "top_first", "bottom_first"]
 _COMBING_PIXELS = 16_000_000
 
 _COMBING_PICTURES = 48
+"""Pictures that are looked at for combing, supposed: a throw or a swing moves in as many."""
 
 _BROADCAST_PICTURES = 300
+"""Pictures, ten seconds of broadcast, whose pictures are combed more often than others."""
 
 _BROADCAST_HEIGHTS = (480, 486, 512, 576, 608, 1080, 1088)
+"""Rows of the interlaced formats: 480 and 576 lines (ITU-R BT.601), 1080 (BT.709), with the rows
+that codecs add."""
 
 
 def open_video(path: Path, fields: Fields) -> tuple[VideoFile, ClipInfo, Upright]:

@@ -26,16 +26,23 @@ FloatImage = NDArray[np.float32]
 # Moving pixels, and looks at three pictures in a row, after which the question is settled.
 _ENOUGH_PIXELS = 6000
 _ENOUGH_LOOKS = 6
+"""Looks after which combing is settled: six that agree do so by chance in one of 32."""
 _FEWEST_LOOKS = 3
+"""Looks at least: of three that agree, one may still be chance, two can't be outvoted."""
 _AGREEING = 0.6
+"""Share of the looks that must agree: more than half, by a margin."""
 # Whole pictures taken for fields cost more than the other way round: the sum must be clear.
 _CLEAR = 1.5
 _CLEAR_LOOK = 0.5
 # Fewer moving pixels than this in one look are noise.
 _LEAST_PIXELS = 20
 _NOISE_FACTOR = 6.0
+"""Times the noise of a change: in a picture of a million pixels none passes by chance."""
 _LEVEL = 100.0
+"""Gray levels that lines are scaled to, so that flicker is no motion."""
 _CYCLE = 6
+"""Pictures of which three in a row are looked at: neighbours show motion, and the pause covers more
+of the clip."""
 
 
 def separate_field(picture: NDArray[Any], bottom: bool) -> NDArray[Any]:

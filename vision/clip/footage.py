@@ -43,17 +43,22 @@ FloatImage = NDArray[np.float32]
 _CELL = 8
 
 _FINEST_CELL = 4
+"""px: smaller cells are noisier than what moves is strong."""
 
 # A small picture still gets so many cells across.
 _CELLS_ACROSS = 24
+"""Cells across a picture at least, so that a small one still shows where something moves."""
 
 # Means of a cell that move by so many of their own noise, and at least this much of white, moved.
 _SIGMA = 8.0
 
 _LEAST_CHANGE = 1.5 / 255.0
+"""Of full scale, one and a half gray levels: less is rounding."""
 
 # Still frames tick like 1, 1/2, 1/3, ... of this.
 _STILL_TICK = 0.25
+"""Frames: still frames tick like 1, 1/2, 1/3, ... of this, so that a long rest counts as little as
+a short one."""
 
 
 class MotionClock:
@@ -109,18 +114,22 @@ def _differ(cells: FloatImage, reference: FloatImage, full: float) -> bool:
 GrayFrame = NDArray[np.uint8] | NDArray[np.uint16]
 
 _HELD_BYTES = 120_000_000
+"""Bytes of frames that are kept while a clip is read; beyond it every second one goes."""
 
 # Of longer clips: the even sample, which doubles while it is gathered, and a block of neighbours.
 _SAMPLE_BYTES = 50_000_000
 
 _FEWEST_SAMPLES = 24
+"""Frames of a spread sample at least, however large they are: a median needs some dozen."""
 
 _BLOCK_BYTES = 60_000_000
+"""Bytes that are worked on at once."""
 
 # Still frames kept before the first motion and after the last: enough to know what lay still.
 _MARGIN = 60
 
 _MARGIN_BYTES = 40_000_000
+"""Bytes of the frames before and after the span that are kept."""
 
 # A ball of 5 px with as much around it; OpenCV's resampling counts pixels in 15 bits.
 _SMALLEST_SIDE, _LARGEST_SIDE = 16, 32_766
@@ -370,6 +379,7 @@ class RateSource(StrEnum):
 
 
 ASSUMED_FPS = 600.0
+"""fps, the paper's camera: a guess where nobody says the rate, and told as one."""
 
 HIGH_SPEED_FPS = 119.0
 

@@ -14,6 +14,7 @@ __all__ = ["Upright", "bit_depth", "colour_image", "luma_image", "upright_of"]
 
 _FULL_RANGE = 2  # AVCOL_RANGE_JPEG
 _UNITY = 65536
+"""Fixed-point one of the display matrix of a container, 16.16 bits (ISO/IEC 14496-12)."""
 
 
 @dataclass(frozen=True)

@@ -131,6 +131,7 @@ _NUMBER = re.compile(r"(\d+(?:\.\d+)?)(?:\s*/\s*(\d+(?:\.\d+)?))?")
 _SONY = re.compile(rb"captureFps\s*=\s*[\"'](\d+(?:\.\d+)?)[pi]?[\"']")
 
 _LOOK_BYTES = 1 << 20
+"""Bytes at either end of a file that hold its headers, as a rule."""
 
 
 def capture_fps_in_tags(tags: Mapping[str, str]) -> float | None:
@@ -165,8 +166,11 @@ def capture_fps_in_file(path: Path) -> float | None:
 
 
 _MOST_THREADS = 8
+"""Threads of a decoder: beyond eight, frames wait for each other."""
 
 _BOTTOM_SHOWN_FIRST = (3, 4)  # AV_FIELD_BB, AV_FIELD_TB
+"""Numbers of FFmpeg for a field order that shows the bottom field first: AV_FIELD_BB, AV_FIELD_TB,
+from its header codec_par.h."""
 
 # Pictures decoded when a clip is opened, to see whether their time stamps can be trusted: more than
 # any codec reorders.

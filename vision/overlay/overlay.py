@@ -97,28 +97,39 @@ ColourImage = NDArray[np.uint8]
 
 FloatArray = NDArray[np.float64]
 
-# Blue, green, red; told apart by people with any colour vision (Okabe and Ito 2008).
 _BALL: Colour = (0, 159, 230)
+"""Blue, green, red of 255, told apart by people with any colour vision, from the palette of Okabe
+and Ito 2008."""
 
 _PENDULUM: Colour = (233, 180, 86)
+"""Blue, green, red of 255, from the same palette."""
 
 _GRID: Colour = (115, 158, 0)
+"""Blue, green, red of 255, from the same palette."""
 
 _LANDING: Colour = (167, 121, 204)
+"""Blue, green, red of 255, from the same palette."""
 
 _CONTACT: Colour = (0, 94, 213)
+"""Blue, green, red of 255, from the same palette."""
 
 _STRIP: Colour = (32, 28, 26)
+"""Blue, green, red of 255, nearly black: behind writing."""
 
 _TEXT: Colour = (240, 240, 240)
+"""Blue, green, red of 255: writing as bright as is easy to read."""
 
 _DIM: Colour = (170, 170, 170)
+"""Blue, green, red of 255, for what is less important than the rest."""
 
 _WIDTH = 1000
+"""px, a picture narrower than this is enlarged, so that marks of sub-pixels can be seen."""
 
 _MOST_ENLARGED = 6
+"""Times: beyond that, a picture is squares."""
 
 _SHIFT = 4
+"""Bits behind the point of OpenCV's drawing: a sixteenth of a pixel."""
 
 # A track is drawn through gaps of this many frames, and broken at longer ones.
 _GAP = 3
@@ -299,6 +310,7 @@ def _row(track: Track, index: int) -> int | None:
 
 
 _PLAYED_FPS = 30
+"""fps at which an overlay plays, as any screen can."""
 
 
 def write_overlay(

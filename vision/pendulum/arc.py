@@ -108,6 +108,8 @@ _TURN_STD = 0.012
 _VIEW_STD = 0.06
 
 _SQUARE_STD = 0.005
+"""Dimensionless, shear and stretch of a swing seen square on, supposed: a camera set up by eye and
+levelled."""
 
 _PIVOT_STD_SHARE = 0.5
 
@@ -119,6 +121,7 @@ _OFF_ARC_PX, _INDEPENDENT = 0.15, 8.0
 _TELLING, _TELLING_RATIO = 4.0, 2.0
 
 _FEWEST_POSES = 8
+"""Poses: a swing seen aslant has six unknowns, and two more show whether it is one."""
 
 
 @dataclass(frozen=True)

@@ -22,12 +22,17 @@ __all__ = ["Bundle", "bundle", "learnt_look"]
 FloatArray = NDArray[np.float64]
 
 _ROUNDS = 12
+"""Rounds of the damped search at most: one that has not settled by then does not settle."""
 _FEWEST = 4
+"""Glimpses that must hold: a pivot and two slants are four unknowns."""
 # A camera up to some 25° aslant shortens a plane by a tenth; more is not expected.
 _VIEW_STD = 0.06
 _PIVOT_SHARE = 0.5
 _DAMPING = (1e-3, 1e3)
+"""Factors on the diagonal (Levenberg-Marquardt): the first hardly damps, and beyond the last a step
+is a thousandth of the free one."""
 _DONE = 1e-4
+"""Relative gain of the likelihood in a round that is none, supposed."""
 
 
 @dataclass(frozen=True)

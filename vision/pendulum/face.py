@@ -24,30 +24,48 @@ FloatArray = NDArray[np.float64]
 FloatImage = NDArray[np.float32]
 
 _FRAMES = 10
+"""Frames just before the strike in which the face is measured: near enough to the ball to see it
+under the same slant, supposed."""
 _FEWEST = 3
+"""Frames: a median of fewer does not leave out one that is wrong."""
 _STEP_PX = 0.5
 # How far from the middle of the mass, and from the ball's height, it is looked at, in ball radii.
 _BACK, _AHEAD, _HALF_HEIGHT = 0.7, 1.8, 0.35
 _LEAST_HALF_HEIGHT_PX = 2.0
 # What stands around the edge: the strip of the face behind it, and the wall ahead of it.
 _STRIP, _WALL, _LEAST_WALL_PX = 0.5, 0.2, 3.0
+"""Radii of the ball, and px at least, supposed: what stands around the edge, the strip of the face
+behind it and the wall ahead of it."""
 # How far ahead of the anchor a face may be, in ball radii.
 _REACH = 1.2
 _CORNER_PX = 1.5
+"""px from the corners of the face within which both edges blur into each other: a point spread is
+about a pixel wide."""
 # Share of its contrast that a row across the mass has at least.
 _COVERED = 0.85
 _BESIDE_BALL_PX = 2.5
+"""px around the ball's outline that its blur may reach: two and a half standard deviations of a
+point spread of one pixel."""
 _DARKEST = 0.02
+"""Of full scale: below this the gamma curve of a camera turns into a straight line (ITU-R BT.709
+does at 0.018)."""
 # Samples half a pixel apart, interpolated, coded in blocks: so many count as one.
 _CORRELATED = 8.0
 _LEAST_STD_PX = 0.08
+"""px, supposed: what an edge is off by besides noise, since its blur is no exact Gaussian."""
 # F of two more parameters that is not met by chance, where a slot of the side may look alike.
 _TELLING = 12.0
 _LEAST_CONTRAST = 0.06
+"""Of the wall's light: less is shading of the wall itself, supposed."""
 _LEAST_STRIP_PX = 0.7
+"""px: a strip narrower than the point spread can't be told from a blurred edge."""
 # Light that a shadow leaves, between that of the face and of the wall.
 _LEAST_SHADE = 0.25
+"""Of the light between that of the face and of the wall, supposed: what a shadow leaves at
+least."""
 _BLUR_PX = (0.4, 2.5)
+"""px, standard deviation of the edge: sharper than pixels themselves average can't be told, and
+softer is no edge to measure."""
 _MOST_TILT = 0.5
 # Relative change of cost and parameters at which a fit has come to rest.
 _SETTLED = 1e-6

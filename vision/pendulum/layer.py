@@ -20,10 +20,17 @@ FloatArray = NDArray[np.float64]
 
 _NO_WAYS = np.zeros((0, 6))
 _COARSE_POINTS = 700
+"""Points of a patch in the coarse search, supposed: they only choose where the fine one starts."""
 _COARSE_PX = 1.2
+"""px between tried places: within the reach of the fine search, which is about the blur of an
+edge."""
 _STEPS = 10
+"""Steps of the fine search at most: one that has not settled by then does not settle."""
 _DONE_PX, _SETTLED_PX = 1e-2, 0.3
+"""px: a step that matters to no measurement, a tenth of the best outline's uncertainty; and one
+still small enough to be believed."""
 _NEARLY_AS_GOOD = 0.9
+"""Of the best gain: places as good as this are all tried, supposed."""
 
 
 @dataclass(frozen=True)

@@ -93,10 +93,15 @@ BoolArray = NDArray[np.bool_]
 FloatImage = NDArray[np.float32]
 
 _LOOK_BACK = 40
+"""Frames before the strike that are looked at for a mass, supposed: it swings through some of its
+own widths in them."""
 
 _LOWEST_SIGMA = 5.0
+"""Standard deviations of noise: of a picture of a million pixels less than one passes by chance."""
 
 _LEVELS = 5
+"""Thresholds that are tried, each a fixed factor above the last, from noise to the strongest
+difference."""
 
 # A piece that lost less than this part of its area at a higher threshold is the same piece.
 _SAME_AREA = 0.85
@@ -276,8 +281,11 @@ def _disc(radius: int) -> NDArray[np.uint8]:
 
 
 _BEFORE, _GAP, _AFTER = 10, 8, 14
+"""Frames before the strike, between, and after it over which speeds are compared: the gap is longer
+than any contact at usual rates, supposed."""
 
 _FEWEST_PLACES = 4
+"""Places: a straight line has two unknowns, and two more show whether it is one."""
 
 # Balls give back a tenth to all of the speed of approach; the rest is the coarseness of this look.
 _LEAST, _MOST = 0.1, 1.15

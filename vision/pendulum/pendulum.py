@@ -27,12 +27,16 @@ __all__ = ["Follower", "Swinging", "follow_on", "follow_piece"]
 FloatArray = NDArray[np.float64]
 
 _LOST_AFTER = 4
+"""Frames without the mass that end a trial: one or two may be hidden or dropped."""
 
 _FEWEST = 6
+"""Poses: fewer tell no circle from a line."""
 
 _TRIAL_FRAMES = 14
+"""Frames of a trial: enough for a mass to move by its own size, supposed."""
 
 _MOST_FRAMES = 60
+"""Frames from which the pivot is found first, supposed: the swing is followed on from there."""
 
 _LEAST_ADVANCE_PX = 1.0
 
@@ -40,6 +44,8 @@ _LEAST_ADVANCE_PX = 1.0
 _LEAP_PX, _LEAP_SHARE, _LEAP_TURN = 1.5, 0.4, 0.06
 
 _SPEEDS = (0.0, 0.3, 0.6, 0.9, 1.2)
+"""Share of the speed before the strike that the mass may keep, as far as a lighter or heavier ball
+leaves it; steps of a third."""
 
 
 class FreeTracker:
@@ -151,31 +157,41 @@ def _predicted(poses: dict[int, Pose], index: int, direction: int) -> Pose:
 FloatImage = NDArray[np.float32]
 
 _BUNDLED = 14
+"""Frames fitted together: a swing has six shared unknowns, and the rest only adds time."""
 
 _LEAST_LOST, _MOST_LOST = 6, 40
+"""Frames, at least and most, for which the mass may be hidden: as long as it needs to pass behind
+the ball."""
 
 _SHADOW_LEAVES = 30
+"""Frames after the strike within which the shadow of the ball has left the wall behind the mass,
+supposed."""
 
 _BESIDE_BALL_PX = 1.5
+"""px around the ball's outline that its blur may reach: a point spread is about a pixel wide."""
 
 # Of what the body usually explains of a picture, what it explains where it is.
 _STILL_EXPLAINED = 0.5
 
 _KNOWN = 6
+"""Frames from which the next pose is foretold: a parabola has three unknowns, half are to spare."""
 
 # A blow takes up to so much of the rate; a prediction is off by so much at least, px.
 _BLOW, _OFF_PX = 0.75, 1.5
 
 _CURVED_PX = 1e5
+"""px: a circle of that radius is straight within a pixel over any picture."""
 
 # How far a body with depth strays from the arc of a flat one, px and rad; a round one turns freely.
 _STRAY_PX, _LEFT_PX, _STRAY_RAD, _NO_TURN = 0.5, 5.0, 0.02, 1e-4
 
-# A misfit that is this much over the usual is looked into.
 _USUAL_MISFIT = 1.5
+"""Factor: a misfit that is this much over the usual is looked into, supposed."""
 
 # Frames before and after the ball was last seen at rest in which rivals are compared.
 _BEFORE, _TRIAL, _EVERY = 30, 24, 3
+"""Frames before and after the ball was last seen at rest, and steps of them, in which rivals are
+compared; supposed."""
 
 # Looks that fit nearly alike leave it to the turns: more than this part of the arm's turn is one.
 _ALIKE, _HALF_TURNED = 0.01, 0.6

@@ -21,6 +21,7 @@ FloatImage = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 
 _ROW = 16384
+"""Pixels of a row: OpenCV's remap takes pictures of less than 32,768 in each direction."""
 
 
 @dataclass(frozen=True)

@@ -35,14 +35,20 @@ FloatArray = NDArray[np.float64]
 FloatImage = NDArray[np.float32]
 
 _FRAMES = 10
+"""Frames just before the strike in which the mass is outlined, as for its face."""
 
 _BESIDE_BALL_PX = 2.5
+"""px around the ball's outline that its blur may reach: two and a half standard deviations of a
+point spread of one pixel."""
 
 _ROUNDS = 3
+"""Rounds of choosing rim points and fitting, supposed: the choice hardly changes after two."""
 
 _ANGLES = 72
+"""Rays around a circle: one each 5°, a few pixels apart on a rim of fifty."""
 
 _STEP_PX = 0.25
+"""px between samples along a ray: four to a pixel, so that interpolation loses nothing."""
 
 # Of the bob's radius: where its outline is looked for, and where it is as light as at the rim.
 _REACH, _LIMB = (0.5, 1.6), (0.6, 0.85)
@@ -51,8 +57,11 @@ _REACH, _LIMB = (0.5, 1.6), (0.6, 0.85)
 _LEAST_CONTRAST = 0.06
 
 _FEWEST_RIM_POINTS = 12
+"""Points of the rim: a circle has three unknowns, and a sixth of all rays must agree."""
 
 _DARKEST = 0.02
+"""Of full scale: below this the gamma curve of a camera turns into a straight line (ITU-R BT.709
+does at 0.018)."""
 
 # px: an unknown transfer curve and the limb's shading move the edge at half light by so much.
 _LEAST_STD_PX = 0.2
@@ -198,6 +207,8 @@ Point = tuple[float, float] | tuple[float, float, int]
 _SAME_PIVOT = 0.15
 
 _SAME_RATE = 0.05
+"""Relative: two turns that differ by less are one, since a rate is known to a few per cent over a
+trial."""
 
 # A rival that explains less than this part of what the best one does is no rival.
 _RIVAL = 0.3

@@ -17,9 +17,16 @@ FloatImage = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
 
 _TILES = 12
+"""Tiles along each side of the picture from which edges are taken, so that no bright corner
+outvotes the rest."""
 _POINTS_PER_TILE = 24
+"""Points of a tile, the steepest: with twelve by twelve tiles some three thousand, whose mean is
+good to a fiftieth of one."""
 _ITERATIONS = 6
+"""Steps of Gauss-Newton at most: a wander of a pixel settles in three."""
 _FEWEST_POINTS = 40
+"""Points: gain, shift, turn and scale are five unknowns, eight times as many leave room for
+outliers."""
 
 
 @dataclass(frozen=True)

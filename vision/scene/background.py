@@ -32,13 +32,18 @@ __all__ = [
 FloatImage = NDArray[np.float32]
 
 _DIFFERENT = 6.0
+"""Standard deviations by which an epoch differs from the rest: in a picture of a million pixels
+none does by chance."""
 
 _SMALLEST = 40
+"""px: of smaller pieces it does not matter which picture is the background, a ball that is seen has
+more."""
 
 # A thing's outline is a step that the noise does not make, and that is gone without the thing.
 _LEAST_STEP = 1.5
 
 _SMOOTHER = 0.4
+"""Of the step at its rim, supposed: what was uncovered ends in the wall behind it without one."""
 
 
 def without_ghosts(
@@ -201,25 +206,34 @@ def _comparisons(count: int) -> Iterator[tuple[int, int]]:
 
 
 _LEVEL_BINS = 16
+"""Levels of gray between which noise is taken as steady: noise changes over the scale by about
+three."""
 
 _LAW_PIXELS = 60_000
+"""Pixels that tell the law of noise: the deviation of a sixteenth of them is good to 1.2 %."""
 
 # Fixed-point steps of a gray level.
 _STEPS = 128
+"""Fixed-point steps of a gray level: rounding is then a hundredth of the noise of any sensor."""
 
 _EPOCHS = 5
+"""Parts of the clip whose medians are compared: in some part what moves or lies still has not yet
+come or has gone."""
 
 # The static scene is seen in at least this part of the frames, wherever it is seen at all.
 _DENSEST = 0.35
 
-# An epoch that scatters by more than this, over noise, shows something that moves.
 _STABLE = 3.0
+"""Standard deviations of noise: an epoch that scatters by more shows something that moves."""
 
 _BAND_PIXELS = 6_000_000
+"""Pixels worked on at once, for a stack of some ten megabytes."""
 
 _BRIGHTNESS_PIXELS = 4000
+"""Pixels that tell a frame's gain: at 1 % of noise each to 0.02 %."""
 
 _FEWEST_LIT = 50
+"""Pixels: fewer, at some per cent of noise each, leave the gain open by half a per cent."""
 
 # Rounding to whole gray levels and the codec's quantiser leave about this much where a clip looks
 # noise-free.

@@ -29,6 +29,8 @@ Window = tuple[slice, slice]
 _WHOLE: Window = (slice(None), slice(None))
 
 _SAMPLES = 45
+"""Frames from which the background is made: a ball or mass that covers a pixel in fewer than half
+leaves the median alone."""
 
 # Of these, every so many tell whether the camera moves.
 _TRIAL_STEP = 2
@@ -36,8 +38,11 @@ _TRIAL_STEP = 2
 # A camera whose pictures wander by less than this (95th percentile) stands on a tripod; codecs do
 # as much.
 _UNSTEADY_PX = 0.25
+"""px: a camera whose pictures wander by less than this (95th percentile) stands on a tripod, since
+codecs do as much."""
 
 _FEWEST_UNCOVERED = 3
+"""Frames: a median of fewer does not leave out one that is wrong."""
 
 
 class Scene:
@@ -186,10 +191,13 @@ class Scene:
 
 
 _STILL_SAMPLES = 15
+"""Frames of the ball at rest that are averaged: noise falls to a quarter."""
 
 _LEAST_FRAMES = 9
+"""Frames of rest: fewer than two for each of four quarters tell nothing of what moves."""
 
 _STEADY = 3.0
+"""Standard deviations of noise: one pixel in 370 differs by more without anything moving."""
 
 # Frames, of those sampled, in which a pixel may differ by accident.
 _STRAY = 1

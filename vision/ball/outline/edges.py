@@ -51,11 +51,13 @@ Hides = Callable[[FloatArray, FloatArray], BoolArray]
 TYPICAL_GAMMA = 1.85
 
 _BLOCK_BYTES = 24_000_000
+"""Bytes worked on at once: they stay within a processor's cache."""
 
 # Below this part of white the transfer curve is straight.
 _DARKEST = 0.05
 
 _LEVEL_STEPS = 16
+"""Steps per gray level of a table: rounding is a thirtieth of one, less than any noise."""
 
 
 def ring_widths(radius: float) -> tuple[float, float]:
@@ -208,8 +210,10 @@ def _fill(
 
 
 _STEEP = 6.0
+"""Standard deviations of noise: in a picture of a million pixels none is as steep by chance."""
 
 _MOST_EDGES = 6000
+"""Edge points kept, the steepest, supposed: more only cost time."""
 
 
 @dataclass(frozen=True)
@@ -291,11 +295,14 @@ def places(mask: NDArray[np.bool_]) -> tuple[IntArray, IntArray]:
 _STEP = 0.0125
 
 _SMEAR_STEPS = 8
+"""Steps of the table between two smears, supposed: a profile hardly changes in between."""
 
 # How far from the outline the tables reach, px: further than any ring of pixels does.
 _REACH = 16.0
 
 _TYPICAL_INNER = 5.0
+"""px inside an outline whose gray levels stand for the ball: beyond its blur, within its
+shading."""
 
 
 class EdgeProfile:

@@ -114,8 +114,10 @@ FloatImage = NDArray[np.float32]
 _SLACK = 0.8
 
 _FEWEST_PIXELS = 24
+"""Pixels of an outline: it has three unknowns and each of eight sectors three more."""
 
 _FEWEST_IN_SECTOR = 5
+"""Pixels of a sector: its light has three unknowns, two are to spare."""
 
 
 @dataclass(frozen=True)
@@ -264,12 +266,15 @@ class Template:
 _SHADOW_PRIOR = 0.3
 
 _SHADING_PRIOR = 255.0
+"""Gray levels, prior width of the light of a sector: full scale, that is none."""
 
 _SMALL_RADIUS = 10.0
+"""px: smaller balls show less of their light within a sector, and its priors narrow with them."""
 
 _OFFSET_SCALES = 2.0
 
 _BASIS = 3
+"""Unknowns of a sector's light: shadow factor, level and slope."""
 
 # A sector that fits so much worse than most has something in it that the model does not know.
 _PANELLED = 1.4

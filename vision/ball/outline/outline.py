@@ -46,8 +46,10 @@ BoolArray = NDArray[np.bool_]
 
 # Pixels of a handful of frames stay in the processor's cache.
 _BATCH_PIXELS = 80_000
+"""Pixels worked on at once: those of a handful of frames stay in the processor's cache."""
 
 _SETTLED = 0.3
+"""px: a step below which the ring of pixels and the panels of a ball are settled."""
 
 # How far inside a sector is used that an edge of the ball's own crosses, px: the outline's blur.
 _NARROW = 1.6
@@ -293,11 +295,14 @@ def _clustered(score: FloatArray) -> FloatArray:
 FloatImage = NDArray[np.float32]
 
 _VOTED_STD = 0.15
+"""px, of a circle by votes, supposed: half of what rounding to pixels leaves, 1/√12."""
 
 # How much a circle's radius scatters (natural logarithm).
 _SWELLING = 0.15
+"""Log radius: how much a circle's radius scatters by votes, supposed."""
 
 _SMALLEST_WINDOW = 16
+"""px: in a smaller window no ring of the smallest ball has its background."""
 
 
 def voted_outlines(scene: Scene, frame: IntArray, guess: FloatArray, radius: float) -> OutlineFits:

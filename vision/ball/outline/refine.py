@@ -18,18 +18,27 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 _SPREADS = (0.25, 0.45, 0.7, 1.0, 1.5)
+"""px, standard deviations of the point spread that are tried: each about half as much again."""
 _DUTIES = (0.1, 0.35, 0.6, 0.85)
+"""Share of the time between frames that the shutter is open, from a flash to nearly all of it."""
 _TRIAL_FRAMES = 9
+"""Frames on which blur and shutter are tried, supposed: their sum tells one from the next."""
 _SHAPE_FRAMES = 40
+"""Frames that tell the ball's shape: more hardly average its errors, since neighbours look
+alike."""
 _SHAPE_STEPS = 3
+"""Steps of the shape, supposed: the later ones hardly move it."""
 _BEGIN_ROUNDS = 6
+"""Rounds of reweighting, supposed: outliers are out after a few."""
 # Scatter of a radius that is fitted free, in radii.
 _FREE_RADIUS = 0.02
 _TOLERANCE = 5e-3
+"""px: a step that matters to no measurement, a tenth of the best outline's uncertainty."""
 # How far inside pixels are used, in radii: once the outline is found, less of a ball's panels and
 # shading is better.
 _INNER = 0.15
 _LEAST_INNER_PX = 2.2
+"""px inside the rim that is used: beyond two standard deviations of a point spread of one pixel."""
 # Frames between the positions compared: errors of neighbours are alike, as the ball looks alike.
 _LAG = 4
 # What shading, transfer curve and texture do to an outline for many frames alike, and no scatter
