@@ -8,12 +8,19 @@ from metrology.errors import (
     ImpactVisionError,
     MeasurementError,
     NotFoundError,
+    OutputError,
     SetupError,
     TooLittleDataError,
     UnitError,
     UsageError,
 )
-from metrology.files import write_text_whole, written_whole
+from metrology.files import (
+    parse_toml,
+    read_small_text,
+    refuse_unwritable,
+    write_text_whole,
+    written_whole,
+)
 from metrology.measurands import (
     Given,
     Measurand,
@@ -38,6 +45,7 @@ __all__ = [
     "Measurand",
     "MeasurementError",
     "NotFoundError",
+    "OutputError",
     "Quantity",
     "SetupError",
     "TooLittleDataError",
@@ -47,10 +55,13 @@ __all__ = [
     "measurands",
     "parse_measured",
     "parse_quantity",
+    "parse_toml",
     "parse_with_uncertainty",
     "read_given",
     "read_number",
     "read_scale",
+    "read_small_text",
+    "refuse_unwritable",
     "write_text_whole",
     "written_whole",
 ]

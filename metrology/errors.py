@@ -6,6 +6,7 @@
     ├── UsageError                 2  a wrong option, unit, name or combination
     │   ├── SetupError             2  the setup file is wrong; says where and the nearest right key
     │   ├── UnitError              2  "50 parsecs of mm" is no length
+    │   ├── OutputError            2  a file can't be written: no folder, no right, no room
     │   └── DomainError            2  a number outside what the physics allows (also a ValueError)
     ├── ClipError                  3  the clip can't be read: missing, truncated, no video in it
     └── MeasurementError           4  read, but the quantity can't be measured from it
@@ -26,6 +27,7 @@ __all__ = [
     "ImpactVisionError",
     "MeasurementError",
     "NotFoundError",
+    "OutputError",
     "SetupError",
     "TooLittleDataError",
     "UnitError",
@@ -72,6 +74,10 @@ class SetupError(UsageError):
 
 class UnitError(UsageError):
     """A text that is no quantity of the wanted dimension."""
+
+
+class OutputError(UsageError):
+    """A file can't be written where it was asked for."""
 
 
 class DomainError(UsageError, ValueError):

@@ -5,13 +5,14 @@ A command's module is imported when the command is called, so that help and erro
 
 import functools
 import os
-from collections.abc import Callable
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any, NamedTuple
 
 import typer
 from typer.core import TyperGroup
+
+from pipelines.doors import guarded
 
 __all__ = ["app"]
 
@@ -155,7 +156,7 @@ def _loaded(name: str) -> Any:
         alone = typer.Typer(
             add_completion=False, rich_markup_mode=None, pretty_exceptions_enable=False
         )
-        alone.command(name)(_guarded(found))
+        alone.command(name)(guarded(found))
         return typer.main.get_command(alone)
     group = typer.Typer(
         cls=getattr(module, command.group),
@@ -167,26 +168,8 @@ def _loaded(name: str) -> Any:
     )
     group.callback()(lambda: None)
     for part, function in found.items():
-        group.command(part)(_guarded(function))
+        group.command(part)(guarded(function))
     return typer.main.get_command(group)
-
-
-def _guarded(command: Callable[..., None]) -> Callable[..., None]:
-    """Turn errors raised on purpose into a message and the contract's exit code."""
-    from metrology import ImpactVisionError
-    from pipelines.terminal import screen
-
-    @functools.wraps(command)
-    def guarded(*args: Any, **options: Any) -> None:
-        try:
-            command(*args, **options)
-        except ImpactVisionError as problem:
-            screen(errors=True).print(f"vision: {problem}", soft_wrap=True)
-            raise typer.Exit(problem.exit_code) from problem
-        except KeyboardInterrupt:
-            raise typer.Exit(130) from None
-
-    return guarded
 
 
 app = typer.Typer(

@@ -12,6 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from calib.camera.camera import Camera, rotation_matrix
 from metrology import UsageError, measurands, parse_quantity, read_number
 from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT
+from pipelines.doors import FileRole
 from pipelines.model.effects import added_effects, start_angle
 from pipelines.model.options import angle_of, choose_ball, experiment_of, setup_or_default
 from pipelines.setup.file import Setup
@@ -210,6 +211,7 @@ def render_command(
     out: Annotated[
         Path,
         typer.Option("--out", "-o", help="The clip to write; its name ends as the codec wants."),
+        FileRole.WRITES,
     ],
     setup: Annotated[Path | None, typer.Option(help="Setup file (TOML).")] = None,
     ball: Annotated[

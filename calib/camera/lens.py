@@ -3,7 +3,6 @@
 `lens.toml`: a lens written down, with its uncertainties; and the board to print.
 """
 
-import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -26,7 +25,14 @@ from calib.camera.lens_fit import (
     prior_of,
 )
 from calib.camera.lens_yaml import YAML_SUFFIXES, lens_yaml, read_lens_yaml
-from metrology import CalibrationError, SetupError, write_text_whole, written_whole
+from metrology import (
+    CalibrationError,
+    SetupError,
+    parse_toml,
+    read_small_text,
+    write_text_whole,
+    written_whole,
+)
 
 __all__ = [
     "Board",
@@ -319,17 +325,13 @@ def read_lens(path: Path, *, width: int | None = None, height: int | None = None
     """
     if path.suffix.lower() in YAML_SUFFIXES:
         return _for_picture(read_lens_yaml(path), width, height)
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as problem:
-        raise SetupError(
-            f"can't read the lens file {path}: {problem.strerror}",
-            hint="Write one with `vision calibrate lens`.",
-        ) from problem
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as problem:
-        raise SetupError(
-            f"{path} is no lens file: {problem}", hint="Write one with `vision calibrate lens`."
-        ) from problem
+    text = read_small_text(
+        path,
+        what="the lens file",
+        hint="Write one with `vision calibrate lens`.",
+        error=SetupError,
+    )
+    table = parse_toml(text, f"the lens file {path}")
     numbers = table.get("lens", {})
     missing = [n for n in ("width", "height", *NAMES[:4]) if n not in numbers]
     if missing:

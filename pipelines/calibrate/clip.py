@@ -26,6 +26,7 @@ from pipelines.calibrate.wizard.answers import (
 from pipelines.calibrate.wizard.scene import look_at
 from pipelines.calibrate.wizard.session import Session, lens_beside, read_view, with_ball
 from pipelines.calibrate.wizard.terminal import Dialogue, ask_all, told_of
+from pipelines.doors import FileRole
 from pipelines.setup.file import load_setup, read_setup
 from pipelines.web.guard import Jobs
 
@@ -72,9 +73,9 @@ def clip_command(
     ball_plane: Annotated[
         str | None, typer.Option(help="Ball's plane to wall by tape: '0.45 m ± 5 mm'.")
     ] = None,
-    out: Annotated[Path, typer.Option("--out", "-o", help="The setup file to write.")] = Path(
-        "setup.toml"
-    ),
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="The setup file to write."), FileRole.WRITES
+    ] = Path("setup.toml"),
     terminal: Annotated[bool, typer.Option("--terminal", help="Ask on the terminal.")] = False,
     yes: Annotated[
         bool, typer.Option("--yes", "-y", help="Ask nothing: what is not said is found.")

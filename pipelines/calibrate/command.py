@@ -29,6 +29,7 @@ from pipelines.calibrate.wizard.answers import (
     rate_from,
 )
 from pipelines.calibrate.wizard.session import read_view
+from pipelines.doors import FileRole
 from vision.clip.clip import Clip
 from vision.clip.footage import choose_capture_rate
 
@@ -82,7 +83,7 @@ def _board(size: str, square: str, charuco: bool) -> Board:
 
 
 def board_command(
-    pdf: Annotated[Path, typer.Option(help="The file to write.")],
+    pdf: Annotated[Path, typer.Option(help="The file to write."), FileRole.WRITES],
     size: BoardSize = "8x6",
     square: Square = "25 mm",
     charuco: Charuco = False,
@@ -97,9 +98,9 @@ def lens_command(
     size: BoardSize = "8x6",
     square: Square = "25 mm",
     charuco: Charuco = False,
-    out: Annotated[Path, typer.Option("--out", "-o", help="The lens file to write.")] = Path(
-        "lens.toml"
-    ),
+    out: Annotated[
+        Path, typer.Option("--out", "-o", help="The lens file to write."), FileRole.WRITES
+    ] = Path("lens.toml"),
 ) -> None:
     """Measure a lens from pictures of a board, and write lens.toml."""
     board = _board(size, square, charuco)

@@ -40,6 +40,7 @@ from metrology import (
 )
 from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT
 from pipelines.calibrate.filming import Filming, film_scene, planned_tracks
+from pipelines.doors import FileRole
 from pipelines.measure.budget import Scene as Known
 from pipelines.measure.budget import systematic_budget, values_after_move
 from pipelines.measure.checks.gravity import seen_fall
@@ -355,7 +356,9 @@ def plan_filming_command(
         bool, typer.Option("--changes/--no-changes", help="Try what would help.")
     ] = True,
     json_to: Annotated[
-        str | None, typer.Option("--json", help="Results as JSON; - for stdout.", metavar="FILE")
+        str | None,
+        typer.Option("--json", help="Results as JSON; - for stdout.", metavar="FILE"),
+        FileRole.WRITES,
     ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No table, no warnings.")] = False,
 ) -> None:

@@ -16,6 +16,7 @@ from metrology import UsageError, write_text_whole
 from mismatch import Explained
 from mismatch.table.explain import TableExplained
 from physics.effects import CATALOGUE, Effect
+from pipelines.doors import FileRole
 from pipelines.explain.plots import draw_explained
 from pipelines.explain.report import write_explain_report
 from pipelines.explain.run import (
@@ -118,12 +119,20 @@ def explain_command(
         Path | None, typer.Option(help="A Python file with effects of your own.")
     ] = None,
     json_file: Annotated[
-        str | None, typer.Option("--json", help="Write the verdict as JSON ('-': stdout).")
+        str | None,
+        typer.Option("--json", help="Write the verdict as JSON ('-': stdout)."),
+        FileRole.WRITES,
     ] = None,
-    report: Annotated[Path | None, typer.Option(help="Write the story as HTML.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Write the plots (.png or .svg).")] = None,
+    report: Annotated[
+        Path | None, typer.Option(help="Write the story as HTML."), FileRole.WRITES
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Write the plots (.png or .svg)."), FileRole.WRITES
+    ] = None,
     model: Annotated[
-        Path | None, typer.Option(help="Write the improved model as a setup file (TOML).")
+        Path | None,
+        typer.Option(help="Write the improved model as a setup file (TOML)."),
+        FileRole.WRITES,
     ] = None,
     quiet: Annotated[bool, typer.Option(help="Print nothing but results asked for.")] = False,
 ) -> None:

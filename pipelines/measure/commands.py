@@ -19,6 +19,7 @@ from metrology import (
 from metrology.quantity import format_quantity
 from pipelines.api.quantities import measure_options
 from pipelines.batch import Folder, Job, files_of, measure_all
+from pipelines.doors import FileRole
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measure.files.output import (
     Wanted,
@@ -64,14 +65,25 @@ BallAtOption = Annotated[
 MassAtOption = Annotated[
     str | None, typer.Option("--mass-at", metavar="X,Y[,FRAME]", help="A point on the mass, px.")
 ]
-CsvOption = Annotated[Path | None, typer.Option("--csv", help="Write results as CSV.")]
-JsonOption = Annotated[str | None, typer.Option("--json", help="Write JSON; - for stdout.")]
-TracksOption = Annotated[Path | None, typer.Option("--tracks", help="Write the tracks as CSV.")]
-OverlayOption = Annotated[Path | None, typer.Option("--overlay", help="Write an overlay video.")]
-PlotOption = Annotated[Path | None, typer.Option("--plot", help="Write plots (.png or .svg).")]
+CsvOption = Annotated[
+    Path | None, typer.Option("--csv", help="Write results as CSV."), FileRole.WRITES
+]
+JsonOption = Annotated[
+    str | None, typer.Option("--json", help="Write JSON; - for stdout."), FileRole.WRITES
+]
+TracksOption = Annotated[
+    Path | None, typer.Option("--tracks", help="Write the tracks as CSV."), FileRole.WRITES
+]
+OverlayOption = Annotated[
+    Path | None, typer.Option("--overlay", help="Write an overlay video."), FileRole.WRITES
+]
+PlotOption = Annotated[
+    Path | None, typer.Option("--plot", help="Write plots (.png or .svg)."), FileRole.WRITES
+]
 ReportOption = Annotated[
     Path | None,
     typer.Option("--report", help="Write a one-page HTML report; prints the budgets, too."),
+    FileRole.WRITES,
 ]
 OutOption = Annotated[
     Path | None,

@@ -26,6 +26,7 @@ from physics.forward import (
 from physics.planning import Plan, PlanScatter, plan_distance
 from physics.restitution.restitution import ConstantCor, CorLaw
 from physics.swing import backswing_for_speed, frictionless_speed
+from pipelines.doors import FileRole
 from pipelines.figures import Picture, save_figure
 from pipelines.model.options import (
     asked,
@@ -216,10 +217,16 @@ def plan_command(
     ] = None,
     setup: Annotated[Path | None, typer.Option(help="Setup file (TOML).")] = None,
     json_to: Annotated[
-        str | None, typer.Option("--json", help="Results as JSON; - for stdout.", metavar="FILE")
+        str | None,
+        typer.Option("--json", help="Results as JSON; - for stdout.", metavar="FILE"),
+        FileRole.WRITES,
     ] = None,
-    csv_to: Annotated[Path | None, typer.Option("--csv", help="Results as CSV, one row.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Draw distance by angle: .png or .svg.")] = None,
+    csv_to: Annotated[
+        Path | None, typer.Option("--csv", help="Results as CSV, one row."), FileRole.WRITES
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw distance by angle: .png or .svg."), FileRole.WRITES
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No table, no warnings.")] = False,
 ) -> None:
     """Plan a strike: the back-swing angle and impact speed that reach a distance.

@@ -31,6 +31,7 @@ from physics.flight.flight import FlightPath, fly
 from physics.forward import Experiment, closed_form_landing, impulsive_launch, paper_impact
 from physics.planning import PlanScatter
 from physics.restitution.restitution import CorLaw
+from pipelines.doors import FileRole
 from pipelines.figures import save_figure
 from pipelines.model.effects import added_effects, alter_outcome, speed_with_losses
 from pipelines.model.options import (
@@ -401,10 +402,16 @@ def simulate_command(
     ] = None,
     setup: Annotated[Path | None, typer.Option(help="Setup file (TOML).")] = None,
     json_to: Annotated[
-        str | None, typer.Option("--json", help="Results as JSON; - for stdout.", metavar="FILE")
+        str | None,
+        typer.Option("--json", help="Results as JSON; - for stdout.", metavar="FILE"),
+        FileRole.WRITES,
     ] = None,
-    csv_to: Annotated[Path | None, typer.Option("--csv", help="Results as CSV, one row.")] = None,
-    plot: Annotated[Path | None, typer.Option(help="Draw the path: .png or .svg.")] = None,
+    csv_to: Annotated[
+        Path | None, typer.Option("--csv", help="Results as CSV, one row."), FileRole.WRITES
+    ] = None,
+    plot: Annotated[
+        Path | None, typer.Option(help="Draw the path: .png or .svg."), FileRole.WRITES
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="No table, no warnings.")] = False,
 ) -> None:
     """Simulate a strike and the flight after it.

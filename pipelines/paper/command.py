@@ -20,6 +20,7 @@ from rich.table import Table
 
 from metrology import UsageError, write_text_whole
 from physics.bodies import BALLS
+from pipelines.doors import FileRole
 from pipelines.paper.audit import audit, conclusions, draw_sensitivities, implied_fits, swing_checks
 from pipelines.paper.figures import draw_figures
 from pipelines.paper.printed import Cell, as_rows
@@ -98,9 +99,13 @@ def _candidate_table(explanations: tuple[Explanation, ...]) -> Table:
 
 def paper_command(
     json_to: Annotated[
-        str | None, typer.Option("--json", help="Cells as JSON; - for stdout.", metavar="FILE")
+        str | None,
+        typer.Option("--json", help="Cells as JSON; - for stdout.", metavar="FILE"),
+        FileRole.WRITES,
     ] = None,
-    csv_to: Annotated[Path | None, typer.Option("--csv", help="Cells as CSV.")] = None,
+    csv_to: Annotated[
+        Path | None, typer.Option("--csv", help="Cells as CSV."), FileRole.WRITES
+    ] = None,
     figures: Annotated[
         Path | None, typer.Option(help="Draw the figures into this folder.", metavar="DIR")
     ] = None,

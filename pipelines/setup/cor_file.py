@@ -11,7 +11,6 @@
     session_scatter = 0.002              # one sigma, session to session
 """
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -22,7 +21,7 @@ import numpy as np
 import tomli_w
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from metrology import SetupError, UsageError, write_text_whole
+from metrology import SetupError, UsageError, parse_toml, read_small_text, write_text_whole
 from physics.bodies import Ball
 from physics.domain import FloatArray
 from physics.planning import PlanScatter
@@ -167,14 +166,14 @@ def read_cor_file(path: Path) -> dict[str, BallLaw]:
     SetupError
         If it can't be read, lacks a number, or its covariance is none.
     """
+    text = read_small_text(
+        path,
+        what="the laws of restitution in",
+        hint="Give the cor.toml that `vision campaign` wrote.",
+        error=SetupError,
+    )
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-        tables = _File.model_validate(document).balls
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as problem:
-        raise SetupError(
-            f"can't read the laws of restitution in {path}: {problem}",
-            hint="Give the cor.toml that `vision campaign` wrote.",
-        ) from problem
+        tables = _File.model_validate(parse_toml(text, str(path))).balls
     except ValidationError as problem:
         first = problem.errors()[0]
         where = ".".join(str(part) for part in first["loc"])

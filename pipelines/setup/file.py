@@ -3,7 +3,6 @@
 Contract: every key is optional; an unknown key is an error that names the nearest right one.
 """
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +18,9 @@ from metrology import (
     UnitError,
     UsageError,
     measurands,
+    parse_toml,
     read_given,
+    read_small_text,
 )
 from physics import bodies
 from physics.effects import CATALOGUE
@@ -79,12 +80,9 @@ def load_setup(path: Path) -> Setup:
     SetupError
         If the file is missing, is no TOML, has an unknown key or a value out of range.
     """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as problem:
-        raise SetupError(
-            f"can't read the setup file {path}: {problem}", hint="Check the path given to --setup."
-        ) from problem
+    text = read_small_text(
+        path, what="the setup file", hint="Check the path given to --setup.", error=SetupError
+    )
     return replace(read_setup(text, str(path), folder=path.parent), path=path)
 
 
@@ -96,11 +94,7 @@ def read_setup(text: str, name: str = "setup", *, folder: Path = Path()) -> Setu
     SetupError
         As `load_setup`.
     """
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as problem:
-        raise SetupError(f"{name} is not valid TOML: {problem}") from problem
-    return setup_from_document(document, name, folder=folder)
+    return setup_from_document(parse_toml(text, name), name, folder=folder)
 
 
 def setup_from_document(

@@ -1,0 +1,155 @@
+"""The doors of every command: which files it writes, and how whatever stops it is told.
+
+What can be refused is refused before the work begins: an output that can't be written, that is an
+input, or that two options name.
+"""
+
+import errno
+import functools
+import io
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from enum import Enum
+from pathlib import Path
+from types import FrameType
+from typing import Any, NoReturn, get_type_hints
+
+import typer
+
+__all__ = ["FileRole", "guarded"]
+
+DEBUG = "IMPACT_VISION_DEBUG"
+"""Environment: set, a numerical failure keeps its traceback."""
+
+_ENDED_BY_SIGNAL = 128
+"""Exit codes of a process that a signal ended start here (POSIX shells)."""
+
+
+class FileRole(Enum):
+    """What a command does with the file of an option; stands in the option's annotation."""
+
+    WRITES = "writes"
+
+
+def guarded(command: Callable[..., None]) -> Callable[..., None]:
+    """Check a command's files, and turn what stops it into a message and the contract's exit code.
+
+    Parameters
+    ----------
+    command : callable
+        A typer command; options that write a file carry `FileRole.WRITES` in their annotation.
+
+    Returns
+    -------
+    callable
+        Raises ``typer.Exit`` instead of the project's errors, of a full disk, a closed pipe, an
+        interrupt (130), and of numbers that no fit can be made of (4).
+    """
+    from metrology import ImpactVisionError
+    from pipelines.terminal import screen
+
+    @functools.wraps(command)
+    def run(*args: Any, **options: Any) -> None:
+        def end(message: str, code: int) -> NoReturn:
+            screen(errors=True).print(f"vision: {message}", soft_wrap=True)
+            raise typer.Exit(code)
+
+        try:
+            with _tidy_when_terminated():
+                _refuse_clashes(command, options)
+                command(*args, **options)
+                sys.stdout.flush()
+        except ImpactVisionError as problem:
+            end(str(problem), problem.exit_code)
+        except KeyboardInterrupt:
+            raise typer.Exit(_ENDED_BY_SIGNAL + signal.SIGINT) from None
+        except BrokenPipeError:
+            _silence_stdout()
+            raise typer.Exit(_ENDED_BY_SIGNAL + signal.SIGPIPE) from None
+        except OSError as problem:
+            if problem.errno not in (errno.ENOSPC, errno.EDQUOT):
+                raise
+            _silence_stdout()
+            end(f"the disk is full: {problem.strerror}\nMake room and ask again.", 2)
+        except ArithmeticError as problem:
+            _told_as_no_fit(problem, end)
+        except ValueError as problem:
+            from numpy.linalg import LinAlgError
+
+            if not isinstance(problem, LinAlgError):
+                raise
+            _told_as_no_fit(problem, end)
+
+    return run
+
+
+def _told_as_no_fit(problem: Exception, end: Callable[[str, int], NoReturn]) -> NoReturn:
+    if os.environ.get(DEBUG):
+        raise problem
+    end(
+        f"these numbers can't be fitted: {problem}\nLook at the input as a plot: are the columns, "
+        f"units and times what they should be? {DEBUG}=1 shows where it stopped.",
+        4,
+    )
+
+
+def _refuse_clashes(command: Callable[..., None], options: Mapping[str, Any]) -> None:
+    from metrology import UsageError, refuse_unwritable
+
+    roles = {
+        name: FileRole.WRITES in getattr(hint, "__metadata__", ())
+        for name, hint in get_type_hints(command, include_extras=True).items()
+    }
+    outputs = {
+        name: Path(str(value))
+        for name, value in options.items()
+        if roles.get(name) and value is not None and str(value) != "-"
+    }
+    inputs = [
+        path
+        for name, value in options.items()
+        if not roles.get(name)
+        for path in (value if isinstance(value, list | tuple) else [value])
+        if isinstance(path, Path) and path.is_file()
+    ]
+    taken: dict[str, str] = {}
+    for name, path in outputs.items():
+        refuse_unwritable(path)
+        if any(path.exists() and path.samefile(given) for given in inputs):
+            raise UsageError(
+                f"{path} is read, and can't be written, too", hint="Name another file to write."
+            )
+        place = os.path.realpath(path)
+        if place in taken and (path.is_file() or not path.exists()):
+            raise UsageError(
+                f"{path} is named twice: for {taken[place]} and for {name}",
+                hint="One would overwrite the other; name two files.",
+            )
+        taken[place] = name
+
+
+@contextmanager
+def _tidy_when_terminated() -> Iterator[None]:
+    """Let a SIGTERM unwind the stack, so that temporary files go."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def unwind(number: int, frame: FrameType | None) -> None:
+        raise SystemExit(_ENDED_BY_SIGNAL + number)
+
+    before = signal.signal(signal.SIGTERM, unwind)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _silence_stdout() -> None:
+    """Keep the interpreter from flushing once more, at its end, what can't be written."""
+    with suppress(io.UnsupportedOperation), open(os.devnull, "wb") as nothing:
+        os.dup2(nothing.fileno(), sys.stdout.fileno())

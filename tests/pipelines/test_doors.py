@@ -1,0 +1,116 @@
+"""What a command may read and write is settled before it works; what stops it is told."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from pipelines.cli import app
+from pipelines.doors import FileRole, guarded
+
+ROOT = Path(__file__).parents[2]
+SIMULATE = ["simulate", "--backswing", "60deg", "--ball", "jokku"]
+
+
+def invoked(*words: str | Path) -> tuple[int, str]:
+    result = CliRunner().invoke(app, [str(word) for word in words])
+    assert "Traceback" not in result.output
+    return result.exit_code, result.output
+
+
+def test_two_options_may_not_name_one_file(tmp_path: Path) -> None:
+    both = tmp_path / "a.json"
+    code, said = invoked(*SIMULATE, "--json", both, "--csv", tmp_path / "." / "a.json")
+    assert code == 2
+    assert "named twice" in said
+    assert not both.exists()
+    assert invoked(*SIMULATE, "--json", "/dev/null", "--csv", "/dev/null")[0] == 0
+
+
+def test_what_is_read_is_never_written(tmp_path: Path) -> None:
+    table = tmp_path / "balls.csv"
+    table.write_text("trial,t_s,x_m,y_m\n", encoding="utf-8")
+    link = tmp_path / "link.csv"
+    link.symlink_to(table)
+    setup = tmp_path / "setup.toml"
+    setup.write_text("", encoding="utf-8")
+    for out in (table, link):
+        code, said = invoked("explain", table, "--setup", setup, "--json", out)
+        assert code == 2
+        assert "is read" in said
+    assert table.read_text(encoding="utf-8") == "trial,t_s,x_m,y_m\n"
+
+
+def test_an_output_without_a_folder_is_refused_before_the_work(tmp_path: Path) -> None:
+    code, said = invoked("measure", "no-such-clip.mp4", "--report", tmp_path / "no" / "a.html")
+    assert code == 2
+    assert "a.html" in said
+
+
+def _command(fault: Exception) -> int | str | None:
+    def fails(out: Annotated[Path | None, typer.Option(), FileRole.WRITES] = None) -> None:
+        raise fault
+
+    single = typer.Typer(pretty_exceptions_enable=False)
+    single.command()(guarded(fails))
+    return CliRunner().invoke(single, []).exit_code
+
+
+@pytest.mark.parametrize(
+    ("fault", "code"),
+    [
+        (np.linalg.LinAlgError("singular matrix"), 4),
+        (ZeroDivisionError("division by zero"), 4),
+        (OSError(28, "No space left on device"), 2),
+        (KeyError("a bug"), 1),
+        (ValueError("a bug"), 1),
+    ],
+)
+def test_what_stops_a_command_has_its_exit_code(fault: Exception, code: int) -> None:
+    assert _command(fault) == code
+
+
+def vision(*words: str | Path, stdout: int) -> subprocess.Popen[str]:
+    script = "import sys\nfrom pipelines.cli import app\napp()"
+    return subprocess.Popen(
+        [sys.executable, "-c", script, *map(str, words)],
+        cwd=ROOT,
+        stdout=stdout,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def test_a_full_or_closed_stdout_is_no_traceback() -> None:
+    with open("/dev/full", "wb") as full:
+        running = vision(*SIMULATE, stdout=full.fileno())
+        said = running.communicate(timeout=120)[1]
+    assert running.returncode == 2
+    assert "full" in said
+    assert "Traceback" not in said
+    read, write = os.pipe()
+    os.close(read)
+    running = vision(*SIMULATE, "--json", "-", stdout=write)
+    os.close(write)
+    said = running.communicate(timeout=120)[1]
+    assert running.returncode == 128 + signal.SIGPIPE
+    assert "Traceback" not in said
+
+
+def test_a_terminated_command_leaves_no_temporary(tmp_path: Path) -> None:
+    running = vision("render", "-o", tmp_path / "a.mp4", stdout=subprocess.DEVNULL)
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob(".a-*")) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    running.terminate()
+    running.communicate(timeout=60)
+    assert running.returncode == 128 + signal.SIGTERM
+    assert list(tmp_path.iterdir()) == []
