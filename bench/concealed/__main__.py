@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
+from bench.concealed.calibration import claims_of, draw_reliability
 from bench.concealed.campaign import Key, read_key
 from bench.concealed.contest.answer import Answer, answer_from_json
 from bench.concealed.contest.contestants import engine_answer, engine_version
@@ -21,7 +22,7 @@ from bench.concealed.foreign import convert_all
 from bench.concealed.foreign_keys import foreign_key
 from bench.concealed.report import WHOLE_PROOF, Asked, Scored, proof_text
 from bench.concealed.run import Stop, run_until
-from bench.concealed.score import judge
+from bench.concealed.score import Judgement, judge
 from bench.concealed.second.draw import GENERATOR as SECOND_GENERATOR
 from bench.concealed.second.draw import draw_campaign as draw_second
 from bench.concealed.world.draw import GENERATOR, draw_campaign
@@ -257,15 +258,25 @@ def main() -> None:
     pixels = [] if options.pixels is None else section(options.pixels)
     answered_by = options.answers.name.rsplit("-", 1)[-1] if options.answers else shelf.version
     asked = Asked(options.campaigns, options.seed, answered_by)
-    text = proof_text(own, theirs, asked, _peers(options, own), real, pixels, second)
     output = options.output
     if output is None and options.campaigns >= WHOLE_PROOF and options.world is World.OWN:
         output = ROOT / "docs" / "proof.md"
+    reliability = _reliability(output, [s.judgement for s in (*theirs, *second)])
+    text = proof_text(own, theirs, asked, _peers(options, own), real, pixels, second, reliability)
     if output is None:
         print(text)
     else:
         write_text_whole(output, text)
         print(f"wrote {output}: {len(own)} of {options.campaigns} campaigns scored")
+
+
+def _reliability(output: Path | None, judgements: list[Judgement]) -> str:
+    """Draw stated probabilities beside the page; the link to the picture, or none."""
+    pictures = None if output is None else output.parent / "pictures"
+    if pictures is None or not pictures.is_dir() or not claims_of(judgements):
+        return ""
+    draw_reliability(judgements, pictures / "reliability.svg")
+    return "pictures/reliability.svg"
 
 
 def _key(shelf: Shelf, number: int) -> Key:

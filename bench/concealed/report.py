@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bench.concealed.calibration import calibration_section
 from bench.concealed.score import MIMICKED, Judgement
 from bench.concealed.second.laws import NAMED, UNNAMED
 from bench.concealed.statistics import Proportion, brier_score, calibration_error
@@ -158,6 +159,8 @@ def _sure_rows(scored: Sequence[Scored]) -> list[tuple[str, str, str, str]]:
          str(Proportion(sum(not right for right in sure), len(sure)))),
         ("Brier score of stated probabilities, a declared group being right", "", "",
          f"{score:.3f} ({len(declared)} names)"),
+        ("answers that contradict themselves", "0", "0",
+         str(_share(scored, lambda j: bool(j.answer.contradictions)))),
     ]  # fmt: skip
 
 
@@ -373,8 +376,12 @@ def proof_text(
     real: Sequence[str],
     pixels: Sequence[str] = (),
     second: Sequence[Scored] = (),
+    reliability: str = "",
 ) -> str:
-    """The whole page, Markdown; `real` and `pixels` are the lines of those sections."""
+    """The whole page, Markdown; `real` and `pixels` are the lines of those sections.
+
+    `reliability` is the link to the picture of stated probabilities, if there is one.
+    """
     counts = Counter(s.judgement.key.kind for s in own)
     _, outside = _coverage(own)
     _, bins = calibration_error(*_stated(own))
@@ -404,6 +411,9 @@ def proof_text(
         "## A second world of other forms",
         "",
         *_second_section(second),
+        "## Stated probabilities in worlds of other forms",
+        "",
+        *calibration_section([s.judgement for s in (*foreign, *second)], reliability),
         "## From pixels",
         "",
         *(pixels or ["Not rendered for this page.", ""]),

@@ -2,6 +2,7 @@ from pathlib import Path
 
 import pytest
 
+from bench.concealed.calibration import calibration_section, claims_of
 from bench.concealed.campaign import Hidden, Key, TrialTruth, read_key, write_key
 from bench.concealed.contest.answer import Answer, Named, answer_from_json
 from bench.concealed.report import Asked, Scored, proof_text
@@ -185,3 +186,18 @@ def test_a_sure_and_wrong_name_stands_in_the_page():
     (row,) = [line for line in page.splitlines() if "that is wrong" in line and "1/2" in line]
     assert row.startswith("| a name with stated probability")
     assert "C_D falls with Re" in page
+
+
+def test_probabilities_are_held_against_the_name_itself_and_against_its_group():
+    judgements = [
+        judge(key(hidden("drag")), said("drag")),
+        judge(key(hidden("drag")), said("wind", groups=[("wind", "drag")])),
+    ]
+    claims = claims_of(judgements)
+    assert [(c.right, c.by_group, c.grouped) for c in claims] == [
+        (True, True, False),
+        (False, True, True),
+    ]
+    text = "\n".join(calibration_section(judgements))
+    assert "2 names in 2 campaigns" in text
+    assert f"Brier score {brier_score([0.9, 0.9], [True, False]):.3f}" in text

@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from bench.concealed.consistency import contradictions
+
 __all__ = ["Answer", "Named", "answer_from_json"]
 
 
@@ -32,6 +34,7 @@ class Answer:
     rmse_after: float | None = None
     seconds: float = 0.0
     failure: str = ""
+    contradictions: tuple[str, ...] = ()
 
     @property
     def ids(self) -> frozenset[str]:
@@ -68,4 +71,5 @@ def answer_from_json(raw: Mapping[str, Any], seconds: float) -> Answer:
         rmse_after=held_out.get("rmse_after_m"),
         seconds=seconds,
         failure=str(raw.get("failure") or ""),
+        contradictions=tuple(contradictions(raw)) if "remainder" in raw else (),
     )

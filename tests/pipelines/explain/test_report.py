@@ -8,7 +8,7 @@ import pytest
 
 from bench.concealed.consistency import contradictions
 from mismatch import explain_in_full
-from mismatch.explain import _plain
+from mismatch.explain import GROUP_TRUST, _plain
 from mismatch.search.field import Field
 from mismatch.search.unnamed import unnamed_laws
 from mismatch.verdict import HeldOut, NamedEffect, Remainder, Verdict
@@ -40,6 +40,11 @@ def test_the_page_shows_pictures_first_and_a_caption_for_each(heavier):
     assert page.index("<figure>") < page.index("<h2>")
     assert "can't tell" not in page or "not excluded" in page
     assert ">all<" in page
+
+
+def test_a_name_beside_rivals_is_never_sure(heavier):
+    assert heavier.verdict.indistinguishable
+    assert all(effect.probability <= GROUP_TRUST for effect in heavier.verdict.effects)
 
 
 def test_the_story_does_not_contradict_itself(heavier):
