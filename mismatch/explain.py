@@ -7,8 +7,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from metrology import TooLittleDataError, UsageError
+from mismatch.fitting.fit import Fit
 from mismatch.fitting.held_out import hold_out
 from mismatch.fitting.hypotheses import LOOSE_LAWS, MISFIT, Hypothesis
+from mismatch.fitting.levels import own_values
 from mismatch.fitting.normal_equations import spread_laws
 from mismatch.fitting.prepare import Prepared, prepare
 from mismatch.fitting.scan import robust_spread, scan
@@ -39,12 +41,13 @@ from mismatch.verdict import (
     NamedEffect,
     ParameterValue,
     Passed,
+    StrengthsOfEach,
     Verdict,
     VerdictKind,
     pass_gate,
 )
 from physics.domain import FloatArray
-from physics.effects import CATALOGUE, MEASUREMENT_IDS, Effect
+from physics.effects import CATALOGUE, MEASUREMENT_IDS, Effect, Level
 
 __all__ = ["Explained", "Options", "explain", "explain_in_full"]
 
@@ -187,7 +190,7 @@ def _with_small_steps(prepared: Prepared, pool: Sequence[Candidate]) -> FloatArr
     ]
     if not models:
         return np.zeros(0)
-    nuisance = spread_laws(forward, fit.nuisance, fit.law_offsets)
+    nuisance = spread_laws(forward, fit.model, fit.nuisance, fit.law_offsets)
     seen = forward.predict(models, np.broadcast_to(nuisance, (len(models), *nuisance.shape)))
     return np.asarray(seen[:, forward.records.used])
 
@@ -247,7 +250,7 @@ def _verdict(
         kind = "unexplained"
     kept = _proof(campaign, prepared, best, held)
     passed = pass_gate(prepared, best, kind, kept)
-    effects = _named(forward, naming, passed)
+    effects = _named(forward, naming, passed, [trial.name for trial in campaign.trials])
     if passed.doubts:
         reasons = "; ".join(doubt.value for doubt in passed.doubts)
         remainder = replace(
@@ -362,7 +365,30 @@ def _law_error(identity: str) -> float:
     return 0.02 if identity in LOOSE_LAWS else 0.0
 
 
-def _named(forward: Forward, naming: Naming, passed: Passed) -> tuple[NamedEffect, ...]:
+def _strengths_of_each(
+    forward: Forward, fit: Fit, effect: Effect, trials: Sequence[str]
+) -> StrengthsOfEach | None:
+    own = own_values(forward, fit, effect)
+    if own is None:
+        return None
+    units = {p.name: p.unit for p in effect.parameters}
+    names = trials if effect.level is Level.TRIAL else forward.records.ball_names
+    return StrengthsOfEach(
+        effect.level.value,
+        {name: float(size) for name, size in zip(own.names, own.spread, strict=True)},
+        {
+            name: tuple(
+                ParameterValue(p, float(own.value[row, k]), float(own.std[row, k]), units[p])
+                for k, p in enumerate(own.names)
+            )
+            for row, name in enumerate(names)
+        },
+    )
+
+
+def _named(
+    forward: Forward, naming: Naming, passed: Passed, trials: Sequence[str]
+) -> tuple[NamedEffect, ...]:
     best = naming.best
     if best is None or not passed.names:
         return ()
@@ -388,8 +414,11 @@ def _named(forward: Forward, naming: Naming, passed: Passed) -> tuple[NamedEffec
             statement = _law_in_words(member.effect, parameters)
         trust = CATALOGUE_TRUST ** len(best.members) * _setup_trust(forward, best)
         probability = float(min(passed.most, passed.trust * trust * real * share / total))
+        each = _strengths_of_each(forward, best.fit, member.effect, trials)
         named.append(
-            NamedEffect(member.id, statement, probability, tuple(parameters), member.effect.form)
+            NamedEffect(
+                member.id, statement, probability, tuple(parameters), member.effect.form, each
+            )
         )
     order = sorted(range(len(named)), key=lambda i: -_own_gain(best, i))
     return tuple(named[i] for i in order)

@@ -4,6 +4,7 @@ One gate for all verdicts: what is left over, what the proof says, and whether i
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, Literal, TypeAlias
@@ -16,6 +17,7 @@ from mismatch.fitting.scan import trial_pulls
 from mismatch.model.forward import Forward
 from mismatch.records.sanity import fall_in_g
 from physics.domain import FloatArray
+from physics.effects import Level
 
 __all__ = [
     "Alternative",
@@ -26,10 +28,15 @@ __all__ = [
     "ParameterValue",
     "Passed",
     "Remainder",
+    "StrengthsOfEach",
     "Verdict",
     "VerdictKind",
     "pass_gate",
 ]
+
+MOST_LISTED = 6
+
+"""Balls or trials whose strengths a sentence lists."""
 
 VerdictKind: TypeAlias = Literal["no_mismatch", "explained", "ambiguous", "unexplained"]
 
@@ -49,23 +56,60 @@ class ParameterValue:
 
 
 @dataclass(frozen=True)
+class StrengthsOfEach:
+    """Strengths that differ from ball to ball, or from trial to trial.
+
+    Attributes
+    ----------
+    level : str
+        "ball" or "trial".
+    scatter : mapping
+        Parameter → one sigma about the campaign's value.
+    values : mapping
+        Ball or trial → its strengths.
+    """
+
+    level: str
+    scatter: Mapping[str, float]
+    values: Mapping[str, tuple[ParameterValue, ...]]
+
+    def to_json(self) -> dict[str, Any]:
+        """Level, scatter, and value and std of every parameter for each."""
+        return {
+            "level": self.level,
+            "scatter": dict(self.scatter),
+            "values": {
+                name: {p.name: p.to_json() for p in own} for name, own in self.values.items()
+            },
+        }
+
+
+@dataclass(frozen=True)
 class NamedEffect:
-    """Something that was left out, in words and numbers."""
+    """Something that was left out, in words and numbers.
+
+    Where strengths differ from ball to ball or trial to trial, `parameters` are their means and
+    `each` holds the rest.
+    """
 
     id: str
     statement: str
     probability: float
     parameters: tuple[ParameterValue, ...]
     form: str = ""
+    each: StrengthsOfEach | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """As in the contract."""
-        return {
+        """As in the contract, with `each` where strengths differ."""
+        out: dict[str, Any] = {
             "id": self.id,
             "statement": self.statement,
             "probability": round(self.probability, 4),
             "parameters": {p.name: p.to_json() for p in self.parameters},
         }
+        if self.each is not None:
+            out["each"] = self.each.to_json()
+        return out
 
 
 @dataclass(frozen=True)
@@ -278,6 +322,8 @@ class Verdict:
             lines.append(
                 f"{effect.id} (probability {effect.probability:.2f}): {effect.statement} {numbers}"
             )
+            if effect.each is not None:
+                lines.append(_each_in_words(effect.each))
         lines.extend(f"{said}." for said in self.not_excluded)
         if self.next_measurement:
             lines.append(f"What would settle it: {self.next_measurement}.")
@@ -290,6 +336,19 @@ class Verdict:
 
 PROVED = 6.0
 """Chi-square units by which held-out trials must fit better: odds of twenty to one."""
+
+
+def _each_in_words(each: StrengthsOfEach) -> str:
+    scatter = ", ".join(f"{name} by {size:.3g}" for name, size in each.scatter.items())
+    text = f"It differs from {each.level} to {each.level} ({scatter})"
+    if len(each.values) > MOST_LISTED:
+        return text + "."
+    own = (
+        f"{name}: " + ", ".join(f"{p.value:.3g} ± {p.std:.1g}" for p in parameters)
+        for name, parameters in each.values.items()
+    )
+    return f"{text}: {'; '.join(own)}."
+
 
 _HEADLINES: dict[str, str] = {
     "no_mismatch": "Nothing is missing: simulation and recording agree within the noise.",
@@ -469,7 +528,8 @@ def _hangs_on_one(forward: Forward, best: Hypothesis) -> bool:
             continue
         size = abs(best.fit.value(index)[0] - item.parameter.neutral)
         members = [m for m in best.members if best.fit.model.entries[item.entry][0] is m.effect]
-        alone = bool(members) and len(members[0].effect.strengths) == 1
+        shared = bool(members) and members[0].effect.level is Level.CAMPAIGN
+        alone = shared and len(members[0].effect.strengths) == 1
         if alone and float(np.abs(shifts[:, index]).max()) > PULLED * max(size, 1e-300):
             return True
     return False

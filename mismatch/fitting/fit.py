@@ -9,6 +9,7 @@ import numpy as np
 from mismatch.fitting.normal_equations import (
     Free,
     Linearised,
+    fitting_start,
     inverse_of,
     linearise,
     priors,
@@ -168,9 +169,9 @@ def _fit_in_one(
     rounds: int,
     shape_priors: bool,
 ) -> Fit:
-    nuisance, laws = start
+    nuisance, laws = fitting_start(forward, model, *start)
     anchors = np.array([_anchor(f, model) for f in free])
-    own_prior, law_prior = priors(forward)
+    own_prior, law_prior = priors(forward, model)
     n_laws = laws.size
 
     def values(m: Model) -> FloatArray:
@@ -186,7 +187,7 @@ def _fit_in_one(
         )
 
     def misfit(nu: FloatArray, la: FloatArray, m: Model) -> tuple[float, FloatArray]:
-        predicted = forward.predict([m], spread_laws(forward, nu, la)[None])[0]
+        predicted = forward.predict([m], spread_laws(forward, m, nu, la)[None])[0]
         scaled = (forward.records.values - predicted) * forward.records.weights
         return float(np.sum(scaled**2)), scaled
 
@@ -253,7 +254,7 @@ def _fit_swings(
         _values(model, free),
         np.array([_hold(f.parameter, 1.0, shape_priors) for f in free]),
     )
-    own_prior, _ = priors(forward)
+    own_prior, _ = priors(forward, model)
     arcs = arcs_of(forward, nuisance)
     nuisance = np.concatenate([arcs.states[:, 0], nuisance[:, 2:]], axis=1)
     found = linearise_arcs(forward, model, arcs, nuisance, free)
@@ -343,4 +344,4 @@ def _stepped(model: Model, free: Sequence[Free], moves: FloatArray) -> Model:
         if p.is_shape:
             new = float(np.clip(new, p.lower, p.upper))
         values[p.name] = new
-    return Model(tuple(entries))
+    return replace(model, entries=tuple(entries))

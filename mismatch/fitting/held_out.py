@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -17,18 +18,19 @@ __all__ = ["choose_held_out", "hold_out"]
 DRAWS = 1000
 """Resamples: a probability of 0.95 is then good to 0.007."""
 
+FEW = 4
+"""Trials up to which each is kept out in turn: one alone may be the one that can't tell."""
+
 BLOCKS = 8
 """Pieces of each held-out trial that are drawn anew: one trial alone tells an interval, too."""
 
 
 def choose_held_out(forward: Forward) -> np.ndarray:
-    """(T,) mask of every third trial of each ball and back-swing, at least one left to fit."""
-    records = forward.records
-    held = np.zeros(records.trials, dtype=bool)
-    held[2::3] = True
-    if records.trials == 2:
-        held[1] = True
-    return held
+    """(folds, T) masks of what is kept out: every third trial, or each in turn where few are."""
+    trials = forward.records.trials
+    if trials <= FEW:
+        return np.eye(trials, dtype=bool)
+    return (np.arange(trials) % 3 == 2)[None]
 
 
 def _errors(
@@ -54,6 +56,15 @@ def _errors(
     axes = 3 if forward.mode != "swing" else 1
     sums = _in_blocks(squares, axes), _in_blocks(used.astype(np.float64), axes)
     return *sums, fitted.objective
+
+
+Errors: TypeAlias = tuple[FloatArray, FloatArray, float]
+
+
+def _together(folds: Sequence[Errors]) -> Errors:
+    """Errors, counts and costs of all folds."""
+    errors, counts, costs = zip(*folds, strict=True)
+    return np.concatenate(errors), np.concatenate(counts), float(sum(costs))
 
 
 def _in_blocks(rows: FloatArray, axes: int) -> FloatArray:
@@ -103,12 +114,15 @@ def hold_out(
     HeldOut or None
         None with fewer than two trials, or none kept aside.
     """
-    mask = choose_held_out(forward) if held is None else held
-    if not mask.any() or mask.all():
+    folds = choose_held_out(forward) if held is None else held[None]
+    folds = folds[folds.any(axis=1) & ~folds.all(axis=1)]
+    if not folds.size:
         return None
     free = free_parameters(best.fit.model, [m.effect for m in best.members])
-    before, count, cost = _errors(forward, base, (), mask)
-    after, _, less = _errors(forward, best.fit, free, mask)
+    plain = [_errors(forward, base, (), mask) for mask in folds]
+    mended = [_errors(forward, best.fit, free, mask) for mask in folds]
+    before, count, cost = _together(plain)
+    after, _, less = _together(mended)
     rng = np.random.default_rng(11)
     picks = rng.integers(0, before.size, (DRAWS, before.size))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -116,7 +130,7 @@ def hold_out(
     total = max(float(count.sum()), 1.0)
     low, high = np.quantile(ratio, [0.025, 0.975])
     return HeldOut(
-        tuple(str(index) for index in np.flatnonzero(mask)),
+        tuple(str(index) for index in np.flatnonzero(folds.any(axis=0))),
         float(np.sqrt(before.sum() / total)),
         float(np.sqrt(after.sum() / total)),
         (float(low), float(high)),

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mismatch.fitting.fit import Ending, Fit, fit_model
+from mismatch.fitting.fit import Ending, Fit
+from mismatch.fitting.levels import fit_with_levels, price_of_levels, with_own_strengths
 from mismatch.fitting.normal_equations import free_parameters
 from mismatch.fitting.scan import Scan, price, scan
 from mismatch.model.candidates import Candidate, start_values
@@ -126,6 +127,7 @@ def scan_beyond_forms(
         information=both.information[:first, :first] - cross.T @ middle,
         score=both.score[:first] - middle.T @ both.score[first:],
         start=both.start[:first],
+        scattered=both.scattered[: len(pool)],
     )
 
 
@@ -218,7 +220,8 @@ class Hypothesis:
     @property
     def allowed(self) -> bool:
         """Whether all parameters are within what nature allows and practice knows."""
-        return self.fit.believable and self.fit.ending is not Ending.LOST
+        found = self.fit.believable and self.fit.ending is not Ending.LOST
+        return found and self.fit.model.scatters_within_reason
 
     @property
     def quality(self) -> float:
@@ -300,12 +303,13 @@ def fit_hypothesis(
     added: list[Effect] = [member.effect for member in members]
     origin = base if start is None else start
     point = (origin.nuisance, origin.law_offsets)
+    model = with_own_strengths(model, added, origin.model)
     free = free_parameters(model, added)
-    fit = fit_model(forward, model, free, point, rounds=rounds)
+    fit = fit_with_levels(forward, model, free, point, rounds=rounds)
     # In free swings the catalogue's laws are each other's errors of form: zeroth, first and second
     # power of the rate. Loose ones would pass for any sum of them.
     form = EXACT if forward.mode == "swing" else form_evidence(forward, fit, added)
-    gain = base.objective - fit.objective - _price_of_weights(fit)
+    gain = base.objective - fit.objective - _price_of_weights(fit) - price_of_levels(forward, fit)
     return Hypothesis(tuple(members), fit, gain, form)
 
 

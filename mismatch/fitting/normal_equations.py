@@ -5,17 +5,19 @@ complement); what is left is a small system in the parameters that the trials sh
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mismatch.model.forward import NUISANCES, Forward, Model
 from physics.domain import FloatArray
-from physics.effects import Effect, Parameter
+from physics.effects import Effect, Level, Parameter
 
 __all__ = [
     "Free",
     "Linearised",
+    "ball_columns",
+    "fitting_start",
     "free_parameters",
     "inverse_of",
     "linearise",
@@ -76,8 +78,11 @@ def free_parameters(model: Model, effects: Sequence[Effect] | None = None) -> tu
     )
 
 
-def priors(forward: Forward) -> tuple[FloatArray, FloatArray]:
-    """Inverse prior variances of the trial-to-trial values, and of the two law offsets."""
+def priors(forward: Forward, model: Model) -> tuple[FloatArray, FloatArray]:
+    """Inverse prior variances of the trial-to-trial values, and of each ball's offsets.
+
+    Those of the model's own strengths come last; what a ball's trials share is no trial's own.
+    """
     scatter = forward.baseline.scatter
     if forward.mode == "impact":
         own = np.array([np.inf, scatter.backswing, scatter.cor, scatter.launch_angle])
@@ -90,15 +95,45 @@ def priors(forward: Forward) -> tuple[FloatArray, FloatArray]:
     else:
         own = np.array([np.inf, np.inf, scatter.natural_frequency, scatter.angle_zero])
         laws = np.zeros(0)
+    mine = [one.spread if one.level is Level.TRIAL else 0.0 for one in model.own]
+    balls = [one.spread for one in model.own if one.level is Level.BALL]
+    own, laws = np.concatenate([own, mine]), np.concatenate([laws, balls])
     return 1.0 / np.maximum(own, 1e-12) ** 2, 1.0 / np.maximum(laws, 1e-12) ** 2
 
 
-def spread_laws(forward: Forward, nuisance: FloatArray, laws: FloatArray) -> FloatArray:
-    """Add each ball's law offsets to its trials' own values."""
-    if forward.mode != "impact":
+def ball_columns(forward: Forward, model: Model) -> tuple[int, ...]:
+    """Columns of the trial-to-trial values that the trials of a ball share an offset of."""
+    first = len(NUISANCES[forward.mode])
+    laws = (2, 3) if forward.mode == "impact" else ()
+    shared = (first + k for k, one in enumerate(model.own) if one.level is Level.BALL)
+    return (*laws, *shared)
+
+
+def fitting_start(
+    forward: Forward, model: Model, nuisance: FloatArray, laws: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Start values in the shape that a model needs: its further own strengths start at the mean."""
+    own = len(NUISANCES[forward.mode]) + len(model.own)
+    shape = (len(forward.records.ball_names), len(ball_columns(forward, model)))
+    if not shape[1]:
+        shape = (0, 0)
+    wide, offsets = np.zeros((forward.records.trials, own)), np.zeros(shape)
+    held = min(own, nuisance.shape[1])
+    wide[:, :held] = nuisance[:, :held]
+    if laws.size and offsets.size:
+        kept = min(shape[1], laws.shape[1])
+        offsets[:, :kept] = laws[:, :kept]
+    return wide, offsets
+
+
+def spread_laws(
+    forward: Forward, model: Model, nuisance: FloatArray, laws: FloatArray
+) -> FloatArray:
+    """Add each ball's offsets to its trials' own values."""
+    if not laws.size:
         return nuisance
     total = nuisance.copy()
-    total[:, 2:4] += laws[forward.records.ball_index]
+    total[:, list(ball_columns(forward, model))] += laws[forward.records.ball_index]
     return total
 
 
@@ -116,9 +151,9 @@ def linearise(
     `extra` models each differ from `model` by one small step of one further parameter; their
     columns come after those of `free`.
     """
-    base = spread_laws(forward, nuisance, laws)
-    q = len(NUISANCES[forward.mode])
-    steps = _own_steps(forward)
+    base = spread_laws(forward, model, nuisance, laws)
+    steps = _own_steps(forward, model)
+    q = len(steps)
     lanes: list[Model] = [model] * (1 + q)
     own = np.repeat(base[None], 1 + q, axis=0)
     for column in range(q):
@@ -137,12 +172,13 @@ def linearise(
     slopes = (predicted[1:] - predicted[:1]) * weights
     mine = np.moveaxis(slopes[:q], 0, -1) / steps
     theirs = np.moveaxis(slopes[q:], 0, -1) / np.array(sizes or [1.0])[: len(sizes)]
-    own_prior, law_prior = priors(forward)
+    own_prior, law_prior = priors(forward, model)
     parts, shared_prior = [], [np.zeros(len(sizes))]
-    if forward.mode == "impact":
+    columns = list(ball_columns(forward, model))
+    if columns:
         for index in range(len(forward.records.ball_names)):
             mask = (forward.records.ball_index == index)[:, None, None]
-            parts.append(np.where(mask, mine[..., 2:4], 0.0))
+            parts.append(np.where(mask, mine[..., columns], 0.0))
             shared_prior.insert(0, law_prior)
     parts.append(theirs)
     return Linearised(
@@ -150,12 +186,16 @@ def linearise(
     )
 
 
-def _own_steps(forward: Forward) -> FloatArray:
+def _own_steps(forward: Forward, model: Model) -> FloatArray:
     if forward.mode == "impact":
-        return np.array([1e-5, 1e-4, 1e-4, 1e-4])
-    if forward.mode == "flight":
-        return np.array([1e-4, 1e-4, 1e-4, 1e-3, 1e-3, 1e-3])
-    return np.array([1e-5, 1e-4, 1e-5, 1e-5])
+        steps = [1e-5, 1e-4, 1e-4, 1e-4]
+    elif forward.mode == "flight":
+        steps = [1e-4, 1e-4, 1e-4, 1e-3, 1e-3, 1e-3]
+    else:
+        steps = [1e-5, 1e-4, 1e-5, 1e-5]
+    for one in model.own:
+        steps += [STEP_SHARE * p.scale for p in one.effect.strengths if p.name == one.name]
+    return np.array(steps)
 
 
 def moved_by_a_step(model: Model, item: Free) -> tuple[float, Model]:
@@ -168,7 +208,7 @@ def moved_by_a_step(model: Model, item: Free) -> tuple[float, Model]:
     moved = dict(values) | {parameter.name: values[parameter.name] + step}
     entries = list(model.entries)
     entries[item.entry] = (effect, moved)
-    return step, Model(tuple(entries))
+    return step, replace(model, entries=tuple(entries))
 
 
 def reduce(

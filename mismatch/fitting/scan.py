@@ -7,16 +7,18 @@ How well fitted parameters are known where the law behind them is not quite righ
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from mismatch.fitting.fit import Fit
+from mismatch.fitting.levels import grouped, marginal_by_trial, scatter_evidence
 from mismatch.fitting.normal_equations import Linearised, inverse_of, linearise, priors, reduce
 from mismatch.model.candidates import Candidate, start_values, steps_of
 from mismatch.model.forward import Forward, Model
 from physics.domain import FloatArray
+from physics.effects import Level
 
 __all__ = ["Scan", "price", "robust_spread", "scan", "trial_pulls"]
 
@@ -44,6 +46,9 @@ class Scan:
         Gradient of the log likelihood; information⁻¹ score is the estimate.
     start : (n,) array
         Value of each strength in the model the scan starts from.
+    scattered : (candidates,) array
+        Evidence of strengths that scatter from ball to ball or trial to trial about where they
+        start, over none; nought for those that all trials share.
     """
 
     candidates: tuple[Candidate, ...]
@@ -51,6 +56,7 @@ class Scan:
     information: FloatArray
     score: FloatArray
     start: FloatArray
+    scattered: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     @cached_property
     def prior(self) -> FloatArray:
@@ -86,6 +92,10 @@ class Scan:
         scale = 1.0 / np.sqrt(np.maximum(np.diag(g), 1e-300))
         scaled = g * scale[:, None] * scale[None, :] + 1e-6 * np.eye(len(which))
         estimate = np.linalg.solve(scaled, s * scale) * scale
+        if len(indices) == 1 and self.scattered.size:
+            scattered = float(self.scattered[indices[0]])
+            if scattered > float(estimate @ s) - price(block, held):
+                return scattered, self.start[which]
         return float(estimate @ s) - price(block, held), estimate + self.start[which]
 
     def allowed(self, index: int, values: FloatArray, slack: float = 2.0) -> bool:
@@ -154,7 +164,7 @@ def scan(forward: Forward, fit: Fit, candidates: Sequence[Candidate]) -> Scan:
         blocks.append(part.shared[..., fit.law_offsets.size :])
     shared = np.concatenate(blocks, axis=-1)
     prior = np.concatenate([base.shared_prior, np.zeros(len(models))])
-    own_prior, law_prior = priors(forward)
+    own_prior, law_prior = priors(forward, fit.model)
     kept = own_prior < 1e15
     own_pull = np.where(kept, -fit.nuisance * np.where(kept, own_prior, 0.0), 0.0)
     shared_pull = np.zeros(shared.shape[-1])
@@ -177,7 +187,17 @@ def scan(forward: Forward, fit: Fit, candidates: Sequence[Candidate]) -> Scan:
     weak = np.diag(matrix) < 1e-7 * alone + 1e-30
     matrix[weak, :], matrix[:, weak], vector[weak] = 0.0, 0.0, 0.0
     matrix[weak, weak] = 1.0
-    return Scan(tuple(candidates), tuple(columns), matrix, vector, np.array(starts))
+    scattered = np.zeros(len(candidates))
+    for index, candidate in enumerate(candidates):
+        if candidate.effect.level is not Level.CAMPAIGN:
+            mine = shared[..., [held + column for column in columns[index]]]
+            score, block = grouped(
+                forward, candidate.effect.level,
+                *marginal_by_trial(base.own, base.prior, base.residual, mine, own_pull),
+            )  # fmt: skip
+            scales = np.array([p.scale for p in candidate.effect.strengths])
+            scattered[index] = scatter_evidence(score, block, scales)[1]
+    return Scan(tuple(candidates), tuple(columns), matrix, vector, np.array(starts), scattered)
 
 
 LEAST_TRIALS = 6

@@ -15,7 +15,7 @@ from metrology import UsageError
 from mismatch.model.forward import Forward, Model
 from mismatch.search.field import smooth_fields
 from mismatch.search.unnamed import Bump, Magnet, unnamed_laws
-from physics.effects import CATALOGUE, Coordinate, Effect, Extent, Parameter, Size
+from physics.effects import CATALOGUE, Coordinate, Effect, Extent, Level, Parameter, Size
 
 __all__ = [
     "Candidate",
@@ -29,6 +29,10 @@ __all__ = [
 MOST_SHAPES = 200
 
 """Start values of the shapes of one effect: each costs a trajectory of every trial."""
+
+LEAST_GROUPS = 2
+
+"""Balls, or trials, from which a scatter among them can be told."""
 
 BEFORE_CONTACT = -0.22
 
@@ -80,6 +84,9 @@ class Candidate:
         strengths = max(sum(not p.is_held for p in self.effect.strengths), 1)
         looks = sum(max(1.5, 2.0 * np.log(len(p.grid)) - 1.5) for p in self.effect.shapes)
         rare = UNCATALOGUED if self.id == "unnamed" else 0.0
+        if self.effect.level is not Level.CAMPAIGN:
+            # What own values cost stands in the evidence; each scatter was chosen among many.
+            strengths += strengths
         return float(2.0 * (strengths - 1) + looks + rare + getattr(self.effect, "looks", 0.0))
 
 
@@ -134,6 +141,9 @@ def _factor(size: Size, forward: Forward) -> float:
     baseline, body = forward.baseline, forward.baseline.pendulum
     if size is Size.BALL_WEIGHT:
         return float(np.median(forward.records.mass)) * baseline.gravity
+    if size is Size.SPIN:
+        fast = max(forward.flight_span(Coordinate.SPEED)[1], 1e-3)
+        return fast / (0.5 * float(np.median(forward.records.diameter)))
     if body is None or size is Size.ONE:
         return 1.0
     if size is Size.BOARD:
@@ -171,18 +181,41 @@ def candidates_for(
         if not _admissible(effect, forward, model):
             continue
         fitted = _adapted(effect, forward)
-        shapes = fitted.shapes
+        found += _at_every_shape(fitted, forward)
+    return tuple(found)
+
+
+def _at_every_shape(fitted: Effect, forward: Forward) -> list[Candidate]:
+    """Candidates of an effect at all start values of its shapes, at every level it may live at."""
+    found: list[Candidate] = []
+    for level in _levels(fitted, forward):
+        at = fitted if level is fitted.level else replace(fitted, level=level)
+        shapes = at.shapes
         combinations = list(itertools.product(*(p.grid for p in shapes)))
         if len(combinations) > MOST_SHAPES:
             raise UsageError(
-                f"the effect {effect.id!r} asks for {len(combinations)} combinations of"
+                f"the effect {at.id!r} asks for {len(combinations)} combinations of"
                 f" {', '.join(p.name for p in shapes)}; at most {MOST_SHAPES} are tried",
                 hint="Give the grids of its shapes fewer values.",
             )
         for combination in combinations:
             shape = tuple((p.name, v) for p, v in zip(shapes, combination, strict=True))
-            found.append(Candidate(fitted, shape, len(combinations)))
-    return tuple(found)
+            found.append(Candidate(at, shape, len(combinations)))
+    return found
+
+
+def _levels(effect: Effect, forward: Forward) -> list[Level]:
+    """Levels at which a campaign can tell an effect's strengths.
+
+    A strike repeats what it gives the ball, and free swings are one apparatus: only throws differ
+    from trial to trial.
+    """
+    count = {
+        Level.CAMPAIGN: LEAST_GROUPS,
+        Level.BALL: len(set(forward.records.ball_index)) if forward.mode != "swing" else 0,
+        Level.TRIAL: forward.records.trials if forward.mode == "flight" else 0,
+    }
+    return [level for level in effect.levels if count[level] >= LEAST_GROUPS]
 
 
 def steps_of(

@@ -6,7 +6,7 @@ stacked per trial as in `Records`: x, y, z of all ball rows, then the pendulum's
 A model as the engine bends it: effects with a column of parameter values per lane.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, TypeVar
 
@@ -15,14 +15,36 @@ import numpy as np
 from mismatch.model.baseline import COLUMNS, Baseline
 from mismatch.records.records import Records
 from physics.domain import FloatArray
-from physics.effects import Contact, Coordinate, Effect, Outcome, SwingState, View
+from physics.effects import Contact, Coordinate, Effect, Level, Outcome, SwingState, View
 from physics.effects import Term as ActingEffect
 from physics.effects.impact import add_normal_speeds, change_restitution, turn_launch
 from physics.flight.flight import FlightModel
 from physics.integrator import Rates, Trajectory, crossing, integrate
 from physics.swing import SwingModel
 
-__all__ = ["NUISANCES", "OUTSIDE", "Forward", "Mode", "Model", "Term", "lane_terms"]
+__all__ = ["NUISANCES", "OUTSIDE", "Forward", "Mode", "Model", "OwnStrength", "Term", "lane_terms"]
+
+
+@dataclass(frozen=True)
+class OwnStrength:
+    """A strength that each ball, or each trial, has a value of its own of.
+
+    Attributes
+    ----------
+    effect : Effect
+        Whose strength.
+    name : str
+        Of the parameter.
+    level : Level
+        What shares a value.
+    spread : float
+        One sigma of the values about the campaign's, in the parameter's unit.
+    """
+
+    effect: Effect
+    name: str
+    level: Level
+    spread: float
 
 
 @dataclass(frozen=True)
@@ -33,9 +55,13 @@ class Model:
     ----------
     entries : tuple of (Effect, mapping)
         What the model holds.
+    own : tuple of OwnStrength
+        Strengths that differ from ball to ball or trial to trial; by how much stands in the columns
+        of the trial-to-trial values that follow those of the mode, in this order.
     """
 
     entries: tuple[tuple[Effect, Mapping[str, float]], ...] = ()
+    own: tuple[OwnStrength, ...] = ()
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -54,7 +80,20 @@ class Model:
         kept = tuple(
             entry for entry in self.entries if entry[0].id != effect.id or effect.id == "unnamed"
         )
-        return replace(self, entries=(*kept, (effect, dict(values))))
+        entries = (*kept, (effect, dict(values)))
+        held = [one for one, _ in entries]
+        own = tuple(s for s in self.own if any(s.effect is one for one in held))
+        return replace(self, entries=entries, own=own)
+
+    @property
+    def scatters_within_reason(self) -> bool:
+        """Whether own strengths, typically, stay within half of what nature allows at most."""
+        for one in self.own:
+            p = next(p for p in one.effect.strengths if p.name == one.name)
+            mean = next(values for held, values in self.entries if held is one.effect)[one.name]
+            if np.hypot(mean, one.spread) > 0.5 * max(abs(p.lower), abs(p.upper)):
+                return False
+        return True
 
     def order(self) -> "Model":
         """The same model with drag and spin first, since others build on them."""
@@ -74,7 +113,7 @@ class Term:
     lanes : slice
         In which lanes.
     values : mapping
-        Parameter → (k, 1) array over those lanes.
+        Parameter → (k, 1) array over those lanes, (k, T) where each trial has a value of its own.
     """
 
     effect: Effect
@@ -82,8 +121,10 @@ class Term:
     values: Mapping[str, FloatArray]
 
 
-def lane_terms(models: Iterable[Model]) -> tuple[Term, ...]:
+def lane_terms(models: Sequence[Model], own: FloatArray | None = None) -> tuple[Term, ...]:
     """Terms for one model per lane, runs of lanes with the same effect gathered.
+
+    `own` (lanes, T, n) is what each model's own strengths are off the campaign's in each trial.
 
     An effect takes part in a lane only if that lane's model holds it, so a lane pays for its own
     effects alone. Effects are told apart as objects: two of one class and form may differ in any
@@ -107,11 +148,30 @@ def lane_terms(models: Iterable[Model]) -> tuple[Term, ...]:
         Term(
             effects[key],
             slice(run[0][0], run[-1][0] + 1),
-            {name: np.array([values[name] for _, values in run])[:, None] for name in run[0][1]},
+            {name: _column(models, effects[key], name, run, own) for name in run[0][1]},
         )
         for key, parts in runs.items()
         for run in parts
     )
+
+
+def _column(
+    models: Sequence[Model],
+    effect: Effect,
+    name: str,
+    run: Sequence[tuple[int, Mapping[str, float]]],
+    own: FloatArray | None,
+) -> FloatArray:
+    """Values of a parameter in a run of lanes: (k, 1), or (k, T) where trials differ."""
+    column = np.array([values[name] for _, values in run])[:, None]
+    if own is None or not own.shape[-1]:
+        return column
+    off = np.zeros((len(run), own.shape[1]))
+    for row, (lane, _) in enumerate(run):
+        for place, one in enumerate(models[lane].own):
+            if one.effect is effect and one.name == name:
+                off[row] = own[lane, :, place]
+    return column + off if off.any() else column
 
 
 Mode: TypeAlias = Literal["impact", "flight", "swing"]
@@ -164,13 +224,14 @@ class Forward:
         ----------
         models : K models
         nuisance : (K, T, q) array
-            Trial-to-trial values, in the order of `NUISANCES`.
+            Trial-to-trial values, in the order of `NUISANCES`, then those of the models' own
+            strengths.
 
         Returns
         -------
         (K, T, 3S + P) array
         """
-        terms = lane_terms(models)
+        terms = lane_terms(models, nuisance[..., len(NUISANCES[self.mode]) :])
         paths = {"impact": self._struck, "flight": self._thrown, "swing": self._released}
         # A step too far may run off to infinity; the fit sees it as a bad step and halves it.
         with np.errstate(over="ignore", invalid="ignore"):
@@ -222,7 +283,7 @@ class Forward:
         self, terms: Sequence[Term], nuisance: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
         records, shape = self.records, nuisance.shape[:2]
-        state = np.moveaxis(nuisance, -1, 0)
+        state = np.moveaxis(nuisance[..., :6], -1, 0)
         path = self._integrate_flight(terms, state, np.zeros(shape))
         label = records.ball_time - records.ball_time[:, :1]
         since = self.true_time(terms, np.broadcast_to(label, (*shape, label.shape[1])))

@@ -94,7 +94,7 @@ def refuse_nonsense(campaign: Campaign, prepared: Prepared) -> None:
         return
     records = forward.records
     predicted = forward.predict(
-        [fit.model], spread_laws(forward, fit.nuisance, fit.law_offsets)[None]
+        [fit.model], spread_laws(forward, fit.model, fit.nuisance, fit.law_offsets)[None]
     )[0]
     s = records.ball_time.shape[1]
     both = records.ball_used[..., 0] & records.ball_used[..., 1]

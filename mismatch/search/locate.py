@@ -142,7 +142,7 @@ def _values_of(fit: Fit, effect: Effect) -> Values:
 def flight_state(forward: Forward, fit: Fit) -> tuple[FlightState, FloatArray]:
     """The balls' states at their rows (T, S), as a fit has them, and their time since touch, s."""
     records = forward.records
-    nuisance = spread_laws(forward, fit.nuisance, fit.law_offsets)[None]
+    nuisance = spread_laws(forward, fit.model, fit.nuisance, fit.law_offsets)[None]
     # Two looks at clocks a little apart give the velocity that goes with each row.
     step = 1e-4
     predicted = forward.predict([fit.model], nuisance)[0]
@@ -196,8 +196,8 @@ def _later(forward: Forward, nuisance: FloatArray, step: float) -> FloatArray:
         shifted[..., 0] -= step
     else:
         gravity = np.array([0.0, -forward.baseline.gravity, 0.0])
-        shifted[..., :3] += step * nuisance[..., 3:]
-        shifted[..., 3:] += step * gravity
+        shifted[..., :3] += step * nuisance[..., 3:6]
+        shifted[..., 3:6] += step * gravity
     return shifted
 
 

@@ -23,7 +23,7 @@ from mismatch.model.candidates import Candidate, candidates_for
 from mismatch.model.forward import Forward
 from mismatch.records.sanity import dropped_in_each
 from physics.domain import FloatArray
-from physics.effects import Effect
+from physics.effects import Effect, Level
 
 __all__ = ["Naming", "name_effects"]
 
@@ -203,7 +203,13 @@ def _steady(forward: Forward, best: Hypothesis, tried: Sequence[Hypothesis]) -> 
 
 
 def _significance(fit: Fit, effect: Effect, spreads: FloatArray) -> float:
-    """Sigma by which the strongest strength of an effect is off neutral."""
+    """Sigma by which the strongest strength of an effect is off neutral.
+
+    One that each ball or trial has of its own may have a mean of nought; the evidence has weighed
+    its scatter already.
+    """
+    if effect.level is not Level.CAMPAIGN:
+        return np.inf
     found = [
         abs(fit.value(i)[0] - item.parameter.neutral) / max(float(spreads[i]), 1e-300)
         for i, item in enumerate(fit.free)

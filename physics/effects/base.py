@@ -40,6 +40,7 @@ __all__ = [
     "Extent",
     "FlightState",
     "Form",
+    "Level",
     "Outcome",
     "Parameter",
     "Phase",
@@ -86,7 +87,16 @@ class Size(Enum):
     ONE = "1"
     BALL_WEIGHT = "m g of the ball"
     PENDULUM_TORQUE = "m g d of the pendulum, over that of the paper's"
+    SPIN = "speed of the ball over its radius"
     BOARD = "air density times the fifth power of the pendulum's length"
+
+
+class Level(Enum):
+    """What shares one value of a law's strengths; below the campaign they scatter about a mean."""
+
+    CAMPAIGN = "campaign"
+    BALL = "ball"
+    TRIAL = "trial"
 
 
 @dataclass(frozen=True)
@@ -427,6 +437,11 @@ class Effect:
         Along which it does.
     axes : int
         How many coordinates of the ball must be recorded for it to show.
+    levels : tuple of Level
+        At which its strengths may live: a coefficient of drag differs from ball to ball, the spin
+        of a throw from throw to throw.
+    level : Level
+        At which they do in this one.
     sharp : bool
         Whether it may start, end or peak within a small part of the motion, which takes fine steps.
     """
@@ -445,6 +460,8 @@ class Effect:
     looseness: float = 0.1
     coordinate: Coordinate = Coordinate.SPEED
     axes: int = 1
+    levels: tuple[Level, ...] = (Level.CAMPAIGN,)
+    level: Level = Level.CAMPAIGN
     sharp: bool = True
 
     HOOKS: ClassVar[tuple[str, ...]] = (
@@ -537,6 +554,9 @@ class Form(StrEnum):
     THREE_AXES = "three axes"
     BALL_ONLY = "ball only"
     OTHER_ROWS = "other rows"
+    SPIN_VECTOR = "spin about any axis"
+    SATURATING = "saturating"
+    SATURATING_VECTOR = "saturating, spin about any axis"
     STEADILY = "steadily"
     BY_REYNOLDS_NUMBER = "by Reynolds number"
 

@@ -7,12 +7,14 @@ from types import MappingProxyType
 from metrology import UsageError
 from physics.effects.base import Effect, Form
 from physics.effects.flight import (
+    SPIN_ACROSS,
     AsymmetricWake,
     Buoyancy,
     DensityLapse,
     Drag,
     DragCrisis,
     Magnus,
+    SaturatingLift,
     SpinDecay,
     Wind,
 )
@@ -49,6 +51,11 @@ _ALL: tuple[Effect, ...] = (
     DragCrisis(),
     DensityLapse(),
     Magnus(),
+    SaturatingLift(),
+    Magnus(form=Form.SPIN_VECTOR, parameters=(*Magnus().parameters, *SPIN_ACROSS), axes=3),
+    SaturatingLift(
+        form=Form.SATURATING_VECTOR, parameters=(*Magnus().parameters, *SPIN_ACROSS), axes=3
+    ),
     SpinDecay(),
     Wind(),
     Buoyancy(),

@@ -7,9 +7,20 @@ import numpy as np
 
 from metrology.measurands import DRAG_COEFFICIENT
 from physics.domain import Number, Vector
-from physics.effects.base import Coordinate, Effect, FlightState, Form, Parameter, Phase, Values
+from physics.effects.base import (
+    Coordinate,
+    Effect,
+    FlightState,
+    Form,
+    Level,
+    Parameter,
+    Phase,
+    Size,
+    Values,
+)
 
 __all__ = [
+    "SPIN_ACROSS",
     "AsymmetricWake",
     "Buoyancy",
     "CoefficientCurve",
@@ -18,6 +29,7 @@ __all__ = [
     "DragByReynolds",
     "DragCrisis",
     "Magnus",
+    "SaturatingLift",
     "SpinDecay",
     "Wind",
 ]
@@ -29,6 +41,10 @@ class CoefficientCurve(Protocol):
     def __call__(self, reynolds: Number) -> Number:
         """C_D at `reynolds`, float or array."""
         ...
+
+
+STILL = 1e-3
+"""rad/s of spin that keeps the size of none differentiable."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +70,7 @@ class Drag(Effect):
     separating: str = "the same ball at a clearly different launch speed, over a longer flight"
     certain: bool = True
     looseness: float = 0.05
+    levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.BALL)
 
     def coefficient(self, values: Values, flight: FlightState) -> Number:
         """C_D in the state that the ball is in."""
@@ -158,6 +175,14 @@ class DensityLapse(Effect):
         return k * flight.vx, k * flight.vy, k * flight.vz
 
 
+def _spin(axis: str, meaning: str) -> Parameter:
+    """A spin; beyond a few times v/R no throw or strike makes a ball turn."""
+    return Parameter(axis, "rad/s", 0.3, -4.0, 4.0, meaning=meaning, in_units_of=Size.SPIN)
+
+
+SPIN_ACROSS = tuple(_spin(f"spin_{axis}", f"about {axis}") for axis in ("x", "y"))
+
+
 @dataclass(frozen=True)
 class Magnus(Effect):
     """Lift on a spinning ball."""
@@ -167,18 +192,41 @@ class Magnus(Effect):
     law: str = r"\mathbf F = \tfrac12 \rho A R\, \boldsymbol\omega \times \mathbf v"
     source: str = "Magnus 1852; Robinson and Robinson, Phys. Scr. 88, 018101 (2013)"
     phase: Phase = "flight"
-    parameters: tuple[Parameter, ...] = (
-        Parameter("spin", "rad/s", 10.0, -400.0, 400.0, meaning="counter-clockwise: back-spin"),
-    )
+    parameters: tuple[Parameter, ...] = (_spin("spin", "counter-clockwise: back-spin"),)
     confusable: tuple[str, ...] = ("buoyancy", "asymmetric_wake", "time_base")
     separating: str = "a mark on the ball that shows its spin"
     looseness: float = 0.15
     axes: int = 2
+    levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.TRIAL)
+
+    def _coefficient(self, size: Number, flight: FlightState) -> Number:
+        """Lift coefficient per spin ratio S = Rω/v."""
+        return 1.0
 
     def force(self, values: Values, flight: FlightState) -> Vector:
-        """Lift with a coefficient of one per spin ratio Rω/v."""
-        k = 0.5 * flight.dynamic_area * flight.diameter * values["spin"]
-        return -k * flight.vy, k * flight.vx, np.zeros_like(np.asarray(flight.vz) * k)
+        """Lift with a coefficient of one per spin ratio Rω/v, or less where the law saturates."""
+        wx, wy, wz = values.get("spin_x", 0.0), values.get("spin_y", 0.0), values["spin"]
+        size = np.sqrt(np.square(wx) + np.square(wy) + np.square(wz) + STILL**2)
+        k = 0.5 * flight.dynamic_area * flight.diameter * self._coefficient(size, flight)
+        return (
+            k * (wy * flight.vz - wz * flight.vy),
+            k * (wz * flight.vx - wx * flight.vz),
+            k * (wx * flight.vy - wy * flight.vx),
+        )
+
+
+@dataclass(frozen=True)
+class SaturatingLift(Magnus):
+    """Lift on a spinning ball that grows less and less with the spin ratio."""
+
+    form: str = Form.SATURATING
+    law: str = r"C_L = 1 / (2.32 + 0.4 / S),\quad S = R\omega / v"
+    source: str = "Nathan, Am. J. Phys. 76, 119 (2008)"
+
+    def _coefficient(self, size: Number, flight: FlightState) -> Number:
+        """As fitted to measured lift on spinning balls."""
+        ratio = 0.5 * flight.diameter * size / np.maximum(flight.speed, 1e-6)
+        return 1.0 / (2.32 * ratio + 0.4)
 
 
 @dataclass(frozen=True)

@@ -102,7 +102,7 @@ class _Track:
 
 def _predicted(explained: Explained, fit: Fit) -> FloatArray:
     forward = explained.prepared.forward
-    nuisance = spread_laws(forward, fit.nuisance, fit.law_offsets)
+    nuisance = spread_laws(forward, fit.model, fit.nuisance, fit.law_offsets)
     return np.asarray(forward.predict([fit.model.order()], nuisance[None])[0])
 
 

@@ -1,0 +1,129 @@
+"""Strengths of each ball and of each throw, on flights that scipy integrated."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from mismatch.fitting.hypotheses import Hypothesis, fit_hypothesis
+from mismatch.fitting.levels import own_values, scatter_evidence
+from mismatch.fitting.prepare import prepare
+from mismatch.model.baseline import BallModel, Baseline
+from mismatch.model.candidates import candidates_for
+from mismatch.model.forward import Forward, Model, OwnStrength
+from mismatch.records.records import Campaign, Trial
+from physics.effects import CATALOGUE, Effect, Level
+from physics.effects.base import Form
+
+GRAVITY = 9.80665
+DENSITY = 1.2
+MASS, DIAMETER = 0.0027, 0.04
+NOISE = 0.002
+
+
+def _flight(drag: float, spin: np.ndarray, velocity: np.ndarray, time: np.ndarray) -> np.ndarray:
+    area = np.pi / 4.0 * DIAMETER**2
+
+    def rate(_: float, state: np.ndarray) -> np.ndarray:
+        v = state[3:]
+        speed = float(np.linalg.norm(v))
+        air = 0.5 * DENSITY * area / MASS * (
+            -drag * speed * v + 0.5 * DIAMETER * np.cross(spin, v)
+        )  # fmt: skip
+        return np.concatenate([v, air - [0.0, GRAVITY, 0.0]])
+
+    start = np.concatenate([[0.0, 1.0, 0.0], velocity])
+    path = solve_ivp(rate, (0.0, time[-1]), start, "DOP853", t_eval=time, rtol=1e-8)
+    return np.asarray(path.y[:3].T)
+
+
+def _campaign(
+    drags: list[float], spins: np.ndarray, balls: list[str], seed: int = 3
+) -> tuple[Campaign, Baseline]:
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, 0.6, 1.0 / 60.0)
+    trials = []
+    for index, (drag, spin, ball) in enumerate(zip(drags, spins, balls, strict=True)):
+        velocity = np.array([rng.uniform(4.0, 7.0), rng.uniform(0.5, 2.5), rng.normal(0.0, 0.5)])
+        seen = _flight(drag, spin, velocity, time)
+        seen = seen + NOISE * rng.standard_normal(seen.shape)
+        trials.append(Trial(str(index), time, seen, np.zeros(0), np.zeros(0), ball))
+    bodies = {name: BallModel(name, MASS, DIAMETER) for name in set(balls)}
+    baseline = Baseline(bodies, air_density=DENSITY, effects={})
+    return Campaign(tuple(trials)), baseline
+
+
+def _fitted(
+    campaign: Campaign, baseline: Baseline, laws: list[Effect]
+) -> tuple[Forward, Hypothesis]:
+    """A set of laws, fitted at the levels that they are given."""
+    prepared = prepare(campaign, baseline)
+    found = candidates_for(prepared.forward, prepared.model, laws, unnamed=False)
+    members = [
+        next(c for c in found if c.effect.level is law.level and c.id == law.id) for law in laws
+    ]
+    start = [np.full(len(m.effect.strengths), 0.1) for m in members]
+    return prepared.forward, fit_hypothesis(prepared.forward, prepared.fit, members, start)
+
+
+def _at(law: Effect, level: Level) -> Effect:
+    return replace(law, level=level)
+
+
+DRAG = CATALOGUE["drag"][0]
+SPIN = next(one for one in CATALOGUE["magnus"] if one.form == Form.SPIN_VECTOR)
+
+
+def test_every_throw_has_a_spin_of_its_own_about_any_axis():
+    spins = np.random.default_rng(8).normal(0.0, (60.0, 60.0, 120.0), (8, 3))
+    campaign = _campaign([0.45] * 8, spins, ["white"] * 8)
+    _, shared = _fitted(*campaign, [DRAG, _at(SPIN, Level.CAMPAIGN)])
+    forward, each = _fitted(*campaign, [DRAG, _at(SPIN, Level.TRIAL)])
+    assert shared.misfit > 3.0
+    assert each.misfit < 1.2
+    assert each.worth > shared.worth + 100.0
+    own = own_values(forward, each.fit, each.members[1].effect)
+    assert own is not None
+    assert own.names == ("spin", "spin_x", "spin_y")
+    assert np.all(np.abs(own.value - spins[:, [2, 0, 1]]) < 4.0 * own.std)
+
+
+def test_balls_that_differ_get_a_coefficient_each_and_balls_alike_share_one():
+    balls, nothing = ["soft", "smooth", "rough"] * 2, np.zeros((6, 3))
+    for drags, differ in (([0.3, 0.45, 0.75] * 2, True), ([0.45] * 6, False)):
+        campaign = _campaign(drags, nothing, balls)
+        _, shared = _fitted(*campaign, [_at(DRAG, Level.CAMPAIGN)])
+        forward, each = _fitted(*campaign, [_at(DRAG, Level.BALL)])
+        assert (each.worth > shared.worth) == differ
+        own = own_values(forward, each.fit, each.members[0].effect)
+        assert own is not None
+        names = forward.records.ball_names
+        true = np.array([drags[balls.index(name)] for name in names])
+        assert np.all(np.abs(own.value[:, 0] - true) < 3.0 * own.std[:, 0])
+        assert np.all(own.std < 0.05)
+
+
+def test_a_throw_spins_within_reason():
+    model = Model(((SPIN, {"spin": 10.0, "spin_x": 0.0, "spin_y": 0.0}),))
+    limit = SPIN.strengths[0].upper
+    wild = replace(model, own=(OwnStrength(SPIN, "spin", Level.TRIAL, limit),))
+    assert not wild.scatters_within_reason
+    assert model.scatters_within_reason
+
+
+def test_scatter_is_learnt_and_noise_alone_has_none():
+    rng = np.random.default_rng(4)
+    information = np.tile(np.diag([4.0, 9.0]), (60, 1, 1))
+    noise = rng.standard_normal((60, 2)) * [2.0, 3.0]
+    spread, gain = scatter_evidence(noise, information, np.ones(2))
+    assert gain < 3.0
+    own = rng.standard_normal((60, 2)) * [5.0, 1.0]
+    score = noise + (information @ own[..., None])[..., 0]
+    spread, gain = scatter_evidence(score, information, np.ones(2))
+    assert gain > 50.0
+    np.testing.assert_allclose(spread, [5.0, 1.0], rtol=0.35)
+
+
+def test_levels_are_declared_on_the_effect():
+    assert {level.value for level in CATALOGUE["drag"][0].levels} == {"campaign", "ball"}
+    assert all("trial" in {lv.value for lv in e.levels} for e in CATALOGUE["magnus"])
