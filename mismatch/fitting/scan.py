@@ -190,10 +190,10 @@ def scan(forward: Forward, fit: Fit, candidates: Sequence[Candidate]) -> Scan:
     scattered = np.zeros(len(candidates))
     for index, candidate in enumerate(candidates):
         if candidate.effect.level is not Level.CAMPAIGN:
-            mine = shared[..., [held + column for column in columns[index]]]
+            slopes = shared[..., [held + column for column in columns[index]]]
             score, block = grouped(
                 forward, candidate.effect.level,
-                *marginal_by_trial(base.own, base.prior, base.residual, mine, own_pull),
+                *marginal_by_trial(base.own, base.prior, base.residual, slopes, own_pull),
             )  # fmt: skip
             scales = np.array([p.scale for p in candidate.effect.strengths])
             scattered[index] = scatter_evidence(score, block, scales)[1]
