@@ -170,7 +170,7 @@ def swing_state(forward: Forward, fit: Fit) -> SwingState | None:
     records = forward.records
     if body is None or not records.pendulum_used.any():
         return None
-    nuisance = spread_laws(forward, fit.nuisance, fit.law_offsets)[None]
+    nuisance = spread_laws(forward, fit.model, fit.nuisance, fit.law_offsets)[None]
     angle = forward.predict([fit.model], nuisance)[0][:, 3 * records.ball_time.shape[1] :]
     with np.errstate(divide="ignore", invalid="ignore"):
         rate = np.gradient(angle, axis=1) / np.gradient(records.pendulum_time, axis=1)
