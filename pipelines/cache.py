@@ -26,7 +26,7 @@ __all__ = ["CACHE_COMMANDS", "Cache", "CacheGroup", "clip_digest"]
 
 PACKAGES = ("calib", "metrology", "physics", "pipelines", "vision")
 
-LIBRARIES = ("av", "numpy", "opencv-python-headless", "scikit-image", "scipy")
+LIBRARIES = ("av", "numba", "numpy", "opencv-python-headless", "scikit-image", "scipy")
 
 LIMIT_BYTES = 1_000_000_000
 

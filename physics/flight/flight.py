@@ -20,7 +20,7 @@ from physics.effects.flight import Drag, DragByReynolds, Magnus
 from physics.follow import Event, Path, follow_until
 from physics.integrator import runge_kutta_step
 
-__all__ = ["FlightModel", "FlightPath", "PlanarFlight", "fly", "land_many"]
+__all__ = ["FlightModel", "FlightPath", "fly", "land_many"]
 
 
 @dataclass(frozen=True)
@@ -120,36 +120,6 @@ class FlightModel:
         if not any(isinstance(term.effect, DragByReynolds) for term in self._acting):
             self._held_by_size[size] = drag, spin
         return drag, spin
-
-
-@dataclass(frozen=True)
-class PlanarFlight:
-    """`FlightModel` with drag and lift alone, in the plane of the picture, by what a fit finds.
-
-    A clip shows K and the lift, not the masses and coefficients behind them; four components
-    instead of six make a fit's Jacobian cheap.
-
-    Attributes
-    ----------
-    drag : Number
-        K = ρ S C_D / 2 m, 1/m.
-    lift : Number
-        Acceleration normal to the velocity per speed, 1/s; positive lifts a ball that flies to +x.
-    gravity : Number
-        m/s².
-    """
-
-    drag: Number
-    lift: Number
-    gravity: Number
-
-    def rates(self, time: Number, state: FloatArray) -> FloatArray:
-        """Rates (4, ...) of (x, y, vx, vy), m/s and m/s²; the time does not matter."""
-        _x, _y, vx, vy = state
-        resist = self.drag * np.hypot(vx, vy)
-        return np.array(
-            [vx, vy, -resist * vx - self.lift * vy, -resist * vy + self.lift * vx - self.gravity]
-        )
 
 
 def _spread(value: Number, at: slice | EllipsisType, shape: tuple[int, ...]) -> Number:

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 
 from metrology import NotFoundError, TooLittleDataError
 from metrology.least_squares import Fitted, fit, moved_fit
-from physics.flight.flight import PlanarFlight
-from physics.integrator import Trajectory, integrate
+from physics.flight.planar import flown, time_of_fall
 from pipelines.measure.fits.swing_fit import slow_error_whitening
 from pipelines.measure.inputs import Inputs
 from pipelines.measure.metres import MetricTracks
@@ -36,15 +35,11 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 
-_STEP_S, _LEAST_STEP_S = 0.05, 1e-6
-
-"""Runge–Kutta steps: a ball that drag slows by a tenth in a second is right to 1e-8 m with them."""
+_MARGIN_S = 0.05
+"""s: a ball that has hardly begun to fall is marched by one step at least."""
 
 _LONGEST_FALL_S = 6.0
 """s: a fall of 170 m, more than any picture of a wall holds."""
-
-_NEWTON_STEPS = 6
-"""Steps: Newton doubles the digits in each, and a sample of the path starts with three."""
 
 LEAST_FRAMES = 6
 """Frames: a parabola in two directions has six unknowns and each frame two numbers; half are to
@@ -112,16 +107,8 @@ class FlightFit:
     def falls_to(self, height: float, values: FloatArray | None = None) -> float | None:
         """Time after which the centre is at `height` on its way down, s; None if it never is."""
         chosen = self.fitted.values if values is None else values
-        path = _path(chosen[np.newaxis], _surely_fallen(chosen, height))
-        heights = path.states[:, 1, 0]
-        below = np.flatnonzero((heights[:-1] > height) & (heights[1:] <= height))
-        if len(below) == 0:
-            return None
-        at = float(below[0] * path.step)
-        for _ in range(_NEWTON_STEPS):
-            state = path.at(np.array([[at]]))[:, 0, 0]
-            at -= float((state[1] - height) / state[3])
-        return at + self.reference_s
+        after = time_of_fall(chosen, height, _surely_fallen(chosen, height))
+        return None if math.isnan(after) else after + self.reference_s
 
 
 def fit_flight(
@@ -207,35 +194,14 @@ def _surely_fallen(values: FloatArray, height: float) -> float:
     """Time by which a flight will have come down to a height, s: twice what it takes in vacuum."""
     up, pull = float(values[3]), max(float(values[6]), 1.0)
     fall = (up + math.sqrt(max(up**2 + 2.0 * pull * (float(values[1]) - height), 0.0))) / pull
-    return min(max(2.0 * fall, 0.0) + _STEP_S, _LONGEST_FALL_S)
+    return min(max(2.0 * fall, 0.0) + _MARGIN_S, _LONGEST_FALL_S)
 
 
-@np.errstate(over="ignore", invalid="ignore")
 def _flown(values: FloatArray, elapsed: FloatArray) -> FloatArray:
     """x, y, vx, vy (..., N, 4) at times (N,) of one flight (7,) or a stack of them (..., 7)."""
-    lanes = values.reshape(-1, values.shape[-1])
-    states = np.empty((len(lanes), len(elapsed), 4))
-    for here in (elapsed < 0.0, elapsed >= 0.0):
-        if np.any(here):
-            times = elapsed[here]
-            path = _path(lanes, float(times[np.argmax(np.abs(times))]))
-            states[:, here] = np.moveaxis(
-                path.at(np.broadcast_to(times, (len(lanes), len(times)))), 0, -1
-            )
+    lanes = np.ascontiguousarray(values.reshape(-1, values.shape[-1]), dtype=float)
+    states = flown(lanes, np.asarray(elapsed, dtype=float))
     return states.reshape(*values.shape[:-1], len(elapsed), 4)
-
-
-# a path that a search drives to infinity is worth nothing, and says so by NaN
-@np.errstate(over="ignore", invalid="ignore")
-def _path(lanes: FloatArray, until: float) -> Trajectory:
-    """Flights (K, 7) from their reference to a time, s, before or after it."""
-    # a search may try forces that would blow the path up
-    drag, lift, gravity = np.clip(lanes[:, 4:].T, [[-1], [-5], [-99]], [[1], [5], [99]])
-
-    model = PlanarFlight(drag, lift, gravity)
-    until = until if abs(until) > _LEAST_STEP_S else _LEAST_STEP_S
-    steps = int(np.ceil(abs(until) / _STEP_S))
-    return integrate(model.rates, lanes[:, :4].T, np.array(until), steps)
 
 
 LONGEST_CONTACT_S = 0.025

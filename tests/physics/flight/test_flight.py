@@ -12,7 +12,8 @@ from physics.domain import FloatArray, Vector
 from physics.effects import Effect, FlightState, Parameter, Phase, Term, Values, effect_named
 from physics.flight.air import PAPER_AIR, SOCCER_DRAG, Air
 from physics.flight.closed_form import Launch, drag_constant, drag_free_distance, land
-from physics.flight.flight import FlightModel, PlanarFlight, fly, land_many
+from physics.flight.flight import FlightModel, fly, land_many
+from physics.flight.planar import flown, rates, time_of_fall
 from physics.forward import Experiment, ball_state, drag_term
 from physics.integrator import integrate, runge_kutta_step
 from tests.physics.independent import Array, extrapolated
@@ -160,8 +161,34 @@ def test_the_planar_flight_is_the_model_in_terms_of_what_a_clip_shows() -> None:
     model = DRAGGED.with_terms(term("magnus", spin=spin))
     lift = 0.5 * 1.18 * math.pi * 0.25 * 0.20175**2 * 0.5 * 0.20175 * spin / 0.353
     state = ball_state(0.1, 0.9, speed[:, 0], speed[:, 1])
-    flat = PlanarFlight(K, lift, GRAVITY).rates(0.0, state[[0, 1, 3, 4]])
+    flat = np.empty((4, 2))
+    for ball in range(2):
+        flight = np.array([*state[[0, 1, 3, 4], ball], K, lift, GRAVITY])
+        rates(flight, flight[:4], flat[:, ball])
     np.testing.assert_allclose(model.rates(0.0, state)[[0, 1, 3, 4]], flat, rtol=1e-12)
+
+
+def test_planar_flights_are_marched_like_the_model_both_ways() -> None:
+    flights = np.array(
+        [[0.1, 0.9, 4.0, 1.0, K, 0.0, GRAVITY], [0.0, 2.0, 7.0, 3.0, K, 0.0, GRAVITY]]
+    )
+    elapsed = np.array([-0.2, -0.07, 0.0, 0.11, 0.4])
+    found = flown(flights, elapsed)
+    for flight, states in zip(flights, found, strict=True):
+        for duration, here in ((-0.2, elapsed <= 0.0), (0.4, elapsed >= 0.0)):
+            start = ball_state(*(np.array([one]) for one in flight[:4]))
+            path = integrate(DRAGGED.rates, start, np.array([duration]), 80)
+            there = path.at(elapsed[None, here])[[0, 1, 3, 4], 0].T
+            np.testing.assert_allclose(states[here], there, atol=1e-6)
+
+
+def test_a_planar_flight_comes_down_when_it_is_at_that_height() -> None:
+    flight = np.array([0.0, 1.0, 4.0, 1.0, K, 0.0, GRAVITY])
+    after = time_of_fall(flight, 0.2, 2.0)
+    state = flown(flight[None], np.array([after]))[0, 0]
+    assert state[1] == pytest.approx(0.2, abs=1e-6)
+    assert state[3] < 0.0
+    assert math.isnan(time_of_fall(flight, 5.0, 2.0))
 
 
 def test_a_path_is_read_before_and_after_its_start() -> None:
