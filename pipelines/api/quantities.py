@@ -19,6 +19,7 @@ from metrology import (
     read_given,
     read_scale,
 )
+from pipelines.measure.budget import Propagation
 from pipelines.measure.chain import MeasureOptions
 from pipelines.measure.files.output import column_of, harmless
 from pipelines.report.labels import quantity_label, quantity_text
@@ -197,11 +198,13 @@ def measure_options(
     *,
     cache: bool = False,
     scale: Given | None = None,
+    budget: Propagation = Propagation.RESPONSE,
 ) -> MeasureOptions:
     """Options of the measuring chain, each checked before any work.
 
     `cache` lets it take up what was measured before, and keep what it measures now. `scale` is that
-    of the plane of motion (bare: m/px), and goes before the wall of the setup.
+    of the plane of motion (bare: m/px), and goes before the wall of the setup. `budget` is how what
+    each input does to the results is found.
 
     Raises
     ------
@@ -223,6 +226,7 @@ def measure_options(
         ball_at=point_from("--ball-at", ball_at),
         mass_at=point_from("--mass-at", mass_at),
         scale_m_per_px=None if scale is None else read_scale(scale, "--scale"),
+        budget=budget,
         cache=cache,
     )
 

@@ -20,6 +20,7 @@ from metrology.quantity import format_quantity
 from pipelines.api.quantities import measure_options
 from pipelines.batch import Folder, Job, files_of, measure_all
 from pipelines.doors import FileRole
+from pipelines.measure.budget import Propagation
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measure.files.output import (
     Wanted,
@@ -100,6 +101,10 @@ ColumnsOption = Annotated[
     str | None,
     typer.Option("--columns", help="Of such a table: 't=Time (s), x=X (cm), y=Y (cm), ball=A'."),
 ]
+BudgetOption = Annotated[
+    Propagation,
+    typer.Option("--budget", help="Uncertainties: linear response of the fits, or slow refits."),
+]
 NoCacheOption = Annotated[
     bool, typer.Option("--no-cache", help="Measure afresh, whatever was measured before.")
 ]
@@ -136,6 +141,7 @@ def measure_command(
     scale: ScaleOption = None,
     from_tracks: FromTracksOption = None,
     columns: ColumnsOption = None,
+    budget: BudgetOption = Propagation.RESPONSE,
     no_cache: NoCacheOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -154,7 +160,15 @@ def measure_command(
     wanted = Wanted(csv, json, tracks, overlay, plot, report, quiet)
     wanted.require_writable((*clips, setup, from_tracks))
     options = measure_options(
-        setup, fps, ball, wall_grid, ball_at, mass_at, cache=not no_cache, scale=scale
+        setup,
+        fps,
+        ball,
+        wall_grid,
+        ball_at,
+        mass_at,
+        cache=not no_cache,
+        scale=scale,
+        budget=budget,
     )
     if from_tracks is not None:
         _from_tracks(from_tracks, clips, options, wanted, columns)
@@ -168,7 +182,7 @@ def measure_command(
         )
     if out is not None:
         said = [str(word) for word in (fps, ball, wall_grid, ball_at, mass_at, *_asked(wanted))]
-        said.append("" if scale is None else scale)
+        said += ["" if scale is None else scale, str(budget)]
         said.append("" if setup is None else setup.read_text(encoding="utf-8"))
         _into_folder(clips, options, wanted, Folder(out), said, jobs or os.cpu_count() or 1)
         return
@@ -200,13 +214,22 @@ def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # t
         plot: PlotOption = None,
         report: ReportOption = None,
         scale: ScaleOption = None,
+        budget: BudgetOption = Propagation.RESPONSE,
         no_cache: NoCacheOption = False,
         quiet: QuietOption = False,
     ) -> None:
         wanted = Wanted(csv, json, tracks, overlay, plot, report, quiet)
         wanted.require_writable((clip, setup))
         options = measure_options(
-            setup, fps, ball, wall_grid, ball_at, mass_at, cache=not no_cache, scale=scale
+            setup,
+            fps,
+            ball,
+            wall_grid,
+            ball_at,
+            mass_at,
+            cache=not no_cache,
+            scale=scale,
+            budget=budget,
         )
         measured = _one(clip, options, wanted, names)
         quantity = measured.quantity(needed)

@@ -12,10 +12,13 @@ import pytest
 from typer.testing import CliRunner
 
 import sample_videos
-from metrology import SetupError, UnitError, parse_quantity, parse_with_uncertainty
+from metrology import ClipError, SetupError, UnitError, parse_quantity, parse_with_uncertainty
 from pipelines.cli import app
+from pipelines.measure.budget import Propagation
+from pipelines.measure.chain import MeasureOptions
 from pipelines.measure.checks.consequences import LEAST_POWER
 from pipelines.measure.fits.discs import disc_contact
+from pipelines.measure.measurement import Measurement
 from pipelines.setup.file import read_setup
 from tests.shared_data import shared_folder
 from vision.clip.clip import Clip
@@ -251,3 +254,35 @@ def test_real_pucks_meet_at_frame_67() -> None:
     met = disc_contact(follow(clip, 240.0))
     assert met is not None
     assert met.time_s * 240.0 == pytest.approx(67.0, abs=1.0)
+
+
+def test_budget_refit_reaches_the_chain(monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[MeasureOptions] = []
+
+    def measure(path: Path, options: MeasureOptions, progress: object = None) -> Measurement:
+        told.append(options)
+        raise ClipError("enough")
+
+    monkeypatch.setattr("pipelines.measure.commands.measure_clip", measure)
+    clip = str(CLIPS / "basketball_60.mp4")
+    for command in ("measure", "contact-time", "launch", "landing", "cor"):
+        assert CliRunner().invoke(app, [command, clip, "--budget", "refit"]).exit_code == 3
+        assert CliRunner().invoke(app, [command, clip]).exit_code == 3
+    assert [one.budget for one in told] == [Propagation.REFIT, Propagation.RESPONSE] * 5
+
+
+@pytest.mark.slow
+def test_both_roads_to_a_budget_agree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("IMPACT_VISION_CACHE", str(tmp_path / "kept"))
+    clip = CLIPS / "basketball_60.mp4"
+    arguments = ["measure", str(clip), "--setup", str(clip.with_suffix(".toml")), "--quiet"]
+    documents = []
+    for how in Propagation:
+        out = tmp_path / f"{how}.json"
+        assert (
+            not CliRunner().invoke(app, [*arguments, "--budget", how, "--json", str(out)]).exit_code
+        )
+        documents.append(json.loads(out.read_text(encoding="utf-8"))["quantities"])
+    for name, quantity in documents[0].items():
+        if quantity["value"] is not None:
+            assert documents[1][name]["std"] == pytest.approx(quantity["std"], rel=0.02), name
