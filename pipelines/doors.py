@@ -114,7 +114,7 @@ def _refuse_clashes(command: Callable[..., None], options: Mapping[str, Any]) ->
         for name, value in options.items()
         if not roles.get(name)
         for path in (value if isinstance(value, list | tuple) else [value])
-        if isinstance(path, Path) and path.is_file()
+        if isinstance(path, Path) and os.path.isfile(path)
     ]
     taken: dict[str, str] = {}
     for name, path in outputs.items():
@@ -124,7 +124,7 @@ def _refuse_clashes(command: Callable[..., None], options: Mapping[str, Any]) ->
                 f"{path} is read, and can't be written, too", hint="Name another file to write."
             )
         place = os.path.realpath(path)
-        if place in taken and (path.is_file() or not path.exists()):
+        if place in taken and (os.path.isfile(path) or not os.path.lexists(path)):
             raise UsageError(
                 f"{path} is named twice: for {taken[place]} and for {name}",
                 hint="One would overwrite the other; name two files.",

@@ -7,6 +7,7 @@ shows; the measurement on all that was said besides.
 """
 
 import functools
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -82,7 +83,7 @@ def remembered(measure: _Measure) -> _Measure:
     ) -> Measurement:
         path = Path(path)
         kept = Cache.of_user(wanted=options is not None and options.cache)
-        if kept.folder is None or options is None or not path.exists():
+        if kept.folder is None or options is None or not os.path.exists(path):
             return measure(path, options, progress)
         lens = options.setup.camera.lens
         lens_digest = clip_digest(lens) if lens is not None and lens.is_file() else None

@@ -71,6 +71,9 @@ SLOWEST, FASTEST = 0.05, 8.0
 """m/s: impact speeds at which a law of restitution must have a value where no pendulum says more;
 8 m/s is what a pendulum of 1.6 m length reaches from upright."""
 
+MOST_TOLD = 12
+"""Mistakes of a setup file that one message tells: half a screen."""
+
 
 def load_setup(path: Path) -> Setup:
     """Read a setup file.
@@ -268,7 +271,8 @@ def _model(table: ModelTable) -> ModelSetup:
 
 def _explain(problem: ValidationError, name: str) -> str:
     lines = []
-    for error in problem.errors():
+    errors = problem.errors()
+    for error in errors[:MOST_TOLD]:
         where = ".".join(str(part) for part in error["loc"])
         if error["type"] == "extra_forbidden":
             nearest = _nearest_key(tuple(str(part) for part in error["loc"]))
@@ -276,6 +280,8 @@ def _explain(problem: ValidationError, name: str) -> str:
         else:
             text = error["msg"].removeprefix("Value error, ")
             lines.append(f"{name}: {where}: {text}")
+    if len(errors) > MOST_TOLD:
+        lines.append(f"{name}: and {len(errors) - MOST_TOLD} more of that kind")
     return "\n".join(lines)
 
 

@@ -55,6 +55,19 @@ def test_an_output_without_a_folder_is_refused_before_the_work(tmp_path: Path) -
     assert "a.html" in said
 
 
+def test_a_setup_of_nothing_but_mistakes_is_told_in_short(tmp_path: Path) -> None:
+    setup = tmp_path / "setup.toml"
+    setup.write_text("\n".join(f"k{i} = 1" for i in range(3000)), encoding="utf-8")
+    code, said = invoked(*SIMULATE, "--setup", setup)
+    assert code == 2
+    assert "2988 more" in said
+    assert len(said) < 3000
+
+
+def test_a_name_too_long_for_the_file_system_is_no_clip() -> None:
+    assert invoked("measure", "x" * 5000)[0] == 3
+
+
 def _command(fault: Exception) -> int | str | None:
     def fails(out: Annotated[Path | None, typer.Option(), FileRole.WRITES] = None) -> None:
         raise fault

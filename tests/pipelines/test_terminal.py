@@ -23,6 +23,30 @@ def test_brackets_and_colons_in_tables_are_words(capsys: pytest.CaptureFixture[s
     assert "[support] height" in printed.err
 
 
+def test_control_characters_of_names_are_shown_and_not_obeyed(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    table = Table()
+    table.add_column("clip")
+    table.add_row("\x1b[31mred\x07.mp4")
+    screen().print(table)
+    screen(errors=True).print("vision: can't read \x9b2J.mp4")
+    printed = capsys.readouterr()
+    assert "\\x1b[31mred\\x07.mp4" in printed.out
+    assert "\\x9b2J.mp4" in printed.err
+
+
+def test_a_terminal_of_no_width_still_shows_tables(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "0")
+    table = Table()
+    table.add_column("quantity")
+    table.add_row("ball_speed")
+    screen().print(table)
+    assert "ball_speed" in capsys.readouterr().out
+
+
 def test_a_reason_that_names_a_table_of_the_setup_file_is_told_whole(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

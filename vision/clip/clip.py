@@ -333,7 +333,7 @@ class Clip:
             If nothing can be read, or too few frames.
         """
         place = Path(path)
-        if not place.exists():
+        if not os.path.exists(place):
             raise ClipError(f"there is no file {place}", hint="Check the name and the folder.")
         if place.is_dir():
             folder = ImageFolder(place)
