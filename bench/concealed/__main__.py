@@ -17,6 +17,7 @@ from bench.concealed.campaign import Key, read_key
 from bench.concealed.contest.answer import Answer, answer_from_json
 from bench.concealed.contest.contestants import engine_answer, engine_version
 from bench.concealed.contest.peers import PEERS
+from bench.concealed.damaged import damaged_section, read_outcomes
 from bench.concealed.filmed.section import section
 from bench.concealed.foreign import convert_all
 from bench.concealed.foreign_keys import foreign_key
@@ -152,6 +153,13 @@ def _options() -> argparse.Namespace:
         help="add the section that `python -m bench.concealed.filmed.pixels` wrote to this folder",
     )
     parser.add_argument(
+        "--damaged",
+        type=Path,
+        default=None,
+        metavar="FOLDER",
+        help="add the section on what `python -m bench.concealed.damaged` left in this folder",
+    )
+    parser.add_argument(
         "--real", type=Path, default=ROOT.parent / "shared" / "realdata", help="real recordings"
     )
     parser.add_argument("--no-real", action="store_true", help="leave the real recordings out")
@@ -262,7 +270,9 @@ def main() -> None:
     if output is None and options.campaigns >= WHOLE_PROOF and options.world is World.OWN:
         output = ROOT / "docs" / "proof.md"
     reliability = _reliability(output, [s.judgement for s in (*theirs, *second)])
-    text = proof_text(own, theirs, asked, _peers(options, own), real, pixels, second, reliability)
+    damaged = [] if options.damaged is None else damaged_section(read_outcomes(options.damaged))
+    peers = _peers(options, own)
+    text = proof_text(own, theirs, asked, peers, real, pixels, second, reliability, damaged)
     if output is None:
         print(text)
     else:

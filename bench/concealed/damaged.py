@@ -1,6 +1,6 @@
 """Sound campaigns, damaged in every way that users damage them, and what the engine says of each.
 
-``python -m bench.concealed.damaged``: a table with one row for every damage of every campaign.
+``python -m bench.concealed.damaged``: a table with one row for every damage.
 What must hold: no traceback, an exit code of the contract, nothing named with a probability above
 0.5, and an answer in bounded time.
 """
@@ -23,7 +23,15 @@ from bench.concealed.world.design import Noise, draw_design
 from bench.real.made import SwingRig, write_swings
 from pipelines.cli import app
 
-__all__ = ["DAMAGES", "SOUND", "Files", "Outcome", "explained"]
+__all__ = [
+    "DAMAGES",
+    "SOUND",
+    "Files",
+    "Outcome",
+    "damaged_section",
+    "explained",
+    "read_outcomes",
+]
 
 MOST = 0.5
 """Probability that nothing named in a damaged campaign may exceed."""
@@ -420,29 +428,77 @@ DAMAGES: Mapping[str, Callable[[Files], Files]] = {
 """What is done to a campaign, in words."""
 
 
+def damaged_section(found: Mapping[str, Mapping[str, Outcome]]) -> list[str]:
+    """Markdown lines: counts, and what was said of each damage of each campaign."""
+    every = [outcome for rows in found.values() for outcome in rows.values()]
+    if not every:
+        return ["Not asked for.", ""]
+    tracebacks = sum(bool(o.raised) or o.code not in CODES for o in every)
+    sure = sum(any(p > MOST for p in o.named.values()) for o in every)
+    lines = [
+        f"{len(every)} damaged campaigns (`python -m bench.concealed.damaged`): {tracebacks} ended"
+        f" in a traceback, {sure} in a name with a probability above {MOST}. A number is the exit"
+        " code of what was refused.",
+        "",
+        f"| damage | {' | '.join(found)} |",
+        "|---|" + "---|" * len(found),
+    ]
+    damages = dict.fromkeys(damage for rows in found.values() for damage in rows)
+    for damage in damages:
+        cells = [_cell(rows.get(damage)) for rows in found.values()]
+        lines.append(f"| {damage} | {' | '.join(cells)} |")
+    return [*lines, ""]
+
+
+def _cell(outcome: Outcome | None) -> str:
+    if outcome is None:
+        return "–"
+    if outcome.fails:
+        return f"**{outcome.fails}**"
+    if outcome.code:
+        return str(outcome.code)
+    named = ", ".join(f"{name} {p:.2f}" for name, p in outcome.named.items())
+    return f"{outcome.verdict}{f' ({named})' if named else ''}"
+
+
+def read_outcomes(folder: Path) -> dict[str, dict[str, Outcome]]:
+    """What an earlier run left in a folder, by campaign and damage."""
+    found: dict[str, dict[str, Outcome]] = {}
+    for name in SOUND:
+        path = folder / f"{name}.jsonl"
+        lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+        rows = [json.loads(line) for line in lines]
+        found[name] = {row.pop("damage"): Outcome(**row) for row in rows}
+    return {name: rows for name, rows in found.items() if rows}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m bench.concealed.damaged", description=__doc__)
     parser.add_argument("--sound", choices=SOUND, help="this campaign alone")
     parser.add_argument("--damage", help="damages whose words hold this")
+    parser.add_argument(
+        "--folder", type=Path, help="keep outcomes here, and go on where an earlier run stopped"
+    )
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no more then")
     options = parser.parse_args()
-    print("| campaign | damage | exit | verdict | named | fails | seconds | said |")
-    print("|---|---|---|---|---|---|---|---|")
-    for name, make in SOUND.items():
-        if options.sound not in (None, name):
-            continue
-        with tempfile.TemporaryDirectory() as kept:
-            files = make(Path(kept))
+    end = time.monotonic() + 60.0 * options.minutes
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = options.folder or Path(scratch)
+        folder.mkdir(parents=True, exist_ok=True)
+        done = read_outcomes(folder)
+        for name, make in SOUND.items():
+            if options.sound not in (None, name):
+                continue
+            files = make(Path(scratch))
             for damage, change in DAMAGES.items():
-                if options.damage and options.damage not in damage:
+                asked = options.damage is None or options.damage in damage
+                if not asked or damage in done.get(name, {}) or time.monotonic() > end:
                     continue
-                found = explained(change(files), Path(kept))
-                named = ", ".join(f"{one} {p:.2f}" for one, p in found.named.items())
-                print(
-                    f"| {name} | {damage} | {found.code} | {found.verdict} | {named} |"
-                    f" {found.fails}{found.raised[:60]} | {found.seconds:.1f} |"
-                    f" {found.said[:160]} |",
-                    flush=True,
-                )
+                outcome = explained(change(files), Path(scratch))
+                with (folder / f"{name}.jsonl").open("a", encoding="utf-8") as kept:
+                    kept.write(json.dumps({"damage": damage, **vars(outcome)}) + "\n")
+                print(f"{name}, {damage}: {_cell(outcome)}: {outcome.said[:160]}", flush=True)
+        print("\n".join(damaged_section(read_outcomes(folder))))
 
 
 if __name__ == "__main__":

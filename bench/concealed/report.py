@@ -377,8 +377,9 @@ def proof_text(
     pixels: Sequence[str] = (),
     second: Sequence[Scored] = (),
     reliability: str = "",
+    damaged: Sequence[str] = (),
 ) -> str:
-    """The whole page, Markdown; `real` and `pixels` are the lines of those sections.
+    """The whole page, Markdown; `real`, `pixels` and `damaged` are the lines of those sections.
 
     `reliability` is the link to the picture of stated probabilities, if there is one.
     """
@@ -414,6 +415,9 @@ def proof_text(
         "## Stated probabilities in worlds of other forms",
         "",
         *calibration_section([s.judgement for s in (*foreign, *second)], reliability),
+        "## Damaged campaigns",
+        "",
+        *(damaged or ["Not asked for.", ""]),
         "## From pixels",
         "",
         *(pixels or ["Not rendered for this page.", ""]),
