@@ -347,14 +347,18 @@ def motion_of(
     area = float(np.prod(np.ptp(moving.centre_px, axis=0) + 2.0 * moving.radius_px[0]))
     flight = _flight(moving, scatter, area)
     swing = _swing_worth(ball, scatter, area) if rest_frames is None else 0.0
-    worth = {MotionKind.NONE: 0.0}
+    worth = {
+        MotionKind.NONE: _straight_worth(moving, scatter, area) if rest_frames is None else 0.0
+    }
     if swing > 0.0:
         worth[MotionKind.SWING] = swing
     reasons: dict[MotionKind, tuple[str, ...]] = {
-        MotionKind.NONE: ("What moves follows neither a free flight nor a swing.",),
+        MotionKind.NONE: ("What moves follows neither a free flight nor a swing, or rolls on.",),
         MotionKind.SWING: ("It goes to and fro on an arc.",),
     }
     if flight is not None:
+        if rest_frames is None and flight.sagitta < _SEEN_ACCELERATION:
+            worth[MotionKind.NONE] = max(worth[MotionKind.NONE], flight.worth)
         for kind, odds, reason in _beginnings(flight, rest_frames, pendulum, struck_by_another):
             worth[kind] = flight.worth + np.log(odds)
             reasons[kind] = (reason,)
@@ -421,6 +425,15 @@ def _swing_worth(ball: Track, scatter: float, area: float) -> float:
     if np.mean(swing.residual_px < 3.0 * scatter) < _SWINGING:
         return 0.0
     return _worth(swing.residual_px, scatter, area, PARAMETERS, len(ball))
+
+
+def _straight_worth(moving: Track, scatter: float, area: float) -> float:
+    """What rolls or slides goes straight on at an even speed; so does a little of any swing."""
+    time = (moving.frame - moving.frame[0]).astype(np.float64)
+    powers = np.column_stack([np.ones_like(time), time])
+    motion = np.linalg.lstsq(powers, moving.centre_px, rcond=None)[0]
+    residual = np.hypot(*(moving.centre_px - powers @ motion).T)
+    return _worth(residual, scatter, area, 4, len(moving))
 
 
 def _worth(

@@ -171,7 +171,9 @@ def _of_this_motion(found: dict[str, Quantity], tracks: Tracks) -> dict[str, Qua
         item = found.get(name)
         if item is None or (kind not in kinds_of(name) and not item.known):
             wanted = " or a ".join(str(one.value) for one in kinds_of(name))
-            seen = "nothing moves" if kind is MotionKind.NONE else f"what is seen is a {kind.value}"
+            seen = f"what is seen is a {kind.value}"
+            if kind is MotionKind.NONE:
+                seen = "what moves is neither in free flight nor swings to and fro"
             item = Quantity.missing(name, unit, f"it needs a {wanted}, and {seen}")
         out[name] = item
     return out | {name: item for name, item in found.items() if name in _PIXELS}

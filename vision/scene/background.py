@@ -226,6 +226,8 @@ _DENSEST = 0.35
 _STABLE = 3.0
 """Standard deviations of noise: an epoch that scatters by more shows something that moves."""
 
+_LEAST_GAIN = 0.05
+"""Share of the usual light below which a frame is black."""
 _BAND_PIXELS = 6_000_000
 """Pixels worked on at once, for a stack of some ten megabytes."""
 
@@ -335,7 +337,9 @@ def estimate_background(frames: Sequence[NDArray[Any]], scale: float = 1.0) -> B
     reference = frames[len(frames) // 2].astype(np.float32) * np.float32(scale)
     meter = LightMeter(reference, 2.0)
     gains = np.array([meter.gain(frame, scale) for frame in frames])
-    gains = scale / (gains / np.median(gains))
+    # a black frame, of a fade or a cut, is no light to divide by
+    usual_gain = max(float(np.median(gains)), _LEAST_GAIN)
+    gains = scale / np.maximum(gains / usual_gain, _LEAST_GAIN)
     height, width = reference.shape
     rows = max(16, _BAND_PIXELS // (len(frames) * width))
     parts = min(_EPOCHS, max(1, len(frames) // 3))

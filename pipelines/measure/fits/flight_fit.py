@@ -253,8 +253,9 @@ def flight_end(tracks: MetricTracks, inputs: Inputs, left: float) -> float:
     if inputs.fall is not None:
         floor = tracks.rest_m[1] - inputs.fall
         ends += [float(t) for t in time[height <= floor + _JUST_ABOVE_M][:1]]
-    highest = int(np.argmax(height))
-    lowest = highest + int(np.argmin(height[highest:]))
+    # what follows a jump is another motion: a second strike has an apex of its own
+    highest = int(np.argmax(height[:jump]))
+    lowest = highest + int(np.argmin(height[highest:jump]))
     if np.any(height[lowest:] - height[lowest] > _BOUNCE_M):
         ends.append(float(time[lowest]))
     return min(ends)

@@ -24,7 +24,15 @@ from pipelines.measure.fits.swing_fit import SwingFit, fit_swing
 from pipelines.measure.inputs import Inputs
 from pipelines.measure.metres import MetricTracks
 
-__all__ = ["NEAR_SHARE", "STEEL", "Impact", "departure", "find_impact", "moved_impact"]
+__all__ = [
+    "NEAR_SHARE",
+    "STEEL",
+    "Impact",
+    "departure",
+    "find_impact",
+    "moved_impact",
+    "struck_again",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -226,6 +234,9 @@ STRAY_RADII = 0.15
 """Radii by which the median frame may be off a free flight: more is another thing than a flying
 ball."""
 
+FRAMES_AT_REST = 5
+"""What lies at the place of rest for so many frames is no bounce that passes it."""
+
 USUAL_SPEED = 2.5
 
 """m/s: a speed of approach of the paper's strikes; the longest contact hardly depends on it."""
@@ -292,6 +303,23 @@ def departure(tracks: MetricTracks) -> float:
     lying = np.flatnonzero(~away[: places[0]])
     first = 0 if len(lying) == 0 else int(lying[-1]) + 1
     return float(tracks.ball_time_s[first])
+
+
+def struck_again(tracks: MetricTracks, flown: float) -> float | None:
+    """When the ball lies at its rest again and then leaves it once more, s; None if it does not.
+
+    Parameters
+    ----------
+    tracks : MetricTracks
+        Ball plane.
+    flown : float
+        Last frame of the flight that was measured, s.
+    """
+    away = np.hypot(*(tracks.ball_m - tracks.rest_m).T)
+    lying = np.flatnonzero((tracks.ball_time_s > flown) & (away < STRAY_RADII * tracks.radius_m))
+    if len(lying) < FRAMES_AT_REST or not np.any(away[lying[-1] :] > tracks.radius_m):
+        return None
+    return float(tracks.ball_time_s[lying[0]])
 
 
 def find_impact(

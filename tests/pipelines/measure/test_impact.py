@@ -9,7 +9,13 @@ from metrology import NotFoundError
 from pipelines.measure.derived import DERIVED, derived_values, random_covariance
 from pipelines.measure.fits.contact_fit import fit_contact
 from pipelines.measure.fits.flight_fit import flight_end
-from pipelines.measure.fits.impact import NEAR_SHARE, STEEL, departure, find_impact
+from pipelines.measure.fits.impact import (
+    NEAR_SHARE,
+    STEEL,
+    departure,
+    find_impact,
+    struck_again,
+)
 from pipelines.measure.inputs import gather_inputs
 from pipelines.measure.metres import MetricTracks
 from pipelines.setup.file import Setup
@@ -223,6 +229,27 @@ def test_a_contact_that_no_such_ball_can_have_is_withheld_and_a_doubtful_one_dra
     free = fit_contact(unsure, middle)
     bound = fit_contact(replace(unsure, longest_s=0.97 * lasts), middle)
     assert bound.release_s - bound.onset_s < free.release_s - free.onset_s
+
+
+def test_of_two_strikes_the_first_is_measured_and_the_second_is_noticed() -> None:
+    scene, shot = known_stroke("basketball", 60.0)
+    once = ideal_tracks(scene, shot, Noise())
+    inputs = gather_inputs(Setup(), "basketball", None)
+    later = float(once.ball_time_s[-1]) + 1.0 / 600.0
+    twice = replace(
+        once,
+        ball_frame=np.concatenate([once.ball_frame, once.ball_frame + len(once.ball_frame)]),
+        ball_time_s=np.concatenate([once.ball_time_s, once.ball_time_s + later]),
+        ball_m=np.concatenate([once.ball_m, once.ball_m + np.array([0.0, 1e-5])]),
+        ball_cov_m2=np.concatenate([once.ball_cov_m2, once.ball_cov_m2]),
+    )
+    impact, alone = find_impact(twice, inputs), find_impact(once, inputs)
+    assert impact.last_flight_s == alone.last_flight_s
+    assert derived_values(impact, inputs) == pytest.approx(
+        derived_values(alone, inputs), nan_ok=True
+    )
+    assert struck_again(twice, impact.last_flight_s) == pytest.approx(later)
+    assert struck_again(once, alone.last_flight_s) is None
 
 
 def test_what_disturbs_a_ball_at_rest_is_not_its_departure() -> None:

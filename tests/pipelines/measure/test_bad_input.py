@@ -1,0 +1,85 @@
+"""Clips in which nothing is struck, and pictures of no usual size: no number without a motion."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from metrology import ClipError, NotFoundError
+from pipelines.measure.chain import measure_clip
+from tests.pipelines.measure.small_clips import Frames, written
+from vision.tracks import MotionKind
+
+WIDTH, HEIGHT, COUNT = 128, 72, 30
+OVERSAMPLED = 4
+
+
+def painted(draw: Callable[[np.ndarray, int], None]) -> Frames:
+    """Frames of a mottled wall with something drawn on it, four times as large, and noise."""
+    rng = np.random.default_rng(1)
+    coarse = 150.0 + 20.0 * rng.normal(size=(9, 16)).astype(np.float32)
+    wall = cv2.resize(coarse, (WIDTH * OVERSAMPLED, HEIGHT * OVERSAMPLED))
+    frames = []
+    for index in range(COUNT):
+        large = wall.copy()
+        draw(large, index)
+        small = cv2.resize(large, (WIDTH, HEIGHT), interpolation=cv2.INTER_AREA)
+        noisy = (small + rng.normal(0.0, 1.5, small.shape)).clip(0, 255).astype(np.uint8)
+        frames.append(np.repeat(noisy[:, :, np.newaxis], 3, axis=2))
+    return frames
+
+
+def box_that_slides(picture: np.ndarray, index: int) -> None:
+    left = OVERSAMPLED * (5 + 3 * index)
+    cv2.rectangle(picture, (left, 120), (left + 56, 156), 40.0, -1)
+
+
+def ten_balls_that_roll(picture: np.ndarray, index: int) -> None:
+    for ball in range(10):
+        x, y = 12.0 + (1.0 + 0.3 * ball) * index, 4.0 + 7.0 * ball
+        centre = (round(OVERSAMPLED * x), round(OVERSAMPLED * y))
+        cv2.circle(picture, centre, OVERSAMPLED * 4, 30.0 + 10.0 * ball, -1)
+
+
+@pytest.mark.parametrize("draw", [box_that_slides, ten_balls_that_roll])
+def test_what_goes_straight_on_is_no_swing_and_gives_no_number(
+    draw: Callable[[np.ndarray, int], None], tmp_path: Path
+) -> None:
+    found = measure_clip(written(painted(draw), tmp_path / "clip.mp4"))
+    assert [item.name for item in found.quantities if item.known] == []
+    assert found.motion.kind is MotionKind.NONE
+    assert all(item.reason for item in found.quantities)
+
+
+def test_noise_holds_no_ball(tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    frames = [rng.integers(0, 255, (HEIGHT, WIDTH, 3), dtype=np.uint8) for _ in range(COUNT)]
+    with pytest.raises(NotFoundError, match="no ball found"):
+        measure_clip(written(frames, tmp_path / "clip.mp4"))
+
+
+def test_pictures_too_small_are_refused_with_their_size(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    frames = [rng.integers(0, 255, (8, 100, 3), dtype=np.uint8) for _ in range(20)]
+    with pytest.raises(ClipError, match="100 × 8 px are too small"):
+        measure_clip(written(frames, tmp_path / "clip.mp4"))
+
+
+def test_black_frames_before_a_fade_are_no_error(tmp_path: Path) -> None:
+    frames = painted(box_that_slides)
+    black = [np.zeros_like(frames[0])] * COUNT
+    with pytest.raises(NotFoundError, match="no ball found"):
+        measure_clip(written([*black, *frames[:3]], tmp_path / "clip.mp4"))
+
+
+@pytest.mark.slow
+def test_huge_pictures_are_looked_through(tmp_path: Path) -> None:
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    for index in range(3):
+        picture = np.full((5000, 9000), 40 * index, dtype=np.uint8)
+        cv2.imwrite(str(folder / f"{index}.png"), picture, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    with pytest.raises(NotFoundError, match="no ball found"):
+        measure_clip(folder)
