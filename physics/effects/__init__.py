@@ -1,6 +1,7 @@
 """The effect catalogue: one object each, for simulator, renderer and mismatch engine."""
 
 from physics.effects.base import (
+    LARGEST_SIZE,
     Contact,
     Coordinate,
     Effect,
@@ -20,6 +21,7 @@ from physics.effects.catalogue import CATALOGUE, MEASUREMENT_IDS, effect_named
 
 __all__ = [
     "CATALOGUE",
+    "LARGEST_SIZE",
     "MEASUREMENT_IDS",
     "Contact",
     "Coordinate",

@@ -34,6 +34,7 @@ import numpy as np
 from physics.domain import FloatArray, Number, Vector
 
 __all__ = [
+    "LARGEST_SIZE",
     "Contact",
     "Coordinate",
     "Effect",
@@ -89,6 +90,18 @@ class Size(Enum):
     PENDULUM_TORQUE = "m g d of the pendulum, over that of the paper's"
     SPIN = "speed of the ball over its radius"
     BOARD = "air density times the fifth power of the pendulum's length"
+
+
+LARGEST_SIZE = {
+    Size.ONE: 1.0,
+    Size.BALL_WEIGHT: 10.0,
+    Size.PENDULUM_TORQUE: 10.0,
+    Size.SPIN: 3300.0,
+    Size.BOARD: 10.0,
+}
+"""What each can be where the bodies are not known yet: a golf ball leaves its tee with 70 m/s at
+21 mm radius (3300 /s); balls and pendulums that people strike and swing in a laboratory weigh at
+most ten newtons, and ten times the paper's torque."""
 
 
 class Level(Enum):

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator
 
 from metrology import Given, Measurand, SetupError, UsageError, measurands, read_given, read_number
-from physics.effects import CATALOGUE, Parameter
+from physics.effects import CATALOGUE, LARGEST_SIZE, Parameter
 
 __all__ = [
     "AirTable",
@@ -203,10 +203,17 @@ def read_parameter(effect: str, key: str, typed: Any) -> Given:
     if key not in known:
         raise SetupError(f"there is no key 'model.{effect}.{key}'{nearest(key, known)}")
     p = known[key]
+    size = LARGEST_SIZE[p.in_units_of]
+    lower, upper = size * p.lower, size * p.upper
+    example = size * (p.expected if p.expected is not None else p.scale)
     what = Measurand(
-        p.meaning or p.name, p.unit, p.lower, p.upper, f"nature allows {p.lower:g} to {p.upper:g}",
-        f"{p.expected if p.expected is not None else p.scale:g} {p.unit if p.unit != '1' else ''}",
-    )  # fmt: skip
+        p.meaning or p.name,
+        p.unit,
+        lower,
+        upper,
+        f"nature allows {lower:g} to {upper:g}",
+        f"{example:g} {p.unit if p.unit != '1' else ''}",
+    )
     try:
         return read_given(typed, what)
     except UsageError as problem:
