@@ -6,6 +6,7 @@ a crew that only waits as long as clips were measured to take, faster by a state
 """
 
 import argparse
+import json
 import os
 import resource
 import subprocess
@@ -102,6 +103,9 @@ class WaitingCrew:
             self._change.notify()
         return future
 
+    def look_after(self) -> None:
+        """Nothing goes away here."""
+
     def _serve(self) -> None:
         while True:
             with self._change:
@@ -109,7 +113,7 @@ class WaitingCrew:
                     wait = None if not self._due else max(0.0, self._due[0][0] - time.monotonic())
                     self._change.wait(wait)
                 _, _, future = heappop(self._due)
-            future.set_result({"document": DOCUMENT, "seconds": 1.0})
+            future.set_result({"document": TEXT, "seconds": 1.0})
 
 
 DOCUMENT = {
@@ -118,6 +122,8 @@ DOCUMENT = {
     "warnings": [],
 }
 """As large as the document of a real clip, about 20 kB."""
+TEXT = json.dumps(DOCUMENT)
+"""As a worker hands it over."""
 
 
 def scheduler(clips: int, workers: int, seconds: Sequence[float]) -> list[str]:

@@ -57,7 +57,12 @@ def campaign_command(
         int | None, typer.Option("-j", "--jobs", min=1, help="Processes; default: cores.")
     ] = None,
     dask: Annotated[
-        str | None, typer.Option("--dask", metavar="tcp://HOST:PORT", help="A Dask cluster.")
+        str | None,
+        typer.Option(
+            "--dask",
+            metavar="tcp://HOST:PORT|QUEUE",
+            help="A Dask cluster; or a queue of dask-jobqueue, such as slurm (-j: jobs).",
+        ),
     ] = None,
     only: Annotated[
         list[str] | None, typer.Option("--only", help="Measure this clip only; may be repeated.")

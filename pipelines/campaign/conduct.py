@@ -409,7 +409,7 @@ def _setup_file(asked: Asked) -> Path | None:
 
 def _crew(asked: Asked, options: RunOptions) -> AbstractContextManager[Crew]:
     if asked.dask is not None:
-        return cluster_crew(asked.dask, options)
+        return cluster_crew(asked.dask, asked.jobs or cores(), options)
     return local_crew(asked.jobs or cores(), options)
 
 

@@ -50,6 +50,10 @@ class WorkOrder:
     version: str
 
 
+_NAMES_AT_ONCE = 500
+"""SQLite takes 999 parameters in its oldest build still in use."""
+
+
 @dataclass(frozen=True)
 class Outcome:
     """What came of one try.
@@ -61,8 +65,9 @@ class Outcome:
         Done or failed; waiting where another try is due.
     seconds : float
         Wall time.
-    document : mapping or None
-        The clip's JSON as `vision measure --json` writes it.
+    document : str or None
+        The clip's JSON as `vision measure --json` writes it: text, which the coordinator of a
+        thousand workers hands on without looking into it.
     error : str or None
     died : bool
         The clip ended its worker: a run that is killed from outside does not count against it.
@@ -71,7 +76,7 @@ class Outcome:
     clip: str
     state: State
     seconds: float
-    document: Mapping[str, Any] | None = None
+    document: str | None = None
     error: str | None = None
     died: bool = False
 
@@ -240,12 +245,14 @@ class Ledger:
                 " WHERE clip=?",
                 [(started, clip) for clip in clips],
             )
-            return {
-                clip: int(
-                    base.execute("SELECT deaths FROM clips WHERE clip=?", (clip,)).fetchone()[0]
+            deaths: dict[str, int] = {}
+            for at in range(0, len(clips), _NAMES_AT_ONCE):
+                some = clips[at : at + _NAMES_AT_ONCE]
+                marks = ",".join("?" * len(some))
+                deaths |= dict(
+                    base.execute(f"SELECT clip, deaths FROM clips WHERE clip IN ({marks})", some)
                 )
-                for clip in clips
-            }
+            return deaths
 
     def finish(self, outcomes: Sequence[Outcome]) -> None:
         """Write what came of tries, and their stage, in one transaction."""
@@ -260,7 +267,7 @@ class Ledger:
                         finished,
                         one.seconds,
                         one.error,
-                        None if one.document is None else json.dumps(one.document),
+                        one.document,
                         int(one.died),
                         one.clip,
                     )

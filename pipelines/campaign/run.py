@@ -2,15 +2,17 @@
 
 import functools
 import hashlib
+import json
 import os
 import queue
 import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future
-from contextlib import contextmanager
+from concurrent.futures import CancelledError, Future
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -26,6 +28,11 @@ MOST_TRIES = 2
 """A clip that ends its worker twice is put aside: once may be the machine's fault."""
 _IN_FLIGHT_PER_WORKER = 2
 """One being measured and one ready, so that no worker waits for the coordinator."""
+_LOOK_AFTER_S = 1.0
+"""How long nothing may happen before the crew is asked whether it is still there."""
+_PAUSE_S_PER_WORKER, _LONGEST_PAUSE_S = 1e-4, 0.1
+"""s: clips that end within so short a time share one transaction and one round of submissions. Each
+worker has its next clip already, which takes longer."""
 
 
 @dataclass(frozen=True)
@@ -84,13 +91,18 @@ class Plan:
         strike, options = self.matched.strikes[clip], self.options
         return Request(
             path=str(clip.resolve()),
-            setup=None if options.setup is None else str(options.setup.resolve()),
+            setup=None if options.setup is None else _resolved(options.setup),
             fps=options.fps,
             ball=_ball(options, strike),
             wall_grid=options.wall_grid,
-            tracks=str((self.folder / "tracks" / f"{clip.name}.csv").resolve()),
-            picture=str((self.folder / "frames" / f"{clip.name}.jpg").resolve()),
+            tracks=os.path.join(_resolved(self.folder), "tracks", f"{clip.name}.csv"),
+            picture=os.path.join(_resolved(self.folder), "frames", f"{clip.name}.jpg"),
         )
+
+
+@functools.lru_cache(maxsize=16)
+def _resolved(path: Path) -> str:
+    return str(path.resolve())
 
 
 def _ball(options: RunOptions, strike: Strike | None) -> str | None:
@@ -139,7 +151,11 @@ class Crew(Protocol):
     size: int
 
     def submit(self, request: Request) -> "Future[dict[str, Any]]":
-        """Begin to measure a clip; the future raises `WorkerDied` if its worker ended."""
+        """Begin to measure a clip; the future holds what `measure_in_worker` answers."""
+        ...
+
+    def look_after(self) -> None:
+        """Answer for clips whose measurer can't any more; called while nothing else happens."""
         ...
 
 
@@ -152,7 +168,8 @@ def measure_in_worker(request: Request, options: RunOptions) -> dict[str, Any]:
     Returns
     -------
     dict
-        As `worker.answer`; ``{"died": …}`` where the worker ended, hung or outgrew its memory.
+        As `worker.answer`, its document as text; ``{"died": …}`` where the worker ended, hung or
+        outgrew its memory.
     """
     process: WorkerProcess | None = getattr(_PROCESS, "worker", None)
     if process is None:
@@ -161,7 +178,10 @@ def measure_in_worker(request: Request, options: RunOptions) -> dict[str, Any]:
         with _STARTED_LOCK:
             _STARTED.append(process)
     try:
-        return process.ask(request)
+        reply = process.ask(request)
+        if reply.get("document") is not None:
+            reply["document"] = json.dumps(reply["document"])
+        return reply
     except WorkerDied as problem:
         return {"died": str(problem)}
 
@@ -182,6 +202,8 @@ class _DaskCrew:
 
     def __init__(self, client: Any, options: RunOptions, size: int) -> None:
         self._client, self._options, self.size = client, options, size
+        self._under_way: dict[Future[dict[str, Any]], Any] = {}
+        self._lock = threading.Lock()
 
     def submit(self, request: Request) -> "Future[dict[str, Any]]":
         answered: Future[dict[str, Any]] = Future()
@@ -192,17 +214,40 @@ class _DaskCrew:
             pure=False,
             retries=0,
         )
-        task.add_done_callback(lambda done: _hand_on(done, answered))
+        with self._lock:
+            self._under_way[answered] = task
+        task.add_done_callback(lambda done: self._hand_on(done, answered))
         return answered
 
+    def look_after(self) -> None:
+        """Answer for tasks that a scheduler took with it: their callbacks are never called."""
+        gone = self._client.status not in ("running", "connecting")
+        with self._lock:
+            lost = [
+                answered
+                for answered, task in self._under_way.items()
+                if gone or task.status in ("cancelled", "lost")
+            ]
+        for answered in lost:
+            self._settle(answered, {"lost": "the cluster went away"})
 
-def _hand_on(task: Any, answered: "Future[dict[str, Any]]") -> None:
-    try:
-        answered.set_result(task.result())
-    except Exception as problem:  # a worker of the cluster went away, with whatever error
-        answered.set_result({"died": f"its worker was lost ({type(problem).__name__})"})
-    finally:
-        task.release()
+    def _hand_on(self, task: Any, answered: "Future[dict[str, Any]]") -> None:
+        try:
+            reply = task.result()
+        except CancelledError:
+            # nobody cancels here: the client does it to all it holds when its scheduler goes away
+            reply = {"lost": "the cluster went away"}
+        except Exception as problem:  # a worker of the cluster went away, with whatever error
+            reply = {"died": f"its worker was lost ({type(problem).__name__})"}
+        finally:
+            task.release()
+        self._settle(answered, reply)
+
+    def _settle(self, answered: "Future[dict[str, Any]]", reply: dict[str, Any]) -> None:
+        with self._lock:
+            first = self._under_way.pop(answered, None) is not None
+        if first:
+            answered.set_result(reply)
 
 
 @contextmanager
@@ -230,32 +275,110 @@ def local_crew(jobs: int, options: RunOptions) -> Iterator[Crew]:
             _end_workers()
 
 
+JOB_QUEUES = {
+    "slurm": "SLURMCluster",
+    "pbs": "PBSCluster",
+    "sge": "SGECluster",
+    "lsf": "LSFCluster",
+    "htcondor": "HTCondorCluster",
+    "oar": "OARCluster",
+    "moab": "MoabCluster",
+    "local": "local.LocalCluster",
+}
+"""Queues of dask-jobqueue by the name of their part of its configuration; ``local`` runs the jobs
+on this machine, to try a configuration out."""
+_ANSWERS_WITHIN_S = 20.0
+_STARTS_WITHIN_S = 600.0
+"""A job may wait in its queue; the first of them begins the campaign."""
+
+
 @contextmanager
-def cluster_crew(address: str, options: RunOptions) -> Iterator[Crew]:
+def cluster_crew(address: str, jobs: int, options: RunOptions) -> Iterator[Crew]:
     """Workers of a lab's Dask cluster; clips and folder must have the same paths there.
+
+    Parameters
+    ----------
+    address : str
+        Of a scheduler, or the name of a queue that dask-jobqueue is configured for (`JOB_QUEUES`).
+    jobs : int
+        How many jobs to put into the queue.
+    options : RunOptions
 
     Raises
     ------
     UsageError
-        If no scheduler answers at `address`, or it has no workers.
+        If no scheduler answers at `address`, it has no workers, or there is no such queue here.
     """
     from distributed import Client
 
-    try:
-        client = Client(address, timeout="20s")  # type: ignore[no-untyped-call]
-    except (OSError, TimeoutError, ValueError) as problem:
-        raise UsageError(
-            f"no Dask scheduler answers at {address}: {problem}",
-            hint="Start one with `dask scheduler`, or leave out --dask to use this machine.",
-        ) from problem
-    with client:
-        threads = sum(client.nthreads().values())  # type: ignore[no-untyped-call]
+    with ExitStack() as held:
+        scheduler: Any = address
+        if address in JOB_QUEUES:
+            scheduler = held.enter_context(_job_queue(address, jobs))
+        try:
+            client = held.enter_context(
+                Client(scheduler, timeout=_ANSWERS_WITHIN_S)  # type: ignore[no-untyped-call]
+            )
+        except (OSError, TimeoutError, ValueError) as problem:
+            raise UsageError(
+                f"no Dask scheduler answers at {address}: {problem}",
+                hint="Start one with `dask scheduler`, or leave out --dask to use this machine; "
+                f"queues of dask-jobqueue are {', '.join(JOB_QUEUES)}.",
+            ) from problem
+        if address in JOB_QUEUES:
+            try:
+                client.wait_for_workers(1, timeout=_STARTS_WITHIN_S)
+            except TimeoutError as problem:
+                raise UsageError(
+                    f"no job of the queue {address} began within {_STARTS_WITHIN_S:.0f} s",
+                    hint="The same command goes on when there is room.",
+                ) from problem
+        threads = sum(client.nthreads().values())
         if threads == 0:
             raise UsageError(
                 f"the cluster at {address} has no workers",
                 hint=f"Start some with `dask worker {address}`.",
             )
         yield _DaskCrew(client, options, threads)
+
+
+@contextmanager
+def _job_queue(name: str, jobs: int) -> Iterator[Any]:
+    """A cluster of jobs in a queue, as dask-jobqueue's configuration describes them.
+
+    Raises
+    ------
+    UsageError
+        If dask-jobqueue is not installed, or its configuration does not do.
+    """
+    import dask
+
+    try:
+        module = import_module("dask_jobqueue")
+    except ImportError as problem:
+        raise UsageError(
+            f"--dask {name} needs the package dask-jobqueue",
+            hint="pip install dask-jobqueue, and describe the queue in "
+            "~/.config/dask/jobqueue.yaml.",
+        ) from problem
+    kind: Any = module
+    *packages, last = JOB_QUEUES[name].split(".")
+    if packages:
+        kind = import_module(".".join(["dask_jobqueue", *packages]))
+    hint = (
+        f"Describe its jobs as jobqueue.{name} in ~/.config/dask/jobqueue.yaml:"
+        " cores, memory, processes, walltime."
+    )
+    # a cluster that is begun and can't be complains once more when it is thrown away
+    if dask.config.get(f"jobqueue.{name}.cores", None) is None:
+        raise UsageError(f"nothing says what a job of the queue {name} is", hint=hint)
+    try:
+        cluster = getattr(kind, last)()
+    except (ValueError, TypeError, OSError) as problem:
+        raise UsageError(f"the queue {name} can't be used: {problem}", hint=hint) from problem
+    with cluster:
+        cluster.scale(jobs=jobs)
+        yield cluster
 
 
 @dataclass
@@ -267,12 +390,15 @@ class Progress:
     todo, done, failed : int
     again : dict of str to str
         Clips measured again, and what changed.
+    stopped : str or None
+        Why the run ended before all was done: what was under way then waits for the next run.
     """
 
     todo: int = 0
     done: int = 0
     failed: int = 0
     again: dict[str, str] = field(default_factory=dict)
+    stopped: str | None = None
 
 
 def run(
@@ -328,7 +454,7 @@ def _work(
     ledger: Ledger,
     crew: Crew,
     paths: dict[str, Path],
-    names: Sequence[str],
+    todo: Sequence[str],
     progress: Progress,
     after_each: Callable[[Progress, Outcome], None],
 ) -> None:
@@ -338,8 +464,10 @@ def _work(
     """
     answered: queue.SimpleQueue[str] = queue.SimpleQueue()
     pending: dict[str, _Try] = {}
-    left = list(reversed(names))
+    left = list(reversed(todo))
     while left or pending:
+        if progress.stopped is not None:
+            left.clear()
         room = _IN_FLIGHT_PER_WORKER * crew.size - len(pending)
         batch = [left.pop() for _ in range(min(room, len(left)))]
         deaths = ledger.begin(batch) if batch else {}
@@ -347,11 +475,15 @@ def _work(
             future = crew.submit(plan.request(paths[name]))
             pending[name] = _Try(future, deaths[name], time.monotonic())
             future.add_done_callback(functools.partial(_announce, answered, name))
-        outcomes = [_outcome(name, pending.pop(name)) for name in _drained(answered)]
+        names = _drained(answered, crew, min(_LONGEST_PAUSE_S, _PAUSE_S_PER_WORKER * crew.size))
+        outcomes = [_outcome(name, pending.pop(name)) for name in names]
         ledger.finish(outcomes)
         for outcome in outcomes:
             if outcome.state == State.WAITING:
-                left.append(outcome.clip)
+                if outcome.died:
+                    left.append(outcome.clip)
+                else:
+                    progress.stopped = outcome.error
                 continue
             progress.done += outcome.state == State.DONE
             progress.failed += outcome.state == State.FAILED
@@ -362,9 +494,15 @@ def _announce(answered: "queue.SimpleQueue[str]", name: str, _: object) -> None:
     answered.put(name)
 
 
-def _drained(answered: "queue.SimpleQueue[str]") -> list[str]:
-    """At least one name, and all others that are there already."""
-    names = [answered.get()]
+def _drained(answered: "queue.SimpleQueue[str]", crew: Crew, pause_s: float) -> list[str]:
+    """At least one name, and all others that are there a moment later."""
+    names: list[str] = []
+    while not names:
+        try:
+            names = [answered.get(timeout=_LOOK_AFTER_S)]
+        except queue.Empty:
+            crew.look_after()
+    time.sleep(pause_s)
     while not answered.empty():
         names.append(answered.get())
     return names
@@ -373,6 +511,8 @@ def _drained(answered: "queue.SimpleQueue[str]") -> list[str]:
 def _outcome(clip: str, tried: _Try) -> Outcome:
     reply, deaths = tried.future.result(), tried.deaths
     seconds = float(reply.get("seconds", time.monotonic() - tried.began))
+    if "lost" in reply:
+        return Outcome(clip, State.WAITING, seconds, error=reply["lost"])
     if "died" in reply:
         again = deaths + 1 < MOST_TRIES
         why = f"{reply['died']}, {'once' if again else f'{deaths + 1} times'}"
