@@ -32,7 +32,7 @@ LEAVING_PATH = "/leaving"
 
 SCRIPT = (
     """<script>(() => {
-const page = window.wizard = {focus: null, pressed: false, held: null};
+const page = window.wizard = {focus: null, pressed: false, held: null, typed: new Map()};
 const named = at => at && at.closest ? at.closest("[data-test]") : null;
 const on = (name, act) => document.addEventListener(name, act, true);
 on("focusin", event => {
@@ -50,6 +50,33 @@ on("click", event => {
   event.stopImmediatePropagation();
   event.preventDefault();
 });
+// what is typed after the page was held goes into a field that is about to be replaced
+on("input", event => {
+  if (page.held === null || event.target.dataset.told === undefined) return;
+  page.typed.set(named(event.target).dataset.test, {text: event.target.value, sent: false});
+});
+const sends = event => {
+  const at = event.target;
+  if (page.held === null || !at.dataset || at.dataset.told === undefined) return;
+  const typed = page.typed.get(named(at).dataset.test);
+  // a field that is left for another; one that is taken away is left for none
+  const left = event.type === "focusout" && event.relatedTarget !== null;
+  if (typed && (left || event.key === "Enter")) typed.sent = true;
+};
+on("keydown", sends);
+on("focusout", sends);
+const retype = (test, typed) => {
+  const root = document.querySelector(`[data-test="${test}"]`);
+  const at = root && (root.matches("input") ? root : root.querySelector("input"));
+  if (!at || at.value === typed.text) return;
+  // as a hand would: what keeps the page's state listens to these
+  at.value = typed.text;
+  at.dispatchEvent(new Event("input", {bubbles: true}));
+  if (!typed.sent) return;
+  const enter = {key: "Enter", code: "Enter", keyCode: 13, bubbles: true};
+  at.dispatchEvent(new KeyboardEvent("keydown", enter));
+  at.dispatchEvent(new KeyboardEvent("keyup", enter));
+};
 // what is where the other was: the same kind of element with the same text
 const successor = old => {
   if (document.contains(old)) return old;
@@ -62,6 +89,7 @@ page.hold = () => {
   if (page.pressed || document.querySelector(".q-menu")) return false;
   if (at.dataset.told !== undefined && at.value !== at.dataset.told) return false;
   page.held = [];
+  page.typed.clear();
   clearTimeout(page.watchdog);
   page.watchdog = setTimeout(page.release, 5000);
   return true;
@@ -74,13 +102,16 @@ page.release = () => {
     const at = document.querySelector(`[data-test="${page.focus}"]`);
     if (at) at.focus();
   }
+  for (const [test, typed] of page.typed) retype(test, typed);
+  page.typed.clear();
   for (const old of held) { const at = successor(old); if (at) at.click(); }
 };
 window.addEventListener("beforeunload", () => navigator.sendBeacon("LEAVING"));
 })()</script>"""
 ).replace("LEAVING", LEAVING_PATH)
 
-"""Clicks that fall into a redrawing are held back and made again on what is drawn then."""
+"""Clicks that fall into a redrawing are held back and made again on what is drawn then; what is
+typed meanwhile is typed again, and sent if it was."""
 
 HOLD = "window.wizard.hold()"
 
