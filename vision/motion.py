@@ -176,7 +176,6 @@ _LEAST_PERIODS = 0.35
 _ROUNDS = 4
 """Rounds of reweighting, supposed: outliers are out after a few."""
 
-# Columns of both axes, and the frequency.
 PARAMETERS = 15
 """Numbers of a swing: columns of both axes, and the frequency."""
 

@@ -4,7 +4,8 @@ A module-level constant counts as told if a docstring below it or a comment on o
 gives both a unit (or says that it is a share, a count, a factor) and a source or a derivation; a
 docstring tells of the one assignment above it. A script can't judge an argument: it asks for a
 unit's name (or what is counted) and for four words that argue. Zero, a half, one and two are no
-choice, nor are the keys of a dictionary.
+choice, nor are the keys of a dictionary. What says "supposed" is honest, but has no source: it is
+counted by itself.
 
 Run: python -m bench.constants [--list] [FOLDER…]
 """
@@ -34,12 +35,14 @@ UNIT = re.compile(
     r"|radii|radius|diameters?|sigma|sigmas|σ|standard deviations?|chi-square|χ²|odds|share|part"
     r"|fraction|factor|ratio|relative|per cent|of (?:a|an|the|its|their|what|all|one)|probability"
     r"|dimensionless|chances?|speeds?|cells?|windows?|views?|crossings?|corners?|bins?|panels?|parts"
-    r"|numbers?|orders?|periods?|exponents?|inches|units?|widths?|gray|grey|half|third|quarter|fifth|tenth|hundredth|1)\b|[°²³%σχ]"
+    r"|numbers?|orders?|periods?|exponents?|inches|looks?|nats|groups?|effects?|glimpses|instants"
+    r"|rays|polynomials?|blue, green, red|red, green, blue"
+    r"|units?|widths?|gray|grey|half|third|quarter|fifth|tenth|hundredth|1)\b|[°²³%σχ]"
 )
 REASON = re.compile(
     r"\b(19|20)\d\d\b|Eqs?\.|Table|Fig|section|paper|GUM|ISO|IEC|SMPTE|CIPM|CODATA|NIST|White|Hertz"
     r"|derived|because|since|so that|that is|hence|otherwise|below|above|beyond|least|most|usual"
-    r"|measured|seen|from|where|as |for |than|is |are |may|by |until|within|to "
+    r"|measured|seen|from|where|as |for |than|is |are |may|by |until|within|to |has |have |can't"
 )
 
 
@@ -54,8 +57,13 @@ class Constant:
 
     @property
     def has_unit(self) -> bool:
-        """Whether the text names a unit."""
-        return bool(UNIT.search(self.told))
+        """Whether the text names a unit, as a symbol or as the word that a sentence begins with."""
+        return bool(UNIT.search(self.told) or UNIT.search(self.told[:1].lower() + self.told[1:]))
+
+    @property
+    def is_supposed(self) -> bool:
+        """Whether the text says that nobody derived or measured the number."""
+        return "supposed" in self.told.lower()
 
     @property
     def has_source(self) -> bool:
@@ -69,20 +77,27 @@ def main() -> None:
     parser.add_argument("folders", nargs="*", default=list(ROOMS))
     parser.add_argument("--list", action="store_true", help="name each constant that tells nothing")
     arguments = parser.parse_args()
-    total = good = 0
-    print(f"{'package':24s} {'constants':>9s} {'with unit':>9s} {'and source':>10s}")
+    total = good = bare = 0
+    print(
+        f"{'package':24s} {'constants':>9s} {'with unit':>9s} {'and reason':>10s} {'supposed':>9s}"
+    )
     for folder in arguments.folders:
         found = [c for path in sorted((ROOT / folder).rglob("*.py")) for c in constants_of(path)]
         both = [c for c in found if c.has_unit and c.has_source]
         units = sum(c.has_unit for c in found)
-        total, good = total + len(found), good + len(both)
-        print(f"{folder:24s} {len(found):9d} {units:9d} {len(both):10d}")
+        supposed = sum(c.is_supposed for c in both)
+        total, good, bare = total + len(found), good + len(both), bare + supposed
+        print(f"{folder:24s} {len(found):9d} {units:9d} {len(both):10d} {supposed:9d}")
         if arguments.list:
             for constant in found:
                 if not (constant.has_unit and constant.has_source):
                     where = constant.path.relative_to(ROOT)
                     print(f"    {where}:{constant.line} {constant.name}: {constant.told!r}")
-    print(f"{'all':24s} {total:9d} {'':9s} {good:10d}   {100 * good / max(total, 1):.0f} %")
+    print(f"{'all':24s} {total:9d} {'':9s} {good:10d} {bare:9d}")
+    print(
+        f"{100 * good / max(total, 1):.0f} % say unit and reason, "
+        f"{100 * (good - bare) / max(total, 1):.0f} % one that is more than supposed"
+    )
 
 
 def constants_of(path: Path) -> Iterator[Constant]:

@@ -5,10 +5,9 @@ import sys
 import webbrowser
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import typer
-from typer.core import TyperGroup
 
 from metrology import CalibrationError, NotFoundError, UsageError
 from physics.bodies import BALLS, PAPER_SUPPORT
@@ -26,6 +25,7 @@ from pipelines.calibrate.wizard.answers import (
 from pipelines.calibrate.wizard.scene import look_at
 from pipelines.calibrate.wizard.session import Session, lens_beside, read_view, with_ball
 from pipelines.calibrate.wizard.terminal import Dialogue, ask_all, told_of
+from pipelines.command_group import DefaultCommandGroup
 from pipelines.doors import FileRole
 from pipelines.setup.file import load_setup, read_setup
 from pipelines.web.guard import Jobs
@@ -37,16 +37,11 @@ PRESETS = tuple(
 )
 
 
-class ClipOrCommand(TyperGroup):
+class ClipOrCommand(DefaultCommandGroup):
     """A group whose first word may also be a clip: then the command `clip` is meant."""
 
-    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
-        """Put the command's name in where it is left out."""
-        if args and args[0] == "--check":
-            args = ["check", *args[1:]]
-        elif args and args[0] not in self.commands and args[0] not in ("--help", "-h"):
-            args = ["clip", *args]
-        return super().parse_args(ctx, args)
+    meant = "clip"
+    spelled: ClassVar = {"--check": "check"}
 
 
 def clip_command(

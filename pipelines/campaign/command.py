@@ -7,13 +7,13 @@ from typing import Annotated
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
-from typer.core import TyperGroup
 
 from metrology import MeasurementError, UsageError
 from pipelines.campaign.conduct import Asked, Campaign, conduct
 from pipelines.campaign.ledger import Ledger, Outcome, State
 from pipelines.campaign.run import Progress as RunProgress
 from pipelines.campaign.run import stop_on_signals
+from pipelines.command_group import DefaultCommandGroup
 from pipelines.terminal import screen
 
 __all__ = [
@@ -25,14 +25,10 @@ __all__ = [
 ]
 
 
-class ClipsOrCommand(TyperGroup):
+class ClipsOrCommand(DefaultCommandGroup):
     """A group whose first word may also be a clip or folder: then `run` is meant."""
 
-    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
-        """Put the command's name in where it is left out."""
-        if args and args[0] not in self.commands and args[0] not in ("--help", "-h"):
-            args = ["run", *args]
-        return super().parse_args(ctx, args)
+    meant = "run"
 
 
 def campaign_command(

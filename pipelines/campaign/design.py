@@ -19,7 +19,6 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 from rich.table import Table
-from typer.core import TyperGroup
 
 from metrology import Defaults, DomainError, MeasurementError, UsageError, write_text_whole
 from physics.bodies import Ball, Pendulum
@@ -27,6 +26,7 @@ from physics.restitution.restitution import ConstantCor, CorLaw, ExponentialCor
 from physics.swing import frictionless_speed
 from pipelines.campaign.ledger import Ledger
 from pipelines.campaign.results import ClipResult, clip_results
+from pipelines.command_group import DefaultCommandGroup
 from pipelines.model.options import asked, scatter_of, setup_or_default
 from pipelines.model.plan import plan_command
 from pipelines.setup.rig import Rig, rig_of
@@ -487,14 +487,11 @@ def plan_campaign_command(
         )
 
 
-class DistanceOrCommand(TyperGroup):
+class DistanceOrCommand(DefaultCommandGroup):
     """`vision plan --distance 2.5m` means `vision plan distance --distance 2.5m`."""
 
-    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
-        """Put the command's name in where it is left out."""
-        if not args or args[0] not in self.commands:
-            args = ["distance", *args]
-        return super().parse_args(ctx, args)
+    meant = "distance"
+    asks_for_help = False
 
 
 PLAN_COMMANDS: dict[str, Callable[..., None]] = {

@@ -305,7 +305,6 @@ _DROPS = 4
 _MOST_OFF = 0.3
 """Share of the frames: where more are off, it is the path that is wrong and not the outlines."""
 
-# Median of half a squared distance in two dimensions, and five standard deviations of it.
 _MEDIAN_EXCESS, _OFF_EXCESS = 0.693, 12.5
 """Dimensionless: the median of half a squared distance in two dimensions (ln 2), and five standard
 deviations of it (25/2)."""

@@ -148,7 +148,6 @@ CONTRADICTS = 9.0
 
 """Twice the log-likelihood that is lost where the bound contradicts what is seen: 3 sigma."""
 
-# Between the COR of the speeds and that of a contact head-on.
 COR_STD = 0.05
 """Dimensionless, between the COR of the speeds and that of a contact head-on, supposed: friction
 and spin take their part of an oblique blow."""

@@ -44,7 +44,6 @@ IntArray = NDArray[np.int64]
 
 BoolArray = NDArray[np.bool_]
 
-# Pixels of a handful of frames stay in the processor's cache.
 _BATCH_PIXELS = 80_000
 """Pixels worked on at once: those of a handful of frames stay in the processor's cache."""
 

@@ -1,0 +1,1 @@
+"""The house in numbers and as a picture."""
