@@ -47,7 +47,7 @@ from mismatch.verdict import (
     pass_gate,
 )
 from physics.domain import FloatArray
-from physics.effects import CATALOGUE, MEASUREMENT_IDS, Effect, Level
+from physics.effects import CATALOGUE, MEASUREMENT_IDS, Effect, EffectId, Level
 
 __all__ = ["Explained", "Options", "explain", "explain_in_full"]
 
@@ -410,7 +410,7 @@ def _named(
                 std = float(np.hypot(max(std, spreads[index]), _law_error(member.id) * value))
                 parameters.append(ParameterValue(p.name, value, std, p.unit))
         statement = member.effect.statement
-        if member.id == "unnamed":
+        if member.id == EffectId.UNNAMED:
             statement = _law_in_words(member.effect, parameters)
         trust = CATALOGUE_TRUST ** len(best.members) * _setup_trust(forward, best)
         probability = float(min(passed.most, passed.trust * trust * real * share / total))

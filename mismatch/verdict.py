@@ -17,7 +17,7 @@ from mismatch.fitting.scan import trial_pulls
 from mismatch.model.forward import Forward
 from mismatch.records.sanity import fall_in_g
 from physics.domain import FloatArray
-from physics.effects import Level
+from physics.effects import EffectId, Level
 
 __all__ = [
     "Alternative",
@@ -288,7 +288,7 @@ class Verdict:
     @property
     def headline(self) -> str:
         """What was found, in one sentence that nothing below it contradicts."""
-        if self.verdict == "explained" and all(e.id == "unnamed" for e in self.effects):
+        if self.verdict == "explained" and all(e.id == EffectId.UNNAMED for e in self.effects):
             found = "Something was left out of the model: it is in no catalogue, and has been found"
         elif self.verdict == "explained":
             found = "Something was left out of the model, and it has been found"

@@ -32,7 +32,7 @@ class DefaultCommandGroup(TyperGroup):
         """Put the command's name in where it is left out."""
         first = args[0] if args else None
         about_group = self.asks_for_help and (first is None or first in _HELP)
-        if first in self.spelled:
+        if first is not None and first in self.spelled:
             args = [self.spelled[first], *args[1:]]
         elif first not in self.commands and not about_group:
             args = [self.meant, *args]

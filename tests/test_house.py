@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from bench.house.__main__ import FORMATS, modules, string_decisions
+
 ROOT = Path(__file__).parents[1]
 ROOMS = (
     "metrology",
@@ -128,3 +130,13 @@ def test_every_fragment_of_the_changelog_is_assembled() -> None:
     changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     for fragment in (ROOT / "changelog.d").glob("*.md"):
         assert fragment.read_text(encoding="utf-8").strip() in changelog, fragment.name
+
+
+def test_no_decision_hangs_on_how_a_name_is_spelled() -> None:
+    told = [
+        one
+        for path in modules()
+        if not str(path.relative_to(ROOT)).startswith(FORMATS)
+        for one in string_decisions(path)
+    ]
+    assert told == []

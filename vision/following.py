@@ -33,6 +33,7 @@ Point = tuple[float, float] | tuple[float, float, int]
 # Frames looked at over the whole action, at first and at most.
 _LOOKS = 48
 _MOST_LOOKS = 256
+"""Frames looked at over the whole action at most: more only cost time."""
 # Between looks a thing goes no further, and turns off its way by no more, in radii, if more looks
 # can help it; one that went so far when it was lost is looked for nearby.
 _LONGEST_STEP, _LONGEST_TURN, _LOST_STEP = 2.5, 0.35, 0.2

@@ -3,9 +3,9 @@
 A module-level constant counts as told if a docstring below it or a comment on or above its lines
 gives both a unit (or says that it is a share, a count, a factor) and a source or a derivation; a
 docstring tells of the one assignment above it. A script can't judge an argument: it asks for a
-unit's name (or what is counted) and for four words that argue. Zero, a half, one and two are no
-choice, nor are the keys of a dictionary. What says "supposed" is honest, but has no source: it is
-counted by itself.
+unit's name (or what is counted) and for four words that argue, or for a colon and what follows
+from it. Zero, a half, one and two are no choice, nor are the keys of a dictionary. What says
+"supposed" is honest, but has no source: it is counted by itself.
 
 Run: python -m bench.constants [--list] [FOLDER…]
 """
@@ -43,6 +43,7 @@ REASON = re.compile(
     r"\b(19|20)\d\d\b|Eqs?\.|Table|Fig|section|paper|GUM|ISO|IEC|SMPTE|CIPM|CODATA|NIST|White|Hertz"
     r"|derived|because|since|so that|that is|hence|otherwise|below|above|beyond|least|most|usual"
     r"|measured|seen|from|where|as |for |than|is |are |may|by |until|within|to |has |have |can't"
+    r"|: \w"
 )
 
 

@@ -14,6 +14,8 @@ COLOURS = {
     "mismatch": "#d9d0ee", "sample_videos": "#f0cfe6", "pipelines": "#c4d8ee",
     "impact_vision": "#dde3ec",
 }  # fmt: skip
+LOOSE = "·"
+"""Stands for the modules of a room that lie in no folder of it."""
 HEIGHT, GAP = 0.62, 0.38
 """Height of a room and of the space between floors, of a floor."""
 
@@ -33,7 +35,7 @@ def draw(path: Path, lines: Mapping[Path, int], arrows: Mapping[tuple[str, str],
     box: dict[str, tuple[float, float, float]] = {}
     for level, here in by_floor.items():
         spare = 0.04 * (len(here) - 1)
-        share = {room: max(sizes[room] / widest, 0.11) for room in here}
+        share = {room: max(sizes[room] / widest, 0.14) for room in here}
         scale = min(1.0, (1.0 - spare) / sum(share.values()))
         left = 0.5 * (1.0 - spare - scale * sum(share.values()))
         for room in here:
@@ -71,7 +73,7 @@ def _folders(room: str, lines: Mapping[Path, int]) -> list[tuple[str, int, int]]
     files: Counter[str] = Counter()
     for module, count in lines.items():
         if module.parts[0] == room:
-            name = module.parts[1] if len(module.parts) > 2 else "·"
+            name = module.parts[1] if len(module.parts) > 2 else LOOSE
             found[name] += count
             files[name] += 1
     return [(name, count, files[name]) for name, count in found.most_common()]
@@ -91,9 +93,12 @@ def _room(axes, room, place, folders, size):  # type: ignore[no-untyped-def]
                           linewidth=0.5, zorder=4)  # fmt: skip
         axes.add_patch(inner)
         if step > 0.012:
-            label = f"{name} {files}" if name != "·" else f"{files} files"
+            label = (
+                f"{name} {files}" if name != "·" else ("1 file" if files == 1 else f"{files} files")
+            )
+            turn = 90 if step < 0.009 * len(label) else 0
             axes.text(at + 0.5 * step, level + 0.3 * HEIGHT, label, ha="center", va="center",
-                      rotation=90 if step < 0.009 * len(label) else 0, fontsize=6, zorder=5)  # fmt: skip
+                      rotation=turn, fontsize=5.4, zorder=5)  # fmt: skip
         at += step
 
 

@@ -16,7 +16,7 @@ from mismatch.model.candidates import Candidate, start_values
 from mismatch.model.form_error import form_errors
 from mismatch.model.forward import Forward, Model
 from physics.domain import FloatArray
-from physics.effects import Effect
+from physics.effects import Effect, EffectId
 
 __all__ = [
     "LOOSE_LAWS",
@@ -231,7 +231,7 @@ class Hypothesis:
     @property
     def has_unnamed(self) -> bool:
         """Whether a force in no catalogue is part of it."""
-        return "unnamed" in self.ids
+        return EffectId.UNNAMED in self.ids
 
 
 def is_known(effect: Effect) -> bool:

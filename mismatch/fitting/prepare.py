@@ -14,7 +14,7 @@ from mismatch.model.forward import Forward, Mode, Model
 from mismatch.records.noise import Noise, estimate_noise
 from mismatch.records.records import Campaign, Records, lay_out
 from physics.domain import FloatArray
-from physics.effects import CATALOGUE
+from physics.effects import CATALOGUE, EffectId
 
 __all__ = ["Prepared", "baseline_model", "prepare"]
 
@@ -62,7 +62,7 @@ def baseline_model(baseline: Baseline) -> Model:
         tuple(
             (CATALOGUE[name][0], CATALOGUE[name][0].neutral | dict(values))
             for name, values in baseline.effects.items()
-            if name != "gravity"
+            if name != EffectId.GRAVITY
         )
     )
 

@@ -15,7 +15,7 @@ from metrology import UsageError
 from mismatch.model.forward import Forward, Model
 from mismatch.search.field import smooth_fields
 from mismatch.search.unnamed import Bump, Magnet, unnamed_laws
-from physics.effects import CATALOGUE, Coordinate, Effect, Extent, Level, Parameter, Size
+from physics.effects import CATALOGUE, Coordinate, Effect, EffectId, Extent, Level, Parameter, Size
 
 __all__ = [
     "Candidate",
@@ -83,7 +83,7 @@ class Candidate:
         """
         strengths = max(sum(not p.is_held for p in self.effect.strengths), 1)
         looks = sum(max(1.5, 2.0 * np.log(len(p.grid)) - 1.5) for p in self.effect.shapes)
-        rare = UNCATALOGUED if self.id == "unnamed" else 0.0
+        rare = UNCATALOGUED if self.id == EffectId.UNNAMED else 0.0
         if self.effect.level is not Level.CAMPAIGN:
             # What own values cost stands in the evidence; each scatter was chosen among many.
             strengths += strengths
@@ -95,7 +95,7 @@ def start_values(candidate: Candidate, model: Model) -> dict[str, float]:
     held = {
         name: v
         for e, values in model.entries
-        if e.id == candidate.id != "unnamed"
+        if e.id == candidate.id != EffectId.UNNAMED
         for name, v in values.items()
     }
     values = candidate.effect.neutral | dict(candidate.shape)
@@ -163,7 +163,7 @@ def _admissible(effect: Effect, forward: Forward, model: Model) -> bool:
     if isinstance(effect, Magnet | Bump) and not forward.records.ball_used[..., 0].any():
         return False
     if forward.mode == "swing":
-        return "torque" in hooks or effect.id == "time_base"
+        return "torque" in hooks or effect.id == EffectId.TIME_BASE
     if forward.mode == "flight":
         return bool(hooks & {"force", "clock", "image"})
     return True

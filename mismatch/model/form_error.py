@@ -32,7 +32,9 @@ ORDERS = (1, 2, 3)
 """Orders of the Legendre polynomials that a law's form may be off by: straight, bent once, bent
 twice."""
 IMPACT_ORDERS = (0, 1)
-PARTS = tuple(f.name for f in fields(Outcome) if f.name not in ("z", "vz"))
+SIDEWAYS = frozenset({"z", "vz"})
+"""Parts of an outcome that no face moves: a strike is planar."""
+PARTS = tuple(f.name for f in fields(Outcome) if f.name not in SIDEWAYS)
 WEIGHT = Parameter("weight", "1", 0.1, -1e6, 1e6, meaning="relative error of the form")
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from mismatch.model.baseline import COLUMNS, Baseline
 from mismatch.records.records import Records
 from physics.domain import FloatArray
-from physics.effects import Contact, Coordinate, Effect, Level, Outcome, SwingState, View
+from physics.effects import Contact, Coordinate, Effect, EffectId, Level, Outcome, SwingState, View
 from physics.effects import Term as ActingEffect
 from physics.effects.impact import add_normal_speeds, change_restitution, turn_launch
 from physics.flight.flight import FlightModel
@@ -23,6 +23,9 @@ from physics.integrator import Rates, Trajectory, crossing, integrate
 from physics.swing import SwingModel
 
 __all__ = ["NUISANCES", "OUTSIDE", "Forward", "Mode", "Model", "OwnStrength", "Term", "lane_terms"]
+
+BUILT_ON = frozenset({EffectId.DRAG, EffectId.MAGNUS})
+"""Effects that others alter: they come first in a model."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +81,9 @@ class Model:
     def having(self, effect: Effect, values: Mapping[str, float]) -> "Model":
         """Model with the effect in it; one with the same id is replaced, unless it is unnamed."""
         kept = tuple(
-            entry for entry in self.entries if entry[0].id != effect.id or effect.id == "unnamed"
+            entry
+            for entry in self.entries
+            if entry[0].id != effect.id or effect.id == EffectId.UNNAMED
         )
         entries = (*kept, (effect, dict(values)))
         held = [one for one, _ in entries]
@@ -97,8 +102,8 @@ class Model:
 
     def order(self) -> "Model":
         """The same model with drag and spin first, since others build on them."""
-        first = [e for e in self.entries if e[0].id in ("drag", "magnus")]
-        rest = [e for e in self.entries if e[0].id not in ("drag", "magnus")]
+        first = [e for e in self.entries if e[0].id in BUILT_ON]
+        rest = [e for e in self.entries if e[0].id not in BUILT_ON]
         return replace(self, entries=(*first, *rest))
 
 

@@ -16,7 +16,7 @@ from mismatch.records.noise import whiteness
 from mismatch.records.records import Campaign
 from mismatch.verdict import Location, Remainder
 from physics.domain import FloatArray
-from physics.effects import Effect, FlightState, SwingState, Values
+from physics.effects import Effect, EffectId, FlightState, SwingState, Values
 
 __all__ = [
     "flight_state",
@@ -284,7 +284,7 @@ def _swing_location(forward: Forward, fit: Fit, effect: Effect) -> Location:
     start, end = float(seen.min()), float(seen.max())
     if (
         "torque" in effect.hooks
-        and effect.id == "unnamed"
+        and effect.id == EffectId.UNNAMED
         and forward.baseline.pendulum is not None
     ):
         body = forward.baseline.pendulum
@@ -308,7 +308,7 @@ def _swing_location(forward: Forward, fit: Fit, effect: Effect) -> Location:
 
 
 def _is_local(effect: Effect) -> bool:
-    return effect.id == "unnamed" and bool(LOCAL.intersection(p.name for p in effect.shapes))
+    return effect.id == EffectId.UNNAMED and bool(LOCAL.intersection(p.name for p in effect.shapes))
 
 
 def _unheld(forward: Forward, fit: Fit, effect: Effect) -> Fit:
@@ -352,7 +352,7 @@ def locate(forward: Forward, base: Fit, best: Hypothesis | None) -> Location | N
         return _swing_location(forward, best.fit, effect)
     if effect.phase == "contact":
         gap = float(np.median(_release(forward, best.fit)))
-        across = effect.id == "unnamed"
+        across = effect.id == EffectId.UNNAMED
         phase = "across_trials" if across else "contact"
         words = "drifts from trial to trial" if across else "starts at the contact"
         return Location(

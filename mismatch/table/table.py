@@ -18,7 +18,7 @@ from mismatch.model.candidates import Candidate, start_values
 from mismatch.model.forward import Forward, Model, Term, lane_terms
 from mismatch.records.records import Records
 from physics.domain import FloatArray, Vector
-from physics.effects import Contact, Effect, Outcome, Parameter, Values, View
+from physics.effects import Contact, Effect, EffectId, Outcome, Parameter, Values, View
 from physics.effects.impact import VelocityDependentCor, change_restitution
 from physics.effects.measurement import OriginOffset
 from physics.integrator import Trajectory, crossing, integrate
@@ -41,6 +41,9 @@ CHANNELS = ("impact_speed", "ball_speed", "range")
 
 LEAST_TRIALS = 4
 """Trials: a law over speed has two unknowns, and two more show whether it is one."""
+
+ALONG_WALL = frozenset({"offset_x"})
+"""Parameters of an offset of the origin that a distance along the wall shows."""
 
 
 @dataclass(frozen=True)
@@ -383,7 +386,7 @@ def strengths_of(candidate: Candidate, model: Model) -> tuple[Strength, ...]:
     for p in candidate.effect.strengths:
         here = start[p.name]
         width = UNREMARKABLE * p.scale
-        if candidate.id == "drag":
+        if candidate.id == EffectId.DRAG:
             width = SPHERE_DRAG_STD if here > 0.0 else p.scale
         sign = 1 if here <= p.lower else -1 if here >= p.upper else 0
         found.append(Strength(p, here, width, sign))
@@ -402,7 +405,7 @@ def table_candidates(
             continue
         if any(need not in model.ids for need in effect.requires):
             continue
-        if effect.id == "origin_offset":
+        if effect.id == EffectId.ORIGIN_OFFSET:
             effect = _along_the_wall(effect)
         combinations = list(itertools.product(*(p.grid for p in effect.shapes)))
         names = [p.name for p in effect.shapes]
@@ -413,7 +416,7 @@ def table_candidates(
 
 
 def _along_the_wall(effect: Effect) -> Effect:
-    along = tuple(p for p in effect.parameters if p.name == "offset_x")
+    along = tuple(p for p in effect.parameters if p.name in ALONG_WALL)
     return OriginAlongTheWall(**{**vars(effect), "parameters": along})
 
 

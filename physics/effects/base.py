@@ -38,6 +38,7 @@ __all__ = [
     "Contact",
     "Coordinate",
     "Effect",
+    "EffectId",
     "Extent",
     "FlightState",
     "Form",
@@ -65,6 +66,19 @@ OUTLIER_WIDTH = 0.005
 
 """Relative width of such a value: a wrong frame rate or ruler is wrong by a round factor, read as
 well as a nominal rate is kept, half a per cent."""
+
+
+class EffectId(StrEnum):
+    """Ids of the effects that a law or a search treats apart: decisions compare these."""
+
+    GRAVITY = "gravity"
+    """Always in a model; no entry of the catalogue."""
+    DRAG = "drag"
+    MAGNUS = "magnus"
+    TIME_BASE = "time_base"
+    ORIGIN_OFFSET = "origin_offset"
+    UNNAMED = "unnamed"
+    """Whatever is in no catalogue: several may stand in one model."""
 
 
 class Extent(Enum):

@@ -166,6 +166,10 @@ _OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.USub: operator.neg,
     ast.UAdd: operator.pos,
 }
+_VARIABLE = "v"
+"""Impact speed in a law as people write it."""
+_ARGUMENTS = {"min": 2, "max": 2}
+"""Numbers that a function of a law takes; one where it is not named."""
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "exp": np.exp,
     "log": np.log,
@@ -236,14 +240,14 @@ def _check(node: ast.expr, text: str) -> None:
         case ast.UnaryOp(op=op, operand=operand) if type(op) in _OPERATORS:
             _check(operand, text)
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in _FUNCTIONS:
-            wanted = 2 if name in ("min", "max") else 1
+            wanted = _ARGUMENTS.get(name, 1)
             if len(arguments) != wanted:
                 raise _bad_law(text, f"{name} takes {wanted} argument(s)")
             for argument in arguments:
                 _check(argument, text)
         case ast.Constant(value=value) if type(value) in (int, float):
             pass
-        case ast.Name(id=name) if name == "v" or name in _CONSTANTS:
+        case ast.Name(id=name) if name == _VARIABLE or name in _CONSTANTS:
             pass
         case _:
             raise _bad_law(text, f"{ast.unparse(node)!r} is not allowed in it")
@@ -260,7 +264,7 @@ def _evaluate(node: ast.expr, speed: Any) -> Any:
         case ast.Constant(value=value):
             return float(cast(float, value))
         case ast.Name(id=name):
-            return speed if name == "v" else _CONSTANTS[name]
+            return speed if name == _VARIABLE else _CONSTANTS[name]
     raise AssertionError("the tree was checked when the law was read")
 
 

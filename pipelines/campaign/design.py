@@ -54,8 +54,12 @@ SESSION_SHARE = 0.25
 more strikes minutes."""
 _FEWEST_SESSIONS = 2
 _STEPS = 4000
+"""Steps of the multiplicative search at most: its gap falls as one over their number."""
 _CONVERGED = 1e-4
+"""Relative: the largest variance is within this of the least that any design reaches (Kiefer and
+Wolfowitz 1960)."""
 _LEAST_WEIGHT = 0.02
+"""Share of an even design: a setting with less weight gets no strike."""
 _STEP_DEG = 2.0
 
 

@@ -269,15 +269,15 @@ def _ranges(balls: Sequence[BallAnalysis]) -> Figure | None:
         return None
     figure, axes = _axes(_SPEED, "range: model less measured / mm")
     axes.axhline(0, color="0.3", lw=0.8)
-    marks: tuple[tuple[str, str, str], ...] = (
-        ("numerical", "o", "numerical"),
-        ("variable", "^", "analytic, variable COR"),
-        ("constant", "s", "analytic, constant COR"),
+    marks: tuple[tuple[str, str, str, bool], ...] = (
+        ("numerical", "o", "numerical", True),
+        ("variable", "^", "analytic, variable COR", False),
+        ("constant", "s", "analytic, constant COR", False),
     )
     for ball, colour in zip(held, _cycle(), strict=False):
         found = ball.ranges
         assert found is not None
-        for name, mark, label in marks:
+        for name, mark, label, filled in marks:
             axes.errorbar(
                 found.speed,
                 1e3 * (getattr(found, name) - found.measured),
@@ -286,7 +286,7 @@ def _ranges(balls: Sequence[BallAnalysis]) -> Figure | None:
                 ms=4,
                 lw=0.6,
                 color=colour,
-                mfc=colour if name == "numerical" else "none",
+                mfc=colour if filled else "none",
                 label=f"{_label(ball)}, {label}",
             )
     axes.legend(fontsize=7)

@@ -11,6 +11,7 @@ import pandas as pd
 from metrology import UsageError
 
 __all__ = [
+    "CLIP_COLUMN",
     "SENSORS",
     "LabBook",
     "Matched",
@@ -19,6 +20,9 @@ __all__ = [
     "match_clips",
     "read_lab_book",
 ]
+
+CLIP_COLUMN = "clip"
+"""Column that names the clip of a strike, in lab books and results."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +142,7 @@ def read_lab_book(path: Path) -> LabBook:
         if any(str(cell).strip() for cell in row.values())
     )
     _refuse_twice(path, strikes)
-    columns = ("clip", *(name for name in table.columns if name != "clip"))
+    columns = ("clip", *(name for name in table.columns if name != CLIP_COLUMN))
     return LabBook(strikes, columns, notes)
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from metrology import UsageError, write_text_whole
 from metrology.files import written_whole
-from pipelines.campaign.lab_book import SENSORS, LabBook, Strike
+from pipelines.campaign.lab_book import CLIP_COLUMN, SENSORS, LabBook, Strike
 from pipelines.campaign.ledger import Entry, State
 from pipelines.measure.files.output import column_name, harmless
 
@@ -128,7 +128,7 @@ def _row(entry: Entry, strike: Strike | None, columns: tuple[str, ...]) -> dict[
     cells = {} if strike is None else strike.cells
     document = entry.document or {}
     row: dict[str, object] = {"clip": entry.order.clip}
-    row |= {name: cells.get(name) for name in columns if name != "clip"}
+    row |= {name: cells.get(name) for name in columns if name != CLIP_COLUMN}
     reasons: dict[str, object] = {}
     for name, item in document.get("quantities", {}).items():
         column = column_name(name, item["unit"])

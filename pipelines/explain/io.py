@@ -15,6 +15,7 @@ from mismatch.records.records import Campaign, Trial
 from physics import bodies
 from physics.contact.contact import contact_outcomes
 from physics.domain import FloatArray
+from physics.effects import EffectId
 from pipelines.explain.clips import ClipCampaign
 from pipelines.explain.systematics import unknown_widths
 from pipelines.explain.tabular import Sheet, TableLike, name_of, numbers_of, read_sheet
@@ -354,10 +355,10 @@ def baseline_for_balls(setup: Setup, named: Iterable[str], struck: bool) -> Base
 def _model_effects(setup: Setup) -> Mapping[str, Mapping[str, float]]:
     effects: dict[str, Mapping[str, float]] = {}
     for name in setup.model.effects:
-        if name == "gravity":
+        if name == EffectId.GRAVITY:
             continue
         given = dict(setup.model.parameters.get(name, {}))
-        if name == "drag" and not given:
+        if name == EffectId.DRAG and not given:
             given = {"drag_coefficient": Defaults.DRAG_COEFFICIENT.known}
         effects[name] = given
     return effects

@@ -28,7 +28,7 @@ from mismatch.search.locate import flight_state, swing_state
 from mismatch.table.explain import TableExplained
 from mismatch.verdict import NamedEffect
 from physics.domain import FloatArray, Number, Vector
-from physics.effects import Coordinate, Effect, FlightState, Values
+from physics.effects import Coordinate, Effect, EffectId, FlightState, Values
 from pipelines.explain.plots import figure_of
 from pipelines.figures import Picture
 
@@ -404,7 +404,9 @@ def _banded(
     draws = np.random.default_rng(5).multivariate_normal(middle, spread, DRAWS)
     moved = np.array([means(values | dict(zip(names, draw, strict=True))) for draw in draws])
     low, high = np.quantile(moved, [0.025, 0.975], axis=0)
-    what = "a force in no catalogue" if effect.id == "unnamed" else effect.id.replace("_", " ")
+    what = (
+        "a force in no catalogue" if effect.id == EffectId.UNNAMED else effect.id.replace("_", " ")
+    )
     middles = (0.5 * (edges[1:] + edges[:-1]))[kept]
     return _Curve(middles, means(values), low, high, what, ball, acting.along, acting.name)
 

@@ -56,11 +56,11 @@ TRIAL = ("trial", "clip")
 def is_trial_table(path: TableLike) -> bool:
     """Whether a table's header is that of a trial table: numbers of trials, and no times."""
     try:
-        names = set(read_sheet(path, UNITS, rows=1).table.columns)
+        columns = set(read_sheet(path, UNITS, rows=1).table.columns)
     except UsageError:
         return False  # told in full when its samples are read
     results = {name for key in ("ball_speed", "range") for name in COLUMNS[key]}
-    return "t_s" not in names and bool(names & (results | {*COLUMNS["impact_speed"]}))
+    return "t_s" not in columns and bool(columns & (results | {*COLUMNS["impact_speed"]}))
 
 
 def load_trial_table(path: TableLike) -> TrialTable:

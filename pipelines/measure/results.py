@@ -245,7 +245,10 @@ def _quantity(
         return Quantity.missing(name, unit, evaluated.refusal or _unknown(evaluated, name))
     noise = math.sqrt(max(float(evaluated.random[index, index]), 0.0))
     budget = merged(evaluated.systematic, index, noise)
-    if evaluated.impact.contact is None and name in ("ball_speed", "launch_angle"):
+    if evaluated.impact.contact is None and name in (
+        QuantityName.BALL_SPEED,
+        QuantityName.LAUNCH_ANGLE,
+    ):
         budget = (*budget, _moment_of_release(evaluated, name))
     return Quantity.measured(name, float(evaluated.values[index]), unit, budget)
 
@@ -257,13 +260,13 @@ def _moment_of_release(evaluated: Evaluated, name: str) -> Contribution:
     states = flight.states(flight.reference_s + np.array([0.0, UNSEEN_HALF_CONTACT_STD_S]))
     speeds = np.hypot(states[:, 2], states[:, 3])
     angles = np.degrees(np.arctan2(states[:, 3], states[:, 2]))
-    change = speeds[1] - speeds[0] if name == "ball_speed" else angles[1] - angles[0]
+    change = speeds[1] - speeds[0] if name == QuantityName.BALL_SPEED else angles[1] - angles[0]
     return Contribution(UncertaintySource.RELEASE_INSTANT, abs(float(change)))
 
 
 def _unknown(evaluated: Evaluated, name: str) -> str:
     inputs = evaluated.scene.inputs
-    if name in ("cor_launch", "external_impulse") and (
+    if name in (QuantityName.COR_LAUNCH, QuantityName.EXTERNAL_IMPULSE) and (
         inputs.ball is None or inputs.ball.mass is None
     ):
         return "the mass of the ball is not known; give --ball jokku or a setup file"

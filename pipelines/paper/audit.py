@@ -35,6 +35,13 @@ from pipelines.paper.table5 import (
 
 __all__ = ["audit", "conclusions", "draw_sensitivities", "implied_fits", "swing_checks"]
 
+EQUATION = {"jokku": 26, "basketball": 27}
+"""Of the paper, by ball: impact speed from the back-swing."""
+HALF_OF_P2 = {"jokku": 0.05, "basketball": 0.005}
+"""Half a unit of the last digit that the paper prints of p2, by ball."""
+SLIPS = frozenset({("basketball", "constant", 2.5)})
+"""Cells of Table 7 that the paper prints wrongly: ball, law and impulse, N s."""
+
 KINDS = ("variable", "constant")
 
 _COR_ROUNDING = 1.5e-4 / 1.7
@@ -218,7 +225,7 @@ def _table_6_rational() -> Iterator[Cell]:
                 bound = abs(_impulse(name, kind, speed) / speed) * _rational_rounding(name, angle)
                 yield judged(
                     6,
-                    f"{name} {kind}, speed by Eq. {26 if name == 'jokku' else 27}",
+                    f"{name} {kind}, speed by Eq. {EQUATION[name]}",
                     f"{angle} deg",
                     printed.TABLE_6[name][kind][i],
                     _impulse(name, kind, speed),
@@ -230,7 +237,7 @@ def _table_6_rational() -> Iterator[Cell]:
 
 def _rational_rounding(name: str, angle: float) -> float:
     """How far the last digits of the coefficients of Eqs 26, 27 can move the speed, m/s."""
-    halves = (0.0005, 0.05 if name == "jokku" else 0.005, 0.00005, 0.05, 0.005)
+    halves = (0.0005, HALF_OF_P2[name], 0.00005, 0.05, 0.005)
     p1, p2, p3, q1, q2 = RATIONAL[name]
     below = angle**2 + q1 * angle + q2
     value = (p1 * angle**2 + p2 * angle + p3) / below
@@ -244,7 +251,7 @@ def _table_7() -> Iterator[Cell]:
             for i, impulse in enumerate(printed.WANTED_IMPULSES[name]):
                 text = printed.TABLE_7[name][kind][i]
                 ours = speed_for(ball, law_of(ball, kind), impulse)
-                slip = name == "basketball" and kind == "constant" and impulse == 2.5
+                slip = (name, kind, impulse) in SLIPS
                 yield judged(
                     7,
                     f"{name} {kind}",

@@ -5,6 +5,9 @@ from metrology.quantity import format_quantity, format_value
 
 __all__ = ["quantity_label", "quantity_text"]
 
+COUNTS = frozenset({"contact_frames"})
+"""Quantities that are whole numbers."""
+
 _LABELS = {
     "contact_frames": "contact frames",
     "contact_time": "contact time Δt",
@@ -51,7 +54,7 @@ def quantity_text(quantity: Quantity) -> str:
     """Value ± std with its unit, a count without decimals; the reason where there is no value."""
     if quantity.value is None:
         return f"– {quantity.reason}"
-    if quantity.name == "contact_frames":
+    if quantity.name in COUNTS:
         return f"{quantity.value:.0f} ± {quantity.std:.1f}"
     if quantity.std == 0.0:
         return format_value(quantity.value, None, quantity.unit)

@@ -33,6 +33,9 @@ __all__ = [
     "WallSetup",
 ]
 
+SCATTER_UNITS = {"cor": "", "cor_law": ""}
+"""Units of [scatter] where it is no angle."""
+
 Measured: TypeAlias = tuple[float, float]
 
 """Value and standard uncertainty, SI."""
@@ -325,7 +328,7 @@ def document_of(setup: Setup) -> dict[str, Any]:
             setup.air_known, "temperature", "pressure", "humidity", "density", "viscosity"
         ),
         "scatter": {
-            name: _number(value, None, "rad" if name not in ("cor", "cor_law") else "")
+            name: _number(value, None, SCATTER_UNITS.get(name, "rad"))
             for name, value in vars(setup.scatter).items()
             if value is not None
         },

@@ -107,6 +107,7 @@ class CorLawFit:
 
 
 _SEED = 20
+"""Any number: draws that do not change from run to run."""
 _DRAWS = 4000
 """Sampling adds 1/√(2·4000) = 1 % to a standard uncertainty."""
 _CURVE_SPEEDS = 12

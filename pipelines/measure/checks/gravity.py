@@ -171,6 +171,7 @@ FloatArray = NDArray[np.float64]
 ESTIMATES = ("cor_speeds", "cor_launch", "cor_range")
 
 _COR_SIGMAS, _CHANCE = 3.0, 0.003
+"""Standard deviations, and the chance that goes with them: of honest clips one in 370 fails."""
 
 RELEVANT = 0.1
 

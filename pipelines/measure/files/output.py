@@ -13,7 +13,7 @@ from typing import Any
 from rich.table import Table
 
 from metrology import Quantity, UsageError, write_text_whole
-from pipelines.measure.inputs import kinds_of
+from pipelines.measure.inputs import QuantityName, kinds_of
 from pipelines.measure.measurement import Measurement
 from pipelines.report.labels import quantity_label, quantity_text
 from vision.clip.clip import Clip
@@ -120,13 +120,13 @@ def _motion(motion: Motion) -> dict[str, Any]:
 
 def _beside(measured: Measurement, names: Sequence[str] | None) -> tuple[Quantity, ...]:
     """The ball's speed the paper's ways, where its speed is asked for."""
-    return measured.beside if names is None or "launch_angle" in names else ()
+    return measured.beside if names is None or QuantityName.LAUNCH_ANGLE in names else ()
 
 
 def _as_json(quantity: Quantity) -> dict[str, Any]:
     if quantity.value is None:
         return {"value": None, "unit": quantity.unit, "reason": quantity.reason}
-    whole = quantity.name == "contact_frames"
+    whole = quantity.name == QuantityName.CONTACT_FRAMES
     return {
         "value": int(quantity.value) if whole else quantity.value,
         "std": quantity.std,

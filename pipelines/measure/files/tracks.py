@@ -13,6 +13,9 @@ from vision.tracks import Track
 
 __all__ = ["TRACK_COLUMNS", "track_covariance", "tracks_as_csv", "tracks_as_frame"]
 
+BALL, PENDULUM = "ball", "pendulum"
+"""Objects of a track table, as its files spell them."""
+
 FloatArray = NDArray[np.float64]
 Metric = tuple[FloatArray, FloatArray]
 """Positions (N, 2), x right along the wall and y up, m; and their covariances (N, 2, 2), m²."""
@@ -35,7 +38,7 @@ def tracks_as_frame(measured: Measurement) -> pd.DataFrame:
     parts = []
     for name, track in _objects(measured).items():
         part = _rows(name, track, _in_metres(measured, name, track))
-        if name == "pendulum":
+        if name == PENDULUM:
             part["phi_rad"], part["phi_rad_std"] = _angles(measured)
         parts.append(part)
     kept = [part for part in parts if len(part)] or parts[:1]
@@ -74,22 +77,22 @@ def track_covariance(measured: Measurement, name: str, *, metres: bool = True) -
 
 def _objects(measured: Measurement) -> dict[str, Track]:
     tracks = measured.tracks
-    named = {"ball": tracks.ball}
+    named = {BALL: tracks.ball}
     if tracks.pendulum is not None:
-        named["pendulum"] = tracks.pendulum.track
+        named[PENDULUM] = tracks.pendulum.track
     return named | {f"ball_{k}": other.track for k, other in enumerate(tracks.others, start=2)}
 
 
 def _in_metres(measured: Measurement, name: str, track: Track) -> Metric | None:
     """Positions and covariances, through the camera or by the ball's own size."""
-    ballistic = name != "pendulum"
+    ballistic = name != PENDULUM
     if measured.calibration is not None:
         mapping = CameraMapping(measured.calibration)
         if ballistic:
             return mapping.ball(track.centre_px, track.covariance_px2)
         return mapping.point(track.centre_px), _carried(mapping.point, track)
     metric = _scaled_by_the_ball(measured)
-    if metric is None or name != "ball":
+    if metric is None or name != BALL:
         return None
     flip = np.array([metric.direction, 1.0])
     return metric.ball_m * flip, metric.ball_cov_m2 * np.outer(flip, flip)

@@ -158,13 +158,13 @@ def marks(answers: Answers, radius_px: float | None) -> str:
             f'stroke-width="{_stroke(size, 1)}" stroke-dasharray="{_stroke(size, 4)}"/>'
         )
     landing, told = answers.landing
-    named = [(answers.rest, "ball at rest")]
-    named.append((landing, "landing" if told else "landing (supposed)"))
-    for px, name in named:
+    named = [(answers.rest, "ball at rest", True)]
+    named.append((landing, "landing" if told else "landing (supposed)", told))
+    for px, name, sure in named:
         if px is None:
             continue
         ring = radius_px or 7 * size[0] / 640
-        dash = "" if told or name == "ball at rest" else f' stroke-dasharray="{_stroke(size, 3)}"'
+        dash = "" if sure else f' stroke-dasharray="{_stroke(size, 3)}"'
         parts.append(
             f'<circle cx="{px[0]:.1f}" cy="{px[1]:.1f}" r="{ring:.1f}" fill="none" '
             f'stroke="{MARK}" stroke-width="{_stroke(size, 1.6)}"{dash}/>'
