@@ -1,14 +1,17 @@
 """What measuring costs: each figure beside decoding alone and beside an earlier commit, in one run.
 
-Run: python -m bench.speed [--fast] [--against COMMIT] [--lens FOLDER] [--rows ROW…]
+Run: python -m bench.speed [--fast] [--against COMMIT] [--lens FOLDER] [--rows ROW…] [--kept FILE]
 
 COMMIT (default a1dcaa4) is checked out beside this one and run by the same interpreter on the same
-machine, turn by turn with the present code. A figure is the median of five runs, of processor time
-(user and system) of the whole command with start-up; --fast takes one run and leaves out the long
-clips. FOLDER holds pictures of a chessboard.
+machine. A figure is the median of five runs, of processor time (user and system) of the whole
+command with start-up, one of the earlier commit and one of the longest clips; --fast takes one run
+of everything and leaves out the long clips. FOLDER holds pictures of a chessboard. What was timed
+is kept in FILE, under the commit that it belongs to: a run that was stopped goes on where it was.
 """
 
 import argparse
+import hashlib
+import json
 import os
 import resource
 import statistics
@@ -19,6 +22,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import av
 import numpy as np
 from numpy.typing import NDArray
 
@@ -30,11 +34,16 @@ ROOT = Path(__file__).parents[2]
 CLIPS = ROOT / "sample_videos" / "clips"
 EARLIER = "a1dcaa4"
 RUNS = 5
+LENGTHS = (300, 3000, 36_000)
+LONG = 20_000
+"""Frames: of clips this long one run is taken."""
+SEGMENT = 600
 VISION = "from pipelines.cli import app; app()"
 FOLLOW = "from vision.clip.clip import Clip; from vision.following import follow; import sys; "
 FOLLOW += "follow(Clip.open(sys.argv[1]), 600.0)"
 DECODE = "from vision.clip.clip import Clip; import sys\n"
 DECODE += "for _ in Clip.open(sys.argv[1]).frames(): pass"
+LOOKS = (("decoding", DECODE), ("following", FOLLOW))
 
 
 @dataclass(frozen=True)
@@ -59,6 +68,10 @@ class Row:
         Arguments of the same script that are run first and do not count.
     earlier : bool
         Whether the earlier commit can do it, too.
+    fresh : bool
+        Whether loops are compiled anew, as at the first use after an install.
+    targets : str
+        What it must reach and what is aimed at, s, as cells of the table.
     """
 
     name: str
@@ -66,11 +79,17 @@ class Row:
     arguments: tuple[str, ...]
     before: tuple[str, ...] | None = None
     earlier: bool = True
+    fresh: bool = False
+    targets: str = " | "
 
 
-def cost(root: Path, script: str, arguments: Sequence[str], kept: str) -> Cost:
+def cost(
+    root: Path, script: str, arguments: Sequence[str], kept: str, *, fresh: bool = False
+) -> Cost:
     """Run Python with the code under `root` and tell what it took."""
     environment = dict(os.environ, PYTHONPATH=str(root), IMPACT_VISION_CACHE=kept)
+    if fresh:
+        environment["NUMBA_CACHE_DIR"] = kept
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     inner = (
         "import resource, runpy, sys\n"
@@ -108,82 +127,184 @@ def rows(lens: Path | None) -> list[Row]:
         *("--setup", str(campaign / "setup.toml"), "--quiet"),
     )
     found = [
-        Row("measure, 640×360", VISION, measured("jokku_120")),
-        Row("measure, 432×240", VISION, measured("basketball_60")),
-        Row("the same clip again", VISION, measured("jokku_120"), measured("jokku_120")),
-        Row("cor after measure", VISION, measured("jokku_120", "cor"), measured("jokku_120")),
-        Row("vision --help", VISION, ("--help",)),
-        Row("a mistyped command", VISION, ("mesure",)),
-        Row("explain, shipped campaign", VISION, explained),
+        Row("measure, 640×360", VISION, measured("jokku_120"), targets="4 | 2"),
+        Row("measure, 432×240", VISION, measured("basketball_60"), targets="3 | 1.5"),
+        Row(
+            "the same clip again",
+            VISION,
+            measured("jokku_120"),
+            measured("jokku_120"),
+            earlier=False,
+            targets="1.2 | 0.8",
+        ),
+        Row(
+            "cor after measure",
+            VISION,
+            measured("jokku_120", "cor"),
+            measured("jokku_120"),
+            earlier=False,
+            targets="1.2 | 0.8",
+        ),
+        Row("vision --help", VISION, ("--help",), targets="0.4 | 0.25"),
+        Row("a mistyped command", VISION, ("mesure",), targets="0.4 | 0.25"),
+        Row("explain, shipped campaign", VISION, explained, targets="5 | 3"),
+        Row(
+            "measure, first use after an install",
+            VISION,
+            measured("jokku_120"),
+            earlier=False,
+            fresh=True,
+            targets="10 more | ",
+        ),
     ]
     if lens is not None:
         pictures = sorted(str(p) for p in lens.iterdir() if p.suffix.lower() in (".jpg", ".png"))
         told = ("calibrate", "lens", *pictures, "--out", os.devnull)
-        found.append(Row(f"calibrate lens, {len(pictures)} pictures", VISION, told))
+        name = f"calibrate lens, {len(pictures)} pictures"
+        found.append(Row(name, VISION, told, targets="15 | 6"))
     return found
 
 
-def median_cost(root: Path, row: Row, runs: int) -> Cost:
-    """Median over runs, each with nothing kept but what the row's own first command left."""
-    costs = []
-    for _ in range(runs):
-        with tempfile.TemporaryDirectory() as kept:
-            if row.before is not None:
-                cost(root, row.script, row.before, kept)
-            costs.append(cost(root, row.script, row.arguments, kept))
-    return Cost(
-        statistics.median(one.cpu_s for one in costs),
-        statistics.median(one.memory_mb for one in costs),
+@dataclass(frozen=True)
+class Timed:
+    """What was timed of commands so far, kept in a file.
+
+    Attributes
+    ----------
+    file : Path or None
+        None keeps nothing.
+    """
+
+    file: Path | None
+
+    def costs(self, root: Path, row: Row, runs: int) -> list[Cost]:
+        """So many runs of a row with the code under `root`, each with nothing kept before it."""
+        key = f"{commit_of(root)} {row.name} {' '.join(row.arguments[:1])}"
+        every = (
+            {}
+            if self.file is None or not self.file.exists()
+            else json.loads(self.file.read_text(encoding="utf-8"))
+        )
+        done = [Cost(*one) for one in every.get(key, [])][:runs]
+        while len(done) < runs:
+            with tempfile.TemporaryDirectory() as kept:
+                if row.before is not None:
+                    cost(root, row.script, row.before, kept)
+                done.append(cost(root, row.script, row.arguments, kept, fresh=row.fresh))
+            every[key] = [(one.cpu_s, one.memory_mb) for one in done]
+            if self.file is not None:
+                self.file.write_text(json.dumps(every, indent=1), encoding="utf-8")
+        return done
+
+    def median(self, root: Path, row: Row, runs: int) -> Cost:
+        """Medians over the runs."""
+        costs = self.costs(root, row, runs)
+        return Cost(
+            statistics.median(one.cpu_s for one in costs),
+            statistics.median(one.memory_mb for one in costs),
+        )
+
+
+def commit_of(root: Path) -> str:
+    """The commit checked out there, and a digest of what differs from it."""
+    git = ["git", "-C", str(root)]
+    head = subprocess.run([*git, "rev-parse", "--short", "HEAD"], capture_output=True, check=True)
+    changed = subprocess.run([*git, "diff", "HEAD"], capture_output=True, check=True).stdout
+    return head.stdout.decode().strip() + (
+        f"+{hashlib.sha256(changed).hexdigest()[:8]}" if changed else ""
     )
 
 
 def lengthened(clip: Path, frames: int, to: Path) -> Path:
-    """The clip with its first pictures, to and fro, before it: still, then one strike."""
+    """The clip with its first pictures, to and fro, before it: still, then one strike.
+
+    The still part is encoded once and its packets are repeated.
+    """
     pictures: list[NDArray[np.uint8]] = [one.gray for one in Clip.open(clip).frames()]
-    still = pictures[:20]
+    still = [*pictures[:20], *pictures[18:0:-1]]
+    spare = max(frames - len(pictures), 0)
 
-    def every() -> Iterator[NDArray[np.uint8]]:
-        for index in range(max(frames - len(pictures), 0)):
-            place = index % (2 * len(still) - 2)
-            gray = still[min(place, 2 * len(still) - 2 - place)]
-            yield np.repeat(gray[:, :, np.newaxis], 3, axis=2)
-        for gray in pictures:
+    def colour(grays: list[NDArray[np.uint8]]) -> Iterator[NDArray[np.uint8]]:
+        for gray in grays:
             yield np.repeat(gray[:, :, np.newaxis], 3, axis=2)
 
-    write_clip(every(), to, Encoding("h264"))
+    with tempfile.TemporaryDirectory() as folder:
+        parts = []
+        for name, count, source in (
+            ("whole", min(SEGMENT, spare), still),
+            ("rest", spare % SEGMENT if spare > SEGMENT else 0, still),
+            ("strike", len(pictures), pictures),
+        ):
+            path = Path(folder) / f"{name}.mp4"
+            if count:
+                grays = [source[k % len(source)] for k in range(count)]
+                write_clip(colour(grays), path, Encoding("h264", rate_factor=20.0))
+                parts += [(path, count)] * (
+                    spare // SEGMENT if name == "whole" and spare > SEGMENT else 1
+                )
+        joined(parts, to)
     return to
 
 
-def length_table(lengths: Sequence[int], runs: int) -> Iterator[str]:
+def joined(parts: Sequence[tuple[Path, int]], to: Path) -> None:
+    """Clips of one encoder one after the other, packet by packet."""
+    with av.open(str(to), "w") as container:
+        stream, gone = None, 0
+        for path, count in parts:
+            with av.open(str(path)) as source:
+                video = source.streams.video[0]
+                stream = stream or container.add_stream_from_template(video)
+                assert video.time_base is not None
+                assert video.average_rate is not None
+                frame = round(1 / (video.average_rate * video.time_base))
+                for packet in source.demux(video):
+                    if packet.dts is not None and packet.pts is not None:
+                        packet.dts += gone * frame
+                        packet.pts += gone * frame
+                        packet.stream = stream
+                        container.mux(packet)
+            gone += count
+
+
+def length_table(timed: Timed, lengths: Sequence[int]) -> Iterator[str]:
     """How following grows with the length of a clip, over decoding alone."""
-    yield "| frames | decoding, s | following, s | decoding over following | most memory, MB |"
-    yield "|---|---|---|---|---|"
-    bare = median_cost(ROOT, Row("", "import vision.following", ()), runs)
+    yield (
+        "| frames | decoding, s | following, s | following over decoding |"
+        " frames/s over those of decoding | most memory, MB |"
+    )
+    yield "|---|---|---|---|---|---|"
+    bare = timed.median(ROOT, Row("nothing", "import vision.following", ()), RUNS).cpu_s
     with tempfile.TemporaryDirectory() as folder:
         for frames in lengths:
-            clip = lengthened(CLIPS / "jokku_120.mp4", frames, Path(folder) / f"{frames}.mp4")
-            decoding = median_cost(ROOT, Row("", DECODE, (str(clip),)), runs)
-            following = median_cost(ROOT, Row("", FOLLOW, (str(clip),)), runs)
-            read, took = (max(one.cpu_s - bare.cpu_s, 1e-3) for one in (decoding, following))
+            runs = 1 if frames >= LONG else 3
+            clip = Path(folder) / f"{frames}.mp4"
+            rows = [Row(f"{name} {frames}", script, (str(clip),)) for name, script in LOOKS]
+            lengthened(CLIPS / "jokku_120.mp4", frames, clip)
+            read, follow = (timed.median(ROOT, row, runs) for row in rows)
+            decoding, following = (max(one.cpu_s - bare, 1e-3) for one in (read, follow))
             yield (
-                f"| {frames} | {read:.2f} | {took:.2f} | {read / took:.2f} |"
-                f" {following.memory_mb:.0f} |"
+                f"| {frames} | {decoding:.2f} | {following:.2f} | {following / decoding:.1f} |"
+                f" {decoding / following:.2f} | {follow.memory_mb:.0f} |"
             )
 
 
-def table(earlier: Path | None, commit: str, wanted: Sequence[Row], runs: int) -> Iterator[str]:
+def table(
+    timed: Timed, earlier: Path, commit: str, wanted: Sequence[Row], runs: tuple[int, int]
+) -> Iterator[str]:
     """The commands' costs beside those of the earlier commit and of decoding the clip."""
     clip = str(CLIPS / "jokku_120.mp4")
-    bare = median_cost(ROOT, Row("", "import vision.clip.clip", ()), runs)
-    read = median_cost(ROOT, Row("", DECODE, (clip,)), runs).cpu_s - bare.cpu_s
+    bare = timed.median(ROOT, Row("clip alone", "import vision.clip.clip", ()), runs[0])
+    read = timed.median(ROOT, Row("decoding", DECODE, (clip,)), runs[0]).cpu_s - bare.cpu_s
     yield f"Decoding the 640×360 clip alone takes {read:.2f} s of processor time.\n"
-    yield f"| command | now, s | {commit}, s | ratio | over decoding |"
-    yield "|---|---|---|---|---|"
+    yield f"| command | at least | aim | now, s | {commit}, s | ratio | over decoding |"
+    yield "|---|---|---|---|---|---|---|"
     for row in wanted:
-        now = median_cost(ROOT, row, runs).cpu_s
-        then = None if earlier is None or not row.earlier else median_cost(earlier, row, runs).cpu_s
-        beside = "– | –" if then is None else f"{then:.2f} | {then / now:.1f}"
-        yield f"| {row.name} | {now:.2f} | {beside} | {now / max(read, 1e-3):.1f} |"
+        now = timed.median(ROOT, row, runs[0]).cpu_s
+        beside = "– | –"
+        if row.earlier:
+            then = timed.median(earlier, row, runs[1]).cpu_s
+            beside = f"{then:.2f} | {then / now:.1f}"
+        yield f"| {row.name} | {row.targets} | {now:.2f} | {beside} | {now / max(read, 1e-3):.1f} |"
 
 
 def with_earlier(commit: str, act: Callable[[Path], None]) -> None:
@@ -202,10 +323,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--fast", action="store_true")
     parser.add_argument("--against", default=EARLIER)
+    parser.add_argument("--earlier-runs", type=int, default=1)
     parser.add_argument("--lens", type=Path)
     parser.add_argument("--rows", nargs="*", help="Only rows with one of these words.")
+    parser.add_argument("--lengths", nargs="*", type=int, default=LENGTHS)
+    parser.add_argument("--kept", type=Path, help="Where to keep what was timed.")
     said = parser.parse_args()
-    runs = 1 if said.fast else RUNS
+    timed = Timed(said.kept)
+    runs = (1 if said.fast else RUNS, said.earlier_runs)
     wanted = [
         row
         for row in rows(said.lens)
@@ -213,13 +338,15 @@ def main() -> None:
     ]
 
     def act(place: Path) -> None:
-        for line in table(place, said.against, wanted, runs):
+        for line in table(timed, place, said.against, wanted, runs):
             print(line, flush=True)
 
+    # what is compiled at a first use is compiled before anything is timed
+    cost(ROOT, VISION, rows(None)[0].arguments, "off")
     with_earlier(said.against, act)
     if not said.rows:
         print()
-        for line in length_table((300, 3000) if said.fast else (300, 3000, 30_000), runs):
+        for line in length_table(timed, LENGTHS[:2] if said.fast else said.lengths):
             print(line, flush=True)
 
 

@@ -48,6 +48,7 @@ class Saturating(Effect):
         return -k * flight.vy, k * flight.vx, np.zeros_like(k)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("made", "strength", "name"),
     [(Kick(), {"a": 0.12}, "support_recoil"), (Saturating(), {"spin": 14.0}, "magnus")],
