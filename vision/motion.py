@@ -285,6 +285,8 @@ _MOST_CERTAIN = 0.99
 
 # A strike, a drop and a throw differ by how the motion begins. Odds where that was not seen.
 _UNSEEN_STRIKER_ODDS = 3.0
+# A free motion that begins so many frames, or this part of itself, after the rest began otherwise.
+_AT_ONCE, _AT_ONCE_SHARE = 3, 0.25
 
 # A drop goes along its acceleration: sideways by less than this part of the way.
 _DROP_SIDEWAYS = 0.06
@@ -471,7 +473,11 @@ def _beginnings(
             (MotionKind.STRIKE, 100.0, "It lay still, a pendulum met it, and it flew."),
             thrown,
         ]
-    odds = _UNSEEN_STRIKER_ODDS
+    late = flight.first - rest_frames[1] > max(
+        _AT_ONCE, _AT_ONCE_SHARE * (flight.last - flight.first)
+    )
+    # What is struck flies at once; what is let go, or carried off first, does not.
+    odds = 1.0 / _UNSEEN_STRIKER_ODDS if late else _UNSEEN_STRIKER_ODDS
     return [(MotionKind.STRIKE, odds, "It lay still and left at once."), thrown, said_drop]
 
 

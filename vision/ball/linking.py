@@ -24,11 +24,21 @@ _COLLISION_PRICE = 1.2
 """Nats at most for a change of velocity, supposed: a ball may be struck, but not often."""
 _MISS_PRICE = 0.25
 """Nats for each look without the ball, supposed: three in four are found."""
+_LEAP_PRICE = 0.25
+"""Nats more for each radius a look by which a velocity changes, supposed: bounces are few radii."""
+_SUDDEN_RADII, _SUDDEN_RATIO = 3.0, 5.0
+"""Radii, and times the step before: one so long begins a flight as fast, or leaps elsewhere."""
+_BENDING = 0.35
+"""Of the step: what falls goes that much further in each look than before, soon after release."""
+_TRIES = 3
+"""Times the paths wanted: chains of two are none, but a few may be in the way of one."""
 # Edges less steep than this (over noise) may be noise, and count next to nothing.
 _FAINT = 5.0
 # An outline of which the static scene has more than the picture is a ghost's: it counts from
 # nothing at the first part of presence to in full at the second.
 _GHOST, _PRESENT = 0.3, 0.5
+_WHOLE, _USUAL_WORTH, _MOST_RAISED = 0.85, 1.0, 3.0
+"""Of the outline, of one of usual size, and times: what is whole, clear, and raised at most."""
 # Of two outlines one within the other the larger is another thing from this ratio on.
 _ENCLOSING = 1.5
 # A ball's outline does not swell by more than this (natural logarithm) from one look to the next.
@@ -121,11 +131,15 @@ def link_circles(frames: IntArray, circles: list[Circles], *, most: int = 8) -> 
     """
     nodes = _nodes(frames, circles)
     alive = np.ones(len(nodes.step), dtype=bool)
-    paths = []
-    for _ in range(most):
+    paths: list[Path] = []
+    for _ in range(_TRIES * most):
         chain = _best_chain(nodes, alive, len(frames))
-        if len(chain) < 3:
+        if len(chain) < 2 or len(paths) == most:
             break
+        if len(chain) < 3:
+            # Two clear strangers: longer chains of fainter things may be left.
+            alive[chain] = False
+            continue
         table = nodes.table[chain]
         columns = (table[:, :2], table[:, 2], table[:, 3], table[:, 4], nodes.presence[chain])
         paths.append(Path(nodes.frame[chain], *columns))
@@ -148,6 +162,10 @@ def _nodes(frames: IntArray, circles: list[Circles]) -> _Nodes:
     presence = np.concatenate([found.presence for found in circles] or [np.zeros(0)])
     there = np.clip((presence - _GHOST) / (_PRESENT - _GHOST), 0.02, 1.0)
     worth = table[:, 3] ** 2 * np.clip(steepness, 0.02, 1.3) * size * there
+    # Prices are those of clear things; where all there is is faint, it is what there is to link.
+    whole = worth[(table[:, 3] > _WHOLE) & (presence > _PRESENT)]
+    if len(whole):
+        worth *= np.clip(_USUAL_WORTH / np.quantile(whole, 0.9), 1.0, _MOST_RAISED)
     return _Nodes(step, frames[step], table, worth, presence)
 
 
@@ -192,6 +210,7 @@ class _Links:
         self._score = np.full((count, most), -np.inf)
         self._previous = np.full((count, most), -1, dtype=np.int64)
         self._continued = np.zeros((count, most), dtype=bool)
+        self._sudden = np.zeros((count, most), dtype=bool)
 
     def best(self) -> IntArray:
         """Nodes of the best chain there is, in time order."""
@@ -233,6 +252,10 @@ class _Links:
         self._velocity[targets, :count] = velocity
         self._score[targets, :count] = np.where(better, through, alone)
         self._previous[targets, :count] = np.where(better, sources * self._most + top, -1)
+        came = self._velocity[np.broadcast_to(sources, top.shape), top]
+        faster = distance / elapsed > _SUDDEN_RATIO * np.hypot(came[..., 0], came[..., 1])
+        far = distance > _SUDDEN_RADII * radius[:, None]
+        self._sudden[targets, :count] = better & faster & far
 
     def _continuing(
         self,
@@ -244,13 +267,19 @@ class _Links:
         radius: FloatArray,
     ) -> FloatArray:
         """Score of each link into a source (last axis) that goes on to a target (first axis)."""
-        allowed = 1.0 * radius[:, None] + 0.2 * distance + 1.0
+        allowed = 1.0 * radius[:, None] + _BENDING * distance + 1.0
         arrived, reached = self._velocity[sources], self._score[sources]
         turned = (velocity[:, :, None] - arrived[None]) * elapsed[None, :, None, None]
         bend = (turned[..., 0] ** 2 + turned[..., 1] ** 2) / allowed[..., None] ** 2
         straight = (bend < 0.25) & (ratio < _MOST_SWELLING)[..., None]
         goes_on = np.any(straight, axis=0) | self._continued[sources]
         self._continued[sources] = goes_on
-        cap = (_COLLISION_PRICE + 0.02 * distance / radius[:, None])[..., None]
+        cap = (
+            _COLLISION_PRICE + _LEAP_PRICE * np.sqrt(bend) * (allowed / radius[:, None])[..., None]
+        )
+        stopped = _SUDDEN_RATIO * np.hypot(velocity[..., 0], velocity[..., 1])[
+            ..., None
+        ] < np.hypot(arrived[..., 0], arrived[..., 1])
         price = np.where((bend > 1.0) & goes_on[None], np.inf, np.minimum(0.3 * bend, cap))
+        price = np.where(stopped & self._sudden[sources][None], np.inf, price)
         return np.asarray(reached[None] - price)

@@ -215,3 +215,43 @@ def test_a_leap_from_one_still_thing_to_another_is_a_change_of_identity() -> Non
     assert [len(path.frame) for path in untangled([leapt])] == [20, 20]
     struck = np.column_stack([20.0 + 30.0 * np.maximum(frame - 20, 0), np.full(40, 60.0)])
     assert len(untangled([replace(leapt, centre_px=struck)])) == 1
+
+
+def _spot(x: float, y: float, radius: float, sharpness: float) -> Circles:
+    return Circles(
+        np.array([[x, y]]),
+        np.array([radius]),
+        np.ones(1),
+        np.array([sharpness]),
+        np.ones(1),
+    )
+
+
+def test_a_faint_ball_that_bounces_at_few_frames_per_second_is_one_path() -> None:
+    # 41 px per frame and frame: g at 10 frames per second, as a ball of 10 px in radius has it.
+    y, speed, rows = 90.0, 0.0, []
+    for _ in range(24):
+        rows.append(y)
+        speed += 20.0
+        y += speed
+        if y > 300.0:
+            y, speed = 600.0 - y, -0.8 * speed
+    circles = [_spot(40.0 + i, height, 10.0, 12.0) for i, height in enumerate(rows)]
+    paths = link_circles(np.arange(24), circles)
+    assert len(paths[0].frame) >= 18
+
+
+def test_two_clear_strangers_do_not_end_the_search_for_longer_paths() -> None:
+    circles = [_spot(40.0 + 2.0 * index, 60.0, 8.0, 8.0) for index in range(12)]
+    flash = np.array([[200.0, 20.0]])
+    for index in (3, 4):
+        both = circles[index]
+        circles[index] = Circles(
+            np.concatenate([both.centre_px, flash]),
+            np.array([8.0, 60.0]),
+            np.ones(2),
+            np.array([8.0, 200.0]),
+            np.ones(2),
+        )
+    paths = link_circles(np.arange(12), circles)
+    assert max(len(path.frame) for path in paths) == 12

@@ -41,6 +41,8 @@ _LEAST_INNER_PX = 2.2
 """px inside the rim that is used: beyond two standard deviations of a point spread of one pixel."""
 # Frames between the positions compared: errors of neighbours are alike, as the ball looks alike.
 _LAG = 4
+# A shape that fewer of the frames bear out is not the ball's (one that comes nearer, say).
+_LEAST_KEPT = 0.8
 # What shading, transfer curve and texture do to an outline for many frames alike, and no scatter
 # shows, px: seen on ray-traced scenes and on our own renders, balls of 9 to 35 px in radius.
 _MODEL_STD_PX = 0.07
@@ -97,7 +99,8 @@ def refine_ball(
     refined = shape.improved_by(refiner.fit(np.arange(len(rough.frame)), 2, shape))
     # Where the model does not hold (a sharpened picture, a puck with a rim), the plain fits may
     # scatter less; the clip itself says so.
-    smoother = refined if _unrest(refined) <= 1.1 * _unrest(rough) else rough
+    holds = len(refined) >= _LEAST_KEPT * len(rough) and _unrest(refined) <= 1.1 * _unrest(rough)
+    smoother = refined if holds else rough
     return trusted_rows(_calibrated(smoother))
 
 
