@@ -16,9 +16,10 @@ from mismatch.model.candidates import Candidate, start_values
 from mismatch.model.form_error import form_errors
 from mismatch.model.forward import Forward, Model
 from physics.domain import FloatArray
-from physics.effects import Effect, EffectId
+from physics.effects import CATALOGUE, Effect, EffectId
 
 __all__ = [
+    "EXPECTED",
     "LOOSE_LAWS",
     "MISFIT",
     "Hypothesis",
@@ -146,6 +147,10 @@ CERTAIN_GAIN = 6.6
 
 """Worth that one effect looked for by itself, with a sign, exceeds by chance in half a per cent."""
 
+EXPECTED = 6.0
+"""Chi-square units, odds of one to twenty, against an answer that does without what nature always
+has: what a law in no catalogue pays for being rare."""
+
 MISFIT = 1.5
 
 """Chi-square per entry from which what is left over is a fault of the law, not noise."""
@@ -179,12 +184,15 @@ class Hypothesis:
         Objective of the refitted baseline minus that of this fit (chi-square units).
     form : FormEvidence
         What it gains once the forms of its laws need not be quite right.
+    lacking : tuple of str
+        What nature always has, and neither the baseline nor the answer holds.
     """
 
     members: tuple[Candidate, ...]
     fit: Fit
     gain: float
     form: FormEvidence = EXACT
+    lacking: tuple[str, ...] = ()
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -194,7 +202,7 @@ class Hypothesis:
     @property
     def worth(self) -> float:
         """Gain less what freedom, size of the set and unlikely strengths cost."""
-        fines = sum(member.fine for member in self.members)
+        fines = sum(member.fine for member in self.members) + EXPECTED * len(self.lacking)
         further = sum(not is_known(member.effect) for member in self.members) - 1
         gain = self.gain + self.form.gain
         return gain - fines - MEMBER_FINE * max(further, 0) - self.misfit * self.surprise
@@ -310,7 +318,14 @@ def fit_hypothesis(
     # power of the rate. Loose ones would pass for any sum of them.
     form = EXACT if forward.mode == "swing" else form_evidence(forward, fit, added)
     gain = base.objective - fit.objective - _price_of_weights(fit) - price_of_levels(forward, fit)
-    return Hypothesis(tuple(members), fit, gain, form)
+    return Hypothesis(tuple(members), fit, gain, form, _lacking(forward, model))
+
+
+def _lacking(forward: Forward, model: Model) -> tuple[str, ...]:
+    if forward.mode == "swing":
+        return ()
+    certain = (one.id for forms in CATALOGUE.values() for one in forms if one.certain)
+    return tuple(one for one in certain if one not in model.ids)
 
 
 def _price_of_weights(fit: Fit) -> float:

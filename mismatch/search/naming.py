@@ -244,7 +244,8 @@ def _one_throw(forward: Forward) -> bool:
 def _worth_it(forward: Forward, larger: Hypothesis, smaller: Hypothesis, threshold: float) -> bool:
     more = larger.worth - smaller.worth
     if is_known(larger.members[-1].effect):
-        return more > KNOWN_GAIN * larger.misfit
+        # By the laws as they are: loose forms would say the same in another way.
+        return larger.gain - smaller.gain > KNOWN_GAIN * larger.misfit
     threshold = threshold * larger.misfit
     left = smaller.fit.chi2 - smaller.fit.expected
     if forward.mode == "swing":
@@ -314,7 +315,7 @@ def _grow(
         scored = scan_beyond_forms(forward, seed.fit, laws, seed.form.size, pool)
         ranked = _best_by_law(scored, 1.0, forward.mode == "swing")
         enough = max(threshold, second_effect_share(seed) * seed.gain)
-        known = [one for one in ranked if _shows(scored, one[1], seed.misfit)]
+        known = _known_that_show(forward, seed, pool)
         if known:
             ranked, enough = [*known, *ranked], -np.inf
         elif forward.mode != "swing":
@@ -331,6 +332,25 @@ def _grow(
                 continue
             grown[law] = _extended(forward, base, seed, pool[index], values)
     return list(grown.values())
+
+
+def _known_that_show(
+    forward: Forward, seed: Hypothesis, pool: Sequence[Candidate]
+) -> list[tuple[float, int, FloatArray]]:
+    """Effects of known size that would be seen: (worth, place in the pool, strengths).
+
+    What nature is known to do goes before what a law's form may be wrong by, which in one throw
+    could say the same.
+    """
+    places = [place for place, one in enumerate(pool) if is_known(one.effect)]
+    if not places:
+        return []
+    scored = scan(forward, seed.fit, [pool[place] for place in places])
+    return [
+        (worth, places[index], values)
+        for worth, index, values in _best_by_law(scored, 1.0)
+        if _shows(scored, index, seed.misfit)
+    ]
 
 
 def _shows(scored: Scan, index: int, misfit: float) -> bool:

@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from metrology import TooLittleDataError, UsageError
-from mismatch import Campaign, Options, Trial, explain
+from mismatch import BallModel, Baseline, Campaign, Options, Trial, explain
 from mismatch.fitting.prepare import prepare
 from physics.effects import CATALOGUE, Effect, Parameter
 from tests.mismatch.synthetic import struck_campaign, thrown_campaign
@@ -148,3 +149,24 @@ def test_a_fall_in_millimetres_is_refused():
     campaign, baseline = thrown_campaign(scale=1000.0)
     with pytest.raises(UsageError, match="thousandths"):
         explain(campaign, baseline)
+
+
+def test_air_that_thins_goes_before_a_wrong_form_of_drag():
+    """One coast of a rocket, where height and speed go together: only nature tells them apart."""
+    mass, diameter, drag, height = 20.0, 0.15, 0.45, 9500.0
+
+    def rate(_: float, state: np.ndarray) -> list[float]:
+        density = 1.1 * np.exp(-state[0] / height)
+        area = np.pi / 4.0 * diameter**2
+        return [state[1], -9.80665 - 0.5 * density * area * drag / mass * state[1] * abs(state[1])]
+
+    time = np.arange(0.0, 18.0, 0.1)
+    path = solve_ivp(rate, (0.0, time[-1]), [400.0, 230.0], t_eval=time, rtol=1e-9)
+    seen = path.y[0] + 0.8 * np.random.default_rng(5).standard_normal(time.size)
+    position = np.column_stack([np.full(time.size, np.nan), seen, np.full(time.size, np.nan)])
+    coast = Trial("coast", time, position, np.zeros(0), np.zeros(0))
+    setup = Baseline({"": BallModel("", mass, diameter)}, air_density=1.1, effects={})
+    found = explain(Campaign((coast,)), setup)
+    assert [one.id for one in found.effects][:2] == ["drag", "density_lapse"]
+    coefficient = found.effects[0].parameters[0]
+    assert abs(coefficient.value - drag) < 3.0 * coefficient.std

@@ -3,9 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from scipy.integrate import solve_ivp
 
-from mismatch.fitting.hypotheses import Hypothesis, fit_hypothesis
+from mismatch.fitting.hypotheses import EXPECTED, Hypothesis, fit_hypothesis
 from mismatch.fitting.levels import own_values, scatter_evidence
 from mismatch.fitting.prepare import prepare
 from mismatch.model.baseline import BallModel, Baseline
@@ -101,6 +102,15 @@ def test_balls_that_differ_get_a_coefficient_each_and_balls_alike_share_one():
         true = np.array([drags[balls.index(name)] for name in names])
         assert np.all(np.abs(own.value[:, 0] - true) < 3.0 * own.std[:, 0])
         assert np.all(own.std < 0.05)
+
+
+def test_an_answer_without_the_drag_that_nature_always_has_pays_for_it():
+    campaign = _campaign([0.45] * 3, np.zeros((3, 3)), ["white"] * 3)
+    _, known = _fitted(*campaign, [DRAG])
+    _, other = _fitted(*campaign, [_at(SPIN, Level.CAMPAIGN)])
+    assert known.lacking == ()
+    assert other.lacking == ("drag",)
+    assert replace(other, lacking=()).worth == pytest.approx(other.worth + EXPECTED)
 
 
 def test_a_throw_spins_within_reason():
