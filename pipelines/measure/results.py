@@ -26,7 +26,7 @@ from pipelines.measure.checks.gravity import (
     fused_cor,
     gravity_check,
 )
-from pipelines.measure.checks.speeds import BESIDE, SpeedsAgree, speeds_agree
+from pipelines.measure.checks.speeds import BESIDE, SpeedsAgree, contact_doubted, speeds_agree
 from pipelines.measure.derived import DERIVED
 from pipelines.measure.fits.discs import disc_contact
 from pipelines.measure.fits.impact import UNSEEN_HALF_CONTACT_STD_S, Impact
@@ -149,7 +149,9 @@ def results_of(
     bound = _contact_bound(evaluated)
     checks = [one for one in (agreement, speeds and speeds.check, by_gravity, bound) if one]
     beside = tuple(found[name] for name in BESIDE)
-    found = doubted(found, _doubts(evaluated, found, agreement, speeds, gravity, by_gravity))
+    doubts = _doubts(evaluated, found, agreement, speeds, gravity, by_gravity)
+    touching = None if speeds is None else contact_doubted(speeds, bound)
+    found = doubted(found, [*doubts, *([] if touching is None else [touching])])
     motion = motion or MotionResults()
     checks += motion.checks
     gravity = motion.gravity or gravity

@@ -57,6 +57,17 @@ PENDULUM = COR | {
 
 """What hangs on the pendulum's motion, its inertia and the masses."""
 
+CONTACT = frozenset(
+    {
+        QuantityName.CONTACT_TIME,
+        QuantityName.CONTACT_START,
+        QuantityName.CONTACT_END,
+        QuantityName.CONTACT_FRAMES,
+    }
+)
+
+"""What hangs on where the mass' face meets the ball."""
+
 RATE_AND_SCALE = frozenset(QuantityName) - {
     QuantityName.CONTACT_FRAMES,
     QuantityName.BACKSWING_ANGLE,

@@ -8,7 +8,7 @@ from scipy.special import ndtr
 
 from metrology import Quantity
 from physics.bodies import Pendulum
-from pipelines.measure.checks.consequences import LEAST_POWER
+from pipelines.measure.checks.consequences import CONTACT, LEAST_POWER, Doubt
 from pipelines.measure.fits.flight_fit import FlightFit
 from pipelines.measure.fits.swing_fit import SLOW_OVER_RANDOM
 from pipelines.measure.metres import MetricTracks
@@ -17,6 +17,7 @@ from pipelines.report import Check, CheckKind, CheckOutcome
 __all__ = [
     "BESIDE",
     "SpeedsAgree",
+    "contact_doubted",
     "gravity_share",
     "speed_by_pendulum",
     "speed_per_frame",
@@ -101,6 +102,28 @@ class SpeedsAgree:
     check: Check
     flight_apart: float
     pendulum_apart: float
+
+
+def contact_doubted(speeds: SpeedsAgree, bound: Check | None) -> Doubt | None:
+    """What the ball's speeds say of the contact; None where nothing.
+
+    That the pendulum loses another momentum than the ball gains may be the fault of its numbers,
+    which the contact does not hang on. Where the contact besides is not surely one that such a ball
+    can have, what was followed is no mass that struck it.
+
+    Parameters
+    ----------
+    speeds : SpeedsAgree
+    bound : Check or None
+        Of the contact time against the longest possible.
+    """
+    surely_possible = bound is not None and bound.outcome is CheckOutcome.PASSED
+    if speeds.pendulum_apart == 0.0 or surely_possible:
+        return None
+    said = (
+        speeds.check.statement if bound is None else f"{bound.statement}; {speeds.check.statement}"
+    )
+    return Doubt(CONTACT, speeds.pendulum_apart, False, said)
 
 
 @dataclass(frozen=True)

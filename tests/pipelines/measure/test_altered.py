@@ -30,4 +30,6 @@ def test_nothing_is_far_from_what_the_clip_itself_gives(
     tally = Tally()
     tally.add(other, way, usual, measure_clip(other.path, other.options))
     assert tally.far == []
-    assert tally.near >= 0.9 * tally.count
+    # the ball's speed and its impulse are one number
+    assert tally.near >= tally.count - max(2, tally.count // 10)
+    assert [note for note in tally.lost if note.endswith(": None")] == []

@@ -5,8 +5,14 @@ import pytest
 from metrology import Contribution, Quantity
 from physics.bodies import JOKKU, PAPER_PENDULUM, PAPER_SUPPORT
 from physics.contact.contact import simulate_contact
-from pipelines.measure.checks.speeds import gravity_share, speed_by_pendulum, speeds_agree
-from pipelines.report import CheckOutcome
+from pipelines.measure.checks.consequences import doubted
+from pipelines.measure.checks.speeds import (
+    contact_doubted,
+    gravity_share,
+    speed_by_pendulum,
+    speeds_agree,
+)
+from pipelines.report import Check, CheckKind, CheckOutcome
 
 
 def test_eq_7_less_the_share_of_gravity_is_the_balls_speed() -> None:
@@ -43,6 +49,26 @@ def test_speeds_that_agree_pass() -> None:
     )
     assert check is not None
     assert check.check.passed is True
+
+
+def test_a_contact_at_its_bound_is_doubted_where_the_pendulum_did_not_lose_the_momentum() -> None:
+    speeds = speeds_agree(
+        found(
+            ball_speed=(4.13, 0.02),
+            ball_speed_per_frame=(4.12, 0.05),
+            ball_speed_eq7=(1.84, 0.58),
+            eq7_by_gravity=(0.67, 0.02),
+        )
+    )
+    assert speeds is not None
+    at_the_bound = Check(CheckKind.CONTACT_BOUND, CheckOutcome.UNDECIDED, "29.6 ms of 29 ms", 0.4)
+    doubt = contact_doubted(speeds, at_the_bound)
+    assert doubt is not None
+    lasting = {"contact_time": Quantity.measured("contact_time", 0.0296, "s", ())}
+    assert doubted(lasting, [doubt])["contact_time"].value is None
+    # a contact that is surely possible may be right though the pendulum's inertia is not
+    possible = Check(CheckKind.CONTACT_BOUND, CheckOutcome.PASSED, "15 ms of 29 ms", 1.0)
+    assert contact_doubted(speeds, possible) is None
 
 
 @pytest.mark.parametrize(
