@@ -276,6 +276,7 @@ def _verdict(
         kept,
         remainder,
         (*campaign.notes, *noise_notes(campaign, prepared), *_setup_notes(forward, best)),
+        passed.doubts,
     )
 
 

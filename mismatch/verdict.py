@@ -253,6 +253,8 @@ class Verdict:
         What stays unexplained.
     notes : tuple of str
         About the data: rows left out, noise against its claim, correlation.
+    doubts : tuple of Doubt
+        Why no more is believed.
     """
 
     verdict: VerdictKind
@@ -266,6 +268,7 @@ class Verdict:
     held_out: HeldOut | None
     remainder: Remainder
     notes: tuple[str, ...] = ()
+    doubts: tuple["Doubt", ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Exactly the contract's JSON, plus ``notes``."""
@@ -296,10 +299,17 @@ class Verdict:
             found = "Something was left out of the model; several explanations fit nearly alike"
         elif self.verdict == "ambiguous":
             found = "Something was left out of the model; what fits best is in doubt"
+        elif Doubt.NOISE in self.doubts:
+            return "Nothing can be said: the noise of the recording is as large as what it shows."
         else:
             return _HEADLINES[self.verdict]
         rest = "" if self.remainder.white else "; what it leaves over still has a pattern"
         return f"{found}{rest}."
+
+    @property
+    def proof_of(self) -> str:
+        """What the proof on held-out trials is about where it is of no name."""
+        return "" if self.effects else "What fits best, and is not named, was tried. "
 
     @property
     def not_excluded(self) -> tuple[str, ...]:
@@ -328,7 +338,7 @@ class Verdict:
         if self.next_measurement:
             lines.append(f"What would settle it: {self.next_measurement}.")
         if self.held_out is not None:
-            lines.append(self.held_out.in_words)
+            lines.append(f"{self.proof_of}{self.held_out.in_words}")
         lines.append(self.remainder.statement)
         lines.extend(f"Note: {note}" for note in self.notes)
         return "\n".join(lines)

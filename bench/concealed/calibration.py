@@ -115,7 +115,7 @@ def draw_reliability(judgements: Sequence[Judgement], path: Path) -> None:
         axis.annotate(str(count), (mean, share), (6, -10), textcoords="offset points", fontsize=8)
     axis.set_xlabel("stated probability of a name")
     axis.set_ylabel("share of such names that were concealed")
-    axis.set_xlim(0.0, 1.0)
-    axis.set_ylim(0.0, 1.02)
+    axis.set_xlim(0.0, 1.06)
+    axis.set_ylim(-0.06, 1.06)
     with written_whole(path) as part:
         figure.savefig(part, format=path.suffix.lstrip("."), dpi=130)

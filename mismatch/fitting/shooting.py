@@ -33,6 +33,9 @@ __all__ = [
     "seen_swings",
 ]
 
+WILD = 20.0
+"""Logarithm of a frequency over the expected one that is no pendulum's: e to the twentieth."""
+
 WINDOW = 0.09
 
 """Periods on each side of an instant over which a cubic follows a swing."""
@@ -321,7 +324,8 @@ def _swung(
     lanes, (trials, pieces) = len(models), arcs.states.shape[:2]
     terms = lane_terms(models)
     start = np.moveaxis(states, -1, 0).reshape(2, lanes, trials * pieces)
-    stiffer = np.exp(2.0 * np.repeat(frequency, pieces, axis=-1))
+    # A step beyond any pendulum is turned back by its misfit, not by an overflow.
+    stiffer = np.exp(2.0 * np.clip(np.repeat(frequency, pieces, axis=-1), -WILD, WILD))
     order = np.repeat(forward.records.order, pieces)
     rates = forward.swing_rates(terms, stiffer, order)
     with np.errstate(over="ignore", invalid="ignore"):

@@ -11,7 +11,7 @@ from mismatch import explain_in_full
 from mismatch.explain import GROUP_TRUST, _plain
 from mismatch.search.field import Field
 from mismatch.search.unnamed import unnamed_laws
-from mismatch.verdict import HeldOut, NamedEffect, Remainder, Verdict
+from mismatch.verdict import Doubt, HeldOut, NamedEffect, Remainder, Verdict
 from physics.effects import CATALOGUE
 from pipelines.explain.report import _typeset, explain_report_html
 from tests.mismatch.synthetic import thrown_campaign
@@ -97,6 +97,12 @@ def test_the_headline_goes_with_what_is_left_and_what_is_not_excluded():
     assert "several explanations" in group.headline
     assert "Not excluded in place of drag: wind." in group.text()
     assert "in doubt" in verdict("ambiguous").headline
+
+
+def test_noise_as_large_as_the_motion_is_said_first():
+    drowned = verdict("unexplained", effects=(), doubts=(Doubt.NOISE,))
+    assert drowned.headline.startswith("Nothing can be said")
+    assert "is not named" in drowned.text()
 
 
 def test_a_proof_without_a_gain_is_called_none():
