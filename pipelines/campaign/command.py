@@ -75,6 +75,9 @@ def campaign_command(
     explain: Annotated[
         bool, typer.Option("--explain", help="Look for missing physics in the strikes.")
     ] = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Open a page to watch, point at balls, mark trials.")
+    ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no table.")] = False,
 ) -> None:
     """Measure every clip of a campaign once and turn them into figures and a law of restitution.
@@ -98,7 +101,7 @@ def campaign_command(
         against_paper=against_paper,
         explain=explain,
     )
-    done = _with_progress(asked, quiet)
+    done = _watched(asked, quiet) if watch else _with_progress(asked, quiet)
     if not quiet:
         for clip, what in done.again.items():
             screen(errors=True).print(f"{clip} was measured again: {what} changed since")
@@ -111,6 +114,29 @@ def campaign_command(
             f"{len(done.wanting)} clips could not be measured:\n" + "\n".join(done.wanting[:50]),
             hint="After mending, give the same command with --retry-failed.",
         )
+
+
+def _watched(asked: Asked, quiet: bool) -> Campaign:
+    """Conduct the campaign beside its page, and again whenever the page asks for it."""
+    from pipelines.campaign.watch import watched
+
+    errors = screen(errors=True)
+    asked.out.mkdir(parents=True, exist_ok=True)
+    page = watched(
+        asked.out, lambda address: errors.print(f"watch it at {address}", soft_wrap=True)
+    )
+    while True:
+        page.running = True
+        done = _with_progress(asked, quiet)
+        page.running = False
+        if page.closed.is_set():
+            return done
+        errors.print(f"report: {done.report}; close the page, or press Ctrl-C, to end")
+        try:
+            if not page.wait():
+                return done
+        except KeyboardInterrupt:
+            return done
 
 
 def _with_progress(asked: Asked, quiet: bool) -> Campaign:

@@ -293,6 +293,24 @@ class Ledger:
             if done.rowcount == 0:
                 raise UsageError(f"there is no clip {clip!r} in this campaign")
 
+    def point_at(self, clip: str, ball_at: str | None) -> None:
+        """Have a clip measured again, with a point on the ball (``x,y`` px) or without one.
+
+        Raises
+        ------
+        UsageError
+            If there is no such clip.
+        """
+        with self._change() as base:
+            done = base.execute("UPDATE clips SET ball_at=? WHERE clip=?", (ball_at, clip))
+            if done.rowcount == 0:
+                raise UsageError(f"there is no clip {clip!r} in this campaign")
+
+    def points(self) -> dict[str, str]:
+        """Where somebody pointed at the ball, by clip."""
+        rows = self._base.execute("SELECT clip, ball_at FROM clips WHERE ball_at IS NOT NULL")
+        return {row["clip"]: row["ball_at"] for row in rows}
+
     def entries(self) -> Iterator[Entry]:
         """All rows in the order they were entered, read one at a time."""
         for row in self._base.execute("SELECT * FROM clips ORDER BY rowid"):

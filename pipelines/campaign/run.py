@@ -79,14 +79,12 @@ class Plan:
     matched: Matched
     version: str
 
-    def order(self, clip: Path, sha256: str) -> WorkOrder:
-        """Build the work order of a clip."""
-        strike = self.matched.strikes[clip]
-        return WorkOrder(
-            clip.name, str(clip.resolve()), sha256, _digest(self.options, strike), self.version
-        )
+    def order(self, clip: Path, sha256: str, ball_at: str | None = None) -> WorkOrder:
+        """Build the work order of a clip; `ball_at` is where somebody pointed at its ball."""
+        digest = _digest(self.options, self.matched.strikes[clip], ball_at)
+        return WorkOrder(clip.name, str(clip.resolve()), sha256, digest, self.version)
 
-    def request(self, clip: Path) -> Request:
+    def request(self, clip: Path, ball_at: str | None = None) -> Request:
         """Build what the worker is told."""
         strike, options = self.matched.strikes[clip], self.options
         return Request(
@@ -95,6 +93,7 @@ class Plan:
             fps=options.fps,
             ball=_ball(options, strike),
             wall_grid=options.wall_grid,
+            ball_at=ball_at,
             tracks=os.path.join(_resolved(self.folder), "tracks", f"{clip.name}.csv"),
             picture=os.path.join(_resolved(self.folder), "frames", f"{clip.name}.jpg"),
         )
@@ -109,10 +108,12 @@ def _ball(options: RunOptions, strike: Strike | None) -> str | None:
     return strike.ball if strike is not None and strike.ball is not None else options.ball
 
 
-def _digest(options: RunOptions, strike: Strike | None) -> str:
+def _digest(options: RunOptions, strike: Strike | None, ball_at: str | None) -> str:
     """Digest of all that a result depends on besides clip and version."""
     setup = b"" if options.setup is None else options.setup.read_bytes()
-    parts = (options.fps, _ball(options, strike), options.wall_grid)
+    parts: tuple[str | None, ...] = (options.fps, _ball(options, strike), options.wall_grid)
+    if ball_at is not None:
+        parts = (*parts, ball_at)
     return hashlib.sha256(setup + repr(parts).encode()).hexdigest()
 
 
@@ -430,7 +431,8 @@ def run(
     (plan.folder / "frames").mkdir(exist_ok=True)
     paths = {clip.name: clip for clip in plan.matched.strikes}
     with Ledger(plan.folder) as ledger:
-        orders = [plan.order(clip, _sha256(clip)) for clip in paths.values()]
+        points = ledger.points()
+        orders = [plan.order(clip, _sha256(clip), points.get(name)) for name, clip in paths.items()]
         again = ledger.plan(orders, retry_failed=retry_failed)
         names = [name for name in ledger.waiting() if name in paths and (not only or name in only)]
         progress = Progress(todo=len(names), again=again)
@@ -465,6 +467,7 @@ def _work(
     answered: queue.SimpleQueue[str] = queue.SimpleQueue()
     pending: dict[str, _Try] = {}
     left = list(reversed(todo))
+    points = ledger.points()
     while left or pending:
         if progress.stopped is not None:
             left.clear()
@@ -472,7 +475,7 @@ def _work(
         batch = [left.pop() for _ in range(min(room, len(left)))]
         deaths = ledger.begin(batch) if batch else {}
         for name in batch:
-            future = crew.submit(plan.request(paths[name]))
+            future = crew.submit(plan.request(paths[name], points.get(name)))
             pending[name] = _Try(future, deaths[name], time.monotonic())
             future.add_done_callback(functools.partial(_announce, answered, name))
         names = _drained(answered, crew, min(_LONGEST_PAUSE_S, _PAUSE_S_PER_WORKER * crew.size))

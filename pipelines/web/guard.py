@@ -168,10 +168,19 @@ class Guard:
         One is drawn if not given.
     reload_s : float
         How long a second window waits for the first to go before it is refused, s.
+    what, command : str
+        What the page is, and what starts it, for who is refused.
     """
 
     def __init__(
-        self, app: App, port: int, *, token: str | None = None, reload_s: float = RELOAD_S
+        self,
+        app: App,
+        port: int,
+        *,
+        token: str | None = None,
+        reload_s: float = RELOAD_S,
+        what: str = "calibration",
+        command: str = "vision calibrate",
     ) -> None:
         if not 0 < port < 65536:
             raise UsageError(f"{port} is no port", hint="Give 1 to 65535.")
@@ -182,6 +191,7 @@ class Guard:
         self._session = secrets.token_urlsafe(24)
         self._cookie = f"vision-calibrate-{port}"
         self._reload_s = reload_s
+        self._what, self._command = what, command
         self._windows = 0
         self._seen = False
         self._left_at = time.monotonic()
@@ -221,10 +231,10 @@ class Guard:
             await _answer(
                 send,
                 403,
-                "This address does not open the calibration",
+                f"This address does not open the {self._what}",
                 "Its key is missing, or was used before: a key opens one browser, once. Use the "
                 "whole address that the terminal shows; to use another browser, start "
-                "'vision calibrate' again.",
+                f"'{self._command}' again.",
             )
 
     async def _guest(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -244,7 +254,7 @@ class Guard:
             await _answer(
                 send,
                 409,
-                "The calibration is open in another window",
+                f"The {self._what} is open in another window",
                 "Go on there, or close it: then it goes on here by itself. Nothing is lost by "
                 "that.",
                 [(b"refresh", str(RETRY_S).encode())],

@@ -16,7 +16,7 @@ from pipelines.calibrate.wizard.page.page import FIRST_URL, PICTURE_URL, WizardP
 from pipelines.calibrate.wizard.session import Session
 from pipelines.web.guard import Guard, Jobs
 
-__all__ = ["GRACE_S", "serve"]
+__all__ = ["GRACE_S", "serve", "serve_app"]
 
 GRACE_S = 8.0
 """s that nobody may look before the program ends: a reload on a slow machine takes less."""
@@ -51,9 +51,58 @@ def serve(
     KeyboardInterrupt
         If the user interrupts.
     """
-    door = _listening(port)
     app = FastAPI(openapi_url=None)
-    guard = Guard(app, door.getsockname()[1])
+    stop: list[Callable[[], None]] = []
+    scene = session.answers.scene
+    pictures = {PICTURE_URL: encoded(scene.picture), FIRST_URL: encoded(scene.first)}
+
+    def picture(request: Request) -> Response:
+        return Response(pictures[request.url.path], media_type="image/png")
+
+    def root() -> None:
+        WizardPage(session, jobs, lambda: stop[0]()).build()
+
+    for url in pictures:
+        app.add_api_route(url, picture)
+    ui.run_with(app, root=root, title="Calibration", show_welcome_message=False)
+    serve_app(app, opened, port=port, grace_s=grace_s, stopper=stop.append)
+
+
+def serve_app(
+    app: FastAPI,
+    opened: Callable[[str], None],
+    *,
+    port: int = 0,
+    grace_s: float = GRACE_S,
+    stopper: Callable[[Callable[[], None]], None] = lambda stop: None,
+    what: str = "calibration",
+    command: str = "vision calibrate",
+) -> None:
+    """Serve a page behind the guard until its window is closed or the program is interrupted.
+
+    Parameters
+    ----------
+    app : FastAPI
+    opened : callable
+        Called with the address once it answers.
+    port : int
+        0 for one that is free.
+    grace_s : float
+        How long the page may be closed before this returns, s.
+    stopper : callable
+        Is given what ends the page.
+    what, command : str
+        What the page is, and what starts it, for who is refused.
+
+    Raises
+    ------
+    UsageError
+        If the port is taken.
+    KeyboardInterrupt
+        If the user interrupts.
+    """
+    door = _listening(port)
+    guard = Guard(app, door.getsockname()[1], what=what, command=command)
     config = uvicorn.Config(
         guard,
         lifespan="on",
@@ -63,18 +112,7 @@ def serve(
         timeout_graceful_shutdown=1,
     )
     server = _Server(config)
-    scene = session.answers.scene
-    pictures = {PICTURE_URL: encoded(scene.picture), FIRST_URL: encoded(scene.first)}
-
-    def picture(request: Request) -> Response:
-        return Response(pictures[request.url.path], media_type="image/png")
-
-    def root() -> None:
-        WizardPage(session, jobs, lambda: _stop(server)).build()
-
-    for url in pictures:
-        app.add_api_route(url, picture)
-    ui.run_with(app, root=root, title="Calibration", show_welcome_message=False)
+    stopper(lambda: _stop(server))
     asyncio.run(_until_left(server, guard, door, opened, grace_s))
     if server.interrupted:
         raise KeyboardInterrupt

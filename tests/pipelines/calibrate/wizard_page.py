@@ -79,11 +79,17 @@ def chromium() -> Iterator[Any]:
             browser.close()
 
 
-def opened(browser: Any, address: str) -> Any:
+def opened_plain(browser: Any, address: str) -> Any:
+    """A page of any kind."""
     page = browser.new_page()
     page.set_viewport_size({"width": 1360, "height": 900})
     page.set_default_timeout(WAIT_MS)
     page.goto(address)
+    return page
+
+
+def opened(browser: Any, address: str) -> Any:
+    page = opened_plain(browser, address)
     page.wait_for_selector("[data-test=panel]")
     return page
 
