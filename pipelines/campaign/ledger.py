@@ -172,13 +172,22 @@ class Ledger:
 
     @contextmanager
     def _change(self) -> Iterator[sqlite3.Connection]:
-        self._base.execute("BEGIN IMMEDIATE")
         try:
-            yield self._base
-        except BaseException:
-            self._base.execute("ROLLBACK")
-            raise
-        self._base.execute("COMMIT")
+            self._base.execute("BEGIN IMMEDIATE")
+            try:
+                yield self._base
+                self._base.execute("COMMIT")
+            except BaseException:
+                # a full disk has rolled back already
+                if self._base.in_transaction:
+                    self._base.execute("ROLLBACK")
+                raise
+        except sqlite3.OperationalError as problem:
+            raise UsageError(
+                f"the ledger can't be written: {problem}",
+                hint="What is done is kept. Make room on the disk (or leave the folder writable)"
+                " and give the same command again.",
+            ) from problem
 
     def plan(self, orders: Sequence[WorkOrder], *, retry_failed: bool) -> dict[str, str]:
         """Enter what is to be done, keep what was done with the same inputs.

@@ -1,0 +1,102 @@
+"""What goes wrong around a campaign is named, and the rest goes on."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from metrology import UsageError
+from pipelines.campaign.conduct import Asked, conduct
+from pipelines.campaign.ledger import Ledger, State
+from pipelines.campaign.run import find_clips
+from pipelines.campaign.worker import Request, answer
+
+STAND_IN = Path(__file__).with_name("stand_in.py")
+ROOT = Path(__file__).parents[3]
+_ON_A_SMALL_DISK = """
+import resource, signal, sys
+from pathlib import Path
+from metrology import UsageError
+from pipelines.campaign.lab_book import match_clips
+from pipelines.campaign.run import Plan, RunOptions, find_clips, local_crew, run
+clips, out, stand_in, most = *map(Path, sys.argv[1:4]), int(sys.argv[4])
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+if most:
+    # files end there as on a disk that is full
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
+options = RunOptions(command=(sys.executable, str(stand_in)))
+plan = Plan(out, options, match_clips(None, find_clips([clips])), "1")
+try:
+    print(run(plan, lambda: local_crew(2, options)).done)
+except UsageError as problem:
+    print(problem)
+    sys.exit(problem.exit_code)
+"""
+
+
+def test_no_clips_and_no_folder_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="there is no clip in"):
+        find_clips([tmp_path])
+    with pytest.raises(UsageError, match="no clip or folder"):
+        find_clips([tmp_path / "nothing"])
+
+
+def test_a_clip_that_is_gone_fails_by_name(tmp_path: Path) -> None:
+    reply = answer(Request(path=str(tmp_path / "gone.mp4")))
+    assert "gone.mp4" in reply["error"]
+    assert reply["document"] is None
+
+
+def test_a_folder_that_can_not_be_made_is_refused_before_the_work(tmp_path: Path) -> None:
+    (tmp_path / "clips").mkdir()
+    (tmp_path / "clips" / "a.mp4").write_bytes(b"a")
+    (tmp_path / "file").write_text("no folder")
+    with pytest.raises(UsageError, match="file"):
+        conduct(Asked(clips=(tmp_path / "clips",), out=tmp_path / "file" / "out"))
+
+
+@pytest.mark.parametrize("damage", [b"no database", b"SQLite format 3\0" + b"x" * 4096])
+def test_a_damaged_ledger_is_refused_in_words(damage: bytes, tmp_path: Path) -> None:
+    (tmp_path / "ledger.sqlite").write_bytes(damage)
+    with pytest.raises(UsageError, match="ledger"):
+        Ledger(tmp_path)
+
+
+def test_on_a_full_disk_nothing_is_lost(tmp_path: Path) -> None:
+    clips, out = tmp_path / "clips", tmp_path / "out"
+    clips.mkdir()
+    out.mkdir()
+    for number in range(40):
+        (clips / f"strike_{number:02d}.mp4").write_bytes(str(number).encode())
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+
+    def ran(most: int) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [
+                sys.executable,
+                "-c",
+                _ON_A_SMALL_DISK,
+                str(clips),
+                str(out),
+                str(STAND_IN),
+                str(most),
+            ],
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+
+    full = ran(150_000)
+    assert full.returncode == 2, full.stderr
+    assert "the ledger can't be written" in full.stdout
+    with Ledger(out) as ledger:
+        before = ledger.counts()[State.DONE]
+    assert 0 < before < 40
+    again = ran(0)
+    assert again.returncode == 0, again.stderr
+    # what was done before is not done again
+    assert int(again.stdout) == 40 - before
