@@ -111,7 +111,7 @@ def follow(
         background=scene.background.image,
         rest_frames=rest_frames,
         others=_others(scene, choice, capture_fps),
-        warnings=tuple(_warnings(choice, rest, striker) + _camera_warnings(scene)),
+        warnings=tuple(_warnings(choice, rest, striker, footage.first) + _camera_warnings(scene)),
         shift_px=scene.shifts(),
         motion=motion,
     )
@@ -370,7 +370,14 @@ def _pendulum(striker: Striker | None, rest: Rest | None, fps: float) -> Pendulu
     return None if striker is None or rest is None else pendulum_track(striker, rest, fps)
 
 
-def _warnings(choice: Choice, rest: Rest | None, striker: Striker | None) -> list[str]:
+def _pointer(path: Path, first: int) -> str:
+    """The option that points at a thing where it was seen most clearly."""
+    clearest = int(np.argmax(path.coverage * path.sharpness))
+    x, y = path.centre_px[clearest]
+    return f"--ball-at {x:.0f},{y:.0f},{path.frame[clearest] + first}"
+
+
+def _warnings(choice: Choice, rest: Rest | None, striker: Striker | None, first: int) -> list[str]:
     said = []
     if choice.struck:
         said.append(
@@ -380,7 +387,7 @@ def _warnings(choice: Choice, rest: Rest | None, striker: Striker | None) -> lis
     elif choice.others:
         said.append(
             f"{1 + len(choice.others)} round things move; the clearest is taken for the ball. "
-            "Point at another with --ball-at X,Y,FRAME."
+            f"If it is the next clearest, point at that with {_pointer(choice.others[0], first)}."
         )
     if striker is not None:
         said += striker.warnings

@@ -1,4 +1,5 @@
 import csv
+import re
 
 import numpy as np
 import pytest
@@ -68,14 +69,31 @@ def test_pointing_beside_everything_is_refused() -> None:
         follow(clip, 600.0, ball_at=(230.0, 5.0))  # type: ignore[arg-type]
 
 
-def test_pointing_chooses_the_other_ball() -> None:
+@pytest.fixture(scope="module")
+def two_balls() -> PaintedClip:
     scene = wall(100, 200)
     pictures = []
     for index in range(40):
         light = with_ball(scene, (20.0 + 4 * index, 30.0), 10.0)
         pictures.append(exposed(with_ball(light, (185.0 - 3 * index, 72.0), 9.0), 1.5, index))
-    ball = follow(PaintedClip(pictures), 600.0, ball_at=(125.0, 72.0, 20)).ball  # type: ignore[arg-type]
+    return PaintedClip(pictures)
+
+
+def test_pointing_chooses_the_other_ball(two_balls: PaintedClip) -> None:
+    ball = follow(two_balls, 600.0, ball_at=(125.0, 72.0, 20)).ball  # type: ignore[arg-type]
     assert abs(np.median(ball.centre_px[:, 1]) - 72.0) < 1.0
+
+
+def test_of_two_like_balls_the_warning_points_at_the_other(two_balls: PaintedClip) -> None:
+    tracks = follow(two_balls, 600.0)  # type: ignore[arg-type]
+    said = re.search(r"--ball-at (\d+),(\d+),(\d+)", " ".join(tracks.warnings))
+    assert said is not None
+    x, y, frame = (int(group) for group in said.groups())
+    other = 72.0 if np.median(tracks.ball.centre_px[:, 1]) < 50.0 else 30.0
+    assert abs(y - other) < 2.0
+    assert abs(x - (20.0 + 4 * frame if other == 30.0 else 185.0 - 3 * frame)) < 2.0
+    row = np.searchsorted(tracks.others[0].track.frame, frame)
+    assert abs(tracks.others[0].track.centre_px[row, 1] - other) < 1.0
 
 
 def _truth(name: str, thing: str | None = None) -> np.ndarray:
