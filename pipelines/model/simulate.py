@@ -289,26 +289,17 @@ def simulate(
     except DomainError as problem:
         why = problem.message
     runs = [strike_numbers(s, t, effects)[0] for s, t in zip(strikes, turned, strict=True)]
+    best, flight, contact_flight = strike_numbers(strikes[0], turned[0], effects, samples=201)
     others = []
-    for _, moved in unsure:
+    for source, moved in unsure:
         struck = strike_inputs(moved, backswing, impact_speed, law, effects, Shift())
         contact = None if why else followed_contacts([struck]).at(0)
-        others.append(strike_numbers(struck, contact, effects)[0])
-    best, flight, contact_flight = strike_numbers(strikes[0], turned[0], effects, samples=201)
+        others.append((source, strike_numbers(struck, contact, effects)[0]))
+    budgets = {
+        name: (*_budget(name, runs, sources), *_by_unsure(name, best, others)) for name in best
+    }
     quantities = [
-        Quantity.measured(
-            name,
-            value,
-            UNITS[name],
-            (
-                *_budget(name, runs, sources),
-                *(
-                    Contribution(source, abs(other[name] - value))
-                    for (source, _), other in zip(unsure, others, strict=True)
-                ),
-            ),
-        )
-        for name, value in best.items()
+        Quantity.measured(name, value, UNITS[name], budgets[name]) for name, value in best.items()
     ]
     if contact_flight is None:
         quantities += [
@@ -350,6 +341,13 @@ def _budget(
         Contribution(source, 0.5 * abs(runs[2 * i + 2][name] - runs[2 * i + 1][name]))
         for i, (source, _) in enumerate(sources)
     )
+
+
+def _by_unsure(
+    name: str, best: dict[str, float], others: list[tuple[UncertaintySource, dict[str, float]]]
+) -> tuple[Contribution, ...]:
+    """Change of a quantity with each number that is unsure, one standard uncertainty larger."""
+    return tuple(Contribution(source, abs(other[name] - best[name])) for source, other in others)
 
 
 def _warnings(

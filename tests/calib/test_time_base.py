@@ -50,3 +50,23 @@ def test_free_fall_gives_the_rate() -> None:
     assert abs(found.fps - 240.0) < 4.0 * found.std
     with pytest.raises(CalibrationError, match="fall"):
         rate_from_fall(0 * y, np.full(200, 0.001), n, acceleration=9.806)
+
+
+def test_stated_rates_from_falls_hold_the_truth_as_often_as_they_say() -> None:
+    """400 falls: 68 % within one standard uncertainty, 95 % within two, to four binomial ones."""
+    rng = np.random.default_rng(11)
+    n = np.arange(60)
+    t = n / 240.0
+    true = 1.0 + 2.0 * t - 0.5 * 9.806 * t**2
+    std = np.linspace(0.5e-3, 2e-3, n.size)
+    z = np.empty(400)
+    for k in range(z.size):
+        scale = 1.0 + rng.normal(0.0, 0.002)
+        found = rate_from_fall(
+            scale * (true + rng.normal(0.0, std)), std, n,
+            acceleration=9.806, relative_scale_std=0.002,
+        )  # fmt: skip
+        z[k] = (found.fps - 240.0) / found.std
+    for within, share in ((1.0, 0.6827), (2.0, 0.9545)):
+        spread = np.sqrt(share * (1.0 - share) / z.size)
+        assert abs(np.mean(np.abs(z) < within) - share) < 4.0 * spread

@@ -78,6 +78,29 @@ def grid_from_corners(
         If the handles enclose no area in that order, or there is no square between them.
     """
     wide, high = squares
+    scale, warp = _straightening(corners, squares)
+    height, width = picture.shape
+    size = (int(wide * scale) + 1, int(high * scale) + 1)
+    gray = np.asarray(picture, dtype=np.float32)
+    straight = cv2.warpPerspective(gray, warp, size, flags=cv2.INTER_CUBIC)
+    try:
+        found = find_wall_grid(straight, pitch_m=pitch_m, fine_pitch_m=fine_pitch_m)
+        ratio = _ratio(found, scale)
+    except CalibrationError:
+        return _by_hand(corners, squares, (width, height), pitch_m), "hand"
+    found = replace(found, nodes=found.nodes + np.round(_origin_shift(found, scale)).astype(int))
+    return _in_picture(found, warp, corners, (width, height), pitch_m / ratio), "corners"
+
+
+def _straightening(corners: FloatArray, squares: tuple[int, int]) -> tuple[float, FloatArray]:
+    """Px of a square, and the homography (3, 3) that straightens what is between the handles.
+
+    Raises
+    ------
+    UsageError
+        If the handles enclose no area in their order, or there is no square between them.
+    """
+    wide, high = squares
     if wide < 1 or high < 1:
         raise UsageError("there is no square between the handles", hint="Count squares: 1 or more.")
     turns = np.diff(np.vstack([corners, corners[:2]]), axis=0)
@@ -93,17 +116,14 @@ def grid_from_corners(
     scale = min(scale, MOST_PX / max(wide, high))
     flat = np.array([[0, high], [wide, high], [wide, 0], [0, 0]], dtype=np.float64) * scale
     warp = cv2.getPerspectiveTransform(corners.astype(np.float32), flat.astype(np.float32))
-    height, width = picture.shape
-    size = (int(wide * scale) + 1, int(high * scale) + 1)
-    gray = np.asarray(picture, dtype=np.float32)
-    straight = cv2.warpPerspective(gray, warp, size, flags=cv2.INTER_CUBIC)
-    try:
-        found = find_wall_grid(straight, pitch_m=pitch_m, fine_pitch_m=fine_pitch_m)
-        ratio = _ratio(found, scale)
-    except CalibrationError:
-        return _by_hand(corners, squares, (width, height), pitch_m), "hand"
-    warp = np.asarray(warp, dtype=np.float64)
-    found = replace(found, nodes=found.nodes + np.round(_origin_shift(found, scale)).astype(int))
+    return scale, np.asarray(warp, dtype=np.float64)
+
+
+def _in_picture(
+    found: WallGrid, warp: FloatArray, corners: FloatArray, size: tuple[int, int], pitch_m: float
+) -> WallGrid:
+    """A grid found in the straightened picture, where it is in the picture itself."""
+    width, height = size
     back = np.asarray(np.linalg.inv(warp), dtype=np.float64)
     jacobian = _jacobian(back, found.points_px)
     points = _moved(back, found.points_px)
@@ -113,9 +133,9 @@ def grid_from_corners(
     cv2.fillConvexPoly(area, np.round(corners).astype(np.int32), 1)
     inverse = np.linalg.inv(grid_map.jacobian(points))
     residual = np.einsum("nij,nj->ni", inverse, grid_map(points) - found.nodes)
-    grid = WallGrid(
+    return WallGrid(
         size=(width, height),
-        pitch_m=pitch_m / ratio,
+        pitch_m=pitch_m,
         nodes=found.nodes,
         points_px=points,
         covariance_px2=covariance,
@@ -127,7 +147,6 @@ def grid_from_corners(
         origin_m=np.zeros(2),
         warnings=found.warnings,
     )
-    return grid, "corners"
 
 
 def _ratio(found: WallGrid, scale: float) -> int:
