@@ -37,6 +37,7 @@ from mismatch.search.locate import (
 from mismatch.search.naming import Naming, name_effects
 from mismatch.verdict import (
     Alternative,
+    Doubt,
     HeldOut,
     NamedEffect,
     ParameterValue,
@@ -262,6 +263,11 @@ def _verdict(
         groups, rivals = (), ()
     effects = tuple(_beside_rivals(effect, groups) for effect in effects)
     kind = passed.kind
+    if kind == "explained" and any(effect.probability < 0.5 for effect in effects):
+        # Less likely than not is no finding.
+        kind = "ambiguous"
+        told = f"{remainder.statement} {_WHY[kind]}: {Doubt.UNLIKELY.value}."
+        remainder = replace(remainder, statement=told)
     if kind == "unexplained" and (location is None or not passed.names):
         location = where_it_is_largest(forward, base)
     return Verdict(

@@ -401,6 +401,7 @@ class Doubt(Enum):
     ONE_TRIAL = "its strength hangs on one trial alone"
     UNPROVED = "no trial is kept out of the fit to prove it on"
     UNKNOWN_CALIBRATION = "it is no larger than what a calibration that nobody knows may leave open"
+    UNLIKELY = "it is less likely than all other answers together"
     NOISE = "the noise that is needed is as large as the motion itself, so nothing can be said"
 
 

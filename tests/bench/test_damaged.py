@@ -32,6 +32,13 @@ def test_what_is_no_recording_is_refused_in_plain_words(tmp_path, damage):
     assert REFUSED[damage] in outcome.said
 
 
+def test_a_damage_that_a_campaign_can_not_have_is_seen(tmp_path):
+    files = SOUND["thrown"](tmp_path)
+    assert DAMAGES["angles in degrees"](files).like(files)
+    assert not DAMAGES["tabs"](files).like(files)
+    assert not DAMAGES["noise alone"](files).like(files)
+
+
 def test_a_sure_name_and_a_traceback_are_counted():
     good = Outcome(2, "refused", {}, "", 0.1)
     sure = Outcome(0, "explained", {"drag": 0.9}, "", 0.1)
