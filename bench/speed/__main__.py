@@ -38,6 +38,8 @@ LENGTHS = (300, 3000, 36_000)
 LONG = 20_000
 """Frames: of clips this long one run is taken."""
 SEGMENT = 600
+GRAIN = 0.5
+"""Gray levels: what a bright, well lit picture has; coarser grain, coded, counts as motion."""
 VISION = "from pipelines.cli import app; app()"
 FOLLOW = "from vision.clip.clip import Clip; from vision.following import follow; import sys; "
 FOLLOW += "follow(Clip.open(sys.argv[1]), 600.0)"
@@ -216,12 +218,13 @@ def commit_of(root: Path) -> str:
 
 
 def lengthened(clip: Path, frames: int, to: Path) -> Path:
-    """The clip with its first pictures, to and fro, before it: still, then one strike.
+    """The clip with its first picture before it, grainy as a camera's: still, then one strike.
 
     The still part is encoded once and its packets are repeated.
     """
     pictures: list[NDArray[np.uint8]] = [one.gray for one in Clip.open(clip).frames()]
-    still = [*pictures[:20], *pictures[18:0:-1]]
+    grain = np.random.default_rng(1).normal(0.0, GRAIN, (40, *pictures[0].shape))
+    still = [np.clip(pictures[0] + one, 0, 255).astype(np.uint8) for one in grain]
     spare = max(frames - len(pictures), 0)
 
     def colour(grays: list[NDArray[np.uint8]]) -> Iterator[NDArray[np.uint8]]:
