@@ -38,6 +38,11 @@ _LEAD_STD_PX = 0.10
 that closes the gap at the true contact scatters by 0.12 px over twelve ray-traced clips of another
 renderer, by 0.10 px over own ones, 208 to 640 px wide; 0.08 px of it is the fit of the rims."""
 
+REST_STD_PX = 0.1
+"""px: what the support, its shadow and the one-sided light shift the outline of a ball at rest by,
+alike in all of its frames: its centre is off by 0.13 px along an axis, root mean square over
+thirteen clips of another renderer, and by 0.10 px over eight own ones, where frames state 0.08."""
+
 BEND_SHARE = 0.003
 """Of the length: a path that is straight to this is a slide, since a throw of a tenth of a second
 sags by 5 cm."""
@@ -227,6 +232,7 @@ def tracks_in_metres(tracks: Tracks, mapping: PlaneMapping, time_s: FloatArray) 
     pendulum = tracks.pendulum
     rest = np.median(position[still], axis=0)
     radius = _apparent_radius(tracks, mapping)
+    scale = radius / float(np.median(ball.radius_px))
     eye = mapping.eye()
     eye = None if eye is None else eye * np.append(flip, 1.0)
     return MetricTracks(
@@ -236,7 +242,7 @@ def tracks_in_metres(tracks: Tracks, mapping: PlaneMapping, time_s: FloatArray) 
         ball_cov_m2=covariance * np.outer(flip, flip),
         rest_m=rest * flip,
         # what a still ball's centre is off by does not average away over its frames
-        rest_std_m=np.maximum(std, scatter),
+        rest_std_m=np.hypot(np.maximum(std, scatter), REST_STD_PX * scale),
         pivot_m=swing.pivot,
         swing_time_s=np.zeros(0) if pendulum is None else time_s[pendulum.track.frame],
         swing_rad=swing.angle,
