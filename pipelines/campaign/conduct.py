@@ -20,7 +20,7 @@ from metrology import MeasurementError, UsageError, write_text_whole
 from pipelines.api.explained import explain as find_missing_physics
 from pipelines.api.quantities import measure_options, setup_from
 from pipelines.campaign.analysis.balls import BallAnalysis, CampaignAnalysis, analyse
-from pipelines.campaign.analysis.cor_law import CorLawFit, Estimate
+from pipelines.campaign.analysis.cor_law import AveragedLaw, CorLawFit, Estimate
 from pipelines.campaign.figures import draw_figures, write_figures
 from pipelines.campaign.lab_book import LabBook, Strike, match_clips, read_lab_book
 from pipelines.campaign.ledger import Ledger, Outcome, State, lock_folder
@@ -137,7 +137,7 @@ def _ball(ball: BallAnalysis) -> dict[str, Any]:
         "covariance": fit.covariance.tolist(),
         "strike_scatter": _estimate(fit.strike_scatter),
         "session_scatter": _estimate(fit.session_scatter),
-        "cor_at": [_at(fit, speed) for speed in speeds],
+        "cor_at": [_at(AveragedLaw(ball.fits), speed) for speed in speeds],
         "laws": {str(other.law): other.probability for other in ball.fits},
         "precision": None
         if precision is None
@@ -156,11 +156,11 @@ def _estimate(item: Estimate) -> dict[str, Any]:
     return {"value": item.value, "std": item.std, "interval_95": [item.low, item.high]}
 
 
-def _at(fit: CorLawFit, speed: float) -> dict[str, Any]:
-    following = fit.next_strike(speed)
+def _at(averaged: AveragedLaw, speed: float) -> dict[str, Any]:
+    following = averaged.next_strike(speed)
     return {
         "speed": speed,
-        **_estimate(fit.at(speed)),
+        **_estimate(averaged.at(speed)),
         "next_strike_95": [following.low, following.high],
     }
 

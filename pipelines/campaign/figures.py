@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from metrology.files import written_whole
 from physics import bodies
 from pipelines.campaign.analysis.balls import BallAnalysis, CampaignAnalysis, SensorAnalysis
+from pipelines.campaign.analysis.cor_law import AveragedLaw
 from pipelines.campaign.lab_book import SENSORS
 from pipelines.campaign.results import ClipResult
 
@@ -107,8 +108,9 @@ def _cor(balls: Sequence[BallAnalysis], against_paper: bool) -> Figure:
 def _band(axes: Axes, ball: BallAnalysis, colour: str) -> None:
     fit = ball.fits[0]
     grid = np.linspace(*fit.speeds, 40)
-    of_law = [fit.at(v) for v in grid]
-    following = [fit.next_strike(v) for v in grid]
+    averaged = AveragedLaw(ball.fits)
+    of_law = [averaged.at(v) for v in grid]
+    following = [averaged.next_strike(v) for v in grid]
     axes.plot(
         grid,
         [e.value for e in of_law],

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from metrology import write_text_whole
 from metrology.quantity import format_pair
 from pipelines.campaign.analysis.balls import BallAnalysis, CampaignAnalysis, SensorAnalysis
+from pipelines.campaign.analysis.cor_law import AveragedLaw
 from pipelines.campaign.figures import svg_text
 from pipelines.campaign.ledger import State
 from pipelines.campaign.results import ClipResult
@@ -121,7 +122,8 @@ def _ball(ball: BallAnalysis) -> dict[str, object]:
     fit = ball.fits[0]
     low, high = fit.speeds
     middle = 0.5 * (low + high)
-    following = fit.next_strike(middle)
+    averaged = AveragedLaw(ball.fits)
+    following = averaged.next_strike(middle)
     laws = ", ".join(f"{one.law} {one.probability:.0%}" for one in ball.fits)
     found = ball.precision
     return {
@@ -132,7 +134,9 @@ def _ball(ball: BallAnalysis) -> dict[str, object]:
         "formula": _FORMULA[str(fit.law)],
         "laws": laws,
         "parameters": [(name, _pm(item.value, item.std)) for name, item in fit.parameters.items()],
-        "at": [(f"{v:.2f}", _pm(fit.at(v).value, fit.at(v).std)) for v in (low, middle, high)],
+        "at": [
+            (f"{v:.2f}", _pm(averaged.at(v).value, averaged.at(v).std)) for v in (low, middle, high)
+        ],
         "next": f"{following.low:.3f} to {following.high:.3f} at {middle:.2f} m/s",
         "scatter": _pm(fit.strike_scatter.value, fit.strike_scatter.std),
         "precision": None

@@ -24,7 +24,7 @@ from scipy.special import logsumexp
 from metrology import TooLittleDataError
 from pipelines.setup.cor_file import PARAMETERS, LawKind
 
-__all__ = ["CorLawFit", "CorPoints", "Estimate", "fit_cor_laws"]
+__all__ = ["AveragedLaw", "CorLawFit", "CorPoints", "Estimate", "fit_cor_laws"]
 
 FloatArray = NDArray[np.float64]
 
@@ -104,6 +104,42 @@ class CorLawFit:
         scatter = np.hypot(self.draws[:, -2], self.draws[:, -1])
         noise = np.random.default_rng(_SEED).standard_normal(len(scatter))
         return _summary(_evaluate(self.law, self.draws, speed) + scatter * noise)
+
+
+@dataclass(frozen=True)
+class AveragedLaw:
+    """What all laws compared say together, each with its probability (Hoeting et al. 1999).
+
+    The likeliest law alone would leave the doubt about the law itself out of its band.
+
+    Attributes
+    ----------
+    fits : tuple of CorLawFit
+        Of one ball.
+    """
+
+    fits: tuple[CorLawFit, ...]
+
+    def at(self, speed: float) -> Estimate:
+        """Coefficient of restitution at an impact speed, m/s."""
+        return _summary(self._values(speed, next_strike=False))
+
+    def next_strike(self, speed: float) -> Estimate:
+        """What the next strike at that speed, in a session of its own, will show."""
+        return _summary(self._values(speed, next_strike=True))
+
+    def _values(self, speed: float, *, next_strike: bool) -> FloatArray:
+        parts = []
+        for fit in self.fits:
+            # equally likely draws: any of them, in the number that the law is worth
+            chosen = np.random.default_rng(_SEED).permutation(len(fit.draws))
+            draws = fit.draws[chosen[: round(fit.probability * len(fit.draws))]]
+            values = _evaluate(fit.law, draws, speed)
+            if next_strike:
+                noise = np.random.default_rng(_SEED).standard_normal(len(draws))
+                values = values + np.hypot(draws[:, -2], draws[:, -1]) * noise
+            parts.append(values)
+        return np.concatenate(parts)
 
 
 _SEED = 20

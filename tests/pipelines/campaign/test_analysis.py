@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from pipelines.campaign.analysis.cor_law import CorPoints, fit_cor_laws
+from pipelines.campaign.analysis.cor_law import AveragedLaw, CorPoints, fit_cor_laws
 from pipelines.campaign.analysis.precision import agreement, find_outliers, precision
 from pipelines.setup.cor_file import LawKind
 
@@ -108,3 +108,20 @@ def test_a_shared_error_does_not_average_away() -> None:
     ]
     assert fits[1] > 0.035
     assert fits[0] < 0.5 * fits[1]
+
+
+def test_the_band_holds_the_doubt_about_the_law_itself() -> None:
+    rng = np.random.default_rng(4)
+    speed = np.repeat([1.0, 2.5, 4.0], 3)
+    cor = 0.75 - 0.012 * (speed - 2.5) + rng.normal(0.0, 0.004, len(speed))
+    own, none = np.full(len(speed), 0.004), np.zeros(len(speed), np.int64)
+    fits = fit_cor_laws(CorPoints(speed, cor, own, np.zeros((len(speed), 1)), none))
+    averaged = AveragedLaw(fits)
+    for at in (1.0, 4.0):
+        mean = sum(fit.probability * fit.at(at).value for fit in fits)
+        spread = sum(
+            fit.probability * (fit.at(at).std ** 2 + (fit.at(at).value - mean) ** 2) for fit in fits
+        )
+        assert averaged.at(at).value == pytest.approx(mean, abs=5e-4)
+        assert averaged.at(at).std == pytest.approx(np.sqrt(spread), rel=0.1)
+        assert averaged.next_strike(at).std >= averaged.at(at).std
