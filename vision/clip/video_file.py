@@ -320,7 +320,9 @@ class VideoFile:
         return end + beyond * times.interval_s
 
     def _decoded(self, container: Any, stream: Any) -> Iterator[Any]:
-        stream.thread_type = "AUTO"
+        # threads over frames conceal an error with whatever its neighbour has decoded by then, so
+        # that one damaged file gives other pictures at every reading; over slices they do not
+        stream.thread_type = "SLICE"
         stream.codec_context.thread_count = min(_MOST_THREADS, os.cpu_count() or 1)
         for packet in self._demuxed(container, stream):
             try:

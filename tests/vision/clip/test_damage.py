@@ -9,6 +9,7 @@ import pytest
 from metrology import ClipError
 from tests.vision.clip.written_clips import moving_disc, scene, write_clip, write_sound
 from vision.clip.clip import Clip
+from vision.clip.video_file import VideoFile
 
 KEYS_OFTEN = {"g": "5", "crf": "10", "bf": "0"}
 
@@ -156,3 +157,24 @@ def test_pictures_that_change_size_are_refused_where_they_do(tmp_path):
     path.write_bytes(b"".join(parts))
     with pytest.raises(ClipError, match="change size at frame 4, from 160×120 to 96×64"):
         list(Clip.open(path).frames())
+
+
+def test_a_damaged_file_gives_the_same_pictures_at_every_reading(tmp_path):
+    """Concealment borrows from neighbours: it must not hang on which thread came first."""
+    whole = write_clip(tmp_path / "whole.mp4", moving_disc(60), options={"g": "60", "crf": "20"})
+    raw = whole.read_bytes()
+    random = np.random.default_rng(5)
+    for attempt in range(6):
+        hurt = bytearray(raw)
+        for place in random.integers(len(raw) // 4, len(raw), 6 + 3 * attempt):
+            hurt[place] ^= 1 << int(random.integers(8))
+        path = tmp_path / f"hurt{attempt}.mp4"
+        path.write_bytes(bytes(hurt))
+        readings = set()
+        for _ in range(4):
+            try:
+                pictures = [picture.gray().tobytes() for picture in VideoFile(path).pictures()]
+            except ClipError as problem:
+                pictures = [problem.message.encode()]
+            readings.add(hash(tuple(pictures)))
+        assert len(readings) == 1
