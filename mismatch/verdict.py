@@ -392,6 +392,10 @@ PULLED = 0.5
 """Share of a strength that one trial alone may make up."""
 
 
+FAR_OFF_NOISE = 10.0
+"""Misfit, three sigma a row, from which values of each trial's own describe but don't explain."""
+
+
 class Doubt(Enum):
     """What speaks against an answer that fits best."""
 
@@ -399,6 +403,7 @@ class Doubt(Enum):
     CARRIED = "the body does not fall as a free one does: something carries or holds it"
     LEFT_OVER = "it leaves most of the mismatch unexplained"
     ONE_TRIAL = "its strength hangs on one trial alone"
+    EACH_ITS_OWN = "each trial has values of its own, which take up a part of any misfit"
     UNPROVED = "no trial is kept out of the fit to prove it on"
     UNKNOWN_CALIBRATION = "it is no larger than what a calibration that nobody knows may leave open"
     UNLIKELY = "it is less likely than all other answers together"
@@ -469,6 +474,8 @@ def pass_gate(
             doubts.append(Doubt.WORSE_HELD_OUT)
         if _left(prepared, best) > 0.5:
             doubts.append(Doubt.LEFT_OVER)
+        if best.misfit >= FAR_OFF_NOISE and best.fit.model.own:
+            doubts.append(Doubt.EACH_ITS_OWN)
         if _hangs_on_one(forward, best):
             doubts.append(Doubt.ONE_TRIAL)
     elif kept is not None and kept.ratio_95[1] < 1.0:

@@ -13,6 +13,7 @@ from mismatch.model.baseline import BallModel, Baseline
 from mismatch.model.candidates import candidates_for
 from mismatch.model.forward import Forward, Model, OwnStrength
 from mismatch.records.records import Campaign, Trial
+from mismatch.verdict import Doubt, pass_gate
 from physics.effects import CATALOGUE, Effect, Level
 from physics.effects.base import Form
 
@@ -111,6 +112,18 @@ def test_an_answer_without_the_drag_that_nature_always_has_pays_for_it():
     assert known.lacking == ()
     assert other.lacking == ("drag",)
     assert replace(other, lacking=()).worth == pytest.approx(other.worth + EXPECTED)
+
+
+def test_values_of_each_trials_own_are_doubted_far_off_the_noise():
+    spins = np.random.default_rng(8).normal(0.0, 100.0, (4, 3))
+    campaign = _campaign([0.45] * 4, spins, ["white"] * 4)
+    prepared = prepare(*campaign)
+    _, each = _fitted(*campaign, [DRAG, _at(SPIN, Level.TRIAL)])
+    assert Doubt.EACH_ITS_OWN not in pass_gate(prepared, each, "explained", None).doubts
+    far = replace(each, fit=replace(each.fit, chi2=20.0 * each.fit.expected))
+    passed = pass_gate(prepared, far, "explained", None)
+    assert Doubt.EACH_ITS_OWN in passed.doubts
+    assert passed.most < 0.5
 
 
 def test_a_throw_spins_within_reason():
