@@ -360,6 +360,10 @@ def _each_in_words(each: StrengthsOfEach) -> str:
     return f"{text}: {'; '.join(own)}."
 
 
+NO_GAIN = 1.0
+"""Chi-square units below which held-out trials say nothing for an answer: of three such names in
+the foreign simulator's campaigns one was right."""
+
 _HEADLINES: dict[str, str] = {
     "no_mismatch": "Nothing is missing: simulation and recording agree within the noise.",
     "unexplained": "Simulation and recording differ, and no known effect explains it.",
@@ -401,6 +405,7 @@ class Doubt(Enum):
 
     WORSE_HELD_OUT = "on trials kept out of the fit it does no better than the model without it"
     CARRIED = "the body does not fall as a free one does: something carries or holds it"
+    NO_GAIN = "on trials kept out of the fit it does hardly better than the model without it"
     LEFT_OVER = "it leaves most of the mismatch unexplained"
     ONE_TRIAL = "its strength hangs on one trial alone"
     EACH_ITS_OWN = "each trial has values of its own, which take up a part of any misfit"
@@ -480,6 +485,8 @@ def pass_gate(
             doubts.append(Doubt.ONE_TRIAL)
     elif kept is not None and kept.ratio_95[1] < 1.0:
         doubts.append(Doubt.WORSE_HELD_OUT)
+    elif kept is not None and not kept.proves and kept.gain is not None and kept.gain < NO_GAIN:
+        doubts.append(Doubt.NO_GAIN)
     return _passed(prepared, best, kind, tuple(doubts))
 
 

@@ -11,7 +11,7 @@ from mismatch import explain_in_full
 from mismatch.explain import GROUP_TRUST, _plain
 from mismatch.search.field import Field
 from mismatch.search.unnamed import unnamed_laws
-from mismatch.verdict import Doubt, HeldOut, NamedEffect, Remainder, Verdict
+from mismatch.verdict import Doubt, HeldOut, NamedEffect, Remainder, Verdict, pass_gate
 from physics.effects import CATALOGUE
 from pipelines.explain.report import _typeset, explain_report_html
 from tests.mismatch.synthetic import thrown_campaign
@@ -40,6 +40,14 @@ def test_the_page_shows_pictures_first_and_a_caption_for_each(heavier):
     assert page.index("<figure>") < page.index("<h2>")
     assert "can't tell" not in page or "not excluded" in page
     assert ">all<" in page
+
+
+@pytest.mark.parametrize(("gain", "doubted"), [(0.3, True), (40.0, False)])
+def test_a_name_that_predicts_no_better_is_in_doubt(heavier, gain, doubted):
+    flat = HeldOut(("1",), 0.02, 0.02, (0.99, 1.01), gain=gain)
+    passed = pass_gate(heavier.prepared, heavier.naming.best, "explained", flat)
+    assert (Doubt.NO_GAIN in passed.doubts) is doubted
+    assert (passed.most < 0.5) is doubted
 
 
 def test_a_name_beside_rivals_is_never_sure(heavier):
