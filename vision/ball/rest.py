@@ -56,9 +56,7 @@ def find_rest(frame: IntArray, centre: FloatArray, radius: float) -> Rest | None
     """
     if len(frame) < 2 * _FEWEST:
         return None
-    anchor = np.median(centre[:_FEWEST], axis=0)
-    tolerance = 0.12 * radius + 0.3
-    departure = _departure(np.hypot(*(centre - anchor).T), tolerance, radius)
+    departure = _departure(centre, radius)
     if departure is None or departure < _FEWEST:
         return None
     place = np.median(centre[:departure], axis=0)
@@ -77,13 +75,21 @@ def find_rest(frame: IntArray, centre: FloatArray, radius: float) -> Rest | None
     return Rest(int(frame[0]), int(frame[last]), place, run / length, length / elapsed)
 
 
-def _departure(away: FloatArray, tolerance: float, radius: float) -> int | None:
+def _departure(centre: FloatArray, radius: float) -> int | None:
     """Row at which the ball leaves for good: it goes a radius away without coming back first.
 
-    A few bad fits, while something passes in front or beside, are no departure.
+    A few bad fits, while something passes in front or beside, are no departure, and neither are
+    bad ones at the start: where the ball dwells for most of that time is where it lies.
     """
-    far = np.flatnonzero(away > radius)
+    start = np.median(centre[:_FEWEST], axis=0)
+    far = np.flatnonzero(np.hypot(*(centre - start).T) > radius)
     if len(far) == 0:
         return None
-    near = np.flatnonzero(away[: far[0]] <= tolerance)
-    return int(near[-1]) + 1 if len(near) else 0
+    before = centre[: far[0]]
+    tolerance = 0.12 * radius + 0.3
+    departure = 0
+    for place in (start, np.median(before, axis=0)):
+        near = np.flatnonzero(np.hypot(*(before - place).T) <= tolerance)
+        if len(near) and len(near) > 0.5 * (near[-1] + 1):
+            departure = max(departure, int(near[-1]) + 1)
+    return departure

@@ -255,3 +255,14 @@ def test_two_clear_strangers_do_not_end_the_search_for_longer_paths() -> None:
         )
     paths = link_circles(np.arange(12), circles)
     assert max(len(path.frame) for path in paths) == 12
+
+
+def test_a_ball_lies_where_it_dwells_though_the_first_fits_are_off() -> None:
+    """As where something dark passes behind the ball while a clip begins."""
+    rng, frame = np.random.default_rng(8), np.arange(80)
+    x = 50.0 + 3.0 * np.clip(1.0 - frame / 9.0, 0.0, 1.0) + rng.normal(0.0, 0.1, 80)
+    x[55:] += 2.0 * np.arange(1, 26)
+    rest = find_rest(frame, np.column_stack([x, np.full(80, 20.0)]), 18.0)
+    assert rest is not None
+    assert 50 <= rest.last <= 55
+    assert rest.centre_px == pytest.approx([50.0, 20.0], abs=0.2)
