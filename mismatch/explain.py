@@ -256,7 +256,6 @@ def _verdict(
         reasons = "; ".join(doubt.value for doubt in passed.doubts)
         remainder = replace(
             remainder,
-            white=remainder.white and not passed.shaken,
             statement=f"{remainder.statement} {_WHY[passed.kind]}: {reasons}.",
         )
     if not passed.names:
