@@ -150,3 +150,18 @@ def test_still_frames_before_and_after_change_nothing() -> None:
     assert len(own) > 0.95 * len(bare.ball)
     gap = found.ball.centre_px[own] - bare.ball.centre_px[theirs]
     assert np.sqrt(np.mean(gap**2)) < 0.12
+
+
+@pytest.mark.slow
+def test_a_falling_ball_is_followed_to_the_floor_though_the_last_looks_were_at_its_lamp() -> None:
+    """The last circles linked are of the lamp's glint: the ball goes on 13 px below them."""
+    folder = shared_folder("clips")
+    truth = np.genfromtxt(folder / "truth" / "freefall_phantom1000.csv", delimiter=",", names=True)
+    ball = follow(Clip.open(folder / "freefall_phantom1000.mp4"), 1000.0).ball
+    seen = np.isin(truth["frame"], ball.frame)
+    assert seen.sum() >= 0.9 * len(truth)
+    rows = np.searchsorted(ball.frame, truth["frame"][seen])
+    off = np.hypot(
+        ball.centre_px[rows, 0] - truth["x_px"][seen], ball.centre_px[rows, 1] - truth["y_px"][seen]
+    )
+    assert np.mean(off < 1.5) >= 0.9

@@ -375,7 +375,15 @@ def follow_ball(scene: Scene, path: Path) -> BallFits:
     fits = search.run(inside, guess, near_look)
     found = BallFits(inside, fits).at(fits.found)
     found = found.at(_plausible(found, search.radius))
-    table = _Table(scene.count, _gaps_filled(search, found, inside))
+    found = _reached(scene, search, _gaps_filled(search, found, inside))
+    # Ends that were fitted in the wrong place, and led nowhere, stand right by now.
+    further = _reached(scene, search, found)
+    return further if len(further) > len(found) else found
+
+
+def _reached(scene: Scene, search: "_Search", found: BallFits) -> BallFits:
+    """Go on beyond both ends, and hold every frame against its neighbours."""
+    table = _Table(scene.count, found)
     for direction in (-1, 1):
         _extend(scene, search, table, direction)
     found = table.rows()

@@ -85,6 +85,8 @@ def _departure(centre: FloatArray, radius: float) -> int | None:
     far = np.flatnonzero(np.hypot(*(centre - start).T) > radius)
     if len(far) == 0:
         return None
+    if far[0] == 0:
+        return 0
     before = centre[: far[0]]
     tolerance = 0.12 * radius + 0.3
     departure = 0
