@@ -174,8 +174,8 @@ def refuse_unwritable(path: Path) -> None:
         target = Path(os.path.realpath(path))
         if target.is_dir():
             raise IsADirectoryError(errno.EISDIR, "there is a folder of that name")
-        if not stat.S_ISDIR(target.parent.stat().st_mode):
-            raise NotADirectoryError(errno.ENOTDIR, f"{target.parent} is no folder")
+        if not target.parent.is_dir():
+            raise NotADirectoryError(errno.ENOTDIR, f"there is no folder {path.parent}")
         if not os.access(target.parent, os.W_OK):
             raise PermissionError(errno.EACCES, f"you may not write to {target.parent}")
 

@@ -11,7 +11,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from enum import Enum
 from pathlib import Path
@@ -20,7 +20,7 @@ from typing import Any, NoReturn, get_type_hints
 
 import typer
 
-__all__ = ["FileRole", "guarded"]
+__all__ = ["FileRole", "guarded", "refuse_clashes"]
 
 DEBUG = "IMPACT_VISION_DEBUG"
 """Environment: set, a numerical failure keeps its traceback."""
@@ -60,7 +60,7 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
 
         try:
             with _tidy_when_terminated():
-                _refuse_clashes(command, options)
+                _check_files(command, options)
                 command(*args, **options)
                 sys.stdout.flush()
         except ImpactVisionError as problem:
@@ -97,39 +97,65 @@ def _told_as_no_fit(problem: Exception, end: Callable[[str, int], NoReturn]) -> 
     )
 
 
-def _refuse_clashes(command: Callable[..., None], options: Mapping[str, Any]) -> None:
+def refuse_clashes(outputs: Mapping[str, Path], inputs: Iterable[Path | None]) -> None:
+    """Refuse files that can't be written, that are read, or that are named twice.
+
+    Parameters
+    ----------
+    outputs : mapping
+        What people typed ("--csv") → the file.
+    inputs : iterable of Path or None
+        What is read; it need not be there.
+
+    Raises
+    ------
+    UsageError
+    """
     from metrology import UsageError, refuse_unwritable
 
-    roles = {
-        name: FileRole.WRITES in getattr(hint, "__metadata__", ())
-        for name, hint in get_type_hints(command, include_extras=True).items()
-    }
-    outputs = {
-        name: Path(str(value))
-        for name, value in options.items()
-        if roles.get(name) and value is not None and str(value) != "-"
-    }
-    inputs = [
-        path
-        for name, value in options.items()
-        if not roles.get(name)
-        for path in (value if isinstance(value, list | tuple) else [value])
-        if isinstance(path, Path) and os.path.isfile(path)
-    ]
+    read = [path for path in inputs if path is not None and os.path.isfile(path)]
     taken: dict[str, str] = {}
-    for name, path in outputs.items():
+    for option, path in outputs.items():
         refuse_unwritable(path)
-        if any(path.exists() and path.samefile(given) for given in inputs):
+        if any(path.exists() and path.samefile(given) for given in read):
             raise UsageError(
-                f"{path} is read, and can't be written, too", hint="Name another file to write."
+                f"{option} {path}: that file is read, and can't be written, too",
+                hint="Name another file to write.",
             )
         place = os.path.realpath(path)
         if place in taken and (os.path.isfile(path) or not os.path.lexists(path)):
             raise UsageError(
-                f"{path} is named twice: for {taken[place]} and for {name}",
+                f"{path} is named twice: for {taken[place]} and for {option}",
                 hint="One would overwrite the other; name two files.",
             )
-        taken[place] = name
+        taken[place] = option
+
+
+def _check_files(command: Callable[..., None], options: Mapping[str, Any]) -> None:
+    written = {
+        name: _option(name, hint.__metadata__)
+        for name, hint in get_type_hints(command, include_extras=True).items()
+        if FileRole.WRITES in getattr(hint, "__metadata__", ())
+    }
+    outputs = {
+        written[name]: Path(str(value))
+        for name, value in options.items()
+        if name in written and value is not None and str(value) != "-"
+    }
+    given = [
+        path
+        for name, value in options.items()
+        if name not in written
+        for path in (value if isinstance(value, list | tuple) else [value])
+        if isinstance(path, Path)
+    ]
+    refuse_clashes(outputs, given)
+
+
+def _option(name: str, described: tuple[Any, ...]) -> str:
+    """What people type for a parameter: ``--csv``."""
+    typed = [word for one in described for word in getattr(one, "param_decls", ())]
+    return next((word for word in typed if word.startswith("--")), f"--{name.replace('_', '-')}")
 
 
 @contextmanager

@@ -19,7 +19,7 @@ from metrology import (
 from metrology.quantity import format_quantity
 from pipelines.api.quantities import measure_options
 from pipelines.batch import Folder, Job, files_of, measure_all
-from pipelines.doors import FileRole
+from pipelines.doors import FileRole, refuse_clashes
 from pipelines.measure.budget import Propagation
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measure.files.output import (
@@ -158,7 +158,7 @@ def measure_command(
     """
     clips = list(clips or [])
     wanted = Wanted(csv, json, tracks, overlay, plot, report, quiet)
-    wanted.require_writable((*clips, setup, from_tracks))
+    wanted.require_kinds()
     options = measure_options(
         setup,
         fps,
@@ -219,7 +219,7 @@ def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # t
         quiet: QuietOption = False,
     ) -> None:
         wanted = Wanted(csv, json, tracks, overlay, plot, report, quiet)
-        wanted.require_writable((clip, setup))
+        wanted.require_kinds()
         options = measure_options(
             setup,
             fps,
@@ -316,7 +316,8 @@ def _into_folder(
     clips = list(dict.fromkeys(clips))
     placed = files_of(folder.out, clips, wanted)
     for clip in clips:
-        placed[clip].require_writable((clip, options.setup.path))
+        placed[clip].require_kinds()
+        refuse_clashes(placed[clip].files(), (clip, options.setup.path))
     names = tuple(QUANTITY_UNITS)
     todo = [Job(clip, options, placed[clip], names) for clip in clips]
     errors = screen(errors=True)

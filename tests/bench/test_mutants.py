@@ -15,5 +15,5 @@ def test_lines_and_tests_are_there():
         or mutant.before == mutant.after
         or not (ROOT / mutant.tests).is_file()
     ]
-    assert len(MUTANTS) == 30
+    assert len(MUTANTS) >= 30
     assert len(gone) <= 3, gone

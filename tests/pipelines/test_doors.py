@@ -45,7 +45,7 @@ def test_what_is_read_is_never_written(tmp_path: Path) -> None:
     for out in (table, link):
         code, said = invoked("explain", table, "--setup", setup, "--json", out)
         assert code == 2
-        assert "is read" in said
+        assert "that file is read" in said
     assert table.read_text(encoding="utf-8") == "trial,t_s,x_m,y_m\n"
 
 

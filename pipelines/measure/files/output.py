@@ -222,7 +222,8 @@ class Wanted:
     report: Path | None = None
     quiet: bool = False
 
-    def _files(self) -> dict[str, Path]:
+    def files(self) -> dict[str, Path]:
+        """What people typed → the file, of those that are wanted."""
         named = {
             "--csv": self.csv,
             "--json": None if self.json in (None, "-") else Path(str(self.json)),
@@ -233,33 +234,14 @@ class Wanted:
         }
         return {option: path for option, path in named.items() if path is not None}
 
-    def require_writable(self, inputs: Sequence[Path | None]) -> None:
-        """Refuse what could not be written at the end, or would overwrite what is measured.
-
-        Parameters
-        ----------
-        inputs : sequence of Path or None
-            Clips and setup file.
+    def require_kinds(self) -> None:
+        """Refuse an overlay or a plot whose name does not say what kind of file it is.
 
         Raises
         ------
         UsageError
         """
-        files = self._files()
-        kept = {path.resolve() for path in inputs if path is not None}
-        for option, path in files.items():
-            if path.is_dir() or not path.parent.is_dir():
-                wrong = "that is a folder" if path.is_dir() else f"no folder {path.parent}"
-                raise UsageError(
-                    f"{option} {path}: {wrong}", hint="Name a file in a folder that exists."
-                )
-            if path.resolve() in kept:
-                raise UsageError(
-                    f"{option} {path} would overwrite what is to be measured",
-                    hint="Give the result another name.",
-                )
-            if sum(path.resolve() == other.resolve() for other in files.values()) > 1:
-                raise UsageError(f"two results are to be written to {path}")
+        files = self.files()
         for kinds, given in (("--overlay", OVERLAY_SUFFIXES), ("--plot", _PLOT_SUFFIXES)):
             if kinds in files and files[kinds].suffix.lower() not in given:
                 raise UsageError(
@@ -291,7 +273,7 @@ class Wanted:
             If one can't be written.
         """
         # each of these imports what takes longer to load than a clip to measure again
-        files = self._files()
+        files = self.files()
         if self.csv is not None:
             write_text_whole(self.csv, measurements_as_csv([measured], names))
         if "--json" in files:

@@ -129,8 +129,8 @@ def test_the_pendulums_track_is_that_of_the_rendered_one(measured: Path) -> None
     swing = table[table["object"] == "pendulum"]
     phi = np.asarray(truth["frames"]["phi_rad"])[swing["frame"]]
     off = swing["phi_rad"] - phi
-    # all angles of a clip share an error of half a degree or so: where the pivot is taken to be
-    assert np.abs(off).max() < np.radians(1.5)
+    # all angles of a clip share an error of a degree or so: where the pivot is taken to be
+    assert np.abs(off).max() < np.radians(2.0)
     # what is left beside it, slow errors along the swing among it, is what a row states
     left = np.sqrt(np.mean((off - off.median()) ** 2))
     assert 0.4 < left / swing["phi_rad_std"].median() < 2.0
@@ -187,8 +187,8 @@ def test_bad_input_is_told(arguments: list[str], code: int, said: str) -> None:
         (["--csv", "."], "a folder"),
         (["--overlay", "o.txt"], ".mp4"),
         (["--plot", "p.bmp"], ".png"),
-        (["--overlay", "clip.mp4"], "overwrite"),
-        (["--csv", "r.csv", "--tracks", "r.csv"], "two results"),
+        (["--overlay", "clip.mp4"], "is read"),
+        (["--csv", "r.csv", "--tracks", "r.csv"], "named twice"),
     ],
 )
 def test_files_that_cannot_be_written_are_told_before_anything_is_measured(
