@@ -35,7 +35,7 @@ FloatArray = NDArray[np.float64]
 _LEAD_STD_PX = 0.10
 
 """px: what the track of the mass adds between where its face is seen and where it touches. The lead
-that closes the gap at the true contact scatters by 0.12 px over twelve ray-traced clips of another
+that closes the gap at the true contact scatters by 0.12 px over ray-traced clips of another
 renderer, by 0.10 px over own ones, 208 to 640 px wide; 0.08 px of it is the fit of the rims."""
 
 REST_STD_PX = 0.1
