@@ -8,7 +8,7 @@ from mismatch.search.unnamed import Gust
 from tests.mismatch.synthetic import struck_campaign
 
 
-@pytest.mark.parametrize("length", [0.04, 0.09])
+@pytest.mark.parametrize("length", [pytest.param(0.04, marks=pytest.mark.slow), 0.09])
 def test_a_gust_starts_and_ends_when_it_blows(length):
     blown = {"strength": 0.8, "middle": 0.15, "duration": length}
     verdict = explain(*struck_campaign((Gust(), blown), seed=8))
