@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from bench.measure_truth import Case, cases
 from metrology import ImpactVisionError
 from pipelines.measure.chain import measure_clip
-from pipelines.measure.measurement import Measurement
+from pipelines.measure.measurement import ClipMeasurement
 
 Pictures = list[NDArray[np.uint8]]
 CLOCK = ("contact_start", "contact_end", "landing_time")
@@ -209,7 +209,7 @@ class Tally:
     lost: list[str] = field(default_factory=list)
     failed: list[str] = field(default_factory=list)
 
-    def add(self, case: Case, way: Way, usual: Measurement, found: Measurement) -> None:
+    def add(self, case: Case, way: Way, usual: ClipMeasurement, found: ClipMeasurement) -> None:
         later = way.before / (case.fps * way.every)
         for before in usual.quantities:
             if before.value is None or before.name not in case.truth:

@@ -21,7 +21,7 @@ from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measure.files.pictures import overlay_marks, report_input
 from pipelines.report.plots import STYLE, panels_of, write_plot
 from pipelines.setup.file import load_setup
-from vision.clip.clip import Clip
+from vision.clip.clip import ClipReader
 from vision.overlay.overlay import overlay_still
 
 ROOT = Path(__file__).parents[1]
@@ -58,7 +58,7 @@ def main() -> None:
             if axes.get_legend_handles_labels()[0]:
                 axes.legend()
             saved(figure, folder / f"{name}.png")
-    clip, marks = Clip.open(CLIP), overlay_marks(measured)
+    clip, marks = ClipReader.open(CLIP), overlay_marks(measured)
     middle = FLYING if marks.contact is None else sum(marks.contact) // 2
     for name, frame in (("overlay", FLYING), ("overlay_contact", middle)):
         still = overlay_still(clip, measured.tracks, marks, frame=frame)
@@ -66,7 +66,7 @@ def main() -> None:
         few = picture.quantize(256, Image.Quantize.FASTOCTREE, dither=Image.Dither.FLOYDSTEINBERG)
         few.save(folder / f"{name}.png", optimize=True)
     truth = json.loads(CLIP.with_name(f"{CLIP.stem}.truth.json").read_text())["quantities"]
-    for item in (*measured.quantities, *measured.beside, measured.gravity):
+    for item in (*measured.quantities, *measured.other_speeds, measured.gravity):
         true = truth.get(item.name, {}).get("value")
         print(f"{item.name}: {format_quantity(item)} (truth: {true})")
 

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from bench.measure_truth import LEAST_WIDTH, Case, cases
 from metrology import ImpactVisionError, Quantity
 from pipelines.measure.chain import measure_clip
-from pipelines.measure.measurement import Measurement
-from vision.clip.clip import Clip
+from pipelines.measure.measurement import ClipMeasurement
+from vision.clip.clip import ClipReader
 
 FloatArray = NDArray[np.float64]
 COVERAGE = 1.96
@@ -34,7 +34,7 @@ class Outcome:
     """What came of one clip."""
 
     case: Case
-    measurement: Measurement
+    measurement: ClipMeasurement
     centre_rms_px: float
     speed_ratio: float
 
@@ -50,7 +50,7 @@ class Outcome:
                 yield item, self.case.truth[item.name]
 
 
-def centre_rms(measurement: Measurement, true_px: FloatArray) -> float:
+def centre_rms(measurement: ClipMeasurement, true_px: FloatArray) -> float:
     """Root mean square error of the projection of the ball's centre, along one axis, px.
 
     The outline of a sphere lies off its centre: the chain's own camera takes it to the ball plane
@@ -71,7 +71,7 @@ def measured(case: Case) -> Outcome:
     start = time.perf_counter()
     measurement = measure_clip(case.path, case.options)
     middle = time.perf_counter()
-    for _ in Clip.open(case.path).frames():
+    for _ in ClipReader.open(case.path).frames():
         pass
     decoding = time.perf_counter() - middle
     rms = centre_rms(measurement, case.centre_px)

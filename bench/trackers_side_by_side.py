@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from skimage.feature import canny
 from skimage.transform import hough_circle, hough_circle_peaks
 
-from vision.clip.clip import Clip
+from vision.clip.clip import ClipReader
 from vision.following import follow
 
 FloatArray = NDArray[np.float64]
@@ -148,7 +148,7 @@ def score_helped(name: str, frames: list[Image], flight: Flight) -> Score:
     return summary(name, np.array(errors), flight, len(flight.frames) / spent)
 
 
-def score_ours(clip: Clip, flight: Flight, capture_fps: float) -> Score:
+def score_ours(clip: ClipReader, flight: Flight, capture_fps: float) -> Score:
     """Follow ball and pendulum through the whole clip, decoding included."""
     start = time.perf_counter()
     ball = follow(clip, capture_fps).ball
@@ -171,7 +171,7 @@ def summary(name: str, errors: FloatArray, flight: Flight, per_second: float) ->
 def side_by_side(folder: Path) -> tuple[int, list[Score]]:
     """All trackers on one clip."""
     flight = true_flight(folder)
-    clip = Clip.open(folder / "clip.mp4")
+    clip = ClipReader.open(folder / "clip.mp4")
     fps = float(json.loads((folder / "setup.json").read_text())["camera_nominal_fps"])
     frames = [np.asarray(frame.gray, np.uint8) for frame in clip.frames()]
     scores = [score_ours(clip, flight, fps)]

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.trackers_side_by_side import true_flight
-from vision.clip.clip import Clip
+from vision.clip.clip import ClipReader
 from vision.following import follow
 from vision.tracks import PendulumTrack, Track
 
@@ -37,7 +37,7 @@ def root_mean_square(values: FloatArray) -> float:
 def rendered_row(folder: Path) -> str:
     """Errors on one rendered clip, as a line of the table."""
     truth = json.loads((folder / "truth.json").read_text())
-    clip = Clip.open(folder / "clip.mp4")
+    clip = ClipReader.open(folder / "clip.mp4")
     start = time.perf_counter()
     tracks = follow(clip, truth["fps_nominal"])
     elapsed = time.perf_counter() - start
@@ -79,7 +79,9 @@ def real_rows(folder: Path) -> list[str]:
     lines = []
     for marked in sorted((folder / "truth").glob("*.csv")):
         path = next(folder.glob(f"{marked.stem}.m*"))
-        tracks = follow(Clip.open(path), CAPTURE_FPS.get(marked.stem.split("_")[0], CANON_FPS))
+        tracks = follow(
+            ClipReader.open(path), CAPTURE_FPS.get(marked.stem.split("_")[0], CANON_FPS)
+        )
         with marked.open() as file:
             rows = list(csv.DictReader(file))
         for name in sorted({row.get("object", "ball") for row in rows}):

@@ -313,7 +313,7 @@ def _add_ball(blocks: dict[UncertaintySource, Residuals], evidence: Evidence) ->
 
         blocks[UncertaintySource.BALL_DIAMETER] = size
     if fall is not None:
-        blocks[UncertaintySource.FREE_FALL] = lambda c: _one(_fall_misfit(c, fall))
+        blocks[UncertaintySource.FREE_FALL] = lambda c: _one(_fall_residuals(c, fall))
 
 
 def _size_whitening(outlines: BallOutlines, chosen: NDArray[np.intp]) -> FloatArray:
@@ -332,7 +332,7 @@ def _size_whitening(outlines: BallOutlines, chosen: NDArray[np.intp]) -> FloatAr
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
 
 
-def _fall_misfit(c: Calibration, fall: FreeFall) -> FloatArray:
+def _fall_residuals(c: Calibration, fall: FreeFall) -> FloatArray:
     # Means over short runs in time change the acceleration only to fourth order
     runs = np.array_split(np.arange(len(fall.time_s)), min(FALL_POINTS, len(fall.time_s)))
     time = np.array([fall.time_s[run].mean() for run in runs])

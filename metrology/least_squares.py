@@ -180,8 +180,8 @@ def _descend(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Gauss-Newton steps to the least cost: parameters, residuals and Jacobian there."""
 
-    def cost(at: FloatArray, misfit: FloatArray) -> float:
-        soft = _SOFT_FROM**2 * (np.hypot(1.0, misfit / _SOFT_FROM) - 1.0)
+    def cost(at: FloatArray, residuals: FloatArray) -> float:
+        soft = _SOFT_FROM**2 * (np.hypot(1.0, residuals / _SOFT_FROM) - 1.0)
         total = float(soft.sum() + 0.5 * (at - centre) @ precision @ (at - centre))
         return total if np.isfinite(total) else np.inf
 

@@ -2,19 +2,19 @@
 
 from mismatch.explain import Explained, Options, explain, explain_in_full
 from mismatch.model.baseline import BallModel, Baseline, ContactTable, Scatter
-from mismatch.records.records import Campaign, Trial
-from mismatch.verdict import Verdict
+from mismatch.records.records import CampaignRecords, Trial
+from mismatch.verdict import EngineVerdict
 
 __all__ = [
     "BallModel",
     "Baseline",
-    "Campaign",
+    "CampaignRecords",
     "ContactTable",
+    "EngineVerdict",
     "Explained",
     "Options",
     "Scatter",
     "Trial",
-    "Verdict",
     "explain",
     "explain_in_full",
 ]

@@ -9,7 +9,7 @@ import numpy as np
 from metrology import TooLittleDataError, UsageError
 from mismatch.fitting.fit import Fit
 from mismatch.fitting.held_out import hold_out
-from mismatch.fitting.hypotheses import LOOSE_LAWS, MISFIT, Hypothesis
+from mismatch.fitting.hypotheses import LOOSE_LAWS, POOR_FIT, Hypothesis
 from mismatch.fitting.levels import own_values
 from mismatch.fitting.normal_equations import spread_laws
 from mismatch.fitting.prepare import Prepared, prepare
@@ -24,7 +24,7 @@ from mismatch.model.candidates import (
     within_patience,
 )
 from mismatch.model.forward import OUTSIDE, Forward
-from mismatch.records.records import Campaign
+from mismatch.records.records import CampaignRecords
 from mismatch.records.sanity import refuse_nonsense, without_odd_trials
 from mismatch.search.field import Field
 from mismatch.search.locate import (
@@ -38,12 +38,12 @@ from mismatch.search.naming import Naming, name_effects
 from mismatch.verdict import (
     Alternative,
     Doubt,
+    EngineVerdict,
     HeldOut,
     NamedEffect,
     ParameterValue,
     Passed,
     StrengthsOfEach,
-    Verdict,
     VerdictKind,
     pass_gate,
 )
@@ -101,20 +101,20 @@ class Options:
 class Explained:
     """A verdict with what it rests on, for plots and reports."""
 
-    verdict: Verdict
+    verdict: EngineVerdict
     prepared: Prepared
     naming: Naming
     trials: tuple[str, ...] = ()
 
 
 def explain(
-    campaign: Campaign, setup_model: Baseline, *, options: Options | None = None
-) -> Verdict:
+    campaign: CampaignRecords, setup_model: Baseline, *, options: Options | None = None
+) -> EngineVerdict:
     """Find where a campaign and a baseline differ, and name what was left out.
 
     Parameters
     ----------
-    campaign : Campaign
+    campaign : CampaignRecords
         What was recorded.
     setup_model : Baseline
         What the lab believes.
@@ -123,7 +123,7 @@ def explain(
 
     Returns
     -------
-    Verdict
+    EngineVerdict
 
     Raises
     ------
@@ -134,7 +134,7 @@ def explain(
 
 
 def explain_in_full(
-    campaign: Campaign, setup_model: Baseline, *, options: Options | None = None
+    campaign: CampaignRecords, setup_model: Baseline, *, options: Options | None = None
 ) -> Explained:
     """As `explain`, with the fits behind the verdict."""
     chosen = options or Options()
@@ -203,7 +203,7 @@ def _of_width(effect: Effect, width: float | None) -> Effect:
     return replace(effect, parameters=(replace(first, width=width), *others))
 
 
-def _require_enough(campaign: Campaign) -> None:
+def _require_enough(campaign: CampaignRecords) -> None:
     rows = sum(trial.samples for trial in campaign.trials)
     if rows < LEAST_ROWS:
         raise TooLittleDataError(
@@ -212,7 +212,7 @@ def _require_enough(campaign: Campaign) -> None:
         )
 
 
-def _require_trials(campaign: Campaign, held_out: Sequence[str]) -> None:
+def _require_trials(campaign: CampaignRecords, held_out: Sequence[str]) -> None:
     known = {trial.name for trial in campaign.trials}
     unknown = [name for name in held_out if name not in known]
     if unknown:
@@ -227,13 +227,13 @@ def _require_trials(campaign: Campaign, held_out: Sequence[str]) -> None:
         )
 
 
-def _held_mask(campaign: Campaign, names: Sequence[str]) -> np.ndarray | None:
+def _held_mask(campaign: CampaignRecords, names: Sequence[str]) -> np.ndarray | None:
     return np.array([trial.name in names for trial in campaign.trials]) if names else None
 
 
 def _verdict(
-    campaign: Campaign, prepared: Prepared, naming: Naming, held: np.ndarray | None
-) -> Verdict:
+    campaign: CampaignRecords, prepared: Prepared, naming: Naming, held: np.ndarray | None
+) -> EngineVerdict:
     forward, base, best = prepared.forward, prepared.fit, naming.best
     rivals = naming.rivals()
     groups = _groups(best, rivals)
@@ -247,7 +247,7 @@ def _verdict(
     kind: VerdictKind = "no_mismatch"
     if best is not None:
         kind = "ambiguous" if groups else "explained"
-    elif not remainder.white and (location is not None or base.misfit > MISFIT):
+    elif not remainder.white and (location is not None or base.reduced_chi2 > POOR_FIT):
         kind = "unexplained"
     kept = _proof(campaign, prepared, best, held)
     passed = pass_gate(prepared, best, kind, kept)
@@ -260,7 +260,7 @@ def _verdict(
         )
     if not passed.names:
         groups, rivals = (), ()
-    effects = tuple(_beside_rivals(effect, groups) for effect in effects)
+    effects = tuple(_with_rivals(effect, groups) for effect in effects)
     kind = passed.kind
     if kind == "explained" and any(effect.probability < 0.5 for effect in effects):
         # Less likely than not is no finding.
@@ -269,7 +269,7 @@ def _verdict(
         remainder = replace(remainder, statement=told)
     if kind == "unexplained" and (location is None or not passed.names):
         location = where_it_is_largest(forward, base)
-    return Verdict(
+    return EngineVerdict(
         kind,
         ("gravity", *prepared.model.ids),
         reduced_chi2(prepared, base.chi2, base.count),
@@ -285,7 +285,7 @@ def _verdict(
     )
 
 
-def _beside_rivals(effect: NamedEffect, groups: tuple[tuple[str, ...], ...]) -> NamedEffect:
+def _with_rivals(effect: NamedEffect, groups: tuple[tuple[str, ...], ...]) -> NamedEffect:
     """The name with what it loses by others that are not excluded in its place."""
     if not any(effect.id in group for group in groups):
         return effect
@@ -301,7 +301,7 @@ _WHY: Mapping[VerdictKind, str] = {
 
 
 def _proof(
-    campaign: Campaign, prepared: Prepared, best: Hypothesis | None, held: np.ndarray | None
+    campaign: CampaignRecords, prepared: Prepared, best: Hypothesis | None, held: np.ndarray | None
 ) -> HeldOut | None:
     kept = None if best is None else hold_out(prepared.forward, prepared.fit, best, held)
     if kept is None:
@@ -333,16 +333,16 @@ def _weights(naming: Naming) -> FloatArray:
     best: dict[tuple[str, ...], float] = {}
     for h in naming.tried:
         key = tuple(sorted(h.ids))
-        if h.allowed and h.worth > best.get(key, -np.inf):
-            best[key] = h.worth
+        if h.allowed and h.penalised_gain > best.get(key, -np.inf):
+            best[key] = h.penalised_gain
     answer = naming.best
-    top = max(best.values(), default=0.0) if answer is None else answer.worth
-    scale = WEIGHT_SCALE * (1.0 if answer is None else answer.misfit)
-    # What is worth more was set aside for its size; it is as good as the answer, not better.
+    top = max(best.values(), default=0.0) if answer is None else answer.penalised_gain
+    scale = WEIGHT_SCALE * (1.0 if answer is None else answer.reduced_chi2)
+    # What gains more was set aside for its size; it is as good as the answer, not better.
     return np.array(
         [
-            np.exp(min(h.worth - top, 0.0) / scale)
-            if h.allowed and best[tuple(sorted(h.ids))] == h.worth
+            np.exp(min(h.penalised_gain - top, 0.0) / scale)
+            if h.allowed and best[tuple(sorted(h.ids))] == h.penalised_gain
             else 0.0
             for h in naming.tried
         ]
@@ -354,7 +354,7 @@ def _setup_trust(forward: Forward, best: Hypothesis) -> float:
 
     Free flights need little of a setup; a strike needs all of it.
     """
-    return min(1.0, HINT / best.misfit) if forward.mode == "impact" else 1.0
+    return min(1.0, HINT / best.reduced_chi2) if forward.mode == "impact" else 1.0
 
 
 def _setup_notes(forward: Forward, best: Hypothesis | None) -> tuple[str, ...]:
@@ -401,7 +401,7 @@ def _named(
     weights = _weights(naming)
     total = max(float(weights.sum()), 1e-300)
     # At the threshold the odds against chance are those of its false-alarm rate.
-    real = 1.0 / (1.0 + np.exp(-(best.worth - naming.threshold + 6.0) / WEIGHT_SCALE))
+    real = 1.0 / (1.0 + np.exp(-(best.penalised_gain - naming.threshold + 6.0) / WEIGHT_SCALE))
     named = []
     spreads = robust_spread(forward, best.fit)
     for member in best.members:
@@ -488,7 +488,7 @@ def _alternatives(naming: Naming, passed: Passed) -> tuple[Alternative, ...]:
         if key in seen:
             continue
         seen.add(key)
-        behind = best.worth - h.worth
+        behind = best.penalised_gain - h.penalised_gain
         if not h.allowed:
             why = "its parameters leave what nature allows"
         elif len(h.members) > len(best.members) and behind < 60.0:

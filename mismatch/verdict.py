@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from mismatch.fitting.hypotheses import MISFIT, Hypothesis
+from mismatch.fitting.hypotheses import POOR_FIT, Hypothesis
 from mismatch.fitting.prepare import Prepared
 from mismatch.fitting.scan import trial_pulls
 from mismatch.model.forward import Forward
@@ -22,6 +22,7 @@ from physics.effects import EffectId, Level
 __all__ = [
     "Alternative",
     "Doubt",
+    "EngineVerdict",
     "HeldOut",
     "Location",
     "NamedEffect",
@@ -29,7 +30,6 @@ __all__ = [
     "Passed",
     "Remainder",
     "StrengthsOfEach",
-    "Verdict",
     "VerdictKind",
     "pass_gate",
 ]
@@ -227,7 +227,7 @@ class Remainder:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class EngineVerdict:
     """The engine's answer.
 
     Attributes
@@ -465,21 +465,21 @@ def pass_gate(
     if best is None:
         if kind == "no_mismatch" and _noise_swallows(forward):
             return Passed("unexplained", doubts=(Doubt.NOISE,))
-        if carried and prepared.fit.misfit >= MISFIT:
+        if carried and prepared.fit.reduced_chi2 >= POOR_FIT:
             return Passed("unexplained", doubts=(Doubt.CARRIED,))
         return Passed(kind)
     doubts = [] if kept is not None else [Doubt.UNPROVED]
     proved = kept is None or kept.proves
     if _noise_swallows(forward):
         doubts.append(Doubt.NOISE)
-    if best.misfit >= MISFIT:
+    if best.reduced_chi2 >= POOR_FIT:
         if carried:
             doubts.append(Doubt.CARRIED)
         if not proved:
             doubts.append(Doubt.WORSE_HELD_OUT)
         if _left(prepared, best) > 0.5:
             doubts.append(Doubt.LEFT_OVER)
-        if best.misfit >= FAR_OFF_NOISE and best.fit.model.own:
+        if best.reduced_chi2 >= FAR_OFF_NOISE and best.fit.model.own:
             doubts.append(Doubt.EACH_ITS_OWN)
         if _hangs_on_one(forward, best):
             doubts.append(Doubt.ONE_TRIAL)
@@ -494,8 +494,8 @@ def _passed(
     prepared: Prepared, best: Hypothesis, kind: VerdictKind, doubts: tuple[Doubt, ...]
 ) -> Passed:
     trust = 1.0
-    if best.misfit >= MISFIT:
-        decades = math.log10(best.misfit) / DECADES
+    if best.reduced_chi2 >= POOR_FIT:
+        decades = math.log10(best.reduced_chi2) / DECADES
         trust = (1.0 - _left(prepared, best)) / (1.0 + decades**2)
     most = UNPROVED if doubts else 0.999
     through = Passed(kind, trust, most, doubts)
@@ -503,7 +503,7 @@ def _passed(
         through = replace(through, most=DOUBTED)
     if not through.names:
         return Passed("unexplained", trust, DOUBTED, doubts)
-    if best.has_unnamed and best.misfit >= MISFIT * MISFIT:
+    if best.has_unnamed and best.reduced_chi2 >= POOR_FIT * POOR_FIT:
         # A fitted shape that still leaves structure is a description, not a law.
         return Passed("unexplained", trust, DOUBTED, (*doubts, Doubt.LEFT_OVER)[:2])
     if through.shaken and kind == "explained":
@@ -513,8 +513,8 @@ def _passed(
 
 def _left(prepared: Prepared, best: Hypothesis) -> float:
     """Root mean square misfit beyond the noise that an answer leaves, over that of the baseline."""
-    before = max(prepared.fit.misfit - 1.0, 1e-9)
-    return float(min(1.0, math.sqrt(max(best.misfit - 1.0, 0.0) / before)))
+    before = max(prepared.fit.reduced_chi2 - 1.0, 1e-9)
+    return float(min(1.0, math.sqrt(max(best.reduced_chi2 - 1.0, 0.0) / before)))
 
 
 def _carried(forward: Forward) -> bool:

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from physics.domain import FloatArray
 
-__all__ = ["Event", "Path", "follow_until"]
+__all__ = ["Event", "SolvedPath", "follow_until"]
 
 Rates = Callable[[float, FloatArray], Sequence[float] | FloatArray]
 
@@ -31,7 +31,7 @@ class Event:
 
 
 @dataclass(frozen=True)
-class Path:
+class SolvedPath:
     """What the solver found.
 
     Attributes
@@ -62,7 +62,7 @@ def follow_until(
     relative: float,
     absolute: float,
     **options: float,
-) -> Path:
+) -> SolvedPath:
     """Integrate until an event or the end of `span`.
 
     Parameters
@@ -83,7 +83,7 @@ def follow_until(
 
     Returns
     -------
-    Path
+    SolvedPath
     """
     functions: list[Any] = []
     for event in events:
@@ -111,7 +111,7 @@ def follow_until(
         **options,
     )
     hit = [i for i, times in enumerate(solved.t_events) if times.size]
-    return Path(
+    return SolvedPath(
         float(solved.t[-1]),
         np.asarray(solved.y[:, -1]),
         hit[0] if hit else None,

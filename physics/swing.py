@@ -10,7 +10,7 @@ from metrology import DomainError
 from physics.bodies import GRAVITY, Pendulum
 from physics.domain import FloatArray, FloatOrArray, Number, require_angle, require_positive
 from physics.effects.base import SwingState, Term
-from physics.follow import Event, Path, follow_until
+from physics.follow import Event, SolvedPath, follow_until
 
 __all__ = [
     "SwingModel",
@@ -269,7 +269,7 @@ def swing_on(model: SwingModel, phi: float, omega: float, time: FloatArray) -> F
     return np.asarray(path.at(time))
 
 
-def _approach(model: SwingModel, start: float, contact_angle: float, longest: float) -> Path:
+def _approach(model: SwingModel, start: float, contact_angle: float, longest: float) -> SolvedPath:
     def arrives(_: float, state: FloatArray) -> float:
         return float(state[0]) - contact_angle
 

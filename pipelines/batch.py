@@ -21,7 +21,12 @@ from typing import Any, Generic, TypeVar
 
 from metrology import ImpactVisionError, UsageError, write_text_whole
 from pipelines.measure.chain import MeasureOptions, measure_clip
-from pipelines.measure.files.output import Wanted, harmless, measurement_as_row, software_version
+from pipelines.measure.files.output import (
+    WantedFiles,
+    harmless,
+    measurement_as_row,
+    software_version,
+)
 from pipelines.report.labels import quantity_label, quantity_text
 
 __all__ = ["Done", "Folder", "Job", "WorkerDied", "files_of", "measure_all", "run_tasks"]
@@ -146,7 +151,7 @@ class Job:
 
     clip: Path
     options: MeasureOptions
-    wanted: Wanted
+    wanted: WantedFiles
     names: tuple[str, ...]
 
 
@@ -202,7 +207,7 @@ class Folder:
         write_text_whole(self._ledger, json.dumps(self._made, indent=0))
 
 
-def files_of(out: Path, clips: Sequence[Path], wanted: Wanted) -> dict[Path, Wanted]:
+def files_of(out: Path, clips: Sequence[Path], wanted: WantedFiles) -> dict[Path, WantedFiles]:
     """What is written for each clip: ``DIR/CLIP.json``, and ``DIR/CLIP.NAME`` for each file asked.
 
     Clips of one name in several folders are told apart by a number.

@@ -4,7 +4,7 @@
 file with its truth, `render_frames` frame by frame into memory.
 """
 
-from sample_videos.motion import Curve, Moment, Motion, Piece, SampledMotion
+from sample_videos.motion import HermiteCurve, Piece, SampledMotion, SceneMotion, SceneState
 from sample_videos.presets import default_scene, staged
 from sample_videos.render import render_clip, render_frames
 from sample_videos.scene import (
@@ -26,19 +26,19 @@ from sample_videos.truth import FrameTruth, Truth
 
 __all__ = [
     "BallLook",
-    "Curve",
     "Encoding",
     "FrameTruth",
+    "HermiteCurve",
     "Lamp",
     "Lighting",
     "LooseBall",
-    "Moment",
-    "Motion",
     "Physics",
     "Piece",
     "Room",
     "SampledMotion",
     "Scene",
+    "SceneMotion",
+    "SceneState",
     "Sensor",
     "Shake",
     "Shot",

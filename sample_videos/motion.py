@@ -10,13 +10,13 @@ from scipy.interpolate import CubicHermiteSpline
 from calib.camera.camera import rotation_matrix
 from metrology import DomainError
 
-__all__ = ["Curve", "Moment", "Motion", "Piece", "SampledMotion"]
+__all__ = ["HermiteCurve", "Piece", "SampledMotion", "SceneMotion", "SceneState"]
 
 FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Moment:
+class SceneState:
     """State of the moving things at N instants, world frame, SI.
 
     Attributes
@@ -38,10 +38,10 @@ class Moment:
     phi: FloatArray
 
 
-class Motion(Protocol):
+class SceneMotion(Protocol):
     """Anything that knows where ball and pendulum are."""
 
-    def at(self, times: ArrayLike) -> Moment:
+    def at(self, times: ArrayLike) -> SceneState:
         """State at `times` (N,), s; t = 0 is the first touch of face and ball."""
         ...
 
@@ -59,7 +59,7 @@ class Piece:
             raise DomainError("a stretch of a motion needs two or more instants, in rising order")
 
 
-class Curve:
+class HermiteCurve:
     """A piecewise smooth curve: cubic Hermite within each piece, kinks where pieces meet.
 
     Before the first and after the last sample it goes on straight.
@@ -76,7 +76,7 @@ class Curve:
         self._first, self._last = pieces[0], pieces[-1]
 
     @classmethod
-    def constant(cls, value: ArrayLike) -> "Curve":
+    def constant(cls, value: ArrayLike) -> "HermiteCurve":
         """A curve that stays at `value` (K,)."""
         row = np.asarray(value, dtype=np.float64)
         level = np.stack([row, row])
@@ -104,13 +104,13 @@ class SampledMotion:
 
     Attributes
     ----------
-    ball : Curve
+    ball : HermiteCurve
         Centre, (N, 3) m.
-    pendulum : Curve
+    pendulum : HermiteCurve
         Angle, (N, 1) rad.
-    compression : Curve
-        As in `Moment`, (N, 3) m.
-    turn : Curve
+    compression : HermiteCurve
+        As in `SceneState`, (N, 3) m.
+    turn : HermiteCurve
         Angle by which the ball has turned about `spin_axis`, (N, 1) rad.
     spin_axis : (3,) array
         Unit vector in the world.
@@ -118,20 +118,20 @@ class SampledMotion:
         Rotation from the ball's own frame to the world at turn 0.
     """
 
-    ball: Curve
-    pendulum: Curve
-    compression: Curve
-    turn: Curve
+    ball: HermiteCurve
+    pendulum: HermiteCurve
+    compression: HermiteCurve
+    turn: HermiteCurve
     spin_axis: FloatArray
     attitude: FloatArray
 
-    def at(self, times: ArrayLike) -> Moment:
+    def at(self, times: ArrayLike) -> SceneState:
         """State at `times` (N,), s."""
         t = np.atleast_1d(np.asarray(times, dtype=np.float64))
         angle = self.turn.at(t)[:, 0]
         unique, inverse = np.unique(angle, return_inverse=True)
         turned = np.stack([rotation_matrix(self.spin_axis * a) @ self.attitude for a in unique])
-        return Moment(
+        return SceneState(
             ball=self.ball.at(t),
             attitude=turned[inverse],
             compression=self.compression.at(t),

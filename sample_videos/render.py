@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology import UsageError, written_whole
-from sample_videos.motion import Motion
+from sample_videos.motion import SceneMotion
 from sample_videos.renderer.film import Film
 from sample_videos.scene import Encoding, Scene
 from sample_videos.shot import Shot
@@ -126,13 +126,13 @@ def _write_folder(frames: Iterable[Picture], path: Path) -> None:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def render_frames(scene: Scene, shot: Shot | Motion) -> tuple[Iterator[Picture], Truth]:
+def render_frames(scene: Scene, shot: Shot | SceneMotion) -> tuple[Iterator[Picture], Truth]:
     """Frames (H, W, 3), uint8, blue green red, as an iterator, and the truth about them.
 
     Parameters
     ----------
     scene : Scene
-    shot : Shot or Motion
+    shot : Shot or SceneMotion
         A stroke (see `strike`, `staged`), or any motion of ball and pendulum.
     """
     film, stroke = _film(scene, shot)
@@ -141,7 +141,7 @@ def render_frames(scene: Scene, shot: Shot | Motion) -> tuple[Iterator[Picture],
 
 def render_clip(
     scene: Scene,
-    shot: Shot | Motion,
+    shot: Shot | SceneMotion,
     path: Path,
     *,
     progress: Callable[[int, int], None] | None = None,
@@ -173,7 +173,7 @@ def render_clip(
     return truth
 
 
-def _film(scene: Scene, shot: Shot | Motion) -> tuple[Film, Shot | None]:
+def _film(scene: Scene, shot: Shot | SceneMotion) -> tuple[Film, Shot | None]:
     if isinstance(shot, Shot):
         return Film(scene, shot.motion), shot
     return Film(scene, shot), None

@@ -303,8 +303,8 @@ class Scene:
             (self.room.plane > self.ball.radius, "the ball would be inside the wall"),
             (self.camera.position[2] > self.room.plane, "the camera is behind the ball's plane"),
         )
-        for fine, message in checks:
-            if not fine:
+        for possible, message in checks:
+            if not possible:
                 raise UsageError(f"this scene can't be filmed: {message}")
 
     @property

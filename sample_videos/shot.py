@@ -15,7 +15,7 @@ from physics.flight.air import PAPER_AIR, SUBCRITICAL_DRAG, Air
 from physics.flight.flight import FlightModel, FlightPath, fly
 from physics.forward import Experiment
 from physics.swing import SwingModel, SwingPath, swing, swing_on
-from sample_videos.motion import Curve, Piece, SampledMotion
+from sample_videos.motion import HermiteCurve, Piece, SampledMotion
 from sample_videos.scene import Scene
 
 __all__ = ["Physics", "Shot", "strike"]
@@ -156,7 +156,7 @@ def _motion(
     start = down.time[-1]
     swinging = Piece(down.time - start, _column(down.phi), _column(down.omega))
     pressed = Piece(contact.time, _column(contact.phi), _column(contact.omega))
-    pendulum = Curve((swinging, pressed, _follow_through(scene, physics, contact)))
+    pendulum = HermiteCurve((swinging, pressed, _follow_through(scene, physics, contact)))
     turning = np.concatenate(
         [
             [0.0],
@@ -166,7 +166,7 @@ def _motion(
         ]
     )
     last = float(contact.ball_spin[-1])
-    turn = Curve(
+    turn = HermiteCurve(
         (
             Piece(np.array([-9.0, 0.0]), np.zeros((2, 1)), np.zeros((2, 1))),
             Piece(contact.time, _column(turning), _column(contact.ball_spin)),
@@ -192,13 +192,13 @@ def _column(values: FloatArray) -> FloatArray:
     return np.asarray(values, dtype=np.float64)[:, np.newaxis]
 
 
-def _compression_curve(contact: ContactHistory) -> Curve:
+def _compression_curve(contact: ContactHistory) -> HermiteCurve:
     towards = -np.stack([np.cos(contact.phi), np.sin(contact.phi), np.zeros_like(contact.phi)], 1)
     value = np.maximum(contact.compression, 0.0)[:, np.newaxis] * towards
     value[[0, -1]] = 0.0
     rate = np.gradient(value, contact.time, axis=0)
     none = np.zeros((2, 3))
-    return Curve(
+    return HermiteCurve(
         (
             Piece(np.array([-9.0, 0.0]), none, none),
             Piece(contact.time, value, rate),
@@ -209,7 +209,7 @@ def _compression_curve(contact: ContactHistory) -> Curve:
 
 def _ball_curve(
     scene: Scene, physics: Physics, contact: ContactHistory, flight: FlightPath
-) -> Curve:
+) -> HermiteCurve:
     plane = np.full_like(contact.ball_x, scene.room.plane)
     rest = np.array([0.0, scene.support.height + scene.ball.radius, scene.room.plane])
     zero = np.zeros_like(plane)
@@ -242,7 +242,7 @@ def _ball_curve(
     pieces.append(
         Piece(begin + np.array([0.0, 1.0]), np.stack([end, end + roll]), np.stack([roll, roll]))
     )
-    return Curve(tuple(pieces))
+    return HermiteCurve(tuple(pieces))
 
 
 def _follow_through(scene: Scene, physics: Physics, contact: ContactHistory) -> Piece:

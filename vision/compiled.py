@@ -19,8 +19,8 @@ __all__ = [
     "LEAST_SEEN",
     "Moments",
     "gains_along",
-    "held_moments",
     "registered",
+    "registration_moments",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -297,7 +297,7 @@ def _sum_up(
 
 
 @compiled
-def held_moments(
+def registration_moments(
     layer: FloatImage,
     placing: FloatArray,
     ways: FloatArray,
@@ -409,7 +409,7 @@ def registered(
     Parameters
     ----------
     layer, picture, behind, gain, noise, hidden
-        See `held_moments`.
+        See `registration_moments`.
     start : (3,) array
         Where its origin lies (px) and its turn (rad) at first.
     prior : (3, 3) array
@@ -423,7 +423,7 @@ def registered(
     -------
     settled : bool
     x, y, turn : float
-    scale, misfit : float
+    scale, rms_residual : float
         Usual size of the residual, and its weighted root mean square over noise.
     seen : float
         Opaque part in view.
@@ -435,7 +435,7 @@ def registered(
     opaque = 0.0
     for k in range(layer.shape[1]):
         opaque += layer[3, k]
-    scale, misfit, seen = noise, 0.0, 0.0
+    scale, rms_residual, seen = noise, 0.0, 0.0
     before, latest = np.inf, np.inf
     for count in range(iterations):
         cosine, sine = math.cos(pose[2]), math.sin(pose[2])
@@ -444,10 +444,10 @@ def registered(
         ways[2, 2], ways[2, 3], ways[2, 4], ways[2, 5] = -sine, -cosine, cosine, -sine
         seen, bright = _lay(layer, placing, picture, behind, gain, hidden, False, True, work)
         if seen < LEAST_SEEN:
-            return False, pose[0], pose[1], pose[2], scale, misfit, seen
+            return False, pose[0], pose[1], pose[2], scale, rms_residual, seen
         scale = _weigh(bright, noise, work)
         squares, weights = _sum_up(layer, ways, work, normal, pull)
-        misfit = math.sqrt(squares / (weights + 1e-9)) / noise
+        rms_residual = math.sqrt(squares / (weights + 1e-9)) / noise
         for i in range(3):
             normal[i, i] += _RIDGE
             for j in range(3):
@@ -472,4 +472,4 @@ def registered(
             step[0] = step[1] = step[2] = 0.0
         if latest < _SHORT and before < _SHORTISH:
             break
-    return latest <= _UNSETTLED, pose[0], pose[1], pose[2], scale, misfit, seen
+    return latest <= _UNSETTLED, pose[0], pose[1], pose[2], scale, rms_residual, seen

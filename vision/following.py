@@ -10,18 +10,18 @@ from metrology import NotFoundError
 from vision.ball.ball import BallFits, follow_ball
 from vision.ball.choice import Choice, choose_ball, rivals, uncovered, untangled
 from vision.ball.circles import Circles, find_circles
-from vision.ball.linking import Path, link_circles
+from vision.ball.linking import BallPath, link_circles
 from vision.ball.outline.refine import refine_ball
 from vision.ball.rest import Rest, find_rest
 from vision.clip.footage import Footage
 from vision.motion import motion_of
 from vision.pendulum.search import Striker, find_striker, pendulum_track
-from vision.scene.scene import Scene
-from vision.tracks import Followed, MotionKind, MotionModel, PendulumTrack, Track, Tracks
+from vision.scene.scene import FilmedScene
+from vision.tracks import FollowedObject, MotionKind, MotionModel, PendulumTrack, Track, Tracks
 from vision.workers import side_by_side
 
 if TYPE_CHECKING:
-    from vision.clip.clip import Clip
+    from vision.clip.clip import ClipReader
 
 __all__ = ["follow"]
 
@@ -43,11 +43,11 @@ _MOST_CLOSER = 150
 # further away, in radii, is something else.
 _CLEAR, _ELSEWHERE = 0.6, 0.3
 # Rounds of looking where the ball was not found along its way, and other things followed finely.
-_AGAIN, _FINELY = 2, 3
+_AGAIN, _OTHERS_FOLLOWED = 2, 3
 
 
 def follow(
-    clip: "Clip",
+    clip: "ClipReader",
     capture_fps: float,
     *,
     ball_at: Point | None = None,
@@ -58,7 +58,7 @@ def follow(
 
     Parameters
     ----------
-    clip : Clip
+    clip : ClipReader
         The clip.
     capture_fps : float
         Frames per second at which it was recorded.
@@ -79,7 +79,7 @@ def follow(
         If nothing round moves in the clip, or nothing where the user points.
     """
     footage = Footage(clip)
-    scene = Scene(footage)
+    scene = FilmedScene(footage)
     _tell(progress, 0.2)
     looks = Looks(scene)
     choice = choose_ball(looks.paths(), _located(ball_at, footage.first))
@@ -118,20 +118,20 @@ def follow(
     return tracks.later(footage.first, footage.whole_count, capture_fps)
 
 
-def _others(scene: Scene, choice: Choice, fps: float) -> tuple[Followed, ...]:
+def _others(scene: FilmedScene, choice: Choice, fps: float) -> tuple[FollowedObject, ...]:
     """What else is round and moves; the first few as finely as the ball itself."""
     tracks = []
     for place, path in enumerate(choice.others):
-        fits = follow_ball(scene, path) if place < _FINELY else None
+        fits = follow_ball(scene, path) if place < _OTHERS_FOLLOWED else None
         if fits is not None and len(fits.frame) >= 5:
             model = MotionModel.ROLL if choice.struck and place == 0 else MotionModel.UNKNOWN
-            tracks.append(Followed(_track(refine_ball(scene, fits), fps), model))
+            tracks.append(FollowedObject(_track(refine_ball(scene, fits), fps), model))
         else:
-            tracks.append(Followed(_path_track(path, fps)))
+            tracks.append(FollowedObject(_path_track(path, fps)))
     return tuple(tracks)
 
 
-def _camera_warnings(scene: Scene) -> list[str]:
+def _camera_warnings(scene: FilmedScene) -> list[str]:
     shifts = scene.shifts()
     if shifts is None:
         return []
@@ -156,11 +156,11 @@ class Looks:
 
     Parameters
     ----------
-    scene : Scene
+    scene : FilmedScene
         Footage with its static scene.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: FilmedScene) -> None:
         self.scene = scene
         self._found: dict[int, Circles] = {}
 
@@ -169,7 +169,7 @@ class Looks:
         """Frames looked at (n,), increasing."""
         return np.array(sorted(self._found), dtype=np.int64)
 
-    def paths(self) -> list[Path]:
+    def paths(self) -> list[BallPath]:
         """Look over the whole action, first widely, then where it is not sure who went where."""
         scene = self.scene
         paths = self._linked(scene.spread(_LOOKS))
@@ -188,18 +188,18 @@ class Looks:
         self._found |= dict(zip(new.tolist(), _circles(self.scene, new), strict=True))
         return len(new) > 0
 
-    def joined(self) -> list[Path]:
+    def joined(self) -> list[BallPath]:
         """Paths through what was found so far."""
         return untangled(self._linked(self.frames))
 
-    def _linked(self, looks: IntArray) -> list[Path]:
+    def _linked(self, looks: IntArray) -> list[BallPath]:
         """Paths through what is found at these looks and was found at earlier ones."""
         new = np.setdiff1d(looks, self.frames)
         self._found |= dict(zip(new.tolist(), _circles(self.scene, new), strict=True))
         every = self.frames
         return link_circles(every, [self._found[int(index)] for index in every])
 
-    def _unsure(self, paths: list[Path]) -> IntArray:
+    def _unsure(self, paths: list[BallPath]) -> IntArray:
         """Frames halfway between looks between which a likely thing goes far, turns or is lost."""
         looks = self.frames
         gap = np.diff(looks)
@@ -240,7 +240,7 @@ def _missed(rough: BallFits) -> IntArray:
     return np.setdiff1d(way, rough.frame[clear])
 
 
-def _news(path: Path, rough: BallFits, missed: IntArray) -> bool:
+def _news(path: BallPath, rough: BallFits, missed: IntArray) -> bool:
     """Whether a path goes where the ball was missed, elsewhere than where it was fitted."""
     frame, own, _ = np.intersect1d(path.frame, missed, return_indices=True)
     if len(frame) == 0 or len(rough) == 0:
@@ -251,7 +251,7 @@ def _news(path: Path, rough: BallFits, missed: IntArray) -> bool:
     return bool(np.any(~fitted) or np.any(off))
 
 
-def _lost_between(path: Path, looks: IntArray, shape: tuple[int, int]) -> NDArray[np.bool_]:
+def _lost_between(path: BallPath, looks: IntArray, shape: tuple[int, int]) -> NDArray[np.bool_]:
     """After which looks, the last one left out, a path is not sure."""
     wanted = np.zeros(len(looks) - 1, dtype=bool)
     if len(path.frame) < 2:
@@ -280,7 +280,7 @@ def _stays(before: FloatArray, last: FloatArray, shape: tuple[int, int]) -> bool
     return bool(np.all(ahead >= 0) and ahead[0] < shape[1] and ahead[1] < shape[0])
 
 
-def _linked(scene: Scene, looks: IntArray, found: dict[int, Circles]) -> list[Path]:
+def _linked(scene: FilmedScene, looks: IntArray, found: dict[int, Circles]) -> list[BallPath]:
     """Paths through what is found at these looks and was found at earlier ones."""
     new = np.setdiff1d(looks, np.array(sorted(found), dtype=np.int64))
     found |= dict(zip(new.tolist(), _circles(scene, new), strict=True))
@@ -288,7 +288,7 @@ def _linked(scene: Scene, looks: IntArray, found: dict[int, Circles]) -> list[Pa
     return link_circles(every, [found[int(index)] for index in every])
 
 
-def _circles(scene: Scene, looks: IntArray) -> list[Circles]:
+def _circles(scene: FilmedScene, looks: IntArray) -> list[Circles]:
     """Round things in each of these frames."""
     noise = scene.background.noise
 
@@ -299,7 +299,7 @@ def _circles(scene: Scene, looks: IntArray) -> list[Circles]:
     return list(side_by_side(find, seen))
 
 
-def _meetings(paths: list[Path], looks: IntArray) -> IntArray:
+def _meetings(paths: list[BallPath], looks: IntArray) -> IntArray:
     """Frames around moments in which two like things meet: a closer look tells who is who."""
     stride = int(np.ceil(np.median(np.diff(looks)))) if len(looks) > 1 else 1
     if stride <= 1:
@@ -350,7 +350,7 @@ def _track(fits: BallFits, fps: float) -> Track:
     )
 
 
-def _path_track(path: Path, fps: float) -> Track:
+def _path_track(path: BallPath, fps: float) -> Track:
     count = len(path.frame)
     std = 0.05 * path.radius_px + 0.2
     covariance = std[:, None, None] ** 2 * np.eye(2)
@@ -370,7 +370,7 @@ def _pendulum(striker: Striker | None, rest: Rest | None, fps: float) -> Pendulu
     return None if striker is None or rest is None else pendulum_track(striker, rest, fps)
 
 
-def _pointer(path: Path, first: int) -> str:
+def _pointer(path: BallPath, first: int) -> str:
     """The option that points at a thing where it was seen most clearly."""
     clearest = int(np.argmax(path.coverage * path.sharpness))
     x, y = path.centre_px[clearest]

@@ -17,8 +17,8 @@ What happens in a clip: a strike, a flight, a drop, a swing, a collision, or not
 
 The explanations compete. Each says where the followed thing is in the frames that it claims, to
 within a scatter s; a frame that it leaves unexplained may be anywhere in the area A that was
-travelled. What an explanation is worth is the sum of log(A / 2πs²) - d²/2s² over its frames, less
-the price of its parameters (Schwarz 1978); a thing that follows no law is worth nothing. Errors of
+travelled. Its log evidence is the sum of log(A / 2πs²) - d²/2s² over its frames, less
+the price of its parameters (Schwarz 1978); a thing that follows no law has none. Errors of
 neighbouring frames are alike, so that many frames count for no more than a few dozen.
 """
 
@@ -304,11 +304,11 @@ _SEEN_ACCELERATION = 4.0
 
 @dataclass(frozen=True)
 class _Flight:
-    """The stretch of free motion: frames, motion in it, and what it is worth, nats."""
+    """The stretch of free motion: frames, motion in it, and its log evidence, nats."""
 
     first: int
     last: int
-    worth: float
+    log_evidence: float
     velocity: FloatArray
     acceleration: FloatArray
     sagitta: float
@@ -347,34 +347,36 @@ def motion_of(
     scatter = _SCATTER_PX + _SCATTER_RADII * float(np.median(ball.radius_px))
     area = float(np.prod(np.ptp(moving.centre_px, axis=0) + 2.0 * moving.radius_px[0]))
     flight = _flight(moving, scatter, area)
-    swing = _swing_worth(ball, scatter, area) if rest_frames is None else 0.0
-    worth = {
-        MotionKind.NONE: _straight_worth(moving, scatter, area) if rest_frames is None else 0.0
+    swing = _swing_log_evidence(ball, scatter, area) if rest_frames is None else 0.0
+    log_evidence = {
+        MotionKind.NONE: _straight_log_evidence(moving, scatter, area)
+        if rest_frames is None
+        else 0.0
     }
     if swing > 0.0:
-        worth[MotionKind.SWING] = swing
+        log_evidence[MotionKind.SWING] = swing
     reasons: dict[MotionKind, tuple[str, ...]] = {
         MotionKind.NONE: ("What moves follows neither a free flight nor a swing, or rolls on.",),
         MotionKind.SWING: ("It goes to and fro on an arc.",),
     }
     if flight is not None:
         if rest_frames is None and flight.sagitta < _SEEN_ACCELERATION:
-            worth[MotionKind.NONE] = max(worth[MotionKind.NONE], flight.worth)
+            log_evidence[MotionKind.NONE] = max(log_evidence[MotionKind.NONE], flight.log_evidence)
         for kind, odds, reason in _beginnings(flight, rest_frames, pendulum, struck_by_another):
-            worth[kind] = flight.worth + np.log(odds)
+            log_evidence[kind] = flight.log_evidence + np.log(odds)
             reasons[kind] = (reason,)
-    return _judged(worth, reasons, flight, rest_frames, ball)
+    return _judged(log_evidence, reasons, flight, rest_frames, ball)
 
 
 def _judged(
-    worth: dict[MotionKind, float],
+    log_evidence: dict[MotionKind, float],
     reasons: dict[MotionKind, tuple[str, ...]],
     flight: _Flight | None,
     rest_frames: tuple[int, int] | None,
     ball: Track,
 ) -> Motion:
-    best = max(worth.values())
-    weight = {kind: float(np.exp(value - best)) for kind, value in worth.items()}
+    best = max(log_evidence.values())
+    weight = {kind: float(np.exp(value - best)) for kind, value in log_evidence.items()}
     total = sum(weight.values())
     spare = (1.0 - _MOST_CERTAIN) / len(MotionKind)
     probability = {
@@ -412,35 +414,35 @@ def _flight(moving: Track, scatter: float, area: float) -> _Flight | None:
     return _Flight(
         stretch.first,
         stretch.last,
-        _worth(residual, scatter, area, 6, len(moving)),
+        _log_evidence(residual, scatter, area, 6, len(moving)),
         velocity,
         acceleration,
         float(np.hypot(*acceleration)) * float(time[-1]) ** 2 / 8.0 / scatter,
     )
 
 
-def _swing_worth(ball: Track, scatter: float, area: float) -> float:
+def _swing_log_evidence(ball: Track, scatter: float, area: float) -> float:
     swing = fit_oscillation(ball.frame.astype(np.float64), ball.centre_px, scatter)
     if swing is None:
         return 0.0
     if np.mean(swing.residual_px < 3.0 * scatter) < _SWINGING:
         return 0.0
-    return _worth(swing.residual_px, scatter, area, PARAMETERS, len(ball))
+    return _log_evidence(swing.residual_px, scatter, area, PARAMETERS, len(ball))
 
 
-def _straight_worth(moving: Track, scatter: float, area: float) -> float:
+def _straight_log_evidence(moving: Track, scatter: float, area: float) -> float:
     """What rolls or slides goes straight on at an even speed; so does a little of any swing."""
     time = (moving.frame - moving.frame[0]).astype(np.float64)
     powers = np.column_stack([np.ones_like(time), time])
     motion = np.linalg.lstsq(powers, moving.centre_px, rcond=None)[0]
     residual = np.hypot(*(moving.centre_px - powers @ motion).T)
-    return _worth(residual, scatter, area, 4, len(moving))
+    return _log_evidence(residual, scatter, area, 4, len(moving))
 
 
-def _worth(
+def _log_evidence(
     residual: FloatArray, scatter: float, area: float, parameters: int, frames: int
 ) -> float:
-    """Worth of an explanation of some of so many frames, nats."""
+    """Log evidence of an explanation of some of so many frames, nats."""
     gain = np.log(area / (2 * np.pi * scatter**2)) - 0.5 * (residual / scatter) ** 2
     gain = np.maximum(gain, np.log(_STRAY))
     share = min(1.0, _MOST_INDEPENDENT / frames)
@@ -461,7 +463,7 @@ def _beginnings(
     if rest_frames is None:
         if flight.sagitta < _SEEN_ACCELERATION:
             # Along a line at an even speed: a short flight as well as a thing that rolls.
-            return [(MotionKind.FLIGHT, float(np.exp(-flight.worth)), thrown[2])]
+            return [(MotionKind.FLIGHT, float(np.exp(-flight.log_evidence)), thrown[2])]
         return [thrown, said_drop]
     if struck_by_another:
         return [

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "Face",
-    "Followed",
+    "FollowedObject",
     "Motion",
     "MotionKind",
     "MotionModel",
@@ -130,7 +130,7 @@ class Track:
 
 
 @dataclass(frozen=True)
-class Followed:
+class FollowedObject:
     """A further object that was followed, and what it is.
 
     Attributes
@@ -225,7 +225,7 @@ class Tracks:
     rest_frames : (2,) tuple of int or None
         First and last frame in which the ball lies still before it is struck; None if it never
         does.
-    others : tuple of Followed
+    others : tuple of FollowedObject
         Other things that were followed (a struck puck's striker first, a second ball).
     warnings : tuple of str
         What the user should know, in whole sentences.
@@ -240,7 +240,7 @@ class Tracks:
     pendulum: PendulumTrack | None
     background: NDArray[np.float32]
     rest_frames: tuple[int, int] | None
-    others: tuple[Followed, ...] = ()
+    others: tuple[FollowedObject, ...] = ()
     warnings: tuple[str, ...] = ()
     shift_px: FloatArray | None = None
     motion: Motion = Motion(MotionKind.NONE, 0.0)

@@ -25,7 +25,7 @@ import numpy as np
 from pipelines.campaign.analysis.cor_law import CorPoints, fit_cor_laws
 from pipelines.campaign.lab_book import Matched
 from pipelines.campaign.ledger import Ledger, State, WorkOrder
-from pipelines.campaign.run import Plan, Progress, RunOptions, _work
+from pipelines.campaign.run import Progress, RunOptions, RunPlan, _work
 from pipelines.campaign.worker import Request
 from pipelines.setup.cor_file import LawKind
 
@@ -131,7 +131,7 @@ def scheduler(clips: int, workers: int, seconds: Sequence[float]) -> list[str]:
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder)
         paths = {f"{i}.mp4": Path(f"{i}.mp4") for i in range(clips)}
-        plan = Plan(out, RunOptions(), Matched(dict.fromkeys(paths.values())), "1")
+        plan = RunPlan(out, RunOptions(), Matched(dict.fromkeys(paths.values())), "1")
         crew = WaitingCrew(workers, seconds, 1.0)
         with Ledger(out) as ledger:
             orders = [WorkOrder(name, name, "0", "0", "1") for name in paths]

@@ -54,8 +54,8 @@ def predict(fall: Fall, time: np.ndarray, height: np.ndarray, known: np.ndarray)
     """Heights at all times, the start state fitted to the rows `known` alone."""
     rise = np.polyfit(time[known] - time[0], height[known], 2)
 
-    def misfit(start: np.ndarray) -> np.ndarray:
+    def residuals(start: np.ndarray) -> np.ndarray:
         return (_heights(start, fall, time) - height)[known]
 
-    fitted = least_squares(misfit, [rise[2], rise[1]], x_scale=[1.0, 1.0], loss="soft_l1")
+    fitted = least_squares(residuals, [rise[2], rise[1]], x_scale=[1.0, 1.0], loss="soft_l1")
     return _heights(fitted.x, fall, time)

@@ -105,7 +105,7 @@ def held_out_rmse(source: Path, answer: Answer, trained: tuple[int, ...], tested
         piece = pieces[trial].iloc[::4]
         return piece["t_s"].to_numpy(), np.radians(piece["theta_deg"].to_numpy())
 
-    def misfit(values: np.ndarray, frequency: float, trial: int) -> np.ndarray:
+    def residuals(values: np.ndarray, frequency: float, trial: int) -> np.ndarray:
         time, seen = angles(trial)
         law[0] = frequency
         return _swing(values, law, time) - seen
@@ -113,14 +113,14 @@ def held_out_rmse(source: Path, answer: Answer, trained: tuple[int, ...], tested
     def joint(values: np.ndarray) -> np.ndarray:
         starts = values[1:].reshape(-1, 2)
         return np.concatenate(
-            [misfit(s, values[0], t) for s, t in zip(starts, trained, strict=True)]
+            [residuals(s, values[0], t) for s, t in zip(starts, trained, strict=True)]
         )
 
     start = np.concatenate([[120.0], *[[angles(trial)[1][0], 0.0] for trial in trained]])
     # The path is good to 1e-7, so derivatives need steps well above that.
     frequency = least_squares(joint, start, x_scale="jac", diff_step=1e-4).x[0]
     fitted = least_squares(
-        misfit, [angles(tested)[1][0], 0.01], args=(frequency, tested), diff_step=1e-4
+        residuals, [angles(tested)[1][0], 0.01], args=(frequency, tested), diff_step=1e-4
     )
     return float(np.degrees(np.sqrt(np.mean(fitted.fun**2))))
 

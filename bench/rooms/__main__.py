@@ -19,7 +19,7 @@ from bench.rooms.draw import draw_room
 from metrology import MeasurementError
 from sample_videos.render import render_clip
 from sample_videos.truth import FrameTruth
-from vision.clip.clip import Clip
+from vision.clip.clip import ClipReader
 from vision.following import follow
 from vision.tracks import PendulumTrack
 
@@ -86,7 +86,7 @@ def followed_room(seed: int, folder: Path) -> Judged:
     path = folder / f"room_{seed:03d}.mp4"
     truth = render_clip(room.scene, room.shot, path)
     try:
-        tracks = follow(Clip.open(path), room.scene.shutter.fps)
+        tracks = follow(ClipReader.open(path), room.scene.shutter.fps)
     except MeasurementError as problem:
         return Judged(False, False, float("nan"), f"{room.words}: {problem.in_one_line}")
     found = judged(tracks.pendulum, truth.frames, room.scene.mirrored)

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from bench.scenes.truths import Truth
 from metrology import MeasurementError
-from vision.clip.clip import Clip
+from vision.clip.clip import ClipReader
 from vision.following import follow
 from vision.tracks import Track, Tracks
 
@@ -76,7 +76,7 @@ def following_lines(clip: Path, name: str, truths: list[Truth], rate: float) -> 
     """Table lines of one clip."""
     start = time.process_time()
     try:
-        tracks = follow(Clip.open(clip), rate)
+        tracks = follow(ClipReader.open(clip), rate)
     except MeasurementError as problem:
         yield f"| {name} | – | {problem.in_one_line} |"
         return

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from sample_videos.render import write_clip
 from sample_videos.scene import Encoding
-from vision.clip.clip import Clip
+from vision.clip.clip import ClipReader
 
 ROOT = Path(__file__).parents[2]
 CLIPS = ROOT / "sample_videos" / "clips"
@@ -222,7 +222,7 @@ def lengthened(clip: Path, frames: int, to: Path) -> Path:
 
     The still part is encoded once and its packets are repeated.
     """
-    pictures: list[NDArray[np.uint8]] = [one.gray for one in Clip.open(clip).frames()]
+    pictures: list[NDArray[np.uint8]] = [one.gray for one in ClipReader.open(clip).frames()]
     grain = np.random.default_rng(1).normal(0.0, GRAIN, (40, *pictures[0].shape))
     still = [np.clip(pictures[0] + one, 0, 255).astype(np.uint8) for one in grain]
     spare = max(frames - len(pictures), 0)

@@ -67,7 +67,7 @@ FOLDS = 8
 """Parts for the held-out error, at most: an eighth of the views kept out leaves a lens fitted
 nearly as well as with all."""
 
-WORTH_IT = 0.97
+RICHER_ERROR_RATIO = 0.97
 
 """A richer model must bring the held-out error down to this part of the simpler one's."""
 
@@ -214,7 +214,7 @@ def _chosen(fits: Sequence[BoardFit], views: Sequence[BoardView]) -> tuple[Board
     best: tuple[float, BoardFit] | None = None
     for fit in fits:
         error = _held_out(views, fit)
-        if best is None or error < WORTH_IT * best[0]:
+        if best is None or error < RICHER_ERROR_RATIO * best[0]:
             best = (error, fit)
     assert best is not None
     return best[1], best[0]

@@ -14,8 +14,8 @@ from calib.grid.lattice import Lattice, Nodes, analysed, measured_nodes, off_axi
 from calib.grid.spectrum import (
     COHERENT,
     GridMap,
+    MapSupport,
     Seed,
-    Support,
     find_seeds,
     flattened,
     grow,
@@ -61,7 +61,7 @@ SAME = 0.003
 """Cycles per px by which waves known over many periods differ at most where they are one."""
 
 
-def growths(gray: FloatArray) -> list[tuple[GridMap, Support]]:
+def growths(gray: FloatArray) -> list[tuple[GridMap, MapSupport]]:
     """Grow maps from the seeds in a picture.
 
     Parameters
@@ -81,17 +81,17 @@ def growths(gray: FloatArray) -> list[tuple[GridMap, Support]]:
     """
     stripes = 0.0
     for image, ratio in _resolutions(gray):
-        grown: list[tuple[GridMap, Support]] = []
+        grown: list[tuple[GridMap, MapSupport]] = []
         seeds = find_seeds(image)
         for seed in _distinct(seeds)[:SEEDS_TRIED]:
             grid_map, support = grow(image, seed)
             stripes = max(stripes, _striped(support))
             grown.append((grid_map.resized(ratio[0], ratio[1]), support))
-            best = max(grown, key=lambda one: one[1].worth)
+            best = max(grown, key=lambda one: one[1].explained)
             lengths = np.linalg.norm(best[0].jacobian(best[0].centre), axis=1)
             if best[1].area.mean() > ENOUGH_AREA and lengths.max() < MOST_UNEVEN * lengths.min():
                 break
-        grown.sort(key=lambda one: one[1].worth, reverse=True)
+        grown.sort(key=lambda one: one[1].explained, reverse=True)
         if grown and grown[0][1].area.mean() > LEAST_AREA:
             return ranked(grown)
         if seeds:
@@ -102,7 +102,7 @@ def growths(gray: FloatArray) -> list[tuple[GridMap, Support]]:
     raise no_grid()
 
 
-def ranked(grown: list[tuple[GridMap, Support]]) -> list[tuple[GridMap, Support]]:
+def ranked(grown: list[tuple[GridMap, MapSupport]]) -> list[tuple[GridMap, MapSupport]]:
     """Order maps: generators of the best, then the best, then what explains nearly as much.
 
     Parameters
@@ -114,11 +114,11 @@ def ranked(grown: list[tuple[GridMap, Support]]) -> list[tuple[GridMap, Support]
     generators = [
         (one, seen)
         for one, seen in grown[1:]
-        if seen.worth > GENERATOR * support.worth
+        if seen.explained > GENERATOR * support.explained
         and seen.area.mean() > 0.5 * support.area.mean()
         and _overtone(one, best) < _overtone(best, one)
     ]
-    rivals = [one for one in grown[1:] if one[1].worth > RIVAL * support.worth]
+    rivals = [one for one in grown[1:] if one[1].explained > RIVAL * support.explained]
     return [*generators, grown[0], *rivals]
 
 
@@ -144,7 +144,7 @@ def _overtone(one: GridMap, other: GridMap) -> float:
     return highest if highest > 1.0 else float("inf")
 
 
-def _striped(support: Support) -> float:
+def _striped(support: MapSupport) -> float:
     """Share of the picture in which at least one family of lines is seen."""
     return float((support.coherence > COHERENT).any(axis=0).mean())
 
@@ -391,7 +391,7 @@ def _lattice(gray: FloatArray) -> tuple[GridMap, NDArray[np.bool_], list[Lattice
 
 
 def _squares(
-    gray: FloatArray, grid_map: GridMap, support: Support
+    gray: FloatArray, grid_map: GridMap, support: MapSupport
 ) -> tuple[GridMap, NDArray[np.bool_], list[Lattice]]:
     shape = gray.shape[::-1]
     area = cv2.resize(support.area.astype(np.uint8), shape, interpolation=cv2.INTER_NEAREST) > 0

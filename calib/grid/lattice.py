@@ -222,9 +222,9 @@ def squareness(grid_map: GridMap) -> tuple[float, float]:
         a, b = (columns / np.array([[focal], [focal], [1.0]])).T
         aspect = float(np.linalg.norm(a) / np.linalg.norm(b))
         cosine = float(a @ b / (np.linalg.norm(a) * np.linalg.norm(b)))
-        misfit = np.log(aspect) ** 2 + cosine**2
-        if misfit < best[0]:
-            best = (misfit, aspect, cosine)
+        cost = np.log(aspect) ** 2 + cosine**2
+        if cost < best[0]:
+            best = (cost, aspect, cosine)
     return best[1], best[2]
 
 

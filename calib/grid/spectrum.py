@@ -16,8 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
     "GridMap",
+    "MapSupport",
     "Seed",
-    "Support",
     "find_seeds",
     "flattened",
     "grow",
@@ -383,7 +383,7 @@ class GridMap:
 
 
 @dataclass(frozen=True)
-class Support:
+class MapSupport:
     """How well a map fits, over the picture.
 
     Attributes
@@ -407,7 +407,7 @@ class Support:
         return np.asarray(seen.all(axis=0))
 
     @property
-    def worth(self) -> float:
+    def explained(self) -> float:
         """Share of the whole picture's variance that both waves explain together."""
         return float(np.where(self.area, self.share.sum(axis=0), 0.0).mean())
 
@@ -418,7 +418,7 @@ def pixel_grid(shape: tuple[int, ...]) -> FloatArray:
     return np.stack([columns, rows], axis=-1).astype(np.float64)
 
 
-def demodulated(flat: FloatArray, phase: FloatArray, sigma: float) -> Support:
+def demodulated(flat: FloatArray, phase: FloatArray, sigma: float) -> MapSupport:
     """Compare a picture with the waves of a map.
 
     Parameters
@@ -441,10 +441,10 @@ def demodulated(flat: FloatArray, phase: FloatArray, sigma: float) -> Support:
         angles.append(np.arctan2(-imaginary, real) / (2.0 * np.pi))
         coherences.append(square * independent / energy)
         shares.append(2.0 * square / energy)
-    return Support(np.array(angles), np.array(coherences), np.array(shares))
+    return MapSupport(np.array(angles), np.array(coherences), np.array(shares))
 
 
-def grow(image: FloatArray, seed: Seed) -> tuple[GridMap, Support]:
+def grow(image: FloatArray, seed: Seed) -> tuple[GridMap, MapSupport]:
     """Extend a seed over the picture as far as it holds.
 
     Parameters

@@ -96,7 +96,7 @@ class Fit:
         return self.chi2 + self.penalty
 
     @property
-    def misfit(self) -> float:
+    def reduced_chi2(self) -> float:
         """Chi-square over what noise leaves, at least one: the unit of differences."""
         return max(1.0, self.chi2 / max(self.expected, 1.0))
 
@@ -183,24 +183,26 @@ def _fit_in_one(
         return (
             float(np.sum(nu[:, kept] ** 2 * own_prior[kept]))
             + flat
-            + float(np.sum(holds * (values(m) - anchors) ** 2))
+            + float(np.sum(prior_information * (values(m) - anchors) ** 2))
         )
 
-    def misfit(nu: FloatArray, la: FloatArray, m: Model) -> tuple[float, FloatArray]:
+    def residuals(nu: FloatArray, la: FloatArray, m: Model) -> tuple[float, FloatArray]:
         predicted = forward.predict([m], spread_laws(forward, m, nu, la)[None])[0]
         scaled = (forward.records.values - predicted) * forward.records.weights
         return float(np.sum(scaled**2)), scaled
 
-    chi2, residual = misfit(nuisance, laws, model)
+    chi2, residual = residuals(nuisance, laws, model)
     excess = max(1.0, chi2 / max(forward.records.expected, 1.0))
-    holds = np.array([_hold(f.parameter, excess, shape_priors) for f in free])
+    prior_information = np.array(
+        [_prior_information(f.parameter, excess, shape_priors) for f in free]
+    )
     cost = chi2 + penalty(nuisance, laws, model)
     matrix = np.zeros((n_laws + len(free),) * 2)
     damping, ending = 0.0, Ending.UNFINISHED
     for _ in range(rounds):
         system = linearise(forward, model, nuisance, laws, free)
         shared_prior = system.shared_prior.copy()
-        shared_prior[n_laws:] += holds
+        shared_prior[n_laws:] += prior_information
         system = Linearised(system.residual, system.own, system.shared, system.prior, shared_prior)
         pull = np.concatenate([-laws.reshape(-1), -(values(model) - anchors)]) * shared_prior
         kept = own_prior < 1e15
@@ -216,7 +218,7 @@ def _fit_in_one(
             trial_nu = nuisance + own_move * (1.0 / (1.0 + damping))
             trial_laws = laws + move[:n_laws].reshape(laws.shape)
             trial_model = _stepped(model, free, move[n_laws:])
-            new_chi2, new_residual = misfit(trial_nu, trial_laws, trial_model)
+            new_chi2, new_residual = residuals(trial_nu, trial_laws, trial_model)
             new_cost = new_chi2 + penalty(trial_nu, trial_laws, trial_model)
             if new_cost < cost:
                 improved = True
@@ -250,9 +252,9 @@ def _fit_swings(
     shape_priors: bool,
 ) -> Fit:
     """Multiple shooting: states of all pieces start from the record, whatever the start was."""
-    anchors, holds = (
+    anchors, prior_information = (
         _values(model, free),
-        np.array([_hold(f.parameter, 1.0, shape_priors) for f in free]),
+        np.array([_prior_information(f.parameter, 1.0, shape_priors) for f in free]),
     )
     own_prior, _ = priors(forward, model)
     arcs = arcs_of(forward, nuisance)
@@ -268,14 +270,14 @@ def _fit_swings(
             float(np.sum(trial.residual**2))
             + gaps
             + held
-            + float(np.sum(holds * (_values(m, free) - anchors) ** 2))
+            + float(np.sum(prior_information * (_values(m, free) - anchors) ** 2))
         )
 
     cost, damping = merit(found, nuisance, model), 0.0
     matrix = np.zeros((len(free),) * 2)
     for _ in range(STEPS_OF_ARCS):
-        system = replace(found.system, prior=own_prior, shared_prior=holds)
-        pull = -(_values(model, free) - anchors) * holds
+        system = replace(found.system, prior=own_prior, shared_prior=prior_information)
+        pull = -(_values(model, free) - anchors) * prior_information
         own_pull = np.where(own_prior < 1e15, -nuisance * own_prior, 0.0)
         matrix, vector, inverse, cross = reduce(system, own_pull, pull)
         gradient = np.einsum("tmq,tm->tq", system.own, system.residual) + own_pull
@@ -307,7 +309,9 @@ def _fit_swings(
     if not found_all:
         lost = whole.chi2 > LOST * max(float(np.sum(found.residual**2)), whole.expected)
         return replace(whole, ending=Ending.LOST if lost else whole.ending)
-    penalty = whole.penalty + float(np.sum(holds * (_values(model, free) - anchors) ** 2))
+    penalty = whole.penalty + float(
+        np.sum(prior_information * (_values(model, free) - anchors) ** 2)
+    )
     return replace(
         whole, penalty=penalty, free=tuple(free), covariance=inverse_of(matrix),
         ending=Ending.CONVERGED,
@@ -324,8 +328,8 @@ def _anchor(item: Free, model: Model) -> float:
     return float(held) if expected is None else expected
 
 
-def _hold(p: Parameter, excess: float, shape_priors: bool) -> float:
-    """Inverse variance that holds a parameter, as much too sure of itself as the misfit is."""
+def _prior_information(p: Parameter, excess: float, shape_priors: bool) -> float:
+    """Inverse variance of a parameter's prior, as much too sure of itself as the misfit is."""
     if p.is_held:
         return 1.0 / p.width**2
     if p.expected is not None:

@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 
 from mismatch.fitting.fit import Fit, fit_model
-from mismatch.fitting.hypotheses import MISFIT, Hypothesis
+from mismatch.fitting.hypotheses import POOR_FIT, Hypothesis
 from mismatch.fitting.normal_equations import Free, free_parameters
 from mismatch.model.forward import Forward
 from mismatch.verdict import HeldOut
@@ -137,5 +137,5 @@ def hold_out(
         "rad" if forward.mode == "swing" else "m",
         _extrapolation(forward, base, ()),
         _extrapolation(forward, best.fit, free),
-        float(cost - less) / best.misfit if best.misfit < MISFIT else None,
+        float(cost - less) / best.reduced_chi2 if best.reduced_chi2 < POOR_FIT else None,
     )  # fmt: skip

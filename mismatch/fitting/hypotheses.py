@@ -1,6 +1,6 @@
 """Fitted answers to "what was left out", and how they are weighed against each other.
 
-What the errors of forms are worth: evidence with every weight integrated over.
+What errors of forms explain: evidence with every weight integrated over.
 """
 
 from collections.abc import Sequence
@@ -21,13 +21,13 @@ from physics.effects import CATALOGUE, Effect, EffectId
 __all__ = [
     "EXPECTED",
     "LOOSE_LAWS",
-    "MISFIT",
+    "POOR_FIT",
     "Hypothesis",
     "fit_hypothesis",
     "form_evidence",
     "group_tolerance",
     "is_known",
-    "least_worth",
+    "least_gain",
     "null_threshold",
     "scan_beyond_forms",
     "second_effect_share",
@@ -132,7 +132,7 @@ def scan_beyond_forms(
     )
 
 
-MEMBER_FINE = 9.0
+MEMBER_PENALTY = 9.0
 
 """Chi-square that each further effect must pay, ln n for a few thousand rows (BIC)."""
 
@@ -145,13 +145,13 @@ FALSE_ALARMS = 0.01
 
 CERTAIN_GAIN = 6.6
 
-"""Worth that one effect looked for by itself, with a sign, exceeds by chance in half a per cent."""
+"""What the penalised gain of one effect with a sign exceeds by chance in half a per cent."""
 
 EXPECTED = 6.0
 """Chi-square units, odds of one to twenty, against an answer that does without what nature always
 has: what a law in no catalogue pays for being rare."""
 
-MISFIT = 1.5
+POOR_FIT = 1.5
 
 """Chi-square per entry from which what is left over is a fault of the law, not noise."""
 
@@ -200,15 +200,22 @@ class Hypothesis:
         return tuple(member.id for member in self.members)
 
     @property
-    def worth(self) -> float:
+    def penalised_gain(self) -> float:
         """Gain less what freedom, size of the set and unlikely strengths cost."""
-        fines = sum(member.fine for member in self.members) + EXPECTED * len(self.lacking)
+        penalties = sum(member.complexity_penalty for member in self.members) + EXPECTED * len(
+            self.lacking
+        )
         further = sum(not is_known(member.effect) for member in self.members) - 1
         gain = self.gain + self.form.gain
-        return gain - fines - MEMBER_FINE * max(further, 0) - self.misfit * self.surprise
+        return (
+            gain
+            - penalties
+            - MEMBER_PENALTY * max(further, 0)
+            - self.reduced_chi2 * self.prior_penalty
+        )
 
     @property
-    def surprise(self) -> float:
+    def prior_penalty(self) -> float:
         """What the fitted strengths cost by their priors (chi-square units at no misfit)."""
         added = [member.effect for member in self.members]
         values = {
@@ -221,7 +228,7 @@ class Hypothesis:
         return sum(p.prior_penalty(value) for p, value in strengths)
 
     @property
-    def misfit(self) -> float:
+    def reduced_chi2(self) -> float:
         """Chi-square that even loose forms leave over what noise leaves, at least one."""
         return max(1.0, (self.fit.chi2 - self.form.absorbed) / max(self.fit.expected, 1.0))
 
@@ -233,8 +240,8 @@ class Hypothesis:
 
     @property
     def quality(self) -> float:
-        """Worth by the data alone, unlikely strengths not counted against it."""
-        return self.worth + self.misfit * self.surprise
+        """Penalised gain by the data alone, unlikely strengths not counted against it."""
+        return self.penalised_gain + self.reduced_chi2 * self.prior_penalty
 
     @property
     def has_unnamed(self) -> bool:
@@ -253,7 +260,7 @@ def told_apart(best: Hypothesis, other: Hypothesis) -> bool:
     Where no law fits to the noise, chi-square says nothing; the difference has to be steady over
     pieces of the record (Vuong, Econometrica 57, 307 (1989)).
     """
-    if best.misfit < MISFIT:
+    if best.reduced_chi2 < POOR_FIT:
         return True
     pieces = max(1, -(-24 // best.fit.residual.shape[0]))
     mine, theirs = (
@@ -340,7 +347,7 @@ def _price_of_weights(fit: Fit) -> float:
 
 
 def null_threshold(scan: Scan, false_alarms: float = FALSE_ALARMS, seed: int = 20240229) -> float:
-    """Worth that the luckiest candidate exceeds by chance in a share of blameless campaigns.
+    """Penalised gain that chance alone exceeds in a share of blameless campaigns.
 
     A parametric bootstrap: without a mismatch the score of all candidates is Gaussian with the
     information as its covariance, so drawing scores stands for drawing campaigns.
@@ -352,7 +359,7 @@ def null_threshold(scan: Scan, false_alarms: float = FALSE_ALARMS, seed: int = 2
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     scale = np.sqrt(np.diag(scan.information))
     draws = (np.random.default_rng(seed).standard_normal((DRAWS, size)) @ root.T) * scale
-    worth = np.full(DRAWS, -np.inf)
+    penalised = np.full(DRAWS, -np.inf)
     for index, candidate in enumerate(scan.candidates):
         which = np.array(scan.columns[index])
         block = scan.information[np.ix_(which, which)]
@@ -363,19 +370,19 @@ def null_threshold(scan: Scan, false_alarms: float = FALSE_ALARMS, seed: int = 2
         one_sided = [p.lower == p.neutral for p in candidate.effect.strengths]
         if len(which) == 1 and one_sided[0] and scan.start[which[0]] == 0.0:
             gain = np.where(part[:, 0] > 0.0, gain, -np.inf)
-        worth = np.maximum(worth, gain - candidate.fine)
-    tail = float(np.quantile(worth, 1.0 - false_alarms))
+        penalised = np.maximum(penalised, gain - candidate.complexity_penalty)
+    tail = float(np.quantile(penalised, 1.0 - false_alarms))
     return max(tail, 9.0)
 
 
-def least_worth(best: Hypothesis, base: Fit, threshold: float) -> float:
-    """Worth from which an answer is more than chance.
+def least_gain(best: Hypothesis, base: Fit, threshold: float) -> float:
+    """Penalised gain from which an answer is more than chance.
 
     What nature always has, and the model has not, was expected: no search of a catalogue has to be
     paid for before it is believed.
     """
     expected = all(m.effect.certain and m.id not in base.model.ids for m in best.members)
-    return (min(threshold, CERTAIN_GAIN) if expected else threshold) * best.misfit
+    return (min(threshold, CERTAIN_GAIN) if expected else threshold) * best.reduced_chi2
 
 
 def _outer(matrix: FloatArray) -> FloatArray:
@@ -384,14 +391,14 @@ def _outer(matrix: FloatArray) -> FloatArray:
 
 
 def group_tolerance(best: Hypothesis) -> float:
-    """How much less worth another answer may have and still not be told apart.
+    """By how much another answer's penalised gain may be less, and it still be not told apart.
 
     Seven chi-square units are odds of thirty to one, times the misfit that is left; in strong
     cases one and a half per cent of the gain, since no law is known better than that, but no more
     than a part of what is left over.
     """
     count = best.fit.count
-    odds = 7.0 * best.misfit
+    odds = 7.0 * best.reduced_chi2
     left = max(best.fit.chi2 - best.fit.expected, 0.0) + np.sqrt(2.0 * count)
     return float(max(odds, min(0.015 * best.gain, 0.25 * left)))
 

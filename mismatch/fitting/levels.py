@@ -186,13 +186,15 @@ def _scales(effect: Effect) -> FloatArray:
 
 
 def _with_likely_scatter(
-    forward: Forward, model: Model, nuisance: FloatArray, laws: FloatArray, misfit: float
+    forward: Forward, model: Model, nuisance: FloatArray, laws: FloatArray, reduced_chi2: float
 ) -> Model:
     """The model with each effect's scatter at its likeliest around a point."""
     for effect in _scattered(model):
         score, information, values = _around(forward, model, nuisance, laws, effect)
         at_none = score + (information @ values[..., None])[..., 0]
-        spread, _ = scatter_evidence(at_none / misfit, information / misfit, _scales(effect))
+        spread, _ = scatter_evidence(
+            at_none / reduced_chi2, information / reduced_chi2, _scales(effect)
+        )
         names = [p.name for p in effect.strengths]
         model = replace(
             model,
@@ -218,8 +220,8 @@ def fit_with_levels(
     fit = None
     for _ in range(ROUNDS if model.own else 0):
         nuisance, laws = fitting_start(forward, model, *start)
-        misfit = 1.0 if fit is None else fit.misfit
-        model = _with_likely_scatter(forward, model, nuisance, laws, misfit)
+        reduced_chi2 = 1.0 if fit is None else fit.reduced_chi2
+        model = _with_likely_scatter(forward, model, nuisance, laws, reduced_chi2)
         fit = fit_model(forward, model, free, start, rounds=rounds)
         model, start = fit.model, (fit.nuisance, fit.law_offsets)
     return fit or fit_model(forward, model, free, start, rounds=rounds)
@@ -231,9 +233,9 @@ def price_of_levels(forward: Forward, fit: Fit) -> float:
     for effect in _scattered(fit.model):
         _, information, _ = _around(forward, fit.model, fit.nuisance, fit.law_offsets, effect)
         spread = np.array([one.spread for one in fit.model.own if one.effect is effect])
-        root = np.eye(spread.size) + spread[:, None] * information * spread / fit.misfit
+        root = np.eye(spread.size) + spread[:, None] * information * spread / fit.reduced_chi2
         total += float(np.linalg.slogdet(root)[1].sum())
-    return total * fit.misfit
+    return total * fit.reduced_chi2
 
 
 def own_values(forward: Forward, fit: Fit, effect: Effect) -> OwnValues | None:
@@ -245,11 +247,11 @@ def own_values(forward: Forward, fit: Fit, effect: Effect) -> OwnValues | None:
     spread = np.array([one.spread for one in mine])
     held = next(values for one, values in fit.model.entries if one is effect)
     mean = np.array([held[one.name] for one in mine])
-    posterior = np.linalg.inv(information / fit.misfit + np.diag(spread**-2.0))
+    posterior = np.linalg.inv(information / fit.reduced_chi2 + np.diag(spread**-2.0))
     # What the records leave open stays with the campaign's value, and shares its doubt.
     kept = np.einsum("gnn->gn", posterior) / spread**2
     doubt = {
-        item.parameter.name: fit.value(k)[1] * np.sqrt(fit.misfit)
+        item.parameter.name: fit.value(k)[1] * np.sqrt(fit.reduced_chi2)
         for k, item in enumerate(fit.free)
         if fit.model.entries[item.entry][0] is effect
     }

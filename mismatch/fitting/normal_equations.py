@@ -154,7 +154,7 @@ def linearise(
     base = spread_laws(forward, model, nuisance, laws)
     steps = _own_steps(forward, model)
     q = len(steps)
-    lanes: list[Model] = [model] * (1 + q)
+    rows: list[Model] = [model] * (1 + q)
     own = np.repeat(base[None], 1 + q, axis=0)
     for column in range(q):
         own[1 + column, :, column] += steps[column]
@@ -162,11 +162,11 @@ def linearise(
     for item in free:
         step, moved = moved_by_a_step(model, item)
         sizes.append(step)
-        lanes.append(moved)
-    lanes.extend(extra)
+        rows.append(moved)
+    rows.extend(extra)
     sizes.extend(extra_steps)
-    own = np.concatenate([own, np.repeat(base[None], len(lanes) - 1 - q, axis=0)])
-    predicted = forward.predict(lanes, own)
+    own = np.concatenate([own, np.repeat(base[None], len(rows) - 1 - q, axis=0)])
+    predicted = forward.predict(rows, own)
     weights = forward.records.weights
     residual = (forward.records.values - predicted[0]) * weights
     slopes = (predicted[1:] - predicted[:1]) * weights

@@ -12,7 +12,7 @@ from mismatch.fitting.shooting import PIECE_STEPS, seen_swings
 from mismatch.model.baseline import Baseline
 from mismatch.model.forward import Forward, Mode, Model
 from mismatch.records.noise import Noise, estimate_noise
-from mismatch.records.records import Campaign, Records, lay_out
+from mismatch.records.records import CampaignRecords, Records, lay_out
 from physics.domain import FloatArray
 from physics.effects import CATALOGUE, EffectId
 
@@ -243,7 +243,7 @@ def _start_polynomial(time: FloatArray, value: FloatArray) -> tuple[float, float
     return float(fitted[0]), float(fitted[1] / scale)
 
 
-def prepare(campaign: Campaign, baseline: Baseline) -> Prepared:
+def prepare(campaign: CampaignRecords, baseline: Baseline) -> Prepared:
     """Lay the data out, find clocks and noise, and refit the baseline.
 
     Raises

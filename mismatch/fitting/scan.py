@@ -218,7 +218,7 @@ def robust_spread(forward: Forward, fit: Fit) -> FloatArray:
         One per free parameter.
     """
     plain = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
-    plain = plain * np.sqrt(fit.misfit)
+    plain = plain * np.sqrt(fit.reduced_chi2)
     information, pulls = _pulls(forward, fit)
     first = information.shape[0] - len(fit.free)
     trials, freedom = pulls.shape[0], pulls.shape[1]

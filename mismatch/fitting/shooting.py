@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mismatch.fitting.normal_equations import Free, Linearised, moved_by_a_step
-from mismatch.model.forward import Forward, Model, lane_terms
+from mismatch.model.forward import Forward, Model, batch_terms
 from mismatch.records.records import Records
 from physics.domain import FloatArray
 from physics.integrator import Trajectory, integrate
@@ -300,17 +300,17 @@ def _bridged(states: FloatArray, span: float, rate: float, first: FloatArray) ->
 
 def _read(path: Trajectory, arcs: Arcs, clock: FloatArray) -> FloatArray:
     """Angles (L, T, P) of all rows, each read in its own piece."""
-    lanes = path.states.shape[2]
+    rows = path.states.shape[2]
     trials, pieces = arcs.states.shape[:2]
     step = arcs.span / (path.states.shape[0] - 1)
     place = clock / step[:, None]
     cell = np.clip(place.astype(np.int64), 0, path.states.shape[0] - 2)
     u = place - cell
     column = np.arange(trials)[:, None] * pieces + arcs.index
-    lane = np.arange(lanes)[:, None, None]
-    a, b = path.states[cell, 0, lane, column], path.states[cell + 1, 0, lane, column]
-    da = path.rates[cell, 0, lane, column] * step[:, None]
-    db = path.rates[cell + 1, 0, lane, column] * step[:, None]
+    row = np.arange(rows)[:, None, None]
+    a, b = path.states[cell, 0, row, column], path.states[cell + 1, 0, row, column]
+    da = path.rates[cell, 0, row, column] * step[:, None]
+    db = path.rates[cell + 1, 0, row, column] * step[:, None]
     u2, u3 = u * u, u * u * u
     return np.asarray(
         a * (2 * u3 - 3 * u2 + 1) + da * (u3 - 2 * u2 + u) + b * (3 * u2 - 2 * u3) + db * (u3 - u2)
@@ -321,9 +321,9 @@ def _swung(
     forward: Forward, models: Sequence[Model], arcs: Arcs, states: FloatArray, frequency: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Angles (L, T, P) of the rows, and states (L, T, J, 2) where the pieces end."""
-    lanes, (trials, pieces) = len(models), arcs.states.shape[:2]
-    terms = lane_terms(models)
-    start = np.moveaxis(states, -1, 0).reshape(2, lanes, trials * pieces)
+    rows, (trials, pieces) = len(models), arcs.states.shape[:2]
+    terms = batch_terms(models)
+    start = np.moveaxis(states, -1, 0).reshape(2, rows, trials * pieces)
     # A step beyond any pendulum is turned back by its misfit, not by an overflow.
     stiffer = np.exp(2.0 * np.clip(np.repeat(frequency, pieces, axis=-1), -WILD, WILD))
     order = np.repeat(forward.records.order, pieces)
@@ -331,10 +331,10 @@ def _swung(
     with np.errstate(over="ignore", invalid="ignore"):
         path = integrate(rates, start, np.repeat(arcs.span, pieces), PIECE_STEPS)
     label = forward.records.pendulum_time - forward.records.pendulum_time[:, :1]
-    clock = forward.true_time(terms, np.broadcast_to(label, (lanes, *label.shape)))
+    clock = forward.true_time(terms, np.broadcast_to(label, (rows, *label.shape)))
     local = clock - (label - arcs.since)
     seen = _read(path, arcs, local)
-    ends = np.moveaxis(path.states[-1].reshape(2, lanes, trials, pieces), 0, -1)
+    ends = np.moveaxis(path.states[-1].reshape(2, rows, trials, pieces), 0, -1)
     return seen, ends
 
 
@@ -342,19 +342,19 @@ def linearise_arcs(
     forward: Forward, model: Model, arcs: Arcs, nuisance: FloatArray, free: Sequence[Free]
 ) -> LinearisedArcs:
     """Residuals and derivatives of all pieces, with the gaps between them closed to first order."""
-    lanes = [model, model, model, model]
+    rows = [model, model, model, model]
     sizes = []
     for item in free:
         size, moved = moved_by_a_step(model, item)
         sizes.append(size)
-        lanes.append(moved)
-    states = np.repeat(arcs.states[None], len(lanes), axis=0)
-    frequency = np.repeat(nuisance[None, :, 2], len(lanes), axis=0)
+        rows.append(moved)
+    states = np.repeat(arcs.states[None], len(rows), axis=0)
+    frequency = np.repeat(nuisance[None, :, 2], len(rows), axis=0)
     for column, size in enumerate(STATE_STEPS):
         states[1 + column, ..., column] += size
     frequency[3] += FREQUENCY_STEP
     steps = np.array([*STATE_STEPS, FREQUENCY_STEP, *sizes])
-    seen, ends = _swung(forward, lanes, arcs, states, frequency)
+    seen, ends = _swung(forward, rows, arcs, states, frequency)
     # What ran off to infinity is as wrong as can be, and no number to step by.
     seen, ends = (np.nan_to_num(np.clip(a, -FAR, FAR), nan=FAR) for a in (seen, ends))
     slopes = np.moveaxis(seen[1:] - seen[:1], 0, -1) / steps

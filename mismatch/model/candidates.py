@@ -76,7 +76,7 @@ class Candidate:
         return replace(self.effect, parameters=())
 
     @property
-    def fine(self) -> float:
+    def complexity_penalty(self) -> float:
         """What the law's freedom costs: places looked at for each shape, strengths beyond one.
 
         A law in no catalogue also pays for being rare.

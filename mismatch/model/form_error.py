@@ -15,6 +15,7 @@ from numpy.polynomial import legendre
 from mismatch.model.forward import Forward
 from physics.domain import FloatArray, Number, Vector
 from physics.effects import (
+    CameraView,
     Contact,
     Coordinate,
     Effect,
@@ -23,7 +24,6 @@ from physics.effects import (
     Parameter,
     SwingState,
     Values,
-    View,
 )
 
 __all__ = ["FormError", "form_errors"]
@@ -115,7 +115,7 @@ class FormError(Effect):
             self._law.clock(self._held, time) - time
         )
 
-    def image(self, values: Values, view: View) -> Vector:
+    def image(self, values: Values, view: CameraView) -> Vector:
         """The law's displacement times the error, along the way."""
         k = values["weight"] * self._smooth((view.x - view.centre_x) / view.half_width)
         x, y, z = self._law.image(self._held, view)

@@ -1,9 +1,9 @@
 """The forward model: swing, contact and flight of all trials, for many models at once.
 
-Arrays are shaped (lanes, trials, ...): a lane is one set of parameters. What is recorded comes out
+Arrays are shaped (rows, trials, ...): a row is one set of parameters. What is recorded comes out
 stacked per trial as in `Records`: x, y, z of all ball rows, then the pendulum's angles.
 
-A model as the engine bends it: effects with a column of parameter values per lane.
+A model as the engine bends it: effects with a column of parameter values per row.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,14 +15,32 @@ import numpy as np
 from mismatch.model.baseline import COLUMNS, Baseline
 from mismatch.records.records import Records
 from physics.domain import FloatArray
-from physics.effects import Contact, Coordinate, Effect, EffectId, Level, Outcome, SwingState, View
+from physics.effects import (
+    CameraView,
+    Contact,
+    Coordinate,
+    Effect,
+    EffectId,
+    Level,
+    Outcome,
+    SwingState,
+)
 from physics.effects import Term as ActingEffect
 from physics.effects.impact import add_normal_speeds, change_restitution, turn_launch
 from physics.flight.flight import FlightModel
 from physics.integrator import Rates, Trajectory, crossing, integrate
 from physics.swing import SwingModel
 
-__all__ = ["NUISANCES", "OUTSIDE", "Forward", "Mode", "Model", "OwnStrength", "Term", "lane_terms"]
+__all__ = [
+    "NUISANCES",
+    "OUTSIDE",
+    "BatchTerm",
+    "Forward",
+    "Mode",
+    "Model",
+    "OwnStrength",
+    "batch_terms",
+]
 
 BUILT_ON = frozenset({EffectId.DRAG, EffectId.MAGNUS})
 """Effects that others alter: they come first in a model."""
@@ -108,36 +126,36 @@ class Model:
 
 
 @dataclass(frozen=True)
-class Term:
-    """An effect at work in some lanes.
+class BatchTerm:
+    """An effect at work in some rows.
 
     Attributes
     ----------
     effect : Effect
         What acts.
-    lanes : slice
-        In which lanes.
+    rows : slice
+        In which rows.
     values : mapping
-        Parameter → (k, 1) array over those lanes, (k, T) where each trial has a value of its own.
+        Parameter → (k, 1) array over those rows, (k, T) where each trial has a value of its own.
     """
 
     effect: Effect
-    lanes: slice
+    rows: slice
     values: Mapping[str, FloatArray]
 
 
-def lane_terms(models: Sequence[Model], own: FloatArray | None = None) -> tuple[Term, ...]:
-    """Terms for one model per lane, runs of lanes with the same effect gathered.
+def batch_terms(models: Sequence[Model], own: FloatArray | None = None) -> tuple[BatchTerm, ...]:
+    """Terms for one model per row, runs of rows with the same effect gathered.
 
-    `own` (lanes, T, n) is what each model's own strengths are off the campaign's in each trial.
+    `own` (rows, T, n) is what each model's own strengths are off the campaign's in each trial.
 
-    An effect takes part in a lane only if that lane's model holds it, so a lane pays for its own
+    An effect takes part in a row only if that row's model holds it, so a row pays for its own
     effects alone. Effects are told apart as objects: two of one class and form may differ in any
     field of their own (the hats of a smooth force, laws that a user wrote).
     """
     runs: dict[tuple[int, int], list[list[tuple[int, Mapping[str, float]]]]] = {}
     effects: dict[tuple[int, int], Effect] = {}
-    for lane, model in enumerate(models):
+    for row, model in enumerate(models):
         seen: dict[int, int] = {}
         for effect, values in model.entries:
             copy = seen.get(id(effect), 0)
@@ -145,12 +163,12 @@ def lane_terms(models: Sequence[Model], own: FloatArray | None = None) -> tuple[
             key = (id(effect), copy)
             effects[key] = effect
             here = runs.setdefault(key, [])
-            if here and here[-1][-1][0] == lane - 1:
-                here[-1].append((lane, values))
+            if here and here[-1][-1][0] == row - 1:
+                here[-1].append((row, values))
             else:
-                here.append([(lane, values)])
+                here.append([(row, values)])
     return tuple(
-        Term(
+        BatchTerm(
             effects[key],
             slice(run[0][0], run[-1][0] + 1),
             {name: _column(models, effects[key], name, run, own) for name in run[0][1]},
@@ -167,15 +185,15 @@ def _column(
     run: Sequence[tuple[int, Mapping[str, float]]],
     own: FloatArray | None,
 ) -> FloatArray:
-    """Values of a parameter in a run of lanes: (k, 1), or (k, T) where trials differ."""
+    """Values of a parameter in a run of rows: (k, 1), or (k, T) where trials differ."""
     column = np.array([values[name] for _, values in run])[:, None]
     if own is None or not own.shape[-1]:
         return column
     off = np.zeros((len(run), own.shape[1]))
-    for row, (lane, _) in enumerate(run):
-        for place, one in enumerate(models[lane].own):
+    for at, (row, _) in enumerate(run):
+        for place, one in enumerate(models[row].own):
             if one.effect is effect and one.name == name:
-                off[row] = own[lane, :, place]
+                off[at] = own[row, :, place]
     return column + off if off.any() else column
 
 
@@ -236,7 +254,7 @@ class Forward:
         -------
         (K, T, 3S + P) array
         """
-        terms = lane_terms(models, nuisance[..., len(NUISANCES[self.mode]) :])
+        terms = batch_terms(models, nuisance[..., len(NUISANCES[self.mode]) :])
         paths = {"impact": self._struck, "flight": self._thrown, "swing": self._released}
         # A step too far may run off to infinity; the fit sees it as a bad step and halves it.
         with np.errstate(over="ignore", invalid="ignore"):
@@ -244,13 +262,13 @@ class Forward:
             return self._seen(terms, ball, velocity, phi, omega, times)
 
     def _struck(
-        self, terms: Sequence[Term], nuisance: FloatArray
+        self, terms: Sequence[BatchTerm], nuisance: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
         records, shape = self.records, nuisance.shape[:2]
         backswing = records.backswing + nuisance[..., 1]
         for term in terms:
             if "start" in term.effect.hooks:
-                backswing[term.lanes] = term.effect.start(term.values, backswing[term.lanes])
+                backswing[term.rows] = term.effect.start(term.values, backswing[term.rows])
         onset_angle = np.broadcast_to(records.launch_angle, shape)
         start = np.stack([-backswing, np.zeros(shape)])
         path = integrate(
@@ -285,7 +303,7 @@ class Forward:
         return ball, velocity, swing[0], swing[1], times
 
     def _thrown(
-        self, terms: Sequence[Term], nuisance: FloatArray
+        self, terms: Sequence[BatchTerm], nuisance: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
         records, shape = self.records, nuisance.shape[:2]
         state = np.moveaxis(nuisance[..., :6], -1, 0)
@@ -297,7 +315,7 @@ class Forward:
         return sample[:3], sample[3:], blank, blank, (label, blank)
 
     def _released(
-        self, terms: Sequence[Term], nuisance: FloatArray
+        self, terms: Sequence[BatchTerm], nuisance: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
         records, shape = self.records, nuisance.shape[:2]
         start = np.moveaxis(nuisance[..., :2], -1, 0)
@@ -340,7 +358,7 @@ class Forward:
 
     def swing_rates(
         self,
-        terms: Sequence[Term],
+        terms: Sequence[BatchTerm],
         stiffer: FloatArray | float = 1.0,
         order: FloatArray | None = None,
     ) -> Rates:
@@ -360,7 +378,7 @@ class Forward:
 
     def _contact(
         self,
-        terms: Sequence[Term],
+        terms: Sequence[BatchTerm],
         nuisance: FloatArray,
         rate: FloatArray,
         angle: FloatArray,
@@ -384,7 +402,7 @@ class Forward:
         outcome = change_restitution(contact, outcome, nuisance[..., 2])
         outcome = turn_launch(outcome, nuisance[..., 3])
         for term in terms:
-            at = term.lanes
+            at = term.rows
             if "torque" in term.effect.hooks:
                 # While they touch, a torque on the pendulum brakes ball and pendulum together.
                 swing = SwingState(
@@ -400,23 +418,23 @@ class Forward:
                 outcome = _paste(outcome, part, at)
         return outcome
 
-    def true_time(self, terms: Sequence[Term], label: FloatArray) -> FloatArray:
+    def true_time(self, terms: Sequence[BatchTerm], label: FloatArray) -> FloatArray:
         """Time that really passed for what the clock says, s."""
         time = np.array(label)
         for term in terms:
             if "clock" in term.effect.hooks:
                 values = {name: value[..., None] for name, value in term.values.items()}
-                time[term.lanes] = term.effect.clock(values, time[term.lanes])
+                time[term.rows] = term.effect.clock(values, time[term.rows])
         return time
 
-    def _fly(self, terms: Sequence[Term], outcome: Outcome) -> Trajectory:
+    def _fly(self, terms: Sequence[BatchTerm], outcome: Outcome) -> Trajectory:
         shape = np.shape(outcome.vx)
         parts = (outcome.x, outcome.y, outcome.z, outcome.vx, outcome.vy, outcome.vz)
         state = np.stack([np.broadcast_to(part, shape) for part in parts])
         return self._integrate_flight(terms, state, np.asarray(outcome.contact_time))
 
     def _integrate_flight(
-        self, terms: Sequence[Term], state: FloatArray, since: FloatArray
+        self, terms: Sequence[BatchTerm], state: FloatArray, since: FloatArray
     ) -> Trajectory:
         base, records = self.baseline, self.records
         model = FlightModel(
@@ -432,12 +450,12 @@ class Forward:
         steps = self._steps([t for t in terms if "force" in t.effect.hooks], self.steps)
         return integrate(model.rates, state, self.flight_time, steps)
 
-    def _steps(self, terms: Sequence[Term], most: int) -> int:
+    def _steps(self, terms: Sequence[BatchTerm], most: int) -> int:
         """Half the steps where every law is smooth on the scale of the whole way."""
         smooth = self.mode == "impact" and not any(t.effect.sharp for t in terms)
         return most // 2 if smooth else most
 
-    def _swing_on(self, terms: Sequence[Term], outcome: Outcome) -> Trajectory:
+    def _swing_on(self, terms: Sequence[BatchTerm], outcome: Outcome) -> Trajectory:
         body = self._pendulum()
         shape = np.shape(outcome.vx)
         start = np.stack(
@@ -489,7 +507,7 @@ class Forward:
 
     def _seen(
         self,
-        terms: Sequence[Term],
+        terms: Sequence[BatchTerm],
         ball: FloatArray,
         velocity: FloatArray,
         phi: FloatArray,
@@ -501,19 +519,19 @@ class Forward:
         if self.mode == "impact":
             rest = np.zeros((1, 1, 1)), self._rest_y(phi.shape[:2])[..., None]
         for term in terms:
-            at = term.lanes
+            at = term.rows
             values = {name: value[..., None] for name, value in term.values.items()}
             here = (rest[0][at] if rest[0].shape[0] > 1 else rest[0], rest[1][at])
             if "image" in term.effect.hooks:
                 time = times[0][at] if times[0].ndim == 3 else times[0]
                 x, y, z = ball[:, at]
                 vx, vy, vz = velocity[:, at]
-                view = View(time, x, y, z, vx, vy, vz, 0.0, 0.0, *here, *self.centre)
+                view = CameraView(time, x, y, z, vx, vy, vz, 0.0, 0.0, *here, *self.centre)
                 for axis, seen in enumerate(term.effect.image(values, view)):
                     ball[axis, at] = seen
             if "angle" in term.effect.hooks:
                 time = times[1][at] if times[1].ndim == 3 else times[1]
-                view = View(
+                view = CameraView(
                     time, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, phi[at], omega[at], *here, *self.centre,
                     self._pendulum().length,
                 )  # fmt: skip
@@ -535,24 +553,24 @@ class PendulumBody:
     com: float
 
 
-def _acting(terms: Sequence[Term]) -> tuple[ActingEffect, ...]:
+def _acting(terms: Sequence[BatchTerm]) -> tuple[ActingEffect, ...]:
     """The terms as the equations of motion take them."""
-    return tuple(ActingEffect(t.effect, t.values, t.lanes) for t in terms)
+    return tuple(ActingEffect(t.effect, t.values, t.rows) for t in terms)
 
 
-def _cut(state: State, lanes: slice) -> State:
+def _cut(state: State, rows: slice) -> State:
     return type(state)(
         **{
-            name: value[lanes] if np.ndim(value) == 2 else value
+            name: value[rows] if np.ndim(value) == 2 else value
             for name, value in vars(state).items()
         }
     )
 
 
-def _paste(outcome: Outcome, part: Outcome, lanes: slice) -> Outcome:
+def _paste(outcome: Outcome, part: Outcome, rows: slice) -> Outcome:
     whole = {}
     for name, value in vars(outcome).items():
         array = np.array(value)
-        array[lanes] = getattr(part, name)
+        array[rows] = getattr(part, name)
         whole[name] = array
     return Outcome(**whole)

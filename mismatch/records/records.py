@@ -12,7 +12,7 @@ from metrology import TooLittleDataError, UsageError
 from mismatch.model.baseline import Baseline
 from physics.domain import FloatArray
 
-__all__ = ["Campaign", "Records", "Trial", "lay_out"]
+__all__ = ["CampaignRecords", "Records", "Trial", "lay_out"]
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Campaign:
+class CampaignRecords:
     """Trials that one model should explain.
 
     Attributes
@@ -88,9 +88,9 @@ class Campaign:
             if any(np.isfinite(trial.position[:, axis]).any() for trial in self.trials)
         )
 
-    def only(self, names: frozenset[str]) -> "Campaign":
+    def only(self, names: frozenset[str]) -> "CampaignRecords":
         """Campaign with the named trials alone."""
-        return Campaign(tuple(t for t in self.trials if t.name in names), self.notes)
+        return CampaignRecords(tuple(t for t in self.trials if t.name in names), self.notes)
 
 
 @dataclass(frozen=True)
@@ -201,7 +201,7 @@ class Records:
         )
 
 
-def lay_out(campaign: Campaign, baseline: Baseline) -> Records:
+def lay_out(campaign: CampaignRecords, baseline: Baseline) -> Records:
     """Pad a campaign's trials to even arrays and attach the bodies of the baseline.
 
     Raises

@@ -17,12 +17,12 @@ from scipy.stats import rankdata
 
 from metrology import UsageError
 from mismatch.fitting.fit import Fit
-from mismatch.fitting.hypotheses import MISFIT
+from mismatch.fitting.hypotheses import POOR_FIT
 from mismatch.fitting.normal_equations import inverse_of, linearise, spread_laws
 from mismatch.fitting.prepare import Prepared, prepare
 from mismatch.fitting.shooting import SwingSeen, seen_in_halves, seen_swings
 from mismatch.model.forward import OUTSIDE, Forward
-from mismatch.records.records import Campaign, Trial
+from mismatch.records.records import CampaignRecords, Trial
 from physics.domain import FloatArray, Number
 from physics.effects import CATALOGUE, Values
 from physics.effects.measurement import DroppedFrames
@@ -73,7 +73,7 @@ ANOTHER_EXPERIMENT = 0.35
 supposed."""
 
 
-def refuse_nonsense(campaign: Campaign, prepared: Prepared) -> None:
+def refuse_nonsense(campaign: CampaignRecords, prepared: Prepared) -> None:
     """Refuse data whose units or columns can't be what they are said to be.
 
     Raises
@@ -115,7 +115,7 @@ def refuse_nonsense(campaign: Campaign, prepared: Prepared) -> None:
             hint="Positions are in metres and times in seconds; were they written in millimetres,"
             " pixels or milliseconds?",
         )
-    straight = _misfit(x - px, y - py)
+    straight = _distance(x - px, y - py)
     size = _spread(px, py)
     if straight > SUSPICIOUS * size and _fits_swapped(campaign, prepared):
         raise UsageError(
@@ -195,10 +195,10 @@ def _refuse_wider_than_released(forward: Forward) -> None:
         )
 
 
-def _fits_swapped(campaign: Campaign, prepared: Prepared) -> bool:
+def _fits_swapped(campaign: CampaignRecords, prepared: Prepared) -> bool:
     """Whether the campaign fits far better with x and y exchanged."""
     trials = tuple(replace(t, position=t.position[:, [1, 0, 2]]) for t in campaign.trials)
-    other = prepare(Campaign(trials), prepared.forward.baseline)
+    other = prepare(CampaignRecords(trials), prepared.forward.baseline)
     return other.fit.chi2 / other.fit.count < SWAP_GAIN * prepared.fit.chi2 / prepared.fit.count
 
 
@@ -206,7 +206,7 @@ def _spread(x: FloatArray, y: FloatArray) -> float:
     return float(np.hypot(np.ptp(x), np.ptp(y)))
 
 
-def _misfit(dx: FloatArray, dy: FloatArray) -> float:
+def _distance(dx: FloatArray, dy: FloatArray) -> float:
     return float(np.median(np.hypot(dx, dy)))
 
 
@@ -228,7 +228,7 @@ def _refuse_fall(forward: Forward) -> None:
         )
 
 
-def _refuse_upside_down(campaign: Campaign, gravity: float) -> None:
+def _refuse_upside_down(campaign: CampaignRecords, gravity: float) -> None:
     found = []
     for trial in campaign.trials:
         rows = np.flatnonzero(np.isfinite(trial.position[:, 1]))
@@ -261,7 +261,7 @@ HOLE = 6.0
 
 """Median steps from which a pause of the clock may be a jump."""
 
-BESIDE = 8
+NEIGHBOURS = 8
 
 """Rows on each side that tell how fast the ball is there."""
 
@@ -299,7 +299,7 @@ SEEN = 0.05
 """m that the ball must get on in a pause for its way to say anything."""
 
 
-def without_odd_trials(campaign: Campaign) -> Campaign:
+def without_odd_trials(campaign: CampaignRecords) -> CampaignRecords:
     """The campaign without trials that say nothing of their own, or nothing at all.
 
     Those are copies of others, trials whose clock jumps ahead or can't be one, in which nothing
@@ -406,13 +406,13 @@ def _clock_jumps(time: FloatArray, position: FloatArray) -> bool:
     if not found.any():
         return False
     time, place = time[rows], position[rows][:, found]
-    if time.size < 2 * BESIDE:
+    if time.size < 2 * NEIGHBOURS:
         return False
     steps = np.diff(time)
     for at in np.flatnonzero(steps > HOLE * np.median(steps)) + 1:
-        if at < BESIDE or time.size - at < BESIDE:
+        if at < NEIGHBOURS or time.size - at < NEIGHBOURS:
             continue
-        before, after = slice(at - BESIDE, at), slice(at, at + BESIDE)
+        before, after = slice(at - NEIGHBOURS, at), slice(at, at + NEIGHBOURS)
         first, v1 = _line(time[before], place[before], time[at - 1])
         last, v2 = _line(time[after], place[after], time[at])
         if np.linalg.norm(v1) < 0.2 * np.linalg.norm(v2):
@@ -509,7 +509,7 @@ def dropped_in_each(forward: Forward, fit: Fit) -> DroppedInEach | None:
     gaps = np.geomspace(0.05, 40.0, 40) * frame
     # What is left over for other reasons makes steps, too: differences count in units of it.
     gains = 2.0 * gaps[:, None, None] * score - np.square(gaps)[:, None, None] * size
-    gains = gains / fit.misfit
+    gains = gains / fit.reduced_chi2
     # Averaged over the instants, as likely all of them, a trial's evidence pays for its own search.
     largest = gains.max(axis=2)
     mean = np.exp(0.5 * (gains - largest[..., None])).mean(axis=2)
@@ -520,12 +520,12 @@ def dropped_in_each(forward: Forward, fit: Fit) -> DroppedInEach | None:
     # At the chosen instants a fit finds a larger gap, and gains more than it may keep.
     fitted = np.square(np.take_along_axis(score, which, axis=1).sum())
     fitted /= max(float(np.take_along_axis(size, which, axis=1).sum()), 1e-30)
-    if fit.chi2 - fitted > MISFIT * fit.expected:
+    if fit.chi2 - fitted > POOR_FIT * fit.expected:
         # A step at will in each trial takes a part of any misfit; it is believed if it takes all.
         return None
     gap = replace(common.parameters[0], lower=0.0)
     return DroppedInEach(
         parameters=(gap,),
         instants=tuple(float(t) for t in instants),
-        looks=float(max(fitted - fit.misfit * evidence[best], 0.0)),
+        looks=float(max(fitted - fit.reduced_chi2 * evidence[best], 0.0)),
     )

@@ -13,7 +13,7 @@ from mismatch.fitting.normal_equations import spread_laws
 from mismatch.fitting.prepare import Prepared
 from mismatch.model.forward import Forward
 from mismatch.records.noise import whiteness
-from mismatch.records.records import Campaign
+from mismatch.records.records import CampaignRecords
 from mismatch.verdict import Location, Remainder
 from physics.domain import FloatArray
 from physics.effects import Effect, EffectId, FlightState, SwingState, Values
@@ -428,7 +428,7 @@ def remainder_of(prepared: Prepared, best: Hypothesis | None) -> Remainder:
     return Remainder(white, told)
 
 
-def noise_notes(campaign: Campaign, prepared: Prepared) -> tuple[str, ...]:
+def noise_notes(campaign: CampaignRecords, prepared: Prepared) -> tuple[str, ...]:
     """What the data say about their noise, where it is not as claimed."""
     notes = []
     noise, base = prepared.noise, prepared.forward.baseline

@@ -7,12 +7,12 @@ import numpy as np
 
 from mismatch.fitting.fit import Fit
 from mismatch.fitting.hypotheses import (
-    MISFIT,
+    POOR_FIT,
     Hypothesis,
     fit_hypothesis,
     group_tolerance,
     is_known,
-    least_worth,
+    least_gain,
     null_threshold,
     scan_beyond_forms,
     second_effect_share,
@@ -31,7 +31,7 @@ MOST_SINGLES = 16
 """Effects that are tried in groups, the best alone first; supposed."""
 SCALES = frozenset({"length_scale", "time_base"})
 KNOWN_GAIN = 2.0
-"""Worth per misfit from which an effect of known size, like thinner air aloft, is taken in."""
+"""Gain over reduced χ² from which an effect of known size, like thinner air, is taken in."""
 
 STEADY = 3.0
 """Sigma, by the scatter of trials, from which a strength is not chance."""
@@ -51,7 +51,7 @@ class Naming:
     tried : tuple of Hypothesis
         Everything that was refitted, best first.
     threshold : float
-        Worth that chance alone exceeds in one campaign of a hundred.
+        Penalised gain that chance alone exceeds in one campaign of a hundred.
     first_scan : Scan
         Scores around the baseline.
     """
@@ -82,9 +82,9 @@ class Naming:
         the same.
         """
         best = self.best
-        if best is None or best.misfit < MISFIT or SCALES.intersection(best.ids):
+        if best is None or best.reduced_chi2 < POOR_FIT or SCALES.intersection(best.ids):
             return ()
-        least = best.quality + 7.0 * best.misfit
+        least = best.quality + 7.0 * best.reduced_chi2
         larger = [h for h in self.tried if len(h.ids) == len(best.ids) + 1]
         blamed = {
             one for h in larger if set(h.ids) > set(best.ids) and h.quality > least
@@ -96,7 +96,7 @@ class Naming:
 def _best_by_law(
     scored: Scan, inflation: float, anywhere: bool = False
 ) -> list[tuple[float, int, FloatArray]]:
-    """Best shape of every law: (worth, candidate, strengths), best first.
+    """Best shape of every law: (penalised, candidate, strengths), best first.
 
     Free swings are scored `anywhere`: far from the answer the sign of an estimate says nothing.
     """
@@ -106,9 +106,9 @@ def _best_by_law(
         known = is_known(candidate.effect)
         if not anywhere and not known and not scored.allowed(index, values):
             continue
-        worth = gain / inflation - candidate.fine
-        if candidate.key not in best or worth > best[candidate.key][0]:
-            best[candidate.key] = (worth, index, values)
+        penalised = gain / inflation - candidate.complexity_penalty
+        if candidate.key not in best or penalised > best[candidate.key][0]:
+            best[candidate.key] = (penalised, index, values)
     return sorted(best.values(), key=lambda item: -item[0])
 
 
@@ -160,18 +160,18 @@ def name_effects(
     share = -np.inf if swinging else 0.4
     for _, index, values in _shortlist(ranked, MOST_SINGLES, share):
         tried.append(fit_hypothesis(forward, base, [candidates[index]], [values]))
-    best = _leader(tried)
-    if best is None or best.worth / inflation < least_worth(best, base, threshold):
+    best = _best_allowed(tried)
+    if best is None or best.penalised_gain / inflation < least_gain(best, base, threshold):
         return Naming(None, _sorted(tried), threshold, first)
     most = min(most, 2) if _one_throw(forward) else most
     for size in range(2, most + 1):
         grown = _grow(forward, base, effects, tried, size, threshold * inflation)
         tried.extend(grown)
-        worthy = [h for h in grown if _worth_it(forward, h, best, threshold * inflation)]
+        supported = [h for h in grown if _supported(forward, h, best, threshold * inflation)]
         if _one_throw(forward):
             # Two strengths of one throw trade against each other; only a known size may follow.
-            worthy = [h for h in worthy if is_known(h.members[-1].effect)]
-        larger = _leader(worthy)
+            supported = [h for h in supported if is_known(h.members[-1].effect)]
+        larger = _best_allowed(supported)
         if larger is None:
             break
         best = larger
@@ -179,7 +179,7 @@ def name_effects(
     if steady is None:
         return Naming(None, _sorted(tried), threshold, first)
     best = steady
-    if best.misfit >= MISFIT and forward.mode == "flight":
+    if best.reduced_chi2 >= POOR_FIT and forward.mode == "flight":
         tried.extend(_with_ruler_or_clock(forward, base, effects, best))
     return Naming(best, _sorted(tried), threshold, first)
 
@@ -190,7 +190,7 @@ def _steady(forward: Forward, best: Hypothesis, tried: Sequence[Hypothesis]) -> 
     A fault that differs from trial to trial leaves a misfit in which something of any law can be
     found; what then is real pulls all trials the same way.
     """
-    if best.misfit < MISFIT:
+    if best.reduced_chi2 < POOR_FIT:
         return best
     keys = {member.key for member in best.members}
     parts = [h for h in _sorted(tried) if h.allowed and {m.key for m in h.members} < keys]
@@ -241,12 +241,12 @@ def _one_throw(forward: Forward) -> bool:
     return forward.mode == "flight" and forward.records.trials == 1
 
 
-def _worth_it(forward: Forward, larger: Hypothesis, smaller: Hypothesis, threshold: float) -> bool:
-    more = larger.worth - smaller.worth
+def _supported(forward: Forward, larger: Hypothesis, smaller: Hypothesis, threshold: float) -> bool:
+    more = larger.penalised_gain - smaller.penalised_gain
     if is_known(larger.members[-1].effect):
         # By the laws as they are: loose forms would say the same in another way.
-        return larger.gain - smaller.gain > KNOWN_GAIN * larger.misfit
-    threshold = threshold * larger.misfit
+        return larger.gain - smaller.gain > KNOWN_GAIN * larger.reduced_chi2
+    threshold = threshold * larger.reduced_chi2
     left = smaller.fit.chi2 - smaller.fit.expected
     if forward.mode == "swing":
         # A baseline that is out of step makes any share of the gain a small one.
@@ -259,29 +259,29 @@ def _worth_it(forward: Forward, larger: Hypothesis, smaller: Hypothesis, thresho
     return left > 0.5 * smaller.fit.expected and more > max(threshold, 0.5 * left)
 
 
-def _leader(hypotheses: Sequence[Hypothesis]) -> Hypothesis | None:
+def _best_allowed(hypotheses: Sequence[Hypothesis]) -> Hypothesis | None:
     allowed = [h for h in hypotheses if h.allowed]
-    best = max(allowed, key=lambda h: h.worth, default=None)
-    if best is not None and not best.has_unnamed and best.misfit >= MISFIT:
-        # Where no law fits to the noise, the least surprising of those that fit alike goes first.
+    best = max(allowed, key=lambda h: h.penalised_gain, default=None)
+    if best is not None and not best.has_unnamed and best.reduced_chi2 >= POOR_FIT:
+        # Where no law fits to the noise, the least penalised of those that fit alike goes first.
         alike = [h for h in allowed if not h.has_unnamed and len(h.ids) == len(best.ids)]
         best = min(
             (h for h in alike if h is best or not told_apart(best, h)),
-            key=lambda h: h.surprise + sum(member.fine for member in h.members),
+            key=lambda h: h.prior_penalty + sum(member.complexity_penalty for member in h.members),
         )
     if best is None or not best.has_unnamed:
         return best
     # What has a name and fits as well goes first; the rest stays in its group.
     known = [h for h in allowed if not h.has_unnamed and len(h.members) <= len(best.members)]
-    second = max(known, key=lambda h: h.worth, default=None)
+    second = max(known, key=lambda h: h.penalised_gain, default=None)
     if second is None:
         return best
-    near = second.worth >= best.worth - group_tolerance(best)
+    near = second.penalised_gain >= best.penalised_gain - group_tolerance(best)
     return second if near or not told_apart(best, second) else best
 
 
 def _sorted(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
-    return tuple(sorted(hypotheses, key=lambda h: -h.worth))
+    return tuple(sorted(hypotheses, key=lambda h: -h.penalised_gain))
 
 
 def _grow(
@@ -300,11 +300,11 @@ def _grow(
     ]  # fmt: skip
     if not seeds:
         return []
-    least = min(0.35 * seeds[0].worth, seeds[0].worth - group_tolerance(seeds[0]))
-    leader = _leader([h for h in tried if len(h.members) == size - 1])
+    least = min(0.35 * seeds[0].penalised_gain, seeds[0].penalised_gain - group_tolerance(seeds[0]))
+    foremost = _best_allowed([h for h in tried if len(h.members) == size - 1])
     grown: dict[frozenset[Effect], Hypothesis] = {}
     for number, seed in enumerate(_one_per_id(seeds, 6 if size == 2 else 3)):
-        if seed.worth < least:
+        if seed.penalised_gain < least:
             continue
         more = _with_jumps(forward, seed.fit, effects)
         pool = candidates_for(forward, seed.fit.model, more, unnamed=False)
@@ -321,7 +321,7 @@ def _grow(
         elif forward.mode != "swing":
             ranked = [one for one in ranked if not is_known(pool[one[1]].effect)]
         if forward.mode != "swing" and (not ranked or ranked[0][0] < enough):
-            if number == 0 and seed is leader and ranked and ranked[0][0] < threshold:
+            if number == 0 and seed is foremost and ranked and ranked[0][0] < threshold:
                 # The best smaller set leaves nothing to explain: a larger one would be idle.
                 break
             continue
@@ -337,7 +337,7 @@ def _grow(
 def _known_that_show(
     forward: Forward, seed: Hypothesis, pool: Sequence[Candidate]
 ) -> list[tuple[float, int, FloatArray]]:
-    """Effects of known size that would be seen: (worth, place in the pool, strengths).
+    """Effects of known size that would be seen: (penalised, place in the pool, strengths).
 
     What nature is known to do goes before what a law's form may be wrong by, which in one throw
     could say the same.
@@ -347,13 +347,13 @@ def _known_that_show(
         return []
     scored = scan(forward, seed.fit, [pool[place] for place in places])
     return [
-        (worth, places[index], values)
-        for worth, index, values in _best_by_law(scored, 1.0)
-        if _shows(scored, index, seed.misfit)
+        (penalised, places[index], values)
+        for penalised, index, values in _best_by_law(scored, 1.0)
+        if _shows(scored, index, seed.reduced_chi2)
     ]
 
 
-def _shows(scored: Scan, index: int, misfit: float) -> bool:
+def _shows(scored: Scan, index: int, reduced_chi2: float) -> bool:
     """Whether an effect of known size would be seen at all, and in the right direction."""
     effect = scored.candidates[index].effect
     if not is_known(effect):
@@ -362,7 +362,7 @@ def _shows(scored: Scan, index: int, misfit: float) -> bool:
     for column, p in zip(scored.columns[index], effect.strengths, strict=True):
         size = float(p.expected or 0.0) - scored.start[column]
         gain += size * (2.0 * scored.score[column] - size * scored.information[column, column])
-    return bool(gain > KNOWN_GAIN * misfit)
+    return bool(gain > KNOWN_GAIN * reduced_chi2)
 
 
 def _one_per_id(seeds: Sequence[Hypothesis], most: int) -> list[Hypothesis]:

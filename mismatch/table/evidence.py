@@ -69,7 +69,7 @@ class Gram:
     score : (G, M) array
     constant : (G,) array
         Log-likelihood of the point itself, with the prior of the noise.
-    misfit : (G,) array
+    chi2_at_zero : (G,) array
         Chi-square of the point.
     noise : (G, 3) array
         Sizes of unstated noise as in `NOISE_SIZES`, or factors on stated noise.
@@ -78,7 +78,7 @@ class Gram:
     information: FloatArray
     score: FloatArray
     constant: FloatArray
-    misfit: FloatArray
+    chi2_at_zero: FloatArray
     noise: FloatArray
 
 
@@ -167,13 +167,13 @@ def gram_of(problem: Problem, table: TrialTable, scatter: Scatter) -> Gram:
     white = np.linalg.solve(root, np.broadcast_to(columns, shape))
     left = np.linalg.solve(root, np.broadcast_to(residual[..., None], (*shape[:3], 1)))[..., 0]
     log_size = 2.0 * np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(axis=(1, 2))
-    misfit = np.square(left).sum(axis=(1, 2))
+    chi2_at_zero = np.square(left).sum(axis=(1, 2))
     count = float(used.sum())
     return Gram(
         np.einsum("gtcm,gtcn->gmn", white, white),
         np.einsum("gtcm,gtc->gm", white, left),
-        prior - 0.5 * (misfit + log_size + count * np.log(2.0 * np.pi)),
-        misfit,
+        prior - 0.5 * (chi2_at_zero + log_size + count * np.log(2.0 * np.pi)),
+        chi2_at_zero,
         grid,
     )
 
@@ -211,7 +211,7 @@ def posterior_of(
     middle = share @ mean
     spread = np.sqrt(share @ (np.square(std) + np.square(mean - middle)))
     fitted = np.einsum("gij,gi,gj->g", information, mean, mean)
-    chi2 = gram.misfit - 2.0 * np.einsum("gi,gi->g", score, mean) + fitted
+    chi2 = gram.chi2_at_zero - 2.0 * np.einsum("gi,gi->g", score, mean) + fitted
     return Posterior(
         total,
         middle,
@@ -239,7 +239,7 @@ def integrated(gram: Gram, count: int, width: FloatArray) -> Gram:
         gram.information[:, count:, count:] - np.einsum("gim,gin->gmn", cross, held),
         gram.score[:, count:] - np.einsum("gim,gi->gm", cross, pulled),
         gram.constant + 0.5 * gain - 0.5 * size,
-        gram.misfit - gain,
+        gram.chi2_at_zero - gain,
         gram.noise,
     )
 

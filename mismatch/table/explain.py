@@ -27,11 +27,11 @@ from mismatch.table.table import (
 )
 from mismatch.verdict import (
     Alternative,
+    EngineVerdict,
     Location,
     NamedEffect,
     ParameterValue,
     Remainder,
-    Verdict,
     VerdictKind,
 )
 from physics.domain import FloatArray
@@ -228,7 +228,7 @@ READING_SHARE = 0.012
 SPEED_SHARE = 0.03
 """Relative, supposed: noise of impact speeds from which it is not taken for white."""
 
-SURPRISE = 1e-3
+LEAST_P_VALUE = 1e-3
 """Probability of a chi² as large: one table in a thousand has it by chance."""
 
 
@@ -238,7 +238,7 @@ class TableExplained:
 
     Attributes
     ----------
-    verdict : Verdict
+    verdict : EngineVerdict
     forward : TableForward
     model : Model
         The baseline's effects.
@@ -247,7 +247,7 @@ class TableExplained:
         None where nothing is named.
     """
 
-    verdict: Verdict
+    verdict: EngineVerdict
     forward: TableForward
     model: Model
     found: Search
@@ -355,7 +355,7 @@ def _verdict(
     found: Search,
     best: Answer | None,
     hold_out: Sequence[str],
-) -> Verdict:
+) -> EngineVerdict:
     null = next(a for a in found.answers if not a.members)
     rivals = () if best is None else _rivals(found, best)
     groups = () if best is None else groups_of(best, rivals)
@@ -365,7 +365,7 @@ def _verdict(
         # A name beside a large remainder rests on a model that is still incomplete.
         kind = "ambiguous" if groups or not remainder.white else "explained"
     left_out = None if best is None else _held(forward.table, hold_out)
-    return Verdict(
+    return EngineVerdict(
         kind,
         ("gravity", *model.ids),
         _baseline_misfit(null, best or null, forward.table),
@@ -433,7 +433,7 @@ def _remainder(table: TrialTable, found: Search, answer: Answer) -> Remainder:
             white = white and noise < SPEED_SHARE
             told.append(f"{name} scatter by {100.0 * noise:.1f} %")
     free = sum(len(c.effect.strengths) for c in answer.members)
-    surprise = float(gammaincc(0.5 * max(_count(table) - free, 1), 0.5 * posterior.chi2))
-    white = white and surprise > SURPRISE
+    p_value = float(gammaincc(0.5 * max(_count(table) - free, 1), 0.5 * posterior.chi2))
+    white = white and p_value > LEAST_P_VALUE
     end = "as errors of reading do" if white else "more than errors of reading would"
     return Remainder(white, f"{subject}: {' and '.join(told)}, {end}.")

@@ -39,7 +39,7 @@ SEED_PAIRS = 30
 MOST_REFINED = 24
 """Groups that are refined at most, the best first; supposed."""
 
-WORTH_REFINING = 9.0
+REFINED_WITHIN = 9.0
 """Nats behind the best: a group farther behind has a share below 1e-4 of the posterior."""
 
 STEPS = np.array([1e-3, 1e-4, 1e-4, 1e-4])
@@ -123,11 +123,11 @@ def _linearised(
         mine = records.ball_index == ball
         base[mine, 2] += point.offsets[2 * ball]
         base[mine, 3] += point.offsets[2 * ball + 1]
-    models, lanes, steps = [point.model] * (1 + len(NUISANCES)), [base], []
+    models, rows, steps = [point.model] * (1 + len(NUISANCES)), [base], []
     for place, step in enumerate(STEPS):
         moved = base.copy()
         moved[:, place] += step
-        lanes.append(moved)
+        rows.append(moved)
     for candidate, one in free:
         held = next((v for e, v in point.model.entries if e is candidate.effect), None)
         values = dict(held) if held is not None else start_values(candidate, point.model)
@@ -136,9 +136,9 @@ def _linearised(
             step = -step
         values[one.parameter.name] += step
         models.append(_put(point.model, candidate, values))
-        lanes.append(base)
+        rows.append(base)
         steps.append(step)
-    seen = forward.predict(models, np.stack(lanes))
+    seen = forward.predict(models, np.stack(rows))
     plain = seen[0]
     own = np.moveaxis((seen[1:5] - plain) / STEPS[:, None, None], 0, -1)
     # What was read as impact speed is the true one less its error.
@@ -229,8 +229,8 @@ class _Pool:
         for size, mine in by_size.items():
             columns = [[c for m in members for c in self.columns[m]] for members in mine]
             index = np.array(columns, dtype=np.int64).reshape(len(mine), size)
-            worth = evidences(self.gram, index, self.width, self.sign)
-            found |= dict(zip(mine, worth.tolist(), strict=True))
+            evidence = evidences(self.gram, index, self.width, self.sign)
+            found |= dict(zip(mine, evidence.tolist(), strict=True))
         return found
 
 
@@ -315,7 +315,7 @@ def search(
         chosen = tuple(pool.candidates[m] for m in members)
         ids_of.append(tuple(c.id for c in chosen))
         weights.append(weight)
-        if members and (rank >= MOST_REFINED or weight < weighed[0][0] - WORTH_REFINING):
+        if members and (rank >= MOST_REFINED or weight < weighed[0][0] - REFINED_WITHIN):
             continue
         again = refined(forward, model, chosen)
         if again is None:

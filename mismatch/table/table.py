@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from metrology import SetupError, TooLittleDataError, UsageError
 from mismatch.model.baseline import Baseline
 from mismatch.model.candidates import Candidate, start_values
-from mismatch.model.forward import Forward, Model, Term, lane_terms
+from mismatch.model.forward import BatchTerm, Forward, Model, batch_terms
 from mismatch.records.records import Records
 from physics.domain import FloatArray, Vector
-from physics.effects import Contact, Effect, EffectId, Outcome, Parameter, Values, View
+from physics.effects import CameraView, Contact, Effect, EffectId, Outcome, Parameter, Values
 from physics.effects.impact import VelocityDependentCor, change_restitution
 from physics.effects.measurement import OriginOffset
 from physics.integrator import Trajectory, crossing, integrate
@@ -179,7 +179,7 @@ class TableForward:
         (K, T, 3) array
             Impact speed from the back-swing (NaN without one), ball speed and range, as recorded.
         """
-        terms = lane_terms(models)
+        terms = batch_terms(models)
         shape = nuisance.shape[:2]
         with np.errstate(over="ignore", invalid="ignore"):
             factor = self._speed_factor(terms, shape)
@@ -191,7 +191,7 @@ class TableForward:
             reach = self._landing(terms, outcome)
         return np.stack([swung * factor, ball_speed, reach], axis=-1)
 
-    def _swing(self, terms: Sequence[Term], off: FloatArray) -> FloatArray:
+    def _swing(self, terms: Sequence[BatchTerm], off: FloatArray) -> FloatArray:
         """Speed at the contact, m/s, from the back-swing; NaN where none is known."""
         records, pendulum = self.forward.records, self.forward._pendulum()
         known = np.isfinite(self.table.backswing)
@@ -200,7 +200,7 @@ class TableForward:
         backswing = records.backswing + off
         for term in terms:
             if "start" in term.effect.hooks:
-                backswing[term.lanes] = term.effect.start(term.values, backswing[term.lanes])
+                backswing[term.rows] = term.effect.start(term.values, backswing[term.rows])
         start = np.stack([-backswing, np.zeros(off.shape)])
         rates = self.forward.swing_rates(terms)
         path = integrate(rates, start, self.forward._fall_time() * 1.35, 64)
@@ -208,12 +208,14 @@ class TableForward:
         speed = path.at(fall[..., None])[1, ..., 0] * pendulum.length
         return np.where(known, speed, np.nan)
 
-    def _strike(self, terms: Sequence[Term], nuisance: FloatArray, speed: FloatArray) -> Outcome:
+    def _strike(
+        self, terms: Sequence[BatchTerm], nuisance: FloatArray, speed: FloatArray
+    ) -> Outcome:
         angle = np.broadcast_to(self.forward.records.launch_angle, speed.shape)
         rate = speed / self.forward._pendulum().length
         return self.forward._contact(terms, nuisance, rate, angle)
 
-    def _landing(self, terms: Sequence[Term], outcome: Outcome) -> FloatArray:
+    def _landing(self, terms: Sequence[BatchTerm], outcome: Outcome) -> FloatArray:
         """Recorded x where the ball's lowest point reaches the floor, m."""
         vy, y = np.asarray(outcome.vy), np.asarray(outcome.y)
         drop = np.maximum(y - 0.5 * self.forward.records.diameter, 1e-6)
@@ -237,13 +239,13 @@ class TableForward:
         x: FloatArray = np.array(state[0])
         for term in terms:
             if "image" in term.effect.hooks:
-                seen = term.effect.image(term.values, self._view(state, term.lanes))
-                x[term.lanes] = np.asarray(seen[0]) + (x - state[0])[term.lanes]
+                seen = term.effect.image(term.values, self._view(state, term.rows))
+                x[term.rows] = np.asarray(seen[0]) + (x - state[0])[term.rows]
         return x
 
-    def _view(self, state: FloatArray, lanes: slice) -> View:
-        x, y, z, vx, vy, vz = (part[lanes] for part in state)
-        return View(
+    def _view(self, state: FloatArray, rows: slice) -> CameraView:
+        x, y, z, vx, vy, vz = (part[rows] for part in state)
+        return CameraView(
             0.0, x, y, z, vx, vy, vz, 0.0, 0.0, 0.0, self._rest_y(), *self.forward.centre
         )  # fmt: skip
 
@@ -251,7 +253,7 @@ class TableForward:
         height = self.forward.baseline.rest_height or 0.0
         return np.asarray(height + 0.5 * self.forward.records.diameter)
 
-    def _speed_factor(self, terms: Sequence[Term], shape: tuple[int, ...]) -> FloatArray:
+    def _speed_factor(self, terms: Sequence[BatchTerm], shape: tuple[int, ...]) -> FloatArray:
         """Recorded speed over true speed: what scale and clock do to it at the ball's place."""
         factor = np.ones(shape)
         rest = np.broadcast_to(self._rest_y(), shape)
@@ -260,7 +262,7 @@ class TableForward:
         moved = still.copy()
         moved[0] = INSTANT
         for term in terms:
-            at = term.lanes
+            at = term.rows
             if "image" in term.effect.hooks:
                 here = term.effect.image(term.values, self._view(still, at))
                 there = term.effect.image(term.values, self._view(moved, at))
@@ -353,7 +355,7 @@ class CorFallingFromRest(VelocityDependentCor):
 class OriginAlongTheWall(OriginOffset):
     """An origin that is off along the wall; a range knows nothing of heights."""
 
-    def image(self, values: Values, view: View) -> Vector:
+    def image(self, values: Values, view: CameraView) -> Vector:
         """Displace along the wall."""
         return view.x + values["offset_x"], view.y, view.z
 

@@ -35,7 +35,7 @@ from physics.domain import (
     require_non_negative,
     require_positive,
 )
-from physics.follow import Event, Path, follow_until
+from physics.follow import Event, SolvedPath, follow_until
 from physics.integrator import runge_kutta_step
 from physics.restitution.restitution import require_cor
 
@@ -723,9 +723,9 @@ def simulate_contact(
     return _history(scene, law, impact_speed, _phases(scene, law, start), samples)
 
 
-def _phases(scene: ContactScene, law: HuntCrossley, state: FloatArray) -> list[Path]:
+def _phases(scene: ContactScene, law: HuntCrossley, state: FloatArray) -> list[SolvedPath]:
     """The motion on the support, off it, perhaps on it again, until the face lets go."""
-    phases: list[Path] = []
+    phases: list[SolvedPath] = []
     resting, since = True, 0.0
     while not phases or (phases[-1].ended_by == 1 and len(phases) < MOST_PHASES):
         phases.append(_phase(scene, law, state, since, resting=resting))
@@ -743,7 +743,7 @@ def _phases(scene: ContactScene, law: HuntCrossley, state: FloatArray) -> list[P
 
 def _phase(
     scene: ContactScene, law: HuntCrossley, start: FloatArray, since: float, *, resting: bool
-) -> Path:
+) -> SolvedPath:
     def rates(_: float, state: FloatArray) -> FloatArray:
         return np.array(scene.derivative(list(state), law, resting), dtype=np.float64)
 
@@ -772,7 +772,11 @@ def _phase(
 
 
 def _history(
-    scene: ContactScene, law: HuntCrossley, impact_speed: float, phases: list[Path], samples: int
+    scene: ContactScene,
+    law: HuntCrossley,
+    impact_speed: float,
+    phases: list[SolvedPath],
+    samples: int,
 ) -> ContactHistory:
     release, lift_off = phases[-1].end, phases[0].end
     time = np.linspace(0.0, release, samples)

@@ -2,6 +2,7 @@
 
 from physics.effects.base import (
     LARGEST_SIZE,
+    CameraView,
     Contact,
     Coordinate,
     Effect,
@@ -16,7 +17,6 @@ from physics.effects.base import (
     SwingState,
     Term,
     Values,
-    View,
 )
 from physics.effects.catalogue import CATALOGUE, MEASUREMENT_IDS, effect_named
 
@@ -24,6 +24,7 @@ __all__ = [
     "CATALOGUE",
     "LARGEST_SIZE",
     "MEASUREMENT_IDS",
+    "CameraView",
     "Contact",
     "Coordinate",
     "Effect",
@@ -38,6 +39,5 @@ __all__ = [
     "SwingState",
     "Term",
     "Values",
-    "View",
     "effect_named",
 ]

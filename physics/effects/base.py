@@ -35,6 +35,7 @@ from physics.domain import FloatArray, Number, Vector
 
 __all__ = [
     "LARGEST_SIZE",
+    "CameraView",
     "Contact",
     "Coordinate",
     "Effect",
@@ -50,7 +51,6 @@ __all__ = [
     "SwingState",
     "Term",
     "Values",
-    "View",
 ]
 
 OUTLIER_COST = 12.0
@@ -393,7 +393,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class View:
+class CameraView:
     """What a camera sees of a ball and a pendulum at one instant.
 
     Attributes
@@ -546,11 +546,11 @@ class Effect:
         """Time since contact onset that really passed, s, given what the clock says."""
         return time
 
-    def image(self, values: Values, view: View) -> Vector:
+    def image(self, values: Values, view: CameraView) -> Vector:
         """Where the recording puts the ball, m."""
         return view.x, view.y, view.z
 
-    def angle(self, values: Values, view: View) -> Number:
+    def angle(self, values: Values, view: CameraView) -> Number:
         """Angle that the recording gives the pendulum, rad."""
         return view.phi
 

@@ -5,7 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from physics.domain import FloatArray, Number, Vector
-from physics.effects.base import Coordinate, Effect, Extent, Form, Parameter, Phase, Values, View
+from physics.effects.base import (
+    CameraView,
+    Coordinate,
+    Effect,
+    Extent,
+    Form,
+    Parameter,
+    Phase,
+    Values,
+)
 
 __all__ = [
     "OTHER_ROWS",
@@ -96,7 +105,7 @@ class LengthScale(Effect):
     looseness: float = 0.03
     coordinate: Coordinate = Coordinate.PLACE
 
-    def image(self, values: Values, view: View) -> Vector:
+    def image(self, values: Values, view: CameraView) -> Vector:
         """Stretch about the origin on the floor, or about the ball's place at rest."""
         error = values["scale_error"]
         if self.form == Form.ABOUT_THE_START:
@@ -136,7 +145,7 @@ class CameraRoll(Effect):
     axes: int = 2
     coordinate: Coordinate = Coordinate.PLACE
 
-    def image(self, values: Values, view: View) -> Vector:
+    def image(self, values: Values, view: CameraView) -> Vector:
         """Turn the picture."""
         if self.form == Form.THREE_AXES:
             roll, pitch = values["roll"], values["pitch"]
@@ -155,7 +164,7 @@ class CameraRoll(Effect):
             return x + values["shift_x"], y + values["shift_y"], view.z
         return x, y, view.z
 
-    def angle(self, values: Values, view: View) -> Number:
+    def angle(self, values: Values, view: CameraView) -> Number:
         """The pendulum's angle turns with the picture, unless it was read against the picture."""
         if self.form in ("ball only", "about the start", "about a point"):
             return view.phi
@@ -190,7 +199,7 @@ class Parallax(Effect):
     axes: int = 2
     coordinate: Coordinate = Coordinate.PLACE
 
-    def image(self, values: Values, view: View) -> Vector:
+    def image(self, values: Values, view: CameraView) -> Vector:
         """Stretch about the foot of the optical axis."""
         k = values["plane_error"]
         return (
@@ -232,7 +241,7 @@ class LensDistortion(Effect):
     axes: int = 2
     coordinate: Coordinate = Coordinate.PLACE
 
-    def image(self, values: Values, view: View) -> Vector:
+    def image(self, values: Values, view: CameraView) -> Vector:
         """Displace radially with the cube of the distance from the axis."""
         x0 = view.centre_x + values["centre_along"] * view.half_width
         y0 = view.centre_y + values["centre_up"] * view.half_width
@@ -265,12 +274,12 @@ class RollingShutter(Effect):
     axes: int = 2
     coordinate: Coordinate = Coordinate.PLACE
 
-    def image(self, values: Values, view: View) -> Vector:
+    def image(self, values: Values, view: CameraView) -> Vector:
         """Show the ball where it is when its row is read (first order in the delay)."""
         late = values["delay"] * (view.rest_y - view.y)
         return view.x + view.vx * late, view.y + view.vy * late, view.z + view.vz * late
 
-    def angle(self, values: Values, view: View) -> Number:
+    def angle(self, values: Values, view: CameraView) -> Number:
         """Show the pendulum where it is when its rows are read, unless it was timed apart."""
         if self.form == Form.BALL_ONLY:
             return view.phi
@@ -296,7 +305,7 @@ class OriginOffset(Effect):
     separating: str = "the ball at rest in view together with the wall scale"
     looseness: float = 0.0
 
-    def image(self, values: Values, view: View) -> Vector:
+    def image(self, values: Values, view: CameraView) -> Vector:
         """Displace."""
         return view.x + values["offset_x"], view.y + values["offset_y"], view.z
 

@@ -17,7 +17,7 @@ from metrology import DomainError
 from physics.domain import FloatArray, Number, require_finite, require_positive
 from physics.effects.base import FlightState, Term
 from physics.effects.flight import Drag, DragByReynolds, Magnus
-from physics.follow import Event, Path, follow_until
+from physics.follow import Event, SolvedPath, follow_until
 from physics.integrator import runge_kutta_step
 
 __all__ = ["FlightModel", "FlightPath", "fly", "land_many"]
@@ -230,7 +230,7 @@ def fly(
 
 def _path(
     model: FlightModel, start: FloatArray, floor: float, longest: float, tolerance: float
-) -> Path:
+) -> SolvedPath:
     def lands(_: float, state: FloatArray) -> float:
         return float(state[1]) - floor
 

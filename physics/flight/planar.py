@@ -96,11 +96,11 @@ def flown(flights: FloatArray, elapsed: FloatArray) -> FloatArray:
         until = min(earliest, -_LEAST_STEP_S) if back else max(latest, _LEAST_STEP_S)
         steps = math.ceil(abs(until) / _STEP_S)
         states, slopes = np.empty((steps + 1, 4)), np.empty((steps + 1, 4))
-        for lane in range(len(flights)):
-            _march(flights[lane], until / steps, states, slopes)
+        for row in range(len(flights)):
+            _march(flights[row], until / steps, states, slopes)
             for n in range(len(elapsed)):
                 if (elapsed[n] < 0.0) == back:
-                    _read(states, slopes, until / steps, elapsed[n], found[lane, n])
+                    _read(states, slopes, until / steps, elapsed[n], found[row, n])
     return found
 
 

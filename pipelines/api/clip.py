@@ -16,7 +16,7 @@ from pipelines.api.quantities import Given, SetupLike, setup_from
 from pipelines.model.options import angle_of
 from pipelines.render import NOISE, RenderOptions, parse_size, planned_scene
 from sample_videos import Truth, render_clip
-from vision.clip.clip import Clip as Recording
+from vision.clip.clip import ClipReader as Recording
 from vision.clip.footage import choose_capture_rate
 from vision.clip.info import ClipInfo, GrayImage
 

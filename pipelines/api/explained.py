@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from metrology import UsageError
+from mismatch import EngineVerdict as Answer
 from mismatch import Explained
-from mismatch import Verdict as Answer
 from mismatch.table.explain import TableExplained
 from physics.effects import Effect
 from pipelines.api.quantities import SetupLike, setup_from

@@ -15,7 +15,7 @@ from pipelines.measure.files.tracks import track_covariance, tracks_as_frame
 from pipelines.report.notebook import results_html
 from pipelines.report.page import write_report
 from pipelines.report.plots import plots_figure
-from vision.clip.clip import Clip
+from vision.clip.clip import ClipReader
 from vision.overlay.overlay import write_overlay
 from vision.tracks import Motion
 
@@ -34,21 +34,21 @@ class Measurement:
 
     Parameters
     ----------
-    record : pipelines.measure.measurement.Measurement
+    record : pipelines.measure.measurement.ClipMeasurement
         What the chain hands on.
 
     Attributes
     ----------
     quantities : Mapping of str to QuantityView
         In the order of the results table; those that can't be measured say why.
-    record : pipelines.measure.measurement.Measurement
+    record : pipelines.measure.measurement.ClipMeasurement
         The chain's own result: tracks in pixels, calibration, fits.
     """
 
-    def __init__(self, record: chain.Measurement) -> None:
+    def __init__(self, record: chain.ClipMeasurement) -> None:
         self.record = record
         self.quantities: Mapping[str, QuantityView] = Quantities(
-            (*record.quantities, *record.beside), Path(record.info.path).name
+            (*record.quantities, *record.other_speeds), Path(record.info.path).name
         )
 
     def __getattr__(self, name: str) -> QuantityView:
@@ -103,14 +103,14 @@ class Measurement:
     def overlay(self, path: str | os.PathLike[str]) -> Path:
         """Write a video with tracks, outlines, grid and landing point drawn into the clip."""
         out = Path(path)
-        clip = Clip.open(self.record.info.path)
+        clip = ClipReader.open(self.record.info.path)
         write_overlay(out, clip, self.record.tracks, overlay_marks(self.record))
         return out
 
     def report(self, path: str | os.PathLike[str]) -> Path:
         """Write the one-page HTML report."""
         out = Path(path)
-        write_report(out, report_input(self.record, Clip.open(self.record.info.path)))
+        write_report(out, report_input(self.record, ClipReader.open(self.record.info.path)))
         return out
 
     def __repr__(self) -> str:
@@ -120,15 +120,15 @@ class Measurement:
         shown = report_input(self.record, self._clip())
         return results_html(
             Path(self.record.info.path).name,
-            (*self.record.quantities, *self.record.beside),
+            (*self.record.quantities, *self.record.other_speeds),
             self.warnings,
             shown.still_png,
         )
 
-    def _clip(self) -> Clip | None:
+    def _clip(self) -> ClipReader | None:
         """The clip where it still is."""
         try:
-            return Clip.open(self.record.info.path)
+            return ClipReader.open(self.record.info.path)
         except ClipError:
             return None
 

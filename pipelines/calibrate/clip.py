@@ -23,7 +23,7 @@ from pipelines.calibrate.wizard.answers import (
     rate_from,
 )
 from pipelines.calibrate.wizard.scene import look_at
-from pipelines.calibrate.wizard.session import Session, lens_beside, read_view, with_ball
+from pipelines.calibrate.wizard.session import Session, lens_for, read_view, with_ball
 from pipelines.calibrate.wizard.terminal import Dialogue, ask_all, told_of
 from pipelines.command_group import DefaultCommandGroup
 from pipelines.doors import FileRole
@@ -179,7 +179,7 @@ def old_view(against: Path) -> Path | None:
         read_view(against)
     except UsageError:
         told = load_setup(against).camera.lens
-        return told if told is not None else lens_beside(against)
+        return told if told is not None else lens_for(against)
     return against
 
 

@@ -30,7 +30,7 @@ from pipelines.calibrate.wizard.answers import (
 )
 from pipelines.calibrate.wizard.session import read_view
 from pipelines.doors import FileRole
-from vision.clip.clip import Clip
+from vision.clip.clip import ClipReader
 from vision.clip.footage import choose_capture_rate
 
 __all__ = ["CALIBRATE_COMMANDS", "ClipOrCommand"]
@@ -47,7 +47,7 @@ def rate_command(
     ] = None,
 ) -> None:
     """Measure the capture rate from a light in view that blinks at a known rate."""
-    film = Clip.open(clip)
+    film = ClipReader.open(clip)
     column, row = point_from(light_at, (film.info.width, film.info.height))
     if around < 0:
         raise UsageError(f"--around {around} is no size", hint="Give px, 0 or more.")
@@ -177,7 +177,7 @@ def check_command(
 
 
 def _grid(path: Path, pitch: str) -> WallGrid:
-    clip = Clip.open(path)
+    clip = ClipReader.open(path)
     stride = max(1, clip.info.frames // FRAMES_AVERAGED)
     frames = [frame.gray for frame in clip.frames() if frame.index % stride == 0]
     return find_wall_grid(np.median(frames, axis=0), pitch_m=pitch_from(pitch))

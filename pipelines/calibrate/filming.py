@@ -28,7 +28,7 @@ BoolArray = NDArray[np.bool_]
 
 BEFORE_S = 0.084
 """s before contact where a planned clip begins: 50 frames at 600 fps, a swing fit's stretch."""
-LEAD_STD_PX = 0.2
+FACE_STD_PX = 0.2
 """px, of an edge of the face as following finds it, supposed."""
 _EDGE = 1.0
 
@@ -223,5 +223,5 @@ def _face(scene: Scene, hub: FloatArray, phi: FloatArray, frame: int) -> Face:
         for depth in (0.0, half, -half)
     )
     if near[0] > far[0]:
-        return Face(frame, near, LEAD_STD_PX)
-    return Face(frame, far, LEAD_STD_PX, middle, LEAD_STD_PX)
+        return Face(frame, near, FACE_STD_PX)
+    return Face(frame, far, FACE_STD_PX, middle, FACE_STD_PX)

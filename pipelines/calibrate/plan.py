@@ -41,7 +41,7 @@ from metrology import (
 from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT
 from pipelines.calibrate.filming import Filming, film_scene, planned_tracks
 from pipelines.doors import FileRole
-from pipelines.measure.budget import Scene as Known
+from pipelines.measure.budget import ClipConditions as Known
 from pipelines.measure.budget import systematic_budget, values_after_move
 from pipelines.measure.checks.gravity import seen_fall
 from pipelines.measure.derived import derived_values, random_covariance
@@ -103,7 +103,7 @@ class Foreseen:
 
 
 @dataclass(frozen=True)
-class Change:
+class FilmingChange:
     """Something that could be done otherwise, and what it does.
 
     Attributes
@@ -223,7 +223,7 @@ def _evaluated(known: Known, tracks: Tracks, scene: Scene) -> Evaluated:
 
 def changes_of(
     before: Foreseen, progress: Callable[[str], None] | None = None
-) -> tuple[Change, ...]:
+) -> tuple[FilmingChange, ...]:
     """What could be done otherwise, the most helpful first.
 
     A change that can't be filmed (the grid gone, a rate beyond the shutter) is left out.
@@ -286,13 +286,13 @@ def _halved(value: float | None) -> float | None:
     return None if value is None else 0.5 * value
 
 
-def _compared(words: str, before: Foreseen, after: Foreseen) -> Change:
+def _compared(words: str, before: Foreseen, after: Foreseen) -> FilmingChange:
     names = [one.name for one in before.quantities]
     old = {name: before.std(name) for name in names}
     new = {name: after.std(name) for name in names}
     both = [name for name in names if old[name] and new[name]]
     logs = [math.log(float(old[n] or 1.0) / float(new[n] or 1.0)) for n in both]
-    return Change(
+    return FilmingChange(
         words,
         after,
         math.exp(float(np.mean(logs))) if logs else 1.0,
@@ -313,7 +313,7 @@ SHOWN = {
     "cor": "COR",
 }
 
-WORTH_SAYING = 1.03
+NOTABLE_FACTOR = 1.03
 
 """Factor that a change must gain in some uncertainty: less than 3 % nobody would see."""
 
@@ -387,7 +387,7 @@ def plan_filming_command(
     )
     errors = screen(errors=True)
     foreseen = foresee(filming)
-    tried: tuple[Change, ...] = ()
+    tried: tuple[FilmingChange, ...] = ()
     if changes:
         with errors.status("") as status:
             tried = changes_of(foreseen, lambda words: status.update(f"trying: {words}"))
@@ -435,7 +435,7 @@ def _view_asked(field_of_view: str | None, focal_length: str | None) -> float | 
     return angle
 
 
-def _document(foreseen: Foreseen, tried: tuple[Change, ...]) -> str:
+def _document(foreseen: Foreseen, tried: tuple[FilmingChange, ...]) -> str:
     extra: dict[str, Any] = {
         "metres_per_px": foreseen.metres_per_px,
         "field_of_view_deg": _degrees(foreseen),
@@ -445,7 +445,7 @@ def _document(foreseen: Foreseen, tried: tuple[Change, ...]) -> str:
     return quantities_as_json(foreseen.quantities, foreseen.warnings, **extra)
 
 
-def _change(change: Change) -> dict[str, Any]:
+def _change(change: FilmingChange) -> dict[str, Any]:
     table = json.loads(quantities_as_json(change.foreseen.quantities, ()))["quantities"]
     return {
         "change": change.words,
@@ -460,7 +460,7 @@ def _degrees(foreseen: Foreseen) -> float:
     return math.degrees(2.0 * math.atan(0.5 * (foreseen.lens.width - 1) / foreseen.lens.fx))
 
 
-def _print(console: Console, foreseen: Foreseen, tried: tuple[Change, ...]) -> None:
+def _print(console: Console, foreseen: Foreseen, tried: tuple[FilmingChange, ...]) -> None:
     f = foreseen.filming
     console.print(
         f"{f.ball.name}, {f.backswing_deg:g} deg, filmed with {f.width} × {f.height} px at "
@@ -483,7 +483,7 @@ def _print(console: Console, foreseen: Foreseen, tried: tuple[Change, ...]) -> N
 
 
 def _row(
-    quantity: Quantity, foreseen: Foreseen, tried: tuple[Change, ...], keys: dict[str, str]
+    quantity: Quantity, foreseen: Foreseen, tried: tuple[FilmingChange, ...], keys: dict[str, str]
 ) -> list[str]:
     name = quantity.name
     if quantity.value is None or quantity.std is None:
@@ -497,12 +497,12 @@ def _row(
         f"{quantity.value:.{digits}f}",
         f"{quantity.std:.{digits}f}",
         quantity.unit,
-        f"{keys[words]} × {ratio:.2f}" if ratio < 1.0 / WORTH_SAYING else "",
+        f"{keys[words]} × {ratio:.2f}" if ratio < 1.0 / NOTABLE_FACTOR else "",
     ]
 
 
 def _print_changes(
-    console: Console, foreseen: Foreseen, tried: tuple[Change, ...], keys: dict[str, str]
+    console: Console, foreseen: Foreseen, tried: tuple[FilmingChange, ...], keys: dict[str, str]
 ) -> None:
     table = Table(title="What if: new ± over old", box=box.SIMPLE_HEAD)
     for heading in ("", "change"):
@@ -520,7 +520,7 @@ def _print_changes(
                 words = f"{keys[change.words]} {verb} {', '.join(names)}"
                 console.print(words)
     best = tried[0]
-    if best.opens or best.gain > WORTH_SAYING:
+    if best.opens or best.gain > NOTABLE_FACTOR:
         console.print(
             f"Helps most: {best.words} (± shrinks to {100.0 / best.gain:.0f} % on the mean"
             f"{', and more can be measured' if best.opens else ''})",

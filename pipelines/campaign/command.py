@@ -9,8 +9,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from metrology import MeasurementError, UsageError
-from pipelines.campaign.conduct import Asked, Campaign, conduct
-from pipelines.campaign.ledger import Ledger, Outcome, State
+from pipelines.campaign.conduct import Campaign, CampaignOptions, conduct
+from pipelines.campaign.ledger import AttemptOutcome, Ledger, State
 from pipelines.campaign.run import Progress as RunProgress
 from pipelines.campaign.run import stop_on_signals
 from pipelines.command_group import DefaultCommandGroup
@@ -85,7 +85,7 @@ def campaign_command(
     The same command again goes on where it stopped. Example:
     vision campaign clips/ --trials trials.csv --setup lab.toml --out campaign
     """
-    asked = Asked(
+    asked = CampaignOptions(
         clips=tuple(clips),
         out=out,
         trials=trials,
@@ -116,7 +116,7 @@ def campaign_command(
         )
 
 
-def _watched(asked: Asked, quiet: bool) -> Campaign:
+def _watched(asked: CampaignOptions, quiet: bool) -> Campaign:
     """Conduct the campaign beside its page, and again whenever the page asks for it."""
     from pipelines.campaign.watch import watched
 
@@ -139,7 +139,7 @@ def _watched(asked: Asked, quiet: bool) -> Campaign:
             return done
 
 
-def _with_progress(asked: Asked, quiet: bool) -> Campaign:
+def _with_progress(asked: CampaignOptions, quiet: bool) -> Campaign:
     """Conduct the campaign with a bar on a terminal; Ctrl-C and SIGTERM say how to go on."""
     stop_on_signals()
     errors = screen(errors=True)
@@ -154,7 +154,7 @@ def _with_progress(asked: Asked, quiet: bool) -> Campaign:
     ) as bar:
         task = bar.add_task("measuring", total=None)
 
-        def on_clip(progress: RunProgress, outcome: Outcome) -> None:
+        def on_clip(progress: RunProgress, outcome: AttemptOutcome) -> None:
             bar.update(task, total=progress.todo, completed=progress.done + progress.failed)
             if outcome.state == State.FAILED and not quiet:
                 errors.print(f"{outcome.clip}: {outcome.error}", soft_wrap=True)

@@ -22,15 +22,15 @@ from pipelines.api.quantities import measure_options, setup_from
 from pipelines.campaign.analysis.balls import BallAnalysis, CampaignAnalysis, analyse
 from pipelines.campaign.analysis.cor_law import AveragedLaw, CorLawFit, Estimate
 from pipelines.campaign.figures import draw_figures, write_figures
-from pipelines.campaign.lab_book import LabBook, Strike, match_clips, read_lab_book
-from pipelines.campaign.ledger import Ledger, Outcome, State, lock_folder
+from pipelines.campaign.lab_book import LabBook, LabBookRow, match_clips, read_lab_book
+from pipelines.campaign.ledger import AttemptOutcome, Ledger, State, lock_folder
 from pipelines.campaign.report import ReportFacts, write_report
 from pipelines.campaign.results import ClipResult, clip_results, results_frame, write_tables
 from pipelines.campaign.run import (
     Crew,
-    Plan,
     Progress,
     RunOptions,
+    RunPlan,
     cluster_crew,
     cores,
     find_clips,
@@ -41,7 +41,7 @@ from pipelines.measure.files.output import software_version
 from pipelines.setup.cor_file import BallLaw, write_cor_file
 from pipelines.setup.file import Setup, ball_from_option
 
-__all__ = ["Asked", "Campaign", "Edition", "campaign", "conduct", "publish"]
+__all__ = ["Campaign", "CampaignOptions", "Edition", "campaign", "conduct", "publish"]
 
 _SPEEDS = 9
 
@@ -185,7 +185,7 @@ class Edition:
 
     folder: Path
     book: LabBook | None
-    strikes: Mapping[str, Strike | None]
+    strikes: Mapping[str, LabBookRow | None]
     setup: Setup
     ball: str | None
     facts: ReportFacts
@@ -241,7 +241,7 @@ TABLES_SHARE = 50.0
 
 
 @dataclass(frozen=True)
-class Asked:
+class CampaignOptions:
     """What somebody wants of a campaign; as the options of `vision campaign`."""
 
     clips: tuple[Path, ...]
@@ -343,7 +343,7 @@ def campaign(
     """
     given = [clips] if isinstance(clips, str | os.PathLike) else clips
     return conduct(
-        Asked(
+        CampaignOptions(
             clips=tuple(Path(clip) for clip in given),
             out=Path(out),
             trials=None if trials is None else Path(trials),
@@ -360,7 +360,8 @@ def campaign(
 
 
 def conduct(
-    asked: Asked, on_clip: Callable[[Progress, Outcome], None] = lambda progress, outcome: None
+    asked: CampaignOptions,
+    on_clip: Callable[[Progress, AttemptOutcome], None] = lambda progress, outcome: None,
 ) -> Campaign:
     """Measure what is not measured yet and publish everything.
 
@@ -379,7 +380,7 @@ def conduct(
     with lock_folder(asked.out):
         path = _setup_file(asked)
         options = RunOptions(path, asked.fps, asked.ball, asked.wall_grid, asked.timeout_s)
-        plan = Plan(asked.out, options, matched, software_version())
+        plan = RunPlan(asked.out, options, matched, software_version())
         facts = ReportFacts(
             title=f"Campaign {asked.out.resolve().name}",
             version=software_version(),
@@ -398,7 +399,7 @@ def conduct(
         return _published(edition, absent, progress, asked.explain)
 
 
-def _setup_file(asked: Asked) -> Path | None:
+def _setup_file(asked: CampaignOptions) -> Path | None:
     """The setup as a file that workers can read."""
     if not isinstance(asked.setup, Setup):
         return asked.setup
@@ -407,18 +408,18 @@ def _setup_file(asked: Asked) -> Path | None:
     return path
 
 
-def _crew(asked: Asked, options: RunOptions) -> AbstractContextManager[Crew]:
+def _crew(asked: CampaignOptions, options: RunOptions) -> AbstractContextManager[Crew]:
     if asked.dask is not None:
         return cluster_crew(asked.dask, asked.jobs or cores(), options)
     return local_crew(asked.jobs or cores(), options)
 
 
 def _publishing(
-    edition: Edition, on_clip: Callable[[Progress, Outcome], None]
-) -> Callable[[Progress, Outcome], None]:
+    edition: Edition, on_clip: Callable[[Progress, AttemptOutcome], None]
+) -> Callable[[Progress, AttemptOutcome], None]:
     following = time.monotonic() + TABLES_EVERY_S
 
-    def after_each(progress: Progress, outcome: Outcome) -> None:
+    def after_each(progress: Progress, outcome: AttemptOutcome) -> None:
         nonlocal following
         on_clip(progress, outcome)
         began = time.monotonic()

@@ -14,9 +14,9 @@ __all__ = [
     "CLIP_COLUMN",
     "SENSORS",
     "LabBook",
+    "LabBookRow",
     "Matched",
-    "Sensor",
-    "Strike",
+    "SensorColumn",
     "match_clips",
     "read_lab_book",
 ]
@@ -26,7 +26,7 @@ CLIP_COLUMN = "clip"
 
 
 @dataclass(frozen=True)
-class Sensor:
+class SensorColumn:
     """A column of the lab book that another instrument filled, and what of a clip it judges.
 
     Attributes
@@ -52,17 +52,17 @@ class Sensor:
 
 
 SENSORS = (
-    Sensor("contact_time_fsr_s", "contact_time", "s", "force sensor", 0.0, 1.0),
-    Sensor("backswing_encoder_deg", "backswing_angle", "deg", "encoder", -180.0, 180.0),
-    Sensor("impact_speed_encoder_m_s", "pendulum_speed_before", "m/s", "encoder", 0.0, 100.0),
-    Sensor("landing_tape_m", "landing_distance", "m", "tape", 0.0, 100.0),
+    SensorColumn("contact_time_fsr_s", "contact_time", "s", "force sensor", 0.0, 1.0),
+    SensorColumn("backswing_encoder_deg", "backswing_angle", "deg", "encoder", -180.0, 180.0),
+    SensorColumn("impact_speed_encoder_m_s", "pendulum_speed_before", "m/s", "encoder", 0.0, 100.0),
+    SensorColumn("landing_tape_m", "landing_distance", "m", "tape", 0.0, 100.0),
 )
 """Limits are those of the apparatus: no contact of a ball lasts a second, no pendulum turns further
 than upright, none reaches 100 m/s, no hall is longer than 100 m."""
 
 
 @dataclass(frozen=True)
-class Strike:
+class LabBookRow:
     """One line of the lab book.
 
     Attributes
@@ -83,7 +83,7 @@ class Strike:
     session: str | None
     cells: Mapping[str, object]
 
-    def sensor(self, sensor: Sensor) -> tuple[float, float] | None:
+    def sensor(self, sensor: SensorColumn) -> tuple[float, float] | None:
         """Value and standard uncertainty (nan where not written), None where it was not read."""
         value = self.cells.get(sensor.column)
         if not isinstance(value, float):
@@ -98,14 +98,14 @@ class LabBook:
 
     Attributes
     ----------
-    strikes : tuple of Strike
+    strikes : tuple of LabBookRow
     columns : tuple of str
         Columns of the table, `clip` first.
     notes : tuple of str
         What was recognised on reading (separator, decimal comma).
     """
 
-    strikes: tuple[Strike, ...]
+    strikes: tuple[LabBookRow, ...]
     columns: tuple[str, ...]
     notes: tuple[str, ...] = ()
 
@@ -186,7 +186,7 @@ def _text(path: Path) -> str:
         return raw.decode("cp1252", errors="replace")
 
 
-def _strike(path: Path, line: int, row: Mapping[object, object]) -> Strike:
+def _strike(path: Path, line: int, row: Mapping[object, object]) -> LabBookRow:
     cells: dict[str, object] = {str(name): _tidy(cell) for name, cell in row.items()}
     clip = cells.get("clip")
     if clip is None or not str(clip).strip():
@@ -206,7 +206,7 @@ def _strike(path: Path, line: int, row: Mapping[object, object]) -> Strike:
         if isinstance(std, float) and std <= 0:
             raise UsageError(f"{path}, line {line}: {sensor.column}_std must be above zero")
     backswing = cells.get("backswing_deg")
-    return Strike(
+    return LabBookRow(
         clip=str(clip),
         ball=None if cells.get("ball") is None else str(cells["ball"]),
         backswing_deg=backswing if isinstance(backswing, float) else None,
@@ -236,7 +236,7 @@ def _number(path: Path, line: int, column: str, cell: object) -> float:
     return value
 
 
-def _refuse_twice(path: Path, strikes: Sequence[Strike]) -> None:
+def _refuse_twice(path: Path, strikes: Sequence[LabBookRow]) -> None:
     seen: dict[str, int] = {}
     for strike in strikes:
         if strike.clip in seen:
@@ -257,12 +257,12 @@ class Matched:
     ----------
     strikes : mapping of Path to Strike or None
         For each clip the strike it shows; None where the lab book does not name it.
-    absent : tuple of Strike
+    absent : tuple of LabBookRow
         Named in the lab book, but no such clip was given.
     """
 
-    strikes: Mapping[Path, Strike | None]
-    absent: tuple[Strike, ...] = ()
+    strikes: Mapping[Path, LabBookRow | None]
+    absent: tuple[LabBookRow, ...] = ()
 
 
 def match_clips(book: LabBook | None, clips: Sequence[Path]) -> Matched:
@@ -281,7 +281,7 @@ def match_clips(book: LabBook | None, clips: Sequence[Path]) -> Matched:
                     f"two clips are called {name!r}: {by_name[name]} and {clip}",
                     hint="Rename one: a clip's name is its key in lab book and results.",
                 )
-    strikes: dict[Path, Strike | None] = dict.fromkeys(clips)
+    strikes: dict[Path, LabBookRow | None] = dict.fromkeys(clips)
     absent = []
     for strike in () if book is None else book.strikes:
         found = by_name.get(Path(strike.clip).name)

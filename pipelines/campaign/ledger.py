@@ -14,7 +14,7 @@ from typing import Any, Self
 
 from metrology import UsageError
 
-__all__ = ["Entry", "Ledger", "Outcome", "State", "WorkOrder", "lock_folder"]
+__all__ = ["AttemptOutcome", "Entry", "Ledger", "State", "WorkOrder", "lock_folder"]
 
 
 class State(StrEnum):
@@ -55,7 +55,7 @@ _NAMES_AT_ONCE = 500
 
 
 @dataclass(frozen=True)
-class Outcome:
+class AttemptOutcome:
     """What came of one try.
 
     Attributes
@@ -83,7 +83,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Entry:
-    """A row of the ledger, as `WorkOrder` and `Outcome` left it.
+    """A row of the ledger, as `WorkOrder` and `AttemptOutcome` left it.
 
     Attributes
     ----------
@@ -263,7 +263,7 @@ class Ledger:
                 )
             return deaths
 
-    def finish(self, outcomes: Sequence[Outcome]) -> None:
+    def finish(self, outcomes: Sequence[AttemptOutcome]) -> None:
         """Write what came of tries, and their stage, in one transaction."""
         finished = _now()
         with self._change() as base:

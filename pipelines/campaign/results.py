@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from metrology import UsageError, write_text_whole
 from metrology.files import written_whole
-from pipelines.campaign.lab_book import CLIP_COLUMN, SENSORS, LabBook, Strike
+from pipelines.campaign.lab_book import CLIP_COLUMN, SENSORS, LabBook, LabBookRow
 from pipelines.campaign.ledger import Entry, State
 from pipelines.measure.files.output import column_name, harmless
 
@@ -51,7 +51,7 @@ class ClipResult:
     state : State
     error, excluded : str or None
     seconds : float or None
-    strike : Strike or None
+    strike : LabBookRow or None
     values : (Q, 2) array
         Value and standard uncertainty of each of `ANALYSED`; nan where not measured.
     shared : mapping of str to float
@@ -64,7 +64,7 @@ class ClipResult:
     error: str | None
     excluded: str | None
     seconds: float | None
-    strike: Strike | None
+    strike: LabBookRow | None
     values: FloatArray
     shared: Mapping[str, float]
     warnings: tuple[str, ...]
@@ -91,7 +91,7 @@ class ClipResult:
 
 
 def clip_results(
-    entries: Iterable[Entry], strikes: Mapping[str, Strike | None]
+    entries: Iterable[Entry], strikes: Mapping[str, LabBookRow | None]
 ) -> list[ClipResult]:
     """Join ledger and lab book by the clip's name."""
     return [
@@ -101,7 +101,7 @@ def clip_results(
     ]
 
 
-def _result(entry: Entry, strike: Strike | None) -> ClipResult:
+def _result(entry: Entry, strike: LabBookRow | None) -> ClipResult:
     document = entry.document or {}
     quantities: Mapping[str, Any] = document.get("quantities", {})
     values = np.full((len(ANALYSED), 2), np.nan)
@@ -123,7 +123,7 @@ def _result(entry: Entry, strike: Strike | None) -> ClipResult:
     )
 
 
-def _row(entry: Entry, strike: Strike | None, columns: tuple[str, ...]) -> dict[str, object]:
+def _row(entry: Entry, strike: LabBookRow | None, columns: tuple[str, ...]) -> dict[str, object]:
     """Row of the results, `columns` of the lab book first."""
     cells = {} if strike is None else strike.cells
     document = entry.document or {}
@@ -144,7 +144,7 @@ def _row(entry: Entry, strike: Strike | None, columns: tuple[str, ...]) -> dict[
 
 
 def results_frame(
-    entries: Iterable[Entry], strikes: Mapping[str, Strike | None], book: LabBook | None
+    entries: Iterable[Entry], strikes: Mapping[str, LabBookRow | None], book: LabBook | None
 ) -> pd.DataFrame:
     """One row per clip that is done or failed; columns in the contract's order."""
     columns = ("clip",) if book is None else book.columns

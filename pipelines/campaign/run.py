@@ -17,11 +17,11 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from metrology import UsageError
-from pipelines.campaign.lab_book import Matched, Strike
-from pipelines.campaign.ledger import Ledger, Outcome, State, WorkOrder
-from pipelines.campaign.worker import Request, WorkerDied, WorkerProcess
+from pipelines.campaign.lab_book import LabBookRow, Matched
+from pipelines.campaign.ledger import AttemptOutcome, Ledger, State, WorkOrder
+from pipelines.campaign.worker import ClipWorkerDied, Request, WorkerProcess
 
-__all__ = ["CLIP_SUFFIXES", "Crew", "Plan", "RunOptions", "find_clips", "local_crew", "run"]
+__all__ = ["CLIP_SUFFIXES", "Crew", "RunOptions", "RunPlan", "find_clips", "local_crew", "run"]
 
 CLIP_SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm", ".gif", ".mpg", ".mpeg", ".mts")
 MOST_TRIES = 2
@@ -62,7 +62,7 @@ class RunOptions:
 
 
 @dataclass(frozen=True)
-class Plan:
+class RunPlan:
     """What a run has to do.
 
     Attributes
@@ -104,11 +104,11 @@ def _resolved(path: Path) -> str:
     return str(path.resolve())
 
 
-def _ball(options: RunOptions, strike: Strike | None) -> str | None:
+def _ball(options: RunOptions, strike: LabBookRow | None) -> str | None:
     return strike.ball if strike is not None and strike.ball is not None else options.ball
 
 
-def _digest(options: RunOptions, strike: Strike | None, ball_at: str | None) -> str:
+def _digest(options: RunOptions, strike: LabBookRow | None, ball_at: str | None) -> str:
     """Digest of all that a result depends on besides clip and version."""
     setup = b"" if options.setup is None else options.setup.read_bytes()
     parts: tuple[str | None, ...] = (options.fps, _ball(options, strike), options.wall_grid)
@@ -183,7 +183,7 @@ def measure_in_worker(request: Request, options: RunOptions) -> dict[str, Any]:
         if reply.get("document") is not None:
             reply["document"] = json.dumps(reply["document"])
         return reply
-    except WorkerDied as problem:
+    except ClipWorkerDied as problem:
         return {"died": str(problem)}
 
 
@@ -403,18 +403,18 @@ class Progress:
 
 
 def run(
-    plan: Plan,
+    plan: RunPlan,
     crew: Callable[[], Any],
     *,
     retry_failed: bool = False,
     only: Sequence[str] = (),
-    after_each: Callable[[Progress, Outcome], None] = lambda progress, outcome: None,
+    after_each: Callable[[Progress, AttemptOutcome], None] = lambda progress, outcome: None,
 ) -> Progress:
     """Measure what the ledger does not hold yet.
 
     Parameters
     ----------
-    plan : Plan
+    plan : RunPlan
     crew : callable
         Gives a context manager of a `Crew`; entered only if there is something to do.
     retry_failed : bool
@@ -452,13 +452,13 @@ class _Try:
 
 
 def _work(
-    plan: Plan,
+    plan: RunPlan,
     ledger: Ledger,
     crew: Crew,
     paths: dict[str, Path],
     todo: Sequence[str],
     progress: Progress,
-    after_each: Callable[[Progress, Outcome], None],
+    after_each: Callable[[Progress, AttemptOutcome], None],
 ) -> None:
     """Keep the crew busy with a window of clips, so that memory stays flat whatever the number.
 
@@ -511,19 +511,19 @@ def _drained(answered: "queue.SimpleQueue[str]", crew: Crew, pause_s: float) -> 
     return names
 
 
-def _outcome(clip: str, tried: _Try) -> Outcome:
+def _outcome(clip: str, tried: _Try) -> AttemptOutcome:
     reply, deaths = tried.future.result(), tried.deaths
     seconds = float(reply.get("seconds", time.monotonic() - tried.began))
     if "lost" in reply:
-        return Outcome(clip, State.WAITING, seconds, error=reply["lost"])
+        return AttemptOutcome(clip, State.WAITING, seconds, error=reply["lost"])
     if "died" in reply:
         again = deaths + 1 < MOST_TRIES
         why = f"{reply['died']}, {'once' if again else f'{deaths + 1} times'}"
         state = State.WAITING if again else State.FAILED
-        return Outcome(clip, state, seconds, error=why, died=True)
+        return AttemptOutcome(clip, state, seconds, error=why, died=True)
     error = reply.get("error")
     state = State.DONE if error is None else State.FAILED
-    return Outcome(clip, state, seconds, reply.get("document"), error)
+    return AttemptOutcome(clip, state, seconds, reply.get("document"), error)
 
 
 def _sha256(clip: Path) -> str:

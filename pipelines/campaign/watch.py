@@ -16,7 +16,7 @@ from metrology import UsageError
 from pipelines.campaign.ledger import Entry, Ledger, State
 from pipelines.web.serving import serve_app
 
-__all__ = ["Watched", "watch_app", "watched"]
+__all__ = ["WatchPage", "watch_app", "watched"]
 
 UNSURE = 0.9
 """A clip whose motion is told with less probability than this is shown first."""
@@ -39,7 +39,7 @@ class Point(BaseModel):
     y: float = Field(ge=0.0, le=4.0, allow_inf_nan=False)
 
 
-class Watched:
+class WatchPage:
     """What the page has asked for, and whether it is open.
 
     Parameters
@@ -63,12 +63,12 @@ class Watched:
         return False
 
 
-def watch_app(watched: Watched) -> FastAPI:
+def watch_app(watched: WatchPage) -> FastAPI:
     """The page and what it asks.
 
     Parameters
     ----------
-    watched : Watched
+    watched : WatchPage
     """
     app = FastAPI(openapi_url=None)
     folder = watched.folder
@@ -174,7 +174,7 @@ def _clip(entry: Entry, points: dict[str, str], folder: Path) -> dict[str, Any]:
     }
 
 
-def watched(folder: Path, told: Callable[[str], None], *, browse: bool = True) -> Watched:
+def watched(folder: Path, told: Callable[[str], None], *, browse: bool = True) -> WatchPage:
     """Serve the page beside a campaign until it is closed.
 
     Parameters
@@ -186,7 +186,7 @@ def watched(folder: Path, told: Callable[[str], None], *, browse: bool = True) -
     browse : bool
         Whether to open a browser.
     """
-    page = Watched(folder)
+    page = WatchPage(folder)
 
     def opened(address: str) -> None:
         told(address)

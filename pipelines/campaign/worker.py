@@ -22,7 +22,7 @@ import numpy as np
 import psutil
 from numpy.typing import NDArray
 
-__all__ = ["Request", "WorkerDied", "WorkerProcess", "answer"]
+__all__ = ["ClipWorkerDied", "Request", "WorkerProcess", "answer"]
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class Request:
     picture: str | None = None
 
 
-class WorkerDied(Exception):
+class ClipWorkerDied(Exception):
     """The process ended, hung or outgrew its memory while it had a clip; says which."""
 
 
@@ -86,7 +86,7 @@ class WorkerProcess:
 
         Raises
         ------
-        WorkerDied
+        ClipWorkerDied
         """
         process = self._running()
         assert process.stdin is not None
@@ -94,7 +94,7 @@ class WorkerProcess:
             process.stdin.write(json.dumps(asdict(request)) + "\n")
             process.stdin.flush()
         except OSError as problem:
-            raise WorkerDied(self._ended(process)) from problem
+            raise ClipWorkerDied(self._ended(process)) from problem
         until = time.monotonic() + self._timeout_s
         while True:
             try:
@@ -103,7 +103,7 @@ class WorkerProcess:
                 self._watch(process, until)
                 continue
             if line is None:
-                raise WorkerDied(self._ended(process))
+                raise ClipWorkerDied(self._ended(process))
             if line.startswith("{"):
                 return dict(json.loads(line))
 
@@ -139,14 +139,14 @@ class WorkerProcess:
     def _watch(self, process: "subprocess.Popen[str]", until: float) -> None:
         if time.monotonic() > until:
             self.close()
-            raise WorkerDied(f"it took longer than {self._timeout_s:g} s")
+            raise ClipWorkerDied(f"it took longer than {self._timeout_s:g} s")
         try:
             held = psutil.Process(process.pid).memory_info().rss
         except psutil.NoSuchProcess:
             return
         if held > self._memory:
             self.close()
-            raise WorkerDied(f"it needed more than {self._memory / 2**20:.0f} MB of memory")
+            raise ClipWorkerDied(f"it needed more than {self._memory / 2**20:.0f} MB of memory")
 
     def _put_away(self, process: "subprocess.Popen[str]") -> int:
         code = process.wait()
@@ -202,7 +202,7 @@ def _measured(request: Request) -> dict[str, Any]:
     from pipelines.measure.files.output import measurement_as_dict
     from pipelines.measure.files.pictures import overlay_marks
     from pipelines.measure.files.tracks import tracks_as_csv
-    from vision.clip.clip import Clip
+    from vision.clip.clip import ClipReader
     from vision.overlay.overlay import overlay_still
 
     options = measure_options(
@@ -214,7 +214,7 @@ def _measured(request: Request) -> dict[str, Any]:
         write_text_whole(Path(request.tracks), tracks_as_csv(measured))
     if request.picture is not None:
         still = overlay_still(
-            Clip.open(Path(request.path)), measured.tracks, overlay_marks(measured)
+            ClipReader.open(Path(request.path)), measured.tracks, overlay_marks(measured)
         )
         with written_whole(Path(request.picture)) as temporary:
             temporary.write_bytes(_small_jpeg(still))

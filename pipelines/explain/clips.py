@@ -9,12 +9,12 @@ import numpy as np
 import pandas as pd
 
 from metrology import ClipError, MeasurementError, NotFoundError, UsageError
-from mismatch.records.records import Campaign, Trial
+from mismatch.records.records import CampaignRecords, Trial
 from physics.bodies import GRAVITY, PAPER_PENDULUM, PAPER_SUPPORT, Pendulum
 from pipelines.explain.systematics import calibration_widths, common_widths
 from pipelines.explain.tabular import numbers_of, read_sheet
 from pipelines.measure.chain import MeasureOptions, measure_clip
-from pipelines.measure.measurement import Measurement
+from pipelines.measure.measurement import ClipMeasurement
 from pipelines.setup.file import Setup
 
 __all__ = ["ClipCampaign", "ClipFacts", "campaign_from_clips", "clip_facts", "trial_of", "with_rig"]
@@ -32,7 +32,7 @@ class ClipFacts:
 
 
 @dataclass(frozen=True)
-class ClipCampaign(Campaign):
+class ClipCampaign(CampaignRecords):
     """Trials from clips, with what their calibration leaves open.
 
     Attributes
@@ -87,7 +87,7 @@ def campaign_from_clips(
     clips: Sequence[Path],
     setup: Setup,
     facts: Mapping[str, ClipFacts] | None = None,
-    measure: Callable[[Path, MeasureOptions], Measurement] = measure_clip,
+    measure: Callable[[Path, MeasureOptions], ClipMeasurement] = measure_clip,
     *,
     strikes: bool = False,
 ) -> ClipCampaign:
@@ -172,7 +172,7 @@ def _why_flights(told: bool) -> str:
     )
 
 
-def _release(measured: Measurement) -> float:
+def _release(measured: ClipMeasurement) -> float:
     """When the ball is free in the first frame of its flight, s."""
     return -math.inf if measured.impact is None else float(measured.impact.flight.time_s[0])
 
@@ -201,7 +201,7 @@ def _flight_only(trial: Trial, release: float) -> Trial:
 
 
 def trial_of(
-    name: str, measured: Measurement, setup: Setup, about: ClipFacts | None = None
+    name: str, measured: ClipMeasurement, setup: Setup, about: ClipFacts | None = None
 ) -> tuple[Trial, list[str]]:
     """One clip's tracks as a trial, with notes on what was assumed.
 
@@ -241,7 +241,7 @@ def trial_of(
     return trial, notes
 
 
-def _backswing(measured: Measurement, setup: Setup) -> tuple[float | None, list[str]]:
+def _backswing(measured: ClipMeasurement, setup: Setup) -> tuple[float | None, list[str]]:
     angle = measured.quantity("backswing_angle")
     if angle.value is not None:
         return math.radians(angle.value), []

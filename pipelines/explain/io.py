@@ -11,7 +11,7 @@ import pandas as pd
 
 from metrology import Defaults, SetupError, TooLittleDataError, UsageError
 from mismatch.model.baseline import BallModel, Baseline, ContactTable, Scatter
-from mismatch.records.records import Campaign, Trial
+from mismatch.records.records import CampaignRecords, Trial
 from physics import bodies
 from physics.contact.contact import contact_outcomes
 from physics.domain import FloatArray
@@ -200,7 +200,7 @@ def _rest_height(setup: Setup) -> float:
 
 def load_campaign(
     ball_csv: TableLike | None, pendulum_csv: TableLike | None, setup: Setup
-) -> Campaign:
+) -> CampaignRecords:
     """Read a campaign.
 
     Parameters
@@ -213,7 +213,7 @@ def load_campaign(
 
     Returns
     -------
-    Campaign
+    CampaignRecords
 
     Raises
     ------
@@ -276,7 +276,7 @@ def load_campaign(
     trials = tuple(_trial(name, balls.get(name), swings.get(name)) for name in names)
     if tracked:
         return ClipCampaign(trials, tuple(notes), unknown_widths(trials), calibrated=False)
-    return Campaign(trials, tuple(notes))
+    return CampaignRecords(trials, tuple(notes))
 
 
 def _trial(name: str, ball: pd.DataFrame | None, swing: pd.DataFrame | None) -> Trial:
@@ -305,7 +305,7 @@ def _trial(name: str, ball: pd.DataFrame | None, swing: pd.DataFrame | None) -> 
     return Trial(name, time, position, swing_time, angle, ball_name, backswing, std)
 
 
-def baseline_from_setup(setup: Setup, campaign: Campaign) -> Baseline:
+def baseline_from_setup(setup: Setup, campaign: CampaignRecords) -> Baseline:
     """What the setup file says, as the engine's baseline.
 
     A ball with a contact table uses it; without one the project's time-resolved contact is

@@ -26,7 +26,7 @@ from typer.core import TyperGroup
 from metrology import UsageError
 from mismatch.model.candidates import refuse_unusable
 from physics.effects import Effect
-from physics.effects.base import Contact, FlightState, Outcome, Phase, SwingState, View
+from physics.effects.base import CameraView, Contact, FlightState, Outcome, Phase, SwingState
 
 __all__ = ["EFFECT_COMMANDS", "EffectCommands", "check_effect", "load_effects", "under_guard"]
 
@@ -154,7 +154,7 @@ def _states() -> dict[str, Any]:
     outcome = Outcome(
         *(value * plain for value in (0.016, 2.0, 0.16, 0.01, 0.41, 0.0, 2.0, 0.2, 0.0))
     )
-    view = View(
+    view = CameraView(
         0.4 * steps, 0.3 + 0.8 * steps, 0.9 - 0.3 * steps, 0.0 * steps, 2.0 * plain, 1.0 - steps,
         0.0 * steps, steps - 0.6, 2.0 - steps, 0.0, 0.4, 0.6, 0.5, 0.6, 0.55,
     )  # fmt: skip

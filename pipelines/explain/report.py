@@ -20,7 +20,7 @@ from matplotlib.mathtext import math_to_image
 from numpy.typing import NDArray
 
 from metrology import write_text_whole
-from mismatch import Explained, Verdict
+from mismatch import EngineVerdict, Explained
 from mismatch.fitting.fit import Fit
 from mismatch.fitting.normal_equations import spread_laws
 from mismatch.model.candidates import Candidate
@@ -400,7 +400,7 @@ def _banded(
     own = [k for k, item in enumerate(fit.free) if fit.model.entries[item.entry][0] is effect]
     names = [fit.free[k].parameter.name for k in own]
     middle = [float(values[name]) for name in names]
-    spread = fit.misfit * fit.covariance[np.ix_(own, own)]
+    spread = fit.reduced_chi2 * fit.covariance[np.ix_(own, own)]
     draws = np.random.default_rng(5).multivariate_normal(middle, spread, DRAWS)
     moved = np.array([means(values | dict(zip(names, draw, strict=True))) for draw in draws])
     low, high = np.quantile(moved, [0.025, 0.975], axis=0)
@@ -491,7 +491,7 @@ CELL = """<div style="max-width:60rem"><p><b>{{ headline }}</b></p>
 {% for line in lines %}<p>{{ line }}</p>{% endfor %}</div>"""
 
 
-def verdict_html(verdict: Verdict) -> str:
+def verdict_html(verdict: EngineVerdict) -> str:
     """The story in plain words as HTML for a notebook's cell."""
     headline, *lines = verdict.text().splitlines()
     return Environment(autoescape=True).from_string(CELL).render(headline=headline, lines=lines)
@@ -517,7 +517,7 @@ class _Told:
 
 
 @dataclass(frozen=True)
-class _File:
+class _ReportFile:
     name: str
     digest: str
 
@@ -555,9 +555,9 @@ def _told(explained: Explained | TableExplained) -> list[_Told]:
     return told
 
 
-def _provenance(paths: Sequence[Path]) -> list[_File]:
+def _provenance(paths: Sequence[Path]) -> list[_ReportFile]:
     return [
-        _File(path.name, hashlib.sha256(path.read_bytes()).hexdigest())
+        _ReportFile(path.name, hashlib.sha256(path.read_bytes()).hexdigest())
         for path in paths
         if path.is_file()
     ]

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from metrology import UsageError
-from mismatch import Campaign, Explained, Options, Verdict, explain_in_full
+from mismatch import CampaignRecords, EngineVerdict, Explained, Options, explain_in_full
 from mismatch.table.explain import TableExplained, explain_table
 from mismatch.table.table import CHANNELS, TrialTable
 from physics.domain import FloatArray
@@ -154,7 +154,7 @@ def explain_files(
     setup: Path | Setup,
     hold_out: tuple[str, ...] | None = None,
     effects: OwnEffects = None,
-) -> Verdict:
+) -> EngineVerdict:
     """Explain a campaign from its tables.
 
     Parameters
@@ -170,7 +170,7 @@ def explain_files(
 
     Returns
     -------
-    Verdict
+    EngineVerdict
 
     Raises
     ------
@@ -253,7 +253,7 @@ def explain_table_file(
 
 
 def explain_campaign(
-    campaign: Campaign,
+    campaign: CampaignRecords,
     known: Setup,
     hold_out: tuple[str, ...] | None = None,
     effects: OwnEffects = None,

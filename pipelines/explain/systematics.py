@@ -8,9 +8,9 @@ import numpy as np
 
 from calib.calibration import Calibration
 from metrology import Defaults
-from mismatch import Trial, Verdict
+from mismatch import EngineVerdict, Trial
 from mismatch.verdict import DOUBTED, Doubt, NamedEffect
-from pipelines.measure.measurement import Measurement
+from pipelines.measure.measurement import ClipMeasurement
 from pipelines.measure.metres import CameraMapping
 
 __all__ = [
@@ -45,7 +45,7 @@ PARAMETERS = {
 """The strength of a fault of the instrument, by the fault's id."""
 
 
-def calibration_widths(measured: Measurement) -> dict[str, float]:
+def calibration_widths(measured: ClipMeasurement) -> dict[str, float]:
     """Standard uncertainties of rate and scale (relative) and of roll (rad) of one clip.
 
     The calibration's, and what the ball's outline adds: slow errors that all clips share.
@@ -147,8 +147,8 @@ def unknown_widths(trials: Iterable[Trial]) -> dict[str, float]:
 
 
 def within_calibration(
-    verdict: Verdict, widths: Mapping[str, float], *, known: bool = True
-) -> Verdict:
+    verdict: EngineVerdict, widths: Mapping[str, float], *, known: bool = True
+) -> EngineVerdict:
     """The verdict without faults of the instrument that its own calibration allows.
 
     If nothing but such faults is named, nothing is missing: the calibration's uncertainty already
@@ -157,7 +157,7 @@ def within_calibration(
 
     Parameters
     ----------
-    verdict : Verdict
+    verdict : EngineVerdict
     widths : mapping
         Id of a fault → standard uncertainty of the calibration in it.
     known : bool

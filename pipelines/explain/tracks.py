@@ -169,11 +169,11 @@ def _free_stretch(time: FloatArray, place: FloatArray) -> tuple[int, int]:
         if noise is None:
             # of the middle, which is surely free: rows let in later must not widen the door
             noise = np.sqrt((off[:, inside] ** 2).sum(axis=1) / (stop - first - 4))
-        fine = np.all(np.abs(off) < OFF * noise[:, np.newaxis], axis=0)
+        free = np.all(np.abs(off) < OFF * noise[:, np.newaxis], axis=0)
         # one row that is off is an outlier, two in a row are the end of the free motion
         grown = (
-            first - 1 if first > 0 and fine[max(first - 2, 0) : first].any() else first,
-            stop + 1 if stop < end and fine[stop : min(stop + 2, end)].any() else stop,
+            first - 1 if first > 0 and free[max(first - 2, 0) : first].any() else first,
+            stop + 1 if stop < end and free[stop : min(stop + 2, end)].any() else stop,
         )
         if grown == (first, stop):
             return first, stop

@@ -7,7 +7,7 @@ import numpy as np
 
 from pipelines.interop.external import ExternalTrack, ExternalTracks, PlaneOfMotion, Program
 from pipelines.measure.files.tracks import tracks_as_frame
-from pipelines.measure.measurement import Measurement
+from pipelines.measure.measurement import ClipMeasurement
 
 __all__ = ["external_of"]
 
@@ -15,12 +15,12 @@ _LEAST_ROWS = 3
 """Rows: two places give a velocity, the third shows whether it is one."""
 
 
-def external_of(measured: Measurement, path: Path, clip: Path | None) -> ExternalTracks:
+def external_of(measured: ClipMeasurement, path: Path, clip: Path | None) -> ExternalTracks:
     """Tracks of a measurement with the scale and axes at the ball's rest.
 
     Parameters
     ----------
-    measured : Measurement
+    measured : ClipMeasurement
     path : Path
         Where they are to be written: the clip is named relative to it.
     clip : Path or None

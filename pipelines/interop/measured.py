@@ -12,22 +12,22 @@ from pipelines.cache import clip_digest
 from pipelines.interop.external import BALL, PENDULUM, ExternalTrack, ExternalTracks, Program
 from pipelines.interop.reading import read_tracks
 from pipelines.measure.chain import (
-    Followed,
+    FollowedClip,
     MeasureOptions,
     measure_tracks,
     measurement_of,
 )
 from pipelines.measure.inputs import Inputs, gather_inputs
-from pipelines.measure.measurement import Measurement
+from pipelines.measure.measurement import ClipMeasurement
 from pipelines.measure.metres import centre_of_arc
 from vision.ball.rest import find_rest
-from vision.clip.clip import Clip
+from vision.clip.clip import ClipReader
 from vision.clip.footage import choose_capture_rate
 from vision.clip.info import ClipInfo
 from vision.motion import motion_of
 from vision.scene.background import estimate_background
 from vision.tracks import Face, MotionKind, PendulumTrack, Track, Tracks
-from vision.tracks import Followed as FollowedObject
+from vision.tracks import FollowedObject as FollowedObject
 
 __all__ = ["measure_from_tracks"]
 
@@ -65,7 +65,7 @@ def measure_from_tracks(
     clip: Path | None = None,
     columns: Mapping[str, str] | None = None,
     progress: Callable[[str, float], None] | None = None,
-) -> Measurement:
+) -> ClipMeasurement:
     """Measure a motion from tracks that another program made.
 
     Parameters
@@ -108,7 +108,7 @@ def measure_from_tracks(
     )
     scale, said_of_scale = _scale(external, options, clip)
     tracks = _tracks(external, filmed, inputs, scale)
-    followed = Followed(tracks, filmed.clock, rate, inputs, scale)
+    followed = FollowedClip(tracks, filmed.clock, rate, inputs, scale)
     found = measure_tracks(followed, progress, options.budget)
     source = f"Tracks from {path.name} ({external.program}); nothing was looked for in pictures."
     warnings = (source, *external.notes, *said_of_scale, *filmed.warnings)
@@ -134,7 +134,7 @@ def _scale(
 
 
 def _of_clip(path: Path, external: ExternalTracks) -> _Filmed:
-    clip = Clip.open(path)
+    clip = ClipReader.open(path)
     last = max(int(track.frame.max()) for track in external.tracks)
     size = (clip.info.width, clip.info.height)
     if external.size is not None and external.size != size:

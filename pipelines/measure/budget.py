@@ -21,7 +21,7 @@ from pipelines.measure.inputs import Inputs
 from pipelines.measure.metres import MetricTracks
 from vision.clip.footage import CaptureRate
 
-__all__ = ["Propagation", "Scene", "merged", "systematic_budget", "values_after_move"]
+__all__ = ["ClipConditions", "Propagation", "merged", "systematic_budget", "values_after_move"]
 
 FloatArray = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ class Propagation(StrEnum):
 
 
 @dataclass(frozen=True)
-class Scene:
+class ClipConditions:
     """Everything that may be off for the whole clip at once.
 
     Attributes
@@ -103,13 +103,13 @@ def values_after_move(
 
 
 def systematic_budget(
-    scene: Scene, values: Callable[[Scene], FloatArray], scale_std: float
+    scene: ClipConditions, values: Callable[[ClipConditions], FloatArray], scale_std: float
 ) -> dict[UncertaintySource, FloatArray]:
     """Contribution of each input to each value.
 
     Parameters
     ----------
-    scene : Scene
+    scene : ClipConditions
         Best estimate.
     values : callable
         Does the chain again for a scene; (Q,).
@@ -163,9 +163,11 @@ def _by_calibration(
     return table
 
 
-def _moved(scene: Scene, scale_std: float) -> list[tuple[UncertaintySource, Scene]]:
+def _moved(
+    scene: ClipConditions, scale_std: float
+) -> list[tuple[UncertaintySource, ClipConditions]]:
     inputs, rate = scene.inputs, scene.rate
-    moved: list[tuple[UncertaintySource, Scene]] = []
+    moved: list[tuple[UncertaintySource, ClipConditions]] = []
     if rate.known:
         faster = replace(rate, fps=rate.fps + rate.std)
         moved.append((UncertaintySource.CAPTURE_RATE, replace(scene, rate=faster)))

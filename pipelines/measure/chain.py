@@ -21,12 +21,17 @@ from calib.pose import FOCAL_OVER_WIDTH
 from calib.solve import Solved
 from metrology import CalibrationError, MeasurementError, UncertaintySource
 from pipelines.cache import Cache, clip_digest
-from pipelines.measure.budget import Propagation, Scene, systematic_budget, values_after_move
+from pipelines.measure.budget import (
+    ClipConditions,
+    Propagation,
+    systematic_budget,
+    values_after_move,
+)
 from pipelines.measure.checks.gravity import seen_fall
 from pipelines.measure.derived import derived_values, random_covariance
 from pipelines.measure.fits.impact import find_impact, struck_again
 from pipelines.measure.inputs import Inputs, gather_inputs
-from pipelines.measure.measurement import Measurement
+from pipelines.measure.measurement import ClipMeasurement
 from pipelines.measure.metres import (
     BallScale,
     CameraMapping,
@@ -44,14 +49,14 @@ from pipelines.measure.motions.measured import (
 )
 from pipelines.measure.results import Evaluated, NoScale, Results, results_of
 from pipelines.setup.file import Setup
-from vision.clip.clip import Clip
+from vision.clip.clip import ClipReader
 from vision.clip.footage import CaptureRate, RateSource, choose_capture_rate
 from vision.clip.info import ClipInfo
 from vision.following import follow
 from vision.tracks import MotionKind, Tracks
 
 __all__ = [
-    "Followed",
+    "FollowedClip",
     "Found",
     "MeasureOptions",
     "measure_clip",
@@ -63,7 +68,7 @@ __all__ = [
 
 _Progress = Callable[[str, float], None]
 
-_Measure = Callable[..., Measurement]
+_Measure = Callable[..., ClipMeasurement]
 
 
 def remembered(measure: _Measure) -> _Measure:
@@ -80,7 +85,7 @@ def remembered(measure: _Measure) -> _Measure:
         path: Path,
         options: "MeasureOptions | None" = None,
         progress: _Progress | None = None,
-    ) -> Measurement:
+    ) -> ClipMeasurement:
         path = Path(path)
         kept = Cache.of_user(wanted=options is not None and options.cache)
         if kept.folder is None or options is None or not os.path.exists(path):
@@ -89,7 +94,7 @@ def remembered(measure: _Measure) -> _Measure:
         lens_digest = clip_digest(lens) if lens is not None and lens.is_file() else None
         key = kept.key("measurement", clip_digest(path), lens_digest, options)
         found = kept.get(key)
-        if isinstance(found, Measurement):
+        if isinstance(found, ClipMeasurement):
             return replace(found, info=replace(found.info, path=path))
         made = measure(path, options, progress)
         kept.put(key, made)
@@ -99,7 +104,7 @@ def remembered(measure: _Measure) -> _Measure:
 
 
 @dataclass(frozen=True, eq=False)
-class Watched:
+class FollowedTracks:
     """What following a clip to its end gave.
 
     Attributes
@@ -120,13 +125,13 @@ class Watched:
 
 
 def watched(
-    clip: Clip, capture_fps: float, options: "MeasureOptions", follow: Callable[[], Tracks]
-) -> Watched:
+    clip: ClipReader, capture_fps: float, options: "MeasureOptions", follow: Callable[[], Tracks]
+) -> FollowedTracks:
     """Follow a clip, or take up how it was followed before.
 
     Parameters
     ----------
-    clip : Clip
+    clip : ClipReader
     capture_fps : float
         Frames per second at which it is followed.
     options : MeasureOptions
@@ -137,10 +142,10 @@ def watched(
     kept = Cache.of_user(wanted=options.cache)
     key = kept.key("tracks", clip.info.sha256, capture_fps, options.ball_at, options.mass_at)
     found = kept.get(key)
-    if isinstance(found, Watched):
+    if isinstance(found, FollowedTracks):
         return replace(found, info=replace(found.info, path=clip.info.path))
     tracks = follow()
-    made = Watched(tracks, clip.capture_times(1.0), clip.info, clip.warnings)
+    made = FollowedTracks(tracks, clip.capture_times(1.0), clip.info, clip.warnings)
     kept.put(key, made)
     return made
 
@@ -178,7 +183,7 @@ class MeasureOptions:
 
 
 @dataclass(frozen=True, eq=False)
-class Followed:
+class FollowedClip:
     """All that the numbers of a clip follow from: measuring is a pure function of it.
 
     Attributes
@@ -233,7 +238,7 @@ def measure_clip(
     path: Path,
     options: MeasureOptions | None = None,
     progress: Callable[[str, float], None] | None = None,
-) -> Measurement:
+) -> ClipMeasurement:
     """Measure one clip.
 
     Parameters
@@ -247,7 +252,7 @@ def measure_clip(
 
     Returns
     -------
-    Measurement
+    ClipMeasurement
         Quantities that can't be measured carry their reason.
 
     Raises
@@ -258,7 +263,7 @@ def measure_clip(
     options = options or MeasureOptions()
     tell = progress or (lambda _step, _part: None)
     inputs = gather_inputs(options.setup, options.ball, options.wall_grid)
-    clip = Clip.open(path)
+    clip = ClipReader.open(path)
     camera = options.setup.camera
     rate = choose_capture_rate(
         clip.info,
@@ -278,30 +283,30 @@ def measure_clip(
         )
 
     seen = watched(clip, rate.fps, options, follow_it)
-    followed = Followed(seen.tracks, seen.clock, rate, inputs, options.scale_m_per_px)
+    followed = FollowedClip(seen.tracks, seen.clock, rate, inputs, options.scale_m_per_px)
     found = measure_tracks(followed, tell, options.budget)
     return measurement_of(seen.info, followed, found, seen.warnings)
 
 
 def measurement_of(
-    info: ClipInfo, followed: Followed, found: Found, warnings: Sequence[str] = ()
-) -> Measurement:
+    info: ClipInfo, followed: FollowedClip, found: Found, warnings: Sequence[str] = ()
+) -> ClipMeasurement:
     """What was followed and what was found of it, as the result of one clip.
 
     Parameters
     ----------
     info : ClipInfo
-    followed : Followed
+    followed : FollowedClip
     found : Found
         Of `followed`.
     warnings : sequence of str
         Of reading the clip; they come first.
     """
-    return Measurement(
+    return ClipMeasurement(
         info=info,
         rate=found.rate,
         quantities=found.results.quantities,
-        beside=found.results.beside,
+        other_speeds=found.results.other_speeds,
         gravity=found.results.gravity,
         checks=found.results.checks,
         warnings=tuple(dict.fromkeys([*warnings, *found.warnings])),
@@ -314,7 +319,7 @@ def measurement_of(
 
 
 def measure_tracks(
-    followed: Followed,
+    followed: FollowedClip,
     progress: Callable[[str, float], None] | None = None,
     propagation: Propagation = Propagation.RESPONSE,
 ) -> Found:
@@ -322,7 +327,7 @@ def measure_tracks(
 
     Parameters
     ----------
-    followed : Followed
+    followed : FollowedClip
     progress : callable, optional
         Called with the step's name and the part of it that is done.
     propagation : Propagation
@@ -339,7 +344,7 @@ def measure_tracks(
         rate = _rate_by_fall(replace(followed, tracks=tracks), wall)
         tracks = _timed(tracks, followed.seconds(rate.fps))
     followed = replace(followed, tracks=tracks, rate=rate)
-    scene = Scene(inputs, rate, wall.calibration, metres_per_px=followed.scale_m_per_px)
+    scene = ClipConditions(inputs, rate, wall.calibration, metres_per_px=followed.scale_m_per_px)
     wall = _weighed(wall, followed, scene)
     scene = replace(scene, calibration=wall.calibration)
     tell("calibrating", 1.0)
@@ -385,10 +390,10 @@ def _timed(tracks: Tracks, time_s: FloatArray) -> Tracks:
     return replace(tracks, ball=ball, others=others, pendulum=pendulum)
 
 
-def _rate_by_fall(followed: Followed, wall: "_Wall") -> CaptureRate:
+def _rate_by_fall(followed: FollowedClip, wall: "_Wall") -> CaptureRate:
     """The rate at which the flight in view falls as gravity has it; as assumed where none does."""
     rate, inputs = followed.rate, followed.inputs
-    scene = Scene(inputs, rate, wall.calibration, metres_per_px=followed.scale_m_per_px)
+    scene = ClipConditions(inputs, rate, wall.calibration, metres_per_px=followed.scale_m_per_px)
     moving = _motion_scene(scene, followed, wall)
     if not moving.metric or followed.tracks.motion.kind not in _FALLING:
         return rate
@@ -411,7 +416,7 @@ _SCALE_GIVEN = "the scale of the plane of motion was given, and nothing says whe
 _FALLING = (MotionKind.STRIKE, MotionKind.FLIGHT, MotionKind.DROP)
 
 
-def _motion_scene(scene: Scene, followed: Followed, wall: "_Wall") -> MotionScene:
+def _motion_scene(scene: ClipConditions, followed: FollowedClip, wall: "_Wall") -> MotionScene:
     """What turns pixels and frames of a motion that is no strike into metres and seconds."""
     calibration = wall.calibration
     mapping: Mapping | None = None
@@ -445,7 +450,7 @@ def _motion_scene(scene: Scene, followed: Followed, wall: "_Wall") -> MotionScen
     )
 
 
-def _plane_scale(scene: Scene, tracks: Tracks, wall: "_Wall") -> PlaneScale | None:
+def _plane_scale(scene: ClipConditions, tracks: Tracks, wall: "_Wall") -> PlaneScale | None:
     """Scale in the plane of motion, where no calibration tells it."""
     if scene.metres_per_px is not None:
         per_px, std = scene.metres_per_px
@@ -488,7 +493,7 @@ def _calibrated(tracks: Tracks, inputs: Inputs) -> _Wall:
         return _Wall(refusal=NoScale(problem.in_one_line))
 
 
-def _weighed(wall: _Wall, followed: Followed, scene: Scene) -> _Wall:
+def _weighed(wall: _Wall, followed: FollowedClip, scene: ClipConditions) -> _Wall:
     """The wall with the free fall weighed in, where nothing is taped and a clock is known.
 
     A fall that contradicts the rest is left to the self-check by gravity.
@@ -521,8 +526,8 @@ _NOT_STRUCK = (MotionKind.SWING, MotionKind.COLLISION, MotionKind.DROP)
 
 
 def _evaluate(
-    scene: Scene,
-    followed: Followed,
+    scene: ClipConditions,
+    followed: FollowedClip,
     tell: Callable[[str, float], None],
     propagation: Propagation,
 ) -> Evaluated:
@@ -538,7 +543,7 @@ def _evaluate(
         return replace(nothing, refusal=problem.in_one_line)
     steps = 0
 
-    def values(moved: Scene) -> FloatArray:
+    def values(moved: ClipConditions) -> FloatArray:
         nonlocal steps
         steps += 1
         tell("propagating uncertainty", min(1.0, steps / 30))
@@ -556,7 +561,7 @@ def _evaluate(
     )
 
 
-def _in_metres(scene: Scene, times: FloatArray, tracks: Tracks) -> MetricTracks:
+def _in_metres(scene: ClipConditions, times: FloatArray, tracks: Tracks) -> MetricTracks:
     if scene.calibration is not None:
         return tracks_in_metres(tracks, CameraMapping(scene.calibration), times)
     ball = tracks.ball
@@ -581,7 +586,7 @@ def _in_metres(scene: Scene, times: FloatArray, tracks: Tracks) -> MetricTracks:
     return tracks_in_metres(tracks, scale, times)
 
 
-def _scale_std(scene: Scene, tracks: Tracks) -> float:
+def _scale_std(scene: ClipConditions, tracks: Tracks) -> float:
     if scene.metres_per_px is not None:
         return scene.metres_per_px[1] / scene.metres_per_px[0]
     diameter = scene.inputs.rig.ball_diameter

@@ -23,13 +23,13 @@ from pipelines.doors import FileRole, refuse_clashes
 from pipelines.measure.budget import Propagation
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measure.files.output import (
-    Wanted,
+    WantedFiles,
     measurement_as_json,
     measurements_as_csv,
     results_table,
 )
 from pipelines.measure.inputs import QuantityName, kinds_of
-from pipelines.measure.measurement import QUANTITY_UNITS, Measurement
+from pipelines.measure.measurement import QUANTITY_UNITS, ClipMeasurement
 from pipelines.report import quantity_label
 from pipelines.setup.file import load_setup
 from pipelines.terminal import screen
@@ -157,7 +157,7 @@ def measure_command(
     Tracked elsewhere: vision measure clip.mp4 --from-tracks clip.trk --tracks clip.kva
     """
     clips = list(clips or [])
-    wanted = Wanted(csv, json, tracks, overlay, plot, report, quiet)
+    wanted = WantedFiles(csv, json, tracks, overlay, plot, report, quiet)
     wanted.require_kinds()
     options = measure_options(
         setup,
@@ -218,7 +218,7 @@ def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # t
         no_cache: NoCacheOption = False,
         quiet: QuietOption = False,
     ) -> None:
-        wanted = Wanted(csv, json, tracks, overlay, plot, report, quiet)
+        wanted = WantedFiles(csv, json, tracks, overlay, plot, report, quiet)
         wanted.require_kinds()
         options = measure_options(
             setup,
@@ -281,7 +281,7 @@ def demo_command(
         out.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
         raise UsageError(f"can't make the folder {out}: {problem.strerror}") from problem
-    wanted = Wanted(
+    wanted = WantedFiles(
         csv=out / "results.csv",
         json=str(out / "results.json"),
         tracks=out / "tracks.csv",
@@ -294,7 +294,7 @@ def demo_command(
     screen().print(f"report, overlay, plots and CSV are in {out}/")
 
 
-def _asked(wanted: Wanted) -> list[str]:
+def _asked(wanted: WantedFiles) -> list[str]:
     files = (wanted.tracks, wanted.overlay, wanted.plot, wanted.report)
     return ["" if path is None else path.name for path in files]
 
@@ -302,7 +302,7 @@ def _asked(wanted: Wanted) -> list[str]:
 def _into_folder(
     clips: Sequence[Path],
     options: MeasureOptions,
-    wanted: Wanted,
+    wanted: WantedFiles,
     folder: Folder,
     said: Sequence[str],
     workers: int,
@@ -346,7 +346,7 @@ def _from_tracks(
     path: Path,
     clips: Sequence[Path],
     options: MeasureOptions,
-    wanted: Wanted,
+    wanted: WantedFiles,
     columns: str | None,
 ) -> None:
     """Measure what another program tracked, with the clip or without."""
@@ -370,17 +370,17 @@ def _from_tracks(
 
 
 def _several(
-    clips: Sequence[Path], options: MeasureOptions, wanted: Wanted, names: tuple[str, ...]
+    clips: Sequence[Path], options: MeasureOptions, wanted: WantedFiles, names: tuple[str, ...]
 ) -> None:
     """Measure all clips; one that fails is told and does not take the others with it."""
     if len(clips) == 1:
         _require_something(_one(clips[0], options, wanted, names), clips[0])
         return
-    done: list[Measurement] = []
+    done: list[ClipMeasurement] = []
     failures: list[ImpactVisionError] = []
     for clip in clips:
         try:
-            done.append(_one(clip, options, Wanted(quiet=wanted.quiet), names))
+            done.append(_one(clip, options, WantedFiles(quiet=wanted.quiet), names))
         except ImpactVisionError as problem:
             failures.append(problem)
             screen(errors=True).print(f"vision: {problem}", soft_wrap=True)
@@ -390,7 +390,7 @@ def _several(
         raise type(failures[0])(f"{len(failures)} of {len(clips)} clips could not be measured")
 
 
-def _require_something(measured: Measurement, path: Path) -> None:
+def _require_something(measured: ClipMeasurement, path: Path) -> None:
     """Refuse a measurement in which nothing is known.
 
     Raises
@@ -409,24 +409,24 @@ def _require_something(measured: Measurement, path: Path) -> None:
 def _one(
     clip: Path,
     options: MeasureOptions,
-    wanted: Wanted,
+    wanted: WantedFiles,
     names: tuple[str, ...],
     *,
     budgets: bool = True,
-) -> Measurement:
+) -> ClipMeasurement:
     return _measured(
         lambda tell: measure_clip(clip, options, tell), clip, wanted, names, budgets=budgets
     )
 
 
 def _measured(
-    measure: Callable[[Callable[[str, float], None]], Measurement],
+    measure: Callable[[Callable[[str, float], None]], ClipMeasurement],
     clip: Path | None,
-    wanted: Wanted,
+    wanted: WantedFiles,
     names: tuple[str, ...],
     *,
     budgets: bool = True,
-) -> Measurement:
+) -> ClipMeasurement:
     """Measure with a bar on the terminal, write the files, and tell."""
     errors = screen(errors=True)
     with Progress(
@@ -453,7 +453,7 @@ def _measured(
     return measured
 
 
-def _print_budgets(measured: Measurement, names: tuple[str, ...]) -> None:
+def _print_budgets(measured: ClipMeasurement, names: tuple[str, ...]) -> None:
     console = screen()
     console.print("uncertainty budgets (one standard uncertainty each)")
     for item in measured.quantities:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from pipelines.measure.checks.speeds import (
-    BESIDE,
+    OTHER_SPEEDS,
     gravity_share,
     speed_by_pendulum,
     speed_per_frame,
@@ -41,7 +41,7 @@ DERIVED: dict[str, str] = {
     "gravity": "m/s^2",
     "landing_height": "m",
     "landing_distance_seen": "m",
-    **BESIDE,
+    **OTHER_SPEEDS,
     "eq7_by_gravity": "m/s",
 }
 """Name and unit of each derived value, in the order of the vectors below."""
@@ -68,17 +68,17 @@ class _Shift:
     before: FloatArray | None = None
     after: FloatArray | None = None
     rest: FloatArray | None = None
-    lead: FloatArray | None = None
+    face_offset: FloatArray | None = None
     landing: FloatArray | None = None
 
 
 @dataclass(frozen=True)
-class _Parts:
+class _DrawnParts:
     """One draw of everything fitted."""
 
     flight: FlightFit
     view: ImpactView | None
-    lead: float
+    face_offset: float
     rest: FloatArray
     landing_x: float | None
 
@@ -117,11 +117,11 @@ def _blocks(impact: Impact) -> list[tuple[Callable[[FloatArray], _Shift], FloatA
         (lambda step: _Shift(rest=step), np.diag(impact.tracks.rest_std_m**2)),
     ]
     if impact.view is not None and impact.contact is not None:
-        lead = np.array([[impact.contact.lead_std**2]])
+        face_offset = np.array([[impact.contact.face_offset_std**2]])
         blocks += [
             (lambda step: _Shift(before=step), impact.view.before.fitted.covariance),
             (lambda step: _Shift(after=step), impact.view.after.fitted.covariance),
-            (lambda step: _Shift(lead=step), lead),
+            (lambda step: _Shift(face_offset=step), face_offset),
         ]
     if impact.landing is not None:
         spread = impact.landing.covariance[1:2, 1:2]
@@ -129,17 +129,17 @@ def _blocks(impact: Impact) -> list[tuple[Callable[[FloatArray], _Shift], FloatA
     return blocks
 
 
-def _shifted(impact: Impact, shift: _Shift) -> _Parts:
+def _shifted(impact: Impact, shift: _Shift) -> _DrawnParts:
     flight, view, rest = impact.flight, impact.view, impact.tracks.rest_m
-    lead = 0.0 if impact.contact is None else impact.contact.lead
+    face_offset = 0.0 if impact.contact is None else impact.contact.face_offset
     landing_x = None if impact.landing is None else float(impact.landing.place_m[0])
     if shift.flight is not None:
         fitted = replace(flight.fitted, values=flight.fitted.values + shift.flight)
         flight = replace(flight, fitted=fitted)
     if shift.rest is not None:
         rest = rest + shift.rest
-    if shift.lead is not None:
-        lead += float(shift.lead[0])
+    if shift.face_offset is not None:
+        face_offset += float(shift.face_offset[0])
     if shift.landing is not None and landing_x is not None:
         landing_x += float(shift.landing[0])
     if view is not None:
@@ -150,7 +150,7 @@ def _shifted(impact: Impact, shift: _Shift) -> _Parts:
             before=_moved(view.before, shift.before),
             after=_moved(view.after, shift.after),
         )
-    return _Parts(flight, view, lead, rest, landing_x)
+    return _DrawnParts(flight, view, face_offset, rest, landing_x)
 
 
 def _moved(swing: SwingFit, step: FloatArray | None) -> SwingFit:
@@ -166,7 +166,7 @@ def _evaluate(impact: Impact, inputs: Inputs, shift: _Shift) -> FloatArray:
     release = flight.reference_s
     if view is not None and impact.contact is not None:
         middle = 0.5 * (impact.contact.onset_s + impact.contact.release_s)
-        onset, release = touch_times(view, parts.lead, middle)
+        onset, release = touch_times(view, parts.face_offset, middle)
         out["contact_start"], out["contact_end"] = onset, release
         out["contact_time"] = release - onset
     state = flight.states(np.array([release]))[0]

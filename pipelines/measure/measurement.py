@@ -8,16 +8,16 @@ from metrology import Quantity
 from pipelines.measure.fits.impact import Impact
 from pipelines.measure.inputs import QUANTITY_UNITS
 from pipelines.report import Check
-from pipelines.setup.rig import Known
+from pipelines.setup.rig import RigNumber
 from vision.clip.footage import CaptureRate
 from vision.clip.info import ClipInfo
 from vision.tracks import Motion, Tracks
 
-__all__ = ["QUANTITY_UNITS", "Measurement"]
+__all__ = ["QUANTITY_UNITS", "ClipMeasurement"]
 
 
 @dataclass(frozen=True)
-class Measurement:
+class ClipMeasurement:
     """All that was measured in one clip.
 
     Attributes
@@ -26,7 +26,7 @@ class Measurement:
     rate : CaptureRate
     quantities : tuple of Quantity
         In the order of `QUANTITY_UNITS`; those that can't be measured say why.
-    beside : tuple of Quantity
+    other_speeds : tuple of Quantity
         The ball's speed the paper's ways: per frame (Fig. 18), and from the pendulum (Eq. 7).
     gravity : Quantity
         Free-fall acceleration of the flight: the self-check of rate and scale.
@@ -40,14 +40,14 @@ class Measurement:
         None where no grid was found.
     impact : Impact or None
         None where no strike could be measured.
-    defaults : tuple of Known
+    defaults : tuple of RigNumber
         Numbers of the rig whose value or uncertainty nobody gave.
     """
 
     info: ClipInfo
     rate: CaptureRate
     quantities: tuple[Quantity, ...]
-    beside: tuple[Quantity, ...]
+    other_speeds: tuple[Quantity, ...]
     gravity: Quantity
     checks: tuple[Check, ...]
     warnings: tuple[str, ...]
@@ -55,7 +55,7 @@ class Measurement:
     grid: WallGrid | None
     calibration: Calibration | None
     impact: Impact | None
-    defaults: tuple[Known, ...] = ()
+    defaults: tuple[RigNumber, ...] = ()
 
     @property
     def motion(self) -> Motion:

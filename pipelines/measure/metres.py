@@ -32,7 +32,7 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 
-_LEAD_STD_PX = 0.10
+_FACE_STD_PX = 0.10
 
 """px: what the track of the mass adds between where its face is seen and where it touches. The lead
 that closes the gap at the true contact scatters by 0.12 px over ray-traced clips of another
@@ -144,9 +144,9 @@ class MetricTracks:
         Pivot; None without a pendulum.
     swing_time_s, swing_rad, swing_std_rad : (M,) arrays
         Pendulum angle, 0 straight down, positive forward.
-    lead_m, lead_std_m : float
+    edge_offset_m, edge_offset_std_m : float
         Foremost edge of the mass ahead of the bar's line, as seen.
-    middle_lead_m, middle_lead_std_m : float
+    middle_offset_m, middle_offset_std_m : float
         Middle of the face between its two rims; infinitely unsure where they can't be told apart.
     spherical : bool
         Whether a round bob strikes: no thickness in front of the ball plane.
@@ -172,10 +172,10 @@ class MetricTracks:
     swing_time_s: FloatArray
     swing_rad: FloatArray
     swing_std_rad: FloatArray
-    lead_m: float
-    lead_std_m: float
-    middle_lead_m: float
-    middle_lead_std_m: float
+    edge_offset_m: float
+    edge_offset_std_m: float
+    middle_offset_m: float
+    middle_offset_std_m: float
     spherical: bool
     face_slant: float | None
     eye_m: FloatArray | None
@@ -247,10 +247,10 @@ def tracks_in_metres(tracks: Tracks, mapping: PlaneMapping, time_s: FloatArray) 
         swing_time_s=np.zeros(0) if pendulum is None else time_s[pendulum.track.frame],
         swing_rad=swing.angle,
         swing_std_rad=swing.angle_std,
-        lead_m=swing.edge[0],
-        lead_std_m=swing.edge[1],
-        middle_lead_m=swing.middle[0],
-        middle_lead_std_m=swing.middle[1],
+        edge_offset_m=swing.edge[0],
+        edge_offset_std_m=swing.edge[1],
+        middle_offset_m=swing.middle[0],
+        middle_offset_std_m=swing.middle[1],
         spherical=pendulum is not None and pendulum.face.spherical,
         face_slant=None if eye is None else float((rest[0] * direction - radius - eye[0]) / eye[2]),
         eye_m=eye,
@@ -282,8 +282,8 @@ def _apparent_radius(tracks: Tracks, mapping: PlaneMapping) -> float:
 
 
 @dataclass(frozen=True)
-class _Swing:
-    """Pivot, m; angles, rad; leads of edge and middle of the face, each with its std, m."""
+class _SwingInMetres:
+    """Pivot, m; angles, rad; offsets of edge and middle of the face, each with its std, m."""
 
     pivot: FloatArray | None
     angle: FloatArray
@@ -292,9 +292,11 @@ class _Swing:
     middle: tuple[float, float]
 
 
-def _swing(pendulum: PendulumTrack | None, mapping: PlaneMapping, direction: float) -> _Swing:
+def _swing(
+    pendulum: PendulumTrack | None, mapping: PlaneMapping, direction: float
+) -> _SwingInMetres:
     if pendulum is None:
-        return _Swing(None, np.zeros(0), np.zeros(0), (0.0, 1.0), (0.0, math.inf))
+        return _SwingInMetres(None, np.zeros(0), np.zeros(0), (0.0, 1.0), (0.0, math.inf))
     flip = np.array([direction, 1.0])
     mass = mapping.point(pendulum.track.centre_px) * flip
     pivot = mapping.point(pendulum.pivot_px) * flip
@@ -308,18 +310,18 @@ def _swing(pendulum: PendulumTrack | None, mapping: PlaneMapping, direction: flo
     phi = float(angle[np.argmin(np.abs(pendulum.track.frame - face.frame))])
     normal = np.array([np.cos(phi), np.sin(phi)])
 
-    def lead(point_px: FloatArray | None, std_px: float) -> tuple[float, float]:
+    def ahead_of_line(point_px: FloatArray | None, std_px: float) -> tuple[float, float]:
         if point_px is None:
             return 0.0, math.inf
         ahead = float((mapping.point(point_px) * flip - pivot) @ normal)
-        return ahead, math.hypot(std_px, _LEAD_STD_PX) * scale
+        return ahead, math.hypot(std_px, _FACE_STD_PX) * scale
 
-    return _Swing(
+    return _SwingInMetres(
         pivot,
         angle,
         pendulum.angle_std_rad,
-        lead(face.edge_px, face.edge_std_px),
-        lead(face.middle_px, face.middle_std_px),
+        ahead_of_line(face.edge_px, face.edge_std_px),
+        ahead_of_line(face.middle_px, face.middle_std_px),
     )
 
 
@@ -339,10 +341,10 @@ def centre_of_arc(points: FloatArray) -> FloatArray:
     start = np.linalg.lstsq(design, (near**2).sum(axis=1), rcond=None)[0]
     radius = float(np.sqrt(max(start[2] + start[:2] @ start[:2], 1e-12)))
 
-    def misfit(values: FloatArray) -> FloatArray:
+    def residuals(values: FloatArray) -> FloatArray:
         return np.asarray(np.hypot(*(near - values[:2]).T) - values[2])
 
-    best = least_squares(misfit, [*start[:2], radius], loss="soft_l1", f_scale=1e-3)
+    best = least_squares(residuals, [*start[:2], radius], loss="soft_l1", f_scale=1e-3)
     return np.asarray(best.x[:2] + middle)
 
 

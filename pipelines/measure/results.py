@@ -11,13 +11,13 @@ from scipy.special import ndtr, ndtri
 
 from calib.calibration import Calibration
 from metrology import Contribution, Quantity, UncertaintySource
-from pipelines.measure.budget import Scene, merged
+from pipelines.measure.budget import ClipConditions, merged
 from pipelines.measure.checks.consequences import (
     COR,
     FLIGHT,
     PENDULUM,
     RATE_AND_SCALE,
-    Doubt,
+    Contradiction,
     doubted,
 )
 from pipelines.measure.checks.gravity import (
@@ -26,7 +26,7 @@ from pipelines.measure.checks.gravity import (
     fused_cor,
     gravity_check,
 )
-from pipelines.measure.checks.speeds import BESIDE, SpeedsAgree, contact_doubted, speeds_agree
+from pipelines.measure.checks.speeds import OTHER_SPEEDS, SpeedsAgree, contact_doubted, speeds_agree
 from pipelines.measure.derived import DERIVED
 from pipelines.measure.fits.discs import disc_contact
 from pipelines.measure.fits.impact import UNSEEN_HALF_CONTACT_STD_S, Impact
@@ -75,7 +75,7 @@ class Evaluated:
 
     Attributes
     ----------
-    scene : Scene
+    scene : ClipConditions
     metric : MetricTracks or None
     impact : Impact or None
     values : (Q,) array
@@ -88,7 +88,7 @@ class Evaluated:
         Why there is no impact.
     """
 
-    scene: Scene
+    scene: ClipConditions
     metric: MetricTracks | None
     impact: Impact | None
     values: FloatArray
@@ -118,7 +118,7 @@ class Results:
     """What is told of a clip; attributes as in `Measurement`."""
 
     quantities: tuple[Quantity, ...]
-    beside: tuple[Quantity, ...]
+    other_speeds: tuple[Quantity, ...]
     gravity: Quantity
     checks: tuple[Check, ...]
     warnings: tuple[str, ...]
@@ -148,7 +148,7 @@ def results_of(
     speeds = speeds_agree(found)
     bound = _contact_bound(evaluated)
     checks = [one for one in (agreement, speeds and speeds.check, by_gravity, bound) if one]
-    beside = tuple(found[name] for name in BESIDE)
+    other_speeds = tuple(found[name] for name in OTHER_SPEEDS)
     doubts = _doubts(evaluated, found, agreement, speeds, gravity, by_gravity)
     touching = None if speeds is None else contact_doubted(speeds, bound)
     found = doubted(found, [*doubts, *([] if touching is None else [touching])])
@@ -158,7 +158,7 @@ def results_of(
     found = _of_this_motion(found | motion.quantities, tracks)
     return Results(
         tuple(found.values()),
-        beside,
+        other_speeds,
         gravity,
         tuple(checks),
         tuple(item.statement for item in checks if item.outcome is CheckOutcome.FAILED),
@@ -212,29 +212,31 @@ def _doubts(
     speeds: SpeedsAgree | None,
     gravity: Quantity,
     by_gravity: Check | None,
-) -> list[Doubt]:
+) -> list[Contradiction]:
     """What the failed checks put in doubt."""
     doubts = []
     if speeds is not None and speeds.check.outcome is CheckOutcome.FAILED:
         said = speeds.check.statement
-        doubts.append(Doubt(FLIGHT, speeds.flight_apart, False, said))
-        doubts.append(Doubt(PENDULUM, speeds.pendulum_apart, False, said))
+        doubts.append(Contradiction(FLIGHT, speeds.flight_apart, False, said))
+        doubts.append(Contradiction(PENDULUM, speeds.pendulum_apart, False, said))
     if by_gravity is not None and by_gravity.outcome is CheckOutcome.FAILED:
         true = evaluated.scene.inputs.gravity
         value, std = gravity.value or 0.0, gravity.std or math.inf
         known = () if evaluated.scene.calibration is None else evaluated.scene.calibration.warnings
         said = "; ".join((by_gravity.statement, *known))
         plain = contradicts_gravity(value, true, std)
-        doubts.append(Doubt(RATE_AND_SCALE, abs(value / true - 1.0), plain, said))
+        doubts.append(Contradiction(RATE_AND_SCALE, abs(value / true - 1.0), plain, said))
     struck = evaluated.impact is not None and evaluated.impact.contact is not None
     if not struck and by_gravity is not None and by_gravity.outcome is CheckOutcome.UNDECIDED:
         unseen = (gravity.std or 0.0) > UNSEEN_FALL_SHARE * evaluated.scene.inputs.gravity
         said = f"nothing shows that what was followed flies: {by_gravity.statement}"
-        doubts.append(Doubt(RATE_AND_SCALE if unseen else frozenset(), math.inf, unseen, said))
+        doubts.append(
+            Contradiction(RATE_AND_SCALE if unseen else frozenset(), math.inf, unseen, said)
+        )
     if agreement is not None and agreement.outcome is CheckOutcome.FAILED:
         known_cors = [found[name].value or 0.0 for name in ESTIMATES if found[name].known]
         apart = (max(known_cors) - min(known_cors)) / max(abs(found["cor"].value or 1.0), 1e-6)
-        doubts.append(Doubt(COR, 0.5 * apart, False, agreement.statement))
+        doubts.append(Contradiction(COR, 0.5 * apart, False, agreement.statement))
     return doubts
 
 

@@ -27,11 +27,11 @@ from physics.planning import PlanScatter
 from physics.restitution.restitution import ConstantCor, CorLaw, parse_cor_law
 from pipelines.setup.cor_file import BallLaw, law_of_ball, read_cor_file
 from pipelines.setup.file import BallSetup, Setup, ball_from_option, load_setup
-from pipelines.setup.rig import Known, Origin, rig_of
+from pipelines.setup.rig import Origin, RigNumber, rig_of
 from pipelines.terminal import screen
 
 __all__ = [
-    "Asked",
+    "AskedExperiment",
     "angle_of",
     "asked",
     "ball_asked",
@@ -141,7 +141,7 @@ def experiment_of(setup: Setup, ball: bodies.Ball, drag_option: str | None = Non
 
 
 @dataclass(frozen=True)
-class Asked:
+class AskedExperiment:
     """The experiment that was asked for, and its law of restitution.
 
     Attributes
@@ -171,7 +171,7 @@ class Asked:
 
 def asked(
     setup: Setup, ball: str | None, cor: str, drag: str | None, cor_law: Path | None = None
-) -> Asked:
+) -> AskedExperiment:
     """Setup and options together: which ball, with which restitution and drag.
 
     Raises
@@ -187,7 +187,7 @@ def asked(
     law, own = choose_cor(struck, cor)
     experiment = experiment_of(setup, struck, drag)
     unsure = _unsure(setup, chosen, experiment)
-    return Asked(experiment, law, campaign if own else None, chosen, unsure)
+    return AskedExperiment(experiment, law, campaign if own else None, chosen, unsure)
 
 
 def _unsure(
@@ -213,7 +213,7 @@ def _unsure(
     def drag(coefficient: float) -> Experiment:
         return replace(experiment, drag_coefficient=coefficient)
 
-    tried: list[tuple[UncertaintySource, Known | None, Callable[[float], Experiment]]] = [
+    tried: list[tuple[UncertaintySource, RigNumber | None, Callable[[float], Experiment]]] = [
         (UncertaintySource.PENDULUM_INERTIA, rig.inertia, lambda x: pendulum(inertia=x)),
         (UncertaintySource.PENDULUM_LENGTH, rig.length, lambda x: pendulum(length=x)),
         (UncertaintySource.PENDULUM_MASS, rig.pendulum_mass, lambda x: pendulum(mass=x)),

@@ -84,7 +84,7 @@ class Shift:
 
 
 @dataclass(frozen=True)
-class Strike:
+class StrikeInputs:
     """Inputs of one strike, after the swing."""
 
     experiment: Experiment
@@ -101,7 +101,7 @@ def strike_inputs(
     law: CorLaw,
     effects: tuple[Term, ...],
     shift: Shift,
-) -> Strike:
+) -> StrikeInputs:
     """Speed, e and contact time of one strike, from the back-swing (rad) or the speed (m/s)."""
     nominal = experiment.ball
     ball = replace(nominal, launch_angle=nominal.launch_angle + shift.launch_angle)
@@ -111,10 +111,12 @@ def strike_inputs(
     if released is not None:
         speed = speed_with_losses(moved, released, effects)
     e = min(max(float(law(speed)) + shift.cor, SMALLEST_COR), 1.0)
-    return Strike(moved, released, speed, e, float(ball.contact_time(speed)) + shift.contact_time)
+    return StrikeInputs(
+        moved, released, speed, e, float(ball.contact_time(speed)) + shift.contact_time
+    )
 
 
-def followed_contacts(strikes: list[Strike]) -> ContactOutcome:
+def followed_contacts(strikes: list[StrikeInputs]) -> ContactOutcome:
     """All contacts followed in time, at once."""
     first = strikes[0].experiment
     return contact_outcomes(
@@ -130,7 +132,7 @@ def followed_contacts(strikes: list[Strike]) -> ContactOutcome:
 
 
 def strike_numbers(
-    strike: Strike,
+    strike: StrikeInputs,
     turned: ContactOutcome | None,
     effects: tuple[Term, ...],
     *,

@@ -152,7 +152,7 @@ class _BallTable(BaseModel):
     session_scatter: Annotated[Finite, Field(ge=0, le=1)] = 0.0
 
 
-class _File(BaseModel):
+class _CorFile(BaseModel):
     model_config = ConfigDict(extra="ignore", frozen=True)
 
     balls: dict[str, _BallTable]
@@ -173,7 +173,7 @@ def read_cor_file(path: Path) -> dict[str, BallLaw]:
         error=SetupError,
     )
     try:
-        tables = _File.model_validate(parse_toml(text, str(path))).balls
+        tables = _CorFile.model_validate(parse_toml(text, str(path))).balls
     except ValidationError as problem:
         first = problem.errors()[0]
         where = ".".join(str(part) for part in first["loc"])

@@ -9,7 +9,7 @@ from metrology.quantity import format_value
 from physics import bodies
 from pipelines.setup.tables import BallSetup, Setup
 
-__all__ = ["Known", "Origin", "Rig", "rig_of"]
+__all__ = ["Origin", "Rig", "RigNumber", "rig_of"]
 
 
 class Origin(StrEnum):
@@ -21,7 +21,7 @@ class Origin(StrEnum):
 
 
 @dataclass(frozen=True)
-class Known:
+class RigNumber:
     """A number of the rig with its standard uncertainty, and who says so.
 
     Attributes
@@ -72,39 +72,39 @@ class Rig:
 
     Attributes
     ----------
-    inertia, pendulum_mass, com, length : Known
+    inertia, pendulum_mass, com, length : RigNumber
         Pendulum, SI.
-    effective_mass : Known or None
+    effective_mass : RigNumber or None
         kg; None where it follows from inertia and length.
-    support_height : Known or None
+    support_height : RigNumber or None
         None where nobody said.
-    ball_mass, ball_diameter, launch_angle : Known or None
+    ball_mass, ball_diameter, launch_angle : RigNumber or None
         None where the ball, or that of it, is not known.
-    gravity, air_density, drag_coefficient, spin, grid_pitch : Known
+    gravity, air_density, drag_coefficient, spin, grid_pitch : RigNumber
     """
 
-    inertia: Known
-    pendulum_mass: Known
-    com: Known
-    length: Known
-    effective_mass: Known | None
-    support_height: Known | None
-    ball_mass: Known | None
-    ball_diameter: Known | None
-    launch_angle: Known | None
-    gravity: Known
-    air_density: Known
-    drag_coefficient: Known
-    spin: Known
-    grid_pitch: Known
+    inertia: RigNumber
+    pendulum_mass: RigNumber
+    com: RigNumber
+    length: RigNumber
+    effective_mass: RigNumber | None
+    support_height: RigNumber | None
+    ball_mass: RigNumber | None
+    ball_diameter: RigNumber | None
+    launch_angle: RigNumber | None
+    gravity: RigNumber
+    air_density: RigNumber
+    drag_coefficient: RigNumber
+    spin: RigNumber
+    grid_pitch: RigNumber
 
     @property
-    def numbers(self) -> tuple[Known, ...]:
+    def numbers(self) -> tuple[RigNumber, ...]:
         """All that are known."""
         return tuple(known for known in vars(self).values() if known is not None)
 
     @property
-    def defaults_used(self) -> tuple[Known, ...]:
+    def defaults_used(self) -> tuple[RigNumber, ...]:
         """Those whose value or uncertainty is a default."""
         return tuple(known for known in self.numbers if known.defaulted)
 
@@ -151,10 +151,10 @@ def rig_of(setup: Setup, ball: BallSetup | None) -> Rig:
 
 def _known(
     key: str, value: float | None, std: float | None, default: Default, said_by: Origin
-) -> Known:
+) -> RigNumber:
     """What is given, and the default for the rest."""
     number = default.known if value is None else value
-    return Known(
+    return RigNumber(
         default.name,
         key,
         number,
@@ -166,14 +166,14 @@ def _known(
     )
 
 
-def _of_ball(ball: BallSetup | None) -> dict[str, Known | None]:
+def _of_ball(ball: BallSetup | None) -> dict[str, RigNumber | None]:
     if ball is None:
         return {"ball_mass": None, "ball_diameter": None, "launch_angle": None}
     preset = BallSetup.preset(ball.name) if ball.name in bodies.BALLS else BallSetup("", 0.0)
 
     def known(
         key: str, value: float | None, std: float | None, of_preset: float | None, default: Default
-    ) -> Known | None:
+    ) -> RigNumber | None:
         if value is None:
             return None
         said_by = Origin.PRESET if std is None and value == of_preset else Origin.SETUP
@@ -194,7 +194,7 @@ def _of_ball(ball: BallSetup | None) -> dict[str, Known | None]:
     }  # fmt: skip
 
 
-def _air_density(setup: Setup) -> Known:
+def _air_density(setup: Setup) -> RigNumber:
     known = setup.air_known
     if known.density is not None or not known.read_off:
         return _known(
@@ -210,7 +210,7 @@ def _air_density(setup: Setup) -> Known:
     moves = [known.at(*(s if i == j else 0.0 for j, s in enumerate(stds))) for i in range(3)]
     std = math.hypot(*(air.density - base for air in moves))
     told = None not in (known.temperature_std, known.pressure_std, known.humidity_std)
-    return Known(
+    return RigNumber(
         Defaults.AIR_DENSITY.name,
         "air.density",
         base,
@@ -222,7 +222,7 @@ def _air_density(setup: Setup) -> Known:
     )
 
 
-def _drag(setup: Setup) -> Known:
+def _drag(setup: Setup) -> RigNumber:
     """The drag coefficient of [model.drag], or the default."""
     given = setup.model.parameters.get("drag", {}).get("drag_coefficient")
     std = setup.model.stds.get("drag", {}).get("drag_coefficient")

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera.camera import Camera, Lens, rotation_matrix
-from sample_videos.motion import Motion
+from sample_videos.motion import SceneMotion
 from sample_videos.renderer.actors import Actor, BallPose, RoundActor, SolidActor
 from sample_videos.renderer.bodies import (
     PixelGrid,
@@ -231,10 +231,10 @@ class Film:
     Parameters
     ----------
     scene : Scene
-    motion : Motion
+    motion : SceneMotion
     """
 
-    def __init__(self, scene: Scene, motion: Motion) -> None:
+    def __init__(self, scene: Scene, motion: SceneMotion) -> None:
         self.scene, self.motion = scene, motion
         lens = scene.camera.lens
         self._grid = PixelGrid.of_lens(lens)

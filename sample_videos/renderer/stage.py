@@ -203,7 +203,7 @@ def closed_sky(
 
 Float32 = NDArray[np.float32]
 
-FINE = 3
+SUPERSAMPLING = 3
 
 """Samples a pixel each way of the still picture: printed lines thinner than a pixel keep their
 share."""
@@ -252,7 +252,7 @@ def window_of(px: FloatArray, width: int, height: int, margin: float = MARGIN_PX
     return Window(int(top), int(bottom), int(left), int(right))
 
 
-def _finer(lens: Lens, times: int) -> Lens:
+def _supersampled(lens: Lens, times: int) -> Lens:
     return lens.resized(lens.width * times, lens.height * times)
 
 
@@ -307,7 +307,9 @@ class Panorama:
         layers = _layers(scene, camera, PixelGrid.of_lens(self._wide))
         # averaged over a pixel at every fine place, so that looking up one place is enough
         self._layers = [
-            cv2.blur(np.moveaxis(layer[::-1], 0, -1).astype(np.float32), (FINE, FINE))
+            cv2.blur(
+                np.moveaxis(layer[::-1], 0, -1).astype(np.float32), (SUPERSAMPLING, SUPERSAMPLING)
+            )
             for layer in layers
         ]
 
@@ -318,7 +320,7 @@ class Panorama:
             camera.rotation @ self._scene.camera.rotation.T
         )
         px = self._wide.to_pixels(self._wide.distort(turned[..., :2] / turned[..., 2:]))
-        where = ((px + 0.5) * FINE - 0.5).astype(np.float32)
+        where = ((px + 0.5) * SUPERSAMPLING - 0.5).astype(np.float32)
         lights = tuple(
             np.asarray(
                 cv2.remap(layer, where[..., 0], where[..., 1], cv2.INTER_LINEAR), dtype=np.float32
@@ -333,17 +335,20 @@ def _layers(scene: Scene, camera: Camera, coarse: PixelGrid) -> list[FloatArray]
     lighting = scene.room.lighting
     points, _ = _surfaces(camera, coarse)
     solids = standing_solids(scene)
-    grid = PixelGrid.of_lens(_finer(camera.lens, FINE))
-    fine_points, on_floor = _surfaces(camera, grid)
+    grid = PixelGrid.of_lens(_supersampled(camera.lens, SUPERSAMPLING))
+    supersampled_points, on_floor = _surfaces(camera, grid)
     normals = _normals(on_floor)
-    paint = _paint(scene, fine_points, on_floor)
+    paint = _paint(scene, supersampled_points, on_floor)
     layers = [paint * np.reshape(lighting.ambient, (3, 1, 1))]
     patches = 1.0 + lighting.unevenness * mottle(
-        fine_points[0] + fine_points[2], fine_points[1] - fine_points[2], 0.6, scene.seed + 9
+        supersampled_points[0] + supersampled_points[2],
+        supersampled_points[1] - supersampled_points[2],
+        0.6,
+        scene.seed + 9,
     )
     for lamp in lighting.lamps:
         shade = _standing_shade(points, solids, lamp)
-        lit = lamp_light(fine_points, normals, lamp) * patches
+        lit = lamp_light(supersampled_points, normals, lamp) * patches
         lit *= 1.0 - cv2.resize(shade, on_floor.shape[::-1], interpolation=cv2.INTER_LINEAR)
         layers.append(paint * lit * np.reshape(lamp.colour, (3, 1, 1)))
     for solid in solids:
@@ -362,7 +367,7 @@ def _places(scene: Scene, camera: Camera, grid: PixelGrid) -> tuple[FloatArray, 
 
 def _shrunk(layer: FloatArray, lens: Lens) -> Float32:
     picture = np.moveaxis(layer[::-1], 0, -1)
-    shape = (lens.height, FINE, lens.width, FINE, 3)
+    shape = (lens.height, SUPERSAMPLING, lens.width, SUPERSAMPLING, 3)
     return np.ascontiguousarray(picture.reshape(shape).mean(axis=(1, 3)), dtype=np.float32)
 
 
@@ -388,8 +393,10 @@ def _draw(
 ) -> None:
     vertices = into_camera(solid.vertices, camera)
     height, width = grid.xy.shape[1:]
-    fine_camera = Camera(_finer(camera.lens, FINE), camera.rotation, camera.position)
-    window = window_of(fine_camera.project(solid.vertices), width, height)
+    supersampled_camera = Camera(
+        _supersampled(camera.lens, SUPERSAMPLING), camera.rotation, camera.position
+    )
+    window = window_of(supersampled_camera.project(solid.vertices), width, height)
     if window.empty:
         return
     crop = grid.crop(window)

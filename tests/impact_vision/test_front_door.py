@@ -15,7 +15,7 @@ import sample_videos
 from metrology import MeasurementError, UncertaintySource, UsageError, read_scale
 from physics.bodies import BALLS, PAPER_PENDULUM, PAPER_SUPPORT
 from physics.restitution.restitution import ConstantCor
-from pipelines.measure.chain import Followed, MeasureOptions, measure_tracks
+from pipelines.measure.chain import FollowedClip, MeasureOptions, measure_tracks
 from pipelines.measure.inputs import gather_inputs
 
 CLIPS = Path(sample_videos.__file__).parent / "clips"
@@ -194,7 +194,7 @@ def test_a_given_scale_serves_where_neither_wall_nor_ball_is_known(
     tracks, rate = measured.record.tracks, measured.record.rate
     ball = measured.tracks.query("object == 'ball'")
     per_px = float(np.ptp(ball["x_m"]) / np.ptp(ball["x_px"]))
-    followed = Followed(
+    followed = FollowedClip(
         tracks,
         np.arange(float(tracks.ball.frame[-1] + 1)),
         rate,

@@ -7,7 +7,7 @@ import numpy as np
 
 from mismatch.model.baseline import BallModel, Baseline, ContactTable
 from mismatch.model.forward import Forward, Model
-from mismatch.records.records import Campaign, Trial, lay_out
+from mismatch.records.records import CampaignRecords, Trial, lay_out
 from physics.bodies import JOKKU, PAPER_PENDULUM, PAPER_SUPPORT
 from physics.contact.contact import contact_outcomes
 from physics.effects import CATALOGUE, Effect
@@ -40,7 +40,7 @@ def struck_campaign(
     trials: int = 8,
     noise: float = 1e-3,
     scattered: bool = True,
-) -> tuple[Campaign, Baseline]:
+) -> tuple[CampaignRecords, Baseline]:
     """Shots with scatter, a clock of their own each, and whatever effects are added."""
     rng = np.random.default_rng(seed)
     baseline = jokku_baseline()
@@ -53,7 +53,7 @@ def struck_campaign(
         )
         for i in range(trials)
     )  # fmt: skip
-    records = lay_out(Campaign(blank), baseline)
+    records = lay_out(CampaignRecords(blank), baseline)
     model = Model(((CATALOGUE["drag"][0], {"drag_coefficient": 0.45}),))
     for effect, values in added:
         model = model.having(effect, effect.neutral | values)
@@ -77,12 +77,12 @@ def struck_campaign(
         made.append(
             replace(trial, ball_time=ball_time[flying], position=position, pendulum_angle=angle)
         )
-    return Campaign(tuple(made)), baseline
+    return CampaignRecords(tuple(made)), baseline
 
 
 def thrown_campaign(
     seed: int = 2, drag: float = 0.0, scale: float = 1.0
-) -> tuple[Campaign, Baseline]:
+) -> tuple[CampaignRecords, Baseline]:
     """Free flights of a steel ball, whose baseline is gravity alone."""
     rng = np.random.default_rng(seed)
     trials = []
@@ -96,4 +96,4 @@ def thrown_campaign(
         trials.append(Trial(str(index), time, position, np.zeros(0), np.zeros(0)))
     ball = BallModel("", 0.5, 0.05)
     effects = {"drag": {"drag_coefficient": drag}} if drag else {}
-    return Campaign(tuple(trials)), Baseline({"": ball}, effects=effects)
+    return CampaignRecords(tuple(trials)), Baseline({"": ball}, effects=effects)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from metrology import TooLittleDataError, UsageError
-from mismatch import Campaign, Options, Trial, explain
+from mismatch import CampaignRecords, Options, Trial, explain
 from mismatch.fitting.prepare import prepare
 from mismatch.records.sanity import without_odd_trials
 from physics.effects import CATALOGUE, Effect, Parameter
@@ -21,13 +21,13 @@ def confident(verdict) -> list[str]:
 
 def test_one_blameless_trial_names_nothing():
     campaign, baseline = thrown_campaign()
-    verdict = explain(Campaign(campaign.trials[:1]), baseline)
+    verdict = explain(CampaignRecords(campaign.trials[:1]), baseline)
     assert not confident(verdict)
 
 
 def test_one_throw_is_never_explained_by_a_law_without_a_name_or_by_two_strengths():
     campaign, baseline = thrown_campaign(scale=1.05)
-    verdict = explain(Campaign(campaign.trials[:1]), baseline)
+    verdict = explain(CampaignRecords(campaign.trials[:1]), baseline)
     assert "unnamed" not in [effect.id for effect in verdict.effects]
     assert len(verdict.effects) <= 1
     assert not confident(verdict)
@@ -38,7 +38,7 @@ def test_trials_that_are_copies_of_one_are_no_further_evidence_of_anything(make)
     campaign, baseline = make(seed=3)
     one = campaign.trials[0]
     copies = tuple(replace(one, name=str(index)) for index in range(4))
-    verdict = explain(Campaign(copies), baseline)
+    verdict = explain(CampaignRecords(copies), baseline)
     assert not confident(verdict)
     assert any("trial 1, 2, 3 recorded repeats other trials" in note for note in verdict.notes)
 
@@ -50,7 +50,7 @@ def test_missing_values_are_left_out():
         position = trial.position.copy()
         position[::7] = np.nan
         holed.append(replace(trial, position=position))
-    verdict = explain(Campaign(tuple(holed)), baseline)
+    verdict = explain(CampaignRecords(tuple(holed)), baseline)
     assert verdict.verdict == "no_mismatch"
 
 
@@ -58,7 +58,7 @@ def test_a_setup_that_contradicts_the_data_is_refused():
     campaign, baseline = struck_campaign(seed=3)
     wrong = tuple(replace(t, backswing=2.2 * t.backswing) for t in campaign.trials)
     with pytest.raises(UsageError, match="contradicts"):
-        explain(Campaign(wrong), baseline)
+        explain(CampaignRecords(wrong), baseline)
 
 
 def test_a_setup_with_a_wrong_pendulum_makes_no_name_sure():
@@ -96,7 +96,7 @@ def test_millimetres_for_metres_are_refused(make):
     campaign, baseline = make(seed=3)
     large = tuple(replace(t, position=1e3 * t.position) for t in campaign.trials)
     with pytest.raises(UsageError) as refused:
-        explain(Campaign(large), baseline)
+        explain(CampaignRecords(large), baseline)
     assert "metres" in (refused.value.hint or "")
 
 
@@ -112,11 +112,13 @@ def test_positions_counted_downward_are_refused(make):
     campaign, baseline = make(seed=3)
     down = tuple(replace(t, position=t.position * [1.0, -1.0, 1.0]) for t in campaign.trials)
     with pytest.raises(UsageError, match="y_m runs downward"):
-        explain(Campaign(down), baseline)
+        explain(CampaignRecords(down), baseline)
 
 
-def _swapped(campaign: Campaign) -> Campaign:
-    return Campaign(tuple(replace(t, position=t.position[:, [1, 0, 2]]) for t in campaign.trials))
+def _swapped(campaign: CampaignRecords) -> CampaignRecords:
+    return CampaignRecords(
+        tuple(replace(t, position=t.position[:, [1, 0, 2]]) for t in campaign.trials)
+    )
 
 
 @pytest.mark.parametrize("make", [thrown_campaign, struck_campaign])
@@ -126,7 +128,7 @@ def test_a_clock_that_jumps_ahead_in_one_trial_names_no_physics(make):
     late = np.where(np.arange(odd.ball_time.size) > 40, odd.ball_time + 1.0, odd.ball_time)
     trials = [*campaign.trials]
     trials[2] = replace(odd, ball_time=late)
-    verdict = explain(Campaign(tuple(trials)), baseline)
+    verdict = explain(CampaignRecords(tuple(trials)), baseline)
     assert verdict.verdict == "no_mismatch"
     assert any("jumps ahead in trial 2" in note for note in verdict.notes)
 
@@ -138,7 +140,7 @@ def test_a_clock_that_jumps_ahead_in_every_trial_is_refused():
         for t in campaign.trials
     ]
     with pytest.raises(UsageError, match="every trial"):
-        explain(Campaign(tuple(jumping)), baseline)
+        explain(CampaignRecords(tuple(jumping)), baseline)
 
 
 def test_a_hole_in_a_flight_is_no_jump_of_its_clock():
@@ -147,7 +149,7 @@ def test_a_hole_in_a_flight_is_no_jump_of_its_clock():
     for trial in campaign.trials:
         rows = np.r_[0:90, 130 : trial.ball_time.size]
         holed.append(replace(trial, ball_time=trial.ball_time[rows], position=trial.position[rows]))
-    kept = without_odd_trials(Campaign(tuple(holed)))
+    kept = without_odd_trials(CampaignRecords(tuple(holed)))
     assert len(kept.trials) == len(holed)
 
 
@@ -159,7 +161,7 @@ def test_a_misfit_without_a_place_or_a_name_is_not_called_nothing():
         )
         for k, t in enumerate(campaign.trials)
     )
-    verdict = explain(Campaign(odd), baseline)
+    verdict = explain(CampaignRecords(odd), baseline)
     assert verdict.verdict == "unexplained"
     assert verdict.effects == ()
 
@@ -175,7 +177,7 @@ def test_a_ball_table_without_a_number_is_no_free_swing():
     campaign, baseline = struck_campaign(seed=3)
     empty = tuple(replace(t, position=np.full_like(t.position, np.nan)) for t in campaign.trials)
     with pytest.raises(TooLittleDataError, match="no position of the ball"):
-        explain(Campaign(empty), baseline)
+        explain(CampaignRecords(empty), baseline)
 
 
 def test_a_stated_uncertainty_is_tested_not_believed():
@@ -186,7 +188,7 @@ def test_a_stated_uncertainty_is_tested_not_believed():
             replace(t, position_std=np.full(t.position.shape, factor * sigma))
             for t in campaign.trials
         )
-        verdict = explain(Campaign(claimed), baseline)
+        verdict = explain(CampaignRecords(claimed), baseline)
         assert verdict.verdict == "no_mismatch"
         assert any("the file states" in note for note in verdict.notes)
 
@@ -198,7 +200,7 @@ def test_too_few_rows_in_each_trial_are_refused():
         for t in campaign.trials[:4]
     )
     with pytest.raises(TooLittleDataError):
-        explain(Campaign(few), baseline)
+        explain(CampaignRecords(few), baseline)
 
 
 def test_no_law_is_believed_at_a_size_that_nobody_meets():

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from metrology import TooLittleDataError, UsageError
-from mismatch import BallModel, Baseline, Campaign, Options, Trial, explain
+from mismatch import BallModel, Baseline, CampaignRecords, Options, Trial, explain
 from mismatch.fitting.prepare import prepare
 from physics.effects import CATALOGUE, Effect, Parameter
 from tests.mismatch.synthetic import struck_campaign, thrown_campaign
@@ -126,7 +126,7 @@ def test_three_points_are_too_little():
     time = np.array([0.0, 0.1, 0.2])
     trial = Trial("a", time, np.zeros((3, 3)), np.zeros(0), np.zeros(0))
     with pytest.raises(TooLittleDataError, match="too"):
-        explain(Campaign((trial,)), baseline)
+        explain(CampaignRecords((trial,)), baseline)
 
 
 def test_held_out_trials_must_exist(blameless):
@@ -139,10 +139,10 @@ def test_millimetres_and_swapped_columns_are_refused(blameless):
     campaign, baseline = blameless
     wide = tuple(replace(t, position=1000.0 * t.position) for t in campaign.trials)
     with pytest.raises(UsageError, match="metres"):
-        explain(Campaign(wide), baseline)
+        explain(CampaignRecords(wide), baseline)
     swapped = tuple(replace(t, position=t.position[:, [1, 0, 2]]) for t in campaign.trials)
     with pytest.raises(UsageError, match="swapped"):
-        explain(Campaign(swapped), baseline)
+        explain(CampaignRecords(swapped), baseline)
 
 
 def test_a_fall_in_millimetres_is_refused():
@@ -166,7 +166,7 @@ def test_air_that_thins_goes_before_a_wrong_form_of_drag():
     position = np.column_stack([np.full(time.size, np.nan), seen, np.full(time.size, np.nan)])
     coast = Trial("coast", time, position, np.zeros(0), np.zeros(0))
     setup = Baseline({"": BallModel("", mass, diameter)}, air_density=1.1, effects={})
-    found = explain(Campaign((coast,)), setup)
+    found = explain(CampaignRecords((coast,)), setup)
     assert [one.id for one in found.effects][:2] == ["drag", "density_lapse"]
     coefficient = found.effects[0].parameters[0]
     assert abs(coefficient.value - drag) < 3.0 * coefficient.std

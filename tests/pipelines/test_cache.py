@@ -13,7 +13,7 @@ from metrology import Quantity
 from pipelines import cache as module
 from pipelines.cache import Cache, clip_digest
 from pipelines.measure.chain import MeasureOptions, remembered, watched
-from pipelines.measure.measurement import Measurement
+from pipelines.measure.measurement import ClipMeasurement
 from pipelines.setup.file import CameraSetup, Setup
 from vision.clip.footage import CaptureRate, RateSource
 from vision.clip.info import ClipInfo
@@ -109,20 +109,22 @@ def test_a_clip_is_measured_once_for_all_that_is_said_alike(
     lens.write_text("fx = 900\n")
     asked: list[MeasureOptions] = []
 
-    def measure(path: Path, options: MeasureOptions, progress: object) -> Measurement:
+    def measure(path: Path, options: MeasureOptions, progress: object) -> ClipMeasurement:
         asked.append(options)
         info = ClipInfo(
             path, "", 8, 6, 2, "h264", 30.0, True, 1.0, 0, "progressive", 8, None, False
         )
         rate = CaptureRate(600.0, 0.0, RateSource.OPTION, None)
         gravity = Quantity.missing("gravity_check", "m/s^2", "no flight")
-        empty = {field.name: None for field in fields(Measurement) if field.default is MISSING} | {
+        empty = {
+            field.name: None for field in fields(ClipMeasurement) if field.default is MISSING
+        } | {
             "info": info,
             "rate": rate,
             "quantities": (),
             "gravity": gravity,
         }
-        return Measurement(**empty)  # type: ignore[arg-type]
+        return ClipMeasurement(**empty)  # type: ignore[arg-type]
 
     measured = remembered(measure)
     options = MeasureOptions(setup=Setup(camera=CameraSetup(lens=lens)), ball="jokku", cache=True)

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from vision.compiled import gains_along, held_moments, registered
+from vision.compiled import gains_along, registered, registration_moments
 
 SHAPE = (60, 80)
 STRIPES = np.meshgrid(np.arange(SHAPE[1]), np.arange(SHAPE[0]))
@@ -89,7 +89,7 @@ def test_normal_equations_are_those_of_samples_taken_by_opencv(layer: NDArray[np
 
     ways, normal, pull = np.eye(2, 6), np.empty((3, 3)), np.empty(3)
     placing = np.array([41.0, 28.0, 1.0, 0.0, 0.0, 1.0])
-    said = held_moments(
+    said = registration_moments(
         layer, placing, ways, picture, BEHIND, 1.0, 1.0, NOWHERE, True, normal, pull
     )
     assert said[1] == pytest.approx(scale, rel=1e-3)

@@ -7,7 +7,7 @@ import pytest
 from metrology import NotFoundError
 from tests.shared_data import shared_folder
 from tests.vision.ball.painted import PaintedClip, exposed, struck_ball, wall, with_ball
-from vision.clip.clip import Clip
+from vision.clip.clip import ClipReader
 from vision.following import follow
 from vision.tracks import Track, Tracks
 
@@ -119,13 +119,13 @@ def _rms(track: Track, truth: np.ndarray) -> float:
     ],
 )
 def test_real_balls_are_followed_without_a_click(file: str, fps: float) -> None:
-    tracks = follow(Clip.open(shared_folder("clips") / file), fps)
+    tracks = follow(ClipReader.open(shared_folder("clips") / file), fps)
     assert _rms(tracks.ball, _truth(file.split(".")[0])) < 1.0
 
 
 def test_both_real_pucks_are_followed_and_the_struck_one_is_told() -> None:
     name = "puck_collision_A_canon240"
-    tracks = follow(Clip.open(shared_folder("clips") / f"{name}.mp4"), 240.0)
+    tracks = follow(ClipReader.open(shared_folder("clips") / f"{name}.mp4"), 240.0)
     assert _rms(tracks.ball, _truth(name, "target")) < 1.0
     assert _rms(tracks.others[0].track, _truth(name, "striker")) < 1.0
     assert any("struck" in warning for warning in tracks.warnings)
@@ -157,7 +157,7 @@ def test_a_falling_ball_is_followed_to_the_floor_though_the_last_looks_were_at_i
     """The last circles linked are of the lamp's glint: the ball goes on 13 px below them."""
     folder = shared_folder("clips")
     truth = np.genfromtxt(folder / "truth" / "freefall_phantom1000.csv", delimiter=",", names=True)
-    ball = follow(Clip.open(folder / "freefall_phantom1000.mp4"), 1000.0).ball
+    ball = follow(ClipReader.open(folder / "freefall_phantom1000.mp4"), 1000.0).ball
     seen = np.isin(truth["frame"], ball.frame)
     assert seen.sum() >= 0.9 * len(truth)
     rows = np.searchsorted(ball.frame, truth["frame"][seen])

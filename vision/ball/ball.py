@@ -14,12 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.ball.linking import Path
-from vision.ball.outline.edges import Cutouts, EdgeProfile, Wanted, cut_out, ring_widths
+from vision.ball.linking import BallPath
+from vision.ball.outline.edges import Cutouts, CutPlaces, EdgeProfile, cut_out, ring_widths
 from vision.ball.outline.equations import OutlineFits, joined, nothing_found
 from vision.ball.outline.outline import FitRules, Start, fit_outlines, voted_outlines
 from vision.motion import lawful_stretch
-from vision.scene.scene import Scene
+from vision.scene.scene import FilmedScene
 
 __all__ = [
     "SMALL_RADIUS",
@@ -351,14 +351,14 @@ class BallFits:
         return BallFits(self.frame[places], self.fits.at(places))
 
 
-def follow_ball(scene: Scene, path: Path) -> BallFits:
+def follow_ball(scene: FilmedScene, path: BallPath) -> BallFits:
     """Fit the ball along a path, between its looks, and beyond both ends for as long as it is seen.
 
     Parameters
     ----------
-    scene : Scene
+    scene : FilmedScene
         Footage with its static scene.
-    path : Path
+    path : BallPath
         Where the ball was in some frames.
 
     Returns
@@ -381,9 +381,9 @@ def follow_ball(scene: Scene, path: Path) -> BallFits:
     return further if len(further) > len(found) else found
 
 
-def _reached(scene: Scene, search: "_Search", found: BallFits) -> BallFits:
+def _reached(scene: FilmedScene, search: "_Search", found: BallFits) -> BallFits:
     """Go on beyond both ends, and hold every frame against its neighbours."""
-    table = _Table(scene.count, found)
+    table = _FitTable(scene.count, found)
     for direction in (-1, 1):
         _extend(scene, search, table, direction)
     found = table.rows()
@@ -392,7 +392,7 @@ def _reached(scene: Scene, search: "_Search", found: BallFits) -> BallFits:
     return _consistent(search, found)
 
 
-def _size(scene: Scene, path: Path) -> float:
+def _size(scene: FilmedScene, path: BallPath) -> float:
     """The radius that most of the looks bear out, px.
 
     Where the rim is faint, as a ball's shaded side before a wall like it, circles of edges are
@@ -403,7 +403,7 @@ def _size(scene: Scene, path: Path) -> float:
         return path.radius
     rows = np.unique(np.linspace(0, len(path.frame) - 1, _SIZE_LOOKS).astype(np.int64))
     frame, guess = path.frame[rows], path.centre_px[rows]
-    best, worth = path.radius, 0.0
+    best, best_score = path.radius, 0.0
     for factor in _SIZES:
         fits = _Search(scene, factor * path.radius).run(
             frame, guess, np.zeros(len(rows), dtype=bool), afar=True
@@ -415,9 +415,9 @@ def _size(scene: Scene, path: Path) -> float:
         if len(fits) < 3:
             continue
         radius = float(np.median(fits.radius))
-        here = borne_out * radius / float(np.median(fits.misfit))
-        if here > (_OTHER_SIZE if worth > 0.0 else 1.0) * worth:
-            best, worth = (path.radius if factor == 1.0 else radius), here
+        here = borne_out * radius / float(np.median(fits.rms_residual))
+        if here > (_OTHER_SIZE if best_score > 0.0 else 1.0) * best_score:
+            best, best_score = (path.radius if factor == 1.0 else radius), here
     return best
 
 
@@ -538,7 +538,7 @@ def _reconsidered(search: "_Search", found: BallFits) -> BallFits:
 class _Search:
     """Fits coarse, then fine; where a start was too far off, votes for the circle nearby first."""
 
-    def __init__(self, scene: Scene, radius: float) -> None:
+    def __init__(self, scene: FilmedScene, radius: float) -> None:
         self._scene = scene
         self.radius = radius
         inner, outer = ring_widths(radius)
@@ -573,7 +573,7 @@ class _Search:
 
     def _fitted(self, frame: IntArray, guess: FloatArray, afar: bool) -> OutlineFits:
         fits = nothing_found(len(frame))
-        for part, pieces in cut_out(self._scene, Wanted(frame, guess, self._reach)):
+        for part, pieces in cut_out(self._scene, CutPlaces(frame, guess, self._reach)):
             places, start = np.arange(part.start, part.stop), _round_start(guess[part], self.radius)
             fits.put(places, (self._from_afar if afar else self._from_near)(pieces, start))
         return fits
@@ -611,7 +611,7 @@ def _doubtful(fits: OutlineFits, guess: FloatArray) -> BoolArray:
     doubtful = ~fits.found | (away > _NEAR_PX)
     if len(fits) >= _AHEAD:
         doubtful |= fits.contrast < 0.8 * np.median(fits.contrast)
-        doubtful |= fits.misfit > 1.4 * np.median(fits.misfit)
+        doubtful |= fits.rms_residual > 1.4 * np.median(fits.rms_residual)
     return np.asarray(doubtful)
 
 
@@ -636,7 +636,7 @@ def _plausible(found: BallFits, radius: float) -> BoolArray:
     return np.asarray(np.all(near_by, axis=1))
 
 
-class _Table:
+class _FitTable:
     """Fits by frame index, found or not yet."""
 
     def __init__(self, count: int, known: BallFits) -> None:
@@ -654,7 +654,7 @@ class _Table:
         return BallFits(known, self.fits.at(known))
 
 
-def _extend(scene: Scene, search: _Search, table: _Table, direction: int) -> None:
+def _extend(scene: FilmedScene, search: _Search, table: _FitTable, direction: int) -> None:
     """Go on from one end until the ball is lost, a few frames predicted at a time."""
     known = table.known(direction, 2)
     if len(known) < 2:
@@ -686,7 +686,7 @@ def _extend(scene: Scene, search: _Search, table: _Table, direction: int) -> Non
             missed = 0
 
 
-def _predicted(table: _Table, direction: int, index: int) -> tuple[FloatArray, float]:
+def _predicted(table: _FitTable, direction: int, index: int) -> tuple[FloatArray, float]:
     """Where the last few frames lead, and the speed there, px per frame."""
     known = table.known(direction, 4)
     time = (known - index).astype(np.float64)

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from vision.ball.circles import Circles
-from vision.ball.linking import Path
+from vision.ball.linking import BallPath
 from vision.motion import lawful_stretch
-from vision.scene.scene import Scene
+from vision.scene.scene import FilmedScene
 
 __all__ = ["Choice", "choose_ball", "rivals", "uncovered", "untangled"]
 
@@ -76,39 +76,39 @@ class Choice:
 
     Attributes
     ----------
-    ball : Path
+    ball : BallPath
         The one chosen.
-    others : tuple of Path
+    others : tuple of BallPath
         Other round things that travelled and are about as clear, best first.
     struck : bool
         Whether another of them met it while it lay still.
     """
 
-    ball: Path
-    others: tuple[Path, ...]
+    ball: BallPath
+    others: tuple[BallPath, ...]
     struck: bool
 
 
-def trimmed(path: Path) -> Path:
+def trimmed(path: BallPath) -> BallPath:
     """Leave out candidates whose radius is not that of the clearest ones."""
     # a panel or a highlight inside the ball is round too: what counts is the length of edge seen
-    worth = path.coverage**2 * np.log1p(path.sharpness) * path.radius_px**2
+    weight = path.coverage**2 * np.log1p(path.sharpness) * path.radius_px**2
     order = np.argsort(np.log(path.radius_px))
-    half = np.searchsorted(np.cumsum(worth[order]), 0.5 * worth.sum())
+    half = np.searchsorted(np.cumsum(weight[order]), 0.5 * weight.sum())
     typical = path.radius_px[order[min(half, len(order) - 1)]]
     keep = np.abs(np.log(path.radius_px / typical)) < _RADIUS_TOLERANCE
     keep &= path.sharpness > 0.3 * np.median(path.sharpness[keep])
     return path.where(keep)
 
 
-def choose_ball(paths: list[Path], at: tuple[float, float, int | None] | None) -> Choice | None:
+def choose_ball(paths: list[BallPath], at: tuple[float, float, int | None] | None) -> Choice | None:
     """Choose the ball: clear all around, far-travelled, long in view; or what the user points at.
 
     Of several alike, it is the one that lay still and was met by another.
 
     Parameters
     ----------
-    paths : list of Path
+    paths : list of BallPath
         What was linked.
     at : tuple, optional
         x, y (px) and frame (or None) of a point on the ball.
@@ -145,7 +145,7 @@ def choose_ball(paths: list[Path], at: tuple[float, float, int | None] | None) -
     return Choice(best, tuple(alike[1:]), False)
 
 
-def rivals(paths: list[Path]) -> list[Path]:
+def rivals(paths: list[BallPath]) -> list[BallPath]:
     """The clearest path of something that moves, and those that might be taken for it."""
     moving = _outermost([path for path in (trimmed(path) for path in paths) if _moves(path)])
     if not moving:
@@ -154,17 +154,17 @@ def rivals(paths: list[Path]) -> list[Path]:
     return [path for path in moving if path is best or _alike(path, best)]
 
 
-def _moves(path: Path) -> bool:
+def _moves(path: BallPath) -> bool:
     return len(path.frame) >= 4 and path.travel >= _LEAST_TRAVEL
 
 
-def _score(path: Path) -> float:
+def _score(path: BallPath) -> float:
     """How much there is to a path: a clear outline, and a motion that a law explains."""
     steady = 1.0 / (1.0 + 10.0 * float(np.std(np.log(path.radius_px))))
     return float(_clarity(path) * steady * _smoothness(path) * _evidence(path))
 
 
-def _clarity(path: Path) -> float:
+def _clarity(path: BallPath) -> float:
     """How complete and clear the outline is; the steepness of a glint adds no more."""
     steepness = np.log(max(float(np.median(path.sharpness)), 1.0) / _FAINT)
     steep = np.clip(steepness / np.log(_CLEAR / _FAINT), 0.02, 1.3)
@@ -172,7 +172,7 @@ def _clarity(path: Path) -> float:
     return float(np.median(path.coverage) ** 2 * steep * size)
 
 
-def _evidence(path: Path) -> float:
+def _evidence(path: BallPath) -> float:
     """Evidence for a lawful motion, nats; more where it lay still until then."""
     stretch = lawful_stretch(path.frame, path.centre_px, path.radius)
     before = path.frame < stretch.first
@@ -183,12 +183,12 @@ def _evidence(path: Path) -> float:
     return float((1.0 + stretch.evidence) * (_STRUCK_BONUS if lay_still else 1.0))
 
 
-def _outermost(paths: list[Path]) -> list[Path]:
+def _outermost(paths: list[BallPath]) -> list[BallPath]:
     """Without what lies in another and moves with it: a glint, a panel, a hub."""
     return [path for path in paths if not any(_within(path, other) for other in paths)]
 
 
-def _within(path: Path, other: Path) -> bool:
+def _within(path: BallPath, other: BallPath) -> bool:
     """Whether a path is of something inside the outline of another credible one."""
     if path.radius > other.radius / _ENCLOSING or np.median(other.coverage) < _CREDIBLE:
         return False
@@ -200,7 +200,7 @@ def _within(path: Path, other: Path) -> bool:
     return bool(np.mean(inside) > 0.7 and _evidence(other) > 0.4 * _evidence(path))
 
 
-def _smoothness(path: Path) -> float:
+def _smoothness(path: BallPath) -> float:
     """1 for motion that runs on, 0 for a hand's or a blob's jitter."""
     if len(path.frame) < 5:
         return 0.7
@@ -210,14 +210,14 @@ def _smoothness(path: Path) -> float:
     return 1.0 / (1.0 + bend / (speed + 0.02 * path.radius))
 
 
-def _alike(path: Path, best: Path) -> bool:
+def _alike(path: BallPath, best: BallPath) -> bool:
     same_size = abs(np.log(path.radius / best.radius)) < 0.2
     return bool(
         same_size and path.clarity > 0.4 * best.clarity and _score(path) > 0.08 * _score(best)
     )
 
 
-def _met_at_rest(path: Path, other: Path) -> bool:
+def _met_at_rest(path: BallPath, other: BallPath) -> bool:
     """Whether `path` lay still until `other` touched it."""
     start = path.centre_px[: max(3, len(path.frame) // 10)].mean(axis=0)
     away = np.hypot(*(path.centre_px - start).T)
@@ -232,7 +232,7 @@ def _met_at_rest(path: Path, other: Path) -> bool:
     return bool(np.any(beside) and gap[beside].min() < 3.2 * path.radius and came)
 
 
-def _rolled_to(path: Path, other: Path) -> bool:
+def _rolled_to(path: BallPath, other: BallPath) -> bool:
     """Whether the other met it at rest, and came along a line: what swings is a pendulum."""
     if not _met_at_rest(path, other):
         return False
@@ -249,11 +249,11 @@ def _rolled_to(path: Path, other: Path) -> bool:
     return length > _LEAST_APPROACH * path.radius and sagitta < _STRAIGHT * length
 
 
-def _passes(path: Path, at: tuple[float, float, int | None]) -> bool:
+def _passes(path: BallPath, at: tuple[float, float, int | None]) -> bool:
     return _gap(path, at) < 1.5 * path.radius
 
 
-def _gap(path: Path, at: tuple[float, float, int | None]) -> float:
+def _gap(path: BallPath, at: tuple[float, float, int | None]) -> float:
     distance = np.hypot(path.centre_px[:, 0] - at[0], path.centre_px[:, 1] - at[1])
     if at[2] is not None:
         nearest = int(np.argmin(np.abs(path.frame - at[2])))
@@ -303,12 +303,12 @@ class _Ghost:
     radius: float
 
 
-def uncovered(scene: Scene, found: dict[int, Circles]) -> bool:
+def uncovered(scene: FilmedScene, found: dict[int, Circles]) -> bool:
     """Take ghosts out of the static scene.
 
     Parameters
     ----------
-    scene : Scene
+    scene : FilmedScene
         Whose background is put right.
     found : dict of int to Circles
         All candidates by frame.
@@ -348,7 +348,7 @@ def _ghosts(found: dict[int, Circles]) -> list[_Ghost]:
     return ghosts
 
 
-def _uncover(scene: Scene, ghost: _Ghost, found: dict[int, Circles]) -> None:
+def _uncover(scene: FilmedScene, ghost: _Ghost, found: dict[int, Circles]) -> None:
     chosen = np.unique(np.linspace(0, len(ghost.frame) - 1, _MOST_FRAMES).astype(np.int64))
     frames = ghost.frame[chosen]
     centre, radius = ghost.centre, ghost.radius
@@ -398,17 +398,17 @@ _MOST_MEETINGS = 12
 """Meetings that are looked at, the earliest: a strike is among the first."""
 
 
-def untangled(paths: list[Path]) -> list[Path]:
+def untangled(paths: list[BallPath]) -> list[BallPath]:
     """Exchange tails where another assignment explains all paths better.
 
     Parameters
     ----------
-    paths : list of Path
+    paths : list of BallPath
         What `link_circles` returned.
 
     Returns
     -------
-    list of Path
+    list of BallPath
         Of the same candidates; a head or tail that belongs to nothing else stands for itself.
     """
     paths = [piece for path in paths for piece in _unleapt(path)]
@@ -417,7 +417,7 @@ def untangled(paths: list[Path]) -> list[Path]:
     return paths
 
 
-def _unleapt(path: Path) -> list[Path]:
+def _unleapt(path: BallPath) -> list[BallPath]:
     """A path cut where it leaps from one thing to another that is as slow."""
     elapsed = np.diff(path.frame).astype(np.float64)
     step = np.hypot(*np.diff(path.centre_px, axis=0).T)
@@ -436,7 +436,7 @@ def _unleapt(path: Path) -> list[Path]:
     return [piece for piece in pieces if len(piece.frame) >= _FEWEST]
 
 
-def _moments(paths: list[Path]) -> list[int]:
+def _moments(paths: list[BallPath]) -> list[int]:
     """Frames after which a path ends while another is near, in time order."""
     found: set[int] = set()
     for path in paths:
@@ -451,7 +451,7 @@ def _moments(paths: list[Path]) -> list[int]:
     return sorted(found)[:_MOST_MEETINGS]
 
 
-def _rejoined(paths: list[Path], moment: int) -> list[Path]:
+def _rejoined(paths: list[BallPath], moment: int) -> list[BallPath]:
     """Cut all paths after a frame and join heads and tails anew."""
     live = [path for path in paths if path.frame[0] <= moment < path.frame[-1]]
     ended = [path for path in paths if path.frame[-1] == moment]
@@ -476,7 +476,7 @@ def _rejoined(paths: list[Path], moment: int) -> list[Path]:
     return joined
 
 
-def _cost(head: Path, tail: Path) -> float:
+def _cost(head: BallPath, tail: BallPath) -> float:
     """How far a tail begins from where its head would have gone, in tolerances."""
     frame = head.frame[-_LOOKS_BACK:].astype(np.float64)
     place = head.centre_px[-_LOOKS_BACK:]

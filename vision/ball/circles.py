@@ -49,7 +49,7 @@ def shown(circle: Circle, other: Circle, normalised: FloatImage) -> bool:
     gap = math.hypot(circle[0] - other[0], circle[1] - other[1])
     if gap > 0.6 * circle[2] or other[2] > circle[2] or other[3] <= circle[3] - _AS_COMPLETE:
         return False
-    return not _larger(circle, other) or _faint_beside(circle, other, normalised)
+    return not _larger(circle, other) or _much_fainter(circle, other, normalised)
 
 
 def halo_of(blob: Circle, circle: Circle, normalised: FloatImage) -> bool:
@@ -57,10 +57,10 @@ def halo_of(blob: Circle, circle: Circle, normalised: FloatImage) -> bool:
     gap = math.hypot(blob[0] - circle[0], blob[1] - circle[1])
     inside = gap + circle[2] < 1.1 * blob[2] and _larger(blob, circle)
     complete = circle[3] > 1.0 - _AS_COMPLETE
-    return inside and complete and _faint_beside(blob, circle, normalised)
+    return inside and complete and _much_fainter(blob, circle, normalised)
 
 
-def _faint_beside(circle: Circle, other: Circle, normalised: FloatImage) -> bool:
+def _much_fainter(circle: Circle, other: Circle, normalised: FloatImage) -> bool:
     """Whether what a circle holds beyond a smaller one is next to nothing beside that."""
     x, y, radius = circle[:3]
     top, left = max(0, int(y - radius)), max(0, int(x - radius))

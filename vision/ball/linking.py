@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from vision.ball.circles import Circles
 
-__all__ = ["Path", "link_circles"]
+__all__ = ["BallPath", "link_circles"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -37,7 +37,7 @@ _FAINT = 5.0
 # An outline of which the static scene has more than the picture is a ghost's: it counts from
 # nothing at the first part of presence to in full at the second.
 _GHOST, _PRESENT = 0.3, 0.5
-_WHOLE, _USUAL_WORTH, _MOST_RAISED = 0.85, 1.0, 3.0
+_WHOLE, _USUAL_SCORE, _MOST_RAISED = 0.85, 1.0, 3.0
 """Of the outline, of one of usual size, and times: what is whole, clear, and raised at most."""
 # Of two outlines one within the other the larger is another thing from this ratio on.
 _ENCLOSING = 1.5
@@ -46,7 +46,7 @@ _MOST_SWELLING = 0.45
 
 
 @dataclass(frozen=True)
-class Path:
+class BallPath:
     """One round thing followed over the frames looked at.
 
     Attributes
@@ -68,13 +68,13 @@ class Path:
     sharpness: FloatArray
     presence: FloatArray
 
-    def where(self, keep: NDArray[np.bool_]) -> "Path":
+    def where(self, keep: NDArray[np.bool_]) -> "BallPath":
         """Some of the looks (N,)."""
-        return Path(*(getattr(self, field.name)[keep] for field in fields(self)))
+        return BallPath(*(getattr(self, field.name)[keep] for field in fields(self)))
 
-    def then(self, tail: "Path") -> "Path":
+    def then(self, tail: "BallPath") -> "BallPath":
         """Join a later path to the end."""
-        return Path(
+        return BallPath(
             *(
                 np.concatenate([getattr(self, field.name), getattr(tail, field.name)])
                 for field in fields(self)
@@ -109,11 +109,11 @@ class _Nodes:
     step: IntArray
     frame: IntArray
     table: FloatArray
-    worth: FloatArray
+    score: FloatArray
     presence: FloatArray
 
 
-def link_circles(frames: IntArray, circles: list[Circles], *, most: int = 8) -> list[Path]:
+def link_circles(frames: IntArray, circles: list[Circles], *, most: int = 8) -> list[BallPath]:
     """Join candidates into paths, best first.
 
     Parameters
@@ -127,11 +127,11 @@ def link_circles(frames: IntArray, circles: list[Circles], *, most: int = 8) -> 
 
     Returns
     -------
-    list of Path
+    list of BallPath
     """
     nodes = _nodes(frames, circles)
     alive = np.ones(len(nodes.step), dtype=bool)
-    paths: list[Path] = []
+    paths: list[BallPath] = []
     for _ in range(_TRIES * most):
         chain = _best_chain(nodes, alive, len(frames))
         if len(chain) < 2 or len(paths) == most:
@@ -142,7 +142,7 @@ def link_circles(frames: IntArray, circles: list[Circles], *, most: int = 8) -> 
             continue
         table = nodes.table[chain]
         columns = (table[:, :2], table[:, 2], table[:, 3], table[:, 4], nodes.presence[chain])
-        paths.append(Path(nodes.frame[chain], *columns))
+        paths.append(BallPath(nodes.frame[chain], *columns))
         alive &= ~_claimed(nodes, chain)
     return paths
 
@@ -161,12 +161,12 @@ def _nodes(frames: IntArray, circles: list[Circles]) -> _Nodes:
     size = np.clip(table[:, 2] / 10.0, 0.1, 4.0) ** 0.2
     presence = np.concatenate([found.presence for found in circles] or [np.zeros(0)])
     there = np.clip((presence - _GHOST) / (_PRESENT - _GHOST), 0.02, 1.0)
-    worth = table[:, 3] ** 2 * np.clip(steepness, 0.02, 1.3) * size * there
+    score = table[:, 3] ** 2 * np.clip(steepness, 0.02, 1.3) * size * there
     # Prices are those of clear things; where all there is is faint, it is what there is to link.
-    whole = worth[(table[:, 3] > _WHOLE) & (presence > _PRESENT)]
+    whole = score[(table[:, 3] > _WHOLE) & (presence > _PRESENT)]
     if len(whole):
-        worth *= np.clip(_USUAL_WORTH / np.quantile(whole, 0.9), 1.0, _MOST_RAISED)
-    return _Nodes(step, frames[step], table, worth, presence)
+        score *= np.clip(_USUAL_SCORE / np.quantile(whole, 0.9), 1.0, _MOST_RAISED)
+    return _Nodes(step, frames[step], table, score, presence)
 
 
 def _claimed(nodes: _Nodes, chain: IntArray) -> NDArray[np.bool_]:
@@ -239,13 +239,13 @@ class _Links:
         velocity = moved / elapsed[None, :, None]
         ratio = np.abs(np.log(radius[:, None] / nodes.table[sources, 2][None]))
         missed = nodes.step[targets[0]] - nodes.step[sources] - 1
-        own = nodes.worth[targets][:, None] - np.minimum((ratio / 0.2) ** 2, 9.0) * 0.3
+        own = nodes.score[targets][:, None] - np.minimum((ratio / 0.2) ** 2, 9.0) * 0.3
         own = np.where(ratio > _MOST_SWELLING, -np.inf, own - _MISS_PRICE * missed)
         distance = np.hypot(moved[..., 0], moved[..., 1])
         total = self._continuing(sources, velocity, elapsed, ratio, distance, radius)
         top = np.argmax(total, axis=2)
         through = np.take_along_axis(total, top[..., None], axis=2)[..., 0] + own
-        alone = nodes.worth[sources][None] + own - 0.03 * distance / radius[:, None]
+        alone = nodes.score[sources][None] + own - 0.03 * distance / radius[:, None]
         better = through > alone
         count = len(sources)
         self._source[targets, :count] = sources

@@ -61,8 +61,8 @@ def find_rest(frame: IntArray, centre: FloatArray, radius: float) -> Rest | None
         return None
     place = np.median(centre[:departure], axis=0)
     scatter = 1.4826 * np.median(np.hypot(*(centre[:departure] - place).T))
-    fine = max(4.0 * float(scatter), 0.003 * radius + 0.05)
-    still = np.hypot(*(centre[:departure] - place).T) <= fine
+    tolerance = max(4.0 * float(scatter), 0.003 * radius + 0.05)
+    still = np.hypot(*(centre[:departure] - place).T) <= tolerance
     last = int(np.nonzero(still)[0][-1]) if np.any(still) else departure - 1
     after = slice(departure, min(departure + 12, len(frame)))
     if after.stop - after.start < 2:

@@ -27,7 +27,7 @@ from vision.clip.info import ClipInfo, Frame, GrayImage, Weave
 from vision.clip.picture import Upright, bit_depth, upright_of
 from vision.clip.video_file import VideoFile
 
-__all__ = ["Clip"]
+__all__ = ["ClipReader"]
 
 Fields = Literal["auto", "progressive", "top_first", "bottom_first"]
 
@@ -54,7 +54,7 @@ def open_video(path: Path, fields: Fields) -> tuple[VideoFile, ClipInfo, Upright
     path : Path
         An existing file that is not empty.
     fields : {"auto", "progressive", "top_first", "bottom_first"}
-        As in `Clip.open`.
+        As in `ClipReader.open`.
 
     Returns
     -------
@@ -292,8 +292,8 @@ class _Picture(Protocol):
     def colour(self) -> NDArray[np.uint8]: ...
 
 
-class Clip:
-    """A readable clip; make one with `Clip.open`.
+class ClipReader:
+    """A readable clip; make one with `ClipReader.open`.
 
     Attributes
     ----------
@@ -311,7 +311,7 @@ class Clip:
     @classmethod
     def open(
         cls, path: str | os.PathLike[str], *, fields: Fields = "auto", least_frames: int = 2
-    ) -> "Clip":
+    ) -> "ClipReader":
         """Open a video file or a folder of images.
 
         Parameters
@@ -325,7 +325,7 @@ class Clip:
 
         Returns
         -------
-        Clip
+        ClipReader
 
         Raises
         ------

@@ -25,7 +25,7 @@ from metrology import ClipError, NotFoundError, UsageError
 from vision.clip.info import ClipInfo, GrayImage
 
 if TYPE_CHECKING:
-    from vision.clip.clip import Clip
+    from vision.clip.clip import ClipReader
 
 __all__ = [
     "CaptureRate",
@@ -148,7 +148,7 @@ class Footage:
 
     Parameters
     ----------
-    clip : Clip
+    clip : ClipReader
         The clip.
     sample : int
         How many frames, spread evenly over what moves, are always held.
@@ -174,7 +174,7 @@ class Footage:
     """
 
     def __init__(
-        self, clip: "Clip", *, sample: int = 96, progress: Callable[[int], None] | None = None
+        self, clip: "ClipReader", *, sample: int = 96, progress: Callable[[int], None] | None = None
     ) -> None:
         self._clip = clip
         self._block: dict[int, GrayFrame] = {}
@@ -291,7 +291,7 @@ class _Gathered:
         self.first = 0
         self._wanted = sample
         self._motion = MotionClock()
-        self._lead: deque[tuple[float, GrayFrame]] = deque()
+        self._before_motion: deque[tuple[float, GrayFrame]] = deque()
         self._started = False
         self._last_motion = 0
         self._size = 0
@@ -308,18 +308,18 @@ class _Gathered:
             self._store(self._motion.time, gray)
         else:
             self._margin = max(3, min(_MARGIN, _MARGIN_BYTES // gray.nbytes))
-            self._lead.append((self._motion.time, gray))
-            if len(self._lead) > self._margin:
-                self._lead.popleft()
+            self._before_motion.append((self._motion.time, gray))
+            if len(self._before_motion) > self._margin:
+                self._before_motion.popleft()
                 self.first += 1
         if moved:
             self._last_motion = len(self.clock) - 1
 
     def _start(self) -> None:
         self._started = True
-        for time, gray in self._lead:
+        for time, gray in self._before_motion:
             self._store(time, gray)
-        self._lead.clear()
+        self._before_motion.clear()
 
     def finish(self) -> None:
         """Leave out what follows the last motion."""

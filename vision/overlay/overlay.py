@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from metrology import UsageError, written_whole
-from vision.clip.clip import Clip
+from vision.clip.clip import ClipReader
 from vision.overlay import OVERLAY_SUFFIXES
 from vision.tracks import PendulumTrack, Track, Tracks
 
@@ -315,7 +315,7 @@ _PLAYED_FPS = 30
 
 def write_overlay(
     path: Path,
-    clip: Clip,
+    clip: ClipReader,
     tracks: Tracks,
     marks: OverlayMarks | None = None,
     *,
@@ -327,7 +327,7 @@ def write_overlay(
     ----------
     path : Path
         A .mp4, .mov or .mkv file.
-    clip : Clip
+    clip : ClipReader
         What was measured.
     tracks : Tracks
         What was found in it.
@@ -360,7 +360,7 @@ def write_overlay(
 
 
 def _encode(
-    path: Path, clip: Clip, painter: OverlayPainter, progress: Callable[[int], None] | None
+    path: Path, clip: ClipReader, painter: OverlayPainter, progress: Callable[[int], None] | None
 ) -> None:
     height, width = painter.shape
     with av.open(str(path), "w") as container:
@@ -377,13 +377,13 @@ def _encode(
 
 
 def overlay_still(
-    clip: Clip, tracks: Tracks, marks: OverlayMarks | None = None, *, frame: int | None = None
+    clip: ClipReader, tracks: Tracks, marks: OverlayMarks | None = None, *, frame: int | None = None
 ) -> NDArray[np.uint8]:
     """Draw one frame of the overlay as an image (H, W, 3), blue first.
 
     Parameters
     ----------
-    clip : Clip
+    clip : ClipReader
     tracks : Tracks
     marks : OverlayMarks, optional
     frame : int, optional
@@ -402,7 +402,7 @@ def overlay_still(
     raise UsageError(f"{clip.info.path} has no frame {frame}")
 
 
-def _last_in_view(clip: Clip, tracks: Tracks) -> int:
+def _last_in_view(clip: ClipReader, tracks: Tracks) -> int:
     x, y = tracks.ball.centre_px.T
     inside = (x > 0) & (x < clip.info.width - 1) & (y > 0) & (y < clip.info.height - 1)
     return int(tracks.ball.frame[inside][-1]) if inside.any() else 0

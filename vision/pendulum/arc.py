@@ -281,5 +281,5 @@ def _swing_through(start: ImagedSwing, poses: Sequence[Pose], view_std: float) -
         return np.concatenate(left)
 
     found = scipy.optimize.least_squares(residuals, np.zeros(5), loss="soft_l1", max_nfev=60)
-    fine = bool(np.all(np.isfinite(found.x)))
-    return _Through(swing_of(found.x) if fine else start, float(found.cost) if fine else np.inf)
+    finite = bool(np.all(np.isfinite(found.x)))
+    return _Through(swing_of(found.x) if finite else start, float(found.cost) if finite else np.inf)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vision.compiled import CORRELATED_PIXELS
 from vision.pendulum.arc import ImagedSwing
-from vision.pendulum.layer import Glimpse, hold
+from vision.pendulum.layer import Glimpse, registration_step
 from vision.pendulum.rigid import Patch, sampled
 
 __all__ = ["Bundle", "bundle", "learnt_look"]
@@ -154,7 +154,7 @@ def _normal(
     gain, explained = 0.0, []
     for place, glimpse in enumerate(glimpses):
         angle = float(angles[place])
-        held = hold(patch, swing.placing(angle), glimpse, _ways(swing, angle))
+        held = registration_step(patch, swing.placing(angle), glimpse, _ways(swing, angle))
         if held is None:
             continue
         certain = 1.0 / (held.scale**2 * CORRELATED_PIXELS)

@@ -15,7 +15,7 @@ from vision.ball.outline.edges import TYPICAL_GAMMA
 from vision.ball.rest import Rest
 from vision.pendulum.mass import MassPoses
 from vision.pendulum.rigid import Pose, sampled
-from vision.scene.scene import Scene
+from vision.scene.scene import FilmedScene
 from vision.tracks import Face
 
 __all__ = ["find_face"]
@@ -43,7 +43,7 @@ _CORNER_PX = 1.5
 about a pixel wide."""
 # Share of its contrast that a row across the mass has at least.
 _COVERED = 0.85
-_BESIDE_BALL_PX = 2.5
+_BALL_MARGIN_PX = 2.5
 """px around the ball's outline that its blur may reach: two and a half standard deviations of a
 point spread of one pixel."""
 _DARKEST = 0.02
@@ -106,12 +106,14 @@ class _Strip:
         return _Strip(self.ahead[kept], self.height[kept], self.ratio[kept])
 
 
-def find_face(scene: Scene, mass: MassPoses, rest: Rest, radius: float, before: FloatImage) -> Face:
+def find_face(
+    scene: FilmedScene, mass: MassPoses, rest: Rest, radius: float, before: FloatImage
+) -> Face:
     """Find the foremost edge of the mass at the ball's height, and the middle of its face.
 
     Parameters
     ----------
-    scene : Scene
+    scene : FilmedScene
         Footage with its static scene.
     mass : MassPoses
         The mass as it was followed.
@@ -187,7 +189,7 @@ class _Body:
 class _Look:
     """What is seen about the face."""
 
-    scene: Scene
+    scene: FilmedScene
     body: _Body
     rest: Rest
     radius: float
@@ -198,7 +200,7 @@ class _Look:
         middle = np.zeros((1, 2))
         every = range(len(self.body.poses))
         spot = np.array([self.body.placed(middle, place)[0] for place in every])
-        gap = np.hypot(*(self.rest.centre_px - spot).T) - self.radius - _BESIDE_BALL_PX
+        gap = np.hypot(*(self.rest.centre_px - spot).T) - self.radius - _BALL_MARGIN_PX
         clear = np.flatnonzero(gap > ahead)
         return clear[-_FRAMES:] if len(clear) >= _FEWEST else np.argsort(-gap)[:_FEWEST][::-1]
 
@@ -212,7 +214,7 @@ class _Look:
         for place in places:
             index = int(self.body.frame[place])
             at = self.body.placed(spot, int(place))
-            free = np.hypot(*(at - self.rest.centre_px).T) > self.radius + _BESIDE_BALL_PX
+            free = np.hypot(*(at - self.rest.centre_px).T) > self.radius + _BALL_MARGIN_PX
             height, width = self.scene.shape
             free &= (at > 1).all(axis=1) & (at < [width - 2, height - 2]).all(axis=1)
             light = _light(_at(self.scene.picture(index), at) / self.scene.views[index].gain)
@@ -305,7 +307,7 @@ class _Fit:
     def of(cls, strip: _Strip, start: FloatArray) -> "_Fit":
         """Least squares of a blurred step, or of two of them."""
 
-        def misfit(values: FloatArray) -> FloatArray:
+        def residuals(values: FloatArray) -> FloatArray:
             return _model(strip, values) - strip.ratio
 
         def slopes(values: FloatArray) -> FloatArray:
@@ -315,9 +317,9 @@ class _Fit:
         low = np.array([first, -_MOST_TILT, _BLUR_PX[0], *[0.0] * 6])[: len(start)]
         most = [last, _MOST_TILT, _BLUR_PX[1], *[np.inf] * 3, last - first, np.inf, last - first]
         high = np.array(most)[: len(start)]
-        scale = 1.4826 * float(np.median(np.abs(misfit(start)))) + 1e-3
+        scale = 1.4826 * float(np.median(np.abs(residuals(start)))) + 1e-3
         found = least_squares(
-            misfit,
+            residuals,
             start,
             jac=slopes,
             bounds=(low, high),
@@ -326,7 +328,7 @@ class _Fit:
             ftol=_SETTLED,
             xtol=_SETTLED,
         )
-        left = misfit(found.x)
+        left = residuals(found.x)
         cost = float(left @ left)
         jacobian = np.asarray(found.jac, dtype=float)
         spread = cost / max(len(left) - len(start), 1) * _CORRELATED
@@ -341,7 +343,7 @@ class _Fit:
 
 
 @dataclass(frozen=True)
-class _Parts:
+class _StripParts:
     """What a strip's parameters say; fewer of them leave out the second rim, then the shadow."""
 
     place: float
@@ -355,7 +357,7 @@ class _Parts:
     deep: float
 
     @classmethod
-    def of(cls, values: FloatArray) -> "_Parts":
+    def of(cls, values: FloatArray) -> "_StripParts":
         place, tilt, blur, wall, side = (float(one) for one in values[:5])
         face, width = values[5:7] if len(values) > 5 else (side, 0.0)
         shade, deep = values[7:9] if len(values) > 7 else (wall, 0.0)
@@ -375,7 +377,7 @@ class _Parts:
 
 def _model(strip: _Strip, values: FloatArray) -> FloatArray:
     """Light over that behind: the wall, maybe the mass' shadow on it, the face, and the side."""
-    parts = _Parts.of(values)
+    parts = _StripParts.of(values)
     shadow, far, near = parts.rims(strip)
     shown = parts.wall + (parts.shade - parts.wall) * ndtr(shadow)
     shown += (parts.face - parts.shade) * ndtr(far)
@@ -384,7 +386,7 @@ def _model(strip: _Strip, values: FloatArray) -> FloatArray:
 
 def _slopes(strip: _Strip, values: FloatArray) -> FloatArray:
     """How that changes with each parameter, (n, p)."""
-    parts = _Parts.of(values)
+    parts = _StripParts.of(values)
     rims = parts.rims(strip)
     covered = [np.asarray(ndtr(rim)) for rim in rims]
     # each step's height by its slope: what a pixel's move of its edge changes

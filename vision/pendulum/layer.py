@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.compiled import CORRELATED_PIXELS, LEAST_SEEN, gains_along, held_moments
+from vision.compiled import CORRELATED_PIXELS, LEAST_SEEN, gains_along, registration_moments
 from vision.pendulum.arc import ImagedSwing
 from vision.pendulum.rigid import Patch, disc
 
-__all__ = ["Glimpse", "Held", "Placed", "hold", "locate_along"]
+__all__ = ["Glimpse", "Placed", "RegistrationStep", "locate_along", "registration_step"]
 
 FloatImage = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
@@ -59,7 +59,7 @@ class Glimpse:
 
 
 @dataclass(frozen=True)
-class Held:
+class RegistrationStep:
     """The body held against a picture somewhere on its arc.
 
     Attributes
@@ -76,7 +76,7 @@ class Held:
         Log-likelihood gained over the scene without the body.
     explained : float
         Part of what differs from the scene that the body explains; 1 is all of it.
-    misfit : float
+    rms_residual : float
         Weighted root mean square residual over noise.
     """
 
@@ -86,7 +86,7 @@ class Held:
     seen: float
     gain_of_it: float
     explained: float
-    misfit: float
+    rms_residual: float
 
 
 @dataclass(frozen=True)
@@ -97,28 +97,28 @@ class Placed:
     ----------
     angle, std : float
         rad.
-    misfit : float
+    rms_residual : float
         Usual residual over noise.
     seen, explained, gain_of_it : float
-        See `Held`.
+        See `RegistrationStep`.
     """
 
     angle: float
     std: float
-    misfit: float
+    rms_residual: float
     seen: float
     explained: float
     gain_of_it: float
 
 
-def hold(
+def registration_step(
     patch: Patch,
     placing: FloatArray,
     glimpse: Glimpse,
     ways: FloatArray = _NO_WAYS,
     *,
     compare: bool = True,
-) -> Held | None:
+) -> RegistrationStep | None:
     """Hold the body against a picture; None where too little of it is in view.
 
     Parameters
@@ -136,7 +136,7 @@ def hold(
     """
     count = len(ways) + 1
     normal, pull = np.empty((count, count)), np.empty(count)
-    seen, scale, gained, explained, squares, weights = held_moments(
+    seen, scale, gained, explained, squares, weights = registration_moments(
         patch.points,
         placing,
         ways,
@@ -151,8 +151,8 @@ def hold(
     )
     if seen < LEAST_SEEN:
         return None
-    misfit = float(np.sqrt(squares / (weights + 1e-9))) / glimpse.noise
-    return Held(normal, pull, scale, seen, gained, explained, misfit)
+    rms_residual = float(np.sqrt(squares / (weights + 1e-9))) / glimpse.noise
+    return RegistrationStep(normal, pull, scale, seen, gained, explained, rms_residual)
 
 
 def locate_along(
@@ -211,7 +211,7 @@ def _settled(patch: Patch, swing: ImagedSwing, glimpse: Glimpse, angle: float) -
     held, normal, step = None, 0.0, np.inf
     for _ in range(_STEPS):
         way = swing.way_per_radian(angle)[None]
-        held = hold(patch, swing.placing(angle), glimpse, way, compare=False)
+        held = registration_step(patch, swing.placing(angle), glimpse, way, compare=False)
         if held is None:
             return None
         share = held.normal[0, 1] / max(float(held.normal[1, 1]), 1e-9)
@@ -225,8 +225,8 @@ def _settled(patch: Patch, swing: ImagedSwing, glimpse: Glimpse, angle: float) -
         angle += step
     if held is None or abs(step) * arm >= _SETTLED_PX:
         return None
-    there = hold(patch, swing.placing(angle), glimpse)
+    there = registration_step(patch, swing.placing(angle), glimpse)
     if there is None:
         return None
     std = float(np.sqrt(CORRELATED_PIXELS / normal)) * held.scale
-    return Placed(angle, std, there.misfit, there.seen, there.explained, there.gain_of_it)
+    return Placed(angle, std, there.rms_residual, there.seen, there.explained, there.gain_of_it)

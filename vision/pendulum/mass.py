@@ -22,7 +22,7 @@ from vision.ball.outline.edges import TYPICAL_GAMMA, Hides
 from vision.ball.rest import Rest
 from vision.pendulum.arc import Arc
 from vision.pendulum.rigid import Patch, Pose
-from vision.scene.scene import Scene
+from vision.scene.scene import FilmedScene
 
 __all__ = ["MassCandidate", "MassPoses", "Striking", "find_mass", "restitution_px", "striking"]
 
@@ -130,7 +130,7 @@ class MassCandidate:
 
 
 def find_mass(
-    scene: Scene,
+    scene: FilmedScene,
     rest: Rest,
     radius: float,
     before: FloatImage,
@@ -140,7 +140,7 @@ def find_mass(
 
     Parameters
     ----------
-    scene : Scene
+    scene : FilmedScene
         Footage with its static scene.
     rest : Rest
         The ball before it is struck.
@@ -182,7 +182,7 @@ def _area(piece: MassCandidate) -> float:
 
 
 def _pieces(
-    scene: Scene,
+    scene: FilmedScene,
     index: int,
     rest: Rest,
     radius: float,
@@ -239,7 +239,7 @@ class _Behind:
 
 
 def _cut_out(
-    scene: Scene,
+    scene: FilmedScene,
     index: int,
     picture: FloatImage,
     expected: FloatImage,

@@ -17,10 +17,10 @@ from vision.ball.ball import BallFits
 from vision.ball.rest import Rest
 from vision.pendulum.arc import Arc, ImagedSwing, fit_arc, fit_imaged_swing
 from vision.pendulum.bundle import Bundle, bundle, learnt_look
-from vision.pendulum.layer import Glimpse, Placed, hold, locate_along
+from vision.pendulum.layer import Glimpse, Placed, locate_along, registration_step
 from vision.pendulum.mass import MassCandidate, MassPoses, Striking, striking
 from vision.pendulum.rigid import Patch, Pose, register
-from vision.scene.scene import Scene
+from vision.scene.scene import FilmedScene
 
 __all__ = ["Follower", "Swinging", "follow_on", "follow_piece"]
 
@@ -115,24 +115,24 @@ class FreeTracker:
             pose = self._locate(patch, index, replace(start, anchor=ahead), 0.03)
             if pose is not None:
                 tried.append(pose)
-        return min(tried, key=lambda pose: pose.misfit) if tried else None
+        return min(tried, key=lambda pose: pose.rms_residual) if tried else None
 
     def _walk(
         self, patch: Patch, poses: dict[int, Pose], index: int, direction: int, frames: int
     ) -> None:
         missed = 0
         stop = index + direction * frames
-        usual = [pose.misfit for pose in poses.values()]
+        usual = [pose.rms_residual for pose in poses.values()]
         while 0 <= index < self._follower.scene.count and index != stop and missed < _LOST_AFTER:
             guess = _predicted(poses, index, direction)
             pose = self._locate(patch, index, guess, 0.02)
             limit = 2.5 * float(np.median(usual)) + 1.0
             step = self._follower.rest.speed_px
-            if pose is None or pose.misfit > limit or _leapt(pose, guess, step):
+            if pose is None or pose.rms_residual > limit or _leapt(pose, guess, step):
                 missed += 1
             else:
                 poses[index] = pose
-                usual.append(pose.misfit)
+                usual.append(pose.rms_residual)
                 missed = 0
             index += direction
 
@@ -167,7 +167,7 @@ _SHADOW_LEAVES = 30
 """Frames after the strike within which the shadow of the ball has left the wall behind the mass,
 supposed."""
 
-_BESIDE_BALL_PX = 1.5
+_BALL_MARGIN_PX = 1.5
 """px around the ball's outline that its blur may reach: a point spread is about a pixel wide."""
 
 # Of what the body usually explains of a picture, what it explains where it is.
@@ -185,7 +185,7 @@ _CURVED_PX = 1e5
 # How far a body with depth strays from the arc of a flat one, px and rad; a round one turns freely.
 _STRAY_PX, _LEFT_PX, _STRAY_RAD, _NO_TURN = 0.5, 5.0, 0.02, 1e-4
 
-_USUAL_MISFIT = 1.5
+_USUAL_RESIDUAL = 1.5
 """Factor: a misfit that is this much over the usual is looked into, supposed."""
 
 # Frames before and after the ball was last seen at rest in which rivals are compared.
@@ -224,7 +224,7 @@ class Follower:
 
     Parameters
     ----------
-    scene : Scene
+    scene : FilmedScene
         Footage with its static scene.
     rest : Rest
         The ball before it is struck.
@@ -234,7 +234,7 @@ class Follower:
         The scene before the strike (`scene_before_strike`).
     """
 
-    def __init__(self, scene: Scene, rest: Rest, ball: BallFits, before: FloatImage) -> None:
+    def __init__(self, scene: FilmedScene, rest: Rest, ball: BallFits, before: FloatImage) -> None:
         self.scene, self.rest, self.ball, self.before = scene, rest, ball, before
         self.radius = float(np.median(ball.radius))
 
@@ -244,11 +244,11 @@ class Follower:
         if len(frames) == 0 or index > frames[-1] + 3:
             return None
         if index < frames[0]:
-            return (*self.rest.centre_px, self.radius + _BESIDE_BALL_PX)
+            return (*self.rest.centre_px, self.radius + _BALL_MARGIN_PX)
         centre = self.ball.centre
         x = float(np.interp(index, frames, centre[:, 0]))
         y = float(np.interp(index, frames, centre[:, 1]))
-        return x, y, self.radius + _BESIDE_BALL_PX
+        return x, y, self.radius + _BALL_MARGIN_PX
 
     def glimpses(self, index: int) -> Iterator[Glimpse]:
         """A picture before each scene that may lie behind: the ball's shadow leaves late."""
@@ -269,7 +269,7 @@ class Follower:
             for glimpse in self.glimpses(index)
             if (placed := locate_along(patch, swing, glimpse, guess, reach)) is not None
         ]
-        return min(found, key=lambda pair: pair[0].misfit, default=None)
+        return min(found, key=lambda pair: pair[0].rms_residual, default=None)
 
 
 def follow_piece(follower: Follower, piece: MassCandidate) -> Swinging | None:
@@ -338,9 +338,9 @@ class _Walk:
         return float(np.median(self._explained)) if self._explained else 0.0
 
     def _as_usual(self, pose: Pose, guess: float) -> bool:
-        usual = float(np.median([one.misfit for one in self.known.values()]))
+        usual = float(np.median([one.rms_residual for one in self.known.values()]))
         off = float(np.hypot(*(pose.anchor - self.swing.middle(guess))))
-        return pose.misfit < _USUAL_MISFIT * usual and off < _OFF_PX
+        return pose.rms_residual < _USUAL_RESIDUAL * usual and off < _OFF_PX
 
     def _registered(self, index: int, angle: float) -> Pose | None:
         """Registered freely along the arc, held a little across it and in its turn."""
@@ -359,13 +359,13 @@ class _Walk:
                 start,
                 turn_std=_STRAY_RAD if swing.turns else _NO_TURN,
                 hidden=glimpse.hidden,
-                hold=np.outer(across, across) / _STRAY_PX**2,
+                anchor_information=np.outer(across, across) / _STRAY_PX**2,
             )
             for glimpse in self._follower.glimpses(index)
         ]
         poses = [pose for pose in found if pose is not None]
         near = [one for one in poses if np.hypot(*(one.anchor - start.anchor)) < _LEFT_PX]
-        return min(near, key=lambda pose: pose.misfit, default=None)
+        return min(near, key=lambda pose: pose.rms_residual, default=None)
 
     def go(self, direction: int, stop: int) -> None:
         """Go on from the last known frame until the body is lost for long."""
@@ -421,7 +421,7 @@ class _Walk:
             held = [
                 one
                 for glimpse in self._follower.glimpses(index)
-                if (one := hold(self._patch, placing, glimpse)) is not None
+                if (one := registration_step(self._patch, placing, glimpse)) is not None
             ]
             total += min((one.gain_of_it for one in held), default=0.0)
         return total

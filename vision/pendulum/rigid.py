@@ -61,7 +61,7 @@ class Pose:
         Turn in the picture, rad, from +x towards +y.
     covariance : (3, 3) array
         Of anchor x, y (px) and turn (rad).
-    misfit : float
+    rms_residual : float
         Root mean square residual over noise.
     seen : float
         Part of the opaque patch in view and not hidden, 0 to 1.
@@ -70,7 +70,7 @@ class Pose:
     anchor: FloatArray
     turn: float
     covariance: FloatArray
-    misfit: float
+    rms_residual: float
     seen: float
 
 
@@ -100,7 +100,7 @@ def register(
     *,
     turn_std: float,
     hidden: tuple[float, float, float] | None = None,
-    hold: FloatArray | None = None,
+    anchor_information: FloatArray | None = None,
     iterations: int = 12,
 ) -> Pose | None:
     """Find the patch in a frame.
@@ -121,7 +121,7 @@ def register(
         How well the guess's turn is known, rad; the fit is held to it that much.
     hidden : tuple of float, optional
         Centre x, y and radius of a disc in which something else may be in front, px.
-    hold : (2, 2) array, optional
+    anchor_information : (2, 2) array, optional
         Information (1/px²) by which the anchor is held to the guess: across a known arc, say.
     iterations : int
         Steps at most.
@@ -133,10 +133,10 @@ def register(
     """
     prior = np.zeros((3, 3))
     prior[2, 2] = turn_std**-2
-    if hold is not None:
-        prior[:2, :2] = hold
+    if anchor_information is not None:
+        prior[:2, :2] = anchor_information
     normal = np.empty((4, 4))
-    settled, x, y, turn, scale, misfit, seen = registered(
+    settled, x, y, turn, scale, rms_residual, seen = registered(
         patch.points,
         np.array([*start.anchor, start.turn]),
         prior,
@@ -151,7 +151,7 @@ def register(
     if not settled:
         return None
     covariance = np.linalg.inv(normal)[:3, :3] * scale**2 * CORRELATED_PIXELS
-    return Pose(np.array([x, y]), turn, np.asarray(covariance, float), misfit, seen)
+    return Pose(np.array([x, y]), turn, np.asarray(covariance, float), rms_residual, seen)
 
 
 def disc(hidden: tuple[float, float, float] | None) -> FloatArray:

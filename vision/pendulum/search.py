@@ -25,7 +25,7 @@ from vision.pendulum.arc import ImagedSwing
 from vision.pendulum.face import find_face
 from vision.pendulum.mass import MassPoses, Striking, find_mass
 from vision.pendulum.pendulum import Follower, Swinging, follow_on, follow_piece
-from vision.scene.scene import Scene, scene_before_strike
+from vision.scene.scene import FilmedScene, scene_before_strike
 from vision.tracks import Face, PendulumTrack, Track
 
 __all__ = ["Striker", "find_striker", "pendulum_track"]
@@ -37,7 +37,7 @@ FloatImage = NDArray[np.float32]
 _FRAMES = 10
 """Frames just before the strike in which the mass is outlined, as for its face."""
 
-_BESIDE_BALL_PX = 2.5
+_BALL_MARGIN_PX = 2.5
 """px around the ball's outline that its blur may reach: two and a half standard deviations of a
 point spread of one pixel."""
 
@@ -74,7 +74,7 @@ _ROD = 0.5
 
 
 def find_bob_face(
-    scene: Scene,
+    scene: FilmedScene,
     mass: MassPoses,
     swing: ImagedSwing,
     rest: Rest,
@@ -85,7 +85,7 @@ def find_bob_face(
 
     Parameters
     ----------
-    scene : Scene
+    scene : FilmedScene
         Footage with its static scene.
     mass : MassPoses
         The bob as it was followed.
@@ -108,7 +108,7 @@ def find_bob_face(
     if len(coming) == 0:
         return None
     size = float(np.sqrt(mass.patch.opacity.sum() / np.pi))
-    gap = np.hypot(*(mass.anchor[coming] - rest.centre_px).T) - radius - size - _BESIDE_BALL_PX
+    gap = np.hypot(*(mass.anchor[coming] - rest.centre_px).T) - radius - size - _BALL_MARGIN_PX
     clear = coming[gap > 0.3 * size][-_FRAMES:]
     if len(clear) < 3:
         return None
@@ -137,7 +137,7 @@ def find_bob_face(
 
 
 def _rim(
-    scene: Scene,
+    scene: FilmedScene,
     mass: MassPoses,
     rows: NDArray[np.int64],
     before: FloatImage,
@@ -188,12 +188,12 @@ def _light(gray: FloatArray) -> FloatArray:
 def _circle(rim: FloatArray, radius: float) -> tuple[FloatArray, float, float, float]:
     """Centre, radius, how well its foremost point is known, and scatter of the rim, px."""
 
-    def misfit(state: FloatArray) -> FloatArray:
+    def residuals(state: FloatArray) -> FloatArray:
         return np.asarray(np.hypot(*(rim - state[:2]).T) - state[2])
 
     start = [*np.median(rim, axis=0), radius]
-    found = least_squares(misfit, start, loss="soft_l1", f_scale=0.1)
-    left = 1.4826 * float(np.median(np.abs(misfit(found.x))))
+    found = least_squares(residuals, start, loss="soft_l1", f_scale=0.1)
+    left = 1.4826 * float(np.median(np.abs(residuals(found.x))))
     slopes = np.asarray(found.jac, dtype=np.float64)
     covariance = np.linalg.pinv(slopes.T @ slopes) * left**2
     # neighbouring rays share their errors
@@ -252,13 +252,13 @@ class Striker:
 
 
 def find_striker(
-    scene: Scene, rest: Rest, ball: BallFits, mass_at: Point | None = None
+    scene: FilmedScene, rest: Rest, ball: BallFits, mass_at: Point | None = None
 ) -> Striker | None:
     """Find and follow what strikes the ball.
 
     Parameters
     ----------
-    scene : Scene
+    scene : FilmedScene
         Footage with its static scene.
     rest : Rest
         The ball before it is struck.

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Aligner", "View", "warp_to_frame", "warp_to_scene"]
+__all__ = ["Aligner", "FrameView", "warp_to_frame", "warp_to_scene"]
 
 FloatImage = NDArray[np.float32]
 FloatArray = NDArray[np.float64]
@@ -30,7 +30,7 @@ outliers."""
 
 
 @dataclass(frozen=True)
-class View:
+class FrameView:
     """How one frame sees the static scene.
 
     Attributes
@@ -67,7 +67,7 @@ class View:
         )
 
 
-def warp_to_scene(frame: FloatImage, view: View) -> FloatImage:
+def warp_to_scene(frame: FloatImage, view: FrameView) -> FloatImage:
     """Resample a frame as the reference camera would have seen it."""
     if view.still:
         return frame
@@ -83,7 +83,7 @@ def warp_to_scene(frame: FloatImage, view: View) -> FloatImage:
     return np.asarray(warped, dtype=np.float32)
 
 
-def warp_to_frame(scene: FloatImage, view: View) -> FloatImage:
+def warp_to_frame(scene: FloatImage, view: FrameView) -> FloatImage:
     """Resample the static scene as the camera of one frame sees it."""
     if view.still:
         return scene
@@ -119,21 +119,21 @@ class Aligner:
         height, width = scene.shape
         self._centre = (0.5 * (width - 1), 0.5 * (height - 1))
 
-    def view(self, frame: FloatImage, start: View | None = None) -> View:
+    def view(self, frame: FloatImage, start: FrameView | None = None) -> FrameView:
         """Register one frame.
 
         Parameters
         ----------
         frame : (H, W) float32 array
             Gray levels.
-        start : View, optional
+        start : FrameView, optional
             A guess, such as the view of the frame before.
 
         Returns
         -------
-        View
+        FrameView
         """
-        guess = start if start is not None else View(1.0, np.zeros(2), 0.0, 0.0)
+        guess = start if start is not None else FrameView(1.0, np.zeros(2), 0.0, 0.0)
         if len(self._rows) < _FEWEST_POINTS:
             # Too small a picture to tell the camera's motion by.
             return guess
@@ -142,12 +142,12 @@ class Aligner:
         if found[1] > 1.7:
             # On copies: the transform works in place.
             jump, _ = cv2.phaseCorrelate(self._smooth.copy(), smooth.copy())
-            again = self._refine(smooth, View(1.0, np.array(jump, dtype=np.float64), 0.0, 0.0))
+            again = self._refine(smooth, FrameView(1.0, np.array(jump, dtype=np.float64), 0.0, 0.0))
             # A wall's grid repeats: of two fits about as good, the nearer is right.
             found = again if again[1] < 0.7 * found[1] else found
         return found[0]
 
-    def _refine(self, frame: FloatImage, guess: View) -> tuple[View, float]:
+    def _refine(self, frame: FloatImage, guess: FrameView) -> tuple[FrameView, float]:
         rows, columns = self._rows, self._columns
         x0, y0 = self._centre
         height, width = frame.shape
@@ -163,7 +163,7 @@ class Aligner:
             y = (rows + shift[1] + roll * (columns - x0)).astype(np.float32)
             inside = (x > 1) & (y > 1) & (x < width - 2) & (y < height - 2)
             if np.count_nonzero(inside) < _FEWEST_POINTS:
-                return View(float(gain), shift, float(roll), std), np.inf
+                return FrameView(float(gain), shift, float(roll), std), np.inf
             seen = _sampled(frame, x, y)
             residual = (seen - gain * expected).astype(np.float64)
             spread = 1.4826 * float(np.median(np.abs(residual[inside])))
@@ -182,7 +182,7 @@ class Aligner:
                 break
         # The median alone would be content with half of the scene's lines matching.
         quality = float(np.quantile(np.abs(residual[inside]), 0.8)) / (1.28 * self._noise)
-        return View(float(gain), shift, float(roll), std), quality
+        return FrameView(float(gain), shift, float(roll), std), quality
 
 
 def _sampled(frame: FloatImage, x: FloatImage, y: FloatImage) -> FloatImage:

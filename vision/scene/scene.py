@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from vision.ball.rest import Rest
 from vision.clip.footage import Footage, GrayFrame
-from vision.scene.alignment import Aligner, View, warp_to_scene
+from vision.scene.alignment import Aligner, FrameView, warp_to_scene
 from vision.scene.background import Background, LightMeter, estimate_background
 
-__all__ = ["Scene", "Window", "scene_before_strike"]
+__all__ = ["FilmedScene", "Window", "scene_before_strike"]
 
 FloatImage = NDArray[np.float32]
 
@@ -45,7 +45,7 @@ _FEWEST_UNCOVERED = 3
 """Frames: a median of fewer does not leave out one that is wrong."""
 
 
-class Scene:
+class FilmedScene:
     """A clip's frames seen against the static scene.
 
     All positions are those of the scene: frames of a hand-held camera are resampled onto it.
@@ -59,7 +59,7 @@ class Scene:
     ----------
     background : Background
         The static scene.
-    views : dict of int to View
+    views : dict of int to FrameView
         How each frame looked at so far sees it.
     hand_held : bool
         Whether the camera moves.
@@ -77,7 +77,7 @@ class Scene:
         self.hand_held = wander > _UNSTEADY_PX
         self.background = self._still(samples, rough)
         self.noise = float(np.median(self.background.noise))
-        self.views: dict[int, View] = {}
+        self.views: dict[int, FrameView] = {}
         self._aligner = Aligner(self.background.image, self.noise)
         self._meter = LightMeter(self.background.image, self.noise)
 
@@ -138,7 +138,7 @@ class Scene:
     def _gray(self, frame: GrayFrame) -> FloatImage:
         return np.asarray(frame.astype(np.float32) * self._full_scale)
 
-    def view(self, index: int, frame: GrayFrame) -> View:
+    def view(self, index: int, frame: GrayFrame) -> FrameView:
         """How a frame, as it was stored, sees the scene; registered once."""
         known = self.views.get(index)
         if known is None:
@@ -146,7 +146,7 @@ class Scene:
                 known = self._aligner.view(self._gray(frame), self.views.get(index - 1))
             else:
                 gain = self._meter.gain(frame, float(self._full_scale))
-                known = View(gain, np.zeros(2), 0.0, 0.0)
+                known = FrameView(gain, np.zeros(2), 0.0, 0.0)
             self.views[index] = known
         return known
 
@@ -205,12 +205,12 @@ _STRAY = 1
 _CLOSED = 0.5
 
 
-def scene_before_strike(scene: Scene, rest: Rest, radius: float) -> FloatImage:
+def scene_before_strike(scene: FilmedScene, rest: Rest, radius: float) -> FloatImage:
     """Median of the frames in which the ball lies still.
 
     Parameters
     ----------
-    scene : Scene
+    scene : FilmedScene
         Footage with its static scene.
     rest : Rest
         The ball before it is struck.

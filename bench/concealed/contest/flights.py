@@ -83,10 +83,10 @@ def baseline_residual(flight: FreeFlight) -> Array:
 
     time = flight.time - flight.time[0]
 
-    def misfit(start: Array) -> Array:
+    def residuals(start: Array) -> Array:
         path = solve_ivp(rate, (0, time[-1]), start, t_eval=time, rtol=1e-8, atol=1e-9)
         return np.asarray((flight.place - path.y[:2].T).ravel())
 
     velocity = smoothed(flight, 1)[0]
-    fitted = least_squares(misfit, [*flight.place[0], *velocity], diff_step=1e-5)
+    fitted = least_squares(residuals, [*flight.place[0], *velocity], diff_step=1e-5)
     return np.asarray(fitted.fun).reshape(-1, 2)

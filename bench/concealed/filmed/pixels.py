@@ -23,7 +23,7 @@ from metrology import ImpactVisionError, write_text_whole, written_whole
 from pipelines.explain.clips import campaign_from_clips, clip_facts, with_rig
 from pipelines.explain.run import explain_campaign
 from pipelines.measure.chain import MeasureOptions, measure_clip
-from pipelines.measure.measurement import Measurement
+from pipelines.measure.measurement import ClipMeasurement
 from pipelines.setup.file import load_setup
 from sample_videos.render import render_clip
 
@@ -48,11 +48,11 @@ def _chain_version() -> str:
     return digest.hexdigest()[:12]
 
 
-def _measured(version: str, path: Path, options: MeasureOptions) -> Measurement:
+def _measured(version: str, path: Path, options: MeasureOptions) -> ClipMeasurement:
     """Measure a clip, or take what this version of the chain has measured before."""
     kept = path.with_suffix(f".{version}.pickle")
     if kept.exists():
-        found: Measurement = pickle.loads(kept.read_bytes())
+        found: ClipMeasurement = pickle.loads(kept.read_bytes())
         return found
     measured = measure_clip(path, options)
     with written_whole(kept) as part:

@@ -26,7 +26,7 @@ from metrology import (
     read_given,
     read_number,
 )
-from pipelines.calibrate.wizard.scene import BallSeen, Scene
+from pipelines.calibrate.wizard.scene import BallSeen, WizardClip
 from vision.clip.footage import RateSource
 
 __all__ = [
@@ -102,7 +102,7 @@ class Answers:
 
     Attributes
     ----------
-    scene : Scene
+    scene : WizardClip
     fps : float or None
         Capture rate the user gave or confirmed, 1/s; None leaves what the file tells.
     lens : LensChoice or None
@@ -134,7 +134,7 @@ class Answers:
         The setup file to write.
     """
 
-    scene: Scene
+    scene: WizardClip
     fps: float | None = None
     lens: LensChoice | None = None
     pitch: float = 0.05

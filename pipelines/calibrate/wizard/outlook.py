@@ -23,7 +23,7 @@ from metrology import (
 from pipelines.calibrate.wizard.answers import Answers
 from vision.clip.footage import nominal_rate_std
 
-__all__ = ["Outlook", "Verdict", "length_between", "outlook", "verdict"]
+__all__ = ["LengthComparison", "Outlook", "length_between", "outlook", "verdict"]
 
 FloatArray = NDArray[np.float64]
 
@@ -218,7 +218,7 @@ DISAGREES_AT = 3.0
 
 
 @dataclass(frozen=True)
-class Verdict:
+class LengthComparison:
     """What a known length says.
 
     Attributes
@@ -234,7 +234,7 @@ class Verdict:
 
 def verdict(
     calibration: Calibration, first: FloatArray, second: FloatArray, known: str, *, on_wall: bool
-) -> Verdict:
+) -> LengthComparison:
     """Measure between two places and compare.
 
     Parameters
@@ -250,18 +250,18 @@ def verdict(
     length = length_between(calibration, first, second, on_wall=on_wall)
     plane = "on the wall" if on_wall else "on the ball's plane"
     if not np.isfinite(length.value):
-        return Verdict("One end looks past the wall.", disagrees=True)
+        return LengthComparison("One end looks past the wall.", disagrees=True)
     told = f"{length.value:.4f} ± {length.std:.4f} m between the ends, {plane}."
     if not known.strip():
-        return Verdict(told)
+        return LengthComparison(told)
     try:
         true = read_number(known, measurands.DISTANCE)
     except UsageError as problem:
-        return Verdict(f"{told} {problem.in_one_line}", disagrees=True)
+        return LengthComparison(f"{told} {problem.in_one_line}", disagrees=True)
     off = length.value - true
     ratio = abs(off) / length.std
     agrees = "agrees" if ratio < DISAGREES_AT else "disagrees: check the grid's pitch and the ends"
-    return Verdict(
+    return LengthComparison(
         f"{told} {1e3 * off:+.1f} mm off, {ratio:.1f} standard deviations: {agrees}.",
         ratio >= DISAGREES_AT,
     )

@@ -8,13 +8,13 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.clip.clip import Clip
+from vision.clip.clip import ClipReader
 from vision.clip.footage import CaptureRate, choose_capture_rate
 from vision.clip.info import ClipInfo
 from vision.following import follow
 from vision.tracks import Track, Tracks
 
-__all__ = ["BallSeen", "Scene", "look_at", "watch_ball"]
+__all__ = ["BallSeen", "WizardClip", "look_at", "watch_ball"]
 
 FloatArray = NDArray[np.float64]
 
@@ -27,7 +27,7 @@ LEAST_FLIGHT = 8
 
 
 @dataclass(frozen=True, eq=False)
-class Scene:
+class WizardClip:
     """A clip as the wizard starts from it.
 
     Attributes
@@ -90,7 +90,7 @@ class BallSeen:
         return cls(rest, after.centre_px[lowest], flying if len(flying) >= LEAST_FLIGHT else None)
 
 
-def look_at(path: Path, fps: float | None = None) -> Scene:
+def look_at(path: Path, fps: float | None = None) -> WizardClip:
     """Open a clip and take the median of its frames.
 
     Raises
@@ -100,11 +100,11 @@ def look_at(path: Path, fps: float | None = None) -> Scene:
     UsageError
         If `fps` is no rate.
     """
-    clip = Clip.open(path)
+    clip = ClipReader.open(path)
     rate = choose_capture_rate(clip.info, fps)
     stride = max(1, clip.info.frames // FRAMES_LOOKED_AT)
     frames = [frame.gray for frame in clip.frames() if frame.index % stride == 0]
-    return Scene(
+    return WizardClip(
         clip.info,
         _eight_bit(np.median(frames, axis=0), frames[0].dtype),
         _eight_bit(frames[0], frames[0].dtype),
@@ -131,5 +131,5 @@ def watch_ball(
     NotFoundError
         If nothing round moves in it.
     """
-    clip = Clip.open(path)
+    clip = ClipReader.open(path)
     return BallSeen.of(follow(clip, fps, ball_at=ball_at, progress=progress))

@@ -25,7 +25,7 @@ from pipelines.calibrate.wizard.scene import BallSeen, watch_ball
 
 __all__ = [
     "Session",
-    "lens_beside",
+    "lens_for",
     "read_view",
     "save",
     "setup_text",
@@ -72,13 +72,13 @@ def save(
     text = setup_text(answers, outlook)
     if check is not None:
         check(text, answers.out.parent)
-    lens = lens_beside(answers.out)
+    lens = lens_for(answers.out)
     write_text_whole(lens, _lens_text(answers, outlook.calibration) + _view_text(answers.grid))
     write_text_whole(answers.out, text)
     return Written(answers.out, lens)
 
 
-def lens_beside(setup: Path) -> Path:
+def lens_for(setup: Path) -> Path:
     """The lens file that goes with a setup file."""
     return setup.parent / "lens.toml"
 
@@ -218,7 +218,7 @@ def read_view(lens: Path) -> WallGrid:
 
 
 @dataclass(frozen=True)
-class Change:
+class OutlookChange:
     """What one answer did to the expected uncertainty of the landing distance, m."""
 
     label: str
@@ -243,7 +243,7 @@ class Session:
     answers : Answers
     outlook : Outlook
         Of `answers`.
-    changes : list of Change
+    changes : list of OutlookChange
         Oldest first.
     step : int
         Step that is shown, from 0.
@@ -280,7 +280,7 @@ class Session:
         self.answers = answers
         self.presets = tuple(presets)
         self.outlook = Outlook(None, problem="There is no wall grid yet: step 3.")
-        self.changes: list[Change] = []
+        self.changes: list[OutlookChange] = []
         self.step = 0
         self.written: Written | None = None
         self.grid_problem = self.ball_problem = ""
@@ -307,7 +307,7 @@ class Session:
         with self._lock:
             answers = changed(self.answers)
             now = outlook(answers)
-            self.changes.append(Change(label, self.outlook.std, now.std))
+            self.changes.append(OutlookChange(label, self.outlook.std, now.std))
             self.answers, self.outlook = answers, now
             return now
 

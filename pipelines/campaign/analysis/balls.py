@@ -22,7 +22,7 @@ from pipelines.campaign.analysis.precision import (
     find_outliers,
     precision,
 )
-from pipelines.campaign.lab_book import SENSORS, Sensor
+from pipelines.campaign.lab_book import SENSORS, SensorColumn
 from pipelines.campaign.results import ClipResult
 from pipelines.model.options import choose_ball, experiment_of
 from pipelines.setup.file import Setup
@@ -105,7 +105,7 @@ SPEED, COR = "pendulum_speed_before", "cor"
 class SensorAnalysis:
     """Camera against one sensor, over all clips."""
 
-    sensor: Sensor
+    sensor: SensorColumn
     agreement: Agreement
 
 

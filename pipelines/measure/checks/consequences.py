@@ -17,7 +17,7 @@ __all__ = [
     "PENDULUM",
     "RATE_AND_SCALE",
     "WITHHELD_BEYOND",
-    "Doubt",
+    "Contradiction",
     "doubted",
 ]
 
@@ -80,7 +80,7 @@ a fall that is not gravity's may be the fault of any."""
 
 
 @dataclass(frozen=True)
-class Doubt:
+class Contradiction:
     """A contradiction.
 
     Attributes
@@ -101,7 +101,7 @@ class Doubt:
     statement: str
 
 
-def doubted(found: dict[str, Quantity], doubts: Iterable[Doubt]) -> dict[str, Quantity]:
+def doubted(found: dict[str, Quantity], doubts: Iterable[Contradiction]) -> dict[str, Quantity]:
     """The quantities, widened or withheld by what contradicts them."""
     out = dict(found)
     for doubt in doubts:

@@ -13,7 +13,7 @@ from scipy.special import chdtrc, ndtr
 from calib.calibration import Known
 from calib.solve import SeenFall
 from metrology import Contribution, MeasurementError, Quantity, UncertaintySource
-from pipelines.measure.budget import Scene
+from pipelines.measure.budget import ClipConditions
 from pipelines.measure.checks.consequences import LEAST_POWER
 from pipelines.measure.derived import DERIVED
 from pipelines.measure.fits.impact import find_impact
@@ -76,12 +76,14 @@ def contradicts_gravity(value: float, gravity: float, std: float = math.inf) -> 
     return off > BEYOND_REPAIR or (off > _BEYOND_AIR and off * gravity > _PLAIN_SIGMAS * std)
 
 
-def seen_fall(scene: Scene, tracks: Tracks, time_s: NDArray[np.float64]) -> SeenFall | None:
+def seen_fall(
+    scene: ClipConditions, tracks: Tracks, time_s: NDArray[np.float64]
+) -> SeenFall | None:
     """The free fall that a flight shows; None where there is none, or rate or scale must be wrong.
 
     Parameters
     ----------
-    scene : Scene
+    scene : ClipConditions
         With a calibration; its rate's uncertainty enters twice, as time is squared.
     tracks : Tracks
         In pixels.
@@ -103,14 +105,14 @@ def seen_fall(scene: Scene, tracks: Tracks, time_s: NDArray[np.float64]) -> Seen
     return SeenFall(Known(value, std), scene.inputs.gravity, tracks.ball.centre_px[flying])
 
 
-def gravity_check(found: Quantity, scene: Scene) -> tuple[Quantity, Check | None]:
+def gravity_check(found: Quantity, scene: ClipConditions) -> tuple[Quantity, Check | None]:
     """Compare the free-fall acceleration with gravity; say what would explain a difference.
 
     Parameters
     ----------
     found : Quantity
         Acceleration fitted to the flight.
-    scene : Scene
+    scene : ClipConditions
         What rate and scale were used.
 
     Returns
@@ -143,7 +145,7 @@ def gravity_check(found: Quantity, scene: Scene) -> tuple[Quantity, Check | None
     return quantity, Check(CheckKind.GRAVITY, CheckOutcome.PASSED, statement, power)
 
 
-def _why(quantity: Quantity, scene: Scene) -> str:
+def _why(quantity: Quantity, scene: ClipConditions) -> str:
     assert quantity.value is not None
     assert quantity.std is not None
     gravity = scene.inputs.gravity

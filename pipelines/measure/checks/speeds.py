@@ -8,14 +8,14 @@ from scipy.special import ndtr
 
 from metrology import Quantity
 from physics.bodies import Pendulum
-from pipelines.measure.checks.consequences import CONTACT, LEAST_POWER, Doubt
+from pipelines.measure.checks.consequences import CONTACT, LEAST_POWER, Contradiction
 from pipelines.measure.fits.flight_fit import FlightFit
 from pipelines.measure.fits.swing_fit import SLOW_OVER_RANDOM
 from pipelines.measure.metres import MetricTracks
 from pipelines.report import Check, CheckKind, CheckOutcome
 
 __all__ = [
-    "BESIDE",
+    "OTHER_SPEEDS",
     "SpeedsAgree",
     "contact_doubted",
     "gravity_share",
@@ -24,7 +24,7 @@ __all__ = [
     "speeds_agree",
 ]
 
-BESIDE: dict[str, str] = {"ball_speed_per_frame": "m/s", "ball_speed_eq7": "m/s"}
+OTHER_SPEEDS: dict[str, str] = {"ball_speed_per_frame": "m/s", "ball_speed_eq7": "m/s"}
 """Name and unit of what is shown beside the quantities of the contract."""
 
 _STEPS = 4
@@ -104,7 +104,7 @@ class SpeedsAgree:
     pendulum_apart: float
 
 
-def contact_doubted(speeds: SpeedsAgree, bound: Check | None) -> Doubt | None:
+def contact_doubted(speeds: SpeedsAgree, bound: Check | None) -> Contradiction | None:
     """What the ball's speeds say of the contact; None where nothing.
 
     That the pendulum loses another momentum than the ball gains may be the fault of its numbers,
@@ -123,7 +123,7 @@ def contact_doubted(speeds: SpeedsAgree, bound: Check | None) -> Doubt | None:
     said = (
         speeds.check.statement if bound is None else f"{bound.statement}; {speeds.check.statement}"
     )
-    return Doubt(CONTACT, speeds.pendulum_apart, False, said)
+    return Contradiction(CONTACT, speeds.pendulum_apart, False, said)
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ def speeds_agree(found: dict[str, Quantity]) -> SpeedsAgree | None:
     Parameters
     ----------
     found : dict
-        Quantities by name, those of `BESIDE` and the share of gravity in Eq. 7 among them.
+        Quantities by name, those of `OTHER_SPEEDS` and the share of gravity in Eq. 7 among them.
     """
     fitted, frames = found["ball_speed"], found["ball_speed_per_frame"]
     if fitted.value is None or frames.value is None:

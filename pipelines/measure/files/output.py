@@ -14,14 +14,14 @@ from rich.table import Table
 
 from metrology import Quantity, UsageError, write_text_whole
 from pipelines.measure.inputs import QuantityName, kinds_of
-from pipelines.measure.measurement import Measurement
+from pipelines.measure.measurement import ClipMeasurement
 from pipelines.report.labels import quantity_label, quantity_text
-from vision.clip.clip import Clip
+from vision.clip.clip import ClipReader
 from vision.overlay import OVERLAY_SUFFIXES
 from vision.tracks import Motion
 
 __all__ = [
-    "Wanted",
+    "WantedFiles",
     "column_name",
     "column_of",
     "harmless",
@@ -47,12 +47,12 @@ def software_version() -> str:
 
 
 def measurement_as_dict(
-    measured: Measurement, names: Sequence[str] | None = None
+    measured: ClipMeasurement, names: Sequence[str] | None = None
 ) -> dict[str, Any]:
     """The contract's JSON of one clip; `names` keeps only some quantities."""
     info, rate = measured.info, measured.rate
     kept = [item for item in measured.quantities if names is None or item.name in names]
-    beside = _beside(measured, names)
+    other_speeds = _other_speeds(measured, names)
     return {
         "clip": {
             "path": str(info.path),
@@ -70,9 +70,11 @@ def measurement_as_dict(
         },
         "motion": _motion(measured.tracks.motion),
         "quantities": {item.name: _as_json(item) for item in kept},
-        "beside": {item.name: _as_json(item) for item in beside},
+        "beside": {item.name: _as_json(item) for item in other_speeds},
         "budget": {
-            item.name: _budget(item) for item in (*kept, *beside, measured.gravity) if item.known
+            item.name: _budget(item)
+            for item in (*kept, *other_speeds, measured.gravity)
+            if item.known
         },
         "checks": [
             {
@@ -102,7 +104,7 @@ def measurement_as_dict(
     }
 
 
-def measurement_as_json(measured: Measurement, names: Sequence[str] | None = None) -> str:
+def measurement_as_json(measured: ClipMeasurement, names: Sequence[str] | None = None) -> str:
     """JSON of one clip, as the contract has it; `names` keeps only some quantities."""
     document = measurement_as_dict(measured, names)
     return json.dumps(document, indent=2, ensure_ascii=False, allow_nan=False)
@@ -118,9 +120,9 @@ def _motion(motion: Motion) -> dict[str, Any]:
     }
 
 
-def _beside(measured: Measurement, names: Sequence[str] | None) -> tuple[Quantity, ...]:
+def _other_speeds(measured: ClipMeasurement, names: Sequence[str] | None) -> tuple[Quantity, ...]:
     """The ball's speed the paper's ways, where its speed is asked for."""
-    return measured.beside if names is None or QuantityName.LAUNCH_ANGLE in names else ()
+    return measured.other_speeds if names is None or QuantityName.LAUNCH_ANGLE in names else ()
 
 
 def _as_json(quantity: Quantity) -> dict[str, Any]:
@@ -154,12 +156,12 @@ def column_of(quantity: Quantity) -> str:
 
 
 def measurement_as_row(
-    measured: Measurement, names: Sequence[str] | None = None
+    measured: ClipMeasurement, names: Sequence[str] | None = None
 ) -> dict[str, object]:
     """One row of results: clip, quantities, the paper's ways, rate and its source, reasons."""
     row: dict[str, object] = {"clip": str(measured.info.path)}
     kept = [item for item in measured.quantities if names is None or item.name in names]
-    items = (*kept, *_beside(measured, names))
+    items = (*kept, *_other_speeds(measured, names))
     for item in items:
         row[column_of(item)], row[f"{column_of(item)}_std"] = item.value, item.std
     row |= {
@@ -171,7 +173,9 @@ def measurement_as_row(
     return row | {f"reason_{item.name}": item.reason or "" for item in items}
 
 
-def measurements_as_csv(measured: Sequence[Measurement], names: Sequence[str] | None = None) -> str:
+def measurements_as_csv(
+    measured: Sequence[ClipMeasurement], names: Sequence[str] | None = None
+) -> str:
     """CSV of results, one row per clip."""
     rows = [harmless(measurement_as_row(one, names)) for one in measured]
     import pandas as pd
@@ -190,15 +194,15 @@ def harmless(row: Mapping[str, object]) -> dict[str, object]:
     }
 
 
-def results_table(measured: Measurement, names: Sequence[str] | None = None) -> Table:
+def results_table(measured: ClipMeasurement, names: Sequence[str] | None = None) -> Table:
     """Table of the results for a terminal; print it on `pipelines.terminal.screen`."""
     table = Table(title=Path(measured.info.path).name, title_justify="left")
     table.add_column("quantity")
     table.add_column("value ± standard uncertainty", overflow="fold")
-    beside = [item for item in _beside(measured, names) if item.known]
-    for item in (*measured.quantities, *beside):
+    other_speeds = [item for item in _other_speeds(measured, names) if item.known]
+    for item in (*measured.quantities, *other_speeds):
         seen = item.known or measured.motion.kind in kinds_of(item.name)
-        if item in beside or (seen and (names is None or item.name in names)):
+        if item in other_speeds or (seen and (names is None or item.name in names)):
             table.add_row(quantity_label(item.name), quantity_text(item))
     return table
 
@@ -211,7 +215,7 @@ _PROJECT_SUFFIXES = (".trk", ".kva")
 
 
 @dataclass(frozen=True)
-class Wanted:
+class WantedFiles:
     """The files asked for; `json` may be "-" for stdout."""
 
     csv: Path | None = None
@@ -262,7 +266,7 @@ class Wanted:
                 hint="vision measure CLIP --from-tracks FILE --overlay FILE.mp4",
             )
 
-    def write(self, measured: Measurement, clip: Path | None, names: Sequence[str]) -> None:
+    def write(self, measured: ClipMeasurement, clip: Path | None, names: Sequence[str]) -> None:
         """Write all files; each is written whole or not at all.
 
         Without a clip there is no overlay, and the report has no pictures of it.
@@ -284,7 +288,9 @@ class Wanted:
             from pipelines.measure.files.pictures import overlay_marks
             from vision.overlay.overlay import write_overlay
 
-            write_overlay(self.overlay, Clip.open(clip), measured.tracks, overlay_marks(measured))
+            write_overlay(
+                self.overlay, ClipReader.open(clip), measured.tracks, overlay_marks(measured)
+            )
         if self.plot is not None:
             from pipelines.measure.files.pictures import report_input
             from pipelines.report.plots import write_plot
@@ -295,11 +301,11 @@ class Wanted:
             from pipelines.report.page import write_report
 
             write_report(
-                self.report, report_input(measured, None if clip is None else Clip.open(clip))
+                self.report, report_input(measured, None if clip is None else ClipReader.open(clip))
             )
 
 
-def _write_tracks(path: Path, measured: Measurement, clip: Path | None) -> None:
+def _write_tracks(path: Path, measured: ClipMeasurement, clip: Path | None) -> None:
     """The track CSV, or the project of another program where the name says so."""
     if path.suffix.lower() in _PROJECT_SUFFIXES:
         from pipelines.interop.exported import external_of

@@ -10,7 +10,7 @@ from metrology.quantity import format_quantity
 from pipelines.measure.files.output import software_version
 from pipelines.measure.fits.contact_fit import arm_along_bar, gap_after, gap_before
 from pipelines.measure.fits.impact import Impact
-from pipelines.measure.measurement import Measurement
+from pipelines.measure.measurement import ClipMeasurement
 from pipelines.report import (
     Curve,
     GapRecord,
@@ -20,7 +20,7 @@ from pipelines.report import (
     SpeedRecord,
     quantity_label,
 )
-from vision.clip.clip import Clip
+from vision.clip.clip import ClipReader
 from vision.overlay.overlay import OverlayMarks, overlay_still, png_bytes
 
 __all__ = ["overlay_marks", "report_input"]
@@ -32,7 +32,7 @@ _PENDULUM_STRETCH_S = 0.08
 _CAPTIONS = ("contact_time", "ball_speed", "launch_angle", "landing_distance", "cor")
 
 
-def overlay_marks(measured: Measurement) -> OverlayMarks:
+def overlay_marks(measured: ClipMeasurement) -> OverlayMarks:
     """What the overlay draws beside the tracks."""
     fps = measured.rate.fps
     captions = tuple(
@@ -64,7 +64,7 @@ def overlay_marks(measured: Measurement) -> OverlayMarks:
     return marks
 
 
-def report_input(measured: Measurement, clip: Clip | None) -> ReportInput:
+def report_input(measured: ClipMeasurement, clip: ClipReader | None) -> ReportInput:
     """What the one-page report shows; `clip` for a still, None for none."""
     impact, info = measured.impact, measured.info
     facts = (
@@ -75,7 +75,7 @@ def report_input(measured: Measurement, clip: Clip | None) -> ReportInput:
     base = ReportInput(
         title=f"Measurement of {Path(info.path).name}",
         facts=facts,
-        quantities=(*measured.quantities, *measured.beside, measured.gravity),
+        quantities=(*measured.quantities, *measured.other_speeds, measured.gravity),
         checks=measured.checks,
         warnings=measured.warnings,
         version=software_version(),
@@ -93,7 +93,7 @@ def report_input(measured: Measurement, clip: Clip | None) -> ReportInput:
     return replace(base, gap=gap, speeds=_speeds(impact), path=path)
 
 
-def _gap(measured: Measurement, impact: Impact) -> GapRecord | None:
+def _gap(measured: ClipMeasurement, impact: Impact) -> GapRecord | None:
     view, contact, tracks = impact.view, impact.contact, impact.tracks
     if view is None or contact is None:
         return None
@@ -104,14 +104,14 @@ def _gap(measured: Measurement, impact: Impact) -> GapRecord | None:
     )
     phi, std = tracks.swing_rad[seen][at], tracks.swing_std_rad[seen][at]
     arm = tracks.ball_m[ball_at] - view.pivot
-    gap = arm[:, 0] * np.cos(phi) + arm[:, 1] * np.sin(phi) - view.radius - contact.lead
+    gap = arm[:, 0] * np.cos(phi) + arm[:, 1] * np.sin(phi) - view.radius - contact.face_offset
     reach = np.hypot(*arm.T)
     spread = np.hypot(std * reach, np.sqrt(tracks.ball_cov_m2[ball_at, 0, 0]))
     before = np.linspace(start, contact.onset_s + 0.003, 40)
     after = np.linspace(contact.release_s - 0.003, end, 40)
     fits = (
-        Curve(before, gap_before(view, before) - contact.lead, "closing"),
-        Curve(after, gap_after(view, after) - contact.lead, "opening"),
+        Curve(before, gap_before(view, before) - contact.face_offset, "closing"),
+        Curve(after, gap_after(view, after) - contact.face_offset, "opening"),
     )
     moments = [
         Moment(at, measured.quantity(name).std or 0.0)
@@ -164,11 +164,11 @@ def _frame_speed(
     return SpeedRecord(label, middle[near], speed[near], std[near])
 
 
-def _path(measured: Measurement, impact: Impact) -> PathRecord:
+def _path(measured: ClipMeasurement, impact: Impact) -> PathRecord:
     tracks, flight = impact.tracks, impact.flight
     std = np.sqrt(np.diagonal(tracks.ball_cov_m2, axis1=1, axis2=2))
-    fine = np.linspace(flight.time_s[0], flight.time_s[-1], 120)
-    states = flight.states(fine)
+    drawn_s = np.linspace(flight.time_s[0], flight.time_s[-1], 120)
+    states = flight.states(drawn_s)
     used = np.isin(tracks.ball_time_s, flight.time_s)
     landing = measured.quantity("landing_distance")
     spot = None

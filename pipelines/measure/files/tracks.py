@@ -7,7 +7,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from metrology import NotFoundError
-from pipelines.measure.measurement import Measurement
+from pipelines.measure.measurement import ClipMeasurement
 from pipelines.measure.metres import CameraMapping, MetricTracks
 from vision.tracks import Track
 
@@ -27,7 +27,7 @@ TRACK_COLUMNS = (
 _HALF_PX = 0.5
 
 
-def tracks_as_frame(measured: Measurement) -> pd.DataFrame:
+def tracks_as_frame(measured: ClipMeasurement) -> pd.DataFrame:
     """All tracks, one row per object and frame; the columns are `TRACK_COLUMNS`.
 
     `x_m` is to the right along the wall, `y_m` up; `phi_rad` is 0 at the lowest point of the
@@ -46,13 +46,13 @@ def tracks_as_frame(measured: Measurement) -> pd.DataFrame:
     return table.astype({"phi_rad": float, "phi_rad_std": float})
 
 
-def tracks_as_csv(measured: Measurement) -> str:
+def tracks_as_csv(measured: ClipMeasurement) -> str:
     """Track CSV of the contract."""
     # eight digits: a hundredth of a pixel of a 4K picture, and more than any track is good for
     return tracks_as_frame(measured).to_csv(index=False, lineterminator="\n", float_format="%.8g")
 
 
-def track_covariance(measured: Measurement, name: str, *, metres: bool = True) -> FloatArray:
+def track_covariance(measured: ClipMeasurement, name: str, *, metres: bool = True) -> FloatArray:
     """Covariances (N, 2, 2) of an object's rows in `tracks_as_frame`, m² or px².
 
     Raises
@@ -75,7 +75,7 @@ def track_covariance(measured: Measurement, name: str, *, metres: bool = True) -
     return metric[1]
 
 
-def _objects(measured: Measurement) -> dict[str, Track]:
+def _objects(measured: ClipMeasurement) -> dict[str, Track]:
     tracks = measured.tracks
     named = {BALL: tracks.ball}
     if tracks.pendulum is not None:
@@ -83,7 +83,7 @@ def _objects(measured: Measurement) -> dict[str, Track]:
     return named | {f"ball_{k}": other.track for k, other in enumerate(tracks.others, start=2)}
 
 
-def _in_metres(measured: Measurement, name: str, track: Track) -> Metric | None:
+def _in_metres(measured: ClipMeasurement, name: str, track: Track) -> Metric | None:
     """Positions and covariances, through the camera or by the ball's own size."""
     ballistic = name != PENDULUM
     if measured.calibration is not None:
@@ -107,14 +107,14 @@ def _carried(point: Callable[[FloatArray], FloatArray], track: Track) -> FloatAr
     return np.asarray(slope @ track.covariance_px2 @ np.swapaxes(slope, -1, -2))
 
 
-def _scaled_by_the_ball(measured: Measurement) -> MetricTracks | None:
+def _scaled_by_the_ball(measured: ClipMeasurement) -> MetricTracks | None:
     """Metric tracks of a clip without a wall grid; None where nothing gave a scale."""
     if measured.impact is None or not measured.quantity("ball_speed").known:
         return None
     return measured.impact.tracks
 
 
-def _angles(measured: Measurement) -> tuple[FloatArray, FloatArray]:
+def _angles(measured: ClipMeasurement) -> tuple[FloatArray, FloatArray]:
     """The pendulum's angle and its standard uncertainty, rad."""
     pendulum = measured.tracks.pendulum
     assert pendulum is not None

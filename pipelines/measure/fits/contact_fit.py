@@ -131,8 +131,8 @@ out."""
 # How far balls' paths through the contact differ from such a law's, over the speed gained × Δt.
 SHAPE_STD = 0.003
 
-# What is tried: leads in standard uncertainties of what was known, exponents in the law's range.
-_LEADS = np.linspace(-3.0, 3.0, 19)
+# What is tried: offsets in standard uncertainties of the prior, exponents in the law's range.
+_OFFSETS = np.linspace(-3.0, 3.0, 19)
 
 _EXPONENTS = np.linspace(1.1, 1.5, 4)
 """Exponents of the force law that are integrated over: within 1.7 standard deviations of the usual
@@ -173,7 +173,7 @@ class ImpactView:
         Ball's outline in the frames around contact.
     swing_time_s, swing_rad, swing_std_rad : (K,) arrays
         Pendulum's angle in the frames around contact.
-    lead, lead_std : float
+    face_offset, face_offset_std : float
         How far the face leads the line from pivot to mass, as seen.
     longest_s : float
         The longest contact that such a ball can have (`physics.contact.impact`), s.
@@ -192,8 +192,8 @@ class ImpactView:
     swing_time_s: FloatArray
     swing_rad: FloatArray
     swing_std_rad: FloatArray
-    lead: float
-    lead_std: float
+    face_offset: float
+    face_offset_std: float
     longest_s: float = math.inf
 
 
@@ -205,8 +205,8 @@ class ContactFit:
     ----------
     onset_s, release_s : float
         First and last touch, s from the first frame.
-    lead, lead_std : float
-        Fitted lead of the face, m.
+    face_offset, face_offset_std : float
+        Fitted offset of the face, m.
     exponent : float
         Exponent of the contact law that the fit preferred.
     residuals : (M,) array
@@ -215,8 +215,8 @@ class ContactFit:
 
     onset_s: float
     release_s: float
-    lead: float
-    lead_std: float
+    face_offset: float
+    face_offset_std: float
     exponent: float
     residuals: FloatArray
 
@@ -253,12 +253,12 @@ def fit_contact(view: ImpactView, around_s: float) -> ContactFit:
     NotFoundError
         If face and ball never meet, or never part, or if no such ball stays in touch so long.
     """
-    leads = view.lead + view.lead_std * _LEADS
+    offsets = view.face_offset + view.face_offset_std * _OFFSETS
     whitening = _Whitening(
         slow_error_whitening(view.time_s, offset=True),
         slow_error_whitening(view.swing_time_s, offset=True),
     )
-    tried = _all_tried(view, whitening, leads, around_s)
+    tried = _all_tried(view, whitening, offsets, around_s)
     if all(one is None for one in tried):
         raise NotFoundError(
             "the mass and the ball never meet along their paths",
@@ -268,21 +268,21 @@ def fit_contact(view: ImpactView, around_s: float) -> ContactFit:
     left = likely.left
     widened = max(1.0, float(np.mean(np.minimum(left**2, 9.0))))
     cost = np.array([np.inf if one is None else one.cost(widened) for one in tried])
-    cost += _LEADS**2
+    cost += _OFFSETS**2
     beyond = _beyond(tried, view.longest_s)
     if float((cost + beyond).min()) > float(cost.min()) + CONTRADICTS:
         raise _too_long(likely, view)
     cost += beyond
     share = np.exp(-0.5 * (cost - cost.min()))
     share /= share.sum()
-    lead = float(share @ leads)
-    std = float(np.sqrt(share @ (leads - lead) ** 2))
-    found = _all_tried(view, whitening, np.array([lead]), around_s)[0] or likely
-    return ContactFit(found.onset_s, found.release_s, lead, std, found.exponent, found.left)
+    face_offset = float(share @ offsets)
+    std = float(np.sqrt(share @ (offsets - face_offset) ** 2))
+    found = _all_tried(view, whitening, np.array([face_offset]), around_s)[0] or likely
+    return ContactFit(found.onset_s, found.release_s, face_offset, std, found.exponent, found.left)
 
 
 def _beyond(tried: "list[_Tried | None]", longest_s: float) -> FloatArray:
-    """Prior penalty of contacts that last longer than the ball can, for each lead."""
+    """Prior penalty of contacts that last longer than the ball can, for each offset."""
     last = [0.0 if one is None else one.release_s - one.onset_s for one in tried]
     over = np.maximum(np.array(last) / longest_s - 1.0, 0.0)
     return np.asarray((over / BOUND_SHARE) ** 2)
@@ -308,7 +308,7 @@ class _Whitening:
 
 @dataclass(frozen=True)
 class _Tried:
-    """A lead of the face with the contact it implies, and how well that fits."""
+    """An offset of the face with the contact it implies, and how well that fits."""
 
     onset_s: float
     release_s: float
@@ -323,12 +323,12 @@ class _Tried:
 
 
 def _all_tried(
-    view: ImpactView, whitening: _Whitening, leads: FloatArray, around_s: float
+    view: ImpactView, whitening: _Whitening, offsets: FloatArray, around_s: float
 ) -> list[_Tried | None]:
-    """For each lead the best of a few exponents, with the outline's lag solved for."""
-    onset, release = _touches(view, leads, around_s)
+    """For each offset the best of a few exponents, with the outline's lag solved for."""
+    onset, release = _touches(view, offsets, around_s)
     meet = np.isfinite(onset) & np.isfinite(release)
-    found: list[_Tried | None] = [None] * len(leads)
+    found: list[_Tried | None] = [None] * len(offsets)
     if not meet.any():
         return found
     ends = _Ends.of(view, onset[meet], release[meet])
@@ -351,9 +351,9 @@ def _all_tried(
     return found
 
 
-def touch_times(view: ImpactView, lead: float, around_s: float) -> tuple[float, float]:
-    """Onset and release for a given lead of the face, s; NaN where they never meet."""
-    onset, release = _touches(view, np.array([lead]), around_s)
+def touch_times(view: ImpactView, face_offset: float, around_s: float) -> tuple[float, float]:
+    """Onset and release for a given offset of the face, s; NaN where they never meet."""
+    onset, release = _touches(view, np.array([face_offset]), around_s)
     return float(onset[0]), float(release[0])
 
 
@@ -382,12 +382,14 @@ def arm_along_bar(arm: FloatArray, phi: ArrayLike) -> Any:
     return arm[0] * np.sin(phi) - arm[1] * np.cos(phi)
 
 
-def _touches(view: ImpactView, leads: FloatArray, around_s: float) -> tuple[FloatArray, FloatArray]:
-    """Onset and release (L,) for leads of the face (L,), s; NaN where they never meet or part."""
+def _touches(
+    view: ImpactView, offsets: FloatArray, around_s: float
+) -> tuple[FloatArray, FloatArray]:
+    """Onset and release (L,) for offsets of the face (L,), s; NaN where they never meet or part."""
     grid = around_s + np.linspace(-0.06, 0.06, 121)
     closing, opening = gap_before(view, grid), gap_after(view, grid)
-    onset = np.array([_crossing(grid, closing - lead) for lead in leads])
-    release = np.array([_crossing(grid, lead - opening) for lead in leads])
+    onset = np.array([_crossing(grid, closing - face_offset) for face_offset in offsets])
+    release = np.array([_crossing(grid, face_offset - opening) for face_offset in offsets])
     return onset, np.maximum(release, onset + 1e-4)
 
 
@@ -406,7 +408,7 @@ def _crossing(time_s: FloatArray, gap: FloatArray) -> float:
 
 @dataclass(frozen=True)
 class _Ends:
-    """Motion at both ends of contacts, one for each lead: arrays (L,), the normals (L, 2)."""
+    """Motion at both ends of contacts, one for each offset: arrays (L,), the normals (L, 2)."""
 
     onset_s: FloatArray
     duration: FloatArray

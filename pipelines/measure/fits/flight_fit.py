@@ -199,8 +199,8 @@ def _surely_fallen(values: FloatArray, height: float) -> float:
 
 def _flown(values: FloatArray, elapsed: FloatArray) -> FloatArray:
     """x, y, vx, vy (..., N, 4) at times (N,) of one flight (7,) or a stack of them (..., 7)."""
-    lanes = np.ascontiguousarray(values.reshape(-1, values.shape[-1]), dtype=float)
-    states = flown(lanes, np.asarray(elapsed, dtype=float))
+    rows = np.ascontiguousarray(values.reshape(-1, values.shape[-1]), dtype=float)
+    states = flown(rows, np.asarray(elapsed, dtype=float))
     return states.reshape(*values.shape[:-1], len(elapsed), 4)
 
 

@@ -102,16 +102,16 @@ def pivot_in_plane(tracks: MetricTracks, inputs: Inputs) -> FloatArray:
         return tracks.pivot_m
     half = _half_thickness(inputs)
     if _shows_its_face(tracks, inputs) and abs(tracks.face_slant or 0.0) > _TELLING_SLANT:
-        half = (tracks.lead_m - tracks.middle_lead_m) / abs(tracks.face_slant or 1.0)
+        half = (tracks.edge_offset_m - tracks.middle_offset_m) / abs(tracks.face_slant or 1.0)
     nearer = NEAR_SHARE * half / float(tracks.eye_m[2])
     foot = tracks.eye_m[:2]
     return np.asarray(foot + (tracks.pivot_m - foot) / (1.0 + nearer))
 
 
-def face_lead(
+def offset_of_face(
     tracks: MetricTracks, inputs: Inputs, radius: float, onset: float
 ) -> tuple[float, float]:
-    """Lead of the face before contact is looked at: as seen, and from the impact angle.
+    """Offset of the face before contact is looked at: as seen, and from the impact angle.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def face_lead(
     pivot = pivot_in_plane(tracks, inputs)
     arm = tracks.rest_m - pivot
     reach = float(np.hypot(*arm))
-    seen, seen_std = _seen_lead(tracks, inputs)
+    seen, seen_std = _seen_offset(tracks, inputs)
     phi = float(np.interp(onset, tracks.swing_time_s, tracks.swing_rad))
     seen += float((tracks.pivot_m - pivot) @ [np.cos(phi), np.sin(phi)])
     if inputs.ball is None or inputs.ball.launch_angle is None:
@@ -146,12 +146,17 @@ def face_lead(
     return mean, float(weights.sum() ** -0.5)
 
 
-def _seen_lead(tracks: MetricTracks, inputs: Inputs) -> tuple[float, float]:
-    """Lead of the middle of the face: between its rims, or behind the foremost edge, m, and std."""
+def _seen_offset(tracks: MetricTracks, inputs: Inputs) -> tuple[float, float]:
+    """Offset of the face's middle: between its rims, or behind the foremost edge, m, and std."""
     if _shows_its_face(tracks, inputs) and not tracks.spherical:
-        return tracks.middle_lead_m, float(np.hypot(tracks.middle_lead_std_m, _off_centre(tracks)))
+        return tracks.middle_offset_m, float(
+            np.hypot(tracks.middle_offset_std_m, _off_centre(tracks))
+        )
     outside, outside_std = _outline_outside(tracks, inputs)
-    seen, seen_std = tracks.lead_m - outside, float(np.hypot(tracks.lead_std_m, outside_std))
+    seen, seen_std = (
+        tracks.edge_offset_m - outside,
+        float(np.hypot(tracks.edge_offset_std_m, outside_std)),
+    )
     if tracks.spherical:
         return seen, seen_std
     ahead, ahead_std = _edge_before_face(tracks, inputs)
@@ -175,13 +180,13 @@ def _outline_outside(tracks: MetricTracks, inputs: Inputs) -> tuple[float, float
 
 def _shows_its_face(tracks: MetricTracks, inputs: Inputs) -> bool:
     """Whether the strip seen is as wide as the face of such a mass can look from there."""
-    if not np.isfinite(tracks.middle_lead_std_m):
+    if not np.isfinite(tracks.middle_offset_std_m):
         return False
     if tracks.face_slant is None:
         low, high = 0.0, UNSEEN_SLANT
     else:
         low, high = -tracks.face_slant - SLANT_STD, -tracks.face_slant + SLANT_STD
-    strip = (tracks.lead_m - tracks.middle_lead_m) / _half_thickness(inputs)
+    strip = (tracks.edge_offset_m - tracks.middle_offset_m) / _half_thickness(inputs)
     return THICKNESSES[0] * low < strip < THICKNESSES[1] * high
 
 
@@ -554,7 +559,7 @@ def _view(
         return fit_swing(time[used], angle, std, reference_s, stiffness, spread, near)
 
     radius = tracks.radius_m if inputs.ball is None else 0.5 * inputs.ball.diameter
-    lead, lead_std = face_lead(tracks, inputs, radius, frames.onset)
+    face_offset, face_offset_std = offset_of_face(tracks, inputs, radius, frames.onset)
     near, swinging = frames.ball_near, frames.swing_near
     return ImpactView(
         before=swing(frames.swing_before, frames.onset, moved_from.before if moved_from else None),
@@ -570,8 +575,8 @@ def _view(
         swing_time_s=time[swinging],
         swing_rad=tracks.swing_rad[swinging],
         swing_std_rad=tracks.swing_std_rad[swinging],
-        lead=lead,
-        lead_std=lead_std,
+        face_offset=face_offset,
+        face_offset_std=face_offset_std,
         longest_s=_longest_contact(inputs),
     )
 

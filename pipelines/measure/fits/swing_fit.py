@@ -111,24 +111,24 @@ def fit_swing(
 
 def _swung(values: FloatArray, elapsed: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Angle and rate (..., N) at times (N,) from a state (3,) or a stack of states (..., 3)."""
-    lanes = values.reshape(-1, values.shape[-1])
-    states = np.empty((2, len(lanes), len(elapsed)))
+    rows = values.reshape(-1, values.shape[-1])
+    states = np.empty((2, len(rows), len(elapsed)))
     for here in (elapsed < 0.0, elapsed >= 0.0):
         if np.any(here):
             times = elapsed[here]
-            path = _path(lanes, float(times[np.argmax(np.abs(times))]))
-            states[:, :, here] = path.at(np.broadcast_to(times, (len(lanes), len(times))))
+            path = _path(rows, float(times[np.argmax(np.abs(times))]))
+            states[:, :, here] = path.at(np.broadcast_to(times, (len(rows), len(times))))
     angle, rate = states.reshape(2, *values.shape[:-1], len(elapsed))
     return angle, rate
 
 
-def _path(lanes: FloatArray, until: float) -> Trajectory:
+def _path(rows: FloatArray, until: float) -> Trajectory:
     """Swings (K, 3) from their reference to a time, s, before or after it."""
     # only Ω² = m g d / I counts
-    model = SwingModel(length=1.0, inertia=1.0, mass=lanes[:, 2], com=1.0, gravity=1.0)
+    model = SwingModel(length=1.0, inertia=1.0, mass=rows[:, 2], com=1.0, gravity=1.0)
     until = until if abs(until) > _LEAST_STEP_S else _LEAST_STEP_S
     return integrate(
-        model.rates, lanes[:, :2].T, np.array(until), int(np.ceil(abs(until) / _STEP_S))
+        model.rates, rows[:, :2].T, np.array(until), int(np.ceil(abs(until) / _STEP_S))
     )
 
 

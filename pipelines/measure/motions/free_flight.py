@@ -16,7 +16,7 @@ from metrology import TooLittleDataError
 from metrology.least_squares import Fitted, fit
 from pipelines.measure.fits.swing_fit import slow_error_whitening
 
-__all__ = ["FlightPath", "FreeFlight", "FreeFlightPriors", "fit_free_flight", "steady_stretch"]
+__all__ = ["FlightFrames", "FreeFlight", "FreeFlightPriors", "fit_free_flight", "steady_stretch"]
 
 FloatArray = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ SIZE_TREND_STD = 0.01
 
 
 @dataclass(frozen=True)
-class FlightPath:
+class FlightFrames:
     """Frames of a free flight, in one plane.
 
     Attributes
@@ -55,9 +55,9 @@ class FlightPath:
     size: FloatArray
     size_std: FloatArray
 
-    def where(self, keep: NDArray[np.bool_]) -> "FlightPath":
+    def where(self, keep: NDArray[np.bool_]) -> "FlightFrames":
         """Rows for which `keep` (N,) is true."""
-        return FlightPath(
+        return FlightFrames(
             self.time[keep], self.place[keep], self.std[keep], self.size[keep], self.size_std[keep]
         )
 
@@ -110,7 +110,7 @@ class FreeFlight:
     noise, perspective, air : (3,) arrays
         Standard uncertainties of these three from the noise of the track, the camera's slant, and
         drag.
-    path : FlightPath
+    path : FlightFrames
         The frames that belong to it.
     residual : (N, 2) array
         Measured minus fitted.
@@ -124,7 +124,7 @@ class FreeFlight:
     noise: FloatArray
     perspective: FloatArray
     air: FloatArray
-    path: FlightPath
+    path: FlightFrames
     residual: FloatArray
     halves_apart: float
 
@@ -134,7 +134,7 @@ class FreeFlight:
         return float(np.hypot(*np.ptp(self.path.place, axis=0)))
 
 
-def steady_stretch(path: FlightPath) -> FlightPath:
+def steady_stretch(path: FlightFrames) -> FlightFrames:
     """The longest run about the middle that carries on as a parabola: no hand, no bounce.
 
     Raises
@@ -169,7 +169,7 @@ def steady_stretch(path: FlightPath) -> FlightPath:
     )
 
 
-def _off(path: FlightPath, time: FloatArray, used: NDArray[np.intp]) -> FloatArray:
+def _off(path: FlightFrames, time: FloatArray, used: NDArray[np.intp]) -> FloatArray:
     """How far each frame is from the parabola through some of them, in standard uncertainties."""
     design = np.stack([np.ones_like(time), time, time**2], axis=1)
     worst = np.zeros(len(time))
@@ -200,12 +200,12 @@ def _run_about(good: NDArray[np.bool_], centre: int) -> NDArray[np.bool_]:
     return run
 
 
-def fit_free_flight(path: FlightPath, priors: FreeFlightPriors) -> FreeFlight:
+def fit_free_flight(path: FlightFrames, priors: FreeFlightPriors) -> FreeFlight:
     """Fit flight, slant of the camera and drag to the frames of a free flight.
 
     Parameters
     ----------
-    path : FlightPath
+    path : FlightFrames
         Any unit of length and time.
     priors : FreeFlightPriors
 
@@ -254,7 +254,7 @@ class _Units:
     time: float
 
 
-def _fitted(path: FlightPath, priors: FreeFlightPriors) -> tuple[Fitted, _Units, FloatArray]:
+def _fitted(path: FlightFrames, priors: FreeFlightPriors) -> tuple[Fitted, _Units, FloatArray]:
     units = _Units(
         max(float(np.hypot(*np.ptp(path.place, axis=0))), 1e-12),
         float(path.time[-1] - path.time[0]),
@@ -314,7 +314,7 @@ def _integral(values: FloatArray, grid: FloatArray) -> FloatArray:
     return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])
 
 
-def _size_trend(path: FlightPath, place: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _size_trend(path: FlightFrames, place: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The apparent size along the path as observations of the growth: values and rows, whitened.
 
     A ball of one size shows the depth of the plane: 1 / radius grows as the scale does.
@@ -371,7 +371,7 @@ def _without(covariance: FloatArray, names: list[str]) -> FloatArray:
     return out
 
 
-def _halves_apart(path: FlightPath, priors: FreeFlightPriors) -> float:
+def _halves_apart(path: FlightFrames, priors: FreeFlightPriors) -> float:
     """Difference of the two halves' accelerations over its standard uncertainty."""
     half = len(path.time) // 2
     if half < LEAST_FRAMES:

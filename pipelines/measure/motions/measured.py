@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from metrology import Contribution, MeasurementError, Quantity, UncertaintySource
-from pipelines.measure.checks.consequences import WITHHELD_BEYOND, Doubt, doubted
+from pipelines.measure.checks.consequences import WITHHELD_BEYOND, Contradiction, doubted
 from pipelines.measure.fits.discs import disc_contact
 from pipelines.measure.inputs import QuantityName, in_pixels
 from pipelines.measure.motions.collision import Collision, Passage, fit_collision
 from pipelines.measure.motions.free_flight import (
-    FlightPath,
+    FlightFrames,
     FreeFlight,
     FreeFlightPriors,
     fit_free_flight,
@@ -51,7 +51,7 @@ farther apart."""
 _LEAST_SHARE = 0.6
 """Of the frames that a motion must explain to be called by its name: more than half, by a
 margin."""
-_MOST_MISFIT = 0.01
+_MOST_OFF_BY = 0.01
 """Of the path's length: outlines of balls are found to better than that, arcs miss it."""
 _MOMENTUM_SIGMAS = 4.0
 """Standard deviations: of honest collisions one in sixteen thousand is farther off."""
@@ -248,7 +248,7 @@ def flight_of(ball: Track, scene: MotionScene, mapping: Mapping | None = None) -
     time = scene.clock[ball.frame] / (scene.fps if scene.timed else 1.0)
     # with a calibration the size has done its part already
     size = ball.radius_px if chosen is None else np.full(len(ball), np.nan)
-    path = FlightPath(time, place, std, size, ball.radius_std_px)
+    path = FlightFrames(time, place, std, size, ball.radius_std_px)
     return fit_free_flight(path, FreeFlightPriors(drag, drag_std, growth))
 
 
@@ -277,7 +277,7 @@ def _falling(tracks: Tracks, scene: MotionScene) -> MotionResults:
     gravity, by_gravity = _by_gravity(acceleration, scene)
     if steady.outcome is CheckOutcome.FAILED:
         everything = frozenset(QuantityName(name) for name in found)
-        found = doubted(found, [Doubt(everything, math.inf, True, steady.statement)])
+        found = doubted(found, [Contradiction(everything, math.inf, True, steady.statement)])
     elif by_gravity is not None and by_gravity.outcome is CheckOutcome.FAILED:
         assert acceleration.value is not None
         off = abs(acceleration.value / scene.gravity - 1.0)
@@ -285,7 +285,7 @@ def _falling(tracks: Tracks, scene: MotionScene) -> MotionResults:
         if off > WITHHELD_BEYOND:
             # what falls so much otherwise may be no flight at all
             hangs.add(QuantityName.FLIGHT_ANGLE)
-        found = doubted(found, [Doubt(frozenset(hangs), off, False, by_gravity.statement)])
+        found = doubted(found, [Contradiction(frozenset(hangs), off, False, by_gravity.statement)])
     if scene.rate_from_fall and acceleration.known:
         told = "the fall told the capture rate, which nobody says: give it with --fps RATE"
         fallen = QuantityName.FALL_ACCELERATION.value
@@ -357,13 +357,13 @@ def _steady(flight: FreeFlight, frames: int) -> Check:
         " apart"
     )
     share = len(flight.path.time) / frames
-    misfit = float(np.median(np.hypot(*flight.residual.T))) / flight.length
-    if share < _LEAST_SHARE or misfit > _MOST_MISFIT:
+    off_by = float(np.median(np.hypot(*flight.residual.T))) / flight.length
+    if share < _LEAST_SHARE or off_by > _MOST_OFF_BY:
         return Check(
             CheckKind.STEADY_FALL,
             CheckOutcome.FAILED,
             f"what was followed does not fall freely: {100 * share:.0f} % of its frames lie on one"
-            f" flight, {100 * misfit:.1f} % of its length off it; point at the ball with --ball-at",
+            f" flight, {100 * off_by:.1f} % of its length off; point at the ball with --ball-at",
         )
     if flight.halves_apart > _STEADY_SIGMAS:
         return Check(

@@ -52,7 +52,7 @@ class FreeSwing:
 
 
 @dataclass(frozen=True)
-class _Swing:
+class _SwingVector:
     """Names of the fitted vector; phase in turns, rates over the stretch."""
 
     cosine: float
@@ -90,7 +90,7 @@ def fit_free_swing(time: FloatArray, place: FloatArray, std: FloatArray) -> Free
     floor = np.maximum(std, 0.3 * float(np.median(std)))
 
     def model(values: FloatArray) -> FloatArray:
-        v = _Swing(*values)
+        v = _SwingVector(*values)
         angle = 2.0 * np.pi * v.turns * tau
         wave = v.cosine * np.cos(angle) + v.sine * np.sin(angle)
         return np.asarray(v.middle + np.exp(-np.clip(v.decay, -20.0, 20.0) * tau) * wave)
@@ -101,7 +101,7 @@ def fit_free_swing(time: FloatArray, place: FloatArray, std: FloatArray) -> Free
     prior = np.array(start)
     prior[_INDEX["decay"]] = 0.0
     fitted = fit(lambda values: (model(values) - along) / floor, start, prior, spread)
-    found = _Swing(*(float(value) for value in fitted.values))
+    found = _SwingVector(*(float(value) for value in fitted.values))
     amplitude = math.hypot(found.cosine, found.sine)
     off = float(np.median(np.abs(model(fitted.values) - along)))
     if found.turns <= 0 or off > _MOST_MISFIT * amplitude:
@@ -122,7 +122,7 @@ def fit_free_swing(time: FloatArray, place: FloatArray, std: FloatArray) -> Free
     )
 
 
-_INDEX = {name: index for index, name in enumerate(_Swing.__annotations__)}
+_INDEX = {name: index for index, name in enumerate(_SwingVector.__annotations__)}
 
 
 def _start(tau: FloatArray, along: FloatArray) -> list[float]:

@@ -10,11 +10,11 @@ import pytest
 
 from calib.camera.camera import Camera, Lens
 from calib.grid.grid import WallGrid, find_wall_grid, ranked
-from calib.grid.spectrum import GridMap, Support
+from calib.grid.spectrum import GridMap, MapSupport
 from metrology import CalibrationError
 from tests.calib.synthetic import line_grid, rendered, some_camera
 from tests.shared_data import shared_folder
-from vision.clip.clip import Clip
+from vision.clip.clip import ClipReader
 
 
 def labelling_error(grid: WallGrid, camera: Camera) -> tuple[float, np.ndarray]:
@@ -78,7 +78,7 @@ def test_a_small_picture_with_fine_lines_that_fold_over_is_counted_right() -> No
     """Squares of 3.3 px in one of the clips that ship, fine lines beyond what pixels resolve."""
     clip = Path(__file__).parents[3] / "sample_videos" / "clips" / "jokku_90_small.mp4"
     truth = json.loads(clip.with_suffix(".truth.json").read_text(encoding="utf-8"))
-    frames = [f.gray for f in Clip.open(clip).frames() if f.index % 8 == 0]
+    frames = [f.gray for f in ClipReader.open(clip).frames() if f.index % 8 == 0]
     grid = find_wall_grid(np.median(frames, axis=0))
     camera = camera_of(truth["camera"])
     true = (camera.to_plane(grid.points_px) - truth["wall"]["origin"]) / 0.05
@@ -115,8 +115,8 @@ def test_overtones_that_the_pixels_fold_over_are_traced_to_their_ground(
     other = GridMap(
         np.zeros(2), np.ones(2), np.array([*waves[0], 0, *waves[1], 0, 0, 0, 0, 0], dtype=float)
     )
-    support = Support(np.zeros((2, 4, 4)), np.full((2, 4, 4), 20.0), np.full((2, 4, 4), 0.1))
-    better = Support(support.phase, support.coherence, 2.0 * support.share)
+    support = MapSupport(np.zeros((2, 4, 4)), np.full((2, 4, 4), 20.0), np.full((2, 4, 4), 0.1))
+    better = MapSupport(support.phase, support.coherence, 2.0 * support.share)
     first = ranked([(other, better), (ground, support)])[0][0]
     assert (first is ground) is expected
 

@@ -12,7 +12,7 @@ from mismatch.fitting.prepare import prepare
 from mismatch.model.baseline import BallModel, Baseline
 from mismatch.model.candidates import candidates_for
 from mismatch.model.forward import Forward, Model, OwnStrength
-from mismatch.records.records import Campaign, Trial
+from mismatch.records.records import CampaignRecords, Trial
 from mismatch.verdict import Doubt, pass_gate
 from physics.effects import CATALOGUE, Effect, Level
 from physics.effects.base import Form
@@ -41,7 +41,7 @@ def _flight(drag: float, spin: np.ndarray, velocity: np.ndarray, time: np.ndarra
 
 def _campaign(
     drags: list[float], spins: np.ndarray, balls: list[str], seed: int = 3
-) -> tuple[Campaign, Baseline]:
+) -> tuple[CampaignRecords, Baseline]:
     rng = np.random.default_rng(seed)
     time = np.arange(0.0, 0.6, 1.0 / 60.0)
     trials = []
@@ -52,11 +52,11 @@ def _campaign(
         trials.append(Trial(str(index), time, seen, np.zeros(0), np.zeros(0), ball))
     bodies = {name: BallModel(name, MASS, DIAMETER) for name in set(balls)}
     baseline = Baseline(bodies, air_density=DENSITY, effects={})
-    return Campaign(tuple(trials)), baseline
+    return CampaignRecords(tuple(trials)), baseline
 
 
 def _fitted(
-    campaign: Campaign, baseline: Baseline, laws: list[Effect]
+    campaign: CampaignRecords, baseline: Baseline, laws: list[Effect]
 ) -> tuple[Forward, Hypothesis]:
     """A set of laws, fitted at the levels that they are given."""
     prepared = prepare(campaign, baseline)
@@ -81,9 +81,9 @@ def test_every_throw_has_a_spin_of_its_own_about_any_axis():
     campaign = _campaign([0.45] * 8, spins, ["white"] * 8)
     _, shared = _fitted(*campaign, [DRAG, _at(SPIN, Level.CAMPAIGN)])
     forward, each = _fitted(*campaign, [DRAG, _at(SPIN, Level.TRIAL)])
-    assert shared.misfit > 3.0
-    assert each.misfit < 1.2
-    assert each.worth > shared.worth + 100.0
+    assert shared.reduced_chi2 > 3.0
+    assert each.reduced_chi2 < 1.2
+    assert each.penalised_gain > shared.penalised_gain + 100.0
     own = own_values(forward, each.fit, each.members[1].effect)
     assert own is not None
     assert own.names == ("spin", "spin_x", "spin_y")
@@ -96,7 +96,7 @@ def test_balls_that_differ_get_a_coefficient_each_and_balls_alike_share_one():
         campaign = _campaign(drags, nothing, balls)
         _, shared = _fitted(*campaign, [_at(DRAG, Level.CAMPAIGN)])
         forward, each = _fitted(*campaign, [_at(DRAG, Level.BALL)])
-        assert (each.worth > shared.worth) == differ
+        assert (each.penalised_gain > shared.penalised_gain) == differ
         own = own_values(forward, each.fit, each.members[0].effect)
         assert own is not None
         names = forward.records.ball_names
@@ -111,7 +111,9 @@ def test_an_answer_without_the_drag_that_nature_always_has_pays_for_it():
     _, other = _fitted(*campaign, [_at(SPIN, Level.CAMPAIGN)])
     assert known.lacking == ()
     assert other.lacking == ("drag",)
-    assert replace(other, lacking=()).worth == pytest.approx(other.worth + EXPECTED)
+    assert replace(other, lacking=()).penalised_gain == pytest.approx(
+        other.penalised_gain + EXPECTED
+    )
 
 
 def test_values_of_each_trials_own_are_doubted_far_off_the_noise():

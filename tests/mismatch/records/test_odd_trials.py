@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from metrology import UsageError
-from mismatch.records.records import Campaign, Trial
+from mismatch.records.records import CampaignRecords, Trial
 from mismatch.records.sanity import without_odd_trials
 
 TIME = np.arange(60) / 120.0
@@ -29,7 +29,7 @@ ODD = {
 
 @pytest.mark.parametrize("said", ODD)
 def test_an_odd_trial_is_left_out_and_named(said):
-    campaign = Campaign((sound("a"), swing("odd", ODD[said]), sound("b", 1.0)))
+    campaign = CampaignRecords((sound("a"), swing("odd", ODD[said]), sound("b", 1.0)))
     kept = without_odd_trials(campaign)
     assert [trial.name for trial in kept.trials] == ["a", "b"]
     assert any(said in note and "odd" in note for note in kept.notes)
@@ -38,7 +38,7 @@ def test_an_odd_trial_is_left_out_and_named(said):
 @pytest.mark.parametrize("said", ODD)
 def test_a_campaign_of_odd_trials_is_refused(said):
     with pytest.raises(UsageError, match=said):
-        without_odd_trials(Campaign((swing("1", ODD[said]), swing("2", ODD[said] + 0.01))))
+        without_odd_trials(CampaignRecords((swing("1", ODD[said]), swing("2", ODD[said] + 0.01))))
 
 
 @pytest.mark.parametrize("time", [TIME * 1e12, TIME * 1e-6, TIME * 1e300, TIME + 1e15])
@@ -47,11 +47,11 @@ def test_a_clock_that_can_be_none_is_refused(time):
     if np.any(np.diff(time) <= 0.0):
         time = 1e15 + np.arange(60.0)
     with pytest.raises(UsageError, match="none of a motion"):
-        without_odd_trials(Campaign((swing("1", angle, time),)))
+        without_odd_trials(CampaignRecords((swing("1", angle, time),)))
 
 
 def test_a_coarse_record_of_a_real_motion_is_no_noise():
     few = np.arange(0.0, 2.0, 0.08)
     noisy = 0.4 * np.cos(9.0 * few) + RNG.normal(0.0, 0.02, few.size)
-    campaign = Campaign((swing("1", noisy, few), sound("2")))
+    campaign = CampaignRecords((swing("1", noisy, few), sound("2")))
     assert without_odd_trials(campaign) is campaign

@@ -6,18 +6,18 @@ import numpy as np
 
 from mismatch.explain import explain
 from mismatch.fitting.prepare import prepare
-from mismatch.records.records import Campaign
+from mismatch.records.records import CampaignRecords
 from tests.mismatch.synthetic import struck_campaign
 
 
-def spoilt(campaign: Campaign) -> Campaign:
+def spoilt(campaign: CampaignRecords) -> CampaignRecords:
     """A hole before the last row of the first flight, and that row found in a wrong place."""
     first, *others = campaign.trials
     kept = np.r_[0 : first.ball_time.size - 12, first.ball_time.size - 1]
     position = first.position[kept].copy()
     position[-1, :2] += [0.03, 0.003]
     last = replace(first, ball_time=first.ball_time[kept], position=position)
-    return Campaign((last, *others))
+    return CampaignRecords((last, *others))
 
 
 def test_a_wrong_last_row_behind_a_hole_is_left_out_whole_and_names_nothing():

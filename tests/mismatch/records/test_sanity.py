@@ -7,7 +7,7 @@ from scipy.special import ellipk
 from metrology import UsageError
 from mismatch.model.baseline import Baseline
 from mismatch.model.forward import Forward
-from mismatch.records.records import Campaign, Trial, lay_out
+from mismatch.records.records import CampaignRecords, Trial, lay_out
 from mismatch.records.sanity import refuse_nonsense
 from physics.bodies import PAPER_PENDULUM
 
@@ -29,14 +29,16 @@ class Swings:
             angle = written * amplitude * np.cos(rate * time)
             trials.append(Trial(str(number), np.zeros(0), np.zeros((0, 3)), time, angle))
         baseline = Baseline({}, PAPER_PENDULUM)
-        records = lay_out(Campaign(tuple(trials)), baseline)
+        records = lay_out(CampaignRecords(tuple(trials)), baseline)
         spans = np.full(len(trials), 8.0)
         self.forward = Forward(baseline, records, "swing", spans, spans, 96, (1.2, 0.3, 1.2))
         self.fit = None
 
 
 def test_a_pendulum_that_keeps_its_pace_passes():
-    refuse_nonsense(Campaign((Trial("1", *(np.zeros(0),) * 4),)), Swings([0.2, 0.7, 1.1, 0.4]))
+    refuse_nonsense(
+        CampaignRecords((Trial("1", *(np.zeros(0),) * 4),)), Swings([0.2, 0.7, 1.1, 0.4])
+    )
 
 
 @pytest.mark.parametrize("degrees", [0.5, 1.0, 1.5])

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from mismatch.explain import explain
-from mismatch.records.records import Campaign
+from mismatch.records.records import CampaignRecords
 from tests.mismatch.synthetic import struck_campaign
 
 
-def with_wandering_angles(campaign: Campaign, size: float) -> Campaign:
+def with_wandering_angles(campaign: CampaignRecords, size: float) -> CampaignRecords:
     """The pendulum's angle followed badly: off by a curve of its own in each trial."""
     rng = np.random.default_rng(12)
     trials = []

@@ -59,4 +59,6 @@ def test_the_freedom_of_a_curve_is_paid_for_where_nothing_is_missing():
     ]
     scored = scan(known.forward, known.fit, pool).with_likely_widths()
     assert len(pool) == 8
-    assert all(scored.gain(k)[0] - c.fine < 5.0 for k, c in enumerate(scored.candidates))
+    assert all(
+        scored.gain(k)[0] - c.complexity_penalty < 5.0 for k, c in enumerate(scored.candidates)
+    )

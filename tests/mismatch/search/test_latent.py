@@ -8,7 +8,7 @@ import pytest
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import scan
 from mismatch.model.candidates import Candidate
-from mismatch.model.forward import Model, lane_terms
+from mismatch.model.forward import Model, batch_terms
 from mismatch.search.latent import missing_force
 from physics.effects import CATALOGUE, Effect, Parameter
 from tests.mismatch.synthetic import struck_campaign
@@ -61,7 +61,7 @@ def test_lanes_gather_what_is_the_same_object_and_nothing_else():
     models = [Model(((drag, {"drag_coefficient": 0.1 * k}),)) for k in range(3)]
     models.append(Model(((drag, {"drag_coefficient": 0.5}), (Blown(lag=1.0), {"a": 1.0}))))
     models.append(Model(((other, {"a": 2.0}), (other, {"a": 3.0}))))
-    terms = lane_terms(models)
-    assert [(type(t.effect).__name__, t.lanes.start, t.lanes.stop) for t in terms] == [
+    terms = batch_terms(models)
+    assert [(type(t.effect).__name__, t.rows.start, t.rows.stop) for t in terms] == [
         ("Drag", 0, 4), ("Blown", 3, 4), ("Blown", 4, 5), ("Blown", 4, 5),
     ]  # fmt: skip

@@ -9,7 +9,7 @@ from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import scan
 from mismatch.model.baseline import BallModel, Baseline
 from mismatch.model.candidates import candidates_for
-from mismatch.records.records import Campaign, Trial
+from mismatch.records.records import CampaignRecords, Trial
 from mismatch.records.sanity import dropped_in_each
 from mismatch.search.naming import name_effects
 from physics.effects import CATALOGUE
@@ -40,7 +40,7 @@ def test_a_law_in_no_catalogue_pays_for_being_rare(blameless):
     assert null_threshold(every) - null_threshold(named) < 0.5
 
 
-def dropped_ball(drag: float) -> tuple[Campaign, Baseline]:
+def dropped_ball(drag: float) -> tuple[CampaignRecords, Baseline]:
     """A fall of one second, seen roughly, whose baseline is gravity alone."""
     rng = np.random.default_rng(2)
     time = np.arange(0.0, 1.0, 1.0 / 60.0)
@@ -48,7 +48,7 @@ def dropped_ball(drag: float) -> tuple[Campaign, Baseline]:
     position = np.column_stack([np.full((time.size, 2), np.nan), np.zeros(time.size)])
     position[:, 1], position[:, 2] = height, np.nan
     trial = Trial("1", time, position, np.zeros(0), np.zeros(0))
-    return Campaign((trial,)), Baseline({"": BallModel("", 0.06, 0.1)})
+    return CampaignRecords((trial,)), Baseline({"": BallModel("", 0.06, 0.1)})
 
 
 def test_drag_on_a_model_without_it_needs_no_search_to_be_paid():
@@ -56,7 +56,7 @@ def test_drag_on_a_model_without_it_needs_no_search_to_be_paid():
     naming = name_effects(prepared.forward, prepared.fit, EFFECTS)
     assert naming.best is not None
     assert naming.best.ids == ("drag",)
-    assert naming.best.worth < naming.threshold
+    assert naming.best.penalised_gain < naming.threshold
 
 
 def test_a_fall_without_drag_names_none():

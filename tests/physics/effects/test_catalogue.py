@@ -6,12 +6,12 @@ import pytest
 from metrology import UsageError
 from physics.effects import (
     CATALOGUE,
+    CameraView,
     Contact,
     Effect,
     FlightState,
     Outcome,
     SwingState,
-    View,
     effect_named,
 )
 
@@ -50,7 +50,7 @@ FLIGHT = FlightState(0.1, 0.5, 0.4, 0.0, 3.0, 4.0, 0.0, 0.35, 0.2, 1.2, 1.8e-5, 
 SWING = SwingState(0.3, 4.0, 1.6, 6.0, 0.45, 0.55, 9.81)
 CONTACT = Contact(6.0, 0.15, 0.55, 1.6, 0.35, 0.2, 0.72, 9.81)
 OUTCOME = Outcome(0.015, 2.9, 0.2, 0.04, 0.42, 0.0, 5.2, 0.8, 0.0)
-VIEW = View(0.1, 0.5, 0.3, 0.0, 3.0, -1.0, 0.0, 0.2, 4.0, 0.0, 0.41, 1.0, 0.3, 1.0)
+VIEW = CameraView(0.1, 0.5, 0.3, 0.0, 3.0, -1.0, 0.0, 0.2, 4.0, 0.0, 0.41, 1.0, 0.3, 1.0)
 
 
 def test_every_id_of_the_contract_is_there():

@@ -152,8 +152,8 @@ def test_a_term_acts_where_it_should_only_and_sees_what_is_there() -> None:
         FREE.with_terms(drag_term(0.47), term("wind", wind_x=2.0)),
         FREE.with_terms(term("magnus", spin=30.0), term("spin_decay", decay_rate=1.5)),
     )
-    for lane, single in enumerate(alone):
-        np.testing.assert_allclose(together[:, lane, 2], single.rates(0.2, state[:, lane, 2]))
+    for row, single in enumerate(alone):
+        np.testing.assert_allclose(together[:, row, 2], single.rates(0.2, state[:, row, 2]))
 
 
 def test_the_planar_flight_is_the_model_in_terms_of_what_a_clip_shows() -> None:

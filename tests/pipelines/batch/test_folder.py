@@ -11,7 +11,7 @@ from metrology import UsageError
 from pipelines.batch import Done, Folder, Job, files_of, measure_all
 from pipelines.cli import app
 from pipelines.measure.chain import MeasureOptions
-from pipelines.measure.files.output import Wanted
+from pipelines.measure.files.output import WantedFiles
 
 
 def rows(out: Path) -> list[dict[str, str]]:
@@ -39,7 +39,7 @@ def jobs(folder: Path, *names: str) -> list[Job]:
         clip = folder / name
         if not clip.exists():
             clip.write_bytes(name.encode())
-        made.append(Job(clip, MeasureOptions(), Wanted(), ()))
+        made.append(Job(clip, MeasureOptions(), WantedFiles(), ()))
     return made
 
 
@@ -61,7 +61,7 @@ def test_the_same_again_goes_on_and_another_word_measures_anew(
 
 
 def test_files_go_beside_each_other_under_the_clips_name(tmp_path: Path) -> None:
-    wanted = Wanted(report=Path("report.html"), tracks=Path("x/tracks.csv"))
+    wanted = WantedFiles(report=Path("report.html"), tracks=Path("x/tracks.csv"))
     clips = [Path("a/one.mp4"), Path("b/one.mp4")]
     first, second = files_of(tmp_path, clips, wanted).values()
     assert first.report == tmp_path / "one.report.html"

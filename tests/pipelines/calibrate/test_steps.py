@@ -40,7 +40,7 @@ from pipelines.calibrate.wizard.page.drawing import (
     residual_arrows,
     shaded_map,
 )
-from pipelines.calibrate.wizard.scene import Scene, look_at
+from pipelines.calibrate.wizard.scene import WizardClip, look_at
 from pipelines.calibrate.wizard.session import (
     Session,
     read_view,
@@ -281,7 +281,7 @@ def test_the_session_tells_what_each_answer_did(clip: Path, tmp_path: Path) -> N
     assert "no ball" in session.ball_problem
 
 
-def _blank(session: Session) -> Scene:
+def _blank(session: Session) -> WizardClip:
     scene = session.answers.scene
     return replace(scene, picture=np.full_like(scene.picture, 128))
 

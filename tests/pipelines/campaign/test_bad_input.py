@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from metrology import UsageError
-from pipelines.campaign.conduct import Asked, conduct
+from pipelines.campaign.conduct import CampaignOptions, conduct
 from pipelines.campaign.ledger import Ledger, State
 from pipelines.campaign.run import find_clips
 from pipelines.campaign.worker import Request, answer
@@ -54,7 +54,7 @@ def test_a_folder_that_can_not_be_made_is_refused_before_the_work(tmp_path: Path
     (tmp_path / "clips" / "a.mp4").write_bytes(b"a")
     (tmp_path / "file").write_text("no folder")
     with pytest.raises(UsageError, match="file"):
-        conduct(Asked(clips=(tmp_path / "clips",), out=tmp_path / "file" / "out"))
+        conduct(CampaignOptions(clips=(tmp_path / "clips",), out=tmp_path / "file" / "out"))
 
 
 @pytest.mark.parametrize("damage", [b"no database", b"SQLite format 3\0" + b"x" * 4096])

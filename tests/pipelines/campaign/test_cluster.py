@@ -13,8 +13,8 @@ import pytest
 
 from metrology import UsageError
 from pipelines.campaign.lab_book import match_clips
-from pipelines.campaign.ledger import Ledger, Outcome, State
-from pipelines.campaign.run import Plan, Progress, RunOptions, cluster_crew, find_clips, run
+from pipelines.campaign.ledger import AttemptOutcome, Ledger, State
+from pipelines.campaign.run import Progress, RunOptions, RunPlan, cluster_crew, find_clips, run
 
 STAND_IN = Path(__file__).with_name("stand_in.py")
 ROOT = Path(__file__).parents[3]
@@ -76,13 +76,13 @@ def _wait_for_workers(address: str, number: int) -> None:
         client.wait_for_workers(number, timeout=60)
 
 
-def _plan(tmp_path: Path, count: int) -> Plan:
+def _plan(tmp_path: Path, count: int) -> RunPlan:
     clips = tmp_path / "clips"
     clips.mkdir(exist_ok=True)
     for number in range(count):
         (clips / f"strike_{number:02d}.mp4").write_bytes(str(number).encode())
     options = RunOptions(command=(sys.executable, str(STAND_IN)))
-    return Plan(tmp_path / "out", options, match_clips(None, find_clips([clips])), "1")
+    return RunPlan(tmp_path / "out", options, match_clips(None, find_clips([clips])), "1")
 
 
 def _counts(out: Path) -> dict[State, int]:
@@ -112,7 +112,7 @@ def test_a_scheduler_that_goes_away_leaves_the_rest_waiting(
     plan = _plan(tmp_path, 40)
     clips_seen: list[str] = []
 
-    def end_the_scheduler(progress: Progress, outcome: Outcome) -> None:
+    def end_the_scheduler(progress: Progress, outcome: AttemptOutcome) -> None:
         clips_seen.append(outcome.clip)
         if len(clips_seen) == 3:
             cluster.processes[0].kill()

@@ -16,7 +16,7 @@ import pytest
 from metrology import UsageError
 from pipelines.campaign.lab_book import match_clips
 from pipelines.campaign.ledger import Ledger, lock_folder
-from pipelines.campaign.run import Plan, RunOptions, find_clips, local_crew, run
+from pipelines.campaign.run import RunOptions, RunPlan, find_clips, local_crew, run
 
 STAND_IN = Path(__file__).with_name("stand_in.py")
 ROOT = Path(__file__).parents[3]
@@ -29,12 +29,12 @@ def _clips(folder: Path, names: list[str]) -> Path:
     return folder
 
 
-def _plan(clips: Path, out: Path, version: str = "1", **options: object) -> Plan:
+def _plan(clips: Path, out: Path, version: str = "1", **options: object) -> RunPlan:
     chosen = RunOptions(command=(sys.executable, str(STAND_IN)), **options)  # type: ignore[arg-type]
-    return Plan(out, chosen, match_clips(None, find_clips([clips])), version)
+    return RunPlan(out, chosen, match_clips(None, find_clips([clips])), version)
 
 
-def _run(plan: Plan, **options: object):  # type: ignore[no-untyped-def]
+def _run(plan: RunPlan, **options: object):  # type: ignore[no-untyped-def]
     return run(plan, lambda: local_crew(2, plan.options), **options)  # type: ignore[arg-type]
 
 
@@ -153,7 +153,7 @@ def test_the_published_tables_keep_lab_book_and_reasons(tmp_path: Path) -> None:
     lines += [f"{name},jokku,{'ab'[i % 2]},=evil(),2.0" for i, name in enumerate(names)]
     book_path.write_text("\n".join(lines))
     book = read_lab_book(book_path)
-    plan = Plan(
+    plan = RunPlan(
         out,
         RunOptions(command=(sys.executable, str(STAND_IN))),
         match_clips(book, find_clips([clips])),

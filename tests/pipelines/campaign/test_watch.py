@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from pipelines.campaign.lab_book import match_clips
-from pipelines.campaign.ledger import Ledger, Outcome, State, WorkOrder
-from pipelines.campaign.run import Plan, RunOptions, find_clips, local_crew, run
+from pipelines.campaign.ledger import AttemptOutcome, Ledger, State, WorkOrder
+from pipelines.campaign.run import RunOptions, RunPlan, find_clips, local_crew, run
 from tests.pipelines.calibrate.wizard_page import chromium, opened_plain, until
 
 ROOT = Path(__file__).parents[3]
@@ -51,9 +51,9 @@ def folder(tmp_path: Path) -> Path:
         ledger.begin(names[:3])
         ledger.finish(
             [
-                Outcome(names[0], State.DONE, 3.0, _document(0.99)),
-                Outcome(names[1], State.DONE, 3.0, _document(0.6)),
-                Outcome(names[2], State.FAILED, 3.0, error="no ball <b>found</b>"),
+                AttemptOutcome(names[0], State.DONE, 3.0, _document(0.99)),
+                AttemptOutcome(names[1], State.DONE, 3.0, _document(0.6)),
+                AttemptOutcome(names[2], State.FAILED, 3.0, error="no ball <b>found</b>"),
             ]
         )
     return tmp_path
@@ -134,7 +134,7 @@ def test_a_clip_whose_ball_was_shown_is_measured_again_with_the_point(tmp_path: 
     for name in ("a", "b"):
         (clips / f"{name}.mp4").write_bytes(name.encode())
     options = RunOptions(command=(sys.executable, str(STAND_IN)))
-    plan = Plan(out, options, match_clips(None, find_clips([clips])), "1")
+    plan = RunPlan(out, options, match_clips(None, find_clips([clips])), "1")
     assert run(plan, lambda: local_crew(1, options)).done == 2
     with Ledger(out) as ledger:
         ledger.point_at("a.mp4", "120.0,88.0")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from metrology import ClipError, NotFoundError, Quantity, UsageError
-from mismatch import Verdict
+from mismatch import EngineVerdict
 from mismatch.verdict import Location, NamedEffect, ParameterValue, Remainder
 from physics.bodies import PAPER_PENDULUM
 from pipelines.explain.clips import ClipFacts, campaign_from_clips, clip_facts, with_rig
@@ -149,10 +149,10 @@ def test_a_table_of_clips_is_read_by_name_without_ending(tmp_path):
         clip_facts(table)
 
 
-def _named(identity: str, name: str, value: float) -> Verdict:
+def _named(identity: str, name: str, value: float) -> EngineVerdict:
     effect = NamedEffect(identity, "…", 0.9, (ParameterValue(name, value, 1e-4, "1"),))
     location = Location("measurement", None, None, "horizontal", "…")
-    return Verdict(
+    return EngineVerdict(
         "explained", ("gravity",), 2.0, location, (effect,), (), (), None, None,
         Remainder(True, "…"),
     )  # fmt: skip

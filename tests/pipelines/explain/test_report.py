@@ -11,7 +11,7 @@ from mismatch import explain_in_full
 from mismatch.explain import GROUP_TRUST, _plain
 from mismatch.search.field import Field
 from mismatch.search.unnamed import unnamed_laws
-from mismatch.verdict import Doubt, HeldOut, NamedEffect, Remainder, Verdict, pass_gate
+from mismatch.verdict import Doubt, EngineVerdict, HeldOut, NamedEffect, Remainder, pass_gate
 from physics.effects import CATALOGUE
 from pipelines.explain.report import _typeset, explain_report_html
 from tests.mismatch.synthetic import thrown_campaign
@@ -72,7 +72,7 @@ PROVED = HeldOut(("3",), 0.02, 0.001, (14.0, 23.0))
 
 
 def verdict(kind="explained", **changes):
-    base = Verdict(kind, ("gravity",), 40.0, None, (NAMED,), (), (), None, PROVED, NOISE)
+    base = EngineVerdict(kind, ("gravity",), 40.0, None, (NAMED,), (), (), None, PROVED, NOISE)
     return replace(base, **changes)
 
 

@@ -19,7 +19,7 @@ class Noise:
 
     ball: float = 1e-5
     angle: float = 2e-5
-    lead: float = 1e-4
+    face_offset: float = 1e-4
     seed: int = 0
 
 
@@ -45,7 +45,7 @@ def ideal_tracks(
     angle = moment.phi + rng.normal(0.0, noise.angle, count)
     rest = shot.motion.at([first_s]).ball[0, :2]
     near = time + first_s < 0.25
-    lead = scene.pendulum.face_offset + float(rng.normal(0.0, noise.lead))
+    face_offset = scene.pendulum.face_offset + float(rng.normal(0.0, noise.face_offset))
     return MetricTracks(
         ball_frame=np.arange(count),
         ball_time_s=time,
@@ -57,10 +57,10 @@ def ideal_tracks(
         swing_time_s=time[near],
         swing_rad=angle[near],
         swing_std_rad=np.full(int(near.sum()), noise.angle),
-        lead_m=lead - SLANT * HALF_THICKNESS_M,
-        lead_std_m=noise.lead,
-        middle_lead_m=lead,
-        middle_lead_std_m=noise.lead,
+        edge_offset_m=face_offset - SLANT * HALF_THICKNESS_M,
+        edge_offset_std_m=noise.face_offset,
+        middle_offset_m=face_offset,
+        middle_offset_std_m=noise.face_offset,
         spherical=False,
         face_slant=SLANT,
         eye_m=None,

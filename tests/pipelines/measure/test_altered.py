@@ -7,7 +7,7 @@ import pytest
 from bench.altered import WAYS, Tally, Way, altered
 from bench.measure_truth import Case, cases
 from pipelines.measure.chain import measure_clip
-from pipelines.measure.measurement import Measurement
+from pipelines.measure.measurement import ClipMeasurement
 
 pytestmark = pytest.mark.slow
 
@@ -18,13 +18,13 @@ def small() -> Case:
 
 
 @pytest.fixture(scope="module")
-def usual(small: Case) -> Measurement:
+def usual(small: Case) -> ClipMeasurement:
     return measure_clip(small.path, small.options)
 
 
 @pytest.mark.parametrize("way", WAYS, ids=lambda way: way.name)
 def test_nothing_is_far_from_what_the_clip_itself_gives(
-    way: Way, small: Case, usual: Measurement, tmp_path: Path
+    way: Way, small: Case, usual: ClipMeasurement, tmp_path: Path
 ) -> None:
     other = altered(small, way, tmp_path)
     tally = Tally()

@@ -10,8 +10,8 @@ from calib.calibration import PARAMETERS, Calibration, Source
 from calib.camera.camera import Camera, Lens
 from metrology import UncertaintySource
 from pipelines.measure.budget import (
+    ClipConditions,
     Propagation,
-    Scene,
     merged,
     systematic_budget,
     values_after_move,
@@ -43,12 +43,12 @@ def a_calibration(distance_std: float, scale_std: float) -> Calibration:
     )
 
 
-def a_scene(calibration: Calibration) -> Scene:
+def a_scene(calibration: Calibration) -> ClipConditions:
     inputs = gather_inputs(Setup(), None, None)
-    return Scene(inputs, CaptureRate(600.0, 0.0, "option", None), calibration)
+    return ClipConditions(inputs, CaptureRate(600.0, 0.0, "option", None), calibration)
 
 
-def scale_of(scene: Scene) -> NDArray[np.float64]:
+def scale_of(scene: ClipConditions) -> NDArray[np.float64]:
     assert scene.calibration is not None
     vector = scene.calibration.vector
     return np.array([np.exp(vector[FOCAL] - vector[DISTANCE])])
@@ -80,7 +80,7 @@ def test_without_a_grid_roll_and_slant_of_the_camera_count() -> None:
     usual = np.median(px, axis=0)
     scale = 0.1 / float(np.median(radius))
 
-    def speed(moved: Scene) -> NDArray[np.float64]:
+    def speed(moved: ClipConditions) -> NDArray[np.float64]:
         growth = np.tan(moved.slant_rad) / 800.0
         mapping = BallScale(scale, px[0], usual, moved.roll_rad, float(growth))
         start = mapping.point(px[:2])

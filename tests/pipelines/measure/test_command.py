@@ -18,10 +18,10 @@ from pipelines.measure.budget import Propagation
 from pipelines.measure.chain import MeasureOptions
 from pipelines.measure.checks.consequences import LEAST_POWER
 from pipelines.measure.fits.discs import disc_contact
-from pipelines.measure.measurement import Measurement
+from pipelines.measure.measurement import ClipMeasurement
 from pipelines.setup.file import read_setup
 from tests.shared_data import shared_folder
-from vision.clip.clip import Clip
+from vision.clip.clip import ClipReader
 from vision.following import follow
 
 CLIPS = Path(sample_videos.__file__).parent / "clips"
@@ -143,7 +143,7 @@ def test_the_pendulums_track_is_that_of_the_rendered_one(measured: Path) -> None
     assert table.loc[table["object"] == "ball", "phi_rad"].isna().all()
 
 
-def greens(clip: Clip) -> int:
+def greens(clip: ClipReader) -> int:
     """Pixels of the colour in which the wall's grid is drawn."""
     _, picture = next(iter(clip.colour_frames(100, 101)))
     blue, green, red = picture.astype(int).transpose(2, 0, 1)
@@ -151,9 +151,9 @@ def greens(clip: Clip) -> int:
 
 
 def test_pictures_are_written(measured: Path) -> None:
-    overlay = Clip.open(measured / "o.mp4")
+    overlay = ClipReader.open(measured / "o.mp4")
     assert overlay.info.frames > 250
-    assert greens(overlay) > greens(Clip.open(CLIPS / "basketball_60.mp4")) + 500
+    assert greens(overlay) > greens(ClipReader.open(CLIPS / "basketball_60.mp4")) + 500
     assert "<html" in (measured / "r.html").read_text(encoding="utf-8").lower()
     assert (measured / "p.png").stat().st_size > 10_000
 
@@ -251,7 +251,7 @@ def test_a_pendulum_of_ones_own_has_its_own_effective_mass() -> None:
 
 
 def test_real_pucks_meet_at_frame_67() -> None:
-    clip = Clip.open(shared_folder("clips") / "puck_collision_A_canon240.mp4")
+    clip = ClipReader.open(shared_folder("clips") / "puck_collision_A_canon240.mp4")
     met = disc_contact(follow(clip, 240.0))
     assert met is not None
     assert met.time_s * 240.0 == pytest.approx(67.0, abs=1.0)
@@ -260,7 +260,7 @@ def test_real_pucks_meet_at_frame_67() -> None:
 def test_budget_refit_reaches_the_chain(monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[MeasureOptions] = []
 
-    def measure(path: Path, options: MeasureOptions, progress: object = None) -> Measurement:
+    def measure(path: Path, options: MeasureOptions, progress: object = None) -> ClipMeasurement:
         told.append(options)
         raise ClipError("enough")
 
@@ -273,7 +273,7 @@ def test_budget_refit_reaches_the_chain(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 @pytest.mark.slow
-def test_both_roads_to_a_budget_agree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_both_ways_to_a_budget_agree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("IMPACT_VISION_CACHE", str(tmp_path / "kept"))
     clip = CLIPS / "basketball_60.mp4"
     arguments = ["measure", str(clip), "--setup", str(clip.with_suffix(".toml")), "--quiet"]

@@ -182,8 +182,8 @@ def test_a_mass_followed_by_its_near_side_gives_the_speeds_of_its_middle() -> No
         pivot_m=pivot,
         eye_m=eye,
         face_slant=slant,
-        middle_lead_m=ideal.middle_lead_m - shift,
-        lead_m=ideal.middle_lead_m - shift - slant * half,
+        middle_offset_m=ideal.middle_offset_m - shift,
+        edge_offset_m=ideal.middle_offset_m - shift - slant * half,
     )
     found, _ = measured(seen, "jokku")
     blind, _ = measured(replace(seen, eye_m=None), "jokku")
@@ -201,8 +201,8 @@ def test_a_transfer_curve_that_widens_all_outlines_does_not_lengthen_the_contact
         ideal,
         spherical=True,
         eye_m=np.array([0.8, -0.1, 3.5]),
-        lead_m=ideal.middle_lead_m + outside,
-        lead_std_m=5e-4,
+        edge_offset_m=ideal.middle_offset_m + outside,
+        edge_offset_std_m=5e-4,
         radius_m=ideal.radius_m + outside,
     )
     true = truth(shot)["contact_time"]
@@ -225,7 +225,9 @@ def test_a_contact_that_no_such_ball_can_have_is_withheld_and_a_doubtful_one_dra
     middle = 0.5 * (impact.contact.release_s + impact.contact.onset_s)
     with pytest.raises(NotFoundError, match="stays in touch for"):
         fit_contact(replace(impact.view, longest_s=0.5 * lasts), middle)
-    unsure = replace(impact.view, lead=impact.view.lead + 0.004, lead_std=0.004)
+    unsure = replace(
+        impact.view, face_offset=impact.view.face_offset + 0.004, face_offset_std=0.004
+    )
     free = fit_contact(unsure, middle)
     bound = fit_contact(replace(unsure, longest_s=0.97 * lasts), middle)
     assert bound.release_s - bound.onset_s < free.release_s - free.onset_s

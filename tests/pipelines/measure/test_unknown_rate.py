@@ -11,7 +11,7 @@ from calib.planning import planned_grid
 from pipelines.calibrate.filming import Filming, film_scene, planned_tracks
 from pipelines.calibrate.plan import planned_setup
 from pipelines.measure import metres
-from pipelines.measure.chain import Followed, Found, measure_tracks
+from pipelines.measure.chain import FollowedClip, Found, measure_tracks
 from pipelines.measure.inputs import gather_inputs
 from pipelines.report import CheckKind, CheckOutcome
 from sample_videos import Shot
@@ -37,7 +37,7 @@ def found_at(fps: float, std: float, monkeypatch: pytest.MonkeyPatch) -> tuple[F
     clock = np.arange(scene.frames, dtype=float)
     source = RateSource.OPTION if math.isfinite(std) else RateSource.ASSUMED
     inputs = gather_inputs(planned_setup(FILMING, scene), None, None)
-    return measure_tracks(Followed(tracks, clock, CaptureRate(fps, std, source), inputs)), shot
+    return measure_tracks(FollowedClip(tracks, clock, CaptureRate(fps, std, source), inputs)), shot
 
 
 def test_a_fall_with_a_known_scale_tells_the_rate(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -64,7 +64,7 @@ def test_without_a_scale_nothing_is_given_in_seconds(monkeypatch: pytest.MonkeyP
     inputs = gather_inputs(replace(planned_setup(FILMING, scene), ball=None), None, None)
     clock = np.arange(scene.frames, dtype=float)
     rate = CaptureRate(600.0, math.inf, RateSource.ASSUMED)
-    found = measure_tracks(Followed(tracks, clock, rate, inputs))
+    found = measure_tracks(FollowedClip(tracks, clock, rate, inputs))
     assert not found.rate.known
     by_name = {item.name: item for item in found.results.quantities}
     for name in SECONDS:
@@ -90,7 +90,7 @@ def test_a_path_that_shows_no_fall_and_no_strike_is_no_flight() -> None:
     inputs = gather_inputs(planned_setup(FILMING, scene), None, None)
     clock = np.arange(scene.frames, dtype=float)
     rate = CaptureRate(TRUE_FPS, 0.1, RateSource.OPTION)
-    found = measure_tracks(Followed(tracks, clock, rate, inputs))
+    found = measure_tracks(FollowedClip(tracks, clock, rate, inputs))
     by_name = {item.name: item for item in found.results.quantities}
     gravity = found.results.gravity
     assert gravity.std is None or gravity.std > 4.9

@@ -23,7 +23,7 @@ def test_simulating_the_plan_lands_where_it_was_wanted(ball: type(JOKKU), distan
     run = simulate(experiment, backswing=planned.plan.backswing)
     landed = {q.name: q for q in run.quantities}["landing_distance"]
     assert landed.value == pytest.approx(distance, abs=1e-5)
-    # both roads to the scatter of the distance, up to the contact time's share
+    # both ways to the scatter of the distance, up to the contact time's share
     assert landed.std == pytest.approx(planned.plan.distance_std, rel=0.1)
 
 

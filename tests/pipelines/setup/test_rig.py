@@ -9,7 +9,7 @@ import pytest
 from metrology import Default, Defaults, SetupError, UsageError
 from physics.flight.air import moist_air_density
 from pipelines.calibrate.wizard.answers import pitch_from
-from pipelines.measure.budget import Scene, systematic_budget
+from pipelines.measure.budget import ClipConditions, systematic_budget
 from pipelines.measure.inputs import gather_inputs
 from pipelines.setup.file import Setup, read_setup
 from pipelines.setup.rig import Origin, rig_of
@@ -123,7 +123,7 @@ def test_the_labs_own_uncertainties_make_its_budget() -> None:
 
     def share(text: str) -> float:
         inputs = gather_inputs(read_setup(text), "jokku", None)
-        scene = Scene(inputs, rate, None)
+        scene = ClipConditions(inputs, rate, None)
         table = systematic_budget(
             scene, lambda moved: np.array([moved.inputs.pendulum.inertia]), math.inf
         )

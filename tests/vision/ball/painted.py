@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from vision.clip.info import Frame
 
-FINE = 8
+SUPERSAMPLING = 8
 GAMMA = 1.85
 PIVOT_PX = (60.0, 12.0)
 
@@ -37,11 +37,11 @@ def cover(
     height: int, width: int, centre: tuple[float, float], radius: float
 ) -> NDArray[np.float64]:
     """Part of each pixel that a disc covers."""
-    fine = (np.arange(FINE) + 0.5) / FINE - 0.5
+    fine = (np.arange(SUPERSAMPLING) + 0.5) / SUPERSAMPLING - 0.5
     y = (np.arange(height)[:, None] + fine[None]).reshape(-1, 1)
     x = (np.arange(width)[:, None] + fine[None]).reshape(1, -1)
     inside = np.hypot(x - centre[0], y - centre[1]) <= radius
-    return inside.reshape(height, FINE, width, FINE).mean(axis=(1, 3))
+    return inside.reshape(height, SUPERSAMPLING, width, SUPERSAMPLING).mean(axis=(1, 3))
 
 
 def with_ball(

@@ -6,7 +6,7 @@ import pytest
 from tests.vision.ball.painted import exposed, wall, with_ball
 from vision.ball.choice import untangled
 from vision.ball.circles import Circles, find_circles
-from vision.ball.linking import Path, link_circles
+from vision.ball.linking import BallPath, link_circles
 from vision.ball.rest import find_rest
 from vision.pendulum.arc import fit_arc
 from vision.scene.alignment import Aligner, warp_to_scene
@@ -211,7 +211,7 @@ def test_a_leap_from_one_still_thing_to_another_is_a_change_of_identity() -> Non
     frame = np.arange(40)
     centre = np.column_stack([np.where(frame < 20, 20.0, 180.0) + 0.1 * frame, np.full(40, 60.0)])
     ones = np.ones(40)
-    leapt = Path(frame, centre, 6.0 * ones, ones, 50.0 * ones, ones)
+    leapt = BallPath(frame, centre, 6.0 * ones, ones, 50.0 * ones, ones)
     assert [len(path.frame) for path in untangled([leapt])] == [20, 20]
     struck = np.column_stack([20.0 + 30.0 * np.maximum(frame - 20, 0), np.full(40, 60.0)])
     assert len(untangled([replace(leapt, centre_px=struck)])) == 1

@@ -2,14 +2,14 @@ import numpy as np
 
 from vision.ball.ball import expected_places, off_flight
 from vision.ball.choice import untangled
-from vision.ball.linking import Path
+from vision.ball.linking import BallPath
 
 
-def _path(frame: np.ndarray, x: np.ndarray, radius: float = 8.0) -> Path:
+def _path(frame: np.ndarray, x: np.ndarray, radius: float = 8.0) -> BallPath:
     count = len(frame)
     centre = np.column_stack([x, np.full(count, 50.0)])
     full = np.ones(count)
-    return Path(frame, centre, radius * full, full, 60.0 * full, full)
+    return BallPath(frame, centre, radius * full, full, 60.0 * full, full)
 
 
 def test_a_head_on_collision_leaves_each_puck_its_own_path() -> None:

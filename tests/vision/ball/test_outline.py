@@ -59,7 +59,9 @@ def test_centre_is_found_to_a_few_hundredths_of_a_pixel() -> None:
 def test_lines_behind_the_ball_pull_it_unless_the_background_is_known() -> None:
     aware = [_fit(centre, seed, albedo=0.55) for seed, centre in enumerate(CENTRES)]
     blind = [_fit(centre, seed, albedo=0.55, known=False) for seed, centre in enumerate(CENTRES)]
-    assert sum(fit.misfit[0] for fit in blind) > 1.5 * sum(fit.misfit[0] for fit in aware)
+    assert sum(fit.rms_residual[0] for fit in blind) > 1.5 * sum(
+        fit.rms_residual[0] for fit in aware
+    )
 
 
 def test_the_sharpest_edge_does_not_outvote_all_others() -> None:

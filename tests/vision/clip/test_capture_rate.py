@@ -6,14 +6,14 @@ import pytest
 
 from metrology import UsageError
 from tests.vision.clip.written_clips import moving_disc, write_clip
-from vision.clip.clip import Clip
+from vision.clip.clip import ClipReader
 from vision.clip.footage import choose_capture_rate
 from vision.clip.video_file import capture_fps_in_tags
 
 
 @pytest.fixture
 def info(tmp_path):
-    return Clip.open(write_clip(tmp_path / "a.mp4", moving_disc(3))).info
+    return ClipReader.open(write_clip(tmp_path / "a.mp4", moving_disc(3))).info
 
 
 def test_rank(info):
@@ -60,20 +60,20 @@ def test_android_tag_is_read_from_the_file(tmp_path):
         tmp_path / "slow.mp4", moving_disc(3), metadata={"com.android.capture.fps": "240.000000"},
         container_options={"movflags": "use_metadata_tags"},
     )  # fmt: skip
-    assert Clip.open(path).info.capture_fps_metadata == 240.0
+    assert ClipReader.open(path).info.capture_fps_metadata == 240.0
 
 
 def test_sony_sidecar_and_embedded_xml(tmp_path):
     path = write_clip(tmp_path / "C0001.mp4", moving_disc(3))
-    assert Clip.open(path).info.capture_fps_metadata is None
+    assert ClipReader.open(path).info.capture_fps_metadata is None
     xml = b'<VideoFormat><VideoFrame captureFps="959.04p" formatFps="23.98p"/></VideoFormat>'
     sidecar = tmp_path / "C0001M01.XML"
     sidecar.write_bytes(xml)
-    assert Clip.open(path).info.capture_fps_metadata == 959.04
+    assert ClipReader.open(path).info.capture_fps_metadata == 959.04
     sidecar.unlink()
     # A box that players skip, as the camera writes it.
     path.write_bytes(path.read_bytes() + (len(xml) + 8).to_bytes(4) + b"free" + xml)
-    assert Clip.open(path).info.capture_fps_metadata == 959.04
+    assert ClipReader.open(path).info.capture_fps_metadata == 959.04
 
 
 def test_tags_that_are_no_rate():

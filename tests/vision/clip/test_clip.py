@@ -11,7 +11,7 @@ import pytest
 from metrology import ClipError
 from tests.shared_data import shared_folder
 from tests.vision.clip.written_clips import HEIGHT, WIDTH, moving_disc, repeated, scene, write_clip
-from vision.clip.clip import Clip
+from vision.clip.clip import ClipReader
 
 LOSSLESS = {"qp": "0", "preset": "ultrafast"}
 
@@ -29,7 +29,7 @@ def worst_difference(clip, images):
 def test_containers_give_the_same_pictures_and_times(tmp_path, suffix):
     images = moving_disc(12)
     path = write_clip(tmp_path / f"a{suffix}", images, options={**LOSSLESS, "bf": "0"})
-    clip = Clip.open(path)
+    clip = ClipReader.open(path)
     assert (clip.info.width, clip.info.height, clip.info.frames) == (WIDTH, HEIGHT, 12)
     assert clip.info.codec == "h264"
     # 219 levels of video range spread over 256.
@@ -47,7 +47,7 @@ def test_motion_jpeg_in_avi_and_alone(tmp_path):
             tmp_path / name, images, codec="mjpeg", pix_fmt="yuvj420p", full_range=True,
             options={"qmin": "1", "qmax": "2"}, rate=25,
         )  # fmt: skip
-        clip = Clip.open(path)
+        clip = ClipReader.open(path)
         assert clip.info.codec == "mjpeg"
         assert worst_difference(clip, images) <= 16
         assert [frame.time_s for frame in clip.frames()] == pytest.approx(np.arange(8) / 25)
@@ -59,14 +59,14 @@ def test_pictures_out_of_order_come_sorted(tmp_path):
         path = write_clip(
             tmp_path / f"b{suffix}", images, options={"bf": "3", "crf": "4", "b-adapt": "0"}
         )
-        clip = Clip.open(path)
+        clip = ClipReader.open(path)
         assert worst_difference(clip, images) <= 12, suffix
         assert [f.time_s for f in clip.frames()] == pytest.approx(np.arange(30) / 30, abs=2e-4)
 
 
 def test_colour_frames_match_gray(tmp_path):
     path = write_clip(tmp_path / "a.mp4", moving_disc(4), options=LOSSLESS)
-    clip = Clip.open(path)
+    clip = ClipReader.open(path)
     for frame, (index, colour) in zip(clip.frames(1), clip.colour_frames(1), strict=True):
         assert index == frame.index
         assert colour.shape == (HEIGHT, WIDTH, 3)
@@ -81,7 +81,7 @@ def test_ten_bits_arrive_as_sixteen(tmp_path):
             tmp_path / f"deep{full}.mkv", [ramp] * 3, codec="ffv1", pix_fmt="yuv420p10le",
             full_range=full,
         )  # fmt: skip
-        clip = Clip.open(path)
+        clip = ClipReader.open(path)
         assert clip.info.bit_depth == 10
         frame = next(clip.frames())
         assert frame.gray.dtype == np.uint16
@@ -94,7 +94,7 @@ def test_video_range_is_stretched_and_full_range_is_not(tmp_path):
     image = np.tile(np.linspace(0, 255, WIDTH), (HEIGHT, 1)).astype(np.uint8)
     for full in (False, True):
         path = write_clip(tmp_path / f"range{full}.mkv", [image] * 2, codec="ffv1", full_range=full)
-        gray = next(Clip.open(path).frames()).gray
+        gray = next(ClipReader.open(path).frames()).gray
         assert np.abs(gray.astype(int) - image).max() <= (0 if full else 1)
 
 
@@ -103,7 +103,7 @@ def test_variable_rate_keeps_its_stamps(tmp_path):
     path = write_clip(
         tmp_path / "phone.mkv", moving_disc(7), stamps=stamps, time_base=Fraction(1, 1000)
     )
-    clip = Clip.open(path)
+    clip = ClipReader.open(path)
     assert clip.info.variable_rate
     assert [frame.time_s for frame in clip.frames()] == pytest.approx(np.array(stamps) / 1000)
 
@@ -113,7 +113,7 @@ def test_times_rounded_to_milliseconds_are_put_on_an_even_clock(tmp_path):
     path = write_clip(
         tmp_path / "fast.mkv", moving_disc(40, 1.0), stamps=stamps, time_base=Fraction(1, 1000)
     )
-    clip = Clip.open(path)
+    clip = ClipReader.open(path)
     assert not clip.info.variable_rate
     assert clip.info.container_fps == pytest.approx(600, rel=2e-3)
     steps = np.diff([frame.time_s for frame in clip.frames()])
@@ -123,7 +123,7 @@ def test_times_rounded_to_milliseconds_are_put_on_an_even_clock(tmp_path):
 def test_dropped_frames_leave_their_gap_and_are_told(tmp_path):
     stamps = [0, 1, 2, 3, 6, 7, 8]
     path = write_clip(tmp_path / "gap.mp4", moving_disc(7), stamps=stamps)
-    clip = Clip.open(path)
+    clip = ClipReader.open(path)
     assert [frame.time_s for frame in clip.frames()] == pytest.approx(np.array(stamps) / 30)
     assert not clip.info.variable_rate
     assert any("2 frames are missing" in warning for warning in clip.warnings)
@@ -132,7 +132,7 @@ def test_dropped_frames_leave_their_gap_and_are_told(tmp_path):
 def test_one_long_last_frame_changes_neither_count_nor_rate(tmp_path):
     stamps = [*range(10), 60]
     path = write_clip(tmp_path / "long.mov", moving_disc(11), stamps=stamps)
-    clip = Clip.open(path)
+    clip = ClipReader.open(path)
     assert clip.info.frames == 11
     assert clip.info.container_fps == pytest.approx(30)
 
@@ -142,7 +142,7 @@ def test_rotated_pictures_stand_upright(tmp_path, degrees):
     upright = moving_disc(4)
     stored = [np.ascontiguousarray(np.rot90(image, -degrees // 90)) for image in upright]
     path = write_clip(tmp_path / "r.mp4", stored, options=LOSSLESS, rotation=degrees)
-    clip = Clip.open(path)
+    clip = ClipReader.open(path)
     assert (clip.info.width, clip.info.height) == (WIDTH, HEIGHT)
     assert clip.info.rotation == degrees
     assert worst_difference(clip, upright) <= 1
@@ -154,7 +154,7 @@ def test_a_folder_of_images_is_a_clip_in_natural_order(tmp_path):
     for index, image in enumerate(images):
         cv2.imwrite(str(tmp_path / f"frame{index}.png"), image)
     (tmp_path / "notes.txt").write_text("not an image")
-    clip = Clip.open(tmp_path)
+    clip = ClipReader.open(tmp_path)
     assert clip.info.frames == 12
     assert not clip.info.container_declares_rate
     assert worst_difference(clip, images) == 0
@@ -165,7 +165,7 @@ def test_deep_images_stay_deep(tmp_path):
     deep = (moving_disc(2)[0].astype(np.uint16)) * 257
     for index in range(2):
         cv2.imwrite(str(tmp_path / f"{index}.tif"), deep)
-    frame = next(Clip.open(tmp_path).frames())
+    frame = next(ClipReader.open(tmp_path).frames())
     assert np.array_equal(frame.gray, deep)
 
 
@@ -173,14 +173,14 @@ def test_images_of_mixed_sizes_are_refused_with_their_name(tmp_path):
     cv2.imwrite(str(tmp_path / "0.png"), scene(30, 30))
     cv2.imwrite(str(tmp_path / "1.png"), scene(30, 30, size=(80, 60)))
     with pytest.raises(ClipError, match=r"1\.png is 80×60 px"):
-        list(Clip.open(tmp_path).frames())
+        list(ClipReader.open(tmp_path).frames())
 
 
 def test_digest_names_the_file(tmp_path):
     path = write_clip(tmp_path / "a.mp4", moving_disc(3))
     import hashlib
 
-    assert Clip.open(path).info.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert ClipReader.open(path).info.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def test_real_clips_have_the_frames_and_times_of_their_truth():
@@ -194,7 +194,7 @@ def test_real_clips_have_the_frames_and_times_of_their_truth():
         "toss_green_720p30.mp4": 60,
     }
     for name, count in counts.items():
-        clip = Clip.open(folder / name)
+        clip = ClipReader.open(folder / name)
         times = [frame.time_s for frame in clip.frames()]
         assert len(times) == clip.info.frames == count, name
         assert times[0] == 0.0
@@ -202,7 +202,9 @@ def test_real_clips_have_the_frames_and_times_of_their_truth():
         assert clip.info.weave == "progressive", name
         assert not clip.warnings, name
     # The pauses of the .mov stay where they are: 28 ticks of 1/600 s, then 20 each.
-    times = np.array([frame.time_s for frame in Clip.open(folder / "balltoss_480p30.mov").frames()])
+    times = np.array(
+        [frame.time_s for frame in ClipReader.open(folder / "balltoss_480p30.mov").frames()]
+    )
     assert np.diff(times) * 600 == pytest.approx([28] + [20] * 30)
 
 
@@ -211,7 +213,7 @@ def test_an_edit_list_hides_pictures_and_time_starts_at_the_first_shown(tmp_path
     path = write_clip(
         tmp_path / "edited.mp4", images, stamps=list(range(-6, 14)), options={**LOSSLESS, "bf": "0"}
     )
-    clip = Clip.open(path)
+    clip = ClipReader.open(path)
     assert clip.info.frames == 14
     assert worst_difference(clip, images[6:]) <= 1
     assert [frame.time_s for frame in clip.frames()] == pytest.approx(np.arange(14) / 30)
@@ -222,7 +224,7 @@ def test_oblong_pixels_become_square(tmp_path):
     round_disc = scene(80, 60, radius=30)
     squeezed = cv2.resize(round_disc, (WIDTH // 2, HEIGHT), interpolation=cv2.INTER_AREA)
     path = write_clip(tmp_path / "dv.mp4", [squeezed] * 3, options=LOSSLESS, pixel_aspect=2)
-    clip = Clip.open(path)
+    clip = ClipReader.open(path)
     assert (clip.info.width, clip.info.height) == (WIDTH, HEIGHT)
     weight = np.clip(next(clip.frames()).gray.astype(float) - 180, 0, None)
     rows, columns = np.indices(weight.shape)
@@ -255,11 +257,11 @@ def test_memory_stays_flat_over_ten_seconds_of_1080p(tmp_path):
 def test_capture_times_keep_gaps_and_need_no_decoding(tmp_path):
     stamps = [0, 1, 2, 3, 6, 7, 8]
     path = write_clip(tmp_path / "gap.mp4", moving_disc(7), stamps=stamps)
-    clip = Clip.open(path)
+    clip = ClipReader.open(path)
     before = clip.capture_times(600.0)
     assert before == pytest.approx(np.array(stamps) / 600)
     list(clip.frames())
     assert clip.capture_times(600.0) == pytest.approx(before)
     for index in range(3):
         cv2.imwrite(str(tmp_path / f"{index}.png"), scene(20, 20))
-    assert Clip.open(tmp_path).capture_times(600.0) == pytest.approx(np.arange(3) / 600)
+    assert ClipReader.open(tmp_path).capture_times(600.0) == pytest.approx(np.arange(3) / 600)

@@ -8,7 +8,7 @@ import pytest
 
 from metrology import ClipError
 from tests.vision.clip.written_clips import moving_disc, scene, write_clip, write_sound
-from vision.clip.clip import Clip
+from vision.clip.clip import ClipReader
 from vision.clip.video_file import VideoFile
 
 KEYS_OFTEN = {"g": "5", "crf": "10", "bf": "0"}
@@ -16,7 +16,7 @@ KEYS_OFTEN = {"g": "5", "crf": "10", "bf": "0"}
 
 def refusal(path):
     with pytest.raises(ClipError) as caught:
-        Clip.open(path)
+        ClipReader.open(path)
     assert caught.value.exit_code == 3
     assert caught.value.hint
     return caught.value.message
@@ -46,7 +46,7 @@ def test_single_frame(tmp_path):
     assert "nothing moves" in refusal(write_clip(tmp_path / "one.mp4", moving_disc(1)))
     cv2.imwrite(str(tmp_path / "photo.png"), scene(20, 20))
     assert "nothing moves" in refusal(tmp_path / "photo.png")
-    assert Clip.open(tmp_path / "photo.png", least_frames=1).info.frames == 1
+    assert ClipReader.open(tmp_path / "photo.png", least_frames=1).info.frames == 1
 
 
 def test_folder_without_images(tmp_path):
@@ -58,7 +58,7 @@ def test_broken_image_in_a_folder(tmp_path):
     cv2.imwrite(str(tmp_path / "0.png"), scene(20, 20))
     (tmp_path / "1.png").write_bytes(b"")
     with pytest.raises(ClipError, match=r"1\.png is no image"):
-        list(Clip.open(tmp_path).frames())
+        list(ClipReader.open(tmp_path).frames())
 
 
 def test_cut_off_without_its_index(tmp_path):
@@ -73,7 +73,7 @@ def test_cut_off_with_its_index_is_read_as_far_as_it_goes(tmp_path):
         container_options={"movflags": "faststart"},
     )  # fmt: skip
     path.write_bytes(path.read_bytes()[: int(0.6 * path.stat().st_size)])
-    clip = Clip.open(path)
+    clip = ClipReader.open(path)
     frames = list(clip.frames())
     assert 10 < len(frames) < 36
     told = " ".join(clip.warnings)
@@ -86,7 +86,7 @@ def test_cut_off_with_its_index_is_read_as_far_as_it_goes(tmp_path):
 def test_other_containers_cut_off(tmp_path, suffix):
     path = write_clip(tmp_path / f"a{suffix}", moving_disc(40), options=KEYS_OFTEN)
     path.write_bytes(path.read_bytes()[: int(0.6 * path.stat().st_size)])
-    clip = Clip.open(path)
+    clip = ClipReader.open(path)
     count = len(list(clip.frames()))
     assert 10 < count < 36
     assert "cut off" in " ".join(clip.warnings)
@@ -100,7 +100,7 @@ def test_damage_in_the_middle_is_left_out_and_told(tmp_path, capfd):
     rng = np.random.default_rng(1)
     data[middle : middle + 600] = rng.integers(0, 256, 600, dtype=np.uint8).tobytes()
     path.write_bytes(data)
-    clip = Clip.open(path)
+    clip = ClipReader.open(path)
     frames = list(clip.frames())
     assert 20 <= len(frames) < 40
     assert clip.info.frames == len(frames)
@@ -127,14 +127,14 @@ def test_nothing_decodable(tmp_path):
 
 def test_a_container_under_another_ones_name_is_read(tmp_path):
     path = write_clip(tmp_path / "a.avi", moving_disc(5))
-    assert Clip.open(path.rename(tmp_path / "a.mp4")).info.frames == 5
+    assert ClipReader.open(path.rename(tmp_path / "a.mp4")).info.frames == 5
 
 
 def test_names_that_look_like_protocols_are_files(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = write_clip(tmp_path / "a.mp4", moving_disc(3))
     path.rename(tmp_path / "trial 1: jokku.mp4")
-    assert Clip.open("trial 1: jokku.mp4").info.frames == 3
+    assert ClipReader.open("trial 1: jokku.mp4").info.frames == 3
 
 
 def test_a_playlist_under_a_video_name_does_not_reach_out(tmp_path):
@@ -156,7 +156,7 @@ def test_pictures_that_change_size_are_refused_where_they_do(tmp_path):
     path = tmp_path / "joined.mjpeg"
     path.write_bytes(b"".join(parts))
     with pytest.raises(ClipError, match="change size at frame 4, from 160×120 to 96×64"):
-        list(Clip.open(path).frames())
+        list(ClipReader.open(path).frames())
 
 
 def test_a_damaged_file_gives_the_same_pictures_at_every_reading(tmp_path):

@@ -5,7 +5,7 @@ import pytest
 
 from tests.shared_data import shared_folder
 from tests.vision.clip.written_clips import HEIGHT, moving_disc, scene, woven, write_clip
-from vision.clip.clip import Clip
+from vision.clip.clip import ClipReader
 from vision.clip.fields import separate_field
 
 LOSSLESS = {"qp": "0", "preset": "ultrafast"}
@@ -23,7 +23,7 @@ def test_woven_fields_are_found_and_separated(tmp_path, bottom_first):
     path = write_clip(
         tmp_path / "i.mp4", woven(fields, bottom_first=bottom_first), options=LOSSLESS
     )
-    clip = Clip.open(path)
+    clip = ClipReader.open(path)
     assert clip.info.weave == ("bottom_first" if bottom_first else "top_first")
     assert clip.info.interlaced
     assert clip.info.frames == 40
@@ -40,16 +40,16 @@ def test_woven_fields_are_found_and_separated(tmp_path, bottom_first):
 
 @pytest.mark.parametrize("name", ["jokku_90_small", "basketball_120_dim"])
 def test_fields_are_seen_through_codec_noise_and_flicker(tmp_path, name):
-    whole = Clip.open(shared_folder("rendered") / name / "clip.mp4")
+    whole = ClipReader.open(shared_folder("rendered") / name / "clip.mp4")
     assert whole.info.weave == "progressive"
     fields = [frame.gray for frame in whole.frames(0, 180)]
     path = write_clip(tmp_path / "i.mp4", woven(fields, bottom_first=True), options={"crf": "20"})
-    assert Clip.open(path).info.weave == "bottom_first"
+    assert ClipReader.open(path).info.weave == "bottom_first"
 
 
 def test_progressive_pictures_are_left_alone(tmp_path):
     path = write_clip(tmp_path / "p.mp4", moving_disc(40, 2.0), options={"crf": "23"})
-    assert Clip.open(path).info.weave == "progressive"
+    assert ClipReader.open(path).info.weave == "progressive"
 
 
 def test_a_still_clip_is_progressive(tmp_path):
@@ -59,13 +59,13 @@ def test_a_still_clip_is_progressive(tmp_path):
         for _ in range(20)
     ]
     path = write_clip(tmp_path / "s.mp4", still)
-    assert Clip.open(path).info.weave == "progressive"
+    assert ClipReader.open(path).info.weave == "progressive"
 
 
 def test_declared_fields_are_believed_where_nothing_moves(tmp_path):
     options = {"flags": "+ildct+ilme", "x264-params": "tff=1:interlaced=1"}
     path = write_clip(tmp_path / "d.mp4", [scene(60, 60)] * 10, options=options)
-    clip = Clip.open(path)
+    clip = ClipReader.open(path)
     assert clip.info.interlaced
     assert clip.info.frames == 20
 
@@ -73,8 +73,8 @@ def test_declared_fields_are_believed_where_nothing_moves(tmp_path):
 def test_the_user_may_say_otherwise(tmp_path):
     fields = moving_disc(20, 2.0)
     path = write_clip(tmp_path / "i.mp4", woven(fields), options=LOSSLESS)
-    assert Clip.open(path, fields="progressive").info.frames == 10
-    assert Clip.open(path, fields="bottom_first").info.weave == "bottom_first"
+    assert ClipReader.open(path, fields="progressive").info.frames == 10
+    assert ClipReader.open(path, fields="bottom_first").info.weave == "bottom_first"
 
 
 def test_a_ramp_survives_separation():
@@ -86,7 +86,7 @@ def test_a_ramp_survives_separation():
 
 def test_capture_times_count_fields(tmp_path):
     path = write_clip(tmp_path / "i.mp4", woven(moving_disc(40, 2.0)), options=LOSSLESS)
-    clip = Clip.open(path)
+    clip = ClipReader.open(path)
     assert clip.capture_times(600.0) == pytest.approx(np.arange(40) / 600)
     list(clip.frames())
     assert clip.capture_times(600.0) == pytest.approx(np.arange(40) / 600)

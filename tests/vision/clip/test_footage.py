@@ -7,7 +7,7 @@ import pytest
 from vision.clip import footage
 from vision.clip.footage import Footage
 from vision.clip.info import Frame
-from vision.scene.scene import Scene
+from vision.scene.scene import FilmedScene
 
 
 class LongClip:
@@ -62,7 +62,7 @@ def test_stepping_back_through_a_long_clip_does_not_decode_it_for_each_frame(
 def test_memory_does_not_grow_with_the_length_of_a_full_hd_clip() -> None:
     clip = LongClip(18_000, 1080, 1920)
     tracemalloc.start()
-    scene = Scene(Footage(clip))  # type: ignore[arg-type]
+    scene = FilmedScene(Footage(clip))  # type: ignore[arg-type]
     scene.picture(9_000)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()

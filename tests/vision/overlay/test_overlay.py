@@ -6,7 +6,7 @@ import pytest
 
 from metrology import ClipError, UsageError
 from tests.vision.clip.written_clips import HEIGHT, WIDTH, moving_disc, write_clip
-from vision.clip.clip import Clip
+from vision.clip.clip import ClipReader
 from vision.overlay.overlay import OverlayMarks, overlay_still, png_bytes, write_overlay
 from vision.tracks import Face, PendulumTrack, Track, Tracks
 
@@ -25,7 +25,7 @@ def track(centres, radius, frames):
 
 @pytest.fixture
 def clip(tmp_path):
-    return Clip.open(write_clip(tmp_path / "a.mp4", moving_disc(COUNT)))
+    return ClipReader.open(write_clip(tmp_path / "a.mp4", moving_disc(COUNT)))
 
 
 @pytest.fixture
@@ -83,7 +83,7 @@ def test_the_video_has_every_frame_and_even_sizes(clip, tracks, tmp_path):
     path = tmp_path / "overlay.mp4"
     told = []
     write_overlay(path, clip, tracks, OverlayMarks(captions=("a", "b", "c")), progress=told.append)
-    overlay = Clip.open(path)
+    overlay = ClipReader.open(path)
     assert overlay.info.frames == COUNT
     assert overlay.info.codec == "h264"
     assert overlay.info.width % 2 == overlay.info.height % 2 == 0
@@ -117,7 +117,7 @@ def test_other_kinds_of_file_and_frames_that_are_not_there_are_refused(clip, tra
 
 def test_long_captions_and_odd_sizes_fit(tmp_path):
     images = [np.full((91, 131), 90, np.uint8)] * 2
-    clip = Clip.open(write_clip(tmp_path / "odd.mkv", images, codec="ffv1"))
+    clip = ClipReader.open(write_clip(tmp_path / "odd.mkv", images, codec="ffv1"))
     nothing = Tracks(track(np.zeros((0, 2)), 1.0, []), None, np.zeros((91, 131), np.float32), None)
     image = overlay_still(clip, nothing, OverlayMarks(captions=("x" * 300, "short")))
     assert image.shape[0] % 2 == image.shape[1] % 2 == 0

@@ -11,7 +11,7 @@ from vision.ball.ball import BallFits
 from vision.ball.outline.equations import nothing_found
 from vision.ball.rest import Rest
 from vision.clip.footage import Footage
-from vision.scene.scene import Scene
+from vision.scene.scene import FilmedScene
 
 FloatArray = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class Make:
 class Filmed:
     """A clip with what the striker's search asks for, and where its mass was."""
 
-    scene: Scene
+    scene: FilmedScene
     rest: Rest
     ball: BallFits
     angle: FloatArray
@@ -77,7 +77,7 @@ def filmed(make: Make, *, mirrored: bool = False, frames: int = 54) -> Filmed:
     length = float(np.hypot(*way))
     going = Rest(0, last, centre[0], way / length, length / (frames - STRIKE))
     footage = Footage(PaintedClip(pictures))  # type: ignore[arg-type]
-    return Filmed(Scene(footage), going, BallFits(np.arange(frames), fits), angle, middle)
+    return Filmed(FilmedScene(footage), going, BallFits(np.arange(frames), fits), angle, middle)
 
 
 def _with_mass(light: FloatArray, make: Make, view: FloatArray, angle: float) -> FloatArray:

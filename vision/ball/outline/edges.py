@@ -22,15 +22,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.scene.scene import Scene, Window
+from vision.scene.scene import FilmedScene, Window
 
 __all__ = [
     "TYPICAL_GAMMA",
+    "CutPlaces",
     "Cutouts",
     "EdgePoints",
     "EdgeProfile",
     "Hides",
-    "Wanted",
     "cut_out",
     "edge_points",
     "places",
@@ -96,7 +96,7 @@ class Cutouts:
 
 
 @dataclass(frozen=True)
-class Wanted:
+class CutPlaces:
     """Where to cut.
 
     Attributes
@@ -137,14 +137,14 @@ def _tables() -> tuple[FloatImage, FloatImage]:
     return (255.0 * part**TYPICAL_GAMMA).astype(np.float32), (1.0 / slope).astype(np.float32)
 
 
-def cut_out(scene: Scene, wanted: Wanted) -> Iterator[tuple[slice, Cutouts]]:
+def cut_out(scene: FilmedScene, wanted: CutPlaces) -> Iterator[tuple[slice, Cutouts]]:
     """Cut out blocks of pieces that fit in memory.
 
     Parameters
     ----------
-    scene : Scene
+    scene : FilmedScene
         Footage with its static scene.
-    wanted : Wanted
+    wanted : CutPlaces
         Where.
 
     Yields
@@ -191,7 +191,7 @@ def _inner(window: Window, corner: IntArray) -> Window:
 
 
 def _fill(
-    scene: Scene,
+    scene: FilmedScene,
     index: int,
     window: Window,
     gray: FloatImage | NDArray[np.uint8],

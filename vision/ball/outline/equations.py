@@ -50,7 +50,7 @@ class OutlineFits:
         Of the centre, px²; from the scatter that each sector of the outline shows.
     bound : (F, 2, 2) array
         Cramér–Rao bound of the same from noise and contrast alone, px².
-    misfit : (F,) array
+    rms_residual : (F,) array
         Root mean square residual over noise.
     contrast : (F,) array
         Part of the sectors whose edge stands out from the noise, 0 to 1.
@@ -65,7 +65,7 @@ class OutlineFits:
     radius: FloatArray
     covariance: FloatArray
     bound: FloatArray
-    misfit: FloatArray
+    rms_residual: FloatArray
     contrast: FloatArray
     normal: FloatArray
     pull: FloatArray

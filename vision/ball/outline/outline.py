@@ -33,7 +33,7 @@ from vision.ball.outline.equations import (
     panelled,
     reduced,
 )
-from vision.scene.scene import Scene, Window
+from vision.scene.scene import FilmedScene, Window
 from vision.workers import side_by_side
 
 __all__ = ["FitRules", "Start", "fit_outlines", "voted_outlines"]
@@ -262,15 +262,15 @@ class _Batch:
         trace = np.trace(total, axis1=1, axis2=2)[:, None, None]
         bound = np.linalg.inv(total + held + 1e-9 * (trace + 1e-9) * unit)
         spare = np.maximum(sums.size.sum(axis=1) - _BASIS * count, 1.0)
-        misfit = np.sqrt(sums.square.sum(axis=1) / spare)
+        rms_residual = np.sqrt(sums.square.sum(axis=1) / spare)
         strength = every[:, :, 0, 0] + every[:, :, 1, 1]
-        clear = np.count_nonzero(strength > 4.0 * misfit[:, None] ** 2, axis=1)
+        clear = np.count_nonzero(strength > 4.0 * rms_residual[:, None] ** 2, axis=1)
         fits.found[places] = True
         fits.centre[places] = parameters[:, :2]
         fits.radius[places] = parameters[:, 2]
         fits.covariance[places] = (inverse @ meat @ inverse)[:, :2, :2]
         fits.bound[places] = bound[:, :2, :2]
-        fits.misfit[places] = misfit
+        fits.rms_residual[places] = rms_residual
         fits.contrast[places] = clear / seen.shape[1]
         fits.normal[places, :size, :size] = whole
         fits.pull[places, :size] = pulls.sum(axis=1)
@@ -304,12 +304,14 @@ _SMALLEST_WINDOW = 16
 """px: in a smaller window no ring of the smallest ball has its background."""
 
 
-def voted_outlines(scene: Scene, frame: IntArray, guess: FloatArray, radius: float) -> OutlineFits:
+def voted_outlines(
+    scene: FilmedScene, frame: IntArray, guess: FloatArray, radius: float
+) -> OutlineFits:
     """Find the circle of edges nearest each guess.
 
     Parameters
     ----------
-    scene : Scene
+    scene : FilmedScene
         Footage with its static scene.
     frame : (F,) int array
         Frame indices, increasing.
@@ -341,7 +343,7 @@ def _window(start: FloatArray, radius: float, shape: tuple[int, int]) -> Window:
 
 
 def _vote(
-    scene: Scene,
+    scene: FilmedScene,
     index: int,
     picture: FloatImage,
     window: Window,
@@ -374,5 +376,5 @@ def _vote(
     fits.radius[place] = circles.radius_px[best]
     fits.covariance[place] = std**2 * np.eye(2)
     fits.bound[place] = std**2 / 9.0 * np.eye(2)
-    fits.misfit[place] = 1.0
+    fits.rms_residual[place] = 1.0
     fits.contrast[place] = circles.coverage[best]

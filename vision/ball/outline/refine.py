@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.ball.ball import SMALL_RADIUS, BallFits, trusted_rows
-from vision.ball.outline.edges import Cutouts, EdgeProfile, Hides, Wanted, cut_out, ring_widths
+from vision.ball.outline.edges import Cutouts, CutPlaces, EdgeProfile, Hides, cut_out, ring_widths
 from vision.ball.outline.equations import OutlineFits, nothing_found
 from vision.ball.outline.outline import FitRules, Start, fit_outlines
-from vision.scene.scene import Scene
+from vision.scene.scene import FilmedScene
 
 __all__ = ["Optics", "refine_ball"]
 
@@ -65,13 +65,13 @@ class Optics:
 
 
 def refine_ball(
-    scene: Scene, rough: BallFits, hides: Callable[[int], Hides | None] | None = None
+    scene: FilmedScene, rough: BallFits, hides: Callable[[int], Hides | None] | None = None
 ) -> BallFits:
     """Fit again with one shape for the whole clip, and point spread and smear known.
 
     Parameters
     ----------
-    scene : Scene
+    scene : FilmedScene
         Footage with its static scene.
     rough : BallFits
         Fits with free radius.
@@ -116,7 +116,7 @@ def _unrest(fits: BallFits) -> float:
 class _Refiner:
     def __init__(
         self,
-        scene: Scene,
+        scene: FilmedScene,
         rough: BallFits,
         radius: float,
         hides: Callable[[int], Hides | None] | None,
@@ -151,12 +151,12 @@ class _Refiner:
 
     def _learn(self, name: str, values: tuple[float, ...], trial: IntArray) -> None:
         before = self.optics
-        misfits = []
+        rms_residuals = []
         for value in values:
             self.optics = replace(before, **{name: value})
             fits = self.fit(trial, 3, None).fits
-            misfits.append(float(np.median(fits.misfit)) if len(fits) else np.inf)
-        self.optics = replace(before, **{name: _lowest(np.array(values), np.array(misfits))})
+            rms_residuals.append(float(np.median(fits.rms_residual)) if len(fits) else np.inf)
+        self.optics = replace(before, **{name: _lowest(np.array(values), np.array(rms_residuals))})
 
     def _pieces(self, places: IntArray) -> Iterable[tuple[slice, Cutouts]]:
         """Cut-outs of these places; those of the last few asked for are kept."""
@@ -164,7 +164,7 @@ class _Refiner:
             return self._kept[1]
         reach = self._radius + ring_widths(self._radius)[1] + min(4.0, 0.4 * self._radius) + 1.0
         rough = self._rough
-        wanted = Wanted(rough.frame[places], rough.centre[places], reach, self._hides)
+        wanted = CutPlaces(rough.frame[places], rough.centre[places], reach, self._hides)
         pieces = cut_out(self._scene, wanted)
         if len(places) > _SHAPE_FRAMES:
             return pieces
@@ -198,12 +198,12 @@ def _evenly(places: IntArray, count: int) -> IntArray:
     return np.asarray(places[chosen])
 
 
-def _lowest(values: FloatArray, misfits: FloatArray) -> float:
+def _lowest(values: FloatArray, rms_residuals: FloatArray) -> float:
     """Where a parabola through the lowest misfit and its neighbours has its bottom."""
-    best = int(np.argmin(misfits))
-    if best in (0, len(values) - 1) or not np.all(np.isfinite(misfits[best - 1 : best + 2])):
+    best = int(np.argmin(rms_residuals))
+    if best in (0, len(values) - 1) or not np.all(np.isfinite(rms_residuals[best - 1 : best + 2])):
         return float(values[best])
-    bend, slope, _ = np.polyfit(values[best - 1 : best + 2], misfits[best - 1 : best + 2], 2)
+    bend, slope, _ = np.polyfit(values[best - 1 : best + 2], rms_residuals[best - 1 : best + 2], 2)
     if bend <= 0:
         return float(values[best])
     return float(np.clip(-0.5 * slope / bend, values[best - 1], values[best + 1]))

@@ -8,9 +8,9 @@ from nicegui import ui
 
 __all__ = [
     "STYLE",
-    "Field",
     "Place",
     "PlaceRow",
+    "TextField",
     "field",
     "millimetres",
     "note",
@@ -82,7 +82,7 @@ def note(text: str, kind: str = "wz-small", *, alert: bool = False) -> None:
         label.props("role=alert")
 
 
-class Field:
+class TextField:
     """A text field that tells its text when it is left or Enter is pressed, if it has changed.
 
     Parameters
@@ -127,8 +127,8 @@ class Field:
 
 
 def field(label: str, value: str, told: Callable[[str], None], *, test: str) -> Any:
-    """The input of a `Field`."""
-    return Field(label, value, told, test=test).shown
+    """The input of a `TextField`."""
+    return TextField(label, value, told, test=test).shown
 
 
 class PlaceRow:
@@ -151,7 +151,8 @@ class PlaceRow:
             self._button.props(f'dense no-caps color=teal-9 data-test="place-{place.key}"')
             self._button.classes("grow").style("min-width: 9rem")
             self._fields = [
-                Field(f"{name}, px", "", self._written, test=f"{place.key}-{name}") for name in "xy"
+                TextField(f"{name}, px", "", self._written, test=f"{place.key}-{name}")
+                for name in "xy"
             ]
             for shown in self._fields:
                 shown.shown.style("max-width: 6rem")

@@ -10,7 +10,7 @@ from scipy.stats import binom
 
 from metrology import TooLittleDataError
 from pipelines.measure.motions.free_flight import (
-    FlightPath,
+    FlightFrames,
     FreeFlightPriors,
     fit_free_flight,
     steady_stretch,
@@ -38,7 +38,7 @@ def flown(
 
 def seen(
     time: FloatArray, place: FloatArray, noise: float, seed: int, slant: float = 0.0
-) -> FlightPath:
+) -> FlightFrames:
     """As a camera sees it whose scale grows by `slant` over a metre upwards."""
     rng = np.random.default_rng(seed)
     centred = place - place.mean(axis=0)
@@ -46,7 +46,7 @@ def seen(
     projected = centred * (1.0 - slant * centred[:, 1:] + 2.0 * (slant * centred[:, 1:]) ** 2)
     noisy = projected + rng.normal(0.0, noise, place.shape)
     size = 36.0 / (1.0 + slant * projected[:, 1]) + rng.normal(0.0, 0.1, len(time))
-    return FlightPath(time, noisy, np.full(place.shape, noise), size, np.full(len(time), 0.1))
+    return FlightFrames(time, noisy, np.full(place.shape, noise), size, np.full(len(time), 0.1))
 
 
 def test_a_drop_gives_gravity_and_a_throw_its_angle() -> None:
@@ -106,7 +106,7 @@ def test_a_hand_before_and_a_bounce_after_do_not_belong_to_the_flight() -> None:
 def test_what_is_carried_does_not_fall_alike_in_both_halves() -> None:
     time = np.arange(60) / 60.0
     carried = np.stack([time, 0.3 * np.sin(4.0 * time)], axis=1)
-    path = FlightPath(time, carried, np.full((60, 2), 1e-3), np.full(60, 30.0), np.full(60, 0.1))
+    path = FlightFrames(time, carried, np.full((60, 2), 1e-3), np.full(60, 30.0), np.full(60, 0.1))
     try:
         found = fit_free_flight(path, FreeFlightPriors(0.0, 1e-2, 0.0))
     except TooLittleDataError:
