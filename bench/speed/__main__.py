@@ -41,10 +41,10 @@ SEGMENT = 600
 GRAIN = 0.5
 """Gray levels: what a bright, well lit picture has; coarser grain, coded, counts as motion."""
 VISION = "from pipelines.cli import app; app()"
-FOLLOW = "from vision.clip.clip import Clip; from vision.following import follow; import sys; "
-FOLLOW += "follow(Clip.open(sys.argv[1]), 600.0)"
-DECODE = "from vision.clip.clip import Clip; import sys\n"
-DECODE += "for _ in Clip.open(sys.argv[1]).frames(): pass"
+FOLLOW = "from vision.clip.clip import ClipReader; from vision.following import follow; "
+FOLLOW += "import sys; follow(ClipReader.open(sys.argv[1]), 600.0)"
+DECODE = "from vision.clip.clip import ClipReader; import sys\n"
+DECODE += "for _ in ClipReader.open(sys.argv[1]).frames(): pass"
 LOOKS = (("decoding", DECODE), ("following", FOLLOW))
 
 

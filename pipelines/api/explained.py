@@ -34,7 +34,7 @@ class Verdict:
 
     Attributes
     ----------
-    answer : mismatch.Verdict
+    answer : mismatch.EngineVerdict
         Location, effects, alternatives, held-out test and what remains, as dataclasses.
     """
 

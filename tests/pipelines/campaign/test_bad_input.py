@@ -20,14 +20,14 @@ import resource, signal, sys
 from pathlib import Path
 from metrology import UsageError
 from pipelines.campaign.lab_book import match_clips
-from pipelines.campaign.run import Plan, RunOptions, find_clips, local_crew, run
+from pipelines.campaign.run import RunOptions, RunPlan, find_clips, local_crew, run
 clips, out, stand_in, most = *map(Path, sys.argv[1:4]), int(sys.argv[4])
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 if most:
     # files end there as on a disk that is full
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))
 options = RunOptions(command=(sys.executable, str(stand_in)))
-plan = Plan(out, options, match_clips(None, find_clips([clips])), "1")
+plan = RunPlan(out, options, match_clips(None, find_clips([clips])), "1")
 try:
     print(run(plan, lambda: local_crew(2, options)).done)
 except UsageError as problem:

@@ -76,10 +76,10 @@ import sys
 from pathlib import Path
 from pipelines.campaign.lab_book import match_clips
 from pipelines.campaign.ledger import lock_folder
-from pipelines.campaign.run import Plan, RunOptions, find_clips, local_crew, run
+from pipelines.campaign.run import RunOptions, RunPlan, find_clips, local_crew, run
 clips, out, stand_in = map(Path, sys.argv[1:])
 options = RunOptions(command=(sys.executable, str(stand_in)))
-plan = Plan(out, options, match_clips(None, find_clips([clips])), "1")
+plan = RunPlan(out, options, match_clips(None, find_clips([clips])), "1")
 with lock_folder(out):
     run(plan, lambda: local_crew(2, options))
 """

@@ -242,8 +242,8 @@ def test_memory_stays_flat_over_ten_seconds_of_1080p(tmp_path):
     )
     path = repeated(second, tmp_path / "long.mp4", 600)
     script = (
-        "import resource, sys; from vision.clip.clip import Clip\n"
-        "clip = Clip.open(sys.argv[1]); count = sum(1 for frame in clip.frames())\n"
+        "import resource, sys; from vision.clip.clip import ClipReader\n"
+        "clip = ClipReader.open(sys.argv[1]); count = sum(1 for frame in clip.frames())\n"
         "print(count, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"
     )
     printed = subprocess.run(
