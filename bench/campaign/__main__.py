@@ -1,6 +1,7 @@
 """What a campaign must reach: a law that holds, nothing lost, scaling, memory.
 
-``python -m bench.campaign [--quick]`` prints the table as markdown. Laws are judged on campaigns
+``python -m bench.campaign [--quick] [--filmed FOLDER]`` prints the table as markdown; with a folder
+that ``bench.campaign.filmed`` filled, what its clips say, too. Laws are judged on campaigns
 drawn from the paper's law with strikes, sessions and shared inputs that scatter; the scheduler with
 a crew that only waits as long as clips were measured to take, faster by a stated factor.
 """
@@ -22,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.campaign.filmed import Laboratory, judged, scaling
 from pipelines.campaign.analysis.cor_law import CorPoints, fit_cor_laws
 from pipelines.campaign.lab_book import Matched
 from pipelines.campaign.ledger import Ledger, State, WorkOrder
@@ -171,6 +173,7 @@ def main() -> None:
     parser.add_argument(
         "--seconds", type=float, nargs="+", default=[3.0], help="measured times of clips"
     )
+    parser.add_argument("--filmed", type=Path, help="folder of bench.campaign.filmed, run before")
     given = parser.parse_args()
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     tenth = 10 if given.quick else 1
@@ -181,6 +184,10 @@ def main() -> None:
         print(line, flush=True)
     for line in scheduler(100_000 // tenth, 1000, given.seconds):
         print(line, flush=True)
+    if given.filmed is not None:
+        lab = Laboratory(given.filmed)
+        for line in [*judged(lab, given.filmed / "campaign"), *scaling(lab)]:
+            print(line, flush=True)
 
 
 if __name__ == "__main__":

@@ -14,9 +14,10 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
-from metrology import MeasurementError, UsageError, write_text_whole
+from metrology import ImpactVisionError, MeasurementError, UsageError, write_text_whole
 from pipelines.api.explained import explain as find_missing_physics
 from pipelines.api.quantities import measure_options, setup_from
 from pipelines.campaign.analysis.balls import BallAnalysis, CampaignAnalysis, analyse
@@ -38,7 +39,7 @@ from pipelines.campaign.run import (
     run,
 )
 from pipelines.measure.files.output import software_version
-from pipelines.setup.cor_file import BallLaw, write_cor_file
+from pipelines.setup.cor_file import BallLaw, FittedLaw, with_laws, write_cor_file
 from pipelines.setup.file import Setup, ball_from_option
 
 __all__ = ["Campaign", "CampaignOptions", "Edition", "campaign", "conduct", "publish"]
@@ -95,24 +96,41 @@ def summarise(results: Sequence[ClipResult], analysis: CampaignAnalysis) -> dict
 
 
 def laws_of(analysis: CampaignAnalysis) -> dict[str, BallLaw]:
-    """The likeliest law of each ball, as `simulate`, `plan` and `explain` take it."""
+    """The laws of each ball with their probabilities, for `simulate`, `plan` and `explain`."""
     return {
-        ball.ball or "ball": _ball_law(ball.ball or "ball", ball.fits[0])
+        ball.ball or "ball": _ball_law(ball.ball or "ball", ball.fits)
         for ball in analysis.balls
         if ball.fits
     }
 
 
-def _ball_law(name: str, fit: CorLawFit) -> BallLaw:
+_LEAST_PROBABILITY = 1e-3
+"""A law less likely moves the mean curve by less than a thousandth of what it is off by."""
+
+
+def _ball_law(name: str, fits: Sequence[CorLawFit]) -> BallLaw:
+    kept = [fit for fit in fits if fit.probability >= _LEAST_PROBABILITY]
+    total = sum(fit.probability for fit in kept)
     return BallLaw(
         ball=name,
-        kind=fit.law,
-        parameters={key: item.value for key, item in fit.parameters.items()},
-        covariance=fit.covariance,
-        speeds=fit.speeds,
-        strike_scatter=fit.strike_scatter.value,
-        session_scatter=fit.session_scatter.value,
+        laws=tuple(
+            FittedLaw(
+                fit.law,
+                {key: item.value for key, item in fit.parameters.items()},
+                fit.covariance,
+                fit.probability / total,
+            )
+            for fit in kept
+        ),
+        speeds=fits[0].speeds,
+        strike_scatter=_mean([fit.strike_scatter.value for fit in kept], kept),
+        session_scatter=_mean([fit.session_scatter.value for fit in kept], kept),
     )
+
+
+def _mean(values: Sequence[float], fits: Sequence[CorLawFit]) -> float:
+    weights = [fit.probability for fit in fits]
+    return sum(v * w for v, w in zip(values, weights, strict=True)) / sum(weights)
 
 
 def _why(ball: BallAnalysis, index: int, critical: float) -> str:
@@ -458,15 +476,19 @@ def _explain(edition: Edition, published: Published) -> str:
     """
     used = {result.clip for result in published.results if result.used}
     table = published.frame[published.frame["clip"].isin(used)]
+    laws = laws_of(published.analysis)
     told: dict[str, Any]
     try:
         verdict = find_missing_physics(
-            trials=table.rename(columns={"clip": "trial"}), setup=edition.setup
+            trials=table.rename(columns={"clip": "trial"}),
+            # how a lab's balls rebound is what its own strikes say, not a preset
+            setup=with_laws(edition.setup, laws) if laws else edition.setup,
         )
-    except (MeasurementError, UsageError) as problem:
+    except (MeasurementError, UsageError, ArithmeticError, np.linalg.LinAlgError) as problem:
         # what is measured is published; that it does not tell of physics is no failure of it
-        told, said = {"verdict": None, "reason": problem.in_one_line}, problem.in_one_line
-        said = f"Missing physics was not looked for: {said}"
+        why = str(problem) if not isinstance(problem, ImpactVisionError) else problem.in_one_line
+        told = {"verdict": None, "reason": why}
+        said = f"Missing physics can't be told: {why}"
     else:
         verdict.report(edition.folder / "explain.html")
         told = verdict.to_dict()

@@ -101,7 +101,8 @@ def _cor(balls: Sequence[BallAnalysis], against_paper: bool) -> Figure:
         if against_paper and known is not None:
             grid = np.linspace(*_span(speed), 60)
             axes.plot(grid, known.cor(grid), ":", color=colour, label=f"{_label(ball)}, paper")
-    axes.legend(fontsize=8)
+    # seven lines of it would hide points inside the axes
+    figure.legend(loc="outside lower center", ncols=2, fontsize=8)
     return figure
 
 
@@ -116,7 +117,7 @@ def _band(axes: Axes, ball: BallAnalysis, colour: str) -> None:
         [e.value for e in of_law],
         color=colour,
         lw=1.4,
-        label=f"{_label(ball)}: {fit.law} ({fit.probability:.0%})",
+        label=f"{_label(ball)}: mean of the laws (likeliest: {fit.law}, {fit.probability:.0%})",
     )
     axes.fill_between(
         grid, [e.low for e in of_law], [e.high for e in of_law], color=colour, alpha=0.3, lw=0

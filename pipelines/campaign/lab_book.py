@@ -112,6 +112,8 @@ class LabBook:
 
 _LARGEST_BYTES = 64 * 2**20
 """64 MiB: a hundred thousand lines of a lab book are below 20."""
+_LARGEST_BACKSWING_DEG = 180.0
+"""A pendulum stands upright there."""
 _NUMERIC = ("backswing_deg", *(sensor.column for sensor in SENSORS))
 
 
@@ -147,6 +149,11 @@ def read_lab_book(path: Path) -> LabBook:
 
 
 def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    if path.exists() and not path.is_file():
+        kind = "a folder" if path.is_dir() else "a device or a pipe"
+        raise UsageError(
+            f"the lab book {path} is {kind}", hint="Give a CSV or XLSX file with a column 'clip'."
+        )
     if not path.is_file():
         raise UsageError(
             f"there is no lab book {path}", hint="Give a CSV or XLSX file with a column 'clip'."
@@ -168,6 +175,8 @@ def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
         )
     except (pd.errors.ParserError, pd.errors.EmptyDataError) as problem:
         raise UsageError(f"{path} is no table: {problem}") from problem
+    # a line with fewer cells than heads ends in empty ones
+    table = table.fillna("")
     table.columns = table.iloc[0]
     table = table.iloc[1:]
     notes = () if separator == "," else (f"columns of {path.name} are separated by {separator!r}",)
@@ -178,7 +187,7 @@ def _text(path: Path) -> str:
     raw = path.read_bytes()
     for mark, encoding in ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")):
         if raw.startswith(mark):
-            return raw.decode(encoding)
+            return raw.decode(encoding, errors="replace")
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -206,6 +215,12 @@ def _strike(path: Path, line: int, row: Mapping[object, object]) -> LabBookRow:
         if isinstance(std, float) and std <= 0:
             raise UsageError(f"{path}, line {line}: {sensor.column}_std must be above zero")
     backswing = cells.get("backswing_deg")
+    if isinstance(backswing, float) and not abs(backswing) <= _LARGEST_BACKSWING_DEG:
+        raise UsageError(
+            f"{path}, line {line}: backswing_deg is {backswing:g}, and no pendulum swings back"
+            " so far",
+            hint=f"It must lie between 0 and {_LARGEST_BACKSWING_DEG:.0f} degrees.",
+        )
     return LabBookRow(
         clip=str(clip),
         ball=None if cells.get("ball") is None else str(cells["ball"]),

@@ -123,6 +123,20 @@ CREATE TABLE IF NOT EXISTS stages (
     PRIMARY KEY (clip, stage)
 );
 """
+_FIRST_COLUMNS = frozenset({"clip", "path", "sha256", "options", "version", "state"})
+"""Without these a row says nothing."""
+_LATER_COLUMNS = {
+    "started": "TEXT",
+    "finished": "TEXT",
+    "seconds": "REAL",
+    "error": "TEXT",
+    "attempts": "INTEGER NOT NULL DEFAULT 0",
+    "deaths": "INTEGER NOT NULL DEFAULT 0",
+    "excluded": "TEXT",
+    "ball_at": "TEXT",
+    "document": "TEXT",
+}
+"""Columns that an older version may lack, with what they hold then: nothing."""
 
 
 class Ledger:
@@ -156,6 +170,7 @@ class Ledger:
                     f"{path} was written by a later version of vision",
                     hint="Install that version, or give another folder with --out.",
                 )
+            self._add_missing_columns()
             self._base.executescript(_TABLES)
             self._base.execute(f"PRAGMA user_version={_LAYOUT}")
         except sqlite3.Error as problem:
@@ -163,6 +178,26 @@ class Ledger:
                 f"can't use {path} as ledger: {problem}",
                 hint="Give a folder that you may write to, on a disk with room.",
             ) from problem
+
+    def _add_missing_columns(self) -> None:
+        """Give a ledger of an older version the columns that it lacks; its rows stay.
+
+        Raises
+        ------
+        UsageError
+            If it is no ledger of ours at all.
+        """
+        held = {row["name"] for row in self._base.execute("PRAGMA table_info(clips)")}
+        if not held:
+            return
+        if not held >= _FIRST_COLUMNS:
+            raise UsageError(
+                "ledger.sqlite in this folder is no ledger of a campaign",
+                hint="Give another folder with --out.",
+            )
+        for name, kind in _LATER_COLUMNS.items():
+            if name not in held:
+                self._base.execute(f"ALTER TABLE clips ADD COLUMN {name} {kind}")
 
     def __enter__(self) -> Self:
         return self

@@ -55,6 +55,8 @@ class ClipWorkerDied(Exception):
     """The process ended, hung or outgrew its memory while it had a clip; says which."""
 
 
+OWN_WORKER = (sys.executable, "-m", "pipelines.campaign.worker")
+"""What is started where nobody names another command."""
 _WATCH_S = 0.5
 """How often a worker's memory is looked at: it fills a gigabyte in about as long."""
 
@@ -76,7 +78,7 @@ class WorkerProcess:
         self, timeout_s: float, memory_bytes: int, command: tuple[str, ...] | None = None
     ) -> None:
         self._timeout_s, self._memory = timeout_s, memory_bytes
-        self._command = command or (sys.executable, "-m", "pipelines.campaign.worker")
+        self._command = command or OWN_WORKER
         self._process: subprocess.Popen[str] | None = None
         self._lines: queue.Queue[str | None] = queue.Queue()
         self._pump: threading.Thread | None = None

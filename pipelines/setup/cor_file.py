@@ -9,6 +9,16 @@
     speeds = [1.12, 3.92]                # m/s, between which it was fitted
     strike_scatter = 0.005               # one sigma, strike to strike
     session_scatter = 0.002              # one sigma, session to session
+    probability = 0.88                   # of this law, the likeliest; without it: 1
+
+    [[balls.jokku.other_laws]]           # what else the strikes allow, the same keys
+    law = "constant"
+    probability = 0.12
+    parameters = { d = 0.7311 }
+    covariance = [[1e-4]]
+
+What is handed on is the mean of the laws, each with its probability, and an uncertainty that holds
+the doubt about the law itself (Hoeting et al., Statistical Science 14, 382, 1999).
 """
 
 from collections.abc import Mapping
@@ -25,10 +35,25 @@ from metrology import SetupError, UsageError, parse_toml, read_small_text, write
 from physics.bodies import Ball
 from physics.domain import FloatArray
 from physics.planning import PlanScatter
-from physics.restitution.restitution import ConstantCor, CorLaw, ExponentialCor, PowerLawCor
+from physics.restitution.restitution import (
+    ConstantCor,
+    CorLaw,
+    ExponentialCor,
+    ExpressionCor,
+    PowerLawCor,
+    law_as_text,
+)
 from pipelines.setup.tables import Setup
 
-__all__ = ["BallLaw", "LawKind", "law_of_ball", "read_cor_file", "with_laws", "write_cor_file"]
+__all__ = [
+    "BallLaw",
+    "FittedLaw",
+    "LawKind",
+    "law_of_ball",
+    "read_cor_file",
+    "with_laws",
+    "write_cor_file",
+]
 
 
 class LawKind(StrEnum):
@@ -46,35 +71,32 @@ PARAMETERS = {
 }
 """Names in the order of the covariance."""
 
+_SUMS_TO_ONE = 1e-3
+"""What three probabilities written by hand with three digits may sum beside 1."""
+
 STEP = 1e-6
 """Of the numerical derivative by a parameter, in its own unit: all are of the order of 0.1 to 1."""
 
 
 @dataclass(frozen=True, eq=False)
-class BallLaw:
-    """A law of restitution as a campaign knows it.
+class FittedLaw:
+    """One law of restitution, and how likely it is among those compared.
 
     Attributes
     ----------
-    ball : str
     kind : LawKind
     parameters : mapping of str to float
         exponential: e = a exp(−b v) + d, b in s/m; power: e = 1 − a v^(1/5); constant: e = d.
     covariance : (P, P) array
         Of the parameters, in the order of `PARAMETERS`.
-    speeds : (2,) tuple of float
-        m/s, between which it was fitted.
-    strike_scatter, session_scatter : float
-        One sigma, strike to strike and session to session.
+    probability : float
+        In (0, 1].
     """
 
-    ball: str
     kind: LawKind
     parameters: Mapping[str, float]
     covariance: FloatArray
-    speeds: tuple[float, float]
-    strike_scatter: float = 0.0
-    session_scatter: float = 0.0
+    probability: float = 1.0
 
     @property
     def law(self) -> CorLaw:
@@ -85,20 +107,65 @@ class BallLaw:
     def _vector(self) -> FloatArray:
         return np.array([self.parameters[name] for name in PARAMETERS[self.kind]])
 
+    def value_at(self, speed: float) -> float:
+        """Coefficient of restitution at an impact speed, m/s, even where it is none."""
+        return _value(self.kind, self._vector, speed)
+
     def std_at(self, speed: float) -> float:
         """Standard uncertainty of the law at an impact speed, m/s."""
         centre = self._vector
         slope = np.array(
             [
                 (
-                    float(_value(self.kind, centre + STEP * axis, speed))
-                    - float(_value(self.kind, centre - STEP * axis, speed))
+                    _value(self.kind, centre + STEP * axis, speed)
+                    - _value(self.kind, centre - STEP * axis, speed)
                 )
                 / (2.0 * STEP)
                 for axis in np.eye(len(centre))
             ]
         )
         return float(np.sqrt(max(slope @ self.covariance @ slope, 0.0)))
+
+
+@dataclass(frozen=True, eq=False)
+class BallLaw:
+    """What a campaign knows of a ball's restitution.
+
+    Attributes
+    ----------
+    ball : str
+    laws : tuple of FittedLaw
+        Those compared, the likeliest first; their probabilities sum to 1.
+    speeds : (2,) tuple of float
+        m/s, between which they were fitted.
+    strike_scatter, session_scatter : float
+        One sigma, strike to strike and session to session.
+    """
+
+    ball: str
+    laws: tuple[FittedLaw, ...]
+    speeds: tuple[float, float]
+    strike_scatter: float = 0.0
+    session_scatter: float = 0.0
+
+    @property
+    def law(self) -> CorLaw:
+        """The mean of the laws, each with its probability."""
+        if len(self.laws) == 1:
+            return self.laws[0].law
+        parts = [f"{one.probability!r}*({law_as_text(one.law)})" for one in self.laws]
+        return ExpressionCor(" + ".join(parts))
+
+    def std_at(self, speed: float) -> float:
+        """Standard uncertainty of the mean law at an impact speed, m/s.
+
+        What the laws differ by is part of it.
+        """
+        weights = np.array([one.probability for one in self.laws])
+        values = np.array([one.value_at(speed) for one in self.laws])
+        own = np.array([one.std_at(speed) for one in self.laws])
+        apart = values - weights @ values
+        return float(np.sqrt(weights @ (own**2 + apart**2)))
 
     def scatter_at(self, speed: float, scatter: PlanScatter) -> PlanScatter:
         """The scatter with what the campaign knows of restitution at an impact speed, m/s."""
@@ -141,12 +208,17 @@ Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 Parameter = Annotated[Finite, BeforeValidator(_number)]
 
 
-class _BallTable(BaseModel):
+class _LawTable(BaseModel):
     model_config = ConfigDict(extra="ignore", frozen=True)
 
     law: LawKind
     parameters: dict[str, Parameter]
     covariance: list[list[Finite]]
+    probability: Annotated[Finite, Field(gt=0, le=1)] = 1.0
+
+
+class _BallTable(_LawTable):
+    other_laws: tuple[_LawTable, ...] = ()
     speeds: tuple[Finite, Finite]
     strike_scatter: Annotated[Finite, Field(ge=0, le=1)] = 0.0
     session_scatter: Annotated[Finite, Field(ge=0, le=1)] = 0.0
@@ -185,48 +257,66 @@ def read_cor_file(path: Path) -> dict[str, BallLaw]:
 
 
 def _ball_law(name: str, table: _BallTable, path: Path) -> BallLaw:
+    where = f"{path}: balls.{name}"
+    low, high = table.speeds
+    if not 0.0 < low <= high:
+        raise SetupError(f"{where}: speeds {low:g} to {high:g} m/s are no range")
+    tables = (table, *table.other_laws)
+    total = sum(one.probability for one in tables)
+    if abs(total - 1.0) > _SUMS_TO_ONE:
+        raise SetupError(
+            f"{where}: the probabilities of its laws sum to {total:g}",
+            hint="They are those of all laws compared, and sum to 1.",
+        )
+    laws = tuple(_fitted_law(one, where) for one in tables)
+    law = BallLaw(name, laws, table.speeds, table.strike_scatter, table.session_scatter)
+    try:
+        law.law(low), law.law(high)
+    except UsageError as problem:
+        raise SetupError(f"{where}: {problem.message}") from problem
+    return law
+
+
+def _fitted_law(table: _LawTable, where: str) -> FittedLaw:
     wanted = PARAMETERS[table.law]
     if set(table.parameters) != set(wanted):
         raise SetupError(
-            f"{path}: balls.{name}: the {table.law.value} law has the parameters"
+            f"{where}: the {table.law.value} law has the parameters"
             f" {', '.join(wanted)}, not {', '.join(table.parameters)}"
         )
     size = len(wanted)
     if [len(row) for row in table.covariance] != [size] * size:
-        raise SetupError(f"{path}: balls.{name}: the covariance is not {size} by {size}")
+        raise SetupError(f"{where}: the covariance is not {size} by {size}")
     covariance = np.array(table.covariance)
     scale = float(np.abs(covariance).max()) or 1.0
     lowest = float(np.linalg.eigvalsh(0.5 * (covariance + covariance.T)).min())
     if np.abs(covariance - covariance.T).max() > 1e-9 * scale or lowest < -1e-9 * scale:
-        raise SetupError(f"{path}: balls.{name}: the covariance is no covariance")
-    low, high = table.speeds
-    if not 0.0 < low <= high:
-        raise SetupError(f"{path}: balls.{name}: speeds {low:g} to {high:g} m/s are no range")
-    law = BallLaw(
-        name, table.law, table.parameters, covariance, table.speeds,
-        table.strike_scatter, table.session_scatter,
-    )  # fmt: skip
-    try:
-        law.law(low), law.law(high)
-    except UsageError as problem:
-        raise SetupError(f"{path}: balls.{name}: {problem.message}") from problem
-    return law
+        raise SetupError(f"{where}: the covariance is no covariance")
+    return FittedLaw(table.law, table.parameters, covariance, table.probability)
 
 
 def write_cor_file(path: Path, laws: Mapping[str, BallLaw]) -> None:
     """Write the laws of a campaign, whole or not at all."""
     balls = {
         name: {
-            "law": law.kind.value,
-            "parameters": {key: float(law.parameters[key]) for key in PARAMETERS[law.kind]},
-            "covariance": [[float(v) for v in row] for row in law.covariance],
+            **_law_table(law.laws[0]),
             "speeds": [float(v) for v in law.speeds],
             "strike_scatter": float(law.strike_scatter),
             "session_scatter": float(law.session_scatter),
+            **({"other_laws": [_law_table(one) for one in law.laws[1:]]} if law.laws[1:] else {}),
         }
         for name, law in laws.items()
     }
     write_text_whole(path, tomli_w.dumps({"balls": balls}))
+
+
+def _law_table(law: FittedLaw) -> dict[str, Any]:
+    return {
+        "law": law.kind.value,
+        "probability": float(law.probability),
+        "parameters": {key: float(law.parameters[key]) for key in PARAMETERS[law.kind]},
+        "covariance": [[float(v) for v in row] for row in law.covariance],
+    }
 
 
 def law_of_ball(laws: Mapping[str, BallLaw], ball: str) -> BallLaw:

@@ -182,7 +182,6 @@ def test_the_published_tables_keep_lab_book_and_reasons(tmp_path: Path) -> None:
         == 15
     )
     laws = read_cor_file(out / "cor.toml")
-    assert laws["jokku"].std_at(2.0) < 0.02
     summary = json.loads((out / "summary.json").read_text())
     assert summary["clips"] == {"done": 14, "failed": 1, "waiting": 0, "excluded": 1}
     assert summary["excluded"] == [{"clip": "s03.mp4", "why": "ball rolled"}]
@@ -191,6 +190,10 @@ def test_the_published_tables_keep_lab_book_and_reasons(tmp_path: Path) -> None:
     middle = ball["cor_at"][4]
     truth = 0.1073 * 2.718281828 ** (-0.2685 * middle["speed"]) + 0.6746
     assert abs(middle["value"] - truth) < 3 * middle["std"]
+    # what simulate and plan are handed is the band of the report
+    for one in ball["cor_at"]:
+        assert abs(laws["jokku"].law(one["speed"]) - one["value"]) < 0.1 * one["std"]
+        assert laws["jokku"].std_at(one["speed"]) == pytest.approx(one["std"], rel=0.1)
     assert summary["sensors"]["impact_speed_encoder_m_s"]["pairs"] == 13
     page = (out / "report.html").read_text()
     assert "ball rolled" in page

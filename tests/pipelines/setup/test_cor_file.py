@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from metrology import SetupError, UsageError
 from pipelines.cli import app
 from pipelines.setup.cor_file import (
     BallLaw,
+    FittedLaw,
     LawKind,
     law_of_ball,
     read_cor_file,
@@ -23,23 +25,31 @@ from pipelines.setup.file import read_setup
 COVARIANCE = np.array([[4e-4, 2e-4, -1e-4], [2e-4, 9e-4, -2e-4], [-1e-4, -2e-4, 1e-4]])
 JOKKU = BallLaw(
     "jokku",
-    LawKind.EXPONENTIAL,
-    {"a": 0.1073, "b": 0.2685, "d": 0.6746},
-    COVARIANCE,
+    (FittedLaw(LawKind.EXPONENTIAL, {"a": 0.1073, "b": 0.2685, "d": 0.6746}, COVARIANCE),),
     (1.12, 3.92),
     strike_scatter=0.006,
     session_scatter=0.008,
 )
-FLAT = BallLaw("flat", LawKind.CONSTANT, {"d": 0.7}, np.array([[1e-4]]), (1.0, 4.0))
-VISCOUS = BallLaw("viscous", LawKind.POWER, {"a": 0.2}, np.array([[1e-6]]), (1.0, 4.0))
+FLAT = BallLaw("flat", (FittedLaw(LawKind.CONSTANT, {"d": 0.7}, np.array([[1e-4]])),), (1.0, 4.0))
+VISCOUS = BallLaw(
+    "viscous", (FittedLaw(LawKind.POWER, {"a": 0.2}, np.array([[1e-6]])),), (1.0, 4.0)
+)
+DOUBTED = BallLaw(
+    "doubted",
+    (
+        FittedLaw(LawKind.POWER, {"a": 0.2}, np.array([[1e-4]]), 0.7),
+        FittedLaw(LawKind.CONSTANT, {"d": 0.7}, np.array([[4e-4]]), 0.3),
+    ),
+    (1.0, 4.0),
+)
 
 
 def test_laws_written_are_read_again(tmp_path: Path) -> None:
     path = tmp_path / "cor.toml"
     write_cor_file(path, {law.ball: law for law in (JOKKU, FLAT, VISCOUS)})
     laws = read_cor_file(path)
-    assert laws["jokku"].parameters == JOKKU.parameters
-    np.testing.assert_array_equal(laws["jokku"].covariance, COVARIANCE)
+    assert laws["jokku"].laws[0].parameters == JOKKU.laws[0].parameters
+    np.testing.assert_array_equal(laws["jokku"].laws[0].covariance, COVARIANCE)
     assert laws["jokku"].speeds == JOKKU.speeds
     assert laws["flat"].law(3.0) == pytest.approx(0.7)
     assert laws["viscous"].law(3.0) == pytest.approx(1.0 - 0.2 * 3.0**0.2)
@@ -54,6 +64,21 @@ def test_the_law_is_as_sure_as_draws_of_its_parameters() -> None:
         assert JOKKU.std_at(speed) == pytest.approx(float(values.std()), rel=0.03)
         wanted = 0.1073 * math.exp(-0.2685 * speed) + 0.6746
         assert JOKKU.law(speed) == pytest.approx(wanted)
+
+
+def test_laws_that_compete_give_their_mean_and_the_doubt_between_them(tmp_path: Path) -> None:
+    path = tmp_path / "cor.toml"
+    write_cor_file(path, {"doubted": DOUBTED, "jokku": JOKKU})
+    read = read_cor_file(path)["doubted"]
+    rng = np.random.default_rng(4)
+    draws = 200_000
+    power = 1.0 - rng.normal(0.2, 0.01, draws) * 3.0**0.2
+    flat = rng.normal(0.7, 0.02, draws)
+    values = np.where(rng.random(draws) < 0.7, power, flat)
+    assert read.law(3.0) == pytest.approx(float(values.mean()), abs=3e-4)
+    assert read.std_at(3.0) == pytest.approx(float(values.std()), rel=0.01)
+    # either law alone is surer than both together
+    assert read.std_at(3.0) > max(one.std_at(3.0) for one in read.laws)
 
 
 def test_a_plan_from_a_campaigns_law_is_as_wide_as_the_campaign_says(tmp_path: Path) -> None:
@@ -71,8 +96,9 @@ def test_a_plan_from_a_campaigns_law_is_as_wide_as_the_campaign_says(tmp_path: P
         low, high = (values[f"landing_distance_{e}_95"]["value"] for e in ("low", "high"))
         return float(high - low)
 
-    sure = BallLaw("jokku", JOKKU.kind, JOKKU.parameters, 0.0 * COVARIANCE, JOKKU.speeds, 0.01)
-    wide = BallLaw("jokku", JOKKU.kind, JOKKU.parameters, 0.0 * COVARIANCE, JOKKU.speeds, 0.02)
+    exact = (replace(JOKKU.laws[0], covariance=0.0 * COVARIANCE),)
+    sure = BallLaw("jokku", exact, JOKKU.speeds, 0.01)
+    wide = BallLaw("jokku", exact, JOKKU.speeds, 0.02)
     assert width(wide) == pytest.approx(2.0 * width(sure), rel=1e-6)
     std = JOKKU.std_at(2.7)
     assert width(JOKKU) / width(sure) == pytest.approx(math.hypot(std, 0.01) / 0.01, rel=0.1)
@@ -124,12 +150,14 @@ speeds = [1.0, 4.0]
         ("b = 0.27", "b = nan", "parameters"),
         ("d = 0.67", "d = 1.67", "at most 1"),
         ("law =", "law", "cor.toml"),
+        ("speeds", "probability = 0.6\nspeeds", "sum to 0.6"),
+        ("speeds", "probability = -1.0\nspeeds", "probability"),
     ],
 )
 def test_a_broken_file_says_what_is_wrong(tmp_path: Path, old: str, new: str, said: str) -> None:
     path = tmp_path / "cor.toml"
     path.write_text(GOOD)
-    assert read_cor_file(path)["jokku"].parameters["a"] == 0.1
+    assert read_cor_file(path)["jokku"].laws[0].parameters["a"] == 0.1
     assert old in GOOD
     path.write_text(GOOD.replace(old, new, 1))
     with pytest.raises(SetupError, match=said):

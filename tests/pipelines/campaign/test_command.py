@@ -1,0 +1,147 @@
+"""`vision campaign` as somebody types it: exit codes, what is refused, what is said."""
+
+import json
+import shutil
+import sqlite3
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import Result
+from typer.testing import CliRunner
+
+from pipelines.campaign import worker
+from pipelines.campaign.ledger import Ledger, State
+from pipelines.cli import app
+
+STAND_IN = Path(__file__).with_name("stand_in.py")
+LAB = """
+[pendulum]
+length = "0.5541 m"
+[balls.red]
+mass = "0.3 kg"
+diameter = "0.2 m"
+"""
+
+
+@pytest.fixture
+def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of clips that a stand-in measures, a lab book and a setup."""
+    monkeypatch.setattr(worker, "OWN_WORKER", (sys.executable, str(STAND_IN)))
+    (tmp_path / "clips").mkdir()
+    for name in ("a", "b", "c"):
+        (tmp_path / "clips" / f"{name}.mp4").write_bytes(name.encode())
+    (tmp_path / "lab.toml").write_text(LAB)
+    (tmp_path / "trials.csv").write_text("clip,ball\na,red\nb,red\nc,red\n")
+    return tmp_path
+
+
+def _campaign(lab: Path, *more: str) -> Result:
+    given = ["campaign", str(lab / "clips"), "--out", str(lab / "out")]
+    given += ["--trials", str(lab / "trials.csv"), "--setup", str(lab / "lab.toml")]
+    return CliRunner().invoke(app, [*given, "-j", "1", *more])
+
+
+def test_too_few_strikes_to_explain_are_told_and_the_campaign_stands(lab: Path) -> None:
+    ran = _campaign(lab, "--explain")
+    assert ran.exit_code == 0, ran.output
+    assert "3 clips measured" in ran.output
+    told = json.loads((lab / "out" / "explain.json").read_text())
+    assert told["verdict"] is None
+    assert told["reason"] in ran.output.replace("\n", " ")
+    assert told["reason"][:40] in (lab / "out" / "report.html").read_text()
+
+
+def test_numbers_that_no_model_fits_end_the_explanation_only(
+    lab: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pipelines.campaign import conduct
+
+    def singular(**given: object) -> object:
+        raise ArithmeticError("singular matrix")
+
+    monkeypatch.setattr(conduct, "find_missing_physics", singular)
+    ran = _campaign(lab, "--explain")
+    assert ran.exit_code == 0, ran.output
+    assert "singular matrix" in (lab / "out" / "report.html").read_text()
+
+
+def test_what_could_not_be_measured_is_listed_with_exit_code_4(lab: Path) -> None:
+    (lab / "clips" / "refuse.mp4").write_bytes(b"r")
+    (lab / "trials.csv").write_text("clip,ball\na,red\nunknown,red\n")
+    ran = _campaign(lab)
+    assert ran.exit_code == 4
+    assert "refuse.mp4: no ball is seen" in ran.output
+    assert "unknown: named in the lab book, not given" in ran.output
+    with Ledger(lab / "out") as ledger:
+        assert ledger.counts()[State.DONE] == 3
+
+
+@pytest.mark.parametrize(
+    ("book", "said"),
+    [
+        ("clip,ball\na,blue\n", "nobody says what ball 'blue' is"),
+        ("clip,backswing_deg\na,6250\n", "no pendulum swings back so far"),
+        ("clip;ball;backswing_deg\na\n", None),
+        ("ball\nred\n", "no column 'clip'"),
+    ],
+)
+def test_a_slip_in_the_lab_book_is_refused_before_the_work(
+    lab: Path, book: str, said: str | None
+) -> None:
+    (lab / "trials.csv").write_text(book)
+    ran = _campaign(lab, "--quiet")
+    assert ran.exit_code == (0 if said is None else 2), ran.output
+    if said is not None:
+        assert said in ran.output
+        assert not (lab / "out" / "ledger.sqlite").exists()
+
+
+def test_no_clips_are_refused(lab: Path) -> None:
+    shutil.rmtree(lab / "clips")
+    (lab / "clips").mkdir()
+    ran = _campaign(lab)
+    assert ran.exit_code == 2
+    assert "there is no clip in" in ran.output
+
+
+def test_a_clip_removed_on_the_way_fails_by_name_and_the_rest_goes_on(
+    lab: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(worker, "OWN_WORKER", (sys.executable, "-m", "pipelines.campaign.worker"))
+    for name in ("a", "b"):
+        (lab / "clips" / f"{name}.mp4").unlink()
+    # gone between the look into the folder and the measurement: a link to nothing
+    (lab / "clips" / "gone.mp4").symlink_to(lab / "nothing.mp4")
+    ran = _campaign(lab)
+    assert ran.exit_code == 4
+    assert "gone.mp4" in ran.output
+    assert "c.mp4" in ran.output
+
+
+def test_the_ledger_of_an_older_version_keeps_its_rows(lab: Path) -> None:
+    out = lab / "out"
+    out.mkdir()
+    with sqlite3.connect(out / "ledger.sqlite") as base:
+        base.execute(
+            "CREATE TABLE clips (clip TEXT PRIMARY KEY, path TEXT, sha256 TEXT, options TEXT,"
+            " version TEXT, state TEXT)"
+        )
+        base.execute("INSERT INTO clips VALUES ('a.mp4', 'x', 'y', 'z', '0', 'done')")
+    base.close()
+    ran = _campaign(lab)
+    assert ran.exit_code == 0, ran.output
+    assert "a.mp4 was measured again" in ran.output
+    with Ledger(out) as ledger:
+        assert ledger.counts()[State.DONE] == 3
+
+
+def test_a_folder_with_somebody_elses_database_is_left_alone(lab: Path) -> None:
+    out = lab / "out"
+    out.mkdir()
+    with sqlite3.connect(out / "ledger.sqlite") as base:
+        base.execute("CREATE TABLE clips (title TEXT)")
+    base.close()
+    ran = _campaign(lab)
+    assert ran.exit_code == 2
+    assert "no ledger of a campaign" in ran.output
