@@ -34,7 +34,7 @@ from mismatch.search.locate import (
     remainder_of,
     where_it_is_largest,
 )
-from mismatch.search.naming import Naming, name_effects
+from mismatch.search.naming import WEIGHT_SCALE, Naming, name_effects
 from mismatch.verdict import (
     Alternative,
     Doubt,
@@ -51,9 +51,6 @@ from physics.domain import FloatArray
 from physics.effects import CATALOGUE, MEASUREMENT_IDS, Effect, EffectId, Level
 
 __all__ = ["Explained", "Options", "explain", "explain_in_full"]
-
-WEIGHT_SCALE = 2.2
-"""Chi-square units per factor e in the odds of two answers: two would be Gaussian to the letter."""
 
 CATALOGUE_TRUST = 0.97
 """Probability that a law holds as the catalogue writes it. Of names given alone with a probability
@@ -328,25 +325,18 @@ def _groups(best: Hypothesis | None, rivals: Sequence[Hypothesis]) -> tuple[tupl
     return tuple(tuple(group) for group in groups if len(group) > 1)
 
 
-def _weights(naming: Naming) -> FloatArray:
-    """Relative weights of every tried answer; one per set of ids and only allowed ones count."""
-    best: dict[tuple[str, ...], float] = {}
-    for h in naming.tried:
-        key = tuple(sorted(h.ids))
-        if h.allowed and h.penalised_gain > best.get(key, -np.inf):
-            best[key] = h.penalised_gain
+def _weights(naming: Naming) -> dict[tuple[str, ...], float]:
+    """Relative weight of every set of laws that was fitted, all its forms together."""
     answer = naming.best
-    top = max(best.values(), default=0.0) if answer is None else answer.penalised_gain
+    mine = None if answer is None else naming.families.get(tuple(sorted(answer.ids)))
+    top = max((one.penalised_gain for one in naming.families.values()), default=0.0)
+    top = top if mine is None else mine.penalised_gain
     scale = WEIGHT_SCALE * (1.0 if answer is None else answer.reduced_chi2)
     # What gains more was set aside for its size; it is as good as the answer, not better.
-    return np.array(
-        [
-            np.exp(min(h.penalised_gain - top, 0.0) / scale)
-            if h.allowed and best[tuple(sorted(h.ids))] == h.penalised_gain
-            else 0.0
-            for h in naming.tried
-        ]
-    )
+    return {
+        ids: float(np.exp(min(one.penalised_gain - top, 0.0) / scale))
+        for ids, one in naming.families.items()
+    }
 
 
 def _setup_trust(forward: Forward, best: Hypothesis) -> float:
@@ -399,15 +389,13 @@ def _named(
     if best is None or not passed.names:
         return ()
     weights = _weights(naming)
-    total = max(float(weights.sum()), 1e-300)
+    total = max(sum(weights.values()), 1e-300)
     # At the threshold the odds against chance are those of its false-alarm rate.
     real = 1.0 / (1.0 + np.exp(-(best.penalised_gain - naming.threshold + 6.0) / WEIGHT_SCALE))
     named = []
     spreads = robust_spread(forward, best.fit)
     for member in best.members:
-        share = sum(
-            float(w) for w, h in zip(weights, naming.tried, strict=True) if member.id in h.ids
-        )
+        share = sum(weight for ids, weight in weights.items() if member.id in ids)
         parameters = []
         for index, item in enumerate(best.fit.free):
             if best.fit.model.entries[item.entry][0] is member.effect:

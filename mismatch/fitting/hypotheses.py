@@ -16,7 +16,7 @@ from mismatch.model.candidates import Candidate, start_values
 from mismatch.model.form_error import form_errors
 from mismatch.model.forward import Forward, Model
 from physics.domain import FloatArray
-from physics.effects import CATALOGUE, Effect, EffectId
+from physics.effects import CATALOGUE, Effect, EffectId, Form
 
 __all__ = [
     "EXPECTED",
@@ -410,11 +410,16 @@ PLACES = frozenset({"contact_displacement", "origin_offset", "length_scale", "pa
 
 def second_effect_share(hypothesis: Hypothesis, further: str | None = None) -> float:
     """Share of the gain that a further effect must add before it is more than an imperfect law."""
-    if further in PLACES and LOOSE_LAWS.intersection(hypothesis.ids):
+    # A camera turned about all its axes is every way in which a camera can be turned.
+    loose = any(
+        member.id in LOOSE_LAWS and member.effect.form != Form.PERSPECTIVE
+        for member in hypothesis.members
+    )
+    if further in PLACES and loose:
         return 0.2
     if hypothesis.has_unnamed:
         return 0.03
-    return 0.04 if LOOSE_LAWS.intersection(hypothesis.ids) else 0.008
+    return 0.04 if loose else 0.008
 
 
 def with_gain(hypothesis: Hypothesis, base_objective: float) -> Hypothesis:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.stats import chi2
 
 from mismatch.fitting.fit import Fit
 from mismatch.fitting.levels import grouped, marginal_by_trial, scatter_evidence
@@ -20,7 +21,15 @@ from mismatch.model.forward import Forward, Model
 from physics.domain import FloatArray
 from physics.effects import Level
 
-__all__ = ["Scan", "price", "robust_spread", "scan", "trial_pulls"]
+__all__ = [
+    "Heterogeneity",
+    "Scan",
+    "heterogeneity",
+    "price",
+    "robust_spread",
+    "scan",
+    "trial_pulls",
+]
 
 LANES_AT_ONCE = 48
 """Trajectories integrated at once, so that their states stay within a processor's cache."""
@@ -200,6 +209,9 @@ def scan(forward: Forward, fit: Fit, candidates: Sequence[Candidate]) -> Scan:
     return Scan(tuple(candidates), tuple(columns), matrix, vector, np.array(starts), scattered)
 
 
+LEAST_WEIGHT = 1e-3
+"""Information of a trial over that of the best one below which it tells nothing of a strength."""
+
 LEAST_TRIALS = 6
 
 """Trials from which their scatter says something."""
@@ -244,19 +256,64 @@ def trial_pulls(forward: Forward, fit: Fit) -> FloatArray:
     return moved[:, information.shape[0] - len(fit.free) :]
 
 
+@dataclass(frozen=True)
+class Heterogeneity:
+    """How far a strength differs from trial to trial beyond what noise and stated scatter allow.
+
+    Attributes
+    ----------
+    chance : float
+        Probability of so much scatter if all trials shared one strength (Cochran's Q).
+    spread : float
+        One sigma of the trials' own strengths, in the parameter's unit (DerSimonian and Laird,
+        Control. Clin. Trials 7, 177 (1986)).
+    """
+
+    chance: float
+    spread: float
+
+
+def heterogeneity(forward: Forward, fit: Fit) -> tuple[Heterogeneity, ...]:
+    """Cochran's Q of each free parameter over the trials; the misfit counts as noise."""
+    left, system = _without_own(forward, fit)
+    first = system.shared.shape[-1] - len(fit.free)
+    pulls = np.einsum("tmn,tm->tn", left, system.residual)[:, first:]
+    weights = np.einsum("tmn,tmn->tn", left, system.shared)[:, first:] / fit.reduced_chi2
+    pulls = pulls / fit.reduced_chi2
+    found = []
+    for pull, weight in zip(pulls.T, weights.T, strict=True):
+        tells = weight > LEAST_WEIGHT * max(float(weight.max(initial=0.0)), 1e-300)
+        degrees = int(tells.sum()) - 1
+        if degrees < 1 or not np.isfinite(pull[tells]).all():
+            found.append(Heterogeneity(1.0, 0.0))
+            continue
+        mine, own = weight[tells], pull[tells]
+        q = float(np.sum(own**2 / mine))
+        total = float(mine.sum())
+        room = total - float(np.sum(mine**2)) / total
+        spread = np.sqrt(max(q - degrees, 0.0) / max(room, 1e-300))
+        found.append(Heterogeneity(float(chi2.sf(q, degrees)), float(spread)))
+    return tuple(found)
+
+
 def _pulls(forward: Forward, fit: Fit) -> tuple[FloatArray, FloatArray]:
     """Information on the shared parameters (n, n), and each trial's pull on them (trials, n)."""
-    system = linearise(forward, fit.model, fit.nuisance, fit.law_offsets, fit.free)
+    left, system = _without_own(forward, fit)
     first = system.shared.shape[-1] - len(fit.free)
     # Shapes keep the hold they were fitted with; a place that no row tells apart has no slope.
     prior = system.shared_prior.copy()
     prior[first:] += [1.0 / f.parameter.scale**2 if f.parameter.is_shape else 0.0 for f in fit.free]
-    cross = np.swapaxes(system.own, 1, 2) @ system.shared
-    inner = np.swapaxes(system.own, 1, 2) @ system.own + np.diag(system.prior)
-    tiny = 1e-12 * np.einsum("tqq->tq", inner) + 1e-12
-    inner = inner + tiny[:, :, None] * np.eye(inner.shape[1])
-    left = system.shared - system.own @ np.linalg.solve(inner, cross)
     information = np.einsum("tmn,tmk->nk", system.shared, left) + np.diag(prior)
     pulls = np.einsum("tmn,tm->tn", left, system.residual)
     pulls = pulls[np.abs(system.residual).sum(axis=1) > 0.0]
     return information, pulls
+
+
+def _without_own(forward: Forward, fit: Fit) -> tuple[FloatArray, Linearised]:
+    """Slopes by the shared parameters less what trials' own values take up (T, M, n), and all."""
+    system = linearise(forward, fit.model, fit.nuisance, fit.law_offsets, fit.free)
+    cross = np.swapaxes(system.own, 1, 2) @ system.shared
+    inner = np.swapaxes(system.own, 1, 2) @ system.own + np.diag(system.prior)
+    tiny = 1e-12 * np.einsum("tqq->tq", inner) + 1e-12
+    inner = inner + tiny[:, :, None] * np.eye(inner.shape[1])
+    return system.shared - system.own @ np.linalg.solve(inner, cross), system

@@ -1,7 +1,9 @@
 """Name what was left out: singles, then growing sets, each refitted before it is believed."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
@@ -23,9 +25,25 @@ from mismatch.model.candidates import Candidate, candidates_for
 from mismatch.model.forward import Forward
 from mismatch.records.sanity import dropped_in_each
 from physics.domain import FloatArray
-from physics.effects import Effect, Level
+from physics.effects import Effect, EffectId, Level
 
-__all__ = ["Naming", "name_effects"]
+__all__ = ["Family", "Naming", "name_effects"]
+
+WEIGHT_SCALE = 2.2
+"""Chi-square units per factor e in the odds of two answers: two would be Gaussian to the letter."""
+
+FORM_REACH = 12.0
+"""Penalised gain behind its law's best form, by the linear look, from which a form is not refitted: odds of
+one to two hundred, beyond what a refit usually adds."""
+
+FORM_SHARE = 0.15
+"""Share of its law's gain by which, in strong cases, the linear look may misjudge a form."""
+
+SECOND_FORM_REACH = 4.0
+"""Penalised gain behind the best further law, by the linear look, up to which its other forms are fitted."""
+
+LAW_REACH = 16.0
+"""Penalised gain behind the best answer from which further forms of a law can't matter any more."""
 
 MOST_SINGLES = 16
 """Effects that are tried in groups, the best alone first; supposed."""
@@ -38,6 +56,40 @@ STEADY = 3.0
 
 MOST_EFFECTS = 3
 """Effects in one answer, supposed: a campaign hardly tells four apart."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """All forms of one set of laws that were fitted.
+
+    Attributes
+    ----------
+    ids : tuple of str
+        In order of the alphabet.
+    members : tuple of Hypothesis
+        Best first, allowed ones alone.
+    penalised : float
+        Evidence averaged over the forms that there are, chi-square units.
+    quality : float
+        The same by the data alone, unlikely strengths not counted against it.
+    """
+
+    ids: tuple[str, ...]
+    members: tuple[Hypothesis, ...]
+    penalised: float
+    quality: float
+
+    @property
+    def best(self) -> Hypothesis:
+        """The form that fits best."""
+        return self.members[0]
+
+
+def _averaged(worths: Sequence[float], forms: int, scale: float) -> float:
+    top = max(worths)
+    total = sum(float(np.exp((penalised - top) / scale)) for penalised in worths)
+    # Forms that were not refitted count for nothing: the average is then a little too low.
+    return top + scale * float(np.log(total / max(forms, len(worths))))
 
 
 @dataclass(frozen=True)
@@ -61,18 +113,63 @@ class Naming:
     threshold: float
     first_scan: Scan
 
+    @cached_property
+    def forms(self) -> Mapping[str, int]:
+        """Id → how many forms of its law there are for this campaign.
+
+        Laws in no catalogue share what they pay for being rare; none is one form of another.
+        """
+        keys = {(one.id, one.effect.form, one.effect.level) for one in self.first_scan.candidates}
+        found: dict[str, int] = {}
+        for identity, *_ in keys:
+            found[identity] = found.get(identity, 0) + 1
+        return found | {EffectId.UNNAMED: 1}
+
+    @cached_property
+    def families(self) -> Mapping[tuple[str, ...], Family]:
+        """Every set of laws that was fitted, its evidence averaged over their forms."""
+        scale = WEIGHT_SCALE * (1.0 if self.best is None else self.best.reduced_chi2)
+        grouped: dict[tuple[str, ...], list[Hypothesis]] = {}
+        for h in self.tried:
+            if h.allowed:
+                grouped.setdefault(tuple(sorted(h.ids)), []).append(h)
+        found = {}
+        for ids, members in grouped.items():
+            count = int(np.prod([self.forms.get(one, 1) for one in ids]))
+            ordered = tuple(sorted(members, key=lambda h: -h.penalised_gain))
+            found[ids] = Family(
+                ids, ordered,
+                _averaged([h.penalised_gain for h in ordered], count, scale),
+                _averaged([h.quality for h in ordered], count, scale),
+            )  # fmt: skip
+        return found
+
     def rivals(self) -> tuple[Hypothesis, ...]:
-        """Answers of the same size that the data can't tell from the best one."""
-        if self.best is None:
+        """Answers of the same size that the data can't tell from the best one.
+
+        Laws are compared by all their forms together, and by their best forms: what either leaves
+        open is not excluded.
+        """
+        best = self.best
+        if best is None:
             return ()
-        least = self.best.quality - group_tolerance(self.best)
+        tolerance = group_tolerance(best)
+        mine = self.families.get(tuple(sorted(best.ids)))
+
+        def near(h: Hypothesis) -> bool:
+            theirs = self.families.get(tuple(sorted(h.ids)))
+            alike = mine is not None and theirs is not None
+            return h.quality >= best.quality - tolerance or (
+                alike and theirs.quality >= mine.quality - tolerance  # type: ignore[union-attr]
+            )
+
         return tuple(
             h
             for h in self.tried
-            if h is not self.best
+            if h is not best
             and h.fit.inside_bounds
-            and len(h.members) == len(self.best.members)
-            and (h.quality >= least or not told_apart(self.best, h))
+            and len(h.members) == len(best.members)
+            and (near(h) or not told_apart(best, h))
         )
 
     def suspects(self) -> tuple[str, ...]:
@@ -110,6 +207,47 @@ def _best_by_law(
         if candidate.key not in best or penalised > best[candidate.key][0]:
             best[candidate.key] = (penalised, index, values)
     return sorted(best.values(), key=lambda item: -item[0])
+
+
+Ranked: TypeAlias = list[tuple[float, int, FloatArray]]
+"""(penalised, candidate, strengths) by the linear look, best first."""
+
+
+def _by_law(ranked: Ranked, candidates: Sequence[Candidate]) -> tuple[Ranked, Ranked]:
+    """The best form of each law, and the other forms that are not far behind it.
+
+    Laws in no catalogue are no forms of each other.
+    """
+    first: Ranked = []
+    others: Ranked = []
+    lead: dict[str, float] = {}
+    for item in ranked:
+        identity = candidates[item[1]].id
+        if identity == EffectId.UNNAMED or identity not in lead:
+            lead.setdefault(identity, item[0])
+            first.append(item)
+        elif item[0] > lead[identity] - FORM_REACH or item[0] > (1.0 - FORM_SHARE) * lead[identity]:
+            others.append(item)
+    return first, others
+
+
+def _other_forms(
+    forward: Forward,
+    base: Fit,
+    candidates: Sequence[Candidate],
+    others: Ranked,
+    tried: Sequence[Hypothesis],
+    inflation: float,
+) -> list[Hypothesis]:
+    """Further forms of the laws that compete, refitted."""
+    lead = max((h.penalised_gain for h in tried if h.allowed), default=-np.inf)
+    reach = max(LAW_REACH, FORM_SHARE * lead) * inflation
+    found = {h.ids[0]: h.penalised_gain for h in tried}
+    return [
+        fit_hypothesis(forward, base, [candidates[index]], [values])
+        for _, index, values in others
+        if found.get(candidates[index].id, -np.inf) > lead - reach
+    ]
 
 
 def _shortlist(
@@ -158,8 +296,10 @@ def name_effects(
     if not ranked or ranked[0][0] < 0.6 * threshold:
         return Naming(None, (), threshold, first)
     share = -np.inf if swinging else 0.4
-    for _, index, values in _shortlist(ranked, MOST_SINGLES, share):
+    first_of_each, others = _by_law(ranked, candidates)
+    for _, index, values in _shortlist(first_of_each, MOST_SINGLES, share):
         tried.append(fit_hypothesis(forward, base, [candidates[index]], [values]))
+    tried += _other_forms(forward, base, candidates, others, tried, inflation)
     best = _best_allowed(tried)
     if best is None or best.penalised_gain / inflation < least_gain(best, base, threshold):
         return Naming(None, _sorted(tried), threshold, first)
@@ -174,7 +314,9 @@ def name_effects(
         larger = _best_allowed(supported)
         if larger is None:
             break
-        best = larger
+        simpler = _simpler_forms(forward, base, effects, larger)
+        tried.extend(simpler)
+        best = _best_allowed([larger, *simpler]) or larger
     steady = _steady(forward, best, tried)
     if steady is None:
         return Naming(None, _sorted(tried), threshold, first)
@@ -315,23 +457,68 @@ def _grow(
         scored = scan_beyond_forms(forward, seed.fit, laws, seed.form.size, pool)
         ranked = _best_by_law(scored, 1.0, forward.mode == "swing")
         enough = max(threshold, second_effect_share(seed) * seed.gain)
+        strained = seed.form.gain > threshold
+        if strained and (not ranked or ranked[0][0] < enough):
+            # What errors of form take up at that size may as well be a law of its own: both are
+            # fitted, and their evidence tells.
+            exact = scan(forward, seed.fit, pool)
+            ranked = _best_by_law(exact, 1.0, forward.mode == "swing")
         known = _known_that_show(forward, seed, pool)
         if known:
             ranked, enough = [*known, *ranked], -np.inf
         elif forward.mode != "swing":
             ranked = [one for one in ranked if not is_known(pool[one[1]].effect)]
         if forward.mode != "swing" and (not ranked or ranked[0][0] < enough):
-            if number == 0 and seed is foremost and ranked and ranked[0][0] < threshold:
+            idle = ranked and ranked[0][0] < threshold and not strained
+            if number == 0 and seed is foremost and idle:
                 # The best smaller set leaves nothing to explain: a larger one would be idle.
                 break
             continue
         share = -np.inf if forward.mode == "swing" else 0.6
-        for _, index, values in _shortlist(ranked, 6, share):
+        first_of_each, others = _by_law(ranked, pool)
+        alike = [item for item in others if item[0] > ranked[0][0] - SECOND_FORM_REACH]
+        for _, index, values in [*_shortlist(first_of_each, 6, share), *alike[:3]]:
             law = frozenset(keys | {pool[index].key})
             if law in grown:
                 continue
             grown[law] = _extended(forward, base, seed, pool[index], values)
     return list(grown.values())
+
+
+def _simpler_forms(
+    forward: Forward, base: Fit, effects: Sequence[Effect], found: Hypothesis
+) -> list[Hypothesis]:
+    """The set with each law in turn in its forms of fewer strengths.
+
+    Alone, a form with more freedom also takes up what its fellow explains, and so was chosen.
+    """
+    simpler = []
+    for place, member in enumerate(found.members):
+        held = _held_values(found.fit, member.effect)
+        for effect in effects:
+            names = [p.name for p in effect.strengths]
+            fewer = effect.id == member.id and len(names) < len(member.effect.strengths)
+            if not fewer or effect.shapes or not set(names) <= held.keys():
+                continue
+            pool = candidates_for(forward, base.model, [effect], unnamed=False)
+            other = next((one for one in pool if one.effect.level is effect.level), None)
+            if other is None:
+                continue
+            members = [other if k == place else one for k, one in enumerate(found.members)]
+            strengths = [
+                np.array([(held | _held_values(found.fit, one.effect))[p.name]
+                          for p in one.effect.strengths])
+                for one in members
+            ]  # fmt: skip
+            simpler.append(fit_hypothesis(forward, base, members, strengths, start=found.fit))
+    return simpler
+
+
+def _held_values(fit: Fit, effect: Effect) -> dict[str, float]:
+    return next(
+        ({k: float(v) for k, v in values.items()} for one, values in fit.model.entries
+         if one is effect), {},
+    )  # fmt: skip
 
 
 def _known_that_show(

@@ -31,6 +31,7 @@ __all__ = [
     "Magnet",
     "NearFloor",
     "Notch",
+    "Oscillation",
     "Pull",
     "SpeedPower",
     "unnamed_laws",
@@ -119,6 +120,34 @@ class Gust(Effect):
         end = flight.time - (values["middle"] + 0.5 * values["duration"])
         window = 0.5 * (np.tanh(begin / edge) - np.tanh(end / edge))
         return _along(self.form, values["strength"] * window, flight)
+
+
+@dataclass(frozen=True)
+class Oscillation(Effect):
+    """A force that swings to and fro during the flight, in step with the release."""
+
+    id: str = "unnamed"
+    statement: str = "A force that swings to and fro during the flight."
+    law: str = r"F = A \sin 2\pi f t + B \cos 2\pi f t"
+    source: str = SOURCE
+    phase: Phase = "flight"
+    parameters: tuple[Parameter, ...] = (
+        replace(_strength(), name="sine"),
+        replace(_strength(), name="cosine"),
+        Parameter(
+            "period", "s", 0.1, 0.02, 1e4, grid=(0.2, 0.3, 0.45, 0.7, 1.0), over=Extent.FLIGHT_TIME
+        ),
+    )  # fmt: skip
+    form: str = "horizontal"
+    separating: str = "the same shot at another time of day, fans and doors shut"
+    looseness: float = 0.2
+    coordinate: Coordinate = Coordinate.TIME
+
+    def force(self, values: Values, flight: FlightState) -> Vector:
+        """One frequency, any phase."""
+        phase = 2.0 * np.pi * np.asarray(flight.time) / values["period"]
+        size = values["sine"] * np.sin(phase) + values["cosine"] * np.cos(phase)
+        return _along(self.form, size, flight)
 
 
 @dataclass(frozen=True)
@@ -287,6 +316,7 @@ def unnamed_laws(mode: str) -> tuple[Effect, ...]:
         SpeedPower(),
         _normal_power(),
         *(Gust(form=way) for way in ways),
+        *(Oscillation(form=way) for way in ways),
         *(NearFloor(form=way) for way in ways),
         *(Bump(form=way) for way in ways),
         Magnet(),

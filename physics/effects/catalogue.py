@@ -20,19 +20,24 @@ from physics.effects.flight import (
 )
 from physics.effects.impact import (
     MASS_ERROR,
+    ContactArm,
     ContactDisplacement,
     EffectiveMass,
     ObliqueImpact,
     PivotRecoil,
     RubbingFace,
+    SlidingSupport,
     SupportFriction,
     SupportRecoil,
     VelocityDependentCor,
+    ViscoelasticCor,
+    YieldingCor,
 )
 from physics.effects.measurement import (
     OTHER_ROWS,
     PITCH,
     SHIFT,
+    TURNED,
     CameraRoll,
     DroppedFrames,
     LengthScale,
@@ -42,7 +47,14 @@ from physics.effects.measurement import (
     RollingShutter,
     TimeBase,
 )
-from physics.effects.swing import BackswingOffset, BearingFriction, PendulumDrag, ViscousDamping
+from physics.effects.swing import (
+    BackswingOffset,
+    BearingFriction,
+    LoadedBearing,
+    PendulumDrag,
+    StribeckBearing,
+    ViscousDamping,
+)
 
 __all__ = ["CATALOGUE", "MEASUREMENT_IDS", "effect_named"]
 
@@ -61,14 +73,18 @@ _ALL: tuple[Effect, ...] = (
     Buoyancy(),
     AsymmetricWake(),
     VelocityDependentCor(),
+    YieldingCor(),
+    ViscoelasticCor(),
     EffectiveMass(),
     EffectiveMass(form=Form.MASS, parameters=(MASS_ERROR,)),
+    ContactArm(),
     ObliqueImpact(),
     ObliqueImpact(form=Form.SMOOTH_FACE),
     RubbingFace(),
     SupportFriction(),
     SupportFriction(form=Form.UNTIL_LIFT_OFF),
     SupportFriction(form=Form.BALL_ALONE),
+    SlidingSupport(),
     ContactDisplacement(),
     ContactDisplacement(form=Form.WAY_ALONE),
     PivotRecoil(),
@@ -79,6 +95,8 @@ _ALL: tuple[Effect, ...] = (
     SupportRecoil(form=Form.WHOLE_VELOCITY),
     SupportRecoil(form=Form.KICK_AT_RELEASE),
     BearingFriction(),
+    LoadedBearing(),
+    StribeckBearing(),
     ViscousDamping(),
     PendulumDrag(),
     BackswingOffset(),
@@ -89,6 +107,11 @@ _ALL: tuple[Effect, ...] = (
     CameraRoll(form=Form.BALL_ONLY),
     CameraRoll(form=Form.ABOUT_THE_START),
     CameraRoll(form=Form.ABOUT_A_POINT, parameters=(*CameraRoll().parameters, *SHIFT)),
+    CameraRoll(
+        form=Form.PERSPECTIVE,
+        parameters=(*CameraRoll().parameters, *SHIFT, *TURNED),
+        source="a pinhole camera turned about all its axes, first order in the angles",
+    ),
     CameraRoll(form=Form.THREE_AXES, parameters=(*CameraRoll().parameters, PITCH), axes=3),
     Parallax(),
     LensDistortion(),

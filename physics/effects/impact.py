@@ -23,14 +23,18 @@ from physics.effects.base import (
 
 __all__ = [
     "MASS_ERROR",
+    "ContactArm",
     "ContactDisplacement",
     "EffectiveMass",
     "ObliqueImpact",
     "PivotRecoil",
     "RubbingFace",
+    "SlidingSupport",
     "SupportFriction",
     "SupportRecoil",
     "VelocityDependentCor",
+    "ViscoelasticCor",
+    "YieldingCor",
     "add_normal_speeds",
     "change_restitution",
     "turn_launch",
@@ -101,6 +105,7 @@ class VelocityDependentCor(Effect):
     parameters: tuple[Parameter, ...] = (
         Parameter("slope", "s/m", 0.02, -0.3, 0.3, meaning="change of e per speed"),
     )
+    form: str = Form.LINEAR
     confusable: tuple[str, ...] = ("support_friction", "drag", "effective_mass")
     separating: str = "pendulum speeds before and after contact at three or more impact speeds"
     looseness: float = 0.2
@@ -109,6 +114,41 @@ class VelocityDependentCor(Effect):
         """More or less restitution, by impact speed."""
         change = values["slope"] * (contact.impact_speed - REFERENCE_SPEED)
         return change_restitution(contact, outcome, change)
+
+
+@dataclass(frozen=True)
+class YieldingCor(VelocityDependentCor):
+    """A COR that falls with a power of the speed, as of bodies that yield."""
+
+    law: str = r"e(v) = e_0(v)\,(v / 2.5\,\mathrm{m/s})^{-p}"
+    source: str = "Johnson, Contact Mechanics (1985), section 11.5 (p = 1/4 of a plastic contact)"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("power", "1", 0.03, -0.5, 0.5, meaning="e falls with this power of the speed"),
+    )
+    form: str = Form.POWER
+
+    def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
+        """The model's restitution times the power."""
+        pace = np.log(np.maximum(contact.impact_speed, 1e-6) / REFERENCE_SPEED)
+        change = contact.restitution * np.expm1(-values["power"] * pace)
+        return change_restitution(contact, outcome, change)
+
+
+@dataclass(frozen=True)
+class ViscoelasticCor(VelocityDependentCor):
+    """A COR that falls with the fifth root of the speed, as of viscoelastic spheres."""
+
+    law: str = r"e(v) = e_0(v) - k\,\bigl((v / 2.5\,\mathrm{m/s})^{1/5} - 1\bigr)"
+    source: str = "Kuwabara and Kono, Jpn. J. Appl. Phys. 26, 1230 (1987)"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("loss", "1", 0.2, -2.0, 2.0, meaning="of restitution at 2.5 m/s by viscosity"),
+    )
+    form: str = Form.VISCOELASTIC
+
+    def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
+        """Loss by the fifth root of the speed."""
+        speed = np.maximum(contact.impact_speed, 1e-6) / REFERENCE_SPEED
+        return change_restitution(contact, outcome, -values["loss"] * (speed**0.2 - 1.0))
 
 
 MASS_ERROR = Parameter(
@@ -149,6 +189,34 @@ class EffectiveMass(Effect):
         after = (other - e * light) / (other + light) * speed * seen
         pendulum = after - (heavy - e * light) / (heavy + light) * u
         return add_normal_speeds(contact, outcome, ball, pendulum)
+
+
+@dataclass(frozen=True)
+class ContactArm(EffectiveMass):
+    """A pivot higher or lower over the ball than the model says: arm and geometry change at once.
+
+    At the same distance from the pivot a ball that lies lower meets the bar further down, and at
+    another angle: the lever, the mass, the direction of the push and the instant change together.
+    """
+
+    law: str = (
+        r"M_E = I / L_c^2,\ L_c = L(1+\epsilon),\quad"
+        r"\Delta\varphi = -\epsilon L \sin\varphi / (L \cos\varphi - \tfrac d2 \sin\varphi)"
+    )
+    source: str = "Fig. 2 of the paper: ball, face and pivot as a triangle; horizontal side kept"
+    form: str = Form.GEOMETRY
+
+    def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
+        """Another lever, and a contact that begins and pushes at another angle."""
+        sine, cosine = np.sin(contact.angle), np.cos(contact.angle)
+        lever = contact.length * cosine - 0.5 * contact.diameter * sine
+        turned = -values["arm_error"] * contact.length * sine / lever
+        pushed = turn_launch(super().contact(values, contact, outcome), turned)
+        return replace(
+            pushed,
+            contact_time=pushed.contact_time + turned / contact.omega,
+            pendulum_angle=pushed.pendulum_angle + turned,
+        )
 
 
 @dataclass(frozen=True)
@@ -262,6 +330,35 @@ class SupportFriction(Effect):
         common = contact.inertial_mass / both * contact.impact_speed
         braked = add_normal_speeds(contact, outcome, slowed, slowed)
         return _part_later(contact, braked, longer, common)
+
+
+SHARES = np.linspace(0.0, 1.0, 65)
+"""Shares of a contact's time at which the way of a half-sine push is tabled, good to 1e-3."""
+
+WAYS = SHARES - np.sin(np.pi * SHARES) / np.pi
+"""Shares of the way made by then: v grows as 1 - cos under a half-sine push."""
+
+
+@dataclass(frozen=True)
+class SlidingSupport(SupportFriction):
+    """Friction until the ball has slid off the edge of its support."""
+
+    law: str = r"\Delta v = -\mu g\,t(s)\,m/(m + M)\ \text{of both bodies}"
+    source: str = "Coulomb friction under the ball's weight over the length of the support"
+    parameters: tuple[Parameter, ...] = (
+        *SupportFriction().parameters,
+        Parameter("way", "m", 0.01, 0.003, 0.1, grid=(0.01, 0.02), meaning="length of the support"),
+    )
+    form: str = Form.OVER_A_WAY
+
+    def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
+        """Take momentum until the way is made, or the whole contact where it is not."""
+        both = contact.inertial_mass + contact.ball_mass
+        whole = np.maximum(np.abs(outcome.x), 1e-6)
+        share = np.interp(np.minimum(values["way"] / whole, 1.0), WAYS, SHARES)
+        lost = values["friction_coefficient"] * contact.gravity * outcome.contact_time * share
+        early = -lost * contact.ball_mass / both
+        return add_normal_speeds(contact, outcome, early, early, 1.0 - 0.5 * share)
 
 
 @dataclass(frozen=True)

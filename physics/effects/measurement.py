@@ -20,6 +20,7 @@ __all__ = [
     "OTHER_ROWS",
     "PITCH",
     "SHIFT",
+    "TURNED",
     "CameraRoll",
     "DroppedFrames",
     "LengthScale",
@@ -34,6 +35,13 @@ SHIFT = (
     Parameter("shift_x", "m", 0.005, -2.0, 2.0, meaning="of the origin, for a turn about a point"),
     Parameter("shift_y", "m", 0.005, -2.0, 2.0, meaning="of the origin, for a turn about a point"),
 )
+TURNED = tuple(
+    Parameter(
+        f"{axis}_per_distance", "1/m", 0.005, -0.3, 0.3, width=0.03, expected=0.0,
+        meaning=f"{axis} of the camera over its distance: five degrees at three metres are 0.03",
+    )
+    for axis in ("yaw", "pitch")
+)  # fmt: skip
 PITCH = Parameter("pitch", "rad", 0.005, -0.5, 0.5, meaning="turned about the x axis")
 WRONG_RATES = tuple(
     ratio - 1.0
@@ -159,14 +167,19 @@ class CameraRoll(Effect):
         x0, y0 = (view.rest_x, view.rest_y) if start else (0.0, 0.0)
         dx, dy = view.x - x0, view.y - y0
         x, y = x0 + cosine * dx - sine * dy, y0 + sine * dx + cosine * dy
+        if self.form not in (Form.ABOUT_A_POINT, Form.PERSPECTIVE):
+            return x, y, view.z
+        # A turn about any point is one about the origin and a shift, which is linear.
+        x, y = x + values["shift_x"], y + values["shift_y"]
         if self.form == Form.ABOUT_A_POINT:
-            # A turn about any point is one about the origin and a shift, which is linear.
-            return x + values["shift_x"], y + values["shift_y"], view.z
-        return x, y, view.z
+            return x, y, view.z
+        across, up = x - view.centre_x, y - view.centre_y
+        nearer = values["yaw_per_distance"] * across + values["pitch_per_distance"] * up
+        return x + nearer * across, y + nearer * up, view.z
 
     def angle(self, values: Values, view: CameraView) -> Number:
         """The pendulum's angle turns with the picture, unless it was read against the picture."""
-        if self.form in ("ball only", "about the start", "about a point"):
+        if self.form in (Form.BALL_ONLY, Form.ABOUT_THE_START, Form.ABOUT_A_POINT):
             return view.phi
         return view.phi + values["roll"]
 

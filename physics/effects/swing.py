@@ -5,9 +5,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from physics.domain import Number
-from physics.effects.base import Coordinate, Effect, Parameter, Phase, Size, SwingState, Values
+from physics.effects.base import (
+    Coordinate,
+    Effect,
+    Form,
+    Parameter,
+    Phase,
+    Size,
+    SwingState,
+    Values,
+)
 
-__all__ = ["BackswingOffset", "BearingFriction", "PendulumDrag", "ViscousDamping"]
+__all__ = [
+    "BackswingOffset",
+    "BearingFriction",
+    "LoadedBearing",
+    "PendulumDrag",
+    "StribeckBearing",
+    "ViscousDamping",
+]
 
 STICTION_RATE = 0.02
 """rad/s below which dry friction is smoothed so that a solver can step through a turning point."""
@@ -33,6 +49,7 @@ class BearingFriction(Effect):
             in_units_of=Size.PENDULUM_TORQUE,
         ),
     )
+    form: str = Form.CONSTANT_TORQUE
     confusable: tuple[str, ...] = ("viscous_damping", "pendulum_drag", "backswing_offset")
     separating: str = "a free swing over many periods: amplitude falls linearly under dry friction"
     looseness: float = 0.2
@@ -41,6 +58,41 @@ class BearingFriction(Effect):
     def torque(self, values: Values, swing: SwingState) -> Number:
         """Constant, against the motion."""
         return -values["dry_torque"] * np.tanh(swing.omega / STICTION_RATE)
+
+
+@dataclass(frozen=True)
+class LoadedBearing(BearingFriction):
+    """Dry friction in proportion to what the bearing carries."""
+
+    law: str = r"\tau = -\tau_c\,(\cos\varphi + \dot\varphi^2 d / g)\,\mathrm{sign}\,\dot\varphi"
+    source: str = "Coulomb friction under the weight and the centripetal force of the pendulum"
+    form: str = Form.UNDER_LOAD
+
+    def torque(self, values: Values, swing: SwingState) -> Number:
+        """More where the pendulum hangs and is fast."""
+        load = np.abs(np.cos(swing.phi) + np.square(swing.omega) * swing.com / swing.gravity)
+        return load * super().torque(values, swing)
+
+
+STRIBECK_RATE = 0.5
+"""rad/s at which half-fluid friction of a journal bearing sets in; 0.1 to 1 in the source."""
+
+BREAKAWAY = 1.5
+"""Friction at rest over friction at speed, 1.2 to 2 in the source."""
+
+
+@dataclass(frozen=True)
+class StribeckBearing(BearingFriction):
+    """Dry friction that falls from rest to a constant."""
+
+    law: str = r"\tau = -\tau_c\,(1 + 0.5\,e^{-(\dot\varphi/0.5)^2})\,\mathrm{sign}\,\dot\varphi"
+    source: str = "Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30, 1083 (1994)"
+    form: str = Form.STRIBECK
+
+    def torque(self, values: Values, swing: SwingState) -> Number:
+        """Half as much again where the pendulum turns back."""
+        more = (BREAKAWAY - 1.0) * np.exp(-np.square(swing.omega / STRIBECK_RATE))
+        return (1.0 + more) * super().torque(values, swing)
 
 
 @dataclass(frozen=True)
