@@ -33,14 +33,15 @@ WEIGHT_SCALE = 2.2
 """Chi-square units per factor e in the odds of two answers: two would be Gaussian to the letter."""
 
 FORM_REACH = 12.0
-"""Penalised gain behind its law's best form, by the linear look, from which a form is not refitted: odds of
-one to two hundred, beyond what a refit usually adds."""
+"""Penalised gain behind its law's best form, by the linear look, from which a form is not refitted:
+odds of one to two hundred, beyond what a refit usually adds."""
 
 FORM_SHARE = 0.15
 """Share of its law's gain by which, in strong cases, the linear look may misjudge a form."""
 
 SECOND_FORM_REACH = 4.0
-"""Penalised gain behind the best further law, by the linear look, up to which its other forms are fitted."""
+"""Penalised gain behind the best further law, by the linear look, up to which its other forms are
+fitted."""
 
 LAW_REACH = 16.0
 """Penalised gain behind the best answer from which further forms of a law can't matter any more."""
@@ -68,7 +69,7 @@ class Family:
         In order of the alphabet.
     members : tuple of Hypothesis
         Best first, allowed ones alone.
-    penalised : float
+    penalised_gain : float
         Evidence averaged over the forms that there are, chi-square units.
     quality : float
         The same by the data alone, unlikely strengths not counted against it.
@@ -76,7 +77,7 @@ class Family:
 
     ids: tuple[str, ...]
     members: tuple[Hypothesis, ...]
-    penalised: float
+    penalised_gain: float
     quality: float
 
     @property
@@ -85,11 +86,11 @@ class Family:
         return self.members[0]
 
 
-def _averaged(worths: Sequence[float], forms: int, scale: float) -> float:
-    top = max(worths)
-    total = sum(float(np.exp((penalised - top) / scale)) for penalised in worths)
+def _averaged(gains: Sequence[float], forms: int, scale: float) -> float:
+    top = max(gains)
+    total = sum(float(np.exp((gain - top) / scale)) for gain in gains)
     # Forms that were not refitted count for nothing: the average is then a little too low.
-    return top + scale * float(np.log(total / max(forms, len(worths))))
+    return top + scale * float(np.log(total / max(forms, len(gains))))
 
 
 @dataclass(frozen=True)
@@ -457,7 +458,7 @@ def _grow(
         scored = scan_beyond_forms(forward, seed.fit, laws, seed.form.size, pool)
         ranked = _best_by_law(scored, 1.0, forward.mode == "swing")
         enough = max(threshold, second_effect_share(seed) * seed.gain)
-        strained = seed.form.gain > threshold
+        strained = number == 0 and seed.form.gain > threshold
         if strained and (not ranked or ranked[0][0] < enough):
             # What errors of form take up at that size may as well be a law of its own: both are
             # fitted, and their evidence tells.

@@ -26,6 +26,7 @@ from mismatch.table.evidence import (
 from mismatch.table.table import LEAST_TRIALS, NUISANCES, Strength, TableForward, strengths_of
 from mismatch.verdict import HeldOut
 from physics.domain import FloatArray
+from physics.effects import CATALOGUE
 
 __all__ = ["Answer", "Search", "search", "table_held_out"]
 
@@ -41,6 +42,9 @@ MOST_REFINED = 24
 
 REFINED_WITHIN = 9.0
 """Nats behind the best: a group farther behind has a share below 1e-4 of the posterior."""
+
+TOLD_APART = 2.0
+"""Nats from which one form is told from another: odds of seven to one."""
 
 STEPS = np.array([1e-3, 1e-4, 1e-4, 1e-4])
 """Steps of differences by the nuisances, in their units: far above rounding, far below where a
@@ -277,6 +281,23 @@ def _scanned(pool: _Pool, most: int) -> dict[tuple[int, ...], float]:
     return found | pool.evidence(sorted(triples))
 
 
+def _usual(
+    pool: _Pool, forms: Sequence[tuple[float, tuple[int, ...]]]
+) -> tuple[float, tuple[int, ...]]:
+    """The likeliest form, or the usual one where the table can't tell them apart.
+
+    The usual form is the one that a setup file means.
+    """
+
+    def unusual(members: tuple[int, ...]) -> int:
+        laws = [pool.candidates[m].effect for m in members]
+        return sum(law.form != CATALOGUE[law.id][0].form for law in laws if law.id in CATALOGUE)
+
+    top = max(forms)[0]
+    alike = [one for one in forms if one[0] > top - TOLD_APART]
+    return min(alike, key=lambda one: (unusual(one[1]), -one[0]))
+
+
 def search(
     forward: TableForward, model: Model, candidates: Sequence[Candidate], most: int = 3
 ) -> Search:
@@ -307,7 +328,7 @@ def search(
         share = math.log(SIZE_PRIOR[len(ids)] / math.comb(kinds, len(ids)))
         variants = math.prod(sum(c.id == i for c in pool.candidates) for i in ids)
         together = float(logsumexp([evidence for evidence, _ in forms])) - math.log(variants)
-        best = max(forms)
+        best = _usual(pool, forms)
         weighed.append((share + together, best[0], best[1]))
     weighed.sort(key=lambda item: -item[0])
     answers, ids_of, weights = [], [], []
