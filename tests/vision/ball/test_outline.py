@@ -3,7 +3,7 @@ import pytest
 
 from tests.vision.ball.painted import GAMMA, exposed, wall, with_ball
 from vision.ball.outline.edges import Cutouts, EdgeProfile
-from vision.ball.outline.equations import OutlineFits, Sums, panelled, reduced
+from vision.ball.outline.equations import OutlineFits, panelled, weighted
 from vision.ball.outline.outline import FitRules, Start, fit_outlines
 
 
@@ -71,19 +71,18 @@ def test_the_sharpest_edge_does_not_outvote_all_others() -> None:
     along = np.column_stack([np.cos(angle), np.sin(angle), np.ones(24)])
     information = along[:, :, None] * along[:, None, :] / std[:, None, None] ** 2
     score = along * (off / std**2)[:, None]
-    size = np.full((1, 24), 30.0)
-    sums = Sums(information[None], score[None], size - 3.0, size)
-    normal, pull, _ = reduced(sums, np.array([True]))
-    moved = np.linalg.solve(normal[0, :2, :2], pull[0].sum(axis=0)[:2])
+    size, weight = np.full(24, 30.0), np.empty(24)
+    weighted(information, score, size - 3.0, size, True, np.empty(24), weight)
+    normal, pull = np.einsum("s,sij->ij", weight, information), weight @ score
+    moved = np.linalg.solve(normal[:2, :2], pull[:2])
     assert np.hypot(*moved) < 0.015
 
 
 def test_a_sector_in_which_a_panel_ends_is_told_by_its_misfit() -> None:
-    square = np.full((1, 12), 27.0)
-    square[0, 4] = 27.0 * 9.0
-    nothing = np.zeros((1, 12, 3))
-    sums = Sums(np.zeros((1, 12, 3, 3)), nothing, square, np.full((1, 12), 30.0))
-    assert np.flatnonzero(panelled(sums)).tolist() == [4]
+    square, size = np.full(12, 27.0), np.full(12, 30.0)
+    square[4] = 27.0 * 9.0
+    most = panelled(square, size, np.empty(12))
+    assert np.flatnonzero(square / (size - 3.0) > most).tolist() == [4]
 
 
 def test_radius_is_found() -> None:

@@ -316,6 +316,15 @@ class EdgeProfile:
         Standard deviation of the point spread, px.
     most_smear : float
         Longest exposure smear that will be asked for, px.
+
+    Attributes
+    ----------
+    tables : (4, n) float32 array
+        Coverage, its slope over depth (1/px), shading profile about its mean, its slope: over the
+        depth, one smear after the other.
+    steps : (5,) array
+        Places per px of depth; place of depth 0, rounded down; smears per px; places of one smear;
+        the longest smear.
     """
 
     def __init__(self, radius: float, spread: float, most_smear: float) -> None:
@@ -342,7 +351,11 @@ class EdgeProfile:
                 row = _smeared(sharp, total, int(smear), around, half)
                 tables[2 * place, smear] = row
                 tables[2 * place + 1, smear] = np.gradient(row, _STEP)
-        self._tables = tables.reshape(4, -1)
+        self.tables = tables.reshape(4, -1)
+        per_px = 1.0 / _STEP
+        self.steps = np.array(
+            [per_px, half + 0.5, per_px / _SMEAR_STEPS, 2.0 * half + 1.0, len(smears) - 1.0]
+        )
 
     def __call__(self, depth: FloatImage, smear: FloatImage | None = None) -> list[FloatImage]:
         """Look the profiles up.
@@ -367,7 +380,7 @@ class EdgeProfile:
             row = smear * np.float32(1.0 / (_STEP * _SMEAR_STEPS))
             row += np.float32(0.5)
             column += np.minimum(row, self._most).astype(np.int32) * np.int32(self._count)
-        return [table.take(column) for table in self._tables]
+        return [table.take(column) for table in self.tables]
 
 
 def _blurred(shape: FloatArray, spread: float) -> FloatArray:

@@ -23,15 +23,10 @@ from numpy.typing import NDArray
 from vision.ball.circles import find_circles
 from vision.ball.outline.edges import Cutouts, EdgeProfile
 from vision.ball.outline.equations import (
-    Equations,
+    SLACK_PX,
     OutlineFits,
-    Ring,
-    Sums,
-    Template,
-    linearised,
+    fitted_outlines,
     nothing_found,
-    panelled,
-    reduced,
 )
 from vision.scene.scene import FilmedScene, Window
 from vision.workers import side_by_side
@@ -44,19 +39,21 @@ IntArray = NDArray[np.int64]
 
 BoolArray = NDArray[np.bool_]
 
-_BATCH_PIXELS = 80_000
-"""Pixels worked on at once: those of a handful of frames stay in the processor's cache."""
+_BATCH = 16
+"""Frames that one core fits before it takes the next, supposed."""
 
-_SETTLED = 0.3
-"""px: a step below which the ring of pixels and the panels of a ball are settled."""
+_SECTOR_PX, _SECTORS = 4.0, (6, 40)
+"""px of outline, and how many at least and at most: a sector of less than four pixels of outline
+has too few pixels for its light."""
 
-# How far inside a sector is used that an edge of the ball's own crosses, px: the outline's blur.
-_NARROW = 1.6
+_SHADOW_PRIOR = 0.3
+"""Prior width of a sector's shadow factor, about 1."""
 
-_BASIS = 3
+_SHADING_PRIOR = 255.0
+"""Gray levels, prior width of the light of a sector: full scale, that is none."""
 
-# Independent parts that an outline is taken to have.
-_CLUSTERS = 8
+_SMALL_RADIUS = 10.0
+"""px: smaller balls show less of their light within a sector, and its priors narrow with them."""
 
 
 @dataclass(frozen=True)
@@ -137,158 +134,88 @@ def fit_outlines(
     fits = nothing_found(count)
     if count == 0:
         return fits
-    template = Template(float(np.median(start.shape[:, 0])), rules.inner, rules.outer)
-    batch = max(1, _BATCH_PIXELS // template.size)
-    parts = [np.arange(first, min(first + batch, count)) for first in range(0, count, batch)]
+    usual = float(np.median(start.shape[:, 0]))
+    ring = _Ring(usual, rules.inner, rules.outer)
+    outline = np.column_stack([start.centre, start.shape])
+    held = np.zeros(rules.free)
+    if rules.free > 2:
+        held[2] = 1.0 / rules.radius_std**2
 
-    def run(places: IntArray) -> None:
+    def run(first: int) -> None:
         # Each writes rows of its own.
-        _Batch(cutouts, profile, start, rules, template, places).run(fits)
+        fitted_outlines(
+            cutouts.gray,
+            cutouts.background,
+            cutouts.inverse_noise,
+            cutouts.corner,
+            ring.places,
+            ring.bounds,
+            np.array([rules.inner, rules.outer]),
+            ring.reach,
+            profile.tables,
+            profile.steps,
+            _priors(usual),
+            held,
+            start.smear,
+            5 if rules.shape_pull else 3,
+            rules.iterations,
+            rules.tolerance,
+            first,
+            min(first + _BATCH, count),
+            outline,
+            fits.found,
+            fits.covariance,
+            fits.bound,
+            fits.rms_residual,
+            fits.contrast,
+            fits.normal,
+            fits.pull,
+        )
 
-    deque(side_by_side(run, parts), maxlen=0)
+    deque(side_by_side(run, range(0, count, _BATCH)), maxlen=0)
+    fits.centre[:], fits.radius[:] = outline[:, :2], outline[:, 2]
     return fits
 
 
-class _Batch:
-    """A few frames iterated together; those that have converged drop out."""
+class _Ring:
+    """Which pixels about a whole pixel make up the ring, the same for all frames.
 
-    def __init__(
-        self,
-        cutouts: Cutouts,
-        profile: EdgeProfile,
-        start: Start,
-        rules: FitRules,
-        template: Template,
-        places: IntArray,
-    ) -> None:
-        self._cutouts, self._template = cutouts, template
-        self._rules = rules
-        self._equations = Equations(profile, float(np.median(start.shape[:, 0])))
-        self._radius = start.shape[:, 0]
-        self._smear = start.smear
-        self._places = places
-        self._parameters = np.column_stack([start.centre[places], start.shape[places]])
-        self._last = np.full(len(places), 1e9)
-        self._held = np.zeros(rules.free)
-        if rules.free > 2:
-            self._held[2] = 1.0 / rules.radius_std**2
+    Parameters
+    ----------
+    radius : float
+        Radius of the outline, px.
+    inner, outer : float
+        How far the ring reaches inside and outside, px.
 
-    def _ring(self) -> Ring:
-        return self._template.gathered(self._cutouts, self._places, self._parameters)
-
-    def _keep(self, kept: BoolArray) -> None:
-        self._places, self._last = self._places[kept], self._last[kept]
-        self._parameters = self._parameters[kept]
-
-    def run(self, fits: OutlineFits) -> None:
-        """Iterate, and write what was found into the rows of `fits`."""
-        ring = self._ring()
-        done: list[tuple[IntArray, FloatArray]] = []
-        for _ in range(self._rules.iterations):
-            if not np.all(ring.enough):
-                self._keep(ring.enough)
-                ring = ring.where(ring.enough)
-            if len(self._places) == 0:
-                break
-            length = self._advance(ring)
-            short = length < self._rules.tolerance
-            self._last = length
-            if np.any(short):
-                done.append((self._places[short], self._parameters[short]))
-                self._keep(~short)
-                ring = ring.where(~short)
-            if np.any(ring.moved(self._parameters) | (self._last > _SETTLED)):
-                ring = self._ring()
-        done.append((self._places, self._parameters))
-        self._places = np.concatenate([places for places, _ in done])
-        self._parameters = np.concatenate([parameters for _, parameters in done])
-        self._finish(fits)
-
-    def _advance(self, ring: Ring) -> FloatArray:
-        """One Gauss–Newton step; returns how far the centres went."""
-        sums = self._sums(ring, 3)
-        free = self._rules.free
-        step, _ = self._step(sums, free)
-        length = np.hypot(step[:, 0], step[:, 1])
-        limit = 0.35 * self._rules.inner
-        step *= np.minimum(1.0, limit / np.maximum(length, 1e-12))[:, None]
-        self._parameters[:, :free] += step
-        return length
-
-    def _sums(self, ring: Ring, size: int) -> Sums:
-        """The equations; once the outline is near, without what panels do further inside."""
-        smear = self._smear[self._places]
-        sums = linearised(self._equations, ring, self._parameters, smear, size)
-        crossed = panelled(sums) & (self._last < _SETTLED)[:, None]
-        if self._rules.free > 2 or not crossed.any():
-            return sums
-        narrow = ring.narrowed(crossed, self._parameters, _NARROW)
-        return linearised(self._equations, narrow, self._parameters, smear, size)
-
-    def _step(self, sums: Sums, free: int) -> tuple[FloatArray, FloatArray]:
-        normal, score, _ = reduced(sums, self._last < _SETTLED)
-        pull = score.sum(axis=1)[:, :free]
-        normal = normal[:, :free, :free]
-        if free > 2:
-            start = self._radius[self._places]
-            pull[:, 2] -= self._held[2] * (self._parameters[:, 2] - start)
-        trace = np.trace(normal, axis1=1, axis2=2)[:, None, None]
-        damped = normal + 1e-6 * trace * np.eye(free) + np.diag(self._held)
-        return np.linalg.solve(damped, pull[:, :, None])[:, :, 0], pull
-
-    def _finish(self, fits: OutlineFits) -> None:
-        if len(self._places) == 0:
-            return
-        ring = self._ring()
-        self._last = np.zeros(len(self._places))
-        self._keep(ring.enough)
-        ring = ring.where(ring.enough)
-        places, parameters = self._places, self._parameters
-        if len(places) == 0:
-            return
-        size = 5 if self._rules.shape_pull else 3
-        sums = self._sums(ring, size)
-        free = self._rules.free
-        whole, pulls, every = reduced(sums, np.ones(len(places), dtype=bool))
-        normal, score = whole[:, :free, :free], pulls[:, :, :free]
-        held, unit = np.diag(self._held), np.eye(free)
-        trace = np.trace(normal, axis1=1, axis2=2)[:, None, None]
-        inverse = np.linalg.inv(normal + held + 1e-9 * (trace + 1e-9) * unit)
-        seen = sums.size > 0
-        count = np.count_nonzero(seen, axis=1)
-        share = count / np.maximum(count - free, 1)
-        meat = _clustered(score) * share[:, None, None]
-        total = every[:, :, :free, :free].sum(axis=1)
-        trace = np.trace(total, axis1=1, axis2=2)[:, None, None]
-        bound = np.linalg.inv(total + held + 1e-9 * (trace + 1e-9) * unit)
-        spare = np.maximum(sums.size.sum(axis=1) - _BASIS * count, 1.0)
-        rms_residual = np.sqrt(sums.square.sum(axis=1) / spare)
-        strength = every[:, :, 0, 0] + every[:, :, 1, 1]
-        clear = np.count_nonzero(strength > 4.0 * rms_residual[:, None] ** 2, axis=1)
-        fits.found[places] = True
-        fits.centre[places] = parameters[:, :2]
-        fits.radius[places] = parameters[:, 2]
-        fits.covariance[places] = (inverse @ meat @ inverse)[:, :2, :2]
-        fits.bound[places] = bound[:, :2, :2]
-        fits.rms_residual[places] = rms_residual
-        fits.contrast[places] = clear / seen.shape[1]
-        fits.normal[places, :size, :size] = whole
-        fits.pull[places, :size] = pulls.sum(axis=1)
-
-
-def _clustered(score: FloatArray) -> FloatArray:
-    """Sum of the outer products of the sectors' scores (F, S, P), neighbours' cross terms with it.
-
-    What a panel, a shadow or a highlight does to the outline it does over several sectors (Newey
-    and West 1987, around the circle).
+    Attributes
+    ----------
+    places : (2, n) int array
+        x, y, sorted by sectors of about four pixels of outline, px.
+    bounds : (S + 1,) int array
+        Where each sector's begin.
+    reach : int
+        Of the outermost, px.
     """
-    sectors = score.shape[1]
-    reach = sectors // _CLUSTERS
-    meat = np.einsum("nsi,nsj->nij", score, score)
-    for lag in range(1, reach + 1):
-        cross = np.einsum("nsi,nsj->nij", score, np.roll(score, lag, axis=1))
-        meat += (1.0 - lag / (reach + 1.0)) * (cross + np.swapaxes(cross, 1, 2))
-    return np.asarray(meat)
+
+    def __init__(self, radius: float, inner: float, outer: float) -> None:
+        self.reach = int(np.ceil(radius + outer + SLACK_PX))
+        axis = np.arange(-self.reach, self.reach + 1)
+        y, x = (part.ravel() for part in np.meshgrid(axis, axis, indexing="ij"))
+        rho = np.hypot(x, y)
+        near = (rho > max(radius - inner - SLACK_PX, 0.5)) & (rho < radius + outer + SLACK_PX)
+        x, y = x[near], y[near]
+        count = int(np.clip(round(2 * np.pi * radius / _SECTOR_PX), *_SECTORS))
+        sector = np.floor((np.arctan2(y, x) / (2 * np.pi) + 0.5) * count).astype(np.int64) % count
+        order = np.argsort(sector, kind="stable")
+        self.places = np.stack([x[order], y[order]])
+        self.bounds = np.searchsorted(sector[order], np.arange(count + 1))
+
+
+def _priors(radius: float) -> FloatArray:
+    """Information on a sector's k, A and C: a small ball has too few pixels to free them."""
+    small = min(1.0, radius / _SMALL_RADIUS)
+    width = np.array([_SHADOW_PRIOR * small, _SHADING_PRIOR, _SHADING_PRIOR * small])
+    return np.asarray(width**-2.0)
 
 
 FloatImage = NDArray[np.float32]
