@@ -214,6 +214,12 @@ def _periods(records: Records, span: float) -> int:
     return int(np.clip(np.ceil(periods), 1, MOST_PIECES))
 
 
+def _pace(forward: Forward) -> float:
+    """Median frequency of the records' small swings over the setup's; 1 where none is seen."""
+    rates = [one.rate for one in seen_swings(forward.records) if np.isfinite(one.rate)]
+    return float(np.median(rates)) / forward.setup_rate if rates else 1.0
+
+
 def _first_states(forward: Forward) -> FloatArray:
     """Rough initial states: of flights by a parabola, of swings also what their periods say."""
     records = forward.records
@@ -271,6 +277,8 @@ def prepare(campaign: CampaignRecords, baseline: Baseline) -> Prepared:
     else:
         clocks = None
         forward = replace(forward, flight_time=ball_span * 1.02)
+        if mode == "swing":
+            forward = replace(forward, pace=_pace(forward))
         nuisance = _first_states(forward)
         laws = np.zeros((0, 2))
     pace = 1.0 if mode == "impact" else FREE_STATE_PACE

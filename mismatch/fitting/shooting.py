@@ -51,6 +51,11 @@ TURNED = 0.25
 
 """Share of the amplitude that a swing must come back through before it counts as a half swing."""
 
+STILL, MOST_STILL = 4.0, 0.2
+"""Scatters of one reading that a half swing must exceed, lest the noise about a pendulum that has
+come to rest count (1 reading in 16,000 is further off); and the share of the widest swing that this
+may ask for at most, for where few readings fall into a period, their bends are the swing's own."""
+
 
 @dataclass(frozen=True)
 class SwingSeen:
@@ -122,14 +127,22 @@ def _passages(time: FloatArray, angle: FloatArray, amplitude: float) -> FloatArr
     """Times at which the swing passes its middle, noise about it not counted twice."""
     found: list[float] = []
     turned, peak, before = True, 0.0, amplitude
+    still = min(STILL * _scatter(angle), MOST_STILL * amplitude)
     for at in range(1, angle.size):
         peak = max(peak, abs(float(angle[at])))
-        turned = turned or peak > TURNED * before
+        turned = turned or peak > max(TURNED * before, still)
         if angle[at - 1] * angle[at] <= 0.0 and angle[at] != angle[at - 1] and turned:
             share = angle[at - 1] / (angle[at - 1] - angle[at])
             found.append(float(time[at - 1] + share * (time[at] - time[at - 1])))
             turned, peak, before = False, 0.0, peak
     return np.array(found)
+
+
+def _scatter(angle: FloatArray) -> float:
+    """Scatter of one reading from the bends of the record, robust; smooth motion adds little."""
+    bends = np.diff(angle, 2)
+    # A second difference of independent readings has the variance 1 + 4 + 1.
+    return float(1.4826 * np.median(np.abs(bends))) / math.sqrt(6.0)
 
 
 def _mean_amplitude(time: FloatArray, angle: FloatArray, passed: FloatArray) -> float:
@@ -261,7 +274,7 @@ def arcs_of(forward: Forward, nuisance: FloatArray) -> Arcs:
     Parameters
     ----------
     nuisance : (T, 4) array
-        Of which the frequency (logarithm of the ratio to the setup's) and the zero are used.
+        Of which frequency (logarithm of the ratio to the records' median) and zero are used.
     """
     records = forward.records
     count = max(1, forward.steps // PIECE_STEPS)

@@ -230,6 +230,10 @@ class Forward:
         Steps of the flight.
     centre : (3,) tuple of float
         Middle of the balls' ways (x, y) and half their width, m.
+    pace : float
+        Natural frequency about which the records of a free swing lie, over the setup's. A clock
+        that is off and a rig of another inertia change a free swing's period alike, so that the
+        period speaks for neither; 1 where back-swing and contact tie the two.
     """
 
     baseline: Baseline
@@ -239,6 +243,7 @@ class Forward:
     swing_time: FloatArray
     steps: int
     centre: tuple[float, float, float]
+    pace: float = 1.0
 
     def predict(self, models: Sequence[Model], nuisance: FloatArray) -> FloatArray:
         """Stacked records as the models have them.
@@ -341,10 +346,15 @@ class Forward:
         return np.asarray(slow.mean(axis=1), dtype=np.float64)
 
     @property
-    def small_rate(self) -> float:
+    def setup_rate(self) -> float:
         """Angular frequency of small swings by the setup, rad/s."""
         body = self._pendulum()
         return float(np.sqrt(body.mass * self.baseline.gravity * body.com / body.inertia))
+
+    @property
+    def small_rate(self) -> float:
+        """Angular frequency of small swings about which the records' own lie, rad/s."""
+        return self.setup_rate * self.pace
 
     def _pendulum(self) -> "PendulumBody":
         body = self.baseline.pendulum
@@ -371,7 +381,7 @@ class Forward:
             body.com,
             self.baseline.gravity,
             _acting(terms),
-            stiffer,
+            stiffer * self.pace**2,
             self.records.order if order is None else order,
         )
         return model.rates

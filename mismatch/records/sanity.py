@@ -143,7 +143,7 @@ def _refuse_swing(forward: Forward) -> None:
         )
     _refuse_degrees(forward)
     period = 2.0 * np.pi / float(np.median([one.rate for one in seen]))
-    expected = 2.0 * np.pi / forward.small_rate
+    expected = 2.0 * np.pi / forward.setup_rate
     if forward.baseline.pendulum is not None and not 1 / PACE < period / expected < PACE:
         raise UsageError(
             f"the pendulum's small swings take {period:.3g} s, the setup's would take"

@@ -19,14 +19,15 @@ RATE = np.sqrt(
 class Swings:
     """As much of what was prepared as the check looks at."""
 
-    def __init__(self, amplitudes, pace=1.0, written=1.0):
+    def __init__(self, amplitudes, pace=1.0, written=1.0, slowing=0.0, noise=0.0):
         time = np.arange(0.0, 8.0, 1.0 / 60.0)
         trials = []
         for number, amplitude in enumerate(amplitudes):
             # the period of a pendulum, exactly; its shape is close to a sine
             rate = RATE * np.pi / (2.0 * ellipk(np.sin(amplitude / 2.0) ** 2))
             rate *= pace if number % 2 else 1.0
-            angle = written * amplitude * np.cos(rate * time)
+            angle = written * np.maximum(amplitude - slowing * time, 0.0) * np.cos(rate * time)
+            angle += np.random.default_rng(number).normal(0.0, noise, time.size)
             trials.append(Trial(str(number), np.zeros(0), np.zeros((0, 3)), time, angle))
         baseline = Baseline({}, PAPER_PENDULUM)
         records = lay_out(CampaignRecords(tuple(trials)), baseline)
@@ -52,3 +53,8 @@ def test_small_angles_in_degrees_are_noticed_by_their_pace(degrees):
 def test_trials_of_two_pendulums_are_noticed():
     with pytest.raises(UsageError, match="several pendulums"):
         refuse_nonsense(None, Swings([0.2, 0.25, 0.2, 0.25], pace=1.3))
+
+
+def test_noise_after_a_pendulum_has_come_to_rest_is_no_swing_of_another():
+    # dry friction takes the same off every swing: 0.1 rad are gone after 2 s of 8
+    refuse_nonsense(None, Swings([0.1, 0.5, 0.12, 0.6], slowing=0.05, noise=0.006))
