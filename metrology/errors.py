@@ -12,7 +12,8 @@
     └── MeasurementError           4  read, but the quantity can't be measured from it
         ├── NotFoundError          4  no ball, no pendulum, no contact, no landing in view
         ├── CalibrationError       4  no grid, wrong pitch, too few views, camera moved
-        └── TooLittleDataError     4  too few trials or points to tell
+        ├── TooLittleDataError     4  too few trials or points to tell
+        └── NoFitError             4  no model can be fitted: singular, not finite, no optimum
 
 Every error carries a message that says what is wrong and where, and a hint that says what would
 help.
@@ -26,6 +27,7 @@ __all__ = [
     "DomainError",
     "ImpactVisionError",
     "MeasurementError",
+    "NoFitError",
     "NotFoundError",
     "OutputError",
     "SetupError",
@@ -106,3 +108,7 @@ class CalibrationError(MeasurementError):
 
 class TooLittleDataError(MeasurementError):
     """Too few trials or points to tell."""
+
+
+class NoFitError(MeasurementError):
+    """No model can be fitted to these numbers: singular, not finite, or without an optimum."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from metrology.errors import TooLittleDataError
+from metrology.errors import NoFitError
 
 __all__ = ["Fitted", "Residuals", "fit", "moved_fit"]
 
@@ -95,7 +95,7 @@ def fit(
 
     Raises
     ------
-    TooLittleDataError
+    NoFitError
         If the residuals are no numbers at the start: the motion is nothing like the model.
     """
     values = np.asarray(start, dtype=float)
@@ -191,7 +191,7 @@ def _descend(
         weight = 1.0 / np.hypot(1.0, left / _SOFT_FROM)
         normal = jacobian.T @ (weight[:, np.newaxis] * jacobian) + precision
         if not np.isfinite(normal).all():
-            raise TooLittleDataError(
+            raise NoFitError(
                 "the motion followed is not one that this model can fit",
                 hint="Check the capture rate (--fps), and that ball and mass were followed.",
             )

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import typer
 from typer.core import TyperGroup
 
-from pipelines.doors import guarded
+from pipelines.doors import DEBUG, guarded
 
 __all__ = ["app"]
 
@@ -198,5 +198,9 @@ def _main(
     version: bool = typer.Option(
         False, "--version", callback=_version, is_eager=True, help="Print the version and stop."
     ),
+    debug: bool = typer.Option(
+        False, "--debug", help="Show the traceback where numbers can't be fitted."
+    ),
 ) -> None:
-    pass
+    if debug:
+        os.environ[DEBUG] = "1"

@@ -16,14 +16,20 @@ from contextlib import contextmanager, suppress
 from enum import Enum
 from pathlib import Path
 from types import FrameType
-from typing import Any, NoReturn, get_type_hints
+from typing import TYPE_CHECKING, Any, NoReturn, get_type_hints
 
 import typer
+
+if TYPE_CHECKING:
+    from metrology import MeasurementError
 
 __all__ = ["FileRole", "guarded", "refuse_clashes"]
 
 DEBUG = "IMPACT_VISION_DEBUG"
-"""Environment: set, a numerical failure keeps its traceback."""
+"""Environment: set, a numerical failure keeps its traceback; ``vision --debug`` sets it."""
+
+_NUMERICAL_LIBRARIES = frozenset({"numpy", "scipy"})
+"""What they refuse with a ValueError of their own is no number or no optimum."""
 
 _ENDED_BY_SIGNAL = 128
 """Exit codes of a process that a signal ended start here (POSIX shells)."""
@@ -75,25 +81,40 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
                 raise
             _silence_stdout()
             end(f"the disk is full: {problem.strerror}\nMake room and ask again.", 2)
-        except ArithmeticError as problem:
-            _told_as_no_fit(problem, end)
-        except ValueError as problem:
-            from numpy.linalg import LinAlgError
-
-            if not isinstance(problem, LinAlgError):
+        except (ArithmeticError, ValueError) as problem:
+            if not _is_numerical(problem):
                 raise
-            _told_as_no_fit(problem, end)
+            if os.environ.get(DEBUG):
+                raise
+            failed = _no_fit(problem)
+            end(str(failed), failed.exit_code)
 
     return run
 
 
-def _told_as_no_fit(problem: Exception, end: Callable[[str, int], NoReturn]) -> NoReturn:
-    if os.environ.get(DEBUG):
-        raise problem
-    end(
-        f"these numbers can't be fitted: {problem}\nLook at the input as a plot: are the columns, "
-        f"units and times what they should be? {DEBUG}=1 shows where it stopped.",
-        4,
+def _is_numerical(problem: Exception) -> bool:
+    """Whether numbers failed, not the program: singular, not finite, without an optimum.
+
+    A ValueError counts only where a numerical library itself raised it about its arguments.
+    """
+    from numpy.linalg import LinAlgError
+
+    if isinstance(problem, ArithmeticError | LinAlgError):
+        return True
+    trace = problem.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    inmost = "" if trace is None else str(trace.tb_frame.f_globals.get("__name__", ""))
+    return inmost.split(".")[0] in _NUMERICAL_LIBRARIES
+
+
+def _no_fit(problem: Exception) -> "MeasurementError":
+    from metrology import NoFitError
+
+    return NoFitError(
+        f"these numbers can't be fitted: {problem}",
+        hint="Look at the input as a plot: are the columns, units and times what they should be? "
+        "vision --debug and the same words show where it stopped.",
     )
 
 

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -89,6 +90,37 @@ def _command(fault: Exception) -> int | str | None:
 )
 def test_what_stops_a_command_has_its_exit_code(fault: Exception, code: int) -> None:
     assert _command(fault) == code
+
+
+def _scipy_refuses() -> None:
+    from scipy.optimize import least_squares
+
+    least_squares(lambda x: np.full(3, np.nan), [1.0])
+
+
+def _we_do() -> None:
+    np.zeros(3) + np.zeros(4)
+
+
+@pytest.mark.parametrize(("work", "code"), [(_scipy_refuses, 4), (_we_do, 1)])
+def test_numbers_that_fail_are_told_and_slips_of_ours_stay_bugs(
+    work: Callable[[], None], code: int
+) -> None:
+    single = typer.Typer(pretty_exceptions_enable=False)
+    single.command()(guarded(work))
+    ran = CliRunner().invoke(single, [])
+    assert ran.exit_code == code
+    assert ("can't be fitted" in ran.output) == (code == 4)
+
+
+def test_debug_keeps_the_traceback_of_numbers_that_fail(monkeypatch: pytest.MonkeyPatch) -> None:
+    from pipelines.doors import DEBUG
+
+    monkeypatch.setenv(DEBUG, "1")
+    single = typer.Typer(pretty_exceptions_enable=False)
+    single.command()(guarded(_scipy_refuses))
+    ran = CliRunner().invoke(single, [])
+    assert isinstance(ran.exception, ValueError)
 
 
 def vision(*words: str | Path, stdout: int) -> subprocess.Popen[str]:

@@ -1,0 +1,113 @@
+"""``python -m bench.hostile --seconds 600``: hostile inputs drawn, run and counted by class.
+
+Each case that fails is kept in ``bench/hostile/kept`` and replayed by the tests. ``--seed`` draws
+the same cases again; ``--log FILE`` adds what every case said, from which ``--messages 40`` shows
+some at random, to be read by a person.
+"""
+
+import argparse
+import json
+import random
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+from bench.hostile.case import Case, Fault, Kind, Ran, faults_of, run_case
+from bench.hostile.draw import STRATEGIES, drawn
+from bench.hostile.warm import load_commands
+
+
+def tried(case: Case) -> tuple[Ran, tuple[Fault, ...]]:
+    """Run a case in a folder of its own."""
+    with tempfile.TemporaryDirectory(prefix="hostile-") as folder:
+        inside = Path(folder) / "case"
+        inside.mkdir()
+        ran = run_case(case, inside)
+    return ran, faults_of(case, ran)
+
+
+def campaign(
+    seconds: float, of: int, kinds: list[Kind], keep: Path | None, log: Path | None
+) -> tuple[Counter[Kind], Counter[Fault], Counter[int]]:
+    """Draw and run rounds of cases until the time is over."""
+    cases: Counter[Kind] = Counter()
+    faults: Counter[Fault] = Counter()
+    codes: Counter[int] = Counter()
+    until, turn = time.monotonic() + seconds, 0
+    while time.monotonic() < until:
+        for kind in kinds:
+            for case in drawn(kind, STRATEGIES[kind][1], 1000 * of + turn):
+                if time.monotonic() > until:
+                    break
+                ran, found = tried(case)
+                cases[kind] += 1
+                codes[ran.code] += 1
+                faults.update(found)
+                _note(case, ran, found, keep, log)
+        turn += 1
+    return cases, faults, codes
+
+
+def _note(
+    case: Case, ran: Ran, found: tuple[Fault, ...], keep: Path | None, log: Path | None
+) -> None:
+    if log is not None:
+        line = {
+            "kind": case.kind, "arguments": case.arguments, "code": ran.code, "said": ran.said,
+            "seconds": round(ran.seconds, 2), "faults": found, "name": case.name,
+        }  # fmt: skip
+        with log.open("a", encoding="utf-8") as file:
+            file.write(json.dumps(line) + "\n")
+    if found and keep is not None:
+        keep.mkdir(parents=True, exist_ok=True)
+        (keep / f"{case.name}.json").write_text(case.text() + "\n", encoding="utf-8")
+        last = ran.said.strip().splitlines()[-1:] or [""]
+        print(
+            f"{case.name}: {', '.join(found)}: {' '.join(case.arguments)[:120]!r}: {last[0][:160]}",
+            file=sys.stderr,
+            flush=True,
+        )
+
+
+def table(cases: Counter[Kind], faults: Counter[Fault], codes: Counter[int]) -> list[str]:
+    """The result as markdown."""
+    doors = ", ".join(f"{number} {kind}" for kind, number in cases.items())
+    ended = ", ".join(f"{number} × {code}" for code, number in sorted(codes.items()))
+    rows = [f"| inputs tried | 2,000 | {cases.total():,} ({doors}) |"]
+    rows += [f"| {fault} | 0 | {faults[fault]} |" for fault in Fault]
+    return [*rows, f"| exit codes | | {ended} |"]
+
+
+def messages(log: Path, number: int) -> None:
+    """Show messages at random, for a person to read."""
+    lines = [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()]
+    refused = [line for line in lines if line["code"] in (2, 3, 4)]
+    for line in random.Random(40).sample(refused, min(number, len(refused))):
+        print(f"[{line['code']}] vision {' '.join(line['arguments'])[:100]!r}\n{line['said']}")
+
+
+def main() -> None:
+    """Draw, run, count."""
+    parser = argparse.ArgumentParser(prog="python -m bench.hostile", description=__doc__)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--kinds", nargs="+", choices=[kind.name for kind in Kind])
+    parser.add_argument("--keep", type=Path, default=Path(__file__).with_name("kept"))
+    parser.add_argument("--log", type=Path)
+    parser.add_argument("--messages", type=int, help="show so many of --log, and run nothing")
+    asked = parser.parse_args()
+    if asked.messages:
+        messages(asked.log, asked.messages)
+        return
+    load_commands()
+    kinds = [Kind[name] for name in asked.kinds or [kind.name for kind in STRATEGIES]]
+    found = campaign(asked.seconds, asked.seed, kinds, asked.keep, asked.log)
+    print("| | at most | found |\n|---|---|---|")
+    print("\n".join(table(*found)))
+    sys.exit(0 if found[1].total() == 0 else 1)
+
+
+if __name__ == "__main__":
+    main()
