@@ -14,7 +14,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from bench.hostile.case import Case, Fault, Kind, Ran, faults_of, run_case
+from bench.hostile.case import Case, Fault, Kind, Ran, faults_of, kept, read_case, run_case
 from bench.hostile.draw import STRATEGIES, drawn
 from bench.hostile.warm import load_commands
 
@@ -71,6 +71,18 @@ def _note(
         )
 
 
+def replayed() -> int:
+    """Run every case that failed once; how many fail again."""
+    failed = 0
+    for path in kept():
+        ran, found = tried(read_case(path))
+        failed += bool(found)
+        if found:
+            print(f"{path.name}: {', '.join(found)}\n{ran.said[-2000:]}", file=sys.stderr)
+    print(f"{len(kept())} cases, {failed} fail")
+    return min(failed, 1)
+
+
 def table(cases: Counter[Kind], faults: Counter[Fault], codes: Counter[int]) -> list[str]:
     """The result as markdown."""
     doors = ", ".join(f"{number} {kind}" for kind, number in cases.items())
@@ -96,12 +108,15 @@ def main() -> None:
     parser.add_argument("--kinds", nargs="+", choices=[kind.name for kind in Kind])
     parser.add_argument("--keep", type=Path, default=Path(__file__).with_name("kept"))
     parser.add_argument("--log", type=Path)
+    parser.add_argument("--replay", action="store_true", help="the cases kept, and draw none")
     parser.add_argument("--messages", type=int, help="show so many of --log, and run nothing")
     asked = parser.parse_args()
     if asked.messages:
         messages(asked.log, asked.messages)
         return
     load_commands()
+    if asked.replay:
+        sys.exit(replayed())
     kinds = [Kind[name] for name in asked.kinds or [kind.name for kind in STRATEGIES]]
     found = campaign(asked.seconds, asked.seed, kinds, asked.keep, asked.log)
     print("| | at most | found |\n|---|---|---|")

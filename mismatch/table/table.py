@@ -17,6 +17,7 @@ from mismatch.model.baseline import Baseline
 from mismatch.model.candidates import Candidate, start_values
 from mismatch.model.forward import BatchTerm, Forward, Model, batch_terms
 from mismatch.records.records import Records
+from mismatch.records.sanity import FARTHEST
 from physics.domain import FloatArray, Vector
 from physics.effects import CameraView, Contact, Effect, EffectId, Outcome, Parameter, Values
 from physics.effects.impact import VelocityDependentCor, change_restitution
@@ -84,6 +85,11 @@ class TrialTable:
         if np.any(self.stds[np.isfinite(self.stds)] <= 0.0):
             raise UsageError(
                 "a standard uncertainty must be positive", hint="Leave it empty where unknown."
+            )
+        if np.any(np.abs(self.values) > FARTHEST) or np.any(self.stds > FARTHEST):
+            raise UsageError(
+                "speeds, ranges or their uncertainties are beyond all bounds",
+                hint="They are in m/s and metres, and at most a million of them.",
             )
 
     @property

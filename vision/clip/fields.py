@@ -95,6 +95,10 @@ class _Evidence:
         return "top_first" if self.to_next < self.to_last else "bottom_first"
 
 
+_LEAST_LINES = 4
+"""Lines of a picture: a bottom line with a top line on either side, and their pair."""
+
+
 class CombingDetector:
     """Weighs combing over the pictures shown to it, until what moves has told enough."""
 
@@ -114,6 +118,8 @@ class CombingDetector:
 
     def show(self, picture: GrayImage) -> None:
         """Look at the next picture that is wanted, as stored."""
+        if picture.shape[0] < _LEAST_LINES:
+            return
         lines = picture[: picture.shape[0] // 2 * 2].astype(np.float32)
         # Mains flicker changes all of a picture; only what moves in it is to count.
         self._held.append(lines * np.float32(_LEVEL / max(float(lines.mean()), 1e-3)))

@@ -1,0 +1,110 @@
+"""The judge of hostile inputs sees every fault; what failed once does not fail again."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from bench.hostile.case import Case, Fault, Kind, Ran, faults_of, read_case
+from bench.hostile.draw import STRATEGIES, drawn
+from bench.hostile.kills import whole
+
+ROOT = Path(__file__).parents[2]
+CASE = Case(
+    Kind.TABLE, ("explain", "b.csv", "--json", "o.json"), {"b.csv": b"x"}, ("o.json",), ("drag",)
+)
+EXPLAINED = json.dumps({"effects": [{"id": "drag", "probability": 0.9}], "notes": []}).encode()
+FINE = Ran(0, "", "", 1.0, 1.0, 1 << 20, {"b.csv": b"x", "o.json": EXPLAINED})
+
+
+def _bench(*words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "bench.hostile", *words],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "IMPACT_VISION_CACHE": "off"},
+        capture_output=True,
+        text=True,
+        timeout=280,
+        check=False,
+    )
+
+
+@pytest.mark.parametrize(
+    ("ran", "fault"),
+    [
+        (replace(FINE, code=1, said="Traceback (most recent call last):\n"), Fault.TRACEBACK),
+        (replace(FINE, code=-9), Fault.CODE),
+        (replace(FINE, worked=31.0), Fault.HANG),
+        (replace(FINE, seconds=121.0), Fault.HANG),
+        (replace(FINE, memory=3 << 30), Fault.MEMORY),
+        (replace(FINE, code=2, left={"b.csv": b"x"}), Fault.SPEECHLESS),
+        (replace(FINE, said="a.py:3: RuntimeWarning: overflow\n"), Fault.NOISE),
+        (replace(FINE, left={**FINE.left, "b.csv": b"y"}), Fault.INPUT),
+        (replace(FINE, left={**FINE.left, ".b-1.json": b""}), Fault.LEFTOVER),
+        (replace(FINE, left={**FINE.left, "o.json": b'{"effects": ['}), Fault.HALF),
+        (replace(FINE, left={**FINE.left, "o.json": b'{"effects": [], "x": NaN}'}), Fault.HALF),
+        (replace(FINE, left={**FINE.left, "o.json": b'{"effects": []}'}), Fault.SILENT),
+    ],
+)
+def test_the_judge_sees_each_fault(ran: Ran, fault: Fault) -> None:
+    assert faults_of(CASE, FINE) == ()
+    assert faults_of(CASE, ran) == (fault,)
+
+
+def test_a_verdict_that_changes_with_a_word_is_no_silence() -> None:
+    noted = b'{"effects": [], "notes": ["2 cells are left out"]}'
+    assert faults_of(CASE, replace(FINE, left={**FINE.left, "o.json": noted})) == ()
+
+
+def test_a_case_is_kept_as_it_was(tmp_path: Path) -> None:
+    path = tmp_path / "case.json"
+    path.write_text(CASE.text(), encoding="utf-8")
+    assert read_case(path) == CASE
+    assert read_case(path).name == CASE.name
+
+
+@pytest.mark.parametrize("kind", [Kind.SETUP, Kind.ARGUMENTS, Kind.LAWS, Kind.LAB_BOOK])
+def test_a_seed_draws_the_same_cases(kind: Kind) -> None:
+    assert set(STRATEGIES) == set(Kind)
+    first = drawn(kind, 5, 7)
+    assert first == drawn(kind, 5, 7)
+    assert len({case.name for case in first}) > 2
+
+
+@pytest.mark.parametrize(
+    ("name", "sound"),
+    [("a.json", b'{"a": 1}'), ("a.html", b"<html></html>"), ("a.toml", b"a = [1]")],
+)
+def test_what_is_cut_is_not_whole(name: str, sound: bytes) -> None:
+    assert whole(name, sound)
+    assert not whole(name, sound[:-1])
+
+
+def test_what_failed_once_does_not_fail_again() -> None:
+    ran = _bench("--replay")
+    assert ran.returncode == 0, ran.stderr[-3000:]
+
+
+@pytest.mark.slow
+def test_a_minute_of_hostile_inputs_brings_nothing_down() -> None:
+    ran = _bench("--seconds", "60", "--seed", "60")
+    assert ran.returncode == 0, ran.stdout + ran.stderr[-3000:]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["simulate", "render", "explain", "convert", "measure"])
+def test_a_killed_command_leaves_whole_files_or_none(command: str) -> None:
+    ran = subprocess.run(
+        [sys.executable, "-m", "bench.hostile.kills", "--moments", "5", "--commands", command],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=280,
+        check=False,
+    )
+    assert ran.returncode == 0, ran.stdout + ran.stderr[-2000:]
