@@ -6,11 +6,13 @@ of velocity costs, up to the price of a collision, and so does a change of radiu
 is taken out, then the next.
 """
 
+import math
 from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
+from metrology.compiled import compiled
 from vision.ball.circles import Circles
 
 __all__ = ["BallPath", "link_circles"]
@@ -30,6 +32,15 @@ _SUDDEN_RADII, _SUDDEN_RATIO = 3.0, 5.0
 """Radii, and times the step before: one so long begins a flight as fast, or leaps elsewhere."""
 _BENDING = 0.35
 """Of the step: what falls goes that much further in each look than before, soon after release."""
+_STRAIGHT = 0.25
+"""Square of a turn over what is allowed: half of that is straight, supposed."""
+_BEND_PRICE = 0.3
+"""Nats for a turn by all that is allowed, supposed."""
+_SIZE_SCATTER, _SIZE_PRICE, _MOST_SIZES = 0.2, 0.3, 9.0
+"""Log radius by which circles of one thing differ, nats for as much, and its square at most,
+supposed."""
+_FIRST_PRICE = 0.03
+"""Nats for each radius of a first link, supposed: the nearer is the likelier."""
 _TRIES = 3
 """Times the paths wanted: chains of two are none, but a few may be in the way of one."""
 # Edges less steep than this (over noise) may be noise, and count next to nothing.
@@ -186,100 +197,179 @@ def _claimed(nodes: _Nodes, chain: IntArray) -> NDArray[np.bool_]:
 
 
 def _best_chain(nodes: _Nodes, alive: NDArray[np.bool_], steps: int) -> IntArray:
-    members = [np.nonzero(alive & (nodes.step == step))[0] for step in range(steps)]
-    links = _Links(nodes, max(len(found) for found in members) * _REACH)
-    for step in range(1, steps):
-        targets = members[step]
-        sources = np.concatenate(members[max(0, step - _REACH) : step])
-        if len(sources) and len(targets):
-            links.add(targets, sources)
-    return links.best()
+    """Nodes of the best chain through what is alive, in time order.
 
-
-class _Links:
-    """Links between candidates, each with the score of the best chain that ends in it.
-
-    Of every node the links that arrive there are kept in rows of equal length.
+    Of every node the links that arrive there are kept in rows of equal length, each with the score
+    of the best chain that ends in it.
     """
+    members = np.flatnonzero(alive)
+    first = np.searchsorted(nodes.step[members], np.arange(steps + 1))
+    count, most = len(nodes.step), int(np.diff(first).max(initial=0)) * _REACH
+    source = np.full((count, most), -1, dtype=np.int64)
+    score, previous = np.full((count, most), -np.inf), np.full((count, most), -1, dtype=np.int64)
+    if score.size == 0:
+        return np.zeros(0, dtype=np.int64)
+    _score_links(
+        nodes.table,
+        nodes.score,
+        nodes.frame,
+        nodes.step,
+        members,
+        first,
+        source,
+        np.zeros((count, most, 2)),
+        score,
+        previous,
+        np.zeros((count, most), dtype=np.bool_),
+        np.zeros((count, most), dtype=np.bool_),
+    )
+    link = int(np.argmax(score))
+    if not np.isfinite(score.flat[link]):
+        return np.zeros(0, dtype=np.int64)
+    chain = []
+    while link >= 0:
+        node, place = divmod(link, most)
+        chain.append(node)
+        link = int(previous[node, place])
+    chain.append(int(source[node, place]))
+    return np.array(chain[::-1], dtype=np.int64)
 
-    def __init__(self, nodes: _Nodes, most: int) -> None:
-        count = len(nodes.step)
-        self._nodes, self._most = nodes, most
-        self._source = np.full((count, most), -1, dtype=np.int64)
-        self._velocity = np.zeros((count, most, 2))
-        self._score = np.full((count, most), -np.inf)
-        self._previous = np.full((count, most), -1, dtype=np.int64)
-        self._continued = np.zeros((count, most), dtype=bool)
-        self._sudden = np.zeros((count, most), dtype=bool)
 
-    def best(self) -> IntArray:
-        """Nodes of the best chain there is, in time order."""
-        if self._score.size == 0 or not np.isfinite(self._score.max()):
-            return np.zeros(0, dtype=np.int64)
-        link = int(np.argmax(self._score))
-        chain = []
-        while link >= 0:
-            node, place = divmod(link, self._most)
-            chain.append(node)
-            first = int(self._source[node, place])
-            link = int(self._previous[node, place])
-        chain.append(first)
-        return np.array(chain[::-1], dtype=np.int64)
+@compiled
+def _score_links(
+    table: FloatArray,
+    own_score: FloatArray,
+    frame: IntArray,
+    step: IntArray,
+    members: IntArray,
+    first: IntArray,
+    source: IntArray,
+    velocity: FloatArray,
+    score: FloatArray,
+    previous: IntArray,
+    continued: NDArray[np.bool_],
+    sudden: NDArray[np.bool_],
+) -> None:
+    """Score the links from each candidate to each later one, with the best that led there.
 
-    def add(self, targets: IntArray, sources: IntArray) -> None:
-        """Score the links from each source to each target, with the best that led to the source.
+    Parameters
+    ----------
+    table, own_score, frame, step : (n, …) arrays
+        Of each candidate.
+    members : (m,) int array
+        Candidates that may be linked.
+    first : (K + 1,) int array
+        Where in `members` each look's begin.
+    source, score, previous : (n, most) arrays
+        Take where each link begins, the score of the best chain that ends in it, and the link
+        before it (its place in all), −1 where it is the first.
+    velocity, continued, sudden : (n, most, …) arrays
+        Room to work in: velocity of a link, px per frame; whether something stands where it goes on
+        to; whether it is much faster than what led there.
+    """
+    for look in range(1, len(first) - 1):
+        low, high = first[max(0, look - _REACH)], first[look]
+        for k in range(low, high):
+            for t in range(high, first[look + 1]):
+                _mark_continued(members[k], members[t], table, frame, velocity, score, continued)
+        for t in range(high, first[look + 1]):
+            for k in range(low, high):
+                _score_link(
+                    members[k],
+                    members[t],
+                    k - low,
+                    table,
+                    own_score,
+                    frame,
+                    step,
+                    source,
+                    velocity,
+                    score,
+                    previous,
+                    continued,
+                    sudden,
+                )
 
-        Where something stands about where a link would go on to, a leap to something else is no
-        motion but a mistake of identity, and not allowed.
-        """
-        nodes = self._nodes
-        place, radius = nodes.table[targets, :2], nodes.table[targets, 2]
-        elapsed = (nodes.frame[targets[0]] - nodes.frame[sources]).astype(np.float64)
-        moved = place[:, None] - nodes.table[sources, :2][None]
-        velocity = moved / elapsed[None, :, None]
-        ratio = np.abs(np.log(radius[:, None] / nodes.table[sources, 2][None]))
-        missed = nodes.step[targets[0]] - nodes.step[sources] - 1
-        own = nodes.score[targets][:, None] - np.minimum((ratio / 0.2) ** 2, 9.0) * 0.3
-        own = np.where(ratio > _MOST_SWELLING, -np.inf, own - _MISS_PRICE * missed)
-        distance = np.hypot(moved[..., 0], moved[..., 1])
-        total = self._continuing(sources, velocity, elapsed, ratio, distance, radius)
-        top = np.argmax(total, axis=2)
-        through = np.take_along_axis(total, top[..., None], axis=2)[..., 0] + own
-        alone = nodes.score[sources][None] + own - 0.03 * distance / radius[:, None]
-        better = through > alone
-        count = len(sources)
-        self._source[targets, :count] = sources
-        self._velocity[targets, :count] = velocity
-        self._score[targets, :count] = np.where(better, through, alone)
-        self._previous[targets, :count] = np.where(better, sources * self._most + top, -1)
-        came = self._velocity[np.broadcast_to(sources, top.shape), top]
-        faster = distance / elapsed > _SUDDEN_RATIO * np.hypot(came[..., 0], came[..., 1])
-        far = distance > _SUDDEN_RADII * radius[:, None]
-        self._sudden[targets, :count] = better & faster & far
 
-    def _continuing(
-        self,
-        sources: IntArray,
-        velocity: FloatArray,
-        elapsed: FloatArray,
-        ratio: FloatArray,
-        distance: FloatArray,
-        radius: FloatArray,
-    ) -> FloatArray:
-        """Score of each link into a source (last axis) that goes on to a target (first axis)."""
-        allowed = 1.0 * radius[:, None] + _BENDING * distance + 1.0
-        arrived, reached = self._velocity[sources], self._score[sources]
-        turned = (velocity[:, :, None] - arrived[None]) * elapsed[None, :, None, None]
-        bend = (turned[..., 0] ** 2 + turned[..., 1] ** 2) / allowed[..., None] ** 2
-        straight = (bend < 0.25) & (ratio < _MOST_SWELLING)[..., None]
-        goes_on = np.any(straight, axis=0) | self._continued[sources]
-        self._continued[sources] = goes_on
-        cap = (
-            _COLLISION_PRICE + _LEAP_PRICE * np.sqrt(bend) * (allowed / radius[:, None])[..., None]
+@compiled
+def _mark_continued(
+    start: int,
+    end: int,
+    table: FloatArray,
+    frame: IntArray,
+    velocity: FloatArray,
+    score: FloatArray,
+    continued: NDArray[np.bool_],
+) -> None:
+    """Say of the links into a candidate which of them go straight on to another one."""
+    if abs(math.log(table[end, 2] / table[start, 2])) >= _MOST_SWELLING:
+        return
+    dx, dy = table[end, 0] - table[start, 0], table[end, 1] - table[start, 1]
+    elapsed = float(frame[end] - frame[start])
+    allowed = table[end, 2] + _BENDING * math.hypot(dx, dy) + 1.0
+    for m in range(score.shape[1]):
+        turned_x, turned_y = (
+            dx - velocity[start, m, 0] * elapsed,
+            dy - velocity[start, m, 1] * elapsed,
         )
-        stopped = _SUDDEN_RATIO * np.hypot(velocity[..., 0], velocity[..., 1])[
-            ..., None
-        ] < np.hypot(arrived[..., 0], arrived[..., 1])
-        price = np.where((bend > 1.0) & goes_on[None], np.inf, np.minimum(0.3 * bend, cap))
-        price = np.where(stopped & self._sudden[sources][None], np.inf, price)
-        return np.asarray(reached[None] - price)
+        if turned_x * turned_x + turned_y * turned_y < _STRAIGHT * allowed * allowed:
+            continued[start, m] = True
+
+
+@compiled
+def _score_link(
+    start: int,
+    end: int,
+    place: int,
+    table: FloatArray,
+    own_score: FloatArray,
+    frame: IntArray,
+    step: IntArray,
+    source: IntArray,
+    velocity: FloatArray,
+    score: FloatArray,
+    previous: IntArray,
+    continued: NDArray[np.bool_],
+    sudden: NDArray[np.bool_],
+) -> None:
+    """Score one link.
+
+    Where something stands about where a link would go on to, a leap to something else is no motion
+    but a mistake of identity, and not allowed.
+    """
+    most, radius = score.shape[1], table[end, 2]
+    dx, dy = table[end, 0] - table[start, 0], table[end, 1] - table[start, 1]
+    elapsed, distance = float(frame[end] - frame[start]), math.hypot(dx, dy)
+    source[end, place] = start
+    velocity[end, place, 0], velocity[end, place, 1] = dx / elapsed, dy / elapsed
+    ratio = abs(math.log(radius / table[start, 2]))
+    if ratio > _MOST_SWELLING:
+        return
+    allowed, speed = radius + _BENDING * distance + 1.0, distance / elapsed
+    best, top, top_speed = -np.inf, -1, 0.0
+    for m in range(most):
+        if not score[start, m] > best:
+            # a price is never below nought
+            continue
+        came_x, came_y = velocity[start, m, 0], velocity[start, m, 1]
+        came = math.hypot(came_x, came_y)
+        turned_x, turned_y = dx - came_x * elapsed, dy - came_y * elapsed
+        bend = (turned_x * turned_x + turned_y * turned_y) / (allowed * allowed)
+        if bend > 1.0 and continued[start, m]:
+            continue
+        if sudden[start, m] and _SUDDEN_RATIO * speed < came:
+            continue
+        cap = _COLLISION_PRICE + _LEAP_PRICE * math.sqrt(bend) * allowed / radius
+        total = score[start, m] - min(_BEND_PRICE * bend, cap)
+        if total > best:
+            best, top, top_speed = total, m, came
+    missed = step[end] - step[start] - 1
+    own = own_score[end] - _MISS_PRICE * missed
+    own -= _SIZE_PRICE * min((ratio / _SIZE_SCATTER) ** 2, _MOST_SIZES)
+    alone = own_score[start] + own - _FIRST_PRICE * distance / radius
+    if best + own > alone:
+        score[end, place], previous[end, place] = best + own, start * most + top
+        far = distance > _SUDDEN_RADII * radius
+        sudden[end, place] = far and speed > _SUDDEN_RATIO * top_speed
+    else:
+        score[end, place] = alone
