@@ -9,13 +9,11 @@ gravity (m/s²).
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from metrology.compiled import compiled
+from physics.domain import FloatArray
 
 __all__ = ["flown", "rates", "time_of_fall"]
-
-FloatArray = NDArray[np.float64]
 
 _STEP_S, _LEAST_STEP_S = 0.05, 1e-6
 """Runge–Kutta steps: a ball that drag slows by a tenth in a second is right to 1e-8 m with them."""

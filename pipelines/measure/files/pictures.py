@@ -18,8 +18,8 @@ from pipelines.report import (
     PathRecord,
     ReportInput,
     SpeedRecord,
-    quantity_label,
 )
+from pipelines.report.labels import quantity_label
 from vision.clip.clip import ClipReader
 from vision.overlay.overlay import OverlayMarks, overlay_still, png_bytes
 
