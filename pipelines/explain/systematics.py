@@ -8,7 +8,8 @@ import numpy as np
 
 from calib.calibration import Calibration
 from metrology import Defaults
-from mismatch import EngineVerdict, Trial
+from mismatch import EngineVerdict
+from mismatch.records.records import Trial
 from mismatch.verdict import DOUBTED, Doubt, NamedEffect
 from pipelines.measure.measurement import ClipMeasurement
 from pipelines.measure.metres import CameraMapping
