@@ -12,10 +12,10 @@ import cv2
 import numpy as np
 
 from calib.calibration import BallOutlines, Evidence, FreeFall, Known
-from calib.camera.camera import Camera, Lens
-from calib.camera.lens import Board, calibrate_lens, find_board
+from calib.camera import Camera, Lens
 from calib.grid.grid import WallGrid, find_wall_grid
-from calib.pose import calibrate
+from calib.lens import Board, calibrate_lens, find_board
+from calib.solve import calibrate
 from metrology import CalibrationError
 from tests.calib.synthetic import rendered, some_camera
 

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.calibration import Calibration, Evidence
-from calib.camera.camera import Camera
+from calib.camera import Camera
 from calib.grid.grid import find_wall_grid
-from calib.pose import PRINCIPAL_STD, calibrate
+from calib.solve import PRINCIPAL_STD, calibrate
 from metrology import CalibrationError
 from tests.calib.synthetic import rendered, some_camera
 from tests.calib.test_pose import DEPTH, RADIUS, evidence, known_lens, seen_grid, wide_camera

@@ -18,7 +18,7 @@ from PIL import Image
 
 from metrology.quantity import format_quantity
 from pipelines.measure.chain import MeasureOptions, measure_clip
-from pipelines.measure.files.pictures import overlay_marks, report_input
+from pipelines.measure.pictures import overlay_marks, report_input
 from pipelines.report.plots import STYLE, panels_of, write_plot
 from pipelines.setup.file import load_setup
 from vision.clip.clip import ClipReader

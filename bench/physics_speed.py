@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
+from physics.air import PAPER_AIR
 from physics.bodies import JOKKU, PAPER_PENDULUM, PAPER_SUPPORT
-from physics.contact.contact import contact_outcomes
+from physics.contact import contact_outcomes
 from physics.effects import Term, effect_named
-from physics.flight.air import PAPER_AIR
-from physics.flight.flight import fly, land_many
+from physics.flight import fly, land_many
 from physics.forward import Experiment
-from physics.restitution.inversion import RangeInputs, monte_carlo_cor
+from physics.inversion import RangeInputs, monte_carlo_cor
 
 MODEL = Experiment(JOKKU).flight.with_terms(Term(effect_named("magnus"), {"spin": -20.0}))
 START = np.array([0.0, 0.42, 0.0, 6.2, 1.3, 0.1])

@@ -14,8 +14,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from physics.bodies import BASKETBALL, JOKKU
-from pipelines.calibrate.filming import Filming, film_scene
-from pipelines.calibrate.plan import foresee, planned_setup
+from pipelines.calibrate.plan import Filming, film_scene, foresee, planned_setup
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.setup.file import Setup
 from sample_videos.render import render_clip

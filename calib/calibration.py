@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calib.camera.camera import Camera, Lens, rotation_matrix
+from calib.camera import Camera, Lens, rotation_matrix
 from metrology import CalibrationError, Contribution, Defaults, UncertaintySource
 
 __all__ = [

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calib.camera.camera import Camera, Lens
-from calib.camera.lens_fit import LensPrior
+from calib.camera import Camera, Lens
 from calib.grid.grid import WallGrid
 from calib.grid.spectrum import GridMap
+from calib.lens import LensPrior
 from metrology import CalibrationError
 
 __all__ = [

@@ -2,30 +2,530 @@
 
 Measuring, the wizard and planning all come through here. Where nothing is taped, a fall weighs in:
 gravity is a scale that nobody has to tape.
+
+Camera, lens and ball plane from the grid and whatever else is known, in one weighted fit.
+
+Seen square on, a grid does not tell focal length from distance: only their ratio, the scale of the
+wall, is determined. A broad prior on the focal length keeps the fit finite, and the covariance
+carries the trade-off; tape, ball diameter or free fall then narrow exactly the combination they
+determine.
+
+Has the camera moved since it was calibrated? The same wall, looked at again.
 """
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from calib.calibration import Calibration, Evidence, FreeFall, Known, plausible
+from calib.calibration import (
+    PARAMETERS,
+    BallOutlines,
+    Calibration,
+    DepthEstimate,
+    Evidence,
+    FreeFall,
+    Known,
+    Source,
+    plausible,
+)
+from calib.camera import Lens
 from calib.grid.grid import WallGrid
-from calib.pose import LensPrior, calibrate
-from metrology import CalibrationError
+from calib.lens import LensPrior
+from metrology import CalibrationError, UncertaintySource
 
-__all__ = ["SeenFall", "Solved", "solve"]
+__all__ = ["LensPrior", "SeenFall", "Solved", "calibrate", "camera_movement", "solve"]
 
 FloatArray = NDArray[np.float64]
 
+Residuals = Callable[[Calibration], FloatArray]
+
+"""Whitened residuals (n,) of a calibration, or (K, n) of a stack of them."""
+
+# A lens nobody knows: 24° to 100° of view, its distortion anything from a fish-eye to a telephoto,
+# its principal point within a few per cent of the middle.
+FOCAL_OVER_WIDTH, LOG_FOCAL_STD = 1.25, 0.5
+
+PRINCIPAL_STD = 0.01
+
+"""Share of the width by which the principal point of a lens that nobody measured is off the middle:
+a few tens of pixels of a few thousand."""
+
+K1_STD, K2_STD = 0.3, 0.1
+
+"""Dimensionless, of the distortion of a lens that nobody measured: from a fish-eye (-0.3) to a
+telephoto (0)."""
+
+DEPTH_SHARE, DEPTH_SHARE_STD = 0.1, 0.1
+
+"""Share of the distance at which the ball flies before the wall, and its standard deviation: half a
+metre of four to five, nothing or twice that."""
+
+DEPTH_SOURCES = {
+    UncertaintySource.BALL_PLANE_OFFSET: ("ball_plane_offset",),
+    UncertaintySource.BALL_DIAMETER: ("outlines",),
+    UncertaintySource.FREE_FALL: ("fall",),
+}
+
+INTRINSICS = ("log_focal", "principal_x", "principal_y", "k1", "k2")
+
+ALWAYS = (
+    UncertaintySource.GRID_LINES,
+    UncertaintySource.LENS_UNKNOWN,
+    UncertaintySource.LENS_CALIBRATION,
+    UncertaintySource.BALL_PLANE_GUESS,
+)
+
+STRAINED_AT = 3.5
+
+"""Standard deviations: of honest inputs one in two thousand is farther off."""
+
+WORST_CHI2 = 10.0
+
+"""The crossings' covariance is as large as their scatter about a smooth map: a camera that misses
+them by three times that is none, and their labels are wrong."""
+
+MOST_STEPS = 40
+
+"""Steps of Gauss-Newton at most: one that starts from the closed form and has not settled by then
+has inputs that contradict each other."""
+
+STEPS: FloatArray = np.array(
+    [1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4, 1e-4, 1e-2, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4]
+)
+
+"""Steps of finite differences, in the units of the parameters (rad, m, log, px, log): a hundredth
+of what a calibration leaves open, far above rounding."""
+
+FALL_POINTS = 24
+
+"""Places that stand for the frames of a fall: means over runs so short that they change the
+acceleration to fourth order only."""
+
+SIZE_POINTS, ALIKE_SHARE, ROUGH_SHARE = 15, 0.2, 0.1
+
+"""Radii at so many places along the path; errors are alike over this share of it, all but so much
+of their variance."""
+
+
+def calibrate(
+    grid: WallGrid, evidence: Evidence | None = None, *, lens: LensPrior | None = None
+) -> Calibration:
+    """Fit camera, lens and ball plane.
+
+    Parameters
+    ----------
+    grid : WallGrid
+        The measured grid.
+    evidence : Evidence, optional
+        Tape, ball, free fall.
+    lens : LensPrior, optional
+        Lens known beforehand; without it the lens comes from the grid's straight lines.
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    CalibrationError
+        If no camera fits the grid.
+    """
+    evidence = evidence or Evidence()
+    start = _start(grid, evidence, lens)
+    blocks = _blocks(grid, evidence, lens)
+    fitted, sources = _fit(start, blocks)
+    if grid.line_share.any():
+        rows = _jacobian(blocks[UncertaintySource.GRID_LINES], fitted)
+        covariance = np.sum([s.covariance for s in sources], axis=0)
+        together = Source(
+            UncertaintySource.GRID_LINES, covariance @ _lines_together(grid, rows) @ covariance
+        )
+        sources = tuple(together if s.name is UncertaintySource.GRID_LINES else s for s in sources)
+    nodes = blocks[UncertaintySource.GRID_LINES](fitted)
+    chi2 = float(nodes @ nodes / max(len(nodes) - 10, 1))
+    if not np.isfinite(chi2) or chi2 > WORST_CHI2:
+        raise CalibrationError(
+            f"no camera explains where the grid's lines are (chi² {chi2:.0f} per degree)",
+            hint="Is the wall flat, and the lens free of extreme distortion? Give a lens.toml.",
+        )
+    present = [n for n, keys in DEPTH_SOURCES.items() if getattr(evidence, keys[0]) is not None]
+    estimates = tuple(_alone(name, fitted, blocks) for name in present)
+    if chi2 > 1.0:
+        sources = tuple(
+            Source(s.name, s.covariance * (chi2 if s.name is UncertaintySource.GRID_LINES else 1.0))
+            for s in sources
+        )
+    return Calibration(
+        lens=fitted.grid_camera.lens,
+        orientation=fitted.grid_camera.rotation,
+        vector=np.where(np.char.startswith(PARAMETERS, "turn"), 0.0, fitted.vector),
+        sources=sources,
+        rest_px=fitted.rest_px,
+        rest_xy=fitted.rest_xy,
+        ball_radius=fitted.ball_radius,
+        depth_estimates=estimates,
+        depth_known=bool(present),
+        chi2_per_dof=chi2,
+        warnings=grid.warnings + _disagreement(fitted, blocks, estimates),
+    )
+
+
+def _start(grid: WallGrid, evidence: Evidence, lens: LensPrior | None) -> Calibration:
+    width, height = grid.size
+    guess = lens.lens if lens else Lens.centred(width, height, FOCAL_OVER_WIDTH * width)
+    wall = np.c_[grid.wall_m, np.zeros(len(grid.nodes))]
+    best: tuple[float, FloatArray, FloatArray] | None = None
+    _, turns, shifts, errors = cv2.solvePnPGeneric(
+        wall, grid.points_px, guess.matrix, guess.coefficients, flags=cv2.SOLVEPNP_IPPE
+    )
+    for turn, shift, error in zip(turns, shifts, errors, strict=True):
+        rotation = np.asarray(cv2.Rodrigues(turn)[0], dtype=np.float64)
+        position = -rotation.T @ np.asarray(shift, dtype=np.float64).ravel()
+        if position[2] > 0.0 and (best is None or float(error[0]) < best[0]):
+            best = (float(error[0]), rotation, position)
+    if best is None:
+        raise CalibrationError(
+            "the grid is seen mirrored", hint="Un-mirror the clip, or film the wall directly."
+        )
+    x, y, distance = best[2]
+    depth = (
+        evidence.ball_plane_offset.value if evidence.ball_plane_offset else DEPTH_SHARE * distance
+    )
+    values = [x, y, np.log(distance), np.log(guess.fx), guess.cx, guess.cy, guess.k1, guess.k2]
+    return Calibration(
+        lens=guess,
+        orientation=best[1],
+        vector=np.array([0.0, 0.0, 0.0, *values, depth, 0.0]),
+        sources=(),
+        rest_px=evidence.rest_px,
+        rest_xy=np.array([0.0, evidence.rest_height]),
+        ball_radius=evidence.ball_radius,
+    )
+
+
+def _blocks(
+    grid: WallGrid, evidence: Evidence, lens: LensPrior | None
+) -> dict[UncertaintySource, Residuals]:
+    """Whitened residuals by source; each source is independent of the others."""
+    wall = np.c_[grid.wall_m, np.zeros(len(grid.nodes))]
+    whitened = _whitening(grid)
+
+    def nodes(c: Calibration) -> FloatArray:
+        true = np.exp(c.parameters.log_pitch)[..., np.newaxis, np.newaxis] * wall
+        error = whitened(c.grid_camera.project(true) - grid.points_px)
+        return np.asarray(np.nan_to_num(error.reshape(*error.shape[:-2], -1), nan=1e3))
+
+    blocks: dict[UncertaintySource, Residuals] = {UncertaintySource.GRID_LINES: nodes}
+    if lens is None:
+        width, height = grid.size
+        centre = [np.log(FOCAL_OVER_WIDTH * width), (width - 1) / 2, (height - 1) / 2, 0.0, 0.0]
+        spread = [LOG_FOCAL_STD, PRINCIPAL_STD * width, PRINCIPAL_STD * width, K1_STD, K2_STD]
+        name, known_to = UncertaintySource.LENS_UNKNOWN, np.diag(1.0 / np.array(spread))
+    else:
+        known = lens.lens
+        centre = [np.log(known.fx), known.cx, known.cy, known.k1, known.k2]
+        name, known_to = (
+            UncertaintySource.LENS_CALIBRATION,
+            np.linalg.inv(np.linalg.cholesky(lens.covariance)),
+        )
+    pitch_std = evidence.pitch_relative_std
+    blocks[UncertaintySource.GRID_PITCH] = lambda c: _one(c.parameters.log_pitch / pitch_std)
+    intrinsics = [PARAMETERS.index(n) for n in INTRINSICS]
+    blocks[name] = lambda c: (c.vector[..., intrinsics] - np.array(centre)) @ known_to.T
+    _add_tape(blocks, evidence)
+    _add_ball(blocks, evidence)
+
+    def share(c: Calibration) -> FloatArray:
+        p = c.parameters
+        return _one((p.ball_plane_offset / np.exp(p.log_distance) - DEPTH_SHARE) / DEPTH_SHARE_STD)
+
+    blocks[UncertaintySource.BALL_PLANE_GUESS] = share
+    return blocks
+
+
+def _one(residual: ArrayLike) -> FloatArray:
+    """A single residual, or that of each of a stack, as a block of one."""
+    return np.asarray(residual, dtype=np.float64)[..., np.newaxis]
+
+
+def _whitening(grid: WallGrid) -> Callable[[FloatArray], FloatArray]:
+    """What makes errors of variance 1 of errors (N, 2), px, of the crossings."""
+    if not grid.line_share.any():
+        root = np.linalg.inv(np.linalg.cholesky(grid.covariance_px2))
+        return lambda error: np.einsum("nij,...nj->...ni", root, error)
+    across = grid.map.jacobian(grid.points_px)
+    std = np.sqrt(np.einsum("nfi,nij,nfj->nf", across, grid.covariance_px2, across))
+    return lambda error: np.asarray(np.einsum("nfi,...ni->...nf", across, error) / std)
+
+
+def _lines_together(grid: WallGrid, rows: FloatArray) -> FloatArray:
+    """Information (P, P) that errors of the crossings carry into the parameters.
+
+    The weights are those of independent errors: what a line's crossings have in common may drift
+    from line to line, and weights that rely on its being random would follow the drift.
+    """
+    per_family = rows.reshape(-1, 2, rows.shape[1])
+    spread = rows.T @ rows
+    for f, share in enumerate(grid.line_share):
+        own = per_family[:, f]
+        line = np.unique(grid.nodes[:, f], return_inverse=True)[1]
+        summed = np.zeros((line.max() + 1, rows.shape[1]))
+        np.add.at(summed, line, own)
+        spread += share * (summed.T @ summed - own.T @ own)
+    return np.asarray(spread)
+
+
+def _add_tape(blocks: dict[UncertaintySource, Residuals], evidence: Evidence) -> None:
+    def add(
+        name: UncertaintySource, known: Known | None, value: Callable[[Calibration], FloatArray]
+    ) -> None:
+        if known is not None:
+            blocks[name] = lambda c: _one((value(c) - known.value) / known.std)
+
+    def place(axis: int) -> Callable[[Calibration], FloatArray]:
+        return lambda c: _of_each(c, c.camera.position)[..., axis]
+
+    def foot(axis: int) -> Callable[[Calibration], FloatArray]:
+        return lambda c: _of_each(c, c.camera.axis_foot)[..., axis]
+
+    add(UncertaintySource.CAMERA_DISTANCE, evidence.camera_distance, lambda c: _distance(c))
+    add(UncertaintySource.CAMERA_X, evidence.camera_x, place(0))
+    add(UncertaintySource.CAMERA_Y, evidence.camera_y, place(1))
+    add(UncertaintySource.AXIS_FOOT_X, evidence.axis_foot_x, foot(0))
+    add(UncertaintySource.AXIS_FOOT_Y, evidence.axis_foot_y, foot(1))
+    add(
+        UncertaintySource.BALL_PLANE_OFFSET,
+        evidence.ball_plane_offset,
+        lambda c: c.parameters.ball_plane_offset,
+    )
+
+
+def _of_each(c: Calibration, points: FloatArray) -> FloatArray:
+    """The one point of a calibration (D,), or of each of a stack (K, D) out of (K, 1, D)."""
+    return points if c.vector.ndim == 1 else points[:, 0]
+
+
+def _distance(c: Calibration) -> FloatArray:
+    return np.asarray(np.exp(c.parameters.log_distance))
+
+
+def _add_ball(blocks: dict[UncertaintySource, Residuals], evidence: Evidence) -> None:
+    outlines, fall = evidence.outlines, evidence.fall
+    if outlines is not None:
+        radius = 0.5 * outlines.diameter.value
+        chosen = np.unique(np.linspace(0, len(outlines.std_px) - 1, SIZE_POINTS).astype(int))
+        whitening = _size_whitening(outlines, chosen)
+
+        def size(c: Calibration) -> FloatArray:
+            seen = c.outline_radius(outlines.centre_px[chosen], radius)
+            return np.asarray((seen - outlines.radius_px[chosen]) @ whitening.T)
+
+        blocks[UncertaintySource.BALL_DIAMETER] = size
+    if fall is not None:
+        blocks[UncertaintySource.FREE_FALL] = lambda c: _one(_fall_residuals(c, fall))
+
+
+def _size_whitening(outlines: BallOutlines, chosen: NDArray[np.intp]) -> FloatArray:
+    """What whitens errors of the outlines' radii at some of them, (n, n).
+
+    What biases an outline is common to all or changes along the path, as slowly as the ball turns
+    and the scene behind it changes: as large as the common uncertainty, either of them.
+    """
+    relative = outlines.diameter.std / outlines.diameter.value
+    size = relative * np.median(outlines.radius_px)
+    place = np.linspace(0.0, 1.0, len(chosen))
+    alike = np.exp(-0.5 * ((place - place[:, np.newaxis]) / ALIKE_SHARE) ** 2)
+    share = len(outlines.std_px) / len(chosen)
+    covariance = np.diag(outlines.std_px[chosen] ** 2 / share) + size**2
+    covariance += outlines.common_std_px**2 * (1.0 + alike + ROUGH_SHARE * np.eye(len(chosen)))
+    return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
+
+
+def _fall_residuals(c: Calibration, fall: FreeFall) -> FloatArray:
+    # Means over short runs in time change the acceleration only to fourth order
+    runs = np.array_split(np.arange(len(fall.time_s)), min(FALL_POINTS, len(fall.time_s)))
+    time = np.array([fall.time_s[run].mean() for run in runs])
+    time -= time.mean()
+    px = np.array([fall.centre_px[run].mean(axis=0) for run in runs])
+    y = c.position(px)[0][..., 1]
+    noise = np.array([np.sqrt((fall.std_px[run] ** 2).mean() / len(run)) for run in runs])
+    # the weights hang on the noise alone: the scale is the same for all runs
+    design = np.stack([np.ones_like(time), time, -0.5 * time**2], axis=1) / noise[:, np.newaxis]
+    normal = np.linalg.inv(design.T @ design)
+    acceleration = (y / noise) @ (design @ normal[2])
+    p = c.parameters
+    scale = (np.exp(p.log_distance) - p.ball_plane_offset) / np.exp(p.log_focal)
+    spread = np.hypot(np.sqrt(normal[2, 2]) * scale, fall.acceleration.std)
+    return np.asarray((acceleration - fall.acceleration.value) / spread)
+
+
+def _fit(
+    start: Calibration, blocks: dict[UncertaintySource, Residuals]
+) -> tuple[Calibration, tuple[Source, ...]]:
+    """Gauss–Newton with step halving, and the share of each block in the covariance."""
+
+    def residuals(c: Calibration) -> FloatArray:
+        return np.concatenate([block(c) for block in blocks.values()], axis=-1)
+
+    current, value = start, residuals(start)
+    for _ in range(MOST_STEPS):
+        jacobian = _jacobian(residuals, current)
+        normal = jacobian.T @ jacobian
+        step = np.asarray(-np.linalg.solve(normal, jacobian.T @ value), dtype=np.float64)
+        moved, there = _halved(residuals, current, step, float(value @ value))
+        # The gain in chi² that was still to be had, against the unit that matters
+        settled = float(step @ normal @ step) < 1e-6
+        current, value = moved, there
+        if settled:
+            break
+    jacobian = _jacobian(residuals, current)
+    scaled = jacobian * STEPS
+    covariance = STEPS[:, np.newaxis] * np.linalg.inv(scaled.T @ scaled) * STEPS
+    sources, at = [], 0
+    for name, block in blocks.items():
+        length = len(block(current))
+        rows = jacobian[at : at + length]
+        at += length
+        sources.append(Source(name, covariance @ (rows.T @ rows) @ covariance))
+    return current, tuple(sources)
+
+
+def _jacobian(residuals: Residuals, at: Calibration) -> FloatArray:
+    """Central differences by all parameters, from one stack of calibrations."""
+    moved = np.diag(STEPS)
+    stack = at.with_parameters(np.concatenate([at.vector + moved, at.vector - moved]))
+    ahead, behind = np.split(residuals(stack), 2)
+    return np.asarray((ahead - behind).T / (2.0 * STEPS))
+
+
+def _halved(
+    residuals: Callable[[Calibration], FloatArray],
+    current: Calibration,
+    step: FloatArray,
+    before: float,
+) -> tuple[Calibration, FloatArray]:
+    for halving in range(8):
+        moved = current.with_parameters(current.vector + step / 2.0**halving)
+        there = residuals(moved)
+        if np.isfinite(there).all() and float(there @ there) <= before:
+            return moved, there
+    return current, residuals(current)
+
+
+def _alone(
+    name: UncertaintySource, fitted: Calibration, blocks: dict[UncertaintySource, Residuals]
+) -> DepthEstimate:
+    """Ball plane offset with only one of the inputs that tell it."""
+    kept = {n: block for n, block in blocks.items() if n is name or n not in DEPTH_SOURCES}
+    alone, sources = _fit(fitted, kept)
+    depth = PARAMETERS.index("ball_plane_offset")
+    variance = sum(float(s.covariance[depth, depth]) for s in sources)
+    return DepthEstimate(name, alone.ball_plane_offset, float(np.sqrt(variance)))
+
+
+def _total(c: Calibration, blocks: dict[UncertaintySource, Residuals]) -> float:
+    return float(sum(float(np.sum(block(c) ** 2)) for block in blocks.values()))
+
+
+def _disagreement(
+    fitted: Calibration,
+    blocks: dict[UncertaintySource, Residuals],
+    estimates: tuple[DepthEstimate, ...],
+) -> tuple[str, ...]:
+    """Say so if the inputs contradict each other, and which is the likeliest to be wrong."""
+    inputs = [name for name in blocks if name not in ALWAYS]
+    spare = {name: len(blocks[name](fitted)) - 1 for name in inputs}
+    strain = sum(float(np.sum(blocks[name](fitted) ** 2)) - spare[name] for name in inputs)
+    if len(inputs) < 2 or strain < STRAINED_AT**2 / 2.0:
+        return ()
+    whole = _total(fitted, blocks)
+    relief = {}
+    for name in inputs:
+        kept = {other: block for other, block in blocks.items() if other is not name}
+        relief[name] = whole - _total(_fit(fitted, kept)[0], kept) - spare[name]
+    suspects = sorted(relief, key=lambda name: relief[name], reverse=True)
+    if relief[suspects[0]] < STRAINED_AT**2:
+        return ()
+    alike = [name for name in suspects if relief[name] > 0.9 * relief[suspects[0]]]
+    listed = ", ".join(f"{e.source} {1e3 * e.value:.0f} ± {1e3 * e.std:.0f} mm" for e in estimates)
+    listed = f" (ball plane in front of the wall: {listed})" if listed else ""
+    if len(alike) == 1:
+        likeliest = f"the likeliest wrong input is: {alike[0]}"
+    else:
+        likeliest = f"one of these is wrong: {', '.join(alike)}"
+    return (f"the inputs contradict each other{listed}; {likeliest}",)
+
+
+@dataclass(frozen=True)
+class Movement:
+    """How the wall's crossings have moved in the picture between two recordings.
+
+    Attributes
+    ----------
+    px : float
+        Root mean square movement, px.
+    std : float
+        What noise alone would make of it, px.
+    moved : bool
+        Whether the movement stands out of the noise and is larger than a tenth of a px.
+    """
+
+    px: float
+    std: float
+    moved: bool
+
+    def __str__(self) -> str:
+        if not self.moved:
+            return f"the camera has not moved ({self.px:.2f} px)"
+        return f"the camera moved by {self.px:.1f} px"
+
+
+def camera_movement(old: WallGrid, new: WallGrid) -> Movement:
+    """Compare two pictures of the same wall by the same camera.
+
+    The grid repeats, so that a movement by more than half a pitch is seen short by whole pitches.
+
+    Raises
+    ------
+    CalibrationError
+        If the pictures differ in size.
+    """
+    if old.size != new.size:
+        raise CalibrationError(
+            f"the old picture has {old.size[0]}×{old.size[1]} px, the new one "
+            f"{new.size[0]}×{new.size[1]}",
+            hint="Film in the mode the calibration was made in.",
+        )
+    columns, rows = (np.linspace(0.1, 0.9, 9) * (length - 1) for length in old.size)
+    px = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+    wall = new.map(px) - old.map(px)
+    wall -= np.round(np.median(wall, axis=0))
+    step = np.linalg.solve(new.map.jacobian(px), wall[..., np.newaxis])[..., 0]
+    length = float(np.sqrt((step**2).sum(axis=-1).mean()))
+    # A map has ten parameters, fitted to two coordinates of each crossing
+    noise = 0.0
+    for grid in (old, new):
+        variance = float(np.median(np.trace(grid.covariance_px2, axis1=1, axis2=2)))
+        noise += variance * 5.0 / len(grid.nodes)
+    std = float(np.sqrt(noise))
+    return Movement(length, std, length > max(4.0 * std, 0.1))
+
+
 DISAGREE_AT = 3.0
+
 """Standard deviations: of honest falls one in 370 is farther off by chance."""
+
 PATH_POINTS = 9
+
 """Places on the throw that stands for the flight: a parabola needs three, the rest shows what a
 calibration bends."""
+
 PATH_STD_PX = 1e-4
+
 """px, of these places: they follow from the calibration, and the fall's own uncertainty holds all
 that is random."""
 

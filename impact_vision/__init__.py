@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from physics import effects as effects
-    from pipelines.api.calibrated import CalibratedClip as CalibratedClip
-    from pipelines.api.calibrated import calibrate as calibrate
-    from pipelines.api.clip import Clip as Clip
-    from pipelines.api.clip import render as render
     from pipelines.api.explained import Verdict as Verdict
     from pipelines.api.explained import explain as explain
+    from pipelines.api.measured import CalibratedClip as CalibratedClip
+    from pipelines.api.measured import Clip as Clip
     from pipelines.api.measured import Measurement as Measurement
+    from pipelines.api.measured import calibrate as calibrate
     from pipelines.api.measured import measure as measure
+    from pipelines.api.measured import render as render
     from pipelines.api.modelled import ModelResult as ModelResult
     from pipelines.api.modelled import cor as cor
     from pipelines.api.modelled import plan as plan
@@ -51,21 +51,21 @@ __all__ = [
 ]
 
 _HOMES = {
-    "CalibratedClip": "pipelines.api.calibrated",
+    "CalibratedClip": "pipelines.api.measured",
     "Campaign": "pipelines.campaign.conduct",
-    "Clip": "pipelines.api.clip",
+    "Clip": "pipelines.api.measured",
     "Measurement": "pipelines.api.measured",
     "ModelResult": "pipelines.api.modelled",
     "QuantityView": "pipelines.api.quantities",
     "Setup": "pipelines.setup.file",
     "Verdict": "pipelines.api.explained",
-    "calibrate": "pipelines.api.calibrated",
+    "calibrate": "pipelines.api.measured",
     "campaign": "pipelines.campaign.conduct",
     "cor": "pipelines.api.modelled",
     "explain": "pipelines.api.explained",
     "measure": "pipelines.api.measured",
     "plan": "pipelines.api.modelled",
-    "render": "pipelines.api.clip",
+    "render": "pipelines.api.measured",
     "simulate": "pipelines.api.modelled",
 }
 _MODULES = {"effects": "physics.effects"}

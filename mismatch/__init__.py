@@ -1,8 +1,14 @@
 """Where simulation and recording differ, what was left out, and how the new model does."""
 
 from mismatch.explain import Explained, Options, explain, explain_in_full
-from mismatch.model.baseline import BallModel, Baseline, ContactTable, Scatter
-from mismatch.records.records import CampaignRecords, Trial
+from mismatch.records.records import (
+    BallModel,
+    Baseline,
+    CampaignRecords,
+    ContactTable,
+    Scatter,
+    Trial,
+)
 from mismatch.verdict import EngineVerdict
 
 __all__ = [

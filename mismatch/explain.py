@@ -7,14 +7,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from metrology import TooLittleDataError, UsageError
-from mismatch.fitting.fit import Fit
-from mismatch.fitting.held_out import hold_out
+from mismatch.fitting.fit import Fit, spread_laws
 from mismatch.fitting.hypotheses import LOOSE_LAWS, POOR_FIT, Hypothesis
-from mismatch.fitting.levels import own_values
-from mismatch.fitting.normal_equations import spread_laws
 from mismatch.fitting.prepare import Prepared, prepare
-from mismatch.fitting.scan import robust_spread, scan
-from mismatch.model.baseline import Baseline
+from mismatch.fitting.scan import own_values, robust_spread, scan
 from mismatch.model.candidates import (
     Candidate,
     candidates_for,
@@ -24,9 +20,8 @@ from mismatch.model.candidates import (
     within_patience,
 )
 from mismatch.model.forward import OUTSIDE, Forward
-from mismatch.records.records import CampaignRecords
+from mismatch.records.records import Baseline, CampaignRecords
 from mismatch.records.sanity import refuse_nonsense, without_odd_trials
-from mismatch.search.field import Field
 from mismatch.search.locate import (
     locate,
     noise_notes,
@@ -35,6 +30,7 @@ from mismatch.search.locate import (
     where_it_is_largest,
 )
 from mismatch.search.naming import WEIGHT_SCALE, Naming, name_effects
+from mismatch.search.unnamed import Field
 from mismatch.verdict import (
     Alternative,
     Doubt,
@@ -45,6 +41,7 @@ from mismatch.verdict import (
     Passed,
     StrengthsOfEach,
     VerdictKind,
+    hold_out,
     pass_gate,
 )
 from physics.domain import FloatArray

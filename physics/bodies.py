@@ -16,7 +16,7 @@ from physics.domain import (
     require_non_negative,
     require_positive,
 )
-from physics.restitution.restitution import CorLaw, ExponentialCor
+from physics.restitution import CorLaw, ExponentialCor
 
 __all__ = [
     "BALLS",

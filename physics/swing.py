@@ -10,7 +10,7 @@ from metrology import DomainError
 from physics.bodies import GRAVITY, Pendulum
 from physics.domain import FloatArray, FloatOrArray, Number, require_angle, require_positive
 from physics.effects.base import SwingState, Term
-from physics.follow import Event, SolvedPath, follow_until
+from physics.integrator import Event, SolvedPath, follow_until
 
 __all__ = [
     "SwingModel",

@@ -21,13 +21,13 @@ from typing import Any, Generic, TypeVar
 
 from metrology import ImpactVisionError, UsageError, write_text_whole
 from pipelines.measure.chain import MeasureOptions, measure_clip
-from pipelines.measure.files.output import (
+from pipelines.measure.files import (
     WantedFiles,
     harmless,
     measurement_as_row,
     software_version,
 )
-from pipelines.report.labels import quantity_label, quantity_text
+from pipelines.report.inputs import quantity_label, quantity_text
 
 __all__ = ["Done", "Folder", "Job", "WorkerDied", "files_of", "measure_all", "run_tasks"]
 

@@ -9,17 +9,23 @@ from typing import Annotated, Literal, cast
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from calib.camera.camera import Camera, rotation_matrix
+from calib.camera import Camera, rotation_matrix
 from metrology import UsageError, measurands, parse_quantity, read_number
 from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT
 from pipelines.doors import FileRole
-from pipelines.model.effects import added_effects, start_angle
-from pipelines.model.options import angle_of, choose_ball, experiment_of, setup_or_default
+from pipelines.model.options import (
+    added_effects,
+    angle_of,
+    choose_ball,
+    experiment_of,
+    setup_or_default,
+    start_angle,
+)
 from pipelines.setup.file import Setup
 from pipelines.terminal import screen
 from sample_videos import Encoding, Physics, Scene, Shake, Shot, Truth, render_clip, strike
-from sample_videos.presets import View, default_scene
 from sample_videos.render import SUFFIXES
+from sample_videos.shot import View, default_scene
 from sample_videos.truth import truth_path
 
 __all__ = ["RenderOptions", "parse_size", "planned_scene", "render_command"]

@@ -4,8 +4,6 @@
 file with its truth, `render_frames` frame by frame into memory.
 """
 
-from sample_videos.motion import HermiteCurve, Piece, SampledMotion, SceneMotion, SceneState
-from sample_videos.presets import default_scene, staged
 from sample_videos.render import render_clip, render_frames
 from sample_videos.scene import (
     BallLook,
@@ -21,7 +19,18 @@ from sample_videos.scene import (
     SwingingScale,
     Wall,
 )
-from sample_videos.shot import Physics, Shot, strike
+from sample_videos.shot import (
+    HermiteCurve,
+    Physics,
+    Piece,
+    SampledMotion,
+    SceneMotion,
+    SceneState,
+    Shot,
+    default_scene,
+    staged,
+    strike,
+)
 from sample_videos.truth import FrameTruth, Truth
 
 __all__ = [

@@ -8,9 +8,9 @@ import numpy as np
 
 from metrology import write_text_whole
 from physics.bodies import BALLS
-from sample_videos.presets import default_scene, staged
 from sample_videos.render import render_frames, write_clip
 from sample_videos.scene import Scene
+from sample_videos.shot import default_scene, staged
 from sample_videos.truth import write_truth
 
 __all__ = ["CLIPS", "FOLDER", "Sample", "make_clip"]

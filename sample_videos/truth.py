@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.camera.camera import Camera
+from calib.camera import Camera
 from metrology import write_text_whole
 from physics.bodies import lost_by_pendulum
 from sample_videos.renderer.bodies import pivot, rest_centre, swing_rotation

@@ -8,9 +8,16 @@ from numpy.typing import NDArray
 
 from metrology import NotFoundError
 from vision.ball.ball import BallFits, follow_ball
-from vision.ball.choice import Choice, choose_ball, rivals, uncovered, untangled
+from vision.ball.choice import (
+    BallPath,
+    Choice,
+    choose_ball,
+    link_circles,
+    rivals,
+    uncovered,
+    untangled,
+)
 from vision.ball.circles import Circles, find_circles
-from vision.ball.linking import BallPath, link_circles
 from vision.ball.outline.refine import refine_ball
 from vision.ball.rest import Rest, find_rest
 from vision.clip.footage import Footage

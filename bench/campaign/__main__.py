@@ -24,9 +24,9 @@ from typing import Any
 import numpy as np
 
 from bench.campaign.filmed import Laboratory, judged, scaling
-from pipelines.campaign.analysis.cor_law import CorPoints, fit_cor_laws
-from pipelines.campaign.lab_book import Matched
+from pipelines.campaign.analysis import CorPoints, fit_cor_laws
 from pipelines.campaign.ledger import Ledger, State, WorkOrder
+from pipelines.campaign.results import Matched
 from pipelines.campaign.run import Progress, RunOptions, RunPlan, _work
 from pipelines.campaign.worker import Request
 from pipelines.setup.cor_file import LawKind

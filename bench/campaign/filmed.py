@@ -28,9 +28,9 @@ import numpy as np
 from scipy.optimize import curve_fit
 
 from pipelines.campaign.conduct import Edition, publish
-from pipelines.campaign.lab_book import match_clips, read_lab_book
 from pipelines.campaign.ledger import Ledger, Outcome
 from pipelines.campaign.report import ReportFacts
+from pipelines.campaign.results import match_clips, read_lab_book
 from pipelines.render import RenderOptions, planned_scene
 from pipelines.setup.file import load_setup
 from sample_videos import render_clip
@@ -151,7 +151,7 @@ def _rendered(lab: Laboratory, strike: Strike) -> str:
 
 
 def _scattered(law, offset: float) -> str:
-    from physics.restitution.restitution import law_as_text
+    from physics.restitution import law_as_text
 
     return f"{law_as_text(law)} + {offset:.6f}".replace("+ -", "- ")
 

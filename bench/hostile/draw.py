@@ -339,7 +339,7 @@ def _scaled(row: list[str], column: int, factor: float) -> list[str]:
 def _sound_tracks() -> dict[str, bytes]:
     """One track in the form of each program."""
     from pipelines.interop.external import ExternalTrack, ExternalTracks, PlaneOfMotion, Program
-    from pipelines.interop.reading import write_tracks
+    from pipelines.interop.measured import write_tracks
 
     frame = np.arange(60)
     # 9.81 m/s² at 400 px/m and 240 frames a second

@@ -18,9 +18,9 @@ from bench.house.picture import draw
 
 NAMED = re.compile(r"(^|[._])(id|ids|name|names|source|label|title|words|reason|message)$")
 """What a decision must not be made on by its spelling: an identifier, a name, a source, prose."""
-FORMATS = ("pipelines/interop/", "pipelines/setup/file.py", "pipelines/setup/schema.py")
+FORMATS = ("pipelines/interop/", "pipelines/setup/file.py", "pipelines/setup/tables.py")
 """Files that read formats of others, whose words are data and no decisions of ours."""
-WALK = ("pipelines.cli", "pipelines.measure.commands", "physics.flight.planar")
+WALK = ("pipelines.cli", "pipelines.measure.commands", "physics.flight")
 """Where the walk begins and ends: the command line, `vision measure`, the flight that is fitted."""
 
 

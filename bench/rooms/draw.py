@@ -5,9 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib.camera.camera import Camera
+from calib.camera import Camera
 from physics.bodies import BALLS
-from sample_videos.presets import default_scene, staged
 from sample_videos.scene import (
     BallLook,
     Lamp,
@@ -18,7 +17,7 @@ from sample_videos.scene import (
     SwingingScale,
     Wall,
 )
-from sample_videos.shot import Shot
+from sample_videos.shot import Shot, default_scene, staged
 
 __all__ = ["DrawnRoom", "draw_room"]
 

@@ -36,7 +36,7 @@ PERIODS_ACROSS = 4.0
 """A window holds at least this many periods of what is looked for in it."""
 
 HIGHEST_FREQUENCY = 0.46
-"""Per px, as in `calib.grid.lattice`: below half a period per pixel, less what blur takes."""
+"""Per px, as in `calib.grid.grid`: below half a period per pixel, less what blur takes."""
 
 FOLDED_FREQUENCY = 1.0 / 3.0
 

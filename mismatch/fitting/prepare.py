@@ -7,12 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology import TooLittleDataError
-from mismatch.fitting.fit import Fit, fit_model
-from mismatch.fitting.shooting import PIECE_STEPS, seen_swings
-from mismatch.model.baseline import Baseline
+from mismatch.fitting.fit import PIECE_STEPS, Fit, fit_model, seen_swings
 from mismatch.model.forward import Forward, Mode, Model
-from mismatch.records.noise import Noise, estimate_noise
-from mismatch.records.records import CampaignRecords, Records, lay_out
+from mismatch.records.records import (
+    Baseline,
+    CampaignRecords,
+    Noise,
+    Records,
+    estimate_noise,
+    lay_out,
+)
 from physics.domain import FloatArray
 from physics.effects import CATALOGUE, EffectId
 

@@ -13,8 +13,7 @@ import numpy as np
 
 from metrology import UsageError
 from mismatch.model.forward import Forward, Model
-from mismatch.search.field import smooth_fields
-from mismatch.search.unnamed import Bump, Magnet, unnamed_laws
+from mismatch.search.unnamed import Bump, Magnet, smooth_fields, unnamed_laws
 from physics.effects import CATALOGUE, Coordinate, Effect, EffectId, Extent, Level, Parameter, Size
 
 __all__ = [

@@ -12,8 +12,7 @@ from typing import Literal, TypeAlias, TypeVar
 
 import numpy as np
 
-from mismatch.model.baseline import COLUMNS, Baseline
-from mismatch.records.records import Records
+from mismatch.records.records import COLUMNS, Baseline, Records
 from physics.domain import FloatArray
 from physics.effects import (
     CameraView,
@@ -27,7 +26,7 @@ from physics.effects import (
 )
 from physics.effects import Term as ActingEffect
 from physics.effects.impact import add_normal_speeds, change_restitution, turn_launch
-from physics.flight.flight import FlightModel
+from physics.flight import FlightModel
 from physics.integrator import Rates, Trajectory, crossing, integrate
 from physics.swing import SwingModel
 

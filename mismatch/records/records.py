@@ -1,18 +1,197 @@
 """A campaign laid out in even arrays, one row per trial, so that all trials are fitted at once.
 
 A campaign: what was recorded, trial by trial, in metres, radians and seconds.
+
+What the lab believes: bodies, contact, scatter, and the effects its model already holds.
+
+The noise of a record, learnt from the record: white part, correlation, outliers.
+
+Short stretches of a track are all but polynomials whatever physics made it, so what is left after a
+local polynomial is noise.
+
+White or not: the spectrum of what a smooth curve leaves over.
+
+Tracking noise is not white: neighbouring frames share errors. What matters for slow physics is
+the noise at low frequency, so the spectrum of a record's residual about a polynomial is fitted
+with white noise plus a first-order autoregression (Whittle's likelihood on the cosine transform).
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import dct
+from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
+from scipy.stats import chi2
+from scipy.stats import f as fisher
 
-from metrology import TooLittleDataError, UsageError
-from mismatch.model.baseline import Baseline
+from metrology import Defaults, SetupError, TooLittleDataError, UsageError
+from physics.bodies import GRAVITY, Pendulum
 from physics.domain import FloatArray
 
-__all__ = ["CampaignRecords", "Records", "Trial", "lay_out"]
+__all__ = [
+    "BallModel",
+    "Baseline",
+    "CampaignRecords",
+    "ContactTable",
+    "Noise",
+    "Records",
+    "Scatter",
+    "Trial",
+    "estimate_noise",
+    "fit_spectrum",
+    "lay_out",
+    "shared_deviance",
+    "whiteness",
+]
+
+COLUMNS = (
+    "cor",
+    "contact_time",
+    "pendulum_speed",
+    "pendulum_angle",
+    "x",
+    "y",
+    "vx",
+    "vy",
+)
+
+
+@dataclass(frozen=True)
+class ContactTable:
+    """What the baseline expects a contact to do, by impact speed.
+
+    Attributes
+    ----------
+    impact_speed : (n,) array
+        m/s, increasing.
+    rows : (n, 8) array
+        COR, contact time (s), pendulum speed after (m/s), pendulum angle at release (rad), ball's
+        x, y (m; x from its rest position, y from the floor), vx, vy (m/s) at release.
+    """
+
+    impact_speed: FloatArray
+    rows: FloatArray
+    _spline: CubicSpline = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if self.impact_speed.size < 2 or np.any(np.diff(self.impact_speed) <= 0.0):
+            raise SetupError(
+                "a contact_outcome table needs at least two rows with increasing impact_speed"
+            )
+        spline = CubicSpline(self.impact_speed, self.rows, axis=0, bc_type="not-a-knot")
+        object.__setattr__(self, "_spline", spline)
+
+    def __call__(self, speed: FloatArray) -> FloatArray:
+        """Outcome at impact speeds of any shape; a straight line beyond the table's ends.
+
+        Returns
+        -------
+        (8, ...) array
+            The columns first.
+        """
+        inside = np.clip(speed, self.impact_speed[0], self.impact_speed[-1])
+        values = np.asarray(self._spline(inside))
+        beyond = np.asarray(speed - inside)[..., None]
+        if np.any(beyond != 0.0):
+            values = values + beyond * np.asarray(self._spline(inside, 1))
+        return np.moveaxis(values, -1, 0)
+
+
+@dataclass(frozen=True)
+class BallModel:
+    """A ball as the baseline has it.
+
+    Attributes
+    ----------
+    name : str
+        What the column ``ball`` says.
+    mass, diameter : float
+        kg, m.
+    launch_angle : float or None
+        Impact angle past the lowest point, rad.
+    table : ContactTable or None
+        None where no contact is modelled (free flights).
+    """
+
+    name: str
+    mass: float
+    diameter: float
+    launch_angle: float | None = None
+    table: ContactTable | None = None
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """What repeats imperfectly, one sigma; angles in rad."""
+
+    backswing: float = Defaults.BACKSWING_SCATTER.std
+    cor: float = Defaults.COR_SCATTER.std
+    launch_angle: float = Defaults.LAUNCH_ANGLE_SCATTER.std
+    cor_law: float = Defaults.COR_LAW.std
+    launch_angle_law: float = Defaults.LAUNCH_ANGLE_LAW.std
+    natural_frequency: float = 0.02
+    angle_zero: float = Defaults.ANGLE_ZERO.std
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """The model that a campaign is held against.
+
+    Attributes
+    ----------
+    balls : mapping
+        Ball name → body; the entry "" serves trials that name none.
+    pendulum : Pendulum or None
+        None where only balls fly.
+    rest_height : float or None
+        Lowest point of the ball at rest above the floor, m.
+    air_density, air_viscosity, gravity : float
+        kg/m³, Pa s, m/s².
+    effects : mapping
+        Effect id → parameter values that the model already holds (gravity is always in).
+    scatter : Scatter
+        Priors of the trial-to-trial differences.
+    position_noise, angle_noise : float or None
+        A claim, m and rad.
+    """
+
+    balls: Mapping[str, BallModel]
+    pendulum: Pendulum | None = None
+    rest_height: float | None = None
+    air_density: float = Defaults.AIR_DENSITY.known
+    air_viscosity: float = Defaults.AIR_VISCOSITY.known
+    gravity: float = GRAVITY
+    effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    scatter: Scatter = Scatter()
+    position_noise: float | None = None
+    angle_noise: float | None = None
+
+    def ball(self, name: str | None) -> BallModel:
+        """Body of a trial.
+
+        Raises
+        ------
+        SetupError
+            If the setup does not know the ball.
+        """
+        if name is None or name == "":
+            if "" in self.balls:
+                return self.balls[""]
+            if len(self.balls) == 1:
+                return next(iter(self.balls.values()))
+        elif name in self.balls:
+            return self.balls[name]
+        elif "" in self.balls and len(self.balls) == 1:
+            return self.balls[""]
+        raise SetupError(
+            f"the setup does not describe the ball {name!r}",
+            hint=f"Add a table [balls.{name}] with mass and diameter; known: "
+            + ", ".join(self.balls),
+        )
 
 
 @dataclass(frozen=True)
@@ -249,3 +428,442 @@ def lay_out(campaign: CampaignRecords, baseline: Baseline) -> Records:
         np.array([0 if b is None else names.index(b.name) for b in bodies], dtype=np.int64),
         names or ("",),
     )
+
+
+DEGREE = 6
+
+"""Degree of the polynomial taken off a stretch: what a flight or half a swing does is below."""
+
+LEAST = 24
+
+"""Rows of a piece: more than three for each coefficient of what is taken off."""
+
+APART = 0.001
+
+"""Probability below which channels are said to have different memories."""
+
+LARGEST_INFLATION = 40.0
+
+"""Factor on a variance: beyond six standard deviations a record says nothing, and how far beyond
+does not matter."""
+
+RHOS = 1.0 - np.geomspace(0.7, 0.025, 12)
+
+"""Correlations from one row to the next that are tried, from a memory of one row to forty."""
+
+SHARES = np.linspace(0.03, 0.97, 33)
+
+"""Shares of correlated noise that are tried, 3 % apart."""
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Noise model of a channel.
+
+    Attributes
+    ----------
+    variance : float
+        Of one sample, in squared units of the input.
+    share : float
+        Part of it that is correlated.
+    rho : float
+        Correlation of that part from one sample to the next.
+    inflation : float
+        Noise power at the pace of slow physics over the variance; 1 if white.
+    """
+
+    variance: float
+    share: float
+    rho: float
+    inflation: float = 1.0
+
+
+def _density(share: float, rho: float, omega: FloatArray) -> FloatArray:
+    shape = (1.0 - rho**2) / (1.0 - 2.0 * rho * np.cos(omega) + rho**2)
+    return np.asarray(1.0 - share + share * shape)
+
+
+@lru_cache(maxsize=512)
+def _expected(size: int) -> tuple[FloatArray, FloatArray]:
+    """Powers that noise of unit variance leaves in the cosines kept: white (n,), correlated (R, n).
+
+    A polynomial takes its part of slow noise along, from cosines beyond its degree as well.
+    """
+    basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, size), DEGREE + 1))
+    look = dct(np.eye(size) - basis @ basis.T, norm="ortho", axis=0)[DEGREE + 2 :]
+    slow = []
+    for rho in RHOS:
+        ahead = lfilter([1.0], [1.0, -rho], look, axis=1)
+        back = lfilter([1.0], [1.0, -rho], look[:, ::-1], axis=1)[:, ::-1]
+        slow.append(np.sum(look * (ahead + back - look), axis=1))
+    return np.sum(look * look, axis=1), np.array(slow)
+
+
+@dataclass(frozen=True)
+class SpectrumFit:
+    """How well every shape of a spectrum fits a channel.
+
+    Attributes
+    ----------
+    deviance : (R, S) array
+        −2 log likelihood by correlation (`RHOS`) and correlated share (`SHARES`).
+    variance, rise : (R, S) arrays
+        Variance of one sample, and power at the pace of slow physics over it.
+    extrapolation : (R, S) array
+        Part of the deviance that keeps the power small where no cosine shows it.
+    flat : float
+        Deviance of white noise.
+    level : float
+        Variance if the noise is white.
+    """
+
+    deviance: FloatArray
+    variance: FloatArray
+    rise: FloatArray
+    extrapolation: FloatArray
+    flat: float
+    level: float
+
+    def chosen(self, significant: float, shared: FloatArray | None = None) -> Spectrum:
+        """White unless memory gains `significant`; the shape by `shared` deviances if given."""
+        if self.flat - self.deviance.min() < significant:
+            return Spectrum(self.level, 0.0, 0.0)
+        cost = self.deviance if shared is None else shared
+        # Short records leave a ridge of equally good answers; their mean beats any one of them.
+        weight = np.exp(-0.5 * (cost - cost.min()))
+        weight /= weight.sum()
+        variance = float(np.exp(np.sum(weight * np.log(self.variance))))
+        power_there = float(np.exp(np.sum(weight * np.log(self.variance * self.rise))))
+        at = np.unravel_index(int(np.argmin(cost)), cost.shape)
+        inflation = float(np.clip(power_there / variance, 1.0, LARGEST_INFLATION))
+        return Spectrum(variance, float(SHARES[at[1]]), float(RHOS[at[0]]), inflation)
+
+
+def fit_spectrum(
+    pieces: list[tuple[FloatArray, FloatArray]], slow_mode: float = 1.0
+) -> SpectrumFit | None:
+    """Fit the spectrum of many short records of the same noise.
+
+    Parameters
+    ----------
+    pieces : list of (time, value)
+        Stretches over which the physics is smooth, outliers gone.
+    slow_mode : float
+        Cosine of a piece at whose pace slow physics competes with noise.
+
+    Returns
+    -------
+    SpectrumFit or None
+        None if there is too little to tell.
+    """
+    powers, whites, slows, sizes = [], [], [], []
+    for time, value in pieces:
+        if value.size < LEAST:
+            continue
+        u = (time - time.mean()) / max(float(np.ptp(time)), 1e-12) * 2.0
+        basis, _ = np.linalg.qr(np.vander(u, DEGREE + 1))
+        left = value - basis @ (basis.T @ value)
+        powers.append(np.asarray(dct(left, norm="ortho"))[DEGREE + 2 :] ** 2)
+        white, slow = _expected(value.size)
+        whites.append(white)
+        slows.append(slow)
+        sizes.append(np.full(value.size, value.size))
+    if not powers:
+        return None
+    power, white = np.concatenate(powers), np.concatenate(whites)
+    slow = np.concatenate(slows, axis=1)
+    omega = np.pi * slow_mode / float(np.median(np.concatenate(sizes)))
+    cost, levels = np.zeros((RHOS.size, SHARES.size)), np.zeros((RHOS.size, SHARES.size))
+    rise = np.zeros_like(cost)
+    for j, share in enumerate(SHARES):
+        density = (1.0 - share) * white + share * slow
+        levels[:, j] = np.mean(power / density, axis=1)
+        rise[:, j] = [float(_density(share, rho, np.array(omega))) for rho in RHOS]
+        cost[:, j] = np.log(levels[:, j]) * power.size + np.log(density).sum(axis=1)
+    # Power below the slowest cosine seen is an extrapolation: the less of it the better.
+    guess = 2.0 * np.log(levels * rise)
+    level = float(np.mean(power / white))
+    flat = np.log(level) * (power.size + 2.0) + float(np.log(white).sum())
+    return SpectrumFit(cost + guess, levels, rise, guess, float(flat), level)
+
+
+def shared_deviance(fits: list[SpectrumFit]) -> FloatArray | None:
+    """Deviance of one shape for several channels; None where they clearly have shapes of their own.
+
+    One tracker saw them all, so one memory is likely, and their records together tell it better.
+    """
+    if len(fits) < 2:
+        return None
+    total = np.sum([fit.deviance for fit in fits], axis=0)
+    apart = float(total.min() - sum(fit.deviance.min() for fit in fits))
+    if apart > chi2.isf(APART, 2 * (len(fits) - 1)):
+        return None
+    # One memory is one extrapolation, however many channels it was seen in.
+    guess = np.mean([fit.extrapolation for fit in fits], axis=0)
+    return np.asarray(total - (len(fits) - 1) * guess)
+
+
+def whiteness(pieces: list[tuple[FloatArray, FloatArray]], low: int = 8) -> float:
+    """Probability that standardised residuals have no more low-frequency power than white noise.
+
+    The power of the `low` slowest cosines of each piece is compared with its other power.
+    """
+    slow, n_slow, fast, n_fast = 0.0, 0, 0.0, 0
+    for _, value in pieces:
+        if value.size < LEAST:
+            continue
+        power = np.asarray(dct(value, norm="ortho")) ** 2
+        slow += float(power[:low].sum())
+        n_slow += low
+        fast += float(power[low:].sum())
+        n_fast += value.size - low
+    if not n_slow or not n_fast or fast <= 0.0:
+        return 1.0
+    ratio = (slow / n_slow) / (fast / n_fast)
+    return float(fisher.sf(ratio, n_slow, n_fast))
+
+
+STRETCHES = ((36, 4), (24, 4), (16, 4), (12, 5), (9, 5))
+
+"""Rows of a stretch and degree of the polynomial through it, longest first."""
+
+OUTLIER = 4.8
+
+"""Standard deviations: of 600 rows one in a thousand stretches has one farther off."""
+
+ENOUGH = 12.0
+
+"""Degrees of freedom from which a variance can be compared."""
+
+SIGNIFICANT = 9.0
+
+"""Gain in deviance from which noise is correlated."""
+
+LIKELY = 1.0
+
+"""Gain in deviance that is enough for a correlated part where another channel clearly has one."""
+
+SMOOTH = 2.0
+
+"""Variance about a polynomial over the local one up to which what is left counts as noise."""
+
+BENT = 3.0
+
+"""Variance about longer stretches over that about shorter ones from which it is the motion that
+bends: noise with a memory of a few rows raises it less."""
+
+UNKNOWN_SIGMA = 1e-3
+
+"""m or rad, where too few rows are left to tell."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """What the record says about its own noise.
+
+    Attributes
+    ----------
+    sigma : (T, 4) array
+        White noise of x, y, z (m) and angle (rad) by trial.
+    inflation : (4,) array
+        Noise power at low frequency over white, by channel: what slow physics competes with.
+    outliers : (T, M) bool array
+        Rows that do not belong, in the stacked order of `Records`.
+    """
+
+    sigma: FloatArray
+    inflation: FloatArray
+    outliers: NDArray[np.bool_]
+
+    @property
+    def effective(self) -> FloatArray:
+        """(T, 4) sigma that, taken as white, gives slow quantities their true uncertainty."""
+        return self.sigma * np.sqrt(self.inflation)
+
+
+@dataclass
+class _Sums:
+    squares: float = 0.0
+    dof: float = 0.0
+
+
+def _stretches(time: FloatArray, rows: NDArray[np.int64], length: int) -> list[NDArray[np.int64]]:
+    """Cut rows where the record has a hole, then into stretches of even length."""
+    if rows.size < 5:
+        return []
+    gaps = np.diff(time[rows])
+    cuts = np.flatnonzero(gaps > 6.0 * np.median(gaps)) + 1
+    pieces = []
+    for run in np.split(rows, cuts):
+        if run.size >= 5:
+            pieces.extend(np.array_split(run, max(1, round(run.size / length))))
+    return pieces
+
+
+def _projector(time: FloatArray, highest: int) -> FloatArray:
+    degree = 4 if time.size >= 16 else (3 if time.size >= 10 else 2)
+    if highest > 4 and time.size >= 8:
+        degree = highest
+    u = (time - time.mean()) / max(np.ptp(time), 1e-12) * 2.0
+    basis, _ = np.linalg.qr(np.vander(u, degree + 1))
+    return np.asarray(np.eye(time.size) - basis @ basis.T)
+
+
+def _channel(
+    time: FloatArray, value: FloatArray, used: NDArray[np.bool_], segments: FloatArray
+) -> tuple[list[_Sums], NDArray[np.bool_]]:
+    """Sums of one channel over all trials, by the longest stretches that the motion does not bend.
+
+    About stretches longer than its own time scale a motion is no polynomial, and what is left is
+    motion; the shorter the stretch the less. Noise is left alike by all of them (a choice of scale
+    by comparison: Lepski, Theory Probab. Appl. 35, 454 (1991)).
+    """
+    tried = [_over(time, value, used, segments, *scale) for scale in STRETCHES]
+    levels = np.array([_level(sums) for sums, _ in tried])
+    least = np.nanmin(levels) if np.isfinite(levels).any() else np.nan
+    chosen = int(np.argmax(levels < BENT * least)) if np.isfinite(least) else 0
+    return tried[chosen]
+
+
+def _level(sums: list[_Sums]) -> float:
+    dof = sum(s.dof for s in sums)
+    return sum(s.squares for s in sums) / dof if dof >= ENOUGH else float("nan")
+
+
+def _over(
+    time: FloatArray,
+    value: FloatArray,
+    used: NDArray[np.bool_],
+    segments: FloatArray,
+    length: int,
+    highest: int,
+) -> tuple[list[_Sums], NDArray[np.bool_]]:
+    """Sums of one channel about polynomials, with outliers found and left out."""
+    outliers = np.zeros_like(used)
+    pieces: list[tuple[int, NDArray[np.int64]]] = []
+    for trial in range(used.shape[0]):
+        for segment in np.unique(segments[trial][used[trial]]):
+            rows = np.flatnonzero(used[trial] & (segments[trial] == segment))
+            pieces.extend((trial, piece) for piece in _stretches(time[trial], rows, length))
+    spread = []
+    for trial, rows in pieces:
+        project = _projector(time[trial, rows], highest)
+        left = project @ value[trial, rows]
+        spread.append(left / np.sqrt(np.maximum(np.diag(project), 0.05)))
+    sums = [_Sums() for _ in range(used.shape[0])]
+    if not pieces:
+        return sums, outliers
+    rough = max(1.4826 * float(np.median(np.abs(np.concatenate(spread)))), 1e-12)
+    for trial, rows in pieces:
+        kept = rows
+        for _ in range(6):
+            project = _projector(time[trial, kept], highest)
+            left = project @ value[trial, kept]
+            size = np.abs(left) / np.sqrt(np.maximum(np.diag(project), 0.05)) / rough
+            worst = int(np.argmax(size))
+            if size[worst] < OUTLIER or kept.size < 8:
+                break
+            outliers[trial, kept[worst]] = True
+            kept = np.delete(kept, worst)
+        total = sums[trial]
+        total.squares += float(left @ left)
+        total.dof += float(np.trace(project))
+    return sums, outliers
+
+
+def _by_trial(sums: list[_Sums]) -> FloatArray:
+    """Sigma by trial, pooled unless a trial clearly differs."""
+    dof = np.array([s.dof for s in sums])
+    squares = np.array([s.squares for s in sums])
+    if dof.sum() < 3.0:
+        return np.full(len(sums), np.nan)
+    pooled = float(squares.sum() / dof.sum())
+    own = np.where(dof > 3.0, squares / np.maximum(dof, 1.0), pooled)
+    apart = np.abs(np.log(np.maximum(own, 1e-30) / max(pooled, 1e-30)))
+    differs = apart > 4.5 * np.sqrt(2.0 / np.maximum(dof, 1.0))
+    return np.sqrt(np.where(differs, own, pooled))
+
+
+def _spectrum(
+    time: FloatArray,
+    value: FloatArray,
+    used: NDArray[np.bool_],
+    segments: FloatArray,
+    sigma: FloatArray,
+    slow_mode: float,
+) -> SpectrumFit | None:
+    pieces = []
+    for trial in range(used.shape[0]):
+        for segment in np.unique(segments[trial][used[trial]]):
+            rows = used[trial] & (segments[trial] == segment)
+            pieces.append((time[trial, rows], value[trial, rows] / sigma[trial]))
+    # A swing over many periods, or a path through something local, is no polynomial as a whole.
+    while pieces and max(piece[0].size for piece in pieces) >= 2 * LEAST:
+        found = fit_spectrum(pieces, slow_mode)
+        if found is None or found.chosen(SIGNIFICANT).variance < SMOOTH:
+            return found
+        halves: list[tuple[FloatArray, FloatArray]] = []
+        for t, v in pieces:
+            count = 2 if t.size >= 2 * LEAST else 1
+            parts = zip(np.array_split(t, count), np.array_split(v, count), strict=True)
+            halves.extend(parts)
+        pieces = halves
+    return None
+
+
+def estimate_noise(
+    records: Records,
+    ball_segments: FloatArray,
+    pendulum_segments: FloatArray,
+    floor: tuple[float, float] = (1e-6, 1e-6),
+    slow_mode: float = 1.0,
+) -> Noise:
+    """Learn the noise from the record.
+
+    Parameters
+    ----------
+    records : Records
+        Only entries that take part are used.
+    ball_segments : (T, S) array, and
+    pendulum_segments : (T, P) array
+        Labels; a stretch never spans two labels (rest and flight, before and after contact).
+    floor : (position, angle)
+        Smallest sigma believed, m and rad (the resolution of the file).
+    slow_mode : float
+        Cosine of a record at whose pace physics competes with noise: the slowest, or a faster one
+        where free initial states take the slowest along.
+
+    Returns
+    -------
+    Noise
+    """
+    sigma = np.full((records.trials, 4), np.nan)
+    inflation = np.ones(4)
+    parts: list[NDArray[np.bool_]] = []
+    fits: dict[int, SpectrumFit] = {}
+    for channel in range(4):
+        if channel < 3:
+            time, value = records.ball_time, records.position[..., channel]
+            used, segments = records.ball_used[..., channel], ball_segments
+        else:
+            time, value = records.pendulum_time, records.pendulum_angle
+            used, segments = records.pendulum_used, pendulum_segments
+        sums, outliers = _channel(time, value, used, segments)
+        parts.append(outliers)
+        mine = np.maximum(_by_trial(sums), floor[channel // 3])
+        if np.isfinite(mine).all():
+            sigma[:, channel] = mine
+            one = _spectrum(time, value, used & ~outliers, segments, mine, slow_mode)
+            if one is not None:
+                fits[channel] = one
+    # One tracker saw all channels: where one shows memory, less is needed to believe it of others.
+    remembers = any(one.chosen(SIGNIFICANT).share > 0.0 for one in fits.values())
+    shared = shared_deviance(list(fits.values())) if remembers else None
+    for channel, one in fits.items():
+        found = one.chosen(LIKELY if remembers else SIGNIFICANT, shared)
+        if found.share > 0.0:
+            # A local polynomial swallows part of correlated noise; the spectrum sees it all.
+            sigma[:, channel] *= np.sqrt(found.variance)
+            inflation[channel] = found.inflation
+    sigma = np.where(np.isfinite(sigma), sigma, UNKNOWN_SIGMA)
+    return Noise(sigma, inflation, np.concatenate(parts, axis=1))

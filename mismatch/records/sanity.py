@@ -16,11 +16,17 @@ import numpy as np
 from scipy.stats import rankdata
 
 from metrology import UsageError
-from mismatch.fitting.fit import Fit
+from mismatch.fitting.fit import (
+    Fit,
+    SwingSeen,
+    inverse_of,
+    linearise,
+    seen_in_halves,
+    seen_swings,
+    spread_laws,
+)
 from mismatch.fitting.hypotheses import POOR_FIT
-from mismatch.fitting.normal_equations import inverse_of, linearise, spread_laws
 from mismatch.fitting.prepare import Prepared, prepare
-from mismatch.fitting.shooting import SwingSeen, seen_in_halves, seen_swings
 from mismatch.model.forward import OUTSIDE, Forward
 from mismatch.records.records import CampaignRecords, Trial
 from physics.domain import FloatArray, Number

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mismatch.fitting.fit import Fit, fit_model
+from mismatch.fitting.fit import Fit, fit_model, spread_laws
 from mismatch.fitting.hypotheses import Hypothesis
-from mismatch.fitting.normal_equations import spread_laws
 from mismatch.fitting.prepare import Prepared
 from mismatch.model.forward import Forward
-from mismatch.records.noise import whiteness
-from mismatch.records.records import CampaignRecords
+from mismatch.records.records import CampaignRecords, whiteness
 from mismatch.verdict import Location, Remainder
 from physics.domain import FloatArray
 from physics.effects import Effect, EffectId, FlightState, SwingState, Values

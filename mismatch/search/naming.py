@@ -1,7 +1,13 @@
-"""Name what was left out: singles, then growing sets, each refitted before it is believed."""
+"""Name what was left out: singles, then growing sets, each refitted before it is believed.
+
+The missing force itself, over time: a smoother on what the baseline leaves over.
+
+The force is a row of overlapping hats in time with a smoothness prior (a Gaussian process cut into
+hats); positions are linear in it through the forward model, so its posterior is Gaussian and exact.
+"""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeAlias
 
@@ -24,38 +30,58 @@ from mismatch.fitting.scan import Scan, robust_spread, scan
 from mismatch.model.candidates import Candidate, candidates_for
 from mismatch.model.forward import Forward
 from mismatch.records.sanity import dropped_in_each
-from physics.domain import FloatArray
-from physics.effects import Effect, EffectId, Level
+from physics.domain import FloatArray, Number, Vector
+from physics.effects import (
+    Effect,
+    EffectId,
+    FlightState,
+    Level,
+    Parameter,
+    Phase,
+    SwingState,
+    Values,
+)
 
-__all__ = ["Family", "Naming", "name_effects"]
+__all__ = ["Family", "LatentForce", "Naming", "missing_force", "name_effects"]
 
 WEIGHT_SCALE = 2.2
+
 """Chi-square units per factor e in the odds of two answers: two would be Gaussian to the letter."""
 
 FORM_REACH = 12.0
+
 """Penalised gain behind its law's best form, by the linear look, from which a form is not refitted:
 odds of one to two hundred, beyond what a refit usually adds."""
 
 FORM_SHARE = 0.15
+
 """Share of its law's gain by which, in strong cases, the linear look may misjudge a form."""
 
 SECOND_FORM_REACH = 4.0
+
 """Penalised gain behind the best further law, by the linear look, up to which its other forms are
 fitted."""
 
 LAW_REACH = 16.0
+
 """Penalised gain behind the best answer from which further forms of a law can't matter any more."""
 
 MOST_SINGLES = 16
+
 """Effects that are tried in groups, the best alone first; supposed."""
+
 SCALES = frozenset({"length_scale", "time_base"})
+
 KNOWN_GAIN = 2.0
+
 """Gain over reduced χ² from which an effect of known size, like thinner air, is taken in."""
 
 STEADY = 3.0
+
 """Sigma, by the scatter of trials, from which a strength is not chance."""
 
 MOST_EFFECTS = 3
+
 """Effects in one answer, supposed: a campaign hardly tells four apart."""
 
 
@@ -211,6 +237,7 @@ def _best_by_law(
 
 
 Ranked: TypeAlias = list[tuple[float, int, FloatArray]]
+
 """(penalised, candidate, strengths) by the linear look, best first."""
 
 
@@ -573,3 +600,124 @@ def _extended(
     return fit_hypothesis(
         forward, base, [*members, more], [*strengths, values], start=seed.fit, rounds=8
     )
+
+
+@dataclass(frozen=True)
+class _Hat(Effect):
+    """A force (or torque) of hat shape in time (or angle), one of a row."""
+
+    id: str = "hat"
+    statement: str = ""
+    law: str = ""
+    source: str = ""
+    phase: Phase = "flight"
+    parameters: tuple[Parameter, ...] = (Parameter("strength", "N", 0.01, -1e9, 1e9),)
+    form: str = "horizontal"
+    middle: float = 0.0
+    width: float = 1.0
+
+    def force(self, values: Values, flight: FlightState) -> Vector:
+        """Hat in time."""
+        shape = np.maximum(0.0, 1.0 - np.abs(flight.time - self.middle) / self.width)
+        size = values["strength"] * shape + 0.0 * np.asarray(flight.x)
+        nothing = np.zeros_like(size)
+        return (size, nothing, nothing) if self.form == "horizontal" else (nothing, size, nothing)
+
+
+@dataclass(frozen=True)
+class _AngleHat(_Hat):
+    """A torque of hat shape in the pendulum's angle."""
+
+    phase: Phase = "swing"
+    parameters: tuple[Parameter, ...] = (Parameter("strength", "N m", 0.02, -1e9, 1e9),)
+    form: str = "angle"
+
+    def torque(self, values: Values, swing: SwingState) -> Number:
+        """Hat in the angle."""
+        shape = np.maximum(0.0, 1.0 - np.abs(swing.phi - self.middle) / self.width)
+        return values["strength"] * shape
+
+
+@dataclass(frozen=True)
+class LatentForce:
+    """A force over time, or a torque over angle, with its band.
+
+    Attributes
+    ----------
+    channel : str
+        horizontal, vertical or angle.
+    place : (n,) array
+        s after release, or rad.
+    value, std : (n,) array
+        N, or N m.
+    """
+
+    channel: str
+    place: FloatArray
+    value: FloatArray
+    std: FloatArray
+
+
+def missing_force(forward: Forward, base: Fit, hats: int = 12) -> tuple[LatentForce, ...]:
+    """Posterior of the missing force in flight and of the missing torque in the swing.
+
+    Parameters
+    ----------
+    forward, base
+        The predictor and the refitted baseline.
+    hats : int
+        How many hats span the flight (or the angles swung through).
+
+    Returns
+    -------
+    tuple of LatentForce
+        One for each direction that was recorded.
+    """
+    found = []
+    if forward.mode != "swing":
+        end = float(np.median(forward.flight_time))
+        middles = np.linspace(0.0, end, hats)
+        both = [
+            replace(_Hat(), form=way, middle=float(m), width=end / (hats - 1))
+            for way in ("horizontal", "vertical")
+            for m in middles
+        ]
+        found += _posterior(forward, base, both, middles, ("horizontal", "vertical"))
+    if forward.records.pendulum_used.any() and forward.mode != "flight":
+        angles = forward.records.pendulum_angle[forward.records.pendulum_used]
+        middles = np.linspace(float(angles.min()), float(angles.max()), hats)
+        width = float(middles[1] - middles[0])
+        row = [replace(_AngleHat(), middle=float(m), width=width) for m in middles]
+        found += _posterior(forward, base, row, middles, ("angle",))
+    return tuple(found)
+
+
+def _posterior(
+    forward: Forward,
+    base: Fit,
+    hats: list[_Hat] | list[_AngleHat],
+    middles: FloatArray,
+    channels: tuple[str, ...],
+) -> list[LatentForce]:
+    scored = scan(forward, base, [Candidate(hat, (), 1) for hat in hats])
+    n = middles.size
+    # Second differences are penalised; the weight is the one of highest evidence.
+    second = np.diff(np.eye(n), n=2, axis=0)
+    rough = np.kron(np.eye(len(channels)), second.T @ second)
+    ridge = 1e-6 * np.eye(rough.shape[0])
+    scale = float(np.median(np.diag(scored.information)))
+    best, chosen = -np.inf, (np.zeros(rough.shape[0]), np.eye(rough.shape[0]))
+    for weight in scale * np.logspace(-4, 6, 21):
+        prior = weight * (rough + ridge)
+        posterior = scored.information + prior
+        mean = np.linalg.solve(posterior, scored.score)
+        evidence = 0.5 * float(scored.score @ mean)
+        evidence += 0.5 * float(np.linalg.slogdet(prior)[1] - np.linalg.slogdet(posterior)[1])
+        if evidence > best:
+            best, chosen = evidence, (mean, np.linalg.inv(posterior))
+    mean, covariance = chosen
+    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    return [
+        LatentForce(name, middles, mean[k * n : (k + 1) * n], std[k * n : (k + 1) * n])
+        for k, name in enumerate(channels)
+    ]

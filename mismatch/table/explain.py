@@ -12,10 +12,9 @@ from scipy.special import gammaincc
 
 from metrology import TooLittleDataError, UsageError
 from mismatch.fitting.prepare import baseline_model
-from mismatch.model.baseline import Baseline
 from mismatch.model.forward import Model
-from mismatch.table.evidence import Posterior, unstated
-from mismatch.table.search import Answer, Search, search, table_held_out
+from mismatch.records.records import Baseline
+from mismatch.table.search import Answer, Posterior, Search, search, table_held_out, unstated
 from mismatch.table.table import (
     CHANNELS,
     LEAST_TRIALS,

@@ -13,10 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology import SetupError, TooLittleDataError, UsageError
-from mismatch.model.baseline import Baseline
 from mismatch.model.candidates import Candidate, start_values
 from mismatch.model.forward import BatchTerm, Forward, Model, batch_terms
-from mismatch.records.records import Records
+from mismatch.records.records import Baseline, Records
 from mismatch.records.sanity import FARTHEST
 from physics.domain import FloatArray, Vector
 from physics.effects import CameraView, Contact, Effect, EffectId, Outcome, Parameter, Values

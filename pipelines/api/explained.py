@@ -11,8 +11,7 @@ from mismatch import Explained
 from mismatch.table.explain import TableExplained
 from physics.effects import Effect
 from pipelines.api.quantities import SetupLike, setup_from
-from pipelines.explain.plots import figure_of
-from pipelines.explain.report import verdict_html, write_explain_report
+from pipelines.explain.report import figure_of, verdict_html, write_explain_report
 from pipelines.explain.run import explain_files_in_full, explain_table_file
 from pipelines.explain.tabular import TableLike
 

@@ -1,21 +1,51 @@
-"""`measure`: one clip to a measurement that prints, plots and reports itself."""
+"""`measure`: one clip to a measurement that prints, plots and reports itself.
+
+`Clip`: a recording as an iterable of frames and times.
+
+`render`: a synthetic clip with its truth.
+
+`calibrate`: the wall of a clip, found unattended; what the wizard writes, without the wizard.
+"""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from metrology import ClipError
-from pipelines.api.quantities import At, Given, Quantities, QuantityView, SetupLike, measure_options
+import numpy as np
+from numpy.typing import NDArray
+
+from calib.calibration import Calibration
+from metrology import CalibrationError, ClipError, Quantity, UsageError, measurands, read_number
+from pipelines.api.quantities import (
+    At,
+    Given,
+    Quantities,
+    QuantityView,
+    SetupLike,
+    as_document,
+    measure_options,
+    setup_from,
+)
+from pipelines.calibrate.command import find_unattended, session_of
+from pipelines.calibrate.wizard.session import Session, setup_text
 from pipelines.measure import measurement as chain
 from pipelines.measure.chain import measure_clip
-from pipelines.measure.files.output import harmless, measurement_as_dict, measurement_as_row
-from pipelines.measure.files.pictures import overlay_marks, report_input
-from pipelines.measure.files.tracks import track_covariance, tracks_as_frame
+from pipelines.measure.files import harmless, measurement_as_dict, measurement_as_row
+from pipelines.measure.pictures import overlay_marks, report_input
+from pipelines.measure.track_table import track_covariance, tracks_as_frame
+from pipelines.model.options import angle_of
+from pipelines.render import NOISE, RenderOptions, parse_size, planned_scene
 from pipelines.report.notebook import results_html
 from pipelines.report.page import write_report
 from pipelines.report.plots import plots_figure
+from pipelines.setup.file import Setup, read_setup
+from sample_videos import Truth, render_clip
 from vision.clip.clip import ClipReader
+from vision.clip.clip import ClipReader as Recording
+from vision.clip.footage import choose_capture_rate
+from vision.clip.picture import ClipInfo, GrayImage
 from vision.overlay.overlay import write_overlay
 from vision.tracks import Motion
 
@@ -26,7 +56,7 @@ if TYPE_CHECKING:
 
     from pipelines.figures import Picture
 
-__all__ = ["Measurement", "measure"]
+__all__ = ["CalibratedClip", "Clip", "Measurement", "calibrate", "measure", "render"]
 
 
 class Measurement:
@@ -191,3 +221,300 @@ def measure(
         setup, fps, ball, wall_grid, ball_at, mass_at, cache=cache, scale=scale
     )
     return Measurement(measure_clip(Path(path), options))
+
+
+class TimedFrame(NamedTuple):
+    """A gray frame, (H, W) uint8 or uint16, and its time on the camera's clock, s."""
+
+    image: GrayImage
+    time_s: float
+
+
+class Clip:
+    """A recording; iterate over it for frames and times, as often as you like.
+
+    Frames are upright with square pixels; woven fields are separated. Nothing is held in memory.
+
+    Parameters
+    ----------
+    path : path
+        Video file or folder of pictures.
+    fps : float or str, optional
+        Capture rate; default what the file tells.
+
+    Attributes
+    ----------
+    info : ClipInfo
+        Size, frames, codec, rates as the file tells them.
+    capture_fps : float
+        1/s.
+
+    Raises
+    ------
+    ClipError
+        If nothing can be read.
+
+    Examples
+    --------
+    >>> for image, time_s in iv.Clip("a.mp4", fps=600):  # doctest: +SKIP
+    ...     print(time_s, image.mean())
+    """
+
+    def __init__(self, path: str | os.PathLike[str], *, fps: Given | None = None) -> None:
+        self._recording = Recording.open(path)
+        given = None if fps is None else read_number(fps, measurands.CAPTURE_RATE, "fps")
+        self.capture_fps = choose_capture_rate(self._recording.info, given, None).fps
+
+    @classmethod
+    def open(cls, path: str | os.PathLike[str], *, fps: Given | None = None) -> "Clip":
+        """As the constructor."""
+        return cls(path, fps=fps)
+
+    @property
+    def info(self) -> ClipInfo:
+        """What is known of the file."""
+        return self._recording.info
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is odd about the file, with damage met so far."""
+        return self._recording.warnings
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """Times (frames,) on the camera's clock, s."""
+        return self._recording.capture_times(self.capture_fps)
+
+    def __len__(self) -> int:
+        return self.info.frames
+
+    def __iter__(self) -> Iterator[TimedFrame]:
+        times = self.times
+        for frame in self._recording.frames():
+            yield TimedFrame(frame.gray, float(times[frame.index]))
+
+    def frame(self, index: int) -> TimedFrame:
+        """One frame, counted from 0; all before it are decoded, since seeks are not exact."""
+        if not 0 <= index < len(self):
+            raise IndexError(f"the clip has frames 0 to {len(self) - 1}, no {index}")
+        image = next(iter(self._recording.frames(index, index + 1))).gray
+        return TimedFrame(image, float(self.times[index]))
+
+    def __repr__(self) -> str:
+        info = self.info
+        return (
+            f"Clip({str(info.path)!r}: {info.width} × {info.height} px, {info.frames} frames,"
+            f" {self.capture_fps:g} fps)"
+        )
+
+
+def render(
+    path: str | os.PathLike[str],
+    *,
+    setup: SetupLike = None,
+    backswing: Given = "120 deg",
+    ball: str | None = None,
+    size: str | tuple[int, int] = (432, 240),
+    frames: int | None = None,
+    seed: int = 1,
+    fps: Given | None = None,
+    shutter: Given | None = None,
+    view: str = "landing",
+    noise: str = "good",
+    effects: Sequence[str] = (),
+    mirrored: bool = False,
+) -> Truth:
+    """Film the experiment with a virtual camera; the truth is written beside the clip.
+
+    Parameters
+    ----------
+    path : path
+        The clip to write: .mp4, or what the codec wants.
+    setup : Setup or path, optional
+        The paper's experiment where it is silent.
+    backswing : float or str
+        deg, or such as "90 deg".
+    ball : str, optional
+        A preset, or a ball of the setup.
+    size : (width, height) or str
+        px, or "432x240".
+    frames : int, optional
+        Default: until shortly after landing.
+    seed : int
+        The same seed gives the same clip.
+    fps : float or str, optional
+        Capture rate, 1/s; default the setup's, else 600.
+    shutter : float or str, optional
+        Exposure time, s or such as "1/2000 s".
+    view : {"landing", "impact", "oblique"}
+    noise : {"none", "low", "good", "high", "dim"}
+    effects : sequence of str
+        Of the catalogue, with their values: "magnus:spin=10".
+    mirrored : bool
+        The ball is struck to the left.
+
+    Returns
+    -------
+    Truth
+        What really happened, frame by frame.
+
+    Raises
+    ------
+    UsageError
+        For options that can't be.
+    """
+    if noise not in NOISE:
+        raise UsageError(f"noise {noise!r} is not known", hint=f"One of {', '.join(NOISE)}.")
+    out = Path(path)
+    if not out.absolute().parent.is_dir():
+        raise UsageError(f"can't write {out}: there is no folder {out.parent}")
+    text = size if isinstance(size, str) else f"{size[0]}x{size[1]}"
+    options = RenderOptions(
+        backswing=angle_of(str(backswing)),
+        ball=ball,
+        size=parse_size(text),
+        frames=frames,
+        seed=seed,
+        fps=None if fps is None else read_number(fps, measurands.CAPTURE_RATE, "fps"),
+        shutter=None if shutter is None else read_number(shutter, measurands.SHUTTER, "shutter"),
+        view=view,
+        noise=NOISE[noise],
+        effects=tuple(effects),
+        mirrored=mirrored,
+    )
+    scene, shot = planned_scene(setup_from(setup), options)
+    return render_clip(scene, shot, out)
+
+
+class CalibratedClip:
+    """A calibrated view: camera, wall and ball plane, with what to expect of a landing distance.
+
+    Parameters
+    ----------
+    session : Session
+        With its wall grid found.
+    note : str
+        What was not found, empty otherwise.
+
+    Attributes
+    ----------
+    quantities : Mapping of str to QuantityView
+        ``camera_distance``, ``ball_plane_offset`` and the expected ``landing_distance``, m.
+    calibration : calib.calibration.Calibration
+        Camera, lens and planes with their covariance: pixels to metres.
+    warnings : tuple of str
+    """
+
+    def __init__(self, session: Session, note: str = "") -> None:
+        outlook = session.outlook
+        if outlook.calibration is None:
+            raise CalibrationError(outlook.problem)
+        self._session = session
+        self.calibration: Calibration = outlook.calibration
+        self.warnings = (*((note,) if note else ()), *outlook.warnings)
+        title = f"Calibration of {session.answers.scene.info.path.name}"
+        found = [
+            self._depth("camera_distance", lambda c: c.camera_distance),
+            self._depth("ball_plane_offset", lambda c: c.ball_plane_offset),
+        ]
+        if outlook.distance is not None:
+            found.append(
+                Quantity.measured("landing_distance", outlook.distance, "m", outlook.budget)
+            )
+        self._named, self._plain, self._title = Quantities(found, title), found, title
+        self.quantities = self._named
+
+    def _depth(self, name: str, value: Callable[[Calibration], float]) -> Quantity:
+        budget = self.calibration.budget(value)
+        return Quantity.measured(name, value(self.calibration), "m", budget)
+
+    def __getattr__(self, name: str) -> QuantityView:
+        quantities = self.__dict__.get("quantities", {})
+        if name in quantities:
+            found: QuantityView = quantities[name]
+            return found
+        raise AttributeError(f"there is no {name!r}; there are: {[*quantities]}")
+
+    @property
+    def setup(self) -> Setup:
+        """What is known now, as a setup: hand it to `measure`."""
+        answers = self._session.answers
+        return read_setup(setup_text(answers, self._session.outlook), folder=answers.out.parent)
+
+    def save(self, path: str | os.PathLike[str]) -> tuple[Path, Path]:
+        """Write the setup file, and ``lens.toml`` beside it."""
+        out = Path(path)
+        self._session.answers = replace(self._session.answers, out=out)
+        written = self._session.save()
+        return written.setup, written.lens
+
+    def to_dict(self) -> dict[str, Any]:
+        """``{"quantities": …, "warnings": …}``."""
+        return as_document(self._named, self.warnings)
+
+    def __repr__(self) -> str:
+        return repr(self._named)
+
+    def _repr_html_(self) -> str:
+        return results_html(self._title, self._plain, self.warnings)
+
+
+def calibrate(
+    path: str | os.PathLike[str],
+    *,
+    fps: Given | None = None,
+    lens: str | os.PathLike[str] | None = None,
+    wall_grid: str | None = None,
+    fine_grid: str | None = None,
+    ball: str | None = None,
+    ball_at: str | None = None,
+    support_height: str | None = None,
+    camera_distance: str | None = None,
+    ball_plane: str | None = None,
+) -> CalibratedClip:
+    """Find the wall grid of a clip and calibrate with it, unattended.
+
+    Parameters
+    ----------
+    path : path
+        The clip.
+    fps : float or str, optional
+        Capture rate, 1/s.
+    lens : path, optional
+        A lens file.
+    wall_grid, fine_grid : str, optional
+        Side of a square, and distance of the fine lines (or "none"): "50mm".
+    ball : str, optional
+        A preset, or "220 mm, 0.4 kg".
+    ball_at : str, optional
+        The ball at rest, "x,y" in px.
+    support_height, camera_distance, ball_plane : str, optional
+        How far the ball falls; camera to wall and ball's plane to wall by tape: "4.00 m ± 5 mm".
+
+    Returns
+    -------
+    CalibratedClip
+
+    Raises
+    ------
+    ClipError
+        If the clip can't be read.
+    CalibrationError
+        If no wall grid is found.
+    UsageError
+        If something said can't be.
+    """
+    session = session_of(
+        Path(path),
+        Path("setup.toml"),
+        fps=None if fps is None else str(fps),
+        lens=None if lens is None else Path(lens),
+        wall_grid=wall_grid,
+        fine_grid=fine_grid,
+        ball=ball,
+        ball_at=ball_at,
+        support_height=support_height,
+        camera_distance=camera_distance,
+        ball_plane=ball_plane,
+    )
+    return CalibratedClip(session, find_unattended(session))

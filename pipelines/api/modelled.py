@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from metrology import Quantity, measurands, read_number
+from physics.air import PAPER_AIR, SUBCRITICAL_DRAG
 from physics.bodies import GRAVITY
-from physics.flight.air import PAPER_AIR, SUBCRITICAL_DRAG
-from physics.restitution.inversion import RangeInputs, cor_from_range
+from physics.inversion import RangeInputs, cor_from_range
 from pipelines.api.quantities import (
     Given,
     Quantities,
@@ -19,11 +19,10 @@ from pipelines.api.quantities import (
     as_row,
     setup_from,
 )
-from pipelines.model.effects import added_effects
-from pipelines.model.options import angle_of, asked, scatter_of
+from pipelines.model.options import added_effects, angle_of, asked, scatter_of
 from pipelines.model.plan import plan as plan_strike
 from pipelines.model.plan import planned_figure
-from pipelines.model.plots import flights_figure
+from pipelines.model.simulate import flights_figure
 from pipelines.model.simulate import simulate as simulate_strike
 from pipelines.report.notebook import results_html
 

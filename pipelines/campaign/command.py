@@ -13,8 +13,7 @@ from pipelines.campaign.conduct import Campaign, CampaignOptions, conduct
 from pipelines.campaign.ledger import AttemptOutcome, Ledger, State
 from pipelines.campaign.run import Progress as RunProgress
 from pipelines.campaign.run import stop_on_signals
-from pipelines.command_group import DefaultCommandGroup
-from pipelines.terminal import screen
+from pipelines.terminal import DefaultCommandGroup, screen
 
 __all__ = [
     "CAMPAIGN_COMMANDS",

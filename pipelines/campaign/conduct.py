@@ -20,13 +20,26 @@ import pandas as pd
 from metrology import ImpactVisionError, MeasurementError, UsageError, write_text_whole
 from pipelines.api.explained import explain as find_missing_physics
 from pipelines.api.quantities import measure_options, setup_from
-from pipelines.campaign.analysis.balls import BallAnalysis, CampaignAnalysis, analyse
-from pipelines.campaign.analysis.cor_law import AveragedLaw, CorLawFit, Estimate
-from pipelines.campaign.figures import draw_figures, write_figures
-from pipelines.campaign.lab_book import LabBook, LabBookRow, match_clips, read_lab_book
+from pipelines.campaign.analysis import (
+    AveragedLaw,
+    BallAnalysis,
+    CampaignAnalysis,
+    CorLawFit,
+    Estimate,
+    analyse,
+)
 from pipelines.campaign.ledger import AttemptOutcome, Ledger, State, lock_folder
-from pipelines.campaign.report import ReportFacts, write_report
-from pipelines.campaign.results import ClipResult, clip_results, results_frame, write_tables
+from pipelines.campaign.report import ReportFacts, draw_figures, write_figures, write_report
+from pipelines.campaign.results import (
+    ClipResult,
+    LabBook,
+    LabBookRow,
+    clip_results,
+    match_clips,
+    read_lab_book,
+    results_frame,
+    write_tables,
+)
 from pipelines.campaign.run import (
     Crew,
     Progress,
@@ -38,7 +51,7 @@ from pipelines.campaign.run import (
     local_crew,
     run,
 )
-from pipelines.measure.files.output import software_version
+from pipelines.measure.files import software_version
 from pipelines.setup.cor_file import BallLaw, FittedLaw, with_laws, write_cor_file
 from pipelines.setup.file import Setup, ball_from_option
 

@@ -22,15 +22,14 @@ from rich.table import Table
 
 from metrology import Defaults, DomainError, MeasurementError, UsageError, write_text_whole
 from physics.bodies import Ball, Pendulum
-from physics.restitution.restitution import ConstantCor, CorLaw, ExponentialCor
+from physics.restitution import ConstantCor, CorLaw, ExponentialCor
 from physics.swing import frictionless_speed
 from pipelines.campaign.ledger import Ledger
 from pipelines.campaign.results import ClipResult, clip_results
-from pipelines.command_group import DefaultCommandGroup
 from pipelines.model.options import asked, scatter_of, setup_or_default
 from pipelines.model.plan import plan_command
 from pipelines.setup.rig import Rig, rig_of
-from pipelines.terminal import screen
+from pipelines.terminal import DefaultCommandGroup, screen
 
 __all__ = [
     "PLAN_COMMANDS",

@@ -1,24 +1,360 @@
-"""The campaign on one page that opens without a network."""
+"""The campaign on one page that opens without a network.
+
+Figures of a campaign, as SVG and PNG: the paper's on one's own data.
+"""
 
 import base64
-from collections.abc import Sequence
+import io
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 from statistics import median
 
+import numpy as np
 from jinja2 import Environment, StrictUndefined
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from metrology import write_text_whole
+from metrology.files import written_whole
 from metrology.quantity import format_pair
-from pipelines.campaign.analysis.balls import BallAnalysis, CampaignAnalysis, SensorAnalysis
-from pipelines.campaign.analysis.cor_law import AveragedLaw
-from pipelines.campaign.figures import svg_text
+from physics import bodies
+from pipelines.campaign.analysis import AveragedLaw, BallAnalysis, CampaignAnalysis, SensorAnalysis
 from pipelines.campaign.ledger import State
-from pipelines.campaign.results import ClipResult
+from pipelines.campaign.results import SENSORS, ClipResult
 
-__all__ = ["ReportFacts", "write_report"]
+__all__ = ["ReportFacts", "draw_figures", "svg_text", "write_figures", "write_report"]
+
+FloatArray = NDArray[np.float64]
+
+# told apart with any colour vision (Okabe and Ito 2008)
+_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+
+_SIZE = (7.0, 4.2)
+
+"""Inches: a figure that fits the width of a page (A4 less its margins)."""
+
+_FSR = SENSORS[0]
+
+
+def draw_figures(analysis: CampaignAnalysis, *, against_paper: bool = False) -> dict[str, Figure]:
+    """Draw every figure that the data allow, by name.
+
+    Parameters
+    ----------
+    analysis : CampaignAnalysis
+    against_paper : bool
+        Draw the paper's laws beside those of the paper's balls.
+    """
+    balls = [ball for ball in analysis.balls if ball.clips]
+    drawn: dict[str, Figure] = {}
+    if not balls:
+        return drawn
+    drawn["cor"] = _cor(balls, against_paper)
+    simple: tuple[tuple[str, str, str], ...] = (
+        ("contact_time", "contact_time", "contact time / ms"),
+        ("ball_speed", "ball_speed", "ball's speed after contact / (m/s)"),
+        ("launch_angle", "launch_angle", "launch angle / deg"),
+    )
+    for name, quantity, label in simple:
+        figure = _against_speed(balls, quantity, label, 1e3 if quantity == "contact_time" else 1.0)
+        if figure is not None:
+            drawn[name] = figure
+    for name, draw in (("impulse", _impulse), ("energy_loss", _energy), ("ranges", _ranges)):
+        figure = draw(balls)
+        if figure is not None:
+            drawn[name] = figure
+    for one in analysis.sensors:
+        drawn[f"agreement_{one.sensor.quantity}"] = _agreement(one)
+    return drawn
+
+
+def _axes(x: str, y: str) -> tuple[Figure, Axes]:
+    figure = Figure(figsize=_SIZE, layout="constrained")
+    axes = figure.add_subplot()
+    axes.set_xlabel(x)
+    axes.set_ylabel(y)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(alpha=0.25, linewidth=0.6)
+    return figure, axes
+
+
+_SPEED = "impact speed / (m/s)"
+
+
+def _of(clips: Sequence[ClipResult], name: str) -> tuple[FloatArray, FloatArray]:
+    pairs = np.array([clip.quantity(name) for clip in clips]).reshape(-1, 2)
+    return pairs[:, 0], pairs[:, 1]
+
+
+def _label(ball: BallAnalysis) -> str:
+    return ball.ball or "ball"
+
+
+def _cor(balls: Sequence[BallAnalysis], against_paper: bool) -> Figure:
+    figure, axes = _axes(_SPEED, "coefficient of restitution")
+    for ball, colour in zip(balls, _cycle(), strict=False):
+        (speed, _), (cor, std) = _of(ball.clips, "pendulum_speed_before"), _of(ball.clips, "cor")
+        axes.errorbar(speed, cor, std, fmt="o", ms=3.5, lw=0.8, color=colour, label=_label(ball))
+        for outlier in ball.outliers:
+            at = speed[outlier.index], cor[outlier.index]
+            axes.plot(*at, "o", ms=11, mfc="none", mec=colour)
+            axes.annotate(
+                ball.clips[outlier.index].clip,
+                at,
+                fontsize=7,
+                xytext=(6, 6),
+                textcoords="offset points",
+            )
+        if ball.fits:
+            _band(axes, ball, colour)
+        known = bodies.BALLS.get(ball.ball)
+        if against_paper and known is not None:
+            grid = np.linspace(*_span(speed), 60)
+            axes.plot(grid, known.cor(grid), ":", color=colour, label=f"{_label(ball)}, paper")
+    # seven lines of it would hide points inside the axes
+    figure.legend(loc="outside lower center", ncols=2, fontsize=8)
+    return figure
+
+
+def _band(axes: Axes, ball: BallAnalysis, colour: str) -> None:
+    fit = ball.fits[0]
+    grid = np.linspace(*fit.speeds, 40)
+    averaged = AveragedLaw(ball.fits)
+    of_law = [averaged.at(v) for v in grid]
+    following = [averaged.next_strike(v) for v in grid]
+    axes.plot(
+        grid,
+        [e.value for e in of_law],
+        color=colour,
+        lw=1.4,
+        label=f"{_label(ball)}: mean of the laws (likeliest: {fit.law}, {fit.probability:.0%})",
+    )
+    axes.fill_between(
+        grid, [e.low for e in of_law], [e.high for e in of_law], color=colour, alpha=0.3, lw=0
+    )
+    axes.fill_between(
+        grid,
+        [e.low for e in following],
+        [e.high for e in following],
+        color=colour,
+        alpha=0.12,
+        lw=0,
+    )
+
+
+def _span(values: FloatArray) -> tuple[float, float]:
+    return float(np.nanmin(values)), float(np.nanmax(values))
+
+
+def _cycle() -> tuple[str, ...]:
+    return _COLOURS * 8
+
+
+def _against_speed(
+    balls: Sequence[BallAnalysis], quantity: str, label: str, factor: float
+) -> Figure | None:
+    figure, axes = _axes(_SPEED, label)
+    any_drawn = False
+    for ball, colour in zip(balls, _cycle(), strict=False):
+        speed = _of(ball.clips, "pendulum_speed_before")[0]
+        value, std = _of(ball.clips, quantity)
+        whole = np.isfinite(value)
+        if not whole.any():
+            continue
+        any_drawn = True
+        axes.errorbar(
+            speed[whole],
+            factor * value[whole],
+            factor * std[whole],
+            fmt="o",
+            ms=3.5,
+            lw=0.8,
+            color=colour,
+            label=f"{_label(ball)}, video",
+        )
+        if quantity == _FSR.quantity:
+            _sensor_and_model(axes, ball, speed, colour, factor)
+    if any_drawn:
+        axes.legend(fontsize=8)
+    return figure if any_drawn else None
+
+
+def _sensor_and_model(
+    axes: Axes, ball: BallAnalysis, speed: FloatArray, colour: str, factor: float
+) -> None:
+    """The force sensor's contact times and the contact model's, beside the video's."""
+    read = [None if one.strike is None else one.strike.sensor(_FSR) for one in ball.clips]
+    seen = np.array([np.nan if pair is None else pair[0] for pair in read])
+    if np.isfinite(seen).any():
+        axes.plot(speed, factor * seen, "x", ms=5, color=colour, label=f"{_label(ball)}, FSR")
+    known = bodies.BALLS.get(ball.ball)
+    if known is not None:
+        grid = np.linspace(*_span(speed), 40)
+        axes.plot(
+            grid,
+            factor * np.asarray(known.contact_time(grid)),
+            "--",
+            lw=1,
+            color=colour,
+            label=f"{_label(ball)}, contact model",
+        )
+
+
+def _impulse(balls: Sequence[BallAnalysis]) -> Figure | None:
+    figure = Figure(figsize=(_SIZE[0], 1.5 * _SIZE[1]), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    any_drawn = False
+    for ball, colour in zip(balls, _cycle(), strict=False):
+        speed = _of(ball.clips, "pendulum_speed_before")[0]
+        measured, std = _of(ball.clips, "external_impulse")
+        if not np.isfinite(measured).any():
+            continue
+        any_drawn = True
+        upper.errorbar(
+            speed,
+            measured,
+            std,
+            fmt="o",
+            ms=3.5,
+            lw=0.8,
+            color=colour,
+            label=f"{_label(ball)}, measured",
+        )
+        upper.plot(
+            speed,
+            ball.impulse[:, 0],
+            "_",
+            ms=9,
+            color=colour,
+            label=f"{_label(ball)}, Eq. 9 with its COR",
+        )
+        time, time_std = _of(ball.clips, "contact_time")
+        force = measured / time
+        force_std = force * np.hypot(std / measured, time_std / time)
+        lower.errorbar(
+            speed, force, force_std, fmt="o", ms=3.5, lw=0.8, color=colour, label=_label(ball)
+        )
+    upper.set_ylabel("external impulse / (N s)")
+    lower.set_ylabel("mean contact force / N")
+    lower.set_xlabel(_SPEED)
+    for axes in (upper, lower):
+        axes.grid(alpha=0.25, linewidth=0.6)
+        axes.spines[["top", "right"]].set_visible(False)
+        if any_drawn:
+            axes.legend(fontsize=8)
+    return figure if any_drawn else None
+
+
+def _energy(balls: Sequence[BallAnalysis]) -> Figure | None:
+    figure, axes = _axes(_SPEED, "energy lost by the pendulum / J")
+    any_drawn = False
+    for ball, colour in zip(balls, _cycle(), strict=False):
+        speed = _of(ball.clips, "pendulum_speed_before")[0]
+        value, std = _of(ball.clips, "energy_loss")
+        if np.isfinite(value).any():
+            any_drawn = True
+            axes.errorbar(
+                speed,
+                value,
+                std,
+                fmt="o",
+                ms=3.5,
+                lw=0.8,
+                color=colour,
+                label=f"{_label(ball)}, Eq. 19",
+            )
+            axes.plot(
+                speed,
+                ball.energy_loss[:, 1],
+                "_",
+                ms=9,
+                color=colour,
+                label=f"{_label(ball)}, Eq. 20 (approximate)",
+            )
+    if any_drawn:
+        axes.legend(fontsize=8)
+    return figure if any_drawn else None
+
+
+def _ranges(balls: Sequence[BallAnalysis]) -> Figure | None:
+    held = [ball for ball in balls if ball.ranges is not None]
+    if not held:
+        return None
+    figure, axes = _axes(_SPEED, "range: model less measured / mm")
+    axes.axhline(0, color="0.3", lw=0.8)
+    marks: tuple[tuple[str, str, str, bool], ...] = (
+        ("numerical", "o", "numerical", True),
+        ("variable", "^", "analytic, variable COR", False),
+        ("constant", "s", "analytic, constant COR", False),
+    )
+    for ball, colour in zip(held, _cycle(), strict=False):
+        found = ball.ranges
+        assert found is not None
+        for name, mark, label, filled in marks:
+            axes.errorbar(
+                found.speed,
+                1e3 * (getattr(found, name) - found.measured),
+                1e3 * found.measured_std,
+                fmt=mark,
+                ms=4,
+                lw=0.6,
+                color=colour,
+                mfc=colour if filled else "none",
+                label=f"{_label(ball)}, {label}",
+            )
+    axes.legend(fontsize=7)
+    return figure
+
+
+def _agreement(one: SensorAnalysis) -> Figure:
+    found, unit = one.agreement, one.sensor.unit
+    figure, axes = _axes(
+        f"mean of camera and {one.sensor.label} / {unit}",
+        f"camera less {one.sensor.label} / {unit}",
+    )
+    axes.plot(found.means, found.differences, "o", ms=4, color=_COLOURS[0])
+    axes.axhline(
+        found.bias, color=_COLOURS[1], label=f"bias {found.bias:.3g} ± {found.bias_std:.2g}"
+    )
+    for limit in (found.lower, found.upper):
+        axes.axhline(limit, color=_COLOURS[1], ls="--", lw=1)
+        axes.axhspan(
+            limit - 1.96 * found.limits_std,
+            limit + 1.96 * found.limits_std,
+            color=_COLOURS[1],
+            alpha=0.12,
+            lw=0,
+        )
+    axes.set_title(
+        f"{one.sensor.quantity.replace('_', ' ')}: 95 % limits of agreement", fontsize=10
+    )
+    axes.legend(fontsize=8)
+    return figure
+
+
+def svg_text(figure: Figure) -> str:
+    """Figure as SVG text, repeatable to the letter."""
+    buffer = io.StringIO()
+    figure.savefig(buffer, format="svg", metadata={"Date": None})
+    text = buffer.getvalue()
+    return text[text.index("<svg") :]
+
+
+def write_figures(
+    figures: dict[str, Figure], folder: Path, note: Callable[[Path], None] = lambda path: None
+) -> None:
+    """Write each figure as ``.svg`` and ``.png``, whole or not at all."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, figure in figures.items():
+        for suffix in (".svg", ".png"):
+            path = folder / f"{name}{suffix}"
+            with written_whole(path) as temporary:
+                figure.savefig(temporary, format=suffix[1:], dpi=150)
+            note(path)
+
 
 CAPTIONS = {
     "cor": "Coefficient of restitution against impact speed: points are clips (± one standard"
@@ -219,7 +555,9 @@ def _warned(results: Sequence[ClipResult]) -> list[tuple[str, int]]:
 
 
 _LISTED = 2000
+
 """Rows of the page's table: a browser scrolls them at once, and the page stays below 5 MB."""
+
 _SHOWN = (
     ("pendulum_speed_before", "impact speed, m/s"),
     ("cor", "COR"),

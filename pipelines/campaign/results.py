@@ -1,10 +1,14 @@
-"""The results of a campaign as one table: a row per clip, the lab book's columns first."""
+"""The results of a campaign as one table: a row per clip, the lab book's columns first.
+
+The lab book of a campaign: which clip was which strike, and what other sensors said of it.
+"""
 
 import csv
 import io
 import itertools
+import math
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,14 +19,323 @@ from numpy.typing import NDArray
 
 from metrology import UsageError, write_text_whole
 from metrology.files import written_whole
-from pipelines.campaign.lab_book import CLIP_COLUMN, SENSORS, LabBook, LabBookRow
 from pipelines.campaign.ledger import Entry, State
-from pipelines.measure.files.output import column_name, harmless
+from pipelines.measure.files import column_name, harmless
 
-__all__ = ["ANALYSED", "ClipResult", "clip_results", "results_frame", "write_tables"]
+__all__ = [
+    "ANALYSED",
+    "CLIP_COLUMN",
+    "SENSORS",
+    "ClipResult",
+    "LabBook",
+    "LabBookRow",
+    "Matched",
+    "SensorColumn",
+    "clip_results",
+    "match_clips",
+    "read_lab_book",
+    "results_frame",
+    "write_tables",
+]
+
+CLIP_COLUMN = "clip"
+
+"""Column that names the clip of a strike, in lab books and results."""
+
+
+@dataclass(frozen=True)
+class SensorColumn:
+    """A column of the lab book that another instrument filled, and what of a clip it judges.
+
+    Attributes
+    ----------
+    column : str
+        In the lab book; its standard uncertainty, where known, in ``<column>_std``.
+    quantity : str
+        The clip's quantity of the same meaning.
+    unit : str
+        Of both.
+    label : str
+        The instrument, as a figure names it.
+    lowest, highest : float
+        What such an instrument can read at all, in `unit`; outside, the cell is refused by name.
+    """
+
+    column: str
+    quantity: str
+    unit: str
+    label: str
+    lowest: float
+    highest: float
+
+
+SENSORS = (
+    SensorColumn("contact_time_fsr_s", "contact_time", "s", "force sensor", 0.0, 1.0),
+    SensorColumn("backswing_encoder_deg", "backswing_angle", "deg", "encoder", -180.0, 180.0),
+    SensorColumn("impact_speed_encoder_m_s", "pendulum_speed_before", "m/s", "encoder", 0.0, 100.0),
+    SensorColumn("landing_tape_m", "landing_distance", "m", "tape", 0.0, 100.0),
+)
+
+"""Limits are those of the apparatus: no contact of a ball lasts a second, no pendulum turns further
+than upright, none reaches 100 m/s, no hall is longer than 100 m."""
+
+
+@dataclass(frozen=True)
+class LabBookRow:
+    """One line of the lab book.
+
+    Attributes
+    ----------
+    clip : str
+        As written, with or without ending.
+    ball : str or None
+        Preset, name in the setup, or diameter.
+    backswing_deg : float or None
+    session : str or None
+    cells : mapping of str to object
+        All columns as read, sensors among them, in the order of the table.
+    """
+
+    clip: str
+    ball: str | None
+    backswing_deg: float | None
+    session: str | None
+    cells: Mapping[str, object]
+
+    def sensor(self, sensor: SensorColumn) -> tuple[float, float] | None:
+        """Value and standard uncertainty (nan where not written), None where it was not read."""
+        value = self.cells.get(sensor.column)
+        if not isinstance(value, float):
+            return None
+        std = self.cells.get(f"{sensor.column}_std")
+        return value, std if isinstance(std, float) else math.nan
+
+
+@dataclass(frozen=True)
+class LabBook:
+    """Strikes in the order written.
+
+    Attributes
+    ----------
+    strikes : tuple of LabBookRow
+    columns : tuple of str
+        Columns of the table, `clip` first.
+    notes : tuple of str
+        What was recognised on reading (separator, decimal comma).
+    """
+
+    strikes: tuple[LabBookRow, ...]
+    columns: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+
+_LARGEST_BYTES = 64 * 2**20
+
+"""64 MiB: a hundred thousand lines of a lab book are below 20."""
+
+_LARGEST_BACKSWING_DEG = 180.0
+
+"""A pendulum stands upright there."""
+
+_NUMERIC = ("backswing_deg", *(sensor.column for sensor in SENSORS))
+
+
+def read_lab_book(path: Path) -> LabBook:
+    """Read `path`, CSV (comma, semicolon or tab; decimal point or comma) or XLSX.
+
+    Raises
+    ------
+    UsageError
+        If it can't be read, has no column ``clip``, names a clip twice, or a cell that must be a
+        number is none; with line and column.
+    """
+    table, notes = _table(path)
+    table.columns = [str(column).strip() for column in table.columns]
+    repeated = [name for name in table.columns if list(table.columns).count(name) > 1]
+    if repeated:
+        raise UsageError(
+            f"{path} has two columns {repeated[0]!r}", hint="Rename one of them in the table."
+        )
+    if "clip" not in table.columns:
+        raise UsageError(
+            f"{path} has no column 'clip', only: {', '.join(table.columns[:12])}",
+            hint="Head the column with the clips' names 'clip'.",
+        )
+    strikes = tuple(
+        _strike(path, line, row)
+        for line, row in enumerate(table.to_dict("records"), start=2)
+        if any(str(cell).strip() for cell in row.values())
+    )
+    _refuse_twice(path, strikes)
+    columns = ("clip", *(name for name in table.columns if name != CLIP_COLUMN))
+    return LabBook(strikes, columns, notes)
+
+
+def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    if path.exists() and not path.is_file():
+        kind = "a folder" if path.is_dir() else "a device or a pipe"
+        raise UsageError(
+            f"the lab book {path} is {kind}", hint="Give a CSV or XLSX file with a column 'clip'."
+        )
+    if not path.is_file():
+        raise UsageError(
+            f"there is no lab book {path}", hint="Give a CSV or XLSX file with a column 'clip'."
+        )
+    if path.stat().st_size > _LARGEST_BYTES:
+        raise UsageError(f"{path} is larger than 64 MB", hint="Is it a lab book?")
+    if path.suffix.lower() == ".xlsx":
+        try:
+            sheet = pd.read_excel(path, dtype=object).fillna("")
+        except Exception as problem:  # openpyxl raises whatever the damaged part raised
+            raise UsageError(f"{path} is no readable XLSX file: {problem}") from problem
+        return sheet.map(lambda cell: cell.isoformat() if hasattr(cell, "isoformat") else cell), ()
+    text = _text(path)
+    head = text.splitlines()[0] if text.strip() else ""
+    separator = max((",", ";", "\t"), key=head.count)
+    try:
+        table = pd.read_csv(
+            io.StringIO(text), sep=separator, dtype=str, keep_default_na=False, header=None
+        )
+    except (pd.errors.ParserError, pd.errors.EmptyDataError) as problem:
+        raise UsageError(f"{path} is no table: {problem}") from problem
+    # a line with fewer cells than heads ends in empty ones
+    table = table.fillna("")
+    table.columns = table.iloc[0]
+    table = table.iloc[1:]
+    notes = () if separator == "," else (f"columns of {path.name} are separated by {separator!r}",)
+    return table, notes
+
+
+def _text(path: Path) -> str:
+    raw = path.read_bytes()
+    for mark, encoding in ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")):
+        if raw.startswith(mark):
+            return raw.decode(encoding, errors="replace")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        # what spreadsheets of Western Europe write where they do not write UTF-8
+        return raw.decode("cp1252", errors="replace")
+
+
+def _strike(path: Path, line: int, row: Mapping[object, object]) -> LabBookRow:
+    cells: dict[str, object] = {str(name): _tidy(cell) for name, cell in row.items()}
+    clip = cells.get("clip")
+    if clip is None or not str(clip).strip():
+        raise UsageError(f"{path}, line {line}: the clip's name is missing")
+    for column in (*_NUMERIC, *(f"{name}_std" for name in _NUMERIC)):
+        if cells.get(column) is not None:
+            cells[column] = _number(path, line, column, cells[column])
+    for sensor in SENSORS:
+        value = cells.get(sensor.column)
+        if isinstance(value, float) and not sensor.lowest <= value <= sensor.highest:
+            raise UsageError(
+                f"{path}, line {line}: {sensor.column} is {value:g} {sensor.unit}, which no"
+                f" {sensor.label} reads here",
+                hint=f"It must lie between {sensor.lowest:g} and {sensor.highest:g} {sensor.unit}.",
+            )
+        std = cells.get(f"{sensor.column}_std")
+        if isinstance(std, float) and std <= 0:
+            raise UsageError(f"{path}, line {line}: {sensor.column}_std must be above zero")
+    backswing = cells.get("backswing_deg")
+    if isinstance(backswing, float) and not abs(backswing) <= _LARGEST_BACKSWING_DEG:
+        raise UsageError(
+            f"{path}, line {line}: backswing_deg is {backswing:g}, and no pendulum swings back"
+            " so far",
+            hint=f"It must lie between 0 and {_LARGEST_BACKSWING_DEG:.0f} degrees.",
+        )
+    return LabBookRow(
+        clip=str(clip),
+        ball=None if cells.get("ball") is None else str(cells["ball"]),
+        backswing_deg=backswing if isinstance(backswing, float) else None,
+        session=None if cells.get("session") is None else str(cells["session"]),
+        cells=cells,
+    )
+
+
+def _tidy(cell: object) -> object:
+    text = str(cell).strip()
+    return text or None
+
+
+def _number(path: Path, line: int, column: str, cell: object) -> float:
+    text = str(cell).replace("\u2212", "-")
+    if text.count(",") == 1 and "." not in text:
+        text = text.replace(",", ".")
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise UsageError(
+            f"{path}, line {line}: {column} is {cell!r}, which is no number",
+            hint="Write it as 12.5 or 12,5, or leave the cell empty.",
+        )
+    return value
+
+
+def _refuse_twice(path: Path, strikes: Sequence[LabBookRow]) -> None:
+    seen: dict[str, int] = {}
+    for strike in strikes:
+        if strike.clip in seen:
+            raise UsageError(
+                f"{path} names the clip {strike.clip!r} twice",
+                hint="Each line of the lab book is one strike in a clip of its own.",
+            )
+        seen[strike.clip] = 1
+    if not strikes:
+        raise UsageError(f"{path} has no line below its heads")
+
+
+@dataclass(frozen=True)
+class Matched:
+    """Clips and lab book, side by side.
+
+    Attributes
+    ----------
+    strikes : mapping of Path to Strike or None
+        For each clip the strike it shows; None where the lab book does not name it.
+    absent : tuple of LabBookRow
+        Named in the lab book, but no such clip was given.
+    """
+
+    strikes: Mapping[Path, LabBookRow | None]
+    absent: tuple[LabBookRow, ...] = ()
+
+
+def match_clips(book: LabBook | None, clips: Sequence[Path]) -> Matched:
+    """Which strike each clip shows.
+
+    Raises
+    ------
+    UsageError
+        If two clips share a name: it is their key in the lab book, the ledger and the results.
+    """
+    by_name: dict[str, Path] = {}
+    for clip in clips:
+        for name in {clip.name, clip.stem}:
+            if by_name.setdefault(name, clip) != clip:
+                raise UsageError(
+                    f"two clips are called {name!r}: {by_name[name]} and {clip}",
+                    hint="Rename one: a clip's name is its key in lab book and results.",
+                )
+    strikes: dict[Path, LabBookRow | None] = dict.fromkeys(clips)
+    absent = []
+    for strike in () if book is None else book.strikes:
+        found = by_name.get(Path(strike.clip).name)
+        if found is None:
+            absent.append(strike)
+        elif strikes[found] is not None:
+            raise UsageError(
+                f"the lab book names {found.name} twice, with and without its ending",
+                hint="Each line of the lab book is one strike in a clip of its own.",
+            )
+        else:
+            strikes[found] = strike
+    return Matched(strikes, tuple(absent))
+
 
 FloatArray = NDArray[np.float64]
-
 
 ANALYSED = (
     "pendulum_speed_before",
@@ -36,8 +349,11 @@ ANALYSED = (
     "energy_loss",
     "backswing_angle",
 )
+
 """Quantities that the analysis of a campaign looks at; the tables hold all."""
+
 _ROWS_AT_ONCE = 1000
+
 """Rows written in one transaction: a second of work is lost at most."""
 
 

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from metrology import UsageError
-from pipelines.campaign.lab_book import LabBookRow, Matched
 from pipelines.campaign.ledger import AttemptOutcome, Ledger, State, WorkOrder
+from pipelines.campaign.results import LabBookRow, Matched
 from pipelines.campaign.worker import ClipWorkerDied, Request, WorkerProcess
 
 __all__ = ["CLIP_SUFFIXES", "Crew", "RunOptions", "RunPlan", "find_clips", "local_crew", "run"]

@@ -201,9 +201,9 @@ def _measured(request: Request) -> dict[str, Any]:
     from metrology.files import written_whole
     from pipelines.api.quantities import measure_options
     from pipelines.measure.chain import measure_clip
-    from pipelines.measure.files.output import measurement_as_dict
-    from pipelines.measure.files.pictures import overlay_marks
-    from pipelines.measure.files.tracks import tracks_as_csv
+    from pipelines.measure.files import measurement_as_dict
+    from pipelines.measure.pictures import overlay_marks
+    from pipelines.measure.track_table import tracks_as_csv
     from vision.clip.clip import ClipReader
     from vision.overlay.overlay import overlay_still
 

@@ -1,25 +1,445 @@
-"""Clips as a campaign: the measuring chain, its tracks in metres, one trial a clip."""
+"""Clips as a campaign: the measuring chain, its tracks in metres, one trial a clip.
+
+Track tables of `vision measure --tracks` as input: the free motion in them, cut out.
+
+A track goes from the ball at rest through contact and flight to the bounce; a model of free motion
+holds only between. Where it begins and ends is told by the track itself.
+
+What a calibration leaves open, against faults of the instrument that are named.
+"""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
-from metrology import ClipError, MeasurementError, NotFoundError, UsageError
+from calib.calibration import Calibration
+from metrology import ClipError, Defaults, MeasurementError, NotFoundError, UsageError
+from mismatch import EngineVerdict
 from mismatch.records.records import CampaignRecords, Trial
+from mismatch.verdict import DOUBTED, Doubt, NamedEffect
 from physics.bodies import GRAVITY, PAPER_PENDULUM, PAPER_SUPPORT, Pendulum
-from pipelines.explain.systematics import calibration_widths, common_widths
 from pipelines.explain.tabular import numbers_of, read_sheet
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measure.measurement import ClipMeasurement
+from pipelines.measure.metres import CameraMapping
 from pipelines.setup.file import Setup
 
-__all__ = ["ClipCampaign", "ClipFacts", "campaign_from_clips", "clip_facts", "trial_of", "with_rig"]
+__all__ = [
+    "ClipCampaign",
+    "ClipFacts",
+    "calibration_widths",
+    "campaign_from_clips",
+    "clip_facts",
+    "common_widths",
+    "flight_rows",
+    "is_track_table",
+    "outline_shares",
+    "swing_rows",
+    "trial_of",
+    "unknown_widths",
+    "with_rig",
+    "within_calibration",
+]
+
+FloatArray = NDArray[np.float64]
+
+LEAST_ROWS = 8
+
+"""Fewer rows tell no flight from a contact."""
+
+STILL_ROWS = 5
+
+"""Rows at the start in which a ball must lie still: fewer do not tell the noise from a creeping
+ball."""
+
+OFF = 4.0
+
+"""Standard deviations off the free motion at which a row no longer belongs to it."""
+
+
+def is_track_table(table: pd.DataFrame) -> bool:
+    """Whether the table is one of tracks: several objects, told by the column ``object``."""
+    return {"object", "t_s"} <= set(table.columns)
+
+
+def flight_rows(table: pd.DataFrame, name: str, rest_height: float = 0.0) -> pd.DataFrame:
+    """The ball's free flight, x forward from rest, y up from the floor; a trial each.
+
+    Parameters
+    ----------
+    table : DataFrame
+        Track table; a column ``trial`` tells several clips apart.
+    name : str
+        What to call the trial where there is no such column.
+    rest_height : float
+        Height of the resting ball's centre, m.
+
+    Raises
+    ------
+    UsageError
+        If the ball has no metres, or no flight is in the track.
+    """
+    return pd.concat(
+        [_flight(part, trial, rest_height) for trial, part in _trials(table, name, "ball")],
+        ignore_index=True,
+    )
+
+
+def swing_rows(table: pd.DataFrame, name: str) -> pd.DataFrame:
+    """The pendulum's free swing, up to where it meets the ball; a trial each.
+
+    Parameters
+    ----------
+    table, name
+        As in `flight_rows`.
+
+    Raises
+    ------
+    UsageError
+        If there is no pendulum with angles in the table.
+    """
+    parts = []
+    for trial, swing in _trials(table, name, "pendulum"):
+        if "phi_rad" not in swing or swing["phi_rad"].isna().all():
+            raise UsageError(f"{name}: the pendulum has no angles (phi_rad)")
+        touched = _touched(_of(table, trial, "ball"))
+        parts.append(swing if touched is None else swing[swing["t_s"] < touched])
+    return pd.concat(parts, ignore_index=True)
+
+
+def _trials(table: pd.DataFrame, name: str, kind: str) -> list[tuple[str, pd.DataFrame]]:
+    named = table if "trial" in table else table.assign(trial=name)
+    mine = named[named["object"] == kind].sort_values(["trial", "t_s"], kind="stable")
+    if mine.empty:
+        raise UsageError(f"{name} holds no rows of a {kind}")
+    return [(str(trial), part) for trial, part in mine.groupby("trial", sort=False)]
+
+
+def _of(table: pd.DataFrame, trial: str, kind: str) -> pd.DataFrame:
+    mine = table[table["object"] == kind]
+    if "trial" in mine:
+        mine = mine[mine["trial"].astype(str) == trial]
+    return mine.sort_values("t_s")
+
+
+def _leaves(ball: pd.DataFrame) -> float | None:
+    """When the ball leaves its place, s; None where it never lies still."""
+    if len(ball) < LEAST_ROWS:
+        return None
+    position = ball[["x_px", "y_px"]].to_numpy(float)
+    still = position[:STILL_ROWS]
+    spread = np.median(np.abs(np.diff(position, n=2, axis=0)), axis=0) / (0.6745 * np.sqrt(6.0))
+    away = np.abs(position - np.median(still, axis=0)).max(axis=1)
+    off = away > OFF * np.sqrt(2.0) * max(float(spread.max()), 1e-6)
+    if off[:STILL_ROWS].any():
+        return None
+    # three rows in a row: one that is off by itself is an outlier
+    gone = [row for row in np.flatnonzero(off) if off[row : row + 3].all()]
+    return float(ball["t_s"].iloc[gone[0]]) if gone else None
+
+
+def _clear(ball: pd.DataFrame, left: float) -> NDArray[np.bool_]:
+    """Rows in which the ball has left its place by its own radius: no contact lasts so long."""
+    rest = ball.loc[ball["t_s"] < left, ["x_px", "y_px"]].median()
+    away = np.hypot(ball["x_px"] - rest["x_px"], ball["y_px"] - rest["y_px"])
+    reach = ball["radius_px"].median() if "radius_px" in ball else 0.0
+    return np.asarray((ball["t_s"] >= left) & (away > (0.0 if np.isnan(reach) else reach)))
+
+
+def _touched(ball: pd.DataFrame) -> float | None:
+    """A moment before the pendulum meets the ball, s; None where the ball never lies still.
+
+    The ball is seen to leave some frames after the first touch: as long again as it then takes to
+    move by its radius is early enough.
+    """
+    left = _leaves(ball)
+    if left is None:
+        return None
+    clear = ball.loc[_clear(ball, left), "t_s"]
+    return left if clear.empty else left - (float(clear.iloc[0]) - left)
+
+
+def _flight(ball: pd.DataFrame, trial: str, rest_height: float) -> pd.DataFrame:
+    known = ball.dropna(subset=["x_m", "y_m"])
+    if len(known) < LEAST_ROWS:
+        raise UsageError(
+            f"trial {trial}: the ball has no metres in this table",
+            hint="Measure the clip with --wall-grid or --ball, so that a scale is known.",
+        )
+    left = _leaves(known)
+    moving = known if left is None else known[_clear(known, left)]
+    time = moving["t_s"].to_numpy(float)
+    place = moving[["x_m", "y_m"]].to_numpy(float)
+    first, end = _free_stretch(time, place)
+    if end - first < LEAST_ROWS:
+        raise UsageError(f"trial {trial}: no free flight is in this track")
+    flight = moving.iloc[first:end].copy()
+    forward = 1.0 if place[end - 1, 0] >= place[first, 0] else -1.0
+    start = place[first]
+    if left is not None:
+        start = known.loc[known["t_s"] < left, ["x_m", "y_m"]].median().to_numpy(float)
+    flight["x_m"] = forward * (flight["x_m"] - start[0])
+    flight["y_m"] = flight["y_m"] - (start[1] - rest_height if left is not None else 0.0)
+    return flight.assign(trial=trial)
+
+
+def _free_stretch(time: FloatArray, place: FloatArray) -> tuple[int, int]:
+    """Rows [first, end) that one smooth free motion goes through, grown from its middle.
+
+    Free flight with drag is a cubic in time to far below the noise of any track over a second;
+    a push at its beginning or a bounce at its end is not.
+    """
+    end = _bounce(time, place[:, 1])
+    first, stop = end // 4, max(end - end // 8, end // 4 + LEAST_ROWS)
+    stop = min(stop, end)
+    noise: FloatArray | None = None
+    for _ in range(2 * len(time)):
+        inside = slice(first, stop)
+        if stop - first < LEAST_ROWS:
+            return first, first
+        centre, half = time[inside].mean(), max(float(np.ptp(time[inside])) / 2.0, 1e-9)
+        fits = [np.polyfit((time[inside] - centre) / half, row, 3) for row in place[inside].T]
+        off = np.stack([place[:, k] - np.polyval(fits[k], (time - centre) / half) for k in (0, 1)])
+        if noise is None:
+            # of the middle, which is surely free: rows let in later must not widen the door
+            noise = np.sqrt((off[:, inside] ** 2).sum(axis=1) / (stop - first - 4))
+        free = np.all(np.abs(off) < OFF * noise[:, np.newaxis], axis=0)
+        # one row that is off is an outlier, two in a row are the end of the free motion
+        grown = (
+            first - 1 if first > 0 and free[max(first - 2, 0) : first].any() else first,
+            stop + 1 if stop < end and free[stop : min(stop + 2, end)].any() else stop,
+        )
+        if grown == (first, stop):
+            return first, stop
+        first, stop = grown
+    return first, stop
+
+
+def _bounce(time: FloatArray, height: FloatArray) -> int:
+    """First row after the ball turns upwards again, or the number of rows."""
+    if len(time) < LEAST_ROWS:
+        return len(time)
+    rate = np.gradient(height, time)
+    smooth = np.convolve(rate, np.ones(5) / 5.0, mode="same")
+    noise = float(np.median(np.abs(np.diff(rate)))) + 1e-9
+    falling = np.flatnonzero(smooth < -3.0 * noise)
+    if not len(falling):
+        return len(time)
+    rising = np.flatnonzero(smooth > 3.0 * noise)
+    after = rising[rising > falling[0]]
+    if not len(after):
+        return len(time)
+    lowest = int(np.argmin(height[falling[0] : after[0] + 1])) + int(falling[0])
+    return lowest
+
+
+COVERED = 2.5
+
+"""Standard deviations within which a fault is what the calibration itself allows: 99 % of them."""
+
+OUTLINE_PX = 0.15
+
+"""How far the outline of a ball may wander along its flight, by its shading against the wall."""
+
+OWN_CALIBRATION = (
+    "the clip itself in place of its track table: vision explain CLIP holds what is found against"
+    " the clip's own calibration"
+)
+
+LEAST_AXIS = 1e-12
+
+"""Share of the largest axis below which one is rounding, not knowledge."""
+
+PARAMETERS = {
+    "time_base": "rate_error",
+    "length_scale": "scale_error",
+    "camera_roll": "roll",
+    "parallax": "plane_error",
+    "lens_distortion": "radial",
+}
+
+"""The strength of a fault of the instrument, by the fault's id."""
+
+
+def calibration_widths(measured: ClipMeasurement) -> dict[str, float]:
+    """Standard uncertainties of rate and scale (relative) and of roll (rad) of one clip.
+
+    The calibration's, and what the ball's outline adds: slow errors that all clips share.
+
+    Returns
+    -------
+    dict
+        By the id of the effect that such an error would be.
+    """
+    rate = measured.rate.std / measured.rate.fps
+    if measured.calibration is None or measured.impact is None:
+        return {
+            "time_base": rate,
+            "length_scale": Defaults.BALL_DIAMETER.std,
+            "camera_roll": Defaults.CAMERA_ROLL.std,
+        }
+    rows = np.isin(measured.tracks.ball.frame, measured.impact.tracks.ball_frame)
+    px = measured.tracks.ball.centre_px[rows]
+    scale, roll = _scale_and_roll(measured.calibration, px[:: max(1, len(px) // 40)])
+    # free fall is the clock and the rule of a flight, and it is the picture's rows that show it
+    along, fall = outline_shares(px)
+    return {
+        "time_base": math.hypot(rate, 0.5 * fall),
+        "length_scale": math.hypot(scale, fall),
+        "camera_roll": math.hypot(roll, along),
+    }
+
+
+def outline_shares(px: np.ndarray) -> tuple[float, float]:
+    """What a wandering outline is of a path's (N, 2) extent along and across the picture's rows."""
+    along, fall = OUTLINE_PX / np.maximum(np.ptp(px, axis=0), OUTLINE_PX)
+    return float(along), float(fall)
+
+
+def _scale_and_roll(calibration: Calibration, px: np.ndarray) -> tuple[float, float]:
+    """How far the calibration's covariance stretches and turns a track, one sigma each."""
+    std = np.sqrt(np.maximum(np.diag(calibration.covariance), 0.0))
+    free = std > 0.0
+    outer = np.outer(std[free], std[free])
+    lengths, axes = np.linalg.eigh(calibration.covariance[np.ix_(free, free)] / outer)
+    nothing = np.zeros((len(px), 2, 2))
+
+    def track(step: np.ndarray) -> np.ndarray:
+        moved = np.zeros(std.size)
+        moved[free] = step * std[free]
+        here = calibration.with_parameters(calibration.vector + moved)
+        metres, _ = CameraMapping(here).ball(px, nothing)
+        # As complex numbers about their middle: a stretch and a turn are one factor.
+        flat = metres[:, 0] + 1j * metres[:, 1]
+        return np.asarray(flat - flat.mean())
+
+    base = track(np.zeros(int(free.sum())))
+    factors = [
+        np.vdot(base, track(math.sqrt(length) * axis)) / np.vdot(base, base) - 1.0
+        for length, axis in zip(lengths, axes.T, strict=True)
+        if length > LEAST_AXIS
+    ]
+    return (
+        float(np.sqrt(sum(factor.real**2 for factor in factors))),
+        float(np.sqrt(sum(factor.imag**2 for factor in factors))),
+    )
+
+
+def common_widths(clips: Iterable[Mapping[str, float]]) -> dict[str, float]:
+    """Widths of a campaign: clips of one camera err together, so the median of theirs."""
+    rows = list(clips)
+    names = [name for name in PARAMETERS if all(name in row for row in rows)]
+    return {name: float(np.median([row[name] for row in rows])) for name in names if rows}
+
+
+def unknown_widths(trials: Iterable[Trial]) -> dict[str, float]:
+    """Standard uncertainties that a calibration leaves open of which nothing is told.
+
+    A table of tracks says where the ball was seen, not how well camera, plane and clock were known.
+
+    Parameters
+    ----------
+    trials : iterable of Trial
+        Their paths tell how large the picture is at least.
+
+    Returns
+    -------
+    dict
+        By the id of the effect that such an error would be.
+    """
+    spans = [
+        np.nanmax(path, axis=0) - np.nanmin(path, axis=0)
+        for path in (trial.position[:, :2] for trial in trials)
+        if np.isfinite(path).any(axis=0).all()
+    ]
+    half = 0.5 * max((float(np.hypot(*span)) for span in spans), default=1.0)
+    return {
+        "time_base": Defaults.NOMINAL_RATE.std,
+        "length_scale": Defaults.PLANE_SCALE.std,
+        "camera_roll": Defaults.CAMERA_ROLL.std,
+        "parallax": Defaults.PLANE_DEPTH.std,
+        "lens_distortion": Defaults.LENS_DISTORTION.std / max(half, 1e-6) ** 2,
+    }
+
+
+def within_calibration(
+    verdict: EngineVerdict, widths: Mapping[str, float], *, known: bool = True
+) -> EngineVerdict:
+    """The verdict without faults of the instrument that its own calibration allows.
+
+    If nothing but such faults is named, nothing is missing: the calibration's uncertainty already
+    says so. Where the calibration is not known, its usual widths can't say that much: the names
+    stay, in doubt. Beside physics, or far beyond the widths, a verdict stays as it is.
+
+    Parameters
+    ----------
+    verdict : EngineVerdict
+    widths : mapping
+        Id of a fault → standard uncertainty of the calibration in it.
+    known : bool
+        Whether the widths are those of the recording's own calibration.
+    """
+    if not widths:
+        return verdict
+    notes = (*verdict.notes, _told(widths, known))
+    if not verdict.effects or not all(_allowed(effect, widths) for effect in verdict.effects):
+        return replace(verdict, notes=notes)
+    sizes = ", ".join(
+        f"{effect.id} {p.name} = {p.value:.2g} ± {p.std:.1g}"
+        for effect in verdict.effects
+        for p in effect.parameters
+        if p.name == PARAMETERS[effect.id]
+    )
+    if not known:
+        doubted = (replace(e, probability=min(e.probability, DOUBTED)) for e in verdict.effects)
+        return replace(
+            verdict,
+            verdict="ambiguous",
+            effects=tuple(doubted),
+            next_measurement=OWN_CALIBRATION,
+            notes=(*notes, f"{sizes} is in doubt: {Doubt.UNKNOWN_CALIBRATION.value}"),
+        )
+    return replace(
+        verdict,
+        verdict="no_mismatch",
+        location=None,
+        effects=(),
+        indistinguishable=(),
+        next_measurement=None,
+        notes=(*notes, f"{sizes} is no finding: it lies within what the calibration leaves open"),
+    )
+
+
+def _allowed(effect: NamedEffect, widths: Mapping[str, float]) -> bool:
+    return effect.id in widths and any(
+        p.name == PARAMETERS[effect.id]
+        and abs(p.value) <= COVERED * math.hypot(widths[effect.id], p.std)
+        for p in effect.parameters
+    )
+
+
+def _told(widths: Mapping[str, float], known: bool) -> str:
+    told = (
+        f"the rate to {100.0 * widths['time_base']:.2g} %, the scale to"
+        f" {100.0 * widths['length_scale']:.2g} % and the roll to"
+        f" {math.degrees(widths['camera_roll']):.2g} deg"
+    )
+    if known:
+        return f"the calibration knows {told}"
+    return (
+        f"the table does not tell how well its clip was calibrated; usual is {told}, the depth of"
+        f" the plane to {100.0 * widths['parallax']:.2g} %, and a lens that nobody measured"
+        f" displaces the picture's edge by {100.0 * Defaults.LENS_DISTORTION.std:.2g} %"
+    )
+
 
 MOST_WARNINGS = 3
+
 """Warnings of one clip that are passed on: further ones are there if the clip is measured."""
 
 

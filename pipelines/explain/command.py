@@ -17,17 +17,15 @@ from mismatch import Explained
 from mismatch.table.explain import TableExplained
 from physics.effects import CATALOGUE, Effect
 from pipelines.doors import FileRole
-from pipelines.explain.plots import draw_explained
-from pipelines.explain.report import write_explain_report
+from pipelines.explain.report import draw_explained, write_explain_report
 from pipelines.explain.run import (
     explain_clips,
     explain_files_in_full,
     explain_table_file,
     is_trial_table,
 )
-from pipelines.interop.columns import parse_columns
-from pipelines.interop.reading import PROJECT_SUFFIXES, made_elsewhere
-from pipelines.interop.tables import TABLE_SUFFIXES
+from pipelines.interop.measured import PROJECT_SUFFIXES, made_elsewhere
+from pipelines.interop.tables import TABLE_SUFFIXES, parse_columns
 from pipelines.setup.cor_file import read_cor_file, with_laws
 from pipelines.setup.file import load_setup
 

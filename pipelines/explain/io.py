@@ -10,17 +10,27 @@ import numpy as np
 import pandas as pd
 
 from metrology import Defaults, SetupError, TooLittleDataError, UsageError
-from mismatch.model.baseline import BallModel, Baseline, ContactTable, Scatter
-from mismatch.records.records import CampaignRecords, Trial
+from mismatch.records.records import (
+    BallModel,
+    Baseline,
+    CampaignRecords,
+    ContactTable,
+    Scatter,
+    Trial,
+)
 from physics import bodies
-from physics.contact.contact import contact_outcomes
+from physics.contact import contact_outcomes
 from physics.domain import FloatArray
 from physics.effects import EffectId
-from pipelines.explain.clips import ClipCampaign
-from pipelines.explain.systematics import unknown_widths
+from pipelines.explain.clips import (
+    ClipCampaign,
+    flight_rows,
+    is_track_table,
+    swing_rows,
+    unknown_widths,
+)
 from pipelines.explain.tabular import Sheet, TableLike, name_of, numbers_of, read_sheet
-from pipelines.explain.tracks import flight_rows, is_track_table, swing_rows
-from pipelines.interop.reading import made_elsewhere, track_table
+from pipelines.interop.measured import made_elsewhere, track_table
 from pipelines.setup.file import BallSetup, Setup
 
 __all__ = ["baseline_for_balls", "baseline_from_setup", "load_campaign"]

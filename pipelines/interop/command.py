@@ -31,8 +31,8 @@ def convert_command(
     if source.suffix.lower() in _LENS_SUFFIXES:
         _lens(source, target)
         return
-    from pipelines.interop.columns import parse_columns
-    from pipelines.interop.reading import read_tracks, write_tracks
+    from pipelines.interop.measured import read_tracks, write_tracks
+    from pipelines.interop.tables import parse_columns
 
     said = parse_columns(columns)
     external = read_tracks(source, said)
@@ -46,8 +46,7 @@ def convert_command(
 
 
 def _lens(source: Path, target: Path) -> None:
-    from calib.camera.lens import prior_toml, read_lens
-    from calib.camera.lens_yaml import YAML_SUFFIXES, lens_yaml
+    from calib.lens import YAML_SUFFIXES, lens_yaml, prior_toml, read_lens
 
     prior = read_lens(source)
     suffix = target.suffix.lower()

@@ -14,8 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology import Defaults, UsageError, parse_quantity
-from pipelines.interop.external import ExternalTrack, ExternalTracks, PlaneOfMotion, Program
-from pipelines.interop.markup import numbers, read_bytes, root_of, text_of
+from pipelines.interop.external import (
+    ExternalTrack,
+    ExternalTracks,
+    PlaneOfMotion,
+    Program,
+    numbers,
+    read_bytes,
+    root_of,
+    text_of,
+)
 from pipelines.interop.tracker import CLICKED_STD_PX, CORNER_PX
 
 __all__ = ["kinovea_annotations", "read_kva"]

@@ -1,16 +1,41 @@
-"""`vision measure --from-tracks`: the numbers of a clip whose tracks another program made."""
+"""`vision measure --from-tracks`: the numbers of a clip whose tracks another program made.
 
+What was measured here, in the form in which other programs take it.
+
+Tracks read and written by what the file is.
+"""
+
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from metrology import UsageError
+from metrology import UsageError, write_text_whole, written_whole
 from pipelines.cache import clip_digest
-from pipelines.interop.external import BALL, PENDULUM, ExternalTrack, ExternalTracks, Program
-from pipelines.interop.reading import read_tracks
+from pipelines.interop.external import (
+    BALL,
+    PENDULUM,
+    ExternalTrack,
+    ExternalTracks,
+    PlaneOfMotion,
+    Program,
+    as_track_table,
+)
+from pipelines.interop.kinovea import kinovea_annotations, read_kva
+from pipelines.interop.tables import (
+    HDF5_SUFFIXES,
+    TABLE_SUFFIXES,
+    ask_columns,
+    header_of,
+    is_of_a_program,
+    keep_columns,
+    read_table_of_tracks,
+)
+from pipelines.interop.tracker import read_trk, tracker_project
 from pipelines.measure.chain import (
     FollowedClip,
     MeasureOptions,
@@ -20,31 +45,239 @@ from pipelines.measure.chain import (
 from pipelines.measure.inputs import Inputs, gather_inputs
 from pipelines.measure.measurement import ClipMeasurement
 from pipelines.measure.metres import centre_of_arc
+from pipelines.measure.track_table import tracks_as_frame
+from pipelines.setup.file import load_setup
+from pipelines.terminal import screen
 from vision.ball.rest import find_rest
 from vision.clip.clip import ClipReader
 from vision.clip.footage import choose_capture_rate
-from vision.clip.info import ClipInfo
+from vision.clip.picture import ClipInfo
 from vision.motion import motion_of
 from vision.scene.background import estimate_background
 from vision.tracks import Face, MotionKind, PendulumTrack, Track, Tracks
 from vision.tracks import FollowedObject as FollowedObject
 
-__all__ = ["measure_from_tracks"]
+__all__ = [
+    "PROJECT_SUFFIXES",
+    "external_of",
+    "made_elsewhere",
+    "measure_from_tracks",
+    "read_tracks",
+    "settled_columns",
+    "track_table",
+    "write_tracks",
+]
+
+_LEAST_ROWS = 3
+
+"""Rows: two places give a velocity, the third shows whether it is one."""
+
+
+def external_of(measured: ClipMeasurement, path: Path, clip: Path | None) -> ExternalTracks:
+    """Tracks of a measurement with the scale and axes at the ball's rest.
+
+    Parameters
+    ----------
+    measured : ClipMeasurement
+    path : Path
+        Where they are to be written: the clip is named relative to it.
+    clip : Path or None
+    """
+    table = tracks_as_frame(measured)
+    tracks = tuple(
+        ExternalTrack(
+            name=str(name),
+            frame=rows["frame"].to_numpy(np.int64),
+            px=rows[["x_px", "y_px"]].to_numpy(float),
+            time_s=rows["t_s"].to_numpy(float),
+        )
+        for name, rows in table.groupby("object", sort=False)
+    )
+    ball = table[table["object"] == "ball"].dropna(subset=["x_m", "y_m"])
+    plane = None
+    if len(ball) >= _LEAST_ROWS:
+        plane = _plane(ball[["x_px", "y_px"]].to_numpy(float), ball[["x_m", "y_m"]].to_numpy(float))
+    named = None
+    if clip is not None:
+        named = Path(os.path.relpath(clip.resolve(), path.resolve().parent)).as_posix()
+    return ExternalTracks(
+        path=path,
+        program=Program.IMPACT_VISION,
+        tracks=tracks,
+        size=(measured.info.width, measured.info.height),
+        fps=measured.rate.fps,
+        plane=plane,
+        clip=named,
+    )
+
+
+def _plane(px: np.ndarray, metres: np.ndarray) -> PlaneOfMotion | None:
+    """Scale and turn that carry the ball's pixels into its metres best (Umeyama 1991).
+
+    Other programs know one scale and one turn; perspective and the lens are left out.
+    """
+    # y of the picture points down
+    seen = (px - px.mean(axis=0)) * [1.0, -1.0]
+    real = metres - metres.mean(axis=0)
+    size = float((seen**2).sum())
+    if size <= 0.0:
+        return None
+    along = float((seen * real).sum()) / size
+    across = float((seen[:, 0] * real[:, 1] - seen[:, 1] * real[:, 0]).sum()) / size
+    per_px = float(np.hypot(along, across))
+    if per_px <= 0.0:
+        return None
+    turn = -float(np.arctan2(across, along))
+    plane = PlaneOfMotion(1.0 / per_px, 0.0, np.zeros(2), turn)
+    # where x = y = 0 in metres
+    origin = px.mean(axis=0) + plane.pixels(-metres.mean(axis=0)[np.newaxis])[0]
+    return PlaneOfMotion(1.0 / per_px, 0.0, origin, turn)
+
+
+PROJECT_SUFFIXES = (".trk", ".trz", ".kva")
+
+"""Files of other programs that are no tables."""
+
+
+def made_elsewhere(path: Path, columns: Mapping[str, str]) -> bool:
+    """Whether a file is another program's, or a table whose columns somebody named.
+
+    Parameters
+    ----------
+    path : Path
+    columns : mapping of str to str
+        As `columns.parse_columns`.
+    """
+    suffix = path.suffix.lower()
+    if suffix in PROJECT_SUFFIXES or suffix in HDF5_SUFFIXES:
+        return True
+    if suffix not in TABLE_SUFFIXES or not path.is_file():
+        return False
+    return bool({"t", "frame", "x", "y"} & columns.keys()) or is_of_a_program(path)
+
+
+def settled_columns(path: Path, said: Mapping[str, str], setup: Path | None) -> dict[str, str]:
+    """What the columns are; what nobody said is asked on a terminal, once.
+
+    Parameters
+    ----------
+    path : Path
+        A table of tracks, or a file that needs no asking.
+    said : mapping of str to str
+    setup : Path or None
+        Gets the answers as its table ``[columns]``, where it has none.
+    """
+    if not path.is_file():
+        return dict(said)
+    answers = ask_columns(header_of(path), said, path.name)
+    if answers != dict(said) and setup is not None:
+        if load_setup(setup).columns:
+            return answers
+        keep_columns(setup, answers)
+        screen(errors=True).print(f"kept in the table [columns] of {setup}", soft_wrap=True)
+    return answers
+
+
+def track_table(path: Path, columns: Mapping[str, str]) -> pd.DataFrame:
+    """Another program's tracks as the rows that `vision measure --tracks` writes.
+
+    The pendulum's rows get the angle about the centre of the arc that they lie on, 0 straight down.
+
+    Raises
+    ------
+    UsageError
+        As `read_tracks`.
+    """
+    table = as_track_table(read_tracks(path, columns).chosen(columns))
+    swing = table["object"] == PENDULUM
+    if swing.any():
+        arm = table.loc[swing, ["x_px", "y_px"]].to_numpy(float)
+        arm = arm - centre_of_arc(arm)
+        table.loc[swing, "phi_rad"] = np.arctan2(arm[:, 0], arm[:, 1])
+    return table
+
+
+def read_tracks(path: Path, columns: Mapping[str, str] | None = None) -> ExternalTracks:
+    """Read tracks of Tracker, Kinovea, trackpy, DeepLabCut, SLEAP, or any table.
+
+    Parameters
+    ----------
+    path : Path
+    columns : mapping of str to str, optional
+        Which column is which, and which track is the ball (`columns.parse_columns`).
+
+    Raises
+    ------
+    UsageError
+        If it can't be read, is of no kind that is known, or does not tell what is what.
+    """
+    said = columns or {}
+    suffix = path.suffix.lower()
+    if not path.exists():
+        raise UsageError(f"there is no file {path}")
+    if suffix in (".trk", ".trz"):
+        return read_trk(path)
+    if suffix == ".kva":
+        return read_kva(path)
+    if suffix in TABLE_SUFFIXES:
+        return read_table_of_tracks(path, said)
+    known = ", ".join((*PROJECT_SUFFIXES, *TABLE_SUFFIXES))
+    raise UsageError(f"{path}: its name does not say what it is", hint=f"Known are {known}.")
+
+
+def write_tracks(path: Path, external: ExternalTracks) -> None:
+    """Write tracks as Tracker (.trk), Kinovea (.kva), CSV or XLSX; whole or not at all.
+
+    Raises
+    ------
+    UsageError
+        If the name does not say which.
+    """
+    suffix = path.suffix.lower()
+    if suffix == ".trk":
+        write_text_whole(path, tracker_project(external))
+    elif suffix == ".kva":
+        write_text_whole(path, kinovea_annotations(external))
+    elif suffix == ".csv":
+        text = as_track_table(external).to_csv(
+            index=False, lineterminator="\n", float_format="%.8g"
+        )
+        write_text_whole(path, text)
+    elif suffix == ".xlsx":
+        with written_whole(path) as temporary:
+            as_track_table(external).to_excel(temporary, index=False)
+    else:
+        raise UsageError(
+            f"{path}: its name does not say what kind of file it is",
+            hint="Name a file that ends in .trk, .kva, .csv or .xlsx.",
+        )
+
 
 FloatArray = NDArray[np.float64]
 
 LEAST_MARK_STD_PX = 0.1
+
 """px: templates are matched, and marks clicked, to no better than about a tenth of a pixel."""
+
 CLICKED_MARK_STD_PX = 0.5
+
 """px, of a track too short to show its own scatter: half a pixel, as a careful click."""
+
 UNSEEN_RADIUS_PX = 10.0
+
 """px: where neither the ball's size nor a scale is known; only the search for rest looks at it."""
+
 _SCENE_FRAMES = 25
+
 """Frames whose median shows the scene without what moves: it is hidden in fewer than half of
 them."""
+
 _SAME_RATE = 0.01
+
 """Relative: 59.94 and 60 fps are the same rate, 30 and 29 are not."""
+
 _MARGIN_PX = 16
+
 """px around the tracks, so that the ball itself is inside the picture that they are said to come
 from."""
 

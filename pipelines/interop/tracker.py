@@ -14,8 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology import Defaults, UsageError, parse_quantity
-from pipelines.interop.external import ExternalTrack, ExternalTracks, PlaneOfMotion, Program
-from pipelines.interop.markup import read_bytes, read_member, root_of
+from pipelines.interop.external import (
+    ExternalTrack,
+    ExternalTracks,
+    PlaneOfMotion,
+    Program,
+    read_bytes,
+    read_member,
+    root_of,
+)
 
 __all__ = ["CORNER_PX", "read_trk", "tracker_project"]
 

@@ -17,18 +17,18 @@ from numpy.typing import NDArray
 
 from calib.calibration import Calibration, ContradictionError
 from calib.grid.grid import WallGrid
-from calib.pose import FOCAL_OVER_WIDTH
-from calib.solve import Solved
+from calib.solve import FOCAL_OVER_WIDTH, Solved
 from metrology import CalibrationError, MeasurementError, UncertaintySource
 from pipelines.cache import Cache, clip_digest
 from pipelines.measure.budget import (
     ClipConditions,
     Propagation,
+    derived_values,
+    random_covariance,
     systematic_budget,
     values_after_move,
 )
 from pipelines.measure.checks.gravity import seen_fall
-from pipelines.measure.derived import derived_values, random_covariance
 from pipelines.measure.fits.impact import find_impact, struck_again
 from pipelines.measure.inputs import Inputs, gather_inputs
 from pipelines.measure.measurement import ClipMeasurement
@@ -51,7 +51,7 @@ from pipelines.measure.results import Evaluated, NoScale, Results, results_of
 from pipelines.setup.file import Setup
 from vision.clip.clip import ClipReader
 from vision.clip.footage import CaptureRate, RateSource, choose_capture_rate
-from vision.clip.info import ClipInfo
+from vision.clip.picture import ClipInfo
 from vision.following import follow
 from vision.tracks import MotionKind, Tracks
 

@@ -22,7 +22,7 @@ from pipelines.batch import Folder, Job, files_of, measure_all
 from pipelines.doors import FileRole, refuse_clashes
 from pipelines.measure.budget import Propagation
 from pipelines.measure.chain import MeasureOptions, measure_clip
-from pipelines.measure.files.output import (
+from pipelines.measure.files import (
     WantedFiles,
     measurement_as_json,
     measurements_as_csv,
@@ -350,9 +350,8 @@ def _from_tracks(
     columns: str | None,
 ) -> None:
     """Measure what another program tracked, with the clip or without."""
-    from pipelines.interop.columns import parse_columns
-    from pipelines.interop.measured import measure_from_tracks
-    from pipelines.interop.reading import settled_columns
+    from pipelines.interop.measured import measure_from_tracks, settled_columns
+    from pipelines.interop.tables import parse_columns
 
     if len(clips) > 1:
         raise UsageError(

@@ -9,7 +9,7 @@ from enum import StrEnum
 
 from metrology import measurands, read_given
 from physics import bodies
-from physics.flight.air import Air
+from physics.air import Air
 from pipelines.setup.file import BallSetup, Setup, ball_from_option
 from pipelines.setup.rig import Origin, Rig, rig_of
 from vision.tracks import MotionKind

@@ -10,7 +10,7 @@ from pipelines.measure.inputs import QUANTITY_UNITS
 from pipelines.report import Check
 from pipelines.setup.rig import RigNumber
 from vision.clip.footage import CaptureRate
-from vision.clip.info import ClipInfo
+from vision.clip.picture import ClipInfo
 from vision.tracks import Motion, Tracks
 
 __all__ = ["QUANTITY_UNITS", "ClipMeasurement"]

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from calib.calibration import BallOutlines, Calibration, Evidence, Known
-from calib.camera.lens import read_lens
-from calib.camera.lens_fit import LensPrior
 from calib.grid.grid import find_wall_grid
+from calib.lens import LensPrior, read_lens
 from calib.solve import Solved, solve
 from metrology import NotFoundError
 from pipelines.measure.inputs import Inputs

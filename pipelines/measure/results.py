@@ -11,14 +11,18 @@ from scipy.special import ndtr, ndtri
 
 from calib.calibration import Calibration
 from metrology import Contribution, Quantity, UncertaintySource
-from pipelines.measure.budget import ClipConditions, merged
+from pipelines.measure.budget import DERIVED, ClipConditions, merged
 from pipelines.measure.checks.consequences import (
     COR,
     FLIGHT,
+    OTHER_SPEEDS,
     PENDULUM,
     RATE_AND_SCALE,
     Contradiction,
+    SpeedsAgree,
+    contact_doubted,
     doubted,
+    speeds_agree,
 )
 from pipelines.measure.checks.gravity import (
     ESTIMATES,
@@ -26,10 +30,7 @@ from pipelines.measure.checks.gravity import (
     fused_cor,
     gravity_check,
 )
-from pipelines.measure.checks.speeds import OTHER_SPEEDS, SpeedsAgree, contact_doubted, speeds_agree
-from pipelines.measure.derived import DERIVED
-from pipelines.measure.fits.discs import disc_contact
-from pipelines.measure.fits.impact import UNSEEN_HALF_CONTACT_STD_S, Impact
+from pipelines.measure.fits.impact import UNSEEN_HALF_CONTACT_STD_S, Impact, disc_contact
 from pipelines.measure.inputs import QUANTITY_UNITS, QuantityName, kinds_of
 from pipelines.measure.metres import MetricTracks
 from pipelines.measure.motions.measured import MotionResults

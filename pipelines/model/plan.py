@@ -19,12 +19,14 @@ from metrology import (
 from physics.domain import FloatArray
 from physics.forward import (
     Experiment,
+    Plan,
+    PlanScatter,
     impulsive_launch,
     numerical_landing,
+    plan_distance,
     time_resolved_landing,
 )
-from physics.planning import Plan, PlanScatter, plan_distance
-from physics.restitution.restitution import ConstantCor, CorLaw
+from physics.restitution import ConstantCor, CorLaw
 from physics.swing import backswing_for_speed, frictionless_speed
 from pipelines.doors import FileRole
 from pipelines.figures import Picture, save_figure
@@ -34,7 +36,7 @@ from pipelines.model.options import (
     send_out,
     setup_or_default,
 )
-from pipelines.model.plots import plan_figure
+from pipelines.model.simulate import plan_figure
 
 __all__ = ["Planning", "plan", "plan_command", "planned_figure"]
 

@@ -1,10 +1,9 @@
 """The paper recomputed: audit of its tables, investigation of Table 5, figures."""
 
-from pipelines.paper.audit import audit
+from pipelines.paper.audit import Explanation, audit, investigate
 from pipelines.paper.command import paper_command
 from pipelines.paper.figures import draw_figures
 from pipelines.paper.printed import Cell, as_rows
-from pipelines.paper.table5 import Explanation, investigate
 
 __all__ = [
     "Cell",

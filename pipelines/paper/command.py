@@ -21,16 +21,20 @@ from rich.table import Table
 from metrology import UsageError, write_text_whole
 from physics.bodies import BALLS
 from pipelines.doors import FileRole
-from pipelines.paper.audit import audit, conclusions, draw_sensitivities, implied_fits, swing_checks
-from pipelines.paper.figures import draw_figures
-from pipelines.paper.printed import Cell, as_rows
-from pipelines.paper.table5 import (
+from pipelines.paper.audit import (
     ALLOWANCE,
     Explanation,
+    audit,
+    conclusions,
     contact_candidate,
+    draw_sensitivities,
+    implied_fits,
     investigate,
     measured_speeds,
+    swing_checks,
 )
+from pipelines.paper.figures import draw_figures
+from pipelines.paper.printed import Cell, as_rows
 from pipelines.terminal import screen
 
 __all__ = ["paper_command", "sections"]

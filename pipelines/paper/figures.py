@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from metrology import UsageError
+from physics.air import DRAG_CURVES, PAPER_AIR, SOCCER_LIFT, SUBCRITICAL_DRAG
 from physics.bodies import (
     BALLS,
     PAPER_PENDULUM,
@@ -15,10 +16,9 @@ from physics.bodies import (
     lost_by_pendulum,
     lost_by_pendulum_approximate,
 )
-from physics.contact.impact import external_impulse
+from physics.contact import external_impulse
 from physics.domain import FloatArray
-from physics.flight.air import DRAG_CURVES, PAPER_AIR, SOCCER_LIFT, SUBCRITICAL_DRAG
-from physics.flight.flight import FlightPath, fly
+from physics.flight import FlightPath, fly
 from physics.forward import (
     Experiment,
     impulsive_launch,
@@ -27,9 +27,9 @@ from physics.forward import (
     time_resolved_landing,
 )
 from physics.swing import frictionless_speed
-from pipelines.model.plots import BLUE, GRAY, ORANGE, saved_figure
+from pipelines.model.simulate import BLUE, GRAY, ORANGE, saved_figure
 from pipelines.paper import printed
-from pipelines.paper.table5 import (
+from pipelines.paper.audit import (
     EFFECTIVE_MASS,
     backswing_by_rational,
     law_of,

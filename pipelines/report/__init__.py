@@ -14,8 +14,8 @@ from pipelines.report.inputs import (
     PathRecord,
     ReportInput,
     SpeedRecord,
+    quantity_label,
 )
-from pipelines.report.labels import quantity_label
 
 __all__ = [
     "Check",

@@ -8,7 +8,7 @@ from jinja2 import Environment, StrictUndefined
 from PIL import Image
 
 from metrology import Quantity
-from pipelines.report.labels import quantity_label, quantity_text
+from pipelines.report.inputs import quantity_label, quantity_text
 
 __all__ = ["results_html"]
 

@@ -9,8 +9,7 @@ from jinja2 import Environment, StrictUndefined
 
 from metrology import Contribution, Quantity, write_text_whole
 from metrology.quantity import format_pair, format_unit
-from pipelines.report.inputs import ReportInput
-from pipelines.report.labels import quantity_label
+from pipelines.report.inputs import ReportInput, quantity_label
 from pipelines.report.plots import panel_svg, panels_of
 
 __all__ = ["report_html", "write_report"]

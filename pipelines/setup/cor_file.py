@@ -34,8 +34,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationEr
 from metrology import SetupError, UsageError, parse_toml, read_small_text, write_text_whole
 from physics.bodies import Ball
 from physics.domain import FloatArray
-from physics.planning import PlanScatter
-from physics.restitution.restitution import (
+from physics.forward import PlanScatter
+from physics.restitution import (
     ConstantCor,
     CorLaw,
     ExponentialCor,

@@ -24,29 +24,27 @@ from metrology import (
 )
 from physics import bodies
 from physics.effects import CATALOGUE
-from physics.restitution.restitution import CorLaw, parse_cor_law, require_real
+from physics.restitution import CorLaw, parse_cor_law, require_real
 from physics.swing import frictionless_speed
-from pipelines.setup.schema import (
-    AirTable,
-    BallTable,
-    ContactOutcomeRow,
-    ModelTable,
-    PendulumTable,
-    SetupSchema,
-    nearest,
-    read_parameter,
-)
 from pipelines.setup.tables import (
     AirSetup,
+    AirTable,
     BallSetup,
+    BallTable,
     CameraSetup,
+    ContactOutcomeRow,
     Measured,
     ModelSetup,
+    ModelTable,
     NoiseSetup,
     PendulumStd,
+    PendulumTable,
     ScatterSetup,
     Setup,
+    SetupSchema,
     WallSetup,
+    nearest,
+    read_parameter,
 )
 
 __all__ = [

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.camera.camera import Camera
+from calib.camera import Camera
 from sample_videos.renderer.bodies import (
     PixelGrid,
     Solid,

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calib.camera.camera import Lens
-from physics.contact.contact import ContactScene
+from calib.camera import Lens
+from physics.contact import ContactScene
 from sample_videos.scene import Scene, SwingingScale
 
 __all__ = [

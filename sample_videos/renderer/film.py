@@ -12,8 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.camera.camera import Camera, Lens, rotation_matrix
-from sample_videos.motion import SceneMotion
+from calib.camera import Camera, Lens, rotation_matrix
 from sample_videos.renderer.actors import Actor, BallPose, RoundActor, SolidActor
 from sample_videos.renderer.bodies import (
     PixelGrid,
@@ -28,6 +27,7 @@ from sample_videos.renderer.bodies import (
 )
 from sample_videos.renderer.stage import Panorama, Stage, build_stage, window_of
 from sample_videos.scene import BallLook, Lamp, Lighting, LooseBall, Scene, Sensor
+from sample_videos.shot import SceneMotion
 
 __all__ = ["Film"]
 

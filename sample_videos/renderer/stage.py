@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from calib.camera.camera import Camera, Lens
+from calib.camera import Camera, Lens
 from sample_videos.renderer.bodies import (
     PixelGrid,
     Solid,

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.camera.camera import Camera, Lens
+from calib.camera import Camera, Lens
 
 FloatArray = NDArray[np.float64]
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.camera.camera import Camera, Lens
+from calib.camera import Camera, Lens
 from calib.grid.grid import find_wall_grid
-from calib.pose import camera_movement
+from calib.solve import camera_movement
 from metrology import CalibrationError
 from tests.calib.synthetic import rendered
 

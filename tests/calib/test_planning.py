@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from calib.calibration import Evidence, Known
-from calib.camera.camera import Camera, Lens
+from calib.camera import Camera, Lens
 from calib.planning import PictureNoise, board_lens, edge_std, lens_of_view, planned_grid
-from calib.pose import calibrate
+from calib.solve import calibrate
 from metrology import CalibrationError
 
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from calib.calibration import PARAMETERS, BallOutlines, Calibration, Evidence, FreeFall, Known
-from calib.camera.camera import Camera, Lens
+from calib.camera import Camera, Lens
 from calib.grid.grid import WallGrid
 from calib.grid.spectrum import GridMap
-from calib.pose import LensPrior, calibrate
+from calib.solve import LensPrior, calibrate
 from metrology import CalibrationError
 
 RADIUS = 0.1229

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from calib.calibration import BallOutlines, Calibration, Evidence, Known
-from calib.camera.camera import Camera, Lens
+from calib.camera import Camera, Lens
 from calib.grid.grid import WallGrid
 from calib.grid.spectrum import GridMap
-from calib.pose import LensPrior
-from calib.solve import SeenFall, Solved, solve
+from calib.solve import LensPrior, SeenFall, Solved, solve
 from metrology import CalibrationError, UncertaintySource
 
 FloatArray = np.ndarray[tuple[int, ...], np.dtype[np.float64]]

@@ -14,7 +14,7 @@ import impact_vision as iv
 import sample_videos
 from metrology import MeasurementError, UncertaintySource, UsageError, read_scale
 from physics.bodies import BALLS, PAPER_PENDULUM, PAPER_SUPPORT
-from physics.restitution.restitution import ConstantCor
+from physics.restitution import ConstantCor
 from pipelines.measure.chain import FollowedClip, MeasureOptions, measure_tracks
 from pipelines.measure.inputs import gather_inputs
 

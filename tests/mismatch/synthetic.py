@@ -5,11 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from mismatch.model.baseline import BallModel, Baseline, ContactTable
 from mismatch.model.forward import Forward, Model
-from mismatch.records.records import CampaignRecords, Trial, lay_out
+from mismatch.records.records import (
+    BallModel,
+    Baseline,
+    CampaignRecords,
+    ContactTable,
+    Trial,
+    lay_out,
+)
 from physics.bodies import JOKKU, PAPER_PENDULUM, PAPER_SUPPORT
-from physics.contact.contact import contact_outcomes
+from physics.contact import contact_outcomes
 from physics.effects import CATALOGUE, Effect
 
 SPEEDS = np.array([0.8, 1.4, 2.0, 2.8, 3.4, 4.2])

@@ -7,13 +7,14 @@ from metrology import DomainError
 from physics.bodies import BASKETBALL, JOKKU
 from physics.forward import (
     Experiment,
+    PlanScatter,
     closed_form_landing,
     impulsive_launch,
     numerical_landing,
+    plan_distance,
     time_resolved_landing,
 )
-from physics.planning import PlanScatter, plan_distance
-from physics.restitution.restitution import ConstantCor
+from physics.restitution import ConstantCor
 from physics.swing import frictionless_speed
 
 

@@ -16,7 +16,7 @@ from pipelines.measure.chain import MeasureOptions, remembered, watched
 from pipelines.measure.measurement import ClipMeasurement
 from pipelines.setup.file import CameraSetup, Setup
 from vision.clip.footage import CaptureRate, RateSource
-from vision.clip.info import ClipInfo
+from vision.clip.picture import ClipInfo
 
 
 def test_an_entry_is_found_by_everything_it_follows_from(tmp_path: Path) -> None:

@@ -12,18 +12,19 @@ from typer.testing import CliRunner
 from metrology import UsageError
 from physics.bodies import BALLS
 from pipelines.paper import audit, draw_figures, paper_command
-from pipelines.paper.audit import conclusions, swing_checks
-from pipelines.paper.command import filled, sections
-from pipelines.paper.figures import FIGURES
-from pipelines.paper.printed import TABLE_6, Cell, judged
-from pipelines.paper.table5 import (
+from pipelines.paper.audit import (
     Explanation,
+    conclusions,
     investigate,
     law_of,
     measured_speeds,
     speed_by_rational,
     speed_for,
+    swing_checks,
 )
+from pipelines.paper.command import filled, sections
+from pipelines.paper.figures import FIGURES
+from pipelines.paper.printed import TABLE_6, Cell, judged
 
 app = typer.Typer(pretty_exceptions_enable=False)
 app.command()(paper_command)

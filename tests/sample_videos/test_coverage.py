@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calib.camera.camera import Camera, Lens
+from calib.camera import Camera, Lens
 from sample_videos.renderer.bodies import (
     PixelGrid,
     Window,

@@ -29,9 +29,8 @@ from sample_videos import (
     render_frames,
     strike,
 )
-from sample_videos.presets import LOOKS
 from sample_videos.renderer.film import Film
-from sample_videos.shot import Physics
+from sample_videos.shot import LOOKS, Physics
 from sample_videos.truth import film_truth
 
 CLEAN = Sensor(full_well=0.0, blur=0.0, vignetting=0.0, gamma=1.0)

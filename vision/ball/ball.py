@@ -14,10 +14,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.ball.linking import BallPath
+from vision.ball.choice import BallPath
 from vision.ball.outline.edges import Cutouts, CutPlaces, EdgeProfile, cut_out, ring_widths
-from vision.ball.outline.equations import OutlineFits, joined, nothing_found
-from vision.ball.outline.outline import FitRules, Start, fit_outlines, voted_outlines
+from vision.ball.outline.outline import (
+    FitRules,
+    OutlineFits,
+    Start,
+    fit_outlines,
+    joined,
+    nothing_found,
+    voted_outlines,
+)
 from vision.motion import lawful_stretch
 from vision.scene.scene import FilmedScene
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology import ClipError, NotFoundError, UsageError
-from vision.clip.info import ClipInfo, GrayImage
+from vision.clip.picture import ClipInfo, GrayImage
 
 if TYPE_CHECKING:
     from vision.clip.clip import ClipReader

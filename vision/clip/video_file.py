@@ -32,8 +32,7 @@ from av.stream import Disposition
 from numpy.typing import NDArray
 
 from metrology import ClipError
-from vision.clip.info import GrayImage, Weave
-from vision.clip.picture import colour_image, luma_image
+from vision.clip.picture import GrayImage, Weave, colour_image, luma_image
 
 __all__ = ["VideoFile", "capture_fps_in_tags"]
 

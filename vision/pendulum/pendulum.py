@@ -15,11 +15,17 @@ from numpy.typing import NDArray
 
 from vision.ball.ball import BallFits
 from vision.ball.rest import Rest
-from vision.pendulum.arc import Arc, ImagedSwing, fit_arc, fit_imaged_swing
-from vision.pendulum.bundle import Bundle, bundle, learnt_look
-from vision.pendulum.layer import Glimpse, Placed, locate_along, registration_step
-from vision.pendulum.mass import MassCandidate, MassPoses, Striking, striking
-from vision.pendulum.rigid import Patch, Pose, register
+from vision.pendulum.arc import Arc, ImagedSwing, Patch, Pose, fit_arc, fit_imaged_swing, register
+from vision.pendulum.face import MassCandidate, MassPoses, Striking, striking
+from vision.pendulum.layer import (
+    Bundle,
+    Glimpse,
+    Placed,
+    bundle,
+    learnt_look,
+    locate_along,
+    registration_step,
+)
 from vision.scene.scene import FilmedScene
 
 __all__ = ["Follower", "Swinging", "follow_on", "follow_piece"]

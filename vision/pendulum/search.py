@@ -22,8 +22,7 @@ from vision.ball.ball import BallFits
 from vision.ball.outline.edges import TYPICAL_GAMMA
 from vision.ball.rest import Rest
 from vision.pendulum.arc import ImagedSwing
-from vision.pendulum.face import find_face
-from vision.pendulum.mass import MassPoses, Striking, find_mass
+from vision.pendulum.face import MassPoses, Striking, find_face, find_mass
 from vision.pendulum.pendulum import Follower, Swinging, follow_on, follow_piece
 from vision.scene.scene import FilmedScene, scene_before_strike
 from vision.tracks import Face, PendulumTrack, Track

@@ -6,13 +6,12 @@ from typing import Literal
 
 import numpy as np
 
-from calib.camera.camera import rotation_matrix
+from calib.camera import rotation_matrix
 from physics.bodies import BALLS, PAPER_PENDULUM
 from physics.effects import Term, effect_named
 from physics.swing import frictionless_speed
-from sample_videos.presets import default_scene, staged
 from sample_videos.scene import BallLook, Scene
-from sample_videos.shot import Physics, Shot
+from sample_videos.shot import Physics, Shot, default_scene, staged
 
 __all__ = ["FILMED", "Filmed", "Take", "setup_text", "takes"]
 

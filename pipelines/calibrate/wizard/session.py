@@ -1,8 +1,18 @@
 """One calibration in progress: the answers, what they amount to, and what each answer changed.
 
 `setup.toml` and `lens.toml`: the answers written down, and the wall as the camera saw it.
+
+What the answers so far amount to: the calibrated scene, and how sure a landing will be.
+
+A known length against the calibration.
+
+A wall grid told by four handles on its crossings, where it is not found unaided.
+
+The handles say where the squares are and how many; the picture between them, unwarped, is looked
+at again. Where even there no lines are found, the handles themselves are the grid.
 """
 
+import math
 import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -10,31 +20,499 @@ from pathlib import Path
 from threading import Lock
 from typing import Any, Literal
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.calibration import Calibration, Known
-from calib.camera.lens_fit import FLOOR, NAMES
+from calib.calibration import BallOutlines, Calibration, Evidence, FreeFall, Known
 from calib.grid.grid import WallGrid, find_wall_grid
-from calib.grid.spectrum import GridMap
-from metrology import CalibrationError, NotFoundError, SetupError, UsageError, write_text_whole
-from pipelines.calibrate.wizard.answers import Answers, BallKind
-from pipelines.calibrate.wizard.corners import grid_from_corners, starting_corners
-from pipelines.calibrate.wizard.outlook import Outlook, outlook
-from pipelines.calibrate.wizard.scene import BallSeen, watch_ball
+from calib.grid.spectrum import GridMap, refitted
+from calib.lens import FLOOR, NAMES
+from calib.solve import solve
+from metrology import (
+    CalibrationError,
+    Contribution,
+    Defaults,
+    NotFoundError,
+    SetupError,
+    UncertaintySource,
+    UsageError,
+    measurands,
+    read_number,
+    write_text_whole,
+)
+from pipelines.calibrate.wizard.answers import Answers, BallKind, BallSeen, WallSource, watch_ball
+from vision.clip.footage import nominal_rate_std
 
 __all__ = [
     "Session",
+    "grid_from_corners",
+    "length_between",
     "lens_for",
+    "outlook",
     "read_view",
     "save",
     "setup_text",
+    "starting_corners",
+    "verdict",
     "with_ball",
     "with_corners",
     "with_grid",
 ]
 
 FloatArray = NDArray[np.float64]
+
+PLACE_STD_PX = 0.2
+
+"""px, of a ball at landing, along x, where following did not tell: supposed."""
+
+CLICK_STD_PX = 0.5
+
+GRAVITY = Known(Defaults.GRAVITY.known, Defaults.GRAVITY.std)
+
+DRAG_SHARE = 0.4
+
+"""Of the mean drag taken as a constant over the flight: C_D's default is good to a fifth, and the
+speed is squared."""
+
+UNKNOWN_DRAG = Known(0.1, 0.1)
+
+"""What the air takes from the fall of a ball of unknown mass, m/s²."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outlook:
+    """How things stand.
+
+    Attributes
+    ----------
+    calibration : Calibration or None
+        None where there is nothing to calibrate with.
+    distance : float or None
+        From rest to landing on the ball plane, m.
+    budget : tuple of Contribution
+        What each input adds to the uncertainty of `distance`, m, largest first.
+    supposed : bool
+        Whether the landing point is only supposed.
+    problem : str
+        Why there is no calibration, empty otherwise.
+    warnings : tuple of str
+    """
+
+    calibration: Calibration | None
+    distance: float | None = None
+    budget: tuple[Contribution, ...] = ()
+    supposed: bool = True
+    problem: str = ""
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def std(self) -> float | None:
+        """Expected standard uncertainty of the landing distance, m."""
+        if self.distance is None:
+            return None
+        return math.sqrt(sum(line.std**2 for line in self.budget))
+
+
+@dataclass(frozen=True)
+class Length:
+    """A length between two clicks: value and standard uncertainty, m."""
+
+    value: float
+    std: float
+
+
+def outlook(answers: Answers) -> Outlook:
+    """Calibrate with all that was answered, and propagate to the landing distance."""
+    if answers.grid is None:
+        return Outlook(None, problem="There is no wall grid yet: step 3.")
+    prior = None if answers.lens is None else answers.lens.prior
+    try:
+        found = solve(answers.grid, evidence_of(answers), lens=prior).calibration
+    except CalibrationError as problem:
+        return Outlook(None, problem=problem.in_one_line)
+    landing, told = answers.landing
+    rest = answers.rest
+    start = np.zeros(2) if rest is None else found.position(rest)[0]
+
+    def reach(c: Calibration) -> float:
+        return float(c.position(landing)[0][0])
+
+    distance = abs(reach(found) - float(start[0]))
+    if not math.isfinite(distance):
+        return Outlook(found, problem="The landing point looks past the wall.")
+    noise = found.position(landing, _landing_noise(answers))[1]
+    lines = [
+        *found.budget(reach),
+        Contribution(UncertaintySource.BALL_CENTRE, math.sqrt(noise[0, 0])),
+    ]
+    shown = [line for line in lines if line.std > 0.0]
+    shown.sort(key=lambda line: -line.std)
+    return Outlook(found, distance, tuple(shown), not told, warnings=found.warnings)
+
+
+def evidence_of(answers: Answers) -> Evidence:
+    """What is known besides the grid."""
+    evidence = Evidence(
+        rest_px=answers.rest,
+        camera_distance=answers.camera_distance,
+        ball_plane_offset=answers.ball_plane_offset,
+    )
+    ball = answers.ball
+    if ball is None:
+        return evidence
+    radius = 0.5 * ball.diameter
+    height = 0.0 if answers.support_height is None else answers.support_height + radius
+    evidence = replace(
+        evidence, ball_radius=radius, rest_height=height, outlines=_outlines(answers)
+    )
+    if evidence.taped or not answers.rate_known:
+        return evidence
+    return replace(evidence, fall=_fall(answers))
+
+
+def _outlines(answers: Answers) -> BallOutlines | None:
+    flight = None if answers.seen is None else answers.seen.flight
+    if flight is None or answers.ball is None:
+        return None
+    diameter = answers.ball.diameter
+    return BallOutlines.followed(
+        flight.centre_px,
+        flight.radius_px,
+        flight.radius_std_px,
+        Known(diameter, Defaults.BALL_DIAMETER.std_of(diameter)),
+    )
+
+
+def _fall(answers: Answers) -> FreeFall | None:
+    """The flight against gravity, less what the air takes of it on the mean."""
+    flight = None if answers.seen is None else answers.seen.flight
+    if flight is None or answers.ball is None:
+        return None
+    # following ran on the rate as it was; only the product of rate and time counts
+    time = flight.frame / answers.capture_fps
+    drag = _drag(answers, time)
+    by_rate = 2.0 * GRAVITY.value * nominal_rate_std(answers.capture_fps) / answers.capture_fps
+    std = math.hypot(GRAVITY.std, drag.std, by_rate)
+    across = np.sqrt(np.einsum("nii->n", flight.covariance_px2) / 2.0)
+    return FreeFall(flight.centre_px, time, across, Known(GRAVITY.value - drag.value, std))
+
+
+def _drag(answers: Answers, time: FloatArray) -> Known:
+    ball, seen = answers.ball, answers.seen
+    assert ball is not None
+    assert seen is not None
+    assert seen.flight is not None
+    if ball.mass is None:
+        return UNKNOWN_DRAG
+    metres = 0.5 * ball.diameter / float(np.median(seen.flight.radius_px))
+    path = seen.flight.centre_px * metres
+    mean = (path[-1] - path[0]) / (time[-1] - time[0])
+    area = math.pi * ball.diameter**2 / 4.0
+    rate = 0.5 * Defaults.AIR_DENSITY.known * Defaults.DRAG_COEFFICIENT.known * area / ball.mass
+    taken = rate * float(np.hypot(*mean)) * float(mean[1])
+    return Known(taken, DRAG_SHARE * abs(taken) + 0.01)
+
+
+def _landing_noise(answers: Answers) -> FloatArray:
+    clicked = answers.landing_px is not None
+    return (CLICK_STD_PX if clicked else PLACE_STD_PX) ** 2 * np.eye(2)
+
+
+def length_between(
+    calibration: Calibration, first: FloatArray, second: FloatArray, *, on_wall: bool
+) -> Length:
+    """A length between two places in the picture, on the wall or on the ball plane.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    first, second : (2,) array
+        Px.
+    on_wall : bool
+        On the wall, not on the ball plane.
+    """
+    px = np.stack([first, second])
+
+    def length(c: Calibration, at: FloatArray = px) -> float:
+        camera = c.grid_camera
+        ends = camera.to_plane(at, 0.0 if on_wall else c.ball_plane_offset)
+        return float(np.hypot(*(ends[1] - ends[0])))
+
+    systematic = sum(line.std**2 for line in calibration.budget(length))
+    clicks = 0.0
+    for step in np.eye(4).reshape(4, 2, 2):
+        slope = length(calibration, px + 0.5 * step) - length(calibration, px - 0.5 * step)
+        clicks += (CLICK_STD_PX * slope) ** 2
+    return Length(length(calibration), math.sqrt(systematic + clicks))
+
+
+DISAGREES_AT = 3.0
+
+"""Standard deviations: less than one true length in 300 is farther off."""
+
+
+@dataclass(frozen=True)
+class LengthComparison:
+    """What a known length says.
+
+    Attributes
+    ----------
+    text : str
+    disagrees : bool
+        Whether it contradicts the calibration.
+    """
+
+    text: str
+    disagrees: bool = False
+
+
+def verdict(
+    calibration: Calibration, first: FloatArray, second: FloatArray, known: str, *, on_wall: bool
+) -> LengthComparison:
+    """Measure between two places and compare.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    first, second : (2,) array
+        Px.
+    known : str
+        The length as somebody wrote it, empty for none.
+    on_wall : bool
+        Else on the ball's plane.
+    """
+    length = length_between(calibration, first, second, on_wall=on_wall)
+    plane = "on the wall" if on_wall else "on the ball's plane"
+    if not np.isfinite(length.value):
+        return LengthComparison("One end looks past the wall.", disagrees=True)
+    told = f"{length.value:.4f} ± {length.std:.4f} m between the ends, {plane}."
+    if not known.strip():
+        return LengthComparison(told)
+    try:
+        true = read_number(known, measurands.DISTANCE)
+    except UsageError as problem:
+        return LengthComparison(f"{told} {problem.in_one_line}", disagrees=True)
+    off = length.value - true
+    ratio = abs(off) / length.std
+    agrees = "agrees" if ratio < DISAGREES_AT else "disagrees: check the grid's pitch and the ends"
+    return LengthComparison(
+        f"{told} {1e3 * off:+.1f} mm off, {ratio:.1f} standard deviations: {agrees}.",
+        ratio >= DISAGREES_AT,
+    )
+
+
+HAND_STD_PX = 0.7
+
+"""px, a handle put on a crossing with a loupe, supposed: a hand is off by half a pixel or one."""
+
+SQUARE_PX = (32, 60)
+
+"""px a square, smallest and largest, in the picture that is laid flat to look for lines: below,
+fine lines of a tenth fold over; above, it is slow."""
+
+MOST_PX = 1400
+
+"""px across that picture at most: less than the wall's squares need is rare."""
+
+RATIOS = (1, 2, 4, 5, 10)
+
+"""Fine squares in a coarse one: factors in which rulers and grids are divided."""
+
+MOST_OFF = 0.05
+
+"""Share, of the ratio that is told from the nearest of `RATIOS`: two neighbours are 20 % apart."""
+
+
+def starting_corners(grid: WallGrid | None, size: tuple[int, int]) -> FloatArray:
+    """Where handles start, (4, 2): on crossings of the grid, else well inside the picture."""
+    box = np.array([[0.2, 0.8], [0.8, 0.8], [0.8, 0.2], [0.2, 0.2]]) * (np.array(size) - 1.0)
+    if grid is None:
+        return box
+    used: list[int] = []
+    for corner in box:
+        far = np.linalg.norm(grid.points_px - corner, axis=1)
+        far[used] = np.inf
+        used.append(int(np.argmin(far)))
+    return np.asarray(grid.points_px[used])
+
+
+def grid_from_corners(
+    picture: NDArray[np.generic],
+    corners: FloatArray,
+    squares: tuple[int, int],
+    *,
+    pitch_m: float,
+    fine_pitch_m: float | None,
+) -> tuple[WallGrid, WallSource]:
+    """Measure the grid between four handles.
+
+    Parameters
+    ----------
+    picture : (H, W) array
+    corners : (4, 2) array
+        Lower left, lower right, upper right, upper left, px.
+    squares : tuple of int
+        Squares between them, across and up.
+    pitch_m, fine_pitch_m : float
+        m.
+
+    Returns
+    -------
+    WallGrid
+        Its origin is the lower left handle.
+    source : {"corners", "hand"}
+        Whether lines were measured between the handles, or only the handles are known.
+
+    Raises
+    ------
+    UsageError
+        If the handles enclose no area in that order, or there is no square between them.
+    """
+    wide, high = squares
+    scale, warp = _straightening(corners, squares)
+    height, width = picture.shape
+    size = (int(wide * scale) + 1, int(high * scale) + 1)
+    gray = np.asarray(picture, dtype=np.float32)
+    straight = cv2.warpPerspective(gray, warp, size, flags=cv2.INTER_CUBIC)
+    try:
+        found = find_wall_grid(straight, pitch_m=pitch_m, fine_pitch_m=fine_pitch_m)
+        ratio = _ratio(found, scale)
+    except CalibrationError:
+        return _by_hand(corners, squares, (width, height), pitch_m), "hand"
+    found = replace(found, nodes=found.nodes + np.round(_origin_shift(found, scale)).astype(int))
+    return _in_picture(found, warp, corners, (width, height), pitch_m / ratio), "corners"
+
+
+def _straightening(corners: FloatArray, squares: tuple[int, int]) -> tuple[float, FloatArray]:
+    """Px of a square, and the homography (3, 3) that straightens what is between the handles.
+
+    Raises
+    ------
+    UsageError
+        If the handles enclose no area in their order, or there is no square between them.
+    """
+    wide, high = squares
+    if wide < 1 or high < 1:
+        raise UsageError("there is no square between the handles", hint="Count squares: 1 or more.")
+    turns = np.diff(np.vstack([corners, corners[:2]]), axis=0)
+    cross = turns[:-1, 0] * turns[1:, 1] - turns[:-1, 1] * turns[1:, 0]
+    if not (cross < -16.0).all():
+        raise UsageError(
+            "the four handles are out of order or in a line",
+            hint="Order: lower left, lower right, upper right, upper left.",
+        )
+    sides = np.linalg.norm(turns, axis=1)
+    per_square = float(max(sides[[0, 2]].max() / wide, sides[[1, 3]].max() / high))
+    scale = float(np.clip(1.2 * per_square, *SQUARE_PX))
+    scale = min(scale, MOST_PX / max(wide, high))
+    flat = np.array([[0, high], [wide, high], [wide, 0], [0, 0]], dtype=np.float64) * scale
+    warp = cv2.getPerspectiveTransform(corners.astype(np.float32), flat.astype(np.float32))
+    return scale, np.asarray(warp, dtype=np.float64)
+
+
+def _in_picture(
+    found: WallGrid, warp: FloatArray, corners: FloatArray, size: tuple[int, int], pitch_m: float
+) -> WallGrid:
+    """A grid found in the straightened picture, where it is in the picture itself."""
+    width, height = size
+    back = np.asarray(np.linalg.inv(warp), dtype=np.float64)
+    jacobian = _jacobian(back, found.points_px)
+    points = _moved(back, found.points_px)
+    covariance = jacobian @ found.covariance_px2 @ np.swapaxes(jacobian, 1, 2)
+    grid_map = _map_through(points, found.nodes.astype(np.float64), (width, height))
+    area = np.zeros((height, width), dtype=np.uint8)
+    cv2.fillConvexPoly(area, np.round(corners).astype(np.int32), 1)
+    inverse = np.linalg.inv(grid_map.jacobian(points))
+    residual = np.einsum("nij,nj->ni", inverse, grid_map(points) - found.nodes)
+    return WallGrid(
+        size=(width, height),
+        pitch_m=pitch_m,
+        nodes=found.nodes,
+        points_px=points,
+        covariance_px2=covariance,
+        residual_px=residual,
+        map=grid_map,
+        area=area > 0,
+        dark=found.dark,
+        fine_ratio=found.fine_ratio,
+        origin_m=np.zeros(2),
+        warnings=found.warnings,
+    )
+
+
+def _ratio(found: WallGrid, scale: float) -> int:
+    """Squares found in one square told."""
+    middle = np.array(found.size) / 2.0
+    period = 1.0 / np.linalg.norm(found.map.jacobian(middle), axis=1)
+    told = scale / float(np.sqrt(period.prod()))
+    best = min(RATIOS, key=lambda ratio: abs(np.log(told / ratio)))
+    if abs(np.log(told / best)) > MOST_OFF:
+        raise CalibrationError("the lines between the handles are not where the handles have them")
+    return best
+
+
+def _origin_shift(found: WallGrid, scale: float) -> FloatArray:
+    """What to add to the nodes, so that the lower left handle is (0, 0)."""
+    corner = np.array([0.0, found.size[1] - 1.0])
+    return -np.asarray(found.map(corner))
+
+
+def _by_hand(
+    corners: FloatArray, squares: tuple[int, int], size: tuple[int, int], pitch_m: float
+) -> WallGrid:
+    wide, high = squares
+    nodes = np.array([[0, 0], [wide, 0], [wide, high], [0, high]])
+    area = np.zeros(size[::-1], dtype=np.uint8)
+    cv2.fillConvexPoly(area, np.round(corners).astype(np.int32), 1)
+    return WallGrid(
+        size=size,
+        pitch_m=pitch_m,
+        nodes=nodes,
+        points_px=corners,
+        covariance_px2=np.tile(HAND_STD_PX**2 * np.eye(2), (4, 1, 1)),
+        residual_px=np.zeros((4, 2)),
+        map=_homography(corners, nodes.astype(np.float64), size),
+        area=area > 0,
+        dark=True,
+        fine_ratio=None,
+        origin_m=np.zeros(2),
+        warnings=(
+            "no lines were found between the handles: the grid is known as well as four handles "
+            "are put by hand",
+        ),
+    )
+
+
+def _homography(px: FloatArray, nodes: FloatArray, size: tuple[int, int]) -> GridMap:
+    """Map from pixels to grid coordinates, a bare homography."""
+    centre = (np.array(size) - 1.0) / 2.0
+    scale = np.full(2, size[0] / 2.0)
+    near = (px - centre) / scale
+    matrix = np.asarray(cv2.findHomography(near, nodes)[0], dtype=np.float64)
+    matrix = matrix / matrix[2, 2]
+    parameters = np.concatenate([matrix[0], matrix[1], matrix[2, :2], np.zeros(2)])
+    return GridMap(centre, scale, parameters)
+
+
+def _map_through(px: FloatArray, nodes: FloatArray, size: tuple[int, int]) -> GridMap:
+    """Map with the lens's distortion too, through all crossings."""
+    grid_map = _homography(px, nodes, size)
+    weight = np.full(nodes.shape, 1e4)
+    for _ in range(4):
+        grid_map = refitted(grid_map, px, nodes - grid_map(px), weight)
+    return grid_map
+
+
+def _moved(matrix: FloatArray, px: FloatArray) -> FloatArray:
+    lifted = np.c_[px, np.ones(len(px))] @ matrix.T
+    return np.asarray(lifted[:, :2] / lifted[:, 2:])
+
+
+def _jacobian(matrix: FloatArray, px: FloatArray) -> FloatArray:
+    steps = [_moved(matrix, px + 0.5 * e) - _moved(matrix, px - 0.5 * e) for e in np.eye(2)]
+    return np.stack(steps, axis=-1)
+
 
 VIEW = "[view]"
 

@@ -1,24 +1,40 @@
 """What follows from a failed check: which quantities hang on it, and how far they are in doubt.
 
 When a check that found nothing may say "passed".
+
+The ball's speed the paper's ways, beside the fit: per frame (Fig. 18), and by Eqs 7 and 8.
 """
 
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import numpy as np
+from scipy.special import ndtr
+
 from metrology import Contribution, Quantity, UncertaintySource
+from physics.bodies import Pendulum
+from pipelines.measure.fits.flight_fit import SLOW_OVER_RANDOM, FlightFit
 from pipelines.measure.inputs import QuantityName
+from pipelines.measure.metres import MetricTracks
+from pipelines.report import Check, CheckKind, CheckOutcome
 
 __all__ = [
     "COR",
     "FLIGHT",
     "LEAST_POWER",
+    "OTHER_SPEEDS",
     "PENDULUM",
     "RATE_AND_SCALE",
     "WITHHELD_BEYOND",
     "Contradiction",
+    "SpeedsAgree",
+    "contact_doubted",
     "doubted",
+    "gravity_share",
+    "speed_by_pendulum",
+    "speed_per_frame",
+    "speeds_agree",
 ]
 
 WITHHELD_BEYOND = 0.1
@@ -129,3 +145,167 @@ def _widened(item: Quantity, share: float) -> Quantity:
 LEAST_POWER = 0.5
 
 """Probability of noticing an error that matters; a check that would rather miss it can't tell."""
+
+OTHER_SPEEDS: dict[str, str] = {"ball_speed_per_frame": "m/s", "ball_speed_eq7": "m/s"}
+
+"""Name and unit of what is shown beside the quantities of the contract."""
+
+_STEPS = 4
+
+"""Frame steps of the displacement just after release: fewer are noise, more are slowed by gravity
+and air."""
+
+_SIGMAS = 3.0
+
+"""Standard deviations: of honest clips one in 370 fails by chance."""
+
+RELEVANT_SHARE = 0.1
+
+"""Of the ball's speed: a disagreement that would matter to a coefficient of restitution."""
+
+
+def speed_per_frame(tracks: MetricTracks, flight: FlightFit) -> tuple[float, float]:
+    """Displacement per frame just after release: mean over the first frames of the flight.
+
+    Returns
+    -------
+    speed, std : float
+        m/s; the standard uncertainty is that of the two ends.
+    """
+    used = np.flatnonzero(np.isin(tracks.ball_time_s, flight.time_s))[: _STEPS + 1]
+    way = tracks.ball_m[used[-1]] - tracks.ball_m[used[0]]
+    took = float(tracks.ball_time_s[used[-1]] - tracks.ball_time_s[used[0]])
+    spread = sum(float(np.trace(tracks.ball_cov_m2[end])) / 2 for end in (used[0], used[-1]))
+    # few frames beside the mass: what changes slowly along the outline does not average out of them
+    return float(np.hypot(*way)) / took, math.sqrt(spread) * math.hypot(
+        1.0, SLOW_OVER_RANDOM
+    ) / took
+
+
+def speed_by_pendulum(body: Pendulum, ball_mass: float, before: float, after: float) -> float:
+    """Ball's speed from what the pendulum loses, M_E (v_M⁰ − v_M) / m_B (Eqs 7 and 8), m/s."""
+    return body.mass_at_contact * (before - after) / ball_mass
+
+
+def gravity_share(
+    body: Pendulum, ball_mass: float, angle: float, arm: float, pull: tuple[float, float]
+) -> float:
+    """What of it is no impulse on the ball: the pendulum's own weight slows it meanwhile.
+
+    Parameters
+    ----------
+    body : Pendulum
+    ball_mass : float
+        kg.
+    angle : float
+        Mean angle during contact, rad.
+    arm : float
+        Pivot to the point of contact, m.
+    pull : (2,) tuple of float
+        Gravity (m/s²) and how long the contact lasts (s).
+
+    Returns
+    -------
+    float
+        m/s of ball speed that Eq. 7 gives too much.
+    """
+    gravity, duration = pull
+    slowed = body.mass * gravity * body.com * math.sin(angle) * duration / body.inertia
+    return speed_by_pendulum(body, ball_mass, slowed * arm, 0.0)
+
+
+@dataclass(frozen=True)
+class SpeedsAgree:
+    """The check, and by what share of the ball's speed each of the others contradicts it.
+
+    Attributes
+    ----------
+    check : Check
+    flight_apart : float
+        Displacement per frame against the fit: the flight itself is in doubt. 0 where they agree.
+    pendulum_apart : float
+        Eq. 7 against the fit: the pendulum's speeds or the masses are in doubt.
+    """
+
+    check: Check
+    flight_apart: float
+    pendulum_apart: float
+
+
+def contact_doubted(speeds: SpeedsAgree, bound: Check | None) -> Contradiction | None:
+    """What the ball's speeds say of the contact; None where nothing.
+
+    That the pendulum loses another momentum than the ball gains may be the fault of its numbers,
+    which the contact does not hang on. Where the contact besides is not surely one that such a ball
+    can have, what was followed is no mass that struck it.
+
+    Parameters
+    ----------
+    speeds : SpeedsAgree
+    bound : Check or None
+        Of the contact time against the longest possible.
+    """
+    surely_possible = bound is not None and bound.outcome is CheckOutcome.PASSED
+    if speeds.pendulum_apart == 0.0 or surely_possible:
+        return None
+    said = (
+        speeds.check.statement if bound is None else f"{bound.statement}; {speeds.check.statement}"
+    )
+    return Contradiction(CONTACT, speeds.pendulum_apart, False, said)
+
+
+@dataclass(frozen=True)
+class _Compared:
+    apart: float
+    std: float
+
+    @property
+    def differs(self) -> bool:
+        return abs(self.apart) > _SIGMAS * self.std
+
+
+def speeds_agree(found: dict[str, Quantity]) -> SpeedsAgree | None:
+    """Whether the paper's ways agree with the fitted speed at release.
+
+    Parameters
+    ----------
+    found : dict
+        Quantities by name, those of `OTHER_SPEEDS` and the share of gravity in Eq. 7 among them.
+    """
+    fitted, frames = found["ball_speed"], found["ball_speed_per_frame"]
+    if fitted.value is None or frames.value is None:
+        return None
+    text = f"displacement per frame gives {frames.value:.3f} ± {frames.std:.3f} m/s"
+    along = _compared(frames, fitted, 0.0)
+    by_pendulum = _Compared(0.0, math.inf)
+    pendulum, weight = found["ball_speed_eq7"], found["eq7_by_gravity"]
+    if pendulum.value is not None and weight.value is not None:
+        text += (
+            f"; Eq. 7 gives {pendulum.value:.2f} ± {pendulum.std:.2f} m/s from the pendulum,"
+            f" {weight.value:.2f} m/s of it because gravity slows the pendulum during contact"
+        )
+        by_pendulum = _compared(pendulum, fitted, weight.value)
+    text += f"; the fitted flight {fitted.value:.3f} ± {fitted.std:.3f} m/s"
+    relevant = RELEVANT_SHARE * abs(fitted.value)
+    power = float(ndtr(-_SIGMAS + relevant / min(along.std, by_pendulum.std)))
+    outcome = CheckOutcome.PASSED if power >= LEAST_POWER else CheckOutcome.UNDECIDED
+    if along.differs or by_pendulum.differs:
+        outcome = CheckOutcome.FAILED
+        text = f"the ball's speeds disagree: {text}; {_suspects(along, by_pendulum)}"
+    return SpeedsAgree(
+        Check(CheckKind.BALL_SPEEDS, outcome, text, power),
+        abs(along.apart) / abs(fitted.value) if along.differs else 0.0,
+        abs(by_pendulum.apart) / abs(fitted.value) if by_pendulum.differs else 0.0,
+    )
+
+
+def _compared(one: Quantity, other: Quantity, excess: float) -> _Compared:
+    assert one.value is not None
+    assert other.value is not None
+    return _Compared(one.value - excess - other.value, math.hypot(one.std or 0.0, other.std or 0.0))
+
+
+def _suspects(along: _Compared, by_pendulum: _Compared) -> str:
+    if along.differs:
+        return "the flight does not begin where it seems to, or something else was followed"
+    return "check masses and inertia in the setup file, and that the mass was followed"

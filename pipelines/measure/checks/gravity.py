@@ -13,9 +13,8 @@ from scipy.special import chdtrc, ndtr
 from calib.calibration import Known
 from calib.solve import SeenFall
 from metrology import Contribution, MeasurementError, Quantity, UncertaintySource
-from pipelines.measure.budget import ClipConditions
+from pipelines.measure.budget import DERIVED, ClipConditions
 from pipelines.measure.checks.consequences import LEAST_POWER
-from pipelines.measure.derived import DERIVED
 from pipelines.measure.fits.impact import find_impact
 from pipelines.measure.metres import CameraMapping, tracks_in_metres
 from pipelines.report import Check, CheckKind, CheckOutcome

@@ -19,9 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 
 from metrology import NotFoundError
-from physics.contact.contact import damping_for_cor
-from pipelines.measure.fits.flight_fit import FlightFit
-from pipelines.measure.fits.swing_fit import SwingFit, slow_error_whitening
+from physics.contact import damping_for_cor
+from pipelines.measure.fits.flight_fit import FlightFit, SwingFit, slow_error_whitening
 
 __all__ = [
     "ContactFit",
@@ -176,7 +175,7 @@ class ImpactView:
     face_offset, face_offset_std : float
         How far the face leads the line from pivot to mass, as seen.
     longest_s : float
-        The longest contact that such a ball can have (`physics.contact.impact`), s.
+        The longest contact that such a ball can have (`physics.contact`), s.
     """
 
     before: SwingFit

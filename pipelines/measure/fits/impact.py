@@ -1,34 +1,40 @@
 """Both sides of the contact and the contact between them, from tracks in metres.
 
 Where the face of the pendulum mass is, from what is seen of it and what is known of it.
+
+A strike between two balls or pucks: the moment they touch, from straight lines on each side.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from metrology import MeasurementError, NotFoundError
-from physics.contact.impact import contact_time_bound
+from physics.contact import contact_time_bound
 from pipelines.measure.fits.contact_fit import ContactFit, ImpactView, face_speeds, fit_contact
 from pipelines.measure.fits.flight_fit import (
     LONGEST_CONTACT_S,
     FlightFit,
     FlightPriors,
     LandingSeen,
+    SwingFit,
     fit_flight,
+    fit_swing,
     flight_end,
     landing_seen,
 )
-from pipelines.measure.fits.swing_fit import SwingFit, fit_swing
 from pipelines.measure.inputs import Inputs
 from pipelines.measure.metres import MetricTracks
+from vision.tracks import Track, Tracks
 
 __all__ = [
     "NEAR_SHARE",
     "STEEL",
     "Impact",
     "departure",
+    "disc_contact",
     "find_impact",
     "moved_impact",
     "struck_again",
@@ -49,6 +55,7 @@ THICKNESSES = (0.4, 2.0)
 """Thickness a mass may have, over that of such a cube."""
 
 SLANT_STD, _TELLING_SLANT = 0.03, 0.1
+
 """Slope of the line of sight to the face: how far it is unsure, and from where on the face is
 plainly seen, three times that."""
 
@@ -71,6 +78,7 @@ OUTSIDE_STD_SHARE = 0.5
 """Of how far outlines lie outside: ball and mass differ in contrast."""
 
 IMPACT_ANGLE_STD = np.radians(0.4)
+
 """rad, of the bar at contact where the face is not seen, supposed: a bubble level is good to 0.3°,
 and the bar swings on during contact."""
 
@@ -220,14 +228,17 @@ UNSEEN_HALF_CONTACT_S, UNSEEN_HALF_CONTACT_STD_S = 0.006, 0.003
 """Middle to end of a contact nobody sees: inflated balls stay on for 10 to 20 ms."""
 
 SWING_STRETCH_S = 0.08
+
 """s of a swing on either side: a twentieth of the paper's period of 1.5 s, over which damping and
 bearing friction do not show."""
 
 NEAR_BEFORE_S, NEAR_AFTER_S = 0.01, 0.005
+
 """s, before onset and after release: frames that show where ball and face part, beside the contact
 itself."""
 
 _ROUNDS = 3
+
 """Rounds of choosing frames and fitting, supposed: the choice hangs on onset and release, which the
 next round hardly moves."""
 
@@ -236,10 +247,12 @@ FAR_RADII = 0.5
 """So far from its rest a ball is on its way: shadows and the face beside it feign less."""
 
 STRAY_RADII = 0.15
+
 """Radii by which the median frame may be off a free flight: more is another thing than a flying
 ball."""
 
 FRAMES_AT_REST = 5
+
 """What lies at the place of rest for so many frames is no bounce that passes it."""
 
 USUAL_SPEED = 2.5
@@ -588,3 +601,95 @@ def _longest_contact(inputs: Inputs) -> float:
         return np.inf
     face = inputs.pendulum.mass_at_contact
     return contact_time_bound(ball.mass, ball.diameter, face, USUAL_SPEED).longest
+
+
+_LINE_FRAMES = 10
+
+"""Frames of a line on either side of the meeting: gliding discs slow down little over them."""
+
+RADIUS_STD_PX = 0.3
+
+"""px, of the distance of two outlines at their touch, supposed: the edges of both, blurred by
+motion."""
+
+
+@dataclass(frozen=True)
+class DiscContact:
+    """When two round bodies met.
+
+    Attributes
+    ----------
+    time_s, std_s : float
+        The meeting, s from the first frame.
+    longest_s : float
+        The contact lasted no longer than this (k = 2).
+    """
+
+    time_s: float
+    std_s: float
+    longest_s: float
+
+
+def disc_contact(tracks: Tracks) -> DiscContact | None:
+    """Find when the striker met the struck ball.
+
+    The striker's gap closes along a line that reaches zero at first touch; the struck ball leaves
+    along a line that started at its rest. Between the two lies the contact.
+
+    Parameters
+    ----------
+    tracks : Tracks
+        With the struck ball as `ball` and the striker as the first of `others`.
+
+    Returns
+    -------
+    DiscContact or None
+        None where there is no striker, or it is not seen on both sides.
+    """
+    if tracks.pendulum is not None or not tracks.others or tracks.rest_frames is None:
+        return None
+    ball, striker, last = tracks.ball, tracks.others[0].track, tracks.rest_frames[1]
+    still = ball.frame <= last - 1
+    if still.sum() < 3:
+        return None
+    rest = np.median(ball.centre_px[still], axis=0)
+    reach = float(np.median(ball.radius_px) + np.median(striker.radius_px))
+    gap = np.hypot(*(striker.centre_px - rest).T) - reach
+    closing = _line_to_zero(
+        striker, gap, (striker.frame < last) & (striker.frame >= last - _LINE_FRAMES)
+    )
+    away = np.hypot(*(ball.centre_px - rest).T)
+    leaving = _line_to_zero(
+        ball, away, (ball.frame > last + 1) & (ball.frame <= last + _LINE_FRAMES)
+    )
+    if closing is None or leaving is None:
+        return None
+    touch, touch_std, speed = closing
+    touch_std = math.hypot(touch_std, RADIUS_STD_PX / abs(speed))
+    left, left_std, _ = leaving
+    weights = np.array([touch_std, left_std]) ** -2.0
+    time = float(weights @ [touch, left] / weights.sum())
+    return DiscContact(
+        time,
+        float(weights.sum() ** -0.5),
+        max(left - touch, 0.0) + 2.0 * math.hypot(touch_std, left_std),
+    )
+
+
+def _line_to_zero(
+    track: Track, distance: FloatArray, used: NDArray[np.bool_]
+) -> tuple[float, float, float] | None:
+    """Time at which a line through distances reaches zero, its std, and the slope (px/s)."""
+    if used.sum() < 4:
+        return None
+    time = track.time_s[used]
+    middle = float(time.mean())
+    slope, offset = np.polyfit(time - middle, distance[used], 1)
+    if slope == 0:
+        return None
+    left = distance[used] - slope * (time - middle) - offset
+    noise = float(np.sqrt((left**2).sum() / (used.sum() - 2)))
+    at = -offset / slope
+    spread = float(((time - middle) ** 2).sum())
+    std = noise / abs(slope) * math.sqrt(1.0 / used.sum() + at**2 / spread)
+    return middle + at, std, float(slope)

@@ -1,4 +1,16 @@
-"""Quantities of the motions that are no strike, each with its budget or the reason why not."""
+"""Quantities of the motions that are no strike, each with its budget or the reason why not.
+
+A free flight or drop by itself: acceleration, speed and direction, and what perspective hides.
+
+Seen by a camera that is not square to the plane of motion, the scale grows along the path: over a
+drop that fills the picture a slant of 1° looks like an acceleration that is 2 % off. A slant also
+bends the path in a way of its own, and the ball's size changes with it: both are fitted together
+with the flight, which is linear in all of its unknowns.
+
+Two like balls or pucks that meet: speeds on both sides, coefficient of restitution.
+
+A free swing by itself: period and damping of what comes and goes along one line.
+"""
 
 import math
 from collections.abc import Callable
@@ -8,57 +20,783 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from metrology import Contribution, MeasurementError, Quantity, UncertaintySource
-from pipelines.measure.checks.consequences import WITHHELD_BEYOND, Contradiction, doubted
-from pipelines.measure.fits.discs import disc_contact
-from pipelines.measure.inputs import QuantityName, in_pixels
-from pipelines.measure.motions.collision import Collision, Passage, fit_collision
-from pipelines.measure.motions.free_flight import (
-    FlightFrames,
-    FreeFlight,
-    FreeFlightPriors,
-    fit_free_flight,
+from metrology import (
+    Contribution,
+    MeasurementError,
+    NotFoundError,
+    Quantity,
+    TooLittleDataError,
+    UncertaintySource,
 )
-from pipelines.measure.motions.swing import fit_free_swing
+from metrology.least_squares import Fitted, fit
+from pipelines.measure.checks.consequences import WITHHELD_BEYOND, Contradiction, doubted
+from pipelines.measure.fits.flight_fit import slow_error_whitening
+from pipelines.measure.fits.impact import disc_contact
+from pipelines.measure.inputs import QuantityName, in_pixels
 from pipelines.report import Check, CheckKind, CheckOutcome
 from vision.tracks import MotionKind, Track, Tracks
 
 __all__ = [
+    "Collision",
+    "FlightFrames",
+    "FreeFlight",
+    "FreeFlightPriors",
+    "FreeSwing",
     "Mapping",
     "MotionResults",
     "MotionScene",
+    "Passage",
     "PlaneScale",
     "applicable",
+    "fit_collision",
+    "fit_free_flight",
+    "fit_free_swing",
     "flight_of",
     "motion_quantities",
     "rate_by_fall",
+    "steady_stretch",
 ]
 
 FloatArray = NDArray[np.float64]
+
+LEAST_FRAMES = 6
+
+"""Frames: a parabola in two directions has six unknowns and each frame two numbers; half are to
+spare."""
+
+_MIDDLE_SHARE = 0.6
+
+"""Of the stretch: what a throw or a bounce does not reach; the rest must carry on from there."""
+
+_OFF_SIGMAS = 5.0
+
+"""Standard deviations: of a flight of a thousand frames none is farther off by chance."""
+
+ROLL_STD = math.radians(1.5)
+
+"""A camera set up by eye, rad."""
+
+SIZE_TREND_STD = 0.01
+
+"""Relative change of the apparent radius along a path that light and blur alone may cause."""
+
+
+@dataclass(frozen=True)
+class FlightFrames:
+    """Frames of a free flight, in one plane.
+
+    Attributes
+    ----------
+    time : (N,) array
+        s, or frames where nobody knows the rate.
+    place : (N, 2) array
+        x to the right, y up, m or px.
+    std : (N, 2) array
+        Random standard uncertainty of each coordinate.
+    size, size_std : (N,) arrays
+        Apparent radius and its random standard uncertainty, px.
+    """
+
+    time: FloatArray
+    place: FloatArray
+    std: FloatArray
+    size: FloatArray
+    size_std: FloatArray
+
+    def where(self, keep: NDArray[np.bool_]) -> "FlightFrames":
+        """Rows for which `keep` (N,) is true."""
+        return FlightFrames(
+            self.time[keep], self.place[keep], self.std[keep], self.size[keep], self.size_std[keep]
+        )
+
+
+@dataclass(frozen=True)
+class FreeFlightPriors:
+    """What is known before looking.
+
+    Attributes
+    ----------
+    drag, drag_std : float
+        K = ρ S C_D / 2 m, over the unit of length.
+    growth_std : float
+        Relative growth of the scale over the length of the path, from how square the camera stands
+        to the plane of motion; 0 where a calibration has taken perspective off.
+    """
+
+    drag: float
+    drag_std: float
+    growth_std: float
+
+
+@dataclass(frozen=True)
+class _Unknowns:
+    """Names of the fitted vector: over the path's length and duration, at its first frame."""
+
+    x: float
+    y: float
+    vx: float
+    vy: float
+    ax: float
+    ay: float
+    drag: float
+    growth_x: float
+    growth_y: float
+
+
+_PLACE = {name: index for index, name in enumerate(_Unknowns.__annotations__)}
+
+
+@dataclass(frozen=True)
+class FreeFlight:
+    """A fitted free flight.
+
+    Attributes
+    ----------
+    acceleration, speed, angle_deg : float
+        Fall acceleration (downwards positive), speed at the first frame, and its angle above the
+        horizontal, which is square to the acceleration; in the units of the path.
+    noise, perspective, air : (3,) arrays
+        Standard uncertainties of these three from the noise of the track, the camera's slant, and
+        drag.
+    path : FlightFrames
+        The frames that belong to it.
+    residual : (N, 2) array
+        Measured minus fitted.
+    halves_apart : float
+        How far the accelerations of both halves are apart, in standard uncertainties.
+    """
+
+    acceleration: float
+    speed: float
+    angle_deg: float
+    noise: FloatArray
+    perspective: FloatArray
+    air: FloatArray
+    path: FlightFrames
+    residual: FloatArray
+    halves_apart: float
+
+    @property
+    def length(self) -> float:
+        """From one end of the path to the other, in its unit."""
+        return float(np.hypot(*np.ptp(self.path.place, axis=0)))
+
+
+def steady_stretch(path: FlightFrames) -> FlightFrames:
+    """The longest run about the middle that carries on as a parabola: no hand, no bounce.
+
+    Raises
+    ------
+    TooLittleDataError
+        With fewer than six frames.
+    """
+    count = len(path.time)
+    if count < LEAST_FRAMES:
+        raise TooLittleDataError(
+            f"the flight is seen in only {count} frames",
+            hint="Film so that it stays in the picture for longer, or at a higher rate.",
+        )
+    kept = np.ones(count, dtype=bool)
+    for _ in range(4):
+        time = path.time - path.time[kept].mean()
+        order = np.flatnonzero(kept)
+        margin = int(0.5 * (1.0 - _MIDDLE_SHARE) * len(order))
+        middle = order[margin : len(order) - margin] if len(order) > 2 * LEAST_FRAMES else order
+        off = _off(path, time, middle)
+        near = _run_about(off < _OFF_SIGMAS, int(middle[len(middle) // 2]))
+        if np.array_equal(near, kept):
+            break
+        kept = near
+    if kept.sum() < LEAST_FRAMES:
+        raise TooLittleDataError(
+            "no six frames in a row lie on one free flight",
+            hint="Point at the ball with --ball-at X,Y,FRAME.",
+        )
+    return path.where(
+        kept & (_off(path, path.time - path.time[kept].mean(), np.flatnonzero(kept)) < _OFF_SIGMAS)
+    )
+
+
+def _off(path: FlightFrames, time: FloatArray, used: NDArray[np.intp]) -> FloatArray:
+    """How far each frame is from the parabola through some of them, in standard uncertainties."""
+    design = np.stack([np.ones_like(time), time, time**2], axis=1)
+    worst = np.zeros(len(time))
+    for axis in range(2):
+        std = np.maximum(path.std[:, axis], 0.3 * float(np.median(path.std[:, axis])))
+        rows = design[used] / std[used, np.newaxis]
+        best = np.linalg.lstsq(rows, path.place[used, axis] / std[used], rcond=None)[0]
+        left = path.place[:, axis] - design @ best
+        scatter = 1.4826 * float(np.median(np.abs(left[used] / std[used])))
+        covariance = np.linalg.pinv(rows.T @ rows)
+        predicted = np.einsum("ni,ij,nj->n", design, covariance, design)
+        spread = max(scatter, 1.0) * np.sqrt(std**2 + predicted)
+        worst = np.maximum(worst, np.abs(left) / spread)
+    return worst
+
+
+def _run_about(good: NDArray[np.bool_], centre: int) -> NDArray[np.bool_]:
+    """The run of good frames about one of them; single frames that are off do not end it."""
+    patched = good.copy()
+    patched[1:-1] |= good[:-2] & good[2:]
+    first = last = centre
+    while first > 0 and patched[first - 1]:
+        first -= 1
+    while last < len(good) - 1 and patched[last + 1]:
+        last += 1
+    run = np.zeros(len(good), dtype=bool)
+    run[first : last + 1] = True
+    return run
+
+
+def fit_free_flight(path: FlightFrames, priors: FreeFlightPriors) -> FreeFlight:
+    """Fit flight, slant of the camera and drag to the frames of a free flight.
+
+    Parameters
+    ----------
+    path : FlightFrames
+        Any unit of length and time.
+    priors : FreeFlightPriors
+
+    Raises
+    ------
+    TooLittleDataError
+        If fewer than six frames belong together.
+    """
+    path = steady_stretch(path)
+    fitted, units, residual = _fitted(path, priors)
+    scatter = np.sqrt((residual**2).sum(axis=0) / max(len(residual) - 3, 1))
+    if np.any(scatter > np.median(path.std, axis=0)):
+        # errors that change slowly grow with those that do not: a track that scatters more than it
+        # says is worth less throughout
+        path = replace(path, std=np.maximum(path.std, scatter))
+        fitted, units, residual = _fitted(path, priors)
+    values = _outcome(fitted.values, units)
+    slope = np.stack(
+        [
+            (_outcome(fitted.values + step, units) - _outcome(fitted.values - step, units)) / 2e-5
+            for step in 1e-5 * np.eye(len(fitted.values))
+        ],
+        axis=1,
+    )
+    total = np.diag(slope @ fitted.covariance @ slope.T)
+    square = _without(fitted.covariance, ["growth_x", "growth_y"])
+    airless = _without(square, ["drag"])
+    by_square = np.diag(slope @ square @ slope.T)
+    by_noise = np.diag(slope @ airless @ slope.T)
+    return FreeFlight(
+        float(values[0]),
+        float(values[1]),
+        float(np.degrees(values[2])),
+        np.sqrt(by_noise) * [1.0, 1.0, math.degrees(1.0)],
+        np.sqrt(np.maximum(total - by_square, 0.0)) * [1.0, 1.0, math.degrees(1.0)],
+        np.sqrt(np.maximum(by_square - by_noise, 0.0)) * [1.0, 1.0, math.degrees(1.0)],
+        path,
+        residual,
+        _halves_apart(path, priors),
+    )
+
+
+@dataclass(frozen=True)
+class _Units:
+    length: float
+    time: float
+
+
+def _fitted(path: FlightFrames, priors: FreeFlightPriors) -> tuple[Fitted, _Units, FloatArray]:
+    units = _Units(
+        max(float(np.hypot(*np.ptp(path.place, axis=0))), 1e-12),
+        float(path.time[-1] - path.time[0]),
+    )
+    tau = (path.time - path.time[0]) / units.time
+    centre = path.place.mean(axis=0)
+    place = (path.place - centre) / units.length
+    std = np.maximum(path.std, 0.3 * np.median(path.std, axis=0)) / units.length
+    design = _design(tau, place)
+    whiten = slow_error_whitening(tau)
+    size, size_rows = _size_trend(path, place)
+
+    def residuals(values: FloatArray) -> FloatArray:
+        left = whiten((design @ values - place) / std).ravel()
+        trend = size_rows @ values[-2:] - size
+        return np.concatenate([left, trend, np.zeros(len(trend) % 2)])
+
+    start = np.zeros(len(_PLACE))
+    for axis in range(2):
+        bend, slope, offset = np.polyfit(tau, place[:, axis], 2)
+        start[[axis, 2 + axis, 4 + axis]] = offset, slope, 2.0 * bend
+    pull = abs(float(start[_PLACE["ay"]]))
+    prior = np.zeros(len(_PLACE))
+    spread = np.full(len(_PLACE), np.inf)
+    prior[_PLACE["drag"]] = priors.drag * units.length
+    spread[_PLACE["drag"]] = max(priors.drag_std * units.length, 1e-9)
+    spread[_PLACE["ax"]] = max(ROLL_STD * pull, 1e-9)
+    spread[[_PLACE["growth_x"], _PLACE["growth_y"]]] = max(priors.growth_std, 1e-9)
+    fitted = fit(residuals, start, prior, spread, channels=2)
+    left = (place - design @ fitted.values) * units.length
+    return fitted, units, left
+
+
+def _design(tau: FloatArray, place: FloatArray) -> FloatArray:
+    """(N, 2, P): place over the unknowns; drag and growth act along the path as it is seen."""
+    design = np.zeros((len(tau), 2, len(_PLACE)))
+    coefficients = np.polynomial.polynomial.polyfit(tau, place, 3 if len(tau) > 12 else 2)
+    derivative = np.polynomial.polynomial.polyder(coefficients)
+    grid = np.linspace(0.0, 1.0, 201)
+    velocity = np.polynomial.polynomial.polyval(grid, derivative).T
+    resist = -np.hypot(*velocity.T)[:, np.newaxis] * velocity
+    once = _integral(resist, grid)
+    slowed = _integral(once, grid)
+    for axis in range(2):
+        design[:, axis, axis] = 1.0
+        design[:, axis, 2 + axis] = tau
+        design[:, axis, 4 + axis] = 0.5 * tau**2
+        design[:, axis, _PLACE["drag"]] = np.interp(tau, grid, slowed[:, axis])
+        # true place = seen place (1 + growth · seen place): what was seen is short of it by that
+        design[:, axis, _PLACE["growth_x"]] = -place[:, 0] * place[:, axis]
+        design[:, axis, _PLACE["growth_y"]] = -place[:, 1] * place[:, axis]
+    return design
+
+
+def _integral(values: FloatArray, grid: FloatArray) -> FloatArray:
+    steps = 0.5 * (values[1:] + values[:-1]) * np.diff(grid)[:, np.newaxis]
+    return np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(steps, axis=0)])
+
+
+def _size_trend(path: FlightFrames, place: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The apparent size along the path as observations of the growth: values and rows, whitened.
+
+    A ball of one size shows the depth of the plane: 1 / radius grows as the scale does.
+    """
+    good = np.isfinite(path.size) & (path.size > 0)
+    if good.sum() < LEAST_FRAMES:
+        return np.zeros(0), np.zeros((0, 2))
+    usual = float(np.median(path.size[good]))
+    inverse = usual / path.size[good] - 1.0
+    noise = max(
+        1.4826 * float(np.median(np.abs(inverse - np.median(inverse)))),
+        float(np.median(path.size_std[good])) / usual,
+        1e-4,
+    )
+    seen = place[good] - place[good].mean(axis=0)
+    axes = np.linalg.svd(seen, full_matrices=False)[2]
+    along = seen @ axes[0]
+    reach = float(np.ptp(along))
+    slope = float(along @ (inverse - inverse.mean()) / (along @ along))
+    std = math.hypot(noise / math.sqrt(float(along @ along)), SIZE_TREND_STD / reach)
+    return np.array([slope / std]), axes[:1] / std
+
+
+def _outcome(values: FloatArray, units: _Units) -> FloatArray:
+    """Acceleration, speed at the first frame, angle (rad) above square to the acceleration."""
+    v = _Unknowns(*(float(value) for value in values))
+    pull = math.hypot(v.ax, v.ay)
+    down = np.array([v.ax, v.ay]) / max(pull, 1e-300)
+    rising = -(v.vx * down[0] + v.vy * down[1])
+    # to the right, square to the acceleration
+    across = v.vx * -down[1] + v.vy * down[0]
+    signed = pull if v.ay <= 0 else -pull
+    if v.ay > 0:
+        rising, across = -rising, -across
+    speed = math.hypot(v.vx, v.vy)
+    return np.array(
+        [
+            signed * units.length / units.time**2,
+            speed * units.length / units.time,
+            math.atan2(rising, abs(across)),
+        ]
+    )
+
+
+def _without(covariance: FloatArray, names: list[str]) -> FloatArray:
+    """Covariance if these unknowns were known exactly."""
+    fixed = [_PLACE[name] for name in names]
+    free = [index for index in range(len(covariance)) if index not in fixed]
+    block = covariance[np.ix_(fixed, fixed)]
+    cross = covariance[np.ix_(free, fixed)]
+    left = covariance[np.ix_(free, free)] - cross @ np.linalg.pinv(block, hermitian=True) @ cross.T
+    out = np.zeros_like(covariance)
+    out[np.ix_(free, free)] = left
+    return out
+
+
+def _halves_apart(path: FlightFrames, priors: FreeFlightPriors) -> float:
+    """Difference of the two halves' accelerations over its standard uncertainty."""
+    half = len(path.time) // 2
+    if half < LEAST_FRAMES:
+        return 0.0
+    found = []
+    for part in (slice(0, half), slice(half, None)):
+        keep = np.zeros(len(path.time), dtype=bool)
+        keep[part] = True
+        fitted, units, _ = _fitted(path.where(keep), priors)
+        unit = units.length / units.time**2
+        variance = fitted.covariance[_PLACE["ay"], _PLACE["ay"]]
+        found.append((fitted.values[_PLACE["ay"]] * unit, math.sqrt(variance) * unit))
+    (one, one_std), (other, other_std) = found
+    return float(abs(one - other) / math.hypot(one_std, other_std))
+
+
+LINE_FRAMES = 20
+
+"""Frames of a line on one side of the meeting: rolling and sliding slow down little over them."""
+
+LEAST_COLLISION_FRAMES = 4
+
+"""Frames on either side: two give a velocity, two more show whether it is steady."""
+
+CENTRE_STD_SHARE = 0.02
+
+"""Of the radius: how far an outline's centre may lie off the body's, for the line of centres."""
+
+
+@dataclass(frozen=True)
+class Passage:
+    """One body on one side of the meeting, by a line or a parabola through its frames.
+
+    Attributes
+    ----------
+    velocity : (2,) array
+        At the meeting, px per unit of time.
+    covariance : (2, 2) array
+        Its covariance, with the doubt between line and parabola.
+    place : (2,) array
+        At the meeting, px.
+    place_covariance : (2, 2) array
+    """
+
+    velocity: FloatArray
+    covariance: FloatArray
+    place: FloatArray
+    place_covariance: FloatArray
+
+    @property
+    def speed(self) -> tuple[float, float]:
+        """Speed and its standard uncertainty."""
+        speed = float(np.hypot(*self.velocity))
+        along = self.velocity / speed if speed > 0 else np.array([1.0, 0.0])
+        return speed, math.sqrt(float(along @ self.covariance @ along))
+
+
+@dataclass(frozen=True)
+class Collision:
+    """Both bodies on both sides; the first is the one that lay still.
+
+    Attributes
+    ----------
+    time : float
+        When they meet, in the unit of the tracks.
+    before, after, other_before, other_after : Passage
+    cor, cor_std : float
+        Parting over approaching speed along the line of centres.
+    momentum_apart : float
+        Change of the total momentum of two like bodies over its standard uncertainty.
+    """
+
+    time: float
+    before: Passage
+    after: Passage
+    other_before: Passage
+    other_after: Passage
+    cor: float
+    cor_std: float
+    momentum_apart: float
+
+
+def fit_collision(ball: Track, other: Track, time: float, clock: FloatArray) -> Collision:
+    """Fit a line to each body on each side of the meeting, never across it.
+
+    Parameters
+    ----------
+    ball, other : Track
+        Tracks of both, px.
+    time : float
+        When they meet, in the unit of `clock`.
+    clock : (F,) array
+        Time of each frame of the clip: s, or frames.
+
+    Raises
+    ------
+    TooLittleDataError
+        If one of them is not seen on both sides.
+    """
+    step = float(np.median(np.diff(clock)))
+    sides = [
+        _passage(track, clock, time, side, step, name)
+        for track, name in ((ball, "the ball struck"), (other, "the ball that strikes"))
+        for side in (-1, 1)
+    ]
+    before, other_before = sides[0], sides[2]
+
+    def restitution(moved: list[FloatArray], line: FloatArray) -> float:
+        normal = line / np.hypot(*line)
+        approach = float((moved[2] - moved[0]) @ normal)
+        return float((moved[1] - moved[3]) @ normal) / approach
+
+    velocities = [side.velocity for side in sides]
+    line = before.place - other_before.place
+    reach = float(np.hypot(*line))
+    cor = restitution(velocities, line)
+    variance = 0.0
+    for index, side in enumerate(sides):
+        for value, vector in zip(*np.linalg.eigh(side.covariance), strict=True):
+            moved = list(velocities)
+            moved[index] = moved[index] + math.sqrt(max(value, 0.0)) * vector
+            variance += (restitution(moved, line) - cor) ** 2
+    across = np.array([-line[1], line[0]]) / reach
+    spread = before.place_covariance + other_before.place_covariance
+    centres = CENTRE_STD_SHARE * 0.5 * reach
+    shift = math.sqrt(float(across @ spread @ across) + 2.0 * centres**2)
+    variance += (restitution(velocities, line + shift * across) - cor) ** 2
+    return Collision(
+        time,
+        before,
+        sides[1],
+        other_before,
+        sides[3],
+        cor,
+        math.sqrt(variance),
+        _momentum_apart(sides),
+    )
+
+
+def _momentum_apart(sides: list[Passage]) -> float:
+    """Change of v + v' over its standard uncertainty: like bodies keep it."""
+    before, after, other_before, other_after = sides
+    change = after.velocity + other_after.velocity - before.velocity - other_before.velocity
+    covariance = sum((side.covariance for side in sides), np.zeros((2, 2)))
+    return math.sqrt(float(change @ np.linalg.pinv(covariance, hermitian=True) @ change) / 2.0)
+
+
+def _passage(
+    track: Track, clock: FloatArray, time: float, side: int, step: float, name: str
+) -> Passage:
+    at = clock[track.frame] - time
+    used = (side * at > 0.6 * step) & (side * at < (LINE_FRAMES + 0.6) * step)
+    if used.sum() < LEAST_COLLISION_FRAMES:
+        where = "before" if side < 0 else "after"
+        raise TooLittleDataError(
+            f"{name} is seen in only {used.sum()} frames just {where} they meet",
+            hint="Film both for five frames on each side of the meeting.",
+        )
+    elapsed, place = at[used] / step, track.centre_px[used]
+    std = np.sqrt(0.5 * np.trace(track.covariance_px2[used], axis1=1, axis2=2))
+    straight = _line(elapsed, place, std, 1)
+    if used.sum() < 2 * LEAST_COLLISION_FRAMES:
+        return _in_time(straight, np.zeros(2), step)
+    # a body that slows down: the parabola is right where it matters, and costs where it does not
+    bent = _line(elapsed, place, std, 2)
+    bend, bend_var = bent[2]
+    telling = bool(np.any(np.abs(bend) > 3.0 * np.sqrt(bend_var)))
+    chosen, rival = (bent, straight) if telling else (straight, bent)
+    doubt = np.zeros(2) if telling else 0.5 * (rival[0][1] - chosen[0][1])
+    return _in_time(chosen, doubt, step)
+
+
+_Line = tuple[FloatArray, FloatArray, tuple[FloatArray, FloatArray]]
+
+
+def _line(elapsed: FloatArray, place: FloatArray, std: FloatArray, degree: int) -> _Line:
+    """Coefficients (D+1, 2), their covariance (D+1, D+1, 2), and the bend with its variance."""
+    design = elapsed[:, np.newaxis] ** np.arange(degree + 1)
+    weight = 1.0 / np.maximum(std, 0.3 * float(np.median(std)))
+    rows = design * weight[:, np.newaxis]
+    normal = np.linalg.inv(rows.T @ rows)
+    best = normal @ rows.T @ (place * weight[:, np.newaxis])
+    left = (place - design @ best) * weight[:, np.newaxis]
+    freedom = max(len(elapsed) - degree - 1, 1)
+    scatter = np.maximum((left**2).sum(axis=0) / freedom, 1.0)
+    covariance = normal[:, :, np.newaxis] * scatter
+    bend = best[2] if degree == 2 else np.zeros(2)
+    bend_var = covariance[2, 2] if degree == 2 else np.full(2, np.inf)
+    return best, covariance, (bend, bend_var)
+
+
+def _in_time(line: _Line, doubt: FloatArray, step: float) -> Passage:
+    best, covariance, _ = line
+    spread = np.diag(covariance[1, 1]) + np.outer(doubt, doubt)
+    return Passage(best[1] / step, spread / step**2, best[0], np.diag(covariance[0, 0]))
+
+
+LEAST_SWING_FRAMES = 12
+
+"""Frames: a damped swing has five unknowns and each frame one number; more than half are to
+spare."""
+
+LEAST_PERIODS = 0.75
+
+"""Below, a part of a swing tells neither its middle nor its amplitude, and so no period."""
+
+_TRIALS_PER_PERIOD = 12
+
+"""Trial frequencies per resolution of the record (one over its length): the nearest misses 0.6 % of
+the peak at most, 1 − sinc²(1/24)."""
+
+_MOST_MISFIT = 0.25
+
+"""Of the amplitude: what misses a damped swing by more does not swing freely."""
+
+FLAT_DAMPING_STD = 1.0
+
+"""Decay over one period that nobody expects to be exceeded by what swings freely, 1."""
+
+
+@dataclass(frozen=True)
+class FreeSwing:
+    """A damped swing, fitted; time in the unit of the track.
+
+    Attributes
+    ----------
+    period, period_std : float
+        Of one full swing, at the amplitude seen.
+    damping, damping_std : float
+        Rate at which the amplitude decays, over the unit of time.
+    amplitude : float
+        At the first frame, in the unit of the places.
+    periods : float
+        How many are seen.
+    """
+
+    period: float
+    period_std: float
+    damping: float
+    damping_std: float
+    amplitude: float
+    periods: float
+
+
+@dataclass(frozen=True)
+class _SwingVector:
+    """Names of the fitted vector; phase in turns, rates over the stretch."""
+
+    cosine: float
+    sine: float
+    middle: float
+    turns: float
+    decay: float
+
+
+def fit_free_swing(time: FloatArray, place: FloatArray, std: FloatArray) -> FreeSwing:
+    """Fit a damped swing to the way along the line that it swings on.
+
+    Parameters
+    ----------
+    time : (N,) array
+        s or frames.
+    place : (N, 2) array
+        px or m.
+    std : (N,) array
+        Random standard uncertainty along one axis.
+
+    Raises
+    ------
+    TooLittleDataError, NotFoundError
+        If less than three quarters of a swing is seen, or it is no free swing.
+    """
+    if len(time) < LEAST_SWING_FRAMES:
+        raise TooLittleDataError(
+            f"the swing is seen in only {len(time)} frames", hint="Film more of it."
+        )
+    centred = place - place.mean(axis=0)
+    along = centred @ np.linalg.svd(centred, full_matrices=False)[2][0]
+    span = float(time[-1] - time[0])
+    tau = (time - time[0]) / span
+    floor = np.maximum(std, 0.3 * float(np.median(std)))
+
+    def model(values: FloatArray) -> FloatArray:
+        v = _SwingVector(*values)
+        angle = 2.0 * np.pi * v.turns * tau
+        wave = v.cosine * np.cos(angle) + v.sine * np.sin(angle)
+        return np.asarray(v.middle + np.exp(-np.clip(v.decay, -20.0, 20.0) * tau) * wave)
+
+    start = _start(tau, along)
+    turns = start[_INDEX["turns"]]
+    spread = np.array([np.inf, np.inf, np.inf, np.inf, max(FLAT_DAMPING_STD * turns, 0.1)])
+    prior = np.array(start)
+    prior[_INDEX["decay"]] = 0.0
+    fitted = fit(lambda values: (model(values) - along) / floor, start, prior, spread)
+    found = _SwingVector(*(float(value) for value in fitted.values))
+    amplitude = math.hypot(found.cosine, found.sine)
+    off = float(np.median(np.abs(model(fitted.values) - along)))
+    if found.turns <= 0 or off > _MOST_MISFIT * amplitude:
+        raise NotFoundError("what comes and goes does not swing freely: no damped swing fits it")
+    if found.turns < LEAST_PERIODS:
+        raise TooLittleDataError(
+            f"only {found.turns:.2f} of a full swing is in view", hint="Film a whole swing."
+        )
+    turn_std = math.sqrt(float(fitted.covariance[_INDEX["turns"], _INDEX["turns"]]))
+    decay_std = math.sqrt(float(fitted.covariance[_INDEX["decay"], _INDEX["decay"]]))
+    return FreeSwing(
+        span / found.turns,
+        span / found.turns * turn_std / found.turns,
+        found.decay / span,
+        decay_std / span,
+        amplitude,
+        found.turns,
+    )
+
+
+_INDEX = {name: index for index, name in enumerate(_SwingVector.__annotations__)}
+
+
+def _start(tau: FloatArray, along: FloatArray) -> list[float]:
+    """The strongest frequency, and the swing of that frequency that fits best."""
+    # imported where it is used: few clips show a swing, and it takes long to import
+    from scipy.signal import lombscargle
+
+    most = max(2.0, len(tau) / 4.0)
+    trial = np.arange(0.5, most, 1.0 / _TRIALS_PER_PERIOD)
+    power = lombscargle(tau, along, 2.0 * np.pi * trial, floating_mean=True)
+    turns = float(trial[int(np.argmax(power))])
+    angle = 2.0 * np.pi * turns * tau
+    design = np.stack([np.cos(angle), np.sin(angle), np.ones_like(tau)], axis=1)
+    cosine, sine, middle = np.linalg.lstsq(design, along, rcond=None)[0]
+    return [float(cosine), float(sine), float(middle), turns, 0.0]
+
+
 Mapping = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]
 
 _HORIZONTAL_SLANT = math.radians(6.0)
+
 """A camera set up by eye, rad."""
+
 NARROWEST_FOCAL_OVER_SIZE = 0.9
+
 """Focal length over the picture's longer side of the widest lens to expect (58° of view)."""
+
 UNKNOWN_DRAG_OVER_PATH = 0.03
+
 """K times the path, for a ball of which nothing is known: a tennis ball over two metres."""
+
 _MOST_ANGLE_STD = 20.0
+
 """deg: a direction that is less sure is none."""
+
 _STEADY_SIGMAS = 4.0
+
 """Standard deviations between both halves of a flight: one honest flight in sixteen thousand is
 farther apart."""
+
 _LEAST_SHARE = 0.6
+
 """Of the frames that a motion must explain to be called by its name: more than half, by a
 margin."""
+
 _MOST_OFF_BY = 0.01
+
 """Of the path's length: outlines of balls are found to better than that, arcs miss it."""
+
 _MOMENTUM_SIGMAS = 4.0
+
 """Standard deviations: of honest collisions one in sixteen thousand is farther off."""
+
 _GRAVITY_SIGMAS = 3.0
+
 """Standard deviations: of honest flights one in 370 is farther off."""
+
 LEAST_POWER = 0.5
+
 RELEVANT_SHARE = 0.1
+
 """Share of gravity: what a check must be able to see to say anything about rate and scale."""
 
 
@@ -184,6 +922,7 @@ class RateByFall:
 
 
 MOST_RATE_SHARE = 0.1
+
 """Relative uncertainty of a rate beyond which it tells no seconds."""
 
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from calib.camera.camera import SQUARE_TO_WALL, Camera, Lens, rotation_matrix
+from calib.camera import SQUARE_TO_WALL, Camera, Lens, rotation_matrix
 
 angles = st.floats(-0.6, 0.6)
 lenses = st.builds(

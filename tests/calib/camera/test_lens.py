@@ -7,17 +7,19 @@ import cv2
 import numpy as np
 import pytest
 
-from calib.camera.camera import Camera, Lens, rotation_matrix
-from calib.camera.lens import (
+from calib.camera import Camera, Lens, rotation_matrix
+from calib.lens import (
+    MODELS,
     Board,
     BoardView,
     calibrate_lens,
     find_board,
+    fit_boards,
+    held_out_errors,
     read_lens,
     write_board,
     write_lens,
 )
-from calib.camera.lens_fit import MODELS, fit_boards, held_out_errors
 from metrology import CalibrationError, SetupError, UsageError
 from tests.shared_data import shared_folder
 

@@ -6,10 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from calib.camera.camera import Lens
-from calib.camera.lens import prior_toml, read_lens
-from calib.camera.lens_fit import LensPrior
-from calib.camera.lens_yaml import lens_yaml
+from calib.camera import Lens
+from calib.lens import LensPrior, lens_yaml, prior_toml, read_lens
 from metrology import SetupError
 
 LENS = Lens(1280, 960, 560.1, 561.2, 640.3, 478.9, -0.233, 0.062, 1e-4, -2e-4, 1e-3)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from calib.camera.camera import Camera, Lens
+from calib.camera import Camera, Lens
 from calib.grid.grid import WallGrid, find_wall_grid, ranked
 from calib.grid.spectrum import GridMap, MapSupport
 from metrology import CalibrationError

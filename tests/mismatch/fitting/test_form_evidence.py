@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from mismatch import explain
-from mismatch.fitting.fit import fit_model
+from mismatch.fitting.fit import fit_model, free_parameters
 from mismatch.fitting.hypotheses import form_evidence
-from mismatch.fitting.normal_equations import free_parameters
 from mismatch.fitting.prepare import prepare
 from physics.effects import CATALOGUE, Effect, Parameter
 from tests.mismatch.synthetic import struck_campaign

@@ -7,12 +7,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from mismatch.fitting.hypotheses import EXPECTED, Hypothesis, fit_hypothesis
-from mismatch.fitting.levels import own_values, scatter_evidence
 from mismatch.fitting.prepare import prepare
-from mismatch.model.baseline import BallModel, Baseline
+from mismatch.fitting.scan import own_values, scatter_evidence
 from mismatch.model.candidates import candidates_for
 from mismatch.model.forward import Forward, Model, OwnStrength
-from mismatch.records.records import CampaignRecords, Trial
+from mismatch.records.records import BallModel, Baseline, CampaignRecords, Trial
 from mismatch.verdict import Doubt, pass_gate
 from physics.effects import CATALOGUE, Effect, Level
 from physics.effects.base import Form

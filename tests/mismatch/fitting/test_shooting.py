@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from bench.real.made import CART, STRING, write_swings
-from mismatch.fitting.fit import Ending, fit_model
-from mismatch.fitting.normal_equations import free_parameters
+from mismatch.fitting.fit import Ending, fit_model, free_parameters, seen_swings
 from mismatch.fitting.prepare import Prepared, prepare
-from mismatch.fitting.shooting import seen_swings
 from physics.effects import CATALOGUE
 from pipelines.explain.io import baseline_from_setup, load_campaign
 from pipelines.setup.file import load_setup

@@ -5,9 +5,8 @@ import pytest
 from scipy.special import ellipk
 
 from metrology import UsageError
-from mismatch.model.baseline import Baseline
 from mismatch.model.forward import Forward
-from mismatch.records.records import CampaignRecords, Trial, lay_out
+from mismatch.records.records import Baseline, CampaignRecords, Trial, lay_out
 from mismatch.records.sanity import refuse_nonsense
 from physics.bodies import PAPER_PENDULUM
 

@@ -8,7 +8,7 @@ from mismatch import explain
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import scan
 from mismatch.model.candidates import candidates_for
-from mismatch.search.field import KNOTS, Field
+from mismatch.search.unnamed import KNOTS, Field
 from physics.effects import Coordinate, Effect, Parameter
 from tests.mismatch.synthetic import struck_campaign
 

@@ -9,7 +9,7 @@ from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import scan
 from mismatch.model.candidates import Candidate
 from mismatch.model.forward import Model, batch_terms
-from mismatch.search.latent import missing_force
+from mismatch.search.naming import missing_force
 from physics.effects import CATALOGUE, Effect, Parameter
 from tests.mismatch.synthetic import struck_campaign
 

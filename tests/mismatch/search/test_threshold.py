@@ -7,9 +7,8 @@ from mismatch.explain import explain
 from mismatch.fitting.hypotheses import null_threshold
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import scan
-from mismatch.model.baseline import BallModel, Baseline
 from mismatch.model.candidates import candidates_for
-from mismatch.records.records import CampaignRecords, Trial
+from mismatch.records.records import BallModel, Baseline, CampaignRecords, Trial
 from mismatch.records.sanity import dropped_in_each
 from mismatch.search.naming import name_effects
 from physics.effects import CATALOGUE

@@ -12,10 +12,10 @@ from mismatch.table.table import TrialTable, table_forward
 from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT
 from physics.effects import CATALOGUE
 from physics.forward import Experiment, time_resolved_landing
-from physics.restitution.restitution import ConstantCor
+from physics.restitution import ConstantCor
 from pipelines.explain.io import baseline_for_balls
 from pipelines.paper import printed
-from pipelines.paper.table5 import constant_law, measured_speeds
+from pipelines.paper.audit import constant_law, measured_speeds
 from pipelines.setup.file import read_setup
 from tests.mismatch.table.trial_tables import BALLS, SETUP, lab, simulated_table
 

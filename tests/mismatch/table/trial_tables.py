@@ -4,12 +4,12 @@ from functools import cache
 
 import numpy as np
 
-from mismatch.model.baseline import Baseline
+from mismatch.records.records import Baseline
 from mismatch.table.table import TrialTable
 from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT, Ball
-from physics.contact.contact import contact_outcomes
+from physics.contact import contact_outcomes
 from physics.domain import FloatArray
-from physics.flight.flight import land_many
+from physics.flight import land_many
 from physics.forward import Experiment, ball_state
 from physics.swing import frictionless_speed
 from pipelines.explain.io import baseline_for_balls

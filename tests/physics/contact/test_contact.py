@@ -19,7 +19,7 @@ from physics.bodies import (
     Pendulum,
     Support,
 )
-from physics.contact.contact import (
+from physics.contact import (
     ContactOutcome,
     HuntCrossley,
     contact_outcomes,

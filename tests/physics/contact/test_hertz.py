@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from metrology import DomainError
-from physics.contact.impact import LOWEST_PRESSURE, STIFFEST_MODULUS, contact_time_bound
+from physics.contact import LOWEST_PRESSURE, STIFFEST_MODULUS, contact_time_bound
 
 
 def integrated(stiffness: float, exponent: float, mass: float, speed: float) -> float:

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from metrology import DomainError
 from physics.bodies import PAPER_PENDULUM, Pendulum, lost_by_pendulum, lost_by_pendulum_approximate
-from physics.contact.impact import (
+from physics.contact import (
     cor_from_ball_speed,
     external_impulse,
     impact,

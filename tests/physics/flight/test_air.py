@@ -1,7 +1,7 @@
 import pytest
 
 from metrology import DomainError
-from physics.flight.air import Air, moist_air_density, moist_air_viscosity
+from physics.air import Air, moist_air_density, moist_air_viscosity
 
 
 def test_density_agrees_with_published_values_of_cipm_2007() -> None:

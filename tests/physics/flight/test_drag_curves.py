@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from metrology import DomainError
-from physics.flight.air import (
+from physics.air import (
     BASKETBALL_DRAG,
     SMOOTH_SPHERE_DRAG,
     SOCCER_DRAG,

@@ -7,13 +7,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metrology import DomainError
+from physics.air import PAPER_AIR, SOCCER_DRAG, Air
 from physics.bodies import GRAVITY, JOKKU
 from physics.domain import FloatArray, Vector
 from physics.effects import Effect, FlightState, Parameter, Phase, Term, Values, effect_named
-from physics.flight.air import PAPER_AIR, SOCCER_DRAG, Air
-from physics.flight.closed_form import Launch, drag_constant, drag_free_distance, land
-from physics.flight.flight import FlightModel, fly, land_many
-from physics.flight.planar import flown, rates, time_of_fall
+from physics.flight import (
+    FlightModel,
+    Launch,
+    drag_constant,
+    drag_free_distance,
+    flown,
+    fly,
+    land,
+    land_many,
+    rates,
+    time_of_fall,
+)
 from physics.forward import Experiment, ball_state, drag_term
 from physics.integrator import integrate, runge_kutta_step
 from tests.physics.independent import Array, extrapolated

@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from metrology import DomainError
+from physics.air import PAPER_AIR
 from physics.bodies import BALLS, BASKETBALL, JOKKU, PAPER_PENDULUM, PAPER_SUPPORT
-from physics.contact.impact import impact
-from physics.flight.air import PAPER_AIR
-from physics.flight.closed_form import Launch, land
-from physics.restitution.inversion import (
+from physics.contact import impact
+from physics.flight import Launch, land
+from physics.inversion import (
     RangeInputs,
     cor_from_range,
     impact_speed_from_range,

@@ -5,7 +5,7 @@ import pytest
 
 from metrology import DomainError, UsageError
 from physics.bodies import BASKETBALL, JOKKU
-from physics.restitution.restitution import (
+from physics.restitution import (
     ConstantCor,
     ExponentialCor,
     PowerLawCor,

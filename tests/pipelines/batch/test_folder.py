@@ -11,7 +11,7 @@ from metrology import UsageError
 from pipelines.batch import Done, Folder, Job, files_of, measure_all
 from pipelines.cli import app
 from pipelines.measure.chain import MeasureOptions
-from pipelines.measure.files.output import WantedFiles
+from pipelines.measure.files import WantedFiles
 
 
 def rows(out: Path) -> list[dict[str, str]]:

@@ -8,7 +8,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from calib.camera.camera import Camera, Lens
+from calib.camera import Camera, Lens
 from metrology import CalibrationError, ClipError, UsageError
 from pipelines.calibrate.command import CALIBRATE_COMMANDS
 from tests.calib.synthetic import rendered

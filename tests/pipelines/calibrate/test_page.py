@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from calib.camera.camera import Camera, Lens
+from calib.camera import Camera, Lens
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.setup.file import load_setup
 from pipelines.web.guard import HOLD, RELEASE, SCRIPT

@@ -9,8 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from bench.planning import COMPARED, SETTINGS, compared
-from pipelines.calibrate.filming import Filming
-from pipelines.calibrate.plan import Foreseen, changes_of, foresee
+from pipelines.calibrate.plan import Filming, Foreseen, changes_of, foresee
 from pipelines.cli import app
 from pipelines.measure.measurement import QUANTITY_UNITS
 

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from calib.calibration import Known
-from calib.camera.camera import Camera, Lens
-from calib.camera.lens import Board, read_lens
-from calib.camera.lens_fit import FLOOR, LensPrior
+from calib.camera import Camera, Lens
 from calib.grid.grid import WallGrid
-from calib.pose import camera_movement
+from calib.lens import FLOOR, Board, LensPrior, read_lens
+from calib.solve import camera_movement
 from metrology import CalibrationError, ClipError, SetupError, UsageError
 from pipelines.calibrate.wizard.answers import (
     Answers,
     BallKind,
     LensChoice,
+    WizardClip,
     ball_from,
     board_pictures,
     board_size,
@@ -27,12 +27,11 @@ from pipelines.calibrate.wizard.answers import (
     fine_pitch_from,
     lens_from_board,
     lens_from_file,
+    look_at,
     pitch_from,
     point_from,
     rate_from,
 )
-from pipelines.calibrate.wizard.corners import grid_from_corners, starting_corners
-from pipelines.calibrate.wizard.outlook import length_between, outlook, verdict
 from pipelines.calibrate.wizard.page.drawing import (
     grid_lines,
     handles,
@@ -40,12 +39,16 @@ from pipelines.calibrate.wizard.page.drawing import (
     residual_arrows,
     shaded_map,
 )
-from pipelines.calibrate.wizard.scene import WizardClip, look_at
 from pipelines.calibrate.wizard.session import (
     Session,
+    grid_from_corners,
+    length_between,
+    outlook,
     read_view,
     save,
     setup_text,
+    starting_corners,
+    verdict,
     with_corners,
     with_grid,
 )

@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from pipelines.campaign.analysis.cor_law import AveragedLaw, CorPoints, fit_cor_laws
-from pipelines.campaign.analysis.precision import agreement, find_outliers, precision
+from pipelines.campaign.analysis import (
+    AveragedLaw,
+    CorPoints,
+    agreement,
+    find_outliers,
+    fit_cor_laws,
+    precision,
+)
 from pipelines.setup.cor_file import LawKind
 
 # NIST/SEMATECH e-Handbook 1.3.5.17.3, Rosner's 54 values: three outliers at 5 %

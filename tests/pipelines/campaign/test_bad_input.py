@@ -19,7 +19,7 @@ _ON_A_SMALL_DISK = """
 import resource, signal, sys
 from pathlib import Path
 from metrology import UsageError
-from pipelines.campaign.lab_book import match_clips
+from pipelines.campaign.results import match_clips
 from pipelines.campaign.run import RunOptions, RunPlan, find_clips, local_crew, run
 clips, out, stand_in, most = *map(Path, sys.argv[1:4]), int(sys.argv[4])
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)

@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from metrology import UsageError
-from pipelines.campaign.lab_book import match_clips
 from pipelines.campaign.ledger import AttemptOutcome, Ledger, State
+from pipelines.campaign.results import match_clips
 from pipelines.campaign.run import Progress, RunOptions, RunPlan, cluster_crew, find_clips, run
 
 STAND_IN = Path(__file__).with_name("stand_in.py")

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from metrology import UsageError
-from pipelines.campaign.lab_book import SENSORS, match_clips, read_lab_book
+from pipelines.campaign.results import SENSORS, match_clips, read_lab_book
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])

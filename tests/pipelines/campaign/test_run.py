@@ -14,8 +14,8 @@ import pandas as pd
 import pytest
 
 from metrology import UsageError
-from pipelines.campaign.lab_book import match_clips
 from pipelines.campaign.ledger import Ledger, lock_folder
+from pipelines.campaign.results import match_clips
 from pipelines.campaign.run import RunOptions, RunPlan, find_clips, local_crew, run
 
 STAND_IN = Path(__file__).with_name("stand_in.py")
@@ -74,7 +74,7 @@ def test_a_changed_clip_or_version_is_measured_again_and_said(tmp_path: Path) ->
 _COORDINATOR = """
 import sys
 from pathlib import Path
-from pipelines.campaign.lab_book import match_clips
+from pipelines.campaign.results import match_clips
 from pipelines.campaign.ledger import lock_folder
 from pipelines.campaign.run import RunOptions, RunPlan, find_clips, local_crew, run
 clips, out, stand_in = map(Path, sys.argv[1:])
@@ -141,8 +141,8 @@ def test_a_ledger_of_a_later_version_is_refused(tmp_path: Path) -> None:
 
 def test_the_published_tables_keep_lab_book_and_reasons(tmp_path: Path) -> None:
     from pipelines.campaign.conduct import Edition, publish
-    from pipelines.campaign.lab_book import read_lab_book
     from pipelines.campaign.report import ReportFacts
+    from pipelines.campaign.results import read_lab_book
     from pipelines.setup.cor_file import read_cor_file
     from pipelines.setup.file import Setup
 

@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 import pytest
 
-from pipelines.campaign.lab_book import match_clips
 from pipelines.campaign.ledger import AttemptOutcome, Ledger, State, WorkOrder
+from pipelines.campaign.results import match_clips
 from pipelines.campaign.run import RunOptions, RunPlan, find_clips, local_crew, run
 from tests.pipelines.calibrate.wizard_page import chromium, opened_plain, until
 

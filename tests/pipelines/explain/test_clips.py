@@ -12,11 +12,14 @@ from metrology import ClipError, NotFoundError, Quantity, UsageError
 from mismatch import EngineVerdict
 from mismatch.verdict import Location, NamedEffect, ParameterValue, Remainder
 from physics.bodies import PAPER_PENDULUM
-from pipelines.explain.clips import ClipFacts, campaign_from_clips, clip_facts, with_rig
-from pipelines.explain.systematics import (
+from pipelines.explain.clips import (
+    ClipFacts,
     calibration_widths,
+    campaign_from_clips,
+    clip_facts,
     common_widths,
     outline_shares,
+    with_rig,
     within_calibration,
 )
 from pipelines.setup.file import read_setup

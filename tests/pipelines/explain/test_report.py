@@ -9,8 +9,7 @@ import pytest
 from bench.concealed.consistency import contradictions
 from mismatch import explain_in_full
 from mismatch.explain import GROUP_TRUST, _plain
-from mismatch.search.field import Field
-from mismatch.search.unnamed import unnamed_laws
+from mismatch.search.unnamed import Field, unnamed_laws
 from mismatch.verdict import Doubt, EngineVerdict, HeldOut, NamedEffect, Remainder, pass_gate
 from physics.effects import CATALOGUE
 from pipelines.explain.report import _typeset, explain_report_html

@@ -11,10 +11,9 @@ import pandas as pd
 import pytest
 
 from metrology import UsageError
-from pipelines.interop.columns import parse_columns
 from pipelines.interop.external import ExternalTrack, ExternalTracks, PlaneOfMotion, Program
-from pipelines.interop.measured import measure_from_tracks
-from pipelines.interop.reading import read_tracks, track_table, write_tracks
+from pipelines.interop.measured import measure_from_tracks, read_tracks, track_table, write_tracks
+from pipelines.interop.tables import parse_columns
 
 SHARED = Path(os.environ.get("IMPACT_VISION_SHARED", "../shared")) / "clips"
 
@@ -218,7 +217,7 @@ def test_cut_archives_and_archives_of_something_else_are_refused(tmp_path) -> No
 
 
 def test_an_archive_that_unpacks_without_end_is_refused(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("pipelines.interop.markup.LARGEST_BYTES", 2**20)
+    monkeypatch.setattr("pipelines.interop.external.LARGEST_BYTES", 2**20)
     path = tmp_path / "bomb.trz"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("a.trk", b"0" * (2**20 + 1))

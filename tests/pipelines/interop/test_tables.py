@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from metrology import UsageError
-from pipelines.interop.columns import column_use, keep_columns, parse_columns
 from pipelines.interop.external import Program
-from pipelines.interop.reading import made_elsewhere, read_tracks, settled_columns, track_table
+from pipelines.interop.measured import made_elsewhere, read_tracks, settled_columns, track_table
+from pipelines.interop.tables import column_use, keep_columns, parse_columns
 from pipelines.setup.file import load_setup
 
 # as Kinovea 0.8 exports to Gnuplot on a French machine

@@ -7,16 +7,17 @@ import pytest
 from numpy.typing import NDArray
 
 from calib.calibration import PARAMETERS, Calibration, Source
-from calib.camera.camera import Camera, Lens
+from calib.camera import Camera, Lens
 from metrology import UncertaintySource
 from pipelines.measure.budget import (
+    DERIVED,
     ClipConditions,
     Propagation,
     merged,
+    random_covariance,
     systematic_budget,
     values_after_move,
 )
-from pipelines.measure.derived import DERIVED, random_covariance
 from pipelines.measure.fits.impact import find_impact
 from pipelines.measure.inputs import gather_inputs
 from pipelines.measure.metres import BallScale

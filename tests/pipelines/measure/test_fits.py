@@ -9,8 +9,7 @@ from scipy.integrate import solve_ivp
 
 from metrology import TooLittleDataError
 from metrology.least_squares import fit
-from pipelines.measure.fits.flight_fit import FlightPriors, fit_flight
-from pipelines.measure.fits.swing_fit import fit_swing
+from pipelines.measure.fits.flight_fit import FlightPriors, fit_flight, fit_swing
 
 FloatArray = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from metrology import NotFoundError
-from pipelines.measure.derived import DERIVED, derived_values, random_covariance
+from pipelines.measure.budget import DERIVED, derived_values, random_covariance
 from pipelines.measure.fits.contact_fit import fit_contact
 from pipelines.measure.fits.flight_fit import flight_end
 from pipelines.measure.fits.impact import (

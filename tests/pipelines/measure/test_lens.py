@@ -7,13 +7,12 @@ import numpy as np
 import pytest
 
 from calib.calibration import Calibration
-from calib.camera.lens_fit import LensPrior
 from calib.grid.grid import WallGrid
+from calib.lens import LensPrior
 from calib.planning import planned_grid
-from calib.pose import calibrate
+from calib.solve import calibrate
 from metrology import SetupError
-from pipelines.calibrate.filming import Filming, film_scene, planned_tracks
-from pipelines.calibrate.plan import planned_setup
+from pipelines.calibrate.plan import Filming, film_scene, planned_setup, planned_tracks
 from pipelines.measure import metres
 from pipelines.measure.inputs import Inputs, gather_inputs
 from sample_videos.scene import Scene

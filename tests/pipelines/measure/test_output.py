@@ -2,7 +2,7 @@
 
 import pytest
 
-from pipelines.measure.files.output import harmless
+from pipelines.measure.files import harmless
 
 
 @pytest.mark.parametrize("name", ["=cmd|'/c calc'!A0.mp4", "+1.mp4", "-1.mp4", "@SUM(A1).mp4"])

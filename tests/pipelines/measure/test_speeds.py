@@ -4,10 +4,10 @@ import pytest
 
 from metrology import Contribution, Quantity
 from physics.bodies import JOKKU, PAPER_PENDULUM, PAPER_SUPPORT
-from physics.contact.contact import simulate_contact
-from pipelines.measure.checks.consequences import doubted
-from pipelines.measure.checks.speeds import (
+from physics.contact import simulate_contact
+from pipelines.measure.checks.consequences import (
     contact_doubted,
+    doubted,
     gravity_share,
     speed_by_pendulum,
     speeds_agree,

@@ -8,8 +8,7 @@ import pytest
 
 from calib.grid.grid import WallGrid
 from calib.planning import planned_grid
-from pipelines.calibrate.filming import Filming, film_scene, planned_tracks
-from pipelines.calibrate.plan import planned_setup
+from pipelines.calibrate.plan import Filming, film_scene, planned_setup, planned_tracks
 from pipelines.measure import metres
 from pipelines.measure.chain import FollowedClip, Found, measure_tracks
 from pipelines.measure.inputs import gather_inputs

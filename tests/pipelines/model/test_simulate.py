@@ -12,9 +12,9 @@ from typer.testing import CliRunner
 from metrology import DomainError, UsageError
 from physics.bodies import BASKETBALL, JOKKU
 from physics.forward import Experiment, impulsive_launch, numerical_landing
-from physics.restitution.restitution import ConstantCor
+from physics.restitution import ConstantCor
 from physics.swing import frictionless_speed
-from pipelines.model.effects import parse_effect
+from pipelines.model.options import parse_effect
 from pipelines.model.simulate import simulate, simulate_command
 
 app = typer.Typer(pretty_exceptions_enable=False)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from metrology import Default, Defaults, SetupError, UsageError
-from physics.flight.air import moist_air_density
+from physics.air import moist_air_density
 from pipelines.calibrate.wizard.answers import pitch_from
 from pipelines.measure.budget import ClipConditions, systematic_budget
 from pipelines.measure.inputs import gather_inputs

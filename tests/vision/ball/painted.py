@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.clip.info import Frame
+from vision.clip.picture import Frame
 
 SUPERSAMPLING = 8
 GAMMA = 1.85

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 
 from tests.vision.ball.painted import exposed, wall, with_ball
-from vision.ball.choice import untangled
+from vision.ball.choice import BallPath, link_circles, untangled
 from vision.ball.circles import Circles, find_circles
-from vision.ball.linking import BallPath, link_circles
 from vision.ball.rest import find_rest
 from vision.pendulum.arc import fit_arc
-from vision.scene.alignment import Aligner, warp_to_scene
 from vision.scene.background import brightness, densest, estimate_background, sorted_stack
+from vision.scene.scene import Aligner, warp_to_scene
 
 
 def _film(places: list[tuple[float, float]], flicker: float = 0.0) -> list[np.ndarray]:

@@ -1,8 +1,7 @@
 import numpy as np
 
 from vision.ball.ball import expected_places, off_flight
-from vision.ball.choice import untangled
-from vision.ball.linking import BallPath
+from vision.ball.choice import BallPath, untangled
 
 
 def _path(frame: np.ndarray, x: np.ndarray, radius: float = 8.0) -> BallPath:

@@ -3,8 +3,14 @@ import pytest
 
 from tests.vision.ball.painted import GAMMA, exposed, wall, with_ball
 from vision.ball.outline.edges import Cutouts, EdgeProfile
-from vision.ball.outline.equations import OutlineFits, panelled, weighted
-from vision.ball.outline.outline import FitRules, Start, fit_outlines
+from vision.ball.outline.outline import (
+    FitRules,
+    OutlineFits,
+    Start,
+    fit_outlines,
+    panelled,
+    weighted,
+)
 
 
 def _pieces(gray: np.ndarray, scene: np.ndarray, noise: float) -> Cutouts:

@@ -5,8 +5,7 @@ import pytest
 
 from tests.shared_data import shared_folder
 from tests.vision.clip.written_clips import HEIGHT, moving_disc, scene, woven, write_clip
-from vision.clip.clip import ClipReader
-from vision.clip.fields import separate_field
+from vision.clip.clip import ClipReader, separate_field
 
 LOSSLESS = {"qp": "0", "preset": "ultrafast"}
 

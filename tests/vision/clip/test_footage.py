@@ -6,7 +6,7 @@ import pytest
 
 from vision.clip import footage
 from vision.clip.footage import Footage
-from vision.clip.info import Frame
+from vision.clip.picture import Frame
 from vision.scene.scene import FilmedScene
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tests.vision.ball.painted import PaintedClip, exposed, wall
 from vision.ball.ball import BallFits
-from vision.ball.outline.equations import nothing_found
+from vision.ball.outline.outline import nothing_found
 from vision.ball.rest import Rest
 from vision.clip.footage import Footage
 from vision.scene.scene import FilmedScene

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.vision.pendulum.swinging import STRIKE, Filmed, Make, filmed
-from vision.pendulum.rigid import sampled
+from vision.pendulum.arc import sampled
 from vision.pendulum.search import Striker, find_striker
 
 ROUND = Make(half=(6.0, 6.0), round=True, rod=0.7, light=0.3)

@@ -12,47 +12,791 @@ and Pereyra 1973) and only the outline's few parameters are iterated. Sectors th
 not describe lose weight. Many frames are fitted at once.
 
 The circle of edges nearest a guess: all that a ball of a few pixels allows.
+
+The outline's normal equations, compiled: each sector's linear part solved and projected out.
+
+All sums run over the pixels of one sector of one frame. Pixels are the rows x, y (offsets from the
+whole pixel about which the ring is laid), picture, background and inverse noise of a float32 array
+(5, n), sorted by sector; sector s holds the places `first[s]` to `first[s + 1]`. Matrices and
+vectors of all sectors carry the sector first.
+
+Outlines fitted in several frames, as a table.
 """
 
+import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
 
+from metrology.compiled import compiled
 from vision.ball.circles import find_circles
 from vision.ball.outline.edges import Cutouts, EdgeProfile
-from vision.ball.outline.equations import (
-    SLACK_PX,
-    OutlineFits,
-    fitted_outlines,
-    nothing_found,
-)
 from vision.scene.scene import FilmedScene, Window
 from vision.workers import side_by_side
 
-__all__ = ["FitRules", "Start", "fit_outlines", "voted_outlines"]
+__all__ = [
+    "FitRules",
+    "OutlineFits",
+    "Start",
+    "fit_outlines",
+    "joined",
+    "nothing_found",
+    "panelled",
+    "voted_outlines",
+    "weighted",
+]
 
 FloatArray = NDArray[np.float64]
 
-IntArray = NDArray[np.int64]
-
 BoolArray = NDArray[np.bool_]
 
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class OutlineFits:
+    """One row per frame.
+
+    Attributes
+    ----------
+    found : (F,) bool array
+        Whether there is an outline at all; the other rows mean nothing.
+    centre : (F, 2) array
+        Centre, px.
+    radius : (F,) array
+        Mean radius, px.
+    covariance : (F, 2, 2) array
+        Of the centre, px²; from the scatter that each sector of the outline shows.
+    bound : (F, 2, 2) array
+        Cramér–Rao bound of the same from noise and contrast alone, px².
+    rms_residual : (F,) array
+        Root mean square residual over noise.
+    contrast : (F,) array
+        Part of the sectors whose edge stands out from the noise, 0 to 1.
+    normal : (F, 5, 5) array
+        Normal matrix of centre, radius and ellipse at the solution, 1/px².
+    pull : (F, 5) array
+        What each of them is still pulled by there, 1/px.
+    """
+
+    found: BoolArray
+    centre: FloatArray
+    radius: FloatArray
+    covariance: FloatArray
+    bound: FloatArray
+    rms_residual: FloatArray
+    contrast: FloatArray
+    normal: FloatArray
+    pull: FloatArray
+
+    def __len__(self) -> int:
+        return len(self.found)
+
+    def at(self, places: IntArray | BoolArray) -> "OutlineFits":
+        """Some of the rows."""
+        return OutlineFits(*(getattr(self, field.name)[places] for field in fields(self)))
+
+    def put(self, places: IntArray | BoolArray, other: "OutlineFits") -> None:
+        """Overwrite some of the rows."""
+        for field in fields(self):
+            getattr(self, field.name)[places] = getattr(other, field.name)
+
+
+def nothing_found(count: int) -> OutlineFits:
+    """A table of so many frames in which nothing was found yet."""
+    return OutlineFits(
+        np.zeros(count, dtype=bool),
+        np.zeros((count, 2)),
+        np.zeros(count),
+        np.zeros((count, 2, 2)),
+        np.zeros((count, 2, 2)),
+        np.zeros(count),
+        np.zeros(count),
+        np.zeros((count, 5, 5)),
+        np.zeros((count, 5)),
+    )
+
+
+def joined(parts: list[OutlineFits]) -> OutlineFits:
+    """Tables one below the other."""
+    return OutlineFits(
+        *(
+            np.concatenate([getattr(part, field.name) for part in parts])
+            for field in fields(OutlineFits)
+        )
+    )
+
+
+FloatImage = NDArray[np.float32]
+
+Single = np.float32
+
+_SETTLED = 0.3
+
+"""px: a step below which sectors are judged by how far off they are, and by their panels."""
+
+SLACK_PX = 0.8
+
+"""px: so far at most a centre lies off the whole pixel about which its ring is laid: 1/√2."""
+
+_FEWEST_PIXELS = 24
+
+"""Pixels of an outline: it has three unknowns and each of eight sectors three more."""
+
+_FEWEST_IN_SECTOR = 5
+
+"""Pixels of a sector: its light has three unknowns, two are to spare."""
+
+_FEWEST_SECTORS, _LEAST_SECTORS = 4, 0.4
+
+"""Sectors in view, and part of all: an arc of less hardly tells a radius, supposed."""
+
+_NARROW = 1.6
+
+"""px inside the outline that are used of a sector that an edge of the ball's own crosses: the
+outline's blur."""
+
+_LONGEST_STEP = 0.35
+
+"""Of the ring's inner width: a longer step may leave the ring."""
+
+_BASIS = 3
+
+"""Unknowns of a sector's light: shadow factor, level and slope."""
+
+_PANELLED = 1.4
+
+"""Times the usual misfit: a sector that fits so much worse has something in it that the model does
+not know."""
+
+_RIDGE = 1e-8
+
+"""Relative: directions in which a sector's three numbers are told apart by less than this part of
+the rest are not told apart at all."""
+
+_OFFSET_SCALES = 2.0
+
+_LEAST_OFFSET = 0.03
+
+"""px: sectors of one outline agree no better, whatever the noise."""
+
+_CLUSTERS = 8
+
+"""Independent parts that an outline is taken to have."""
+
+_CLEAR_SIGMA = 2.0
+
+"""Times the misfit: a sector of which a shift by a pixel is less is no edge, supposed."""
+
+
+@compiled
+def _inverted(matrix: FloatArray, count: int, ridge: float, found: FloatArray) -> None:
+    """Invert the first rows of a positive definite matrix plus a multiple of one (Gauss–Jordan)."""
+    for i in range(count):
+        for j in range(count):
+            found[i, j] = matrix[i, j]
+        found[i, i] += ridge
+    for k in range(count):
+        pivot = 1.0 / found[k, k]
+        found[k, k] = 1.0
+        for j in range(count):
+            found[k, j] *= pivot
+        for i in range(count):
+            if i != k:
+                share = found[i, k]
+                found[i, k] = 0.0
+                for j in range(count):
+                    found[i, j] -= share * found[k, j]
+
+
+@compiled
+def _upper_middle(values: FloatArray, count: int) -> float:
+    """Upper median of the first so many values, which are put into order; 0 of none."""
+    for k in range(1, count):
+        value, j = values[k], k
+        while j > 0 and values[j - 1] > value:
+            values[j] = values[j - 1]
+            j -= 1
+        values[j] = value
+    return values[count // 2] if count > 0 else 0.0
+
+
+@compiled
+def _gathered(
+    gray: FloatImage,
+    background: FloatImage,
+    inverse_noise: FloatImage,
+    corner: IntArray,
+    ring: IntArray,
+    bounds: IntArray,
+    widths: FloatArray,
+    reach: int,
+    outline: FloatArray,
+    middle: FloatArray,
+    pixels: FloatImage,
+    first: IntArray,
+) -> bool:
+    """Pick the pixels of a ring out of one frame; whether enough of it is in view."""
+    width = gray.shape[0]
+    middle[0], middle[1] = np.rint(outline[0]), np.rint(outline[1])
+    column, row = int(middle[0]) - corner[0], int(middle[1]) - corner[1]
+    for s in range(len(first)):
+        first[s] = 0
+    if column < reach or row < reach or column >= width - reach or row >= width - reach:
+        return False
+    away_x, away_y = Single(outline[0] - middle[0]), Single(outline[1] - middle[1])
+    radius, near, far = Single(outline[2]), Single(-widths[0]), Single(widths[1])
+    count, every, sectors = 0, 0, 0
+    for s in range(len(bounds) - 1):
+        first[s] = count
+        for k in range(bounds[s], bounds[s + 1]):
+            x, y = ring[0, k], ring[1, k]
+            weight = inverse_noise[row + y, column + x]
+            dx, dy = Single(x) - away_x, Single(y) - away_y
+            depth = math.sqrt(dx * dx + dy * dy) - radius
+            if depth > near and depth < far and weight > 0:
+                pixels[0, count], pixels[1, count] = Single(x), Single(y)
+                pixels[2, count] = gray[row + y, column + x]
+                pixels[3, count] = background[row + y, column + x]
+                pixels[4, count] = weight
+                count += 1
+        every += count - first[s]
+        if count - first[s] >= _FEWEST_IN_SECTOR:
+            sectors += 1
+        else:
+            count = first[s]
+    first[len(bounds) - 1] = count
+    most = len(bounds) - 1
+    return every >= _FEWEST_PIXELS and sectors >= max(_FEWEST_SECTORS, _LEAST_SECTORS * most)
+
+
+@compiled
+def _laid_out(
+    pixels: FloatImage,
+    low: int,
+    high: int,
+    outline: FloatArray,
+    middle: FloatArray,
+    smear: FloatArray,
+    tables: FloatImage,
+    steps: FloatArray,
+    inner: float,
+    size: int,
+    work: FloatImage,
+) -> int:
+    """Basis, picture and slopes of a sector's pixels over their noise; how many of them count.
+
+    The rows of `work` become: the background, the ball's light and its shading; the picture; what
+    the three of the basis change by per px of depth; and the depth's derivatives by the outline.
+    """
+    away_x, away_y = Single(outline[0] - middle[0]), Single(outline[1] - middle[1])
+    radius, even, odd = Single(outline[2]), Single(outline[3]), Single(outline[4])
+    move_x, move_y = Single(smear[0]), Single(smear[1])
+    per_step, zero, per_row = Single(steps[0]), Single(steps[1]), Single(steps[2])
+    columns, last = int(steps[3]), Single(steps[3] - 1.0)
+    most = Single(steps[4])
+    limit, two = Single(-inner), Single(2.0)
+    count = 0
+    for k in range(low, high):
+        dx, dy = pixels[0, k] - away_x, pixels[1, k] - away_y
+        rho = math.sqrt(dx * dx + dy * dy)
+        depth = rho - radius
+        if depth < limit:
+            continue
+        ux, uy = dx / rho, dy / rho
+        cos2, sin2 = ux * ux - uy * uy, two * ux * uy
+        depth -= even * cos2 + odd * sin2
+        place = int(min(max(depth * per_step + zero, Single(0.0)), last))
+        along = abs(ux * move_x + uy * move_y) * per_row + Single(0.5)
+        place += int(min(along, most)) * columns
+        weight = pixels[4, k]
+        seen, cover, slope = pixels[3, k] * weight, tables[0, place], tables[1, place]
+        work[0, count] = seen - cover * seen
+        work[1, count] = cover * weight
+        work[2, count] = tables[2, place] * weight
+        work[3, count] = pixels[2, k] * weight
+        work[4, count] = seen * slope
+        work[5, count] = weight * slope
+        work[6, count] = tables[3, place] * weight
+        work[7, count], work[8, count], work[9, count] = ux, uy, Single(1.0)
+        if size > _BASIS:
+            work[10, count], work[11, count] = cos2, sin2
+        count += 1
+    return count
+
+
+@compiled
+def _dot(work: FloatImage, one: int, other: int, count: int) -> float:
+    """Scalar product of two rows."""
+    total = Single(0.0)
+    for k in range(count):
+        total += work[one, k] * work[other, k]
+    return float(total)
+
+
+@compiled
+def _summed(
+    work: FloatImage,
+    count: int,
+    priors: FloatArray,
+    size: int,
+    small: FloatArray,
+    information: FloatArray,
+    score: FloatArray,
+) -> float:
+    """Solve a sector's light, and sum up residuals and derivatives; the squared residuals.
+
+    `small` (5, 3, 5) is room to work in.
+    """
+    plain, inverse, cross, carried, linear = small[0], small[1], small[2], small[3], small[4]
+    trace = 0.0
+    for i in range(_BASIS):
+        for j in range(i, _BASIS):
+            plain[i, j] = plain[j, i] = _dot(work, i, j, count)
+        linear[0, i] = _dot(work, i, _BASIS, count)
+        trace += plain[i, i]
+        plain[i, i] += priors[i]
+    # the priors keep this regular even for a sector without pixels
+    _inverted(plain, _BASIS, 1e-9, inverse)
+    for i in range(_BASIS):
+        plain[i, i] -= priors[i]
+        linear[1, i] = inverse[i, 0] * priors[0]
+        for j in range(_BASIS):
+            linear[1, i] += inverse[i, j] * linear[0, j]
+    shadow, level, shade = Single(linear[1, 0]), Single(linear[1, 1]), Single(linear[1, 2])
+    square = Single(0.0)
+    for k in range(count):
+        left = work[3, k] - shadow * work[0, k] - level * work[1, k] - shade * work[2, k]
+        slope = shadow * work[4, k] - level * work[5, k] - shade * work[6, k]
+        work[3, k] = left
+        square += left * left
+        for i in range(size):
+            work[7 + i, k] *= slope
+    _inverted(plain, _BASIS, _RIDGE * trace + 1e-6, inverse)
+    for i in range(_BASIS):
+        linear[2, i] = linear[0, i]
+        for j in range(_BASIS):
+            linear[2, i] -= plain[i, j] * linear[1, j]
+        for j in range(size):
+            cross[i, j] = _dot(work, i, 7 + j, count)
+    for j in range(size):
+        score[j] = _dot(work, _BASIS, 7 + j, count)
+        for i in range(_BASIS):
+            carried[i, j] = 0.0
+            for k in range(_BASIS):
+                carried[i, j] += inverse[i, k] * cross[k, j]
+            score[j] -= carried[i, j] * linear[2, i]
+    for i in range(size):
+        for j in range(size):
+            information[i, j] = _dot(work, 7 + i, 7 + j, count) if j >= i else information[j, i]
+    for i in range(size):
+        for j in range(i, size):
+            for k in range(_BASIS):
+                information[i, j] -= cross[k, i] * carried[k, j]
+            information[j, i] = information[i, j]
+    return float(square)
+
+
+@compiled
+def panelled(square: FloatArray, size: FloatArray, work: FloatArray) -> float:
+    """Squared residual per spare pixel above which a panel's edge is in a sector.
+
+    Parameters
+    ----------
+    square, size : (S,) arrays
+        Sum of squared residuals over noise of each sector, and how many pixels count.
+    work : (S,) array
+        Room to work in.
+    """
+    count = 0
+    for s in range(len(size)):
+        if size[s] > 0:
+            work[count] = math.sqrt(square[s] / max(size[s] - _BASIS, 1.0))
+            count += 1
+    return (_PANELLED * max(_upper_middle(work, count), 0.5)) ** 2
+
+
+@compiled
+def weighted(
+    information: FloatArray,
+    score: FloatArray,
+    square: FloatArray,
+    size: FloatArray,
+    settled: bool,
+    work: FloatArray,
+    weight: FloatArray,
+) -> None:
+    """Weights of sectors: those that do not fit the model, or lie off the others, count less.
+
+    A panel's edge just inside a white ball before a white wall is sharper than the outline itself;
+    it is told by its offset. No sector tells the outline better than the sectors agree, however
+    sharp its edge.
+
+    Parameters
+    ----------
+    information : (S, m, m) array
+        Of centre x, y, radius and, for m = 5, ellipse, the linear part eliminated.
+    score : (S, m) array
+        What pulls at them.
+    square, size : (S,) arrays
+        See `panelled`.
+    settled : bool
+        Whether the outline is near enough for sectors to be judged by their offset from it.
+    work, weight : (S,) arrays
+        Room to work in; takes the weights.
+    """
+    sectors = len(size)
+    typical = panelled(square, size, work) / _PANELLED**2
+    for s in range(sectors):
+        off = square[s] / max(size[s] - _BASIS, 1.0) / typical
+        weight[s] = (2.0 / (1.0 + off)) ** 2 / typical if size[s] > 0 else 0.0
+    if not settled:
+        return
+    every, outward = 0, 0
+    for s in range(sectors):
+        if size[s] > 0:
+            work[every] = abs(score[s, 2]) / max(information[s, 2, 2], 1e-9)
+            every += 1
+    usual = _upper_middle(work, every)
+    for s in range(sectors):
+        if size[s] > 0 and score[s, 2] > 0.0:
+            work[outward] = score[s, 2] / max(information[s, 2, 2], 1e-9)
+            outward += 1
+    if outward > _BASIS:
+        usual = min(usual, _upper_middle(work, outward))
+    scale = max(1.4826 * usual, _LEAST_OFFSET)
+    for s in range(sectors):
+        offset = score[s, 2] / max(information[s, 2, 2], 1e-9)
+        robust = 1.0 / (1.0 + (offset / (_OFFSET_SCALES * scale)) ** 2)
+        if offset < 0.0:
+            robust *= robust
+        weight[s] *= robust / (1.0 + scale * scale * information[s, 2, 2] * weight[s])
+
+
+@compiled
+def _equations(
+    pixels: FloatImage,
+    first: IntArray,
+    outline: FloatArray,
+    middle: FloatArray,
+    smear: FloatArray,
+    tables: FloatImage,
+    steps: FloatArray,
+    priors: FloatArray,
+    narrow: bool,
+    size: int,
+    work: FloatImage,
+    small: FloatArray,
+    information: FloatArray,
+    score: FloatArray,
+    square: FloatArray,
+    count: FloatArray,
+    room: FloatArray,
+) -> None:
+    """All sectors' equations; where it is `narrow`, without what panels do further inside."""
+    sectors = len(first) - 1
+    for s in range(sectors):
+        low, high = first[s], first[s + 1]
+        inside = _laid_out(
+            pixels, low, high, outline, middle, smear, tables, steps, 1e9, size, work
+        )
+        count[s] = inside
+        square[s] = _summed(work, inside, priors, size, small, information[s], score[s])
+    if not narrow:
+        return
+    most = panelled(square, count, room)
+    for s in range(sectors):
+        if count[s] > 0 and square[s] > most * max(count[s] - _BASIS, 1.0):
+            low, high = first[s], first[s + 1]
+            inside = _laid_out(
+                pixels, low, high, outline, middle, smear, tables, steps, _NARROW, size, work
+            )
+            if inside < _FEWEST_IN_SECTOR:
+                inside = 0
+            count[s] = inside
+            square[s] = _summed(work, inside, priors, size, small, information[s], score[s])
+
+
+@compiled
+def _clustered(score: FloatArray, weight: FloatArray, free: int, meat: FloatArray) -> None:
+    """Sum of the outer products of the sectors' scores, neighbours' cross terms with it.
+
+    What a panel, a shadow or a highlight does to the outline it does over several sectors (Newey
+    and West 1987, around the circle).
+    """
+    sectors = len(weight)
+    reach = sectors // _CLUSTERS
+    for i in range(free):
+        for j in range(free):
+            meat[i, j] = 0.0
+    for s in range(sectors):
+        for lag in range(-reach, reach + 1):
+            other = (s + lag) % sectors
+            share = (1.0 - abs(lag) / (reach + 1.0)) * weight[s] * weight[other]
+            for i in range(free):
+                for j in range(free):
+                    meat[i, j] += share * score[s, i] * score[other, j]
+
+
+@compiled
+def _step(
+    information: FloatArray,
+    score: FloatArray,
+    weight: FloatArray,
+    held: FloatArray,
+    free: int,
+    swollen: float,
+    small: FloatArray,
+    step: FloatArray,
+) -> float:
+    """One Gauss–Newton step of what is free; returns how far the centre goes, px."""
+    normal, inverse, pull = small[0], small[1], small[2, 0]
+    trace = 0.0
+    for i in range(free):
+        pull[i] = -held[i] * swollen
+        for j in range(free):
+            normal[i, j] = 0.0
+        for s in range(len(weight)):
+            pull[i] += weight[s] * score[s, i]
+            for j in range(free):
+                normal[i, j] += weight[s] * information[s, i, j]
+        trace += normal[i, i]
+    for i in range(free):
+        normal[i, i] += held[i]
+    _inverted(normal, free, 1e-6 * trace, inverse)
+    for i in range(free):
+        step[i] = 0.0
+        for j in range(free):
+            step[i] += inverse[i, j] * pull[j]
+    return math.hypot(step[0], step[1])
+
+
+@compiled
+def fitted_outlines(
+    gray: FloatImage,
+    background: FloatImage,
+    inverse_noise: FloatImage,
+    corner: IntArray,
+    ring: IntArray,
+    bounds: IntArray,
+    widths: FloatArray,
+    reach: int,
+    tables: FloatImage,
+    steps: FloatArray,
+    priors: FloatArray,
+    held: FloatArray,
+    smear: FloatArray,
+    size: int,
+    iterations: int,
+    tolerance: float,
+    low: int,
+    high: int,
+    outline: FloatArray,
+    found: BoolArray,
+    covariance: FloatArray,
+    bound: FloatArray,
+    rms_residual: FloatArray,
+    contrast: FloatArray,
+    whole: FloatArray,
+    pull: FloatArray,
+) -> None:
+    """Fit the outlines of some frames, one after the other.
+
+    Parameters
+    ----------
+    gray, background, inverse_noise : (F, P, P) float32 arrays
+    corner : (F, 2) int array
+        See `Cutouts`.
+    ring : (2, n) int array
+        x, y of the ring's pixels about a whole one, sorted by sector, px.
+    bounds : (S + 1,) int array
+        Where each sector's begin.
+    widths : (2,) array
+        How far the ring reaches inside and outside the outline, px.
+    reach : int
+        Of the ring's outermost pixel, px.
+    tables : (4, n) float32 array
+    steps : (5,) array
+        See `EdgeProfile`.
+    priors : (3,) array
+        Information on a sector's shadow factor (about 1), level and slope.
+    held : (2,) or (3,) array
+        Information on centre and radius at the start: as many are free.
+    smear : (F, 2) array
+        Motion during the exposure, px.
+    size : int
+        Of how many of centre, radius, ellipse the normal equations are wanted at the end: 3 or 5.
+    iterations : int
+        Steps at most.
+    tolerance : float
+        A step shorter than this is the last, px.
+    low, high : int
+        Frames.
+    outline : (F, 5) array
+        Centre, radius and ellipse, at the start and then at the end, px.
+    found, covariance, bound, rms_residual, contrast, whole, pull : (F, …) arrays
+        Take what `OutlineFits` holds.
+    """
+    sectors, most, free = len(bounds) - 1, ring.shape[1], len(held)
+    pixels, first = np.empty((5, most), dtype=np.float32), np.empty(sectors + 1, dtype=np.int64)
+    work, small = np.empty((12, most), dtype=np.float32), np.empty((5, 5, 5))
+    information, score = np.empty((sectors, 5, 5)), np.empty((sectors, 5))
+    square, count, weight = np.empty(sectors), np.empty(sectors), np.empty(sectors)
+    room, step, middle = np.empty(sectors), np.empty(3), np.empty(2)
+    for f in range(low, high):
+        now, moving, radius = outline[f], smear[f], outline[f, 2]
+        length, enough = 1e9, False
+        for k in range(iterations + 1):
+            # at the end the equations are set up once more where the outline came to lie
+            last = k == iterations or length < tolerance
+            enough = _gathered(
+                gray[f],
+                background[f],
+                inverse_noise[f],
+                corner[f],
+                ring,
+                bounds,
+                widths,
+                reach,
+                now,
+                middle,
+                pixels,
+                first,
+            )
+            if not enough:
+                break
+            settled = last or length < _SETTLED
+            narrow, wanted = settled and free == 2, size if last else 3
+            _equations(
+                pixels,
+                first,
+                now,
+                middle,
+                moving,
+                tables,
+                steps,
+                priors,
+                narrow,
+                wanted,
+                work,
+                small,
+                information,
+                score,
+                square,
+                count,
+                room,
+            )
+            weighted(information, score, square, count, settled, room, weight)
+            if last:
+                break
+            length = _step(information, score, weight, held, free, now[2] - radius, small, step)
+            if not length < 1e6:
+                enough = False
+                break
+            limit = min(1.0, _LONGEST_STEP * widths[0] / max(length, 1e-12))
+            for i in range(free):
+                now[i] += limit * step[i]
+        found[f] = enough
+        if enough:
+            rms_residual[f], contrast[f] = _stated(
+                information,
+                score,
+                square,
+                count,
+                weight,
+                held,
+                size,
+                small,
+                covariance[f],
+                bound[f],
+                whole[f],
+                pull[f],
+            )
+
+
+@compiled
+def _stated(
+    information: FloatArray,
+    score: FloatArray,
+    square: FloatArray,
+    count: FloatArray,
+    weight: FloatArray,
+    held: FloatArray,
+    size: int,
+    small: FloatArray,
+    covariance: FloatArray,
+    bound: FloatArray,
+    whole: FloatArray,
+    pull: FloatArray,
+) -> tuple[float, float]:
+    """What a fit says of itself: writes its matrices, returns its misfit and contrast."""
+    sectors, free = len(weight), len(held)
+    total, normal, inverse, meat = small[0], small[1], small[2], small[3]
+    seen, squares, spare = 0, 0.0, 0.0
+    for i in range(size):
+        pull[i] = 0.0
+        for j in range(size):
+            whole[i, j] = total[i, j] = 0.0
+    for s in range(sectors):
+        squares += square[s]
+        if count[s] > 0:
+            seen += 1
+            spare += count[s] - _BASIS
+        for i in range(size):
+            pull[i] += weight[s] * score[s, i]
+            for j in range(size):
+                whole[i, j] += weight[s] * information[s, i, j]
+                total[i, j] += information[s, i, j]
+    every, trusted = 0.0, 0.0
+    for i in range(free):
+        every += total[i, i]
+        trusted += whole[i, i]
+        total[i, i] += held[i]
+        for j in range(free):
+            normal[i, j] = whole[i, j]
+        normal[i, i] += held[i]
+    _inverted(total, free, 1e-9 * (every + 1e-9), inverse)
+    for i in range(2):
+        for j in range(2):
+            bound[i, j] = inverse[i, j]
+    _inverted(normal, free, 1e-9 * (trusted + 1e-9), inverse)
+    _clustered(score, weight, free, meat)
+    share = seen / max(seen - free, 1.0)
+    for i in range(2):
+        for j in range(2):
+            covariance[i, j] = 0.0
+            for k in range(free):
+                for m in range(free):
+                    covariance[i, j] += share * inverse[i, k] * meat[k, m] * inverse[m, j]
+    rms_residual = math.sqrt(squares / max(spare, 1.0))
+    clear = 0
+    for s in range(sectors):
+        if information[s, 0, 0] + information[s, 1, 1] > (_CLEAR_SIGMA * rms_residual) ** 2:
+            clear += 1
+    return rms_residual, clear / sectors
+
+
 _BATCH = 16
+
 """Frames that one core fits before it takes the next, supposed."""
 
 _SECTOR_PX, _SECTORS = 4.0, (6, 40)
+
 """px of outline, and how many at least and at most: a sector of less than four pixels of outline
 has too few pixels for its light."""
 
 _SHADOW_PRIOR = 0.3
+
 """Prior width of a sector's shadow factor, about 1."""
 
 _SHADING_PRIOR = 255.0
+
 """Gray levels, prior width of the light of a sector: full scale, that is none."""
 
 _SMALL_RADIUS = 10.0
+
 """px: smaller balls show less of their light within a sector, and its priors narrow with them."""
 
 
@@ -218,16 +962,17 @@ def _priors(radius: float) -> FloatArray:
     return np.asarray(width**-2.0)
 
 
-FloatImage = NDArray[np.float32]
-
 _VOTED_STD = 0.15
+
 """px, of a circle by votes, supposed: half of what rounding to pixels leaves, 1/√12."""
 
 # How much a circle's radius scatters (natural logarithm).
 _SWELLING = 0.15
+
 """Log radius: how much a circle's radius scatters by votes, supposed."""
 
 _SMALLEST_WINDOW = 16
+
 """px: in a smaller window no ring of the smallest ball has its background."""
 
 

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from vision.ball.ball import SMALL_RADIUS, BallFits, trusted_rows
 from vision.ball.outline.edges import Cutouts, CutPlaces, EdgeProfile, Hides, cut_out, ring_widths
-from vision.ball.outline.equations import OutlineFits, nothing_found
-from vision.ball.outline.outline import FitRules, Start, fit_outlines
+from vision.ball.outline.outline import FitRules, OutlineFits, Start, fit_outlines, nothing_found
 from vision.scene.scene import FilmedScene
 
 __all__ = ["Optics", "refine_ball"]

@@ -1,24 +1,43 @@
-"""What is drawn over the picture, as SVG in the picture's own pixels."""
+"""What is drawn over the picture, as SVG in the picture's own pixels.
+
+Places in the picture that the user can set, and what setting each of them does.
+
+Pieces of the page that several steps use: fields, rows for a place in the picture, phrases.
+"""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
+from typing import Any
 
 import cv2
 import numpy as np
+from nicegui import ui
 from numpy.typing import NDArray
 
 from calib.calibration import Calibration
 from calib.grid.grid import WallGrid
 from calib.grid.spectrum import pixel_grid
 from pipelines.calibrate.wizard.answers import Answers
+from pipelines.calibrate.wizard.session import Session, starting_corners
+from pipelines.web.guard import Jobs
 
 __all__ = [
+    "LABELS",
+    "STYLE",
     "MapScale",
+    "Place",
+    "PlaceRow",
+    "Places",
+    "TextField",
     "encoded",
+    "field",
     "grid_lines",
     "handles",
     "marks",
+    "millimetres",
+    "note",
+    "phrase",
     "residual_arrows",
     "ruler",
     "shaded_map",
@@ -27,13 +46,21 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 
 LINE, MARK, ARROW, HANDLE = "#00a395", "#d6156c", "#b3261e", "#d35400"
+
 RAMP = ("#440154", "#3b528b", "#21918c", "#5ec962", "#fde725")
+
 """Viridis, dark for small."""
+
 MOST_LINES = 120
+
 """Lines of the wall drawn at most: more than that is a grey surface, and slow to send."""
+
 MOST_ARROWS = 300
+
 """Arrows of the lens map at most, for the same reason."""
+
 STEPS_ALONG = 24
+
 """Points along a line that a lens bends, which is drawn as a polygon through them."""
 
 
@@ -260,3 +287,281 @@ def ruler(ends: Mapping[str, FloatArray], size: tuple[int, int]) -> str:
         if body
         else ""
     )
+
+
+LABELS = {
+    "corner0": "1 lower left",
+    "corner1": "2 lower right",
+    "corner2": "3 upper right",
+    "corner3": "4 upper left",
+    "origin": "Origin",
+    "rest": "Ball at rest",
+    "landing": "Landing",
+    "end0": "One end",
+    "end1": "Other end",
+}
+
+BY_STEP = {2: ("corner0", "corner1", "corner2", "corner3", "origin"), 3: ("rest", "landing")}
+
+BY_STEP[5] = ("end0", "end1")
+
+
+class Places:
+    """Where the places are, and which one clicks and arrow keys move.
+
+    Parameters
+    ----------
+    session : Session
+    jobs : Jobs
+        What takes time is done there.
+
+    Attributes
+    ----------
+    active : str or None
+        Key of the place that is being set.
+    """
+
+    def __init__(self, session: Session, jobs: Jobs) -> None:
+        self._session = session
+        self._jobs = jobs
+        self.active: str | None = None
+
+    @property
+    def by_hand(self) -> bool:
+        """Whether the four handles are shown."""
+        return self._session.by_hand
+
+    @property
+    def corners(self) -> FloatArray:
+        """The handles, (4, 2), px."""
+        session = self._session
+        if session.handles is None:
+            answers = session.answers
+            session.handles = (
+                starting_corners(answers.grid, answers.scene.size)
+                if answers.corners is None
+                else answers.corners.copy()
+            )
+        return session.handles
+
+    def label(self, key: str) -> str:
+        """Name of a place on the page."""
+        return LABELS[key]
+
+    def leave(self) -> None:
+        """Another step: its places come first now."""
+        if self.active not in BY_STEP.get(self._session.step, ()):
+            self.active = None
+
+    def where(self, key: str) -> FloatArray | None:
+        """Where a place is, px; None while it is not set."""
+        answers = self._session.answers
+        if key.startswith("corner"):
+            return np.asarray(self.corners[int(key[-1])])
+        if key.startswith("end"):
+            return self._session.ends.get(key)
+        if key in self._session.moving:
+            return self._session.moving[key]
+        if key == "origin":
+            return answers.origin_px
+        return answers.rest if key == "rest" else answers.landing[0]
+
+    def grabbed(self, px: FloatArray, share: float) -> str | None:
+        """The handle near a place, if handles are shown."""
+        if self._session.step != 2 or not self.by_hand:
+            return None
+        far = np.linalg.norm(self.corners - px, axis=1)
+        nearest = int(np.argmin(far))
+        near = far[nearest] < share * self._session.answers.scene.size[0]
+        return f"corner{nearest}" if near else None
+
+    def put(self, key: str, px: FloatArray, *, final: bool) -> None:
+        """Put a place somewhere; `final` when the mouse is let go."""
+        session = self._session
+        px = np.clip(px, -0.5, np.array(session.answers.scene.size) - 0.5)
+        if key.startswith("corner"):
+            self.corners[int(key[-1])] = px
+        elif key.startswith("end"):
+            session.ends[key] = px
+        elif not final:
+            session.moving[key] = px
+        else:
+            session.moving[key] = px
+            self._jobs.submit("working out the uncertainty", lambda: self._settle(key, px))
+
+    def _settle(self, key: str, px: FloatArray) -> None:
+        session = self._session
+        if session.moving.get(key) is not px:
+            return  # moved on since, as by a key held down
+        if key == "origin":
+            session.apply("origin set", lambda answers: _with_origin(answers, px))
+        else:
+            fields: dict[str, Any] = {f"{key}_px": px}
+            session.update(f"{LABELS[key].lower()} set", **fields)
+        if session.moving.get(key) is px:
+            del session.moving[key]
+
+    def ruler(self) -> str:
+        """Drawing of the length to verify."""
+        return ruler(self._session.ends, self._session.answers.scene.size)
+
+
+def _with_origin(answers: Answers, px: FloatArray) -> Answers:
+    grid = None if answers.grid is None else answers.grid.with_origin(px, snap=True)
+    return replace(answers, origin_px=px, grid=grid)
+
+
+STYLE = """
+body { background: #f3f5f6; color: #1d2b33; }
+.wz-step { min-width: 0; color: #37474f; text-transform: none;
+  border-radius: 6px; padding: 2px 10px; }
+.wz-step[aria-current=step] { background: #0b5c66 !important; color: #fff !important; }
+.wz-step.wz-done { color: #0b5c66; text-decoration: underline; }
+.wz-card { background: #fff; border: 1px solid #d8dee2; border-radius: 8px; padding: 14px 16px; }
+.wz-big { font-size: 2rem; font-weight: 650; line-height: 1.1; font-variant-numeric: tabular-nums; }
+.wz-bar { height: 8px; background: #0b8a8f; border-radius: 2px; }
+.wz-small { font-size: 0.85rem; color: #4a5b65; }
+.wz-warn { background: #fff4d6; border-left: 4px solid #c98a00; padding: 6px 10px;
+  font-size: 0.9rem; }
+.wz-bad { background: #fde8e6; border-left: 4px solid #b3261e; padding: 6px 10px; }
+.wz-loupe { flex: none; width: 168px; height: 168px; border-radius: 6px; border: 1px solid #9fb0ba;
+  background-repeat: no-repeat; image-rendering: pixelated; position: relative;
+  overflow: hidden; }
+.wz-loupe::before, .wz-loupe::after { content: ''; position: absolute; background: #ff4f8b; }
+.wz-loupe::before { left: 50%; top: 20%; bottom: 20%; width: 1px; }
+.wz-loupe::after { top: 50%; left: 20%; right: 20%; height: 1px; }
+.wz-picture { outline-offset: 2px; width: 100%; cursor: crosshair; }
+.wz-picture img { -webkit-user-drag: none; user-select: none; }
+.wz-picture:focus-visible { outline: 3px solid #0b8a8f; }
+h1 { font-size: 1.25rem !important; font-weight: 650 !important; line-height: 1.3 !important;
+  margin: 0 !important; }
+h2 { font-size: 1.1rem !important; font-weight: 650 !important; line-height: 1.3 !important;
+  margin: 0 !important; }
+"""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place in the picture that the user can set.
+
+    Attributes
+    ----------
+    key : str
+        Its name inside the page.
+    label : str
+        Its name on the page.
+    """
+
+    key: str
+    label: str
+
+
+def millimetres(length: float | None) -> str:
+    """A length in mm with two or three digits, or an em dash."""
+    if length is None:
+        return "—"
+    value = 1e3 * length
+    return f"{value:.0f} mm" if value >= 99.5 else f"{value:.2g} mm"
+
+
+def phrase(text: str) -> str:
+    """The text as a sentence."""
+    return text[:1].upper() + text[1:] + ("" if text[-1:] in ".!?" else ".")
+
+
+def note(text: str, kind: str = "wz-small", *, alert: bool = False) -> None:
+    """A remark; as an alert it is read aloud at once."""
+    label = ui.label(text).classes(kind + " w-full")
+    if alert:
+        label.props("role=alert")
+
+
+class TextField:
+    """A text field that tells its text when it is left or Enter is pressed, if it has changed.
+
+    Parameters
+    ----------
+    label : str
+    value : str
+    told : callable
+    test : str
+        Its name for focus and tests.
+    """
+
+    def __init__(self, label: str, value: str, told: Callable[[str], None], *, test: str) -> None:
+        self.shown = ui.input(label, value=value).props(f'dense outlined data-test="{test}"')
+        self._tell = told
+        self._last = value
+        self.shown.props["data-told"] = value
+        self.shown.on("blur", self._left)
+        self.shown.on("keydown.enter", self._left)
+        self.shown.classes("w-full")
+
+    @property
+    def text(self) -> str:
+        """What stands in it."""
+        return str(self.shown.value or "").strip()
+
+    def show(self, value: str) -> None:
+        """Show another value, unless somebody is typing."""
+        if self.text == self._last and value != self._last:
+            self._told(value)
+            self.shown.set_value(value)
+
+    def _told(self, text: str) -> None:
+        self._last = text
+        self.shown.props["data-told"] = text
+        self.shown.update()
+
+    def _left(self) -> None:
+        text = self.text
+        if text != self._last:
+            self._told(text)
+            self._tell(text)
+
+
+def field(label: str, value: str, told: Callable[[str], None], *, test: str) -> Any:
+    """The input of a `TextField`."""
+    return TextField(label, value, told, test=test).shown
+
+
+class PlaceRow:
+    """A row for a place: choose it for clicks and arrow keys, or write its coordinates.
+
+    Parameters
+    ----------
+    place : Place
+    choose : callable
+    moved : callable
+        Told the coordinates that were written, px.
+    """
+
+    def __init__(
+        self, place: Place, choose: Callable[[], None], moved: Callable[[float, float], None]
+    ) -> None:
+        self._moved = moved
+        with ui.row().classes("w-full items-center no-wrap gap-2"):
+            self._button = ui.button(place.label, on_click=choose)
+            self._button.props(f'dense no-caps color=teal-9 data-test="place-{place.key}"')
+            self._button.classes("grow").style("min-width: 9rem")
+            self._fields = [
+                TextField(f"{name}, px", "", self._written, test=f"{place.key}-{name}")
+                for name in "xy"
+            ]
+            for shown in self._fields:
+                shown.shown.style("max-width: 6rem")
+
+    def show(self, px: tuple[float, float] | None, *, active: bool) -> None:
+        """Show where it is, px, and whether it is the one that is set."""
+        add, remove = ("unelevated", "outline") if active else ("outline", "unelevated")
+        pressed = "true" if active else "false"
+        self._button.props(f"{add} aria-pressed={pressed}", remove=remove)
+        for shown, value in zip(self._fields, px or (None, None), strict=True):
+            shown.show("" if value is None else f"{value:.1f}")
+
+    def _written(self, _: str) -> None:
+        try:
+            x, y = (float(shown.text) for shown in self._fields)
+        except ValueError:
+            return
+        self._moved(x, y)

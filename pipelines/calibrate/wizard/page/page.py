@@ -14,14 +14,17 @@ from numpy.typing import NDArray
 from metrology import UncertaintySource
 from pipelines.calibrate.wizard.answers import STEPS
 from pipelines.calibrate.wizard.page.drawing import (
+    STYLE,
+    Places,
     grid_lines,
     handles,
     marks,
+    millimetres,
+    note,
+    phrase,
     residual_arrows,
     shaded_map,
 )
-from pipelines.calibrate.wizard.page.parts import STYLE, millimetres, note, phrase
-from pipelines.calibrate.wizard.page.places import Places
 from pipelines.calibrate.wizard.page.steps import PANELS
 from pipelines.calibrate.wizard.session import Session
 from pipelines.web.guard import HOLD, RELEASE, SCRIPT, Jobs

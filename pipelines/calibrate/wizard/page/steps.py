@@ -14,7 +14,7 @@ import numpy as np
 from nicegui import ui
 
 from calib.calibration import Known
-from calib.camera.lens import Board
+from calib.lens import Board
 from metrology import ImpactVisionError, UsageError, measurands, read_number
 from pipelines.calibrate.wizard.answers import (
     Answers,
@@ -28,11 +28,19 @@ from pipelines.calibrate.wizard.answers import (
     pitch_from,
     rate_from,
 )
-from pipelines.calibrate.wizard.outlook import verdict
-from pipelines.calibrate.wizard.page.drawing import RAMP, residual_arrows, shaded_map
-from pipelines.calibrate.wizard.page.parts import Place, PlaceRow, field, millimetres, note, phrase
-from pipelines.calibrate.wizard.page.places import LABELS
-from pipelines.calibrate.wizard.session import with_ball, with_corners, with_grid
+from pipelines.calibrate.wizard.page.drawing import (
+    LABELS,
+    RAMP,
+    Place,
+    PlaceRow,
+    field,
+    millimetres,
+    note,
+    phrase,
+    residual_arrows,
+    shaded_map,
+)
+from pipelines.calibrate.wizard.session import verdict, with_ball, with_corners, with_grid
 
 if TYPE_CHECKING:
     from pipelines.calibrate.wizard.page.page import WizardPage

@@ -1,4 +1,6 @@
-"""What comes out: table, JSON, CSV of results, as the contract spells them.
+"""A measurement as files: table, JSON, CSV, tracks, pictures.
+
+What comes out: table, JSON, CSV of results, as the contract spells them.
 
 Where the results of a measuring command go; checked before minutes of work, not after.
 """
@@ -15,7 +17,7 @@ from rich.table import Table
 from metrology import Quantity, UsageError, write_text_whole
 from pipelines.measure.inputs import QuantityName, kinds_of
 from pipelines.measure.measurement import ClipMeasurement
-from pipelines.report.labels import quantity_label, quantity_text
+from pipelines.report.inputs import quantity_label, quantity_text
 from vision.clip.clip import ClipReader
 from vision.overlay import OVERLAY_SUFFIXES
 from vision.tracks import Motion
@@ -285,19 +287,19 @@ class WantedFiles:
         if self.tracks is not None:
             _write_tracks(self.tracks, measured, clip)
         if self.overlay is not None and clip is not None:
-            from pipelines.measure.files.pictures import overlay_marks
+            from pipelines.measure.pictures import overlay_marks
             from vision.overlay.overlay import write_overlay
 
             write_overlay(
                 self.overlay, ClipReader.open(clip), measured.tracks, overlay_marks(measured)
             )
         if self.plot is not None:
-            from pipelines.measure.files.pictures import report_input
+            from pipelines.measure.pictures import report_input
             from pipelines.report.plots import write_plot
 
             write_plot(self.plot, report_input(measured, None))
         if self.report is not None:
-            from pipelines.measure.files.pictures import report_input
+            from pipelines.measure.pictures import report_input
             from pipelines.report.page import write_report
 
             write_report(
@@ -308,11 +310,10 @@ class WantedFiles:
 def _write_tracks(path: Path, measured: ClipMeasurement, clip: Path | None) -> None:
     """The track CSV, or the project of another program where the name says so."""
     if path.suffix.lower() in _PROJECT_SUFFIXES:
-        from pipelines.interop.exported import external_of
-        from pipelines.interop.reading import write_tracks
+        from pipelines.interop.measured import external_of, write_tracks
 
         write_tracks(path, external_of(measured, path, clip))
         return
-    from pipelines.measure.files.tracks import tracks_as_csv
+    from pipelines.measure.track_table import tracks_as_csv
 
     write_text_whole(path, tracks_as_csv(measured))

@@ -6,12 +6,12 @@ from typing import Self
 import numpy as np
 
 from metrology import Contribution, DomainError, Quantity, UncertaintySource
+from physics.air import Air
 from physics.bodies import GRAVITY, Ball, Pendulum, Support
-from physics.contact.impact import cor_from_ball_speed
+from physics.contact import cor_from_ball_speed
 from physics.domain import FloatArray, Number, require_non_negative, require_positive
-from physics.flight.air import Air
-from physics.flight.closed_form import drag_free_distance
-from physics.restitution.restitution import require_cor
+from physics.flight import drag_free_distance
+from physics.restitution import require_cor
 
 __all__ = [
     "RangeInputs",
@@ -98,7 +98,7 @@ class RangeInputs:
         return 0.5 * self.air_density * area * self.drag_coefficient / self.ball_mass
 
 
-def _check(inputs: RangeInputs) -> None:
+def _check_inputs(inputs: RangeInputs) -> None:
     for name in ("distance", "impact_speed", "ball_mass", "effective_mass", "ball_diameter"):
         require_positive(f"the {name.replace('_', ' ')}", getattr(inputs, name))
     for name in ("contact_time", "support_height", "drag_coefficient", "air_density"):
@@ -140,7 +140,7 @@ def cor_from_range(inputs: RangeInputs) -> Number:
     DomainError
         For inputs outside their domain or a distance that no launch at θ reaches.
     """
-    _check(inputs)
+    _check_inputs(inputs)
     mean_speed: Number = inputs.impact_speed
     before: Number = np.inf
     ball_speed: Number = 0.0
@@ -182,7 +182,7 @@ def impact_speed_from_range(inputs: RangeInputs, cor: Number) -> Number:
     DomainError
         As `cor_from_range`; and for e outside (0, 1].
     """
-    _check(inputs)
+    _check_inputs(inputs)
     require_cor(cor)
     share = inputs.effective_mass * (1.0 + cor) / (inputs.effective_mass + inputs.ball_mass)
     kept = 1.0 - 0.5 * inputs.ball_mass * share / inputs.effective_mass

@@ -1,4 +1,7 @@
-"""Laws e(v) for the coefficient of restitution: objects, and text that is parsed, never run."""
+"""The coefficient of restitution: laws, fits, and the inversion of Eq. 17.
+
+Laws e(v) for the coefficient of restitution: objects, and text that is parsed, never run.
+"""
 
 import ast
 import math
@@ -166,10 +169,15 @@ _OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.USub: operator.neg,
     ast.UAdd: operator.pos,
 }
+
 _VARIABLE = "v"
+
 """Impact speed in a law as people write it."""
+
 _ARGUMENTS = {"min": 2, "max": 2}
+
 """Numbers that a function of a law takes; one where it is not named."""
+
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "exp": np.exp,
     "log": np.log,
@@ -179,8 +187,11 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "min": np.minimum,
     "max": np.maximum,
 }
+
 _CONSTANTS = {"pi": math.pi, "e": math.e}
+
 _LONGEST_TEXT = 500
+
 """Characters: ten times the paper's laws; more than that is no law that anybody wrote down."""
 
 
@@ -297,6 +308,7 @@ def parse_cor_law(text: str | float) -> CorLaw:
 
 
 _SPEEDS_TRIED = 200
+
 """Speeds between slowest and fastest, 2.6 % apart: a pole or a root that narrow is no law."""
 
 

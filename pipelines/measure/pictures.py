@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology.quantity import format_quantity
-from pipelines.measure.files.output import software_version
+from pipelines.measure.files import software_version
 from pipelines.measure.fits.contact_fit import arm_along_bar, gap_after, gap_before
 from pipelines.measure.fits.impact import Impact
 from pipelines.measure.measurement import ClipMeasurement
@@ -19,7 +19,7 @@ from pipelines.report import (
     ReportInput,
     SpeedRecord,
 )
-from pipelines.report.labels import quantity_label
+from pipelines.report.inputs import quantity_label
 from vision.clip.clip import ClipReader
 from vision.overlay.overlay import OverlayMarks, overlay_still, png_bytes
 
@@ -28,7 +28,9 @@ __all__ = ["overlay_marks", "report_input"]
 FloatArray = NDArray[np.float64]
 
 _PENDULUM_STRETCH_S = 0.08
+
 """s around the contact that are drawn: five contacts long on either side."""
+
 _CAPTIONS = ("contact_time", "ball_speed", "launch_angle", "landing_distance", "cor")
 
 

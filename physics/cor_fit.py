@@ -11,7 +11,7 @@ from scipy.stats import t as student
 
 from metrology import DomainError, TooLittleDataError
 from physics.domain import FloatArray, require_positive
-from physics.restitution.restitution import ConstantCor, CorLaw, ExponentialCor, PowerLawCor
+from physics.restitution import ConstantCor, CorLaw, ExponentialCor, PowerLawCor
 
 __all__ = ["CorFit", "FittedParameter", "compare_cor_fits", "fit_cor"]
 

@@ -14,16 +14,20 @@ from vision.tracks import Track
 __all__ = ["TRACK_COLUMNS", "track_covariance", "tracks_as_csv", "tracks_as_frame"]
 
 BALL, PENDULUM = "ball", "pendulum"
+
 """Objects of a track table, as its files spell them."""
 
 FloatArray = NDArray[np.float64]
+
 Metric = tuple[FloatArray, FloatArray]
+
 """Positions (N, 2), x right along the wall and y up, m; and their covariances (N, 2, 2), m²."""
 
 TRACK_COLUMNS = (
     "frame", "t_s", "object", "x_px", "y_px", "x_px_std", "y_px_std",
     "x_m", "y_m", "x_m_std", "y_m_std", "radius_px", "phi_rad", "phi_rad_std",
 )  # fmt: skip
+
 _HALF_PX = 0.5
 
 

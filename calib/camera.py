@@ -1,4 +1,6 @@
-"""The camera: a lens, its pose, and what a sphere looks like through it.
+"""The camera: lens, pose, calibration boards, and lens files.
+
+The camera: a lens, its pose, and what a sphere looks like through it.
 
 World frame: x right along the wall, y up, z out of the wall towards the camera, in metres; the
 wall is z = 0. Camera frame: X right, Y down, Z forward. Pixel centres are integers, (0, 0) is the
@@ -25,6 +27,7 @@ __all__ = ["SQUARE_TO_WALL", "Camera", "Lens", "rotation_matrix"]
 FloatArray = NDArray[np.float64]
 
 INVERSION_STEPS = 40
+
 """Steps of the fixed-point inversion at most: it converges linearly, and at a rate of 0.4, near the
 fold of a lens, forty steps give the sixteen digits of a double."""
 

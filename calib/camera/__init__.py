@@ -1,1 +1,0 @@
-"""The camera: lens, pose, calibration boards, and lens files."""

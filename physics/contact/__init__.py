@@ -1,1 +1,0 @@
-"""Pendulum and ball in contact: laws, their solution in time, and the instantaneous impact."""

@@ -1,1 +1,0 @@
-"""The ball in the air: forces, integration, closed form."""

@@ -1,1 +1,0 @@
-"""The coefficient of restitution: laws, fits, and the inversion of Eq. 17."""

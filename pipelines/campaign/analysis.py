@@ -1,0 +1,912 @@
+"""What a campaign says as a whole: laws of restitution, precision, outliers, agreement, ranges.
+
+Restitution against speed: three laws, fitted hierarchically and weighed by evidence.
+
+A clip k in session s gives e_k at impact speed v_k,
+
+    e_k = f(v_k; θ) + u_s + ε_k + Σ_j g_kj z_j,
+
+ε_k ~ N(0, std_k² + σ²) its own error and the strike's scatter, u_s ~ N(0, τ²) what a session has in
+common, z_j ~ N(0, 1) the inputs that all clips share (masses, inertia, tape), g_kj what one
+standard uncertainty of such an input does to e_k. Every law is linear in its parameters but for the
+rate of the exponential, so that they are integrated exactly and rate, σ and τ on a grid (Gelman et
+al., Bayesian Data Analysis, 3rd ed., ch. 5 and 14).
+
+Repeatability and reproducibility of a method of measurement (ISO 5725-2).
+
+Agreement of camera and sensor (Bland and Altman, Lancet 327, 307, 1986).
+
+Strikes that do not belong: the generalised ESD test (Rosner, Technometrics 25, 165, 1983).
+
+The paper's analysis of each ball of a campaign.
+
+Ranges by three models from each strike's impact speed, against those measured (Table 5).
+"""
+
+import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import least_squares
+from scipy.special import logsumexp
+from scipy.stats import chi2
+from scipy.stats import t as student
+
+from metrology import TooLittleDataError, UsageError
+from physics.bodies import Ball, lost_by_pendulum, lost_by_pendulum_approximate
+from physics.contact import external_impulse
+from physics.forward import Experiment, closed_form_landing, impulsive_launch, numerical_landing
+from pipelines.campaign.results import SENSORS, ClipResult, SensorColumn
+from pipelines.model.options import choose_ball, experiment_of
+from pipelines.setup.cor_file import PARAMETERS, LawKind
+from pipelines.setup.file import Setup
+
+__all__ = [
+    "Agreement",
+    "AveragedLaw",
+    "BallAnalysis",
+    "CampaignAnalysis",
+    "CorLawFit",
+    "CorPoints",
+    "Estimate",
+    "Outlier",
+    "Precision",
+    "SensorAnalysis",
+    "agreement",
+    "analyse",
+    "find_outliers",
+    "fit_cor_laws",
+    "precision",
+]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CorPoints:
+    """Coefficients of restitution of one ball, N clips with J shared inputs.
+
+    Attributes
+    ----------
+    speed : (N,) array
+        Impact speed, m/s.
+    cor : (N,) array
+    std : (N,) array
+        Standard uncertainty of each clip's own.
+    shared : (N, J) array
+        What one standard uncertainty of each shared input does to e.
+    session : (N,) int array
+        Number of the session, from 0.
+    """
+
+    speed: FloatArray
+    cor: FloatArray
+    std: FloatArray
+    shared: FloatArray
+    session: NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A number with standard uncertainty and 95 % interval."""
+
+    value: float
+    std: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class CorLawFit:
+    """One law and how well it is known.
+
+    Attributes
+    ----------
+    law : LawKind
+    parameters : dict of str to Estimate
+        exponential: e = a exp(−b v) + d, b in s/m; power: e = 1 − a v^(1/5); constant: e = d.
+    covariance : (P, P) array
+        Of the parameters, in that order, as far as they move the curve.
+    log_evidence : float
+    probability : float
+        Among the laws compared.
+    strike_scatter, session_scatter : Estimate
+        σ and τ.
+    speeds : (2,) tuple of float
+        Range of the impact speeds fitted, m/s.
+    draws : (K, P + 2) array
+        Equally likely parameters, σ and τ.
+    """
+
+    law: LawKind
+    parameters: dict[str, Estimate]
+    covariance: FloatArray
+    log_evidence: float
+    probability: float
+    strike_scatter: Estimate
+    session_scatter: Estimate
+    speeds: tuple[float, float]
+    draws: FloatArray
+
+    def at(self, speed: float) -> Estimate:
+        """Coefficient of restitution at an impact speed, m/s: of the law."""
+        return _summary(_evaluate(self.law, self.draws, speed))
+
+    def next_strike(self, speed: float) -> Estimate:
+        """What the next strike at that speed, in a session of its own, will show."""
+        scatter = np.hypot(self.draws[:, -2], self.draws[:, -1])
+        noise = np.random.default_rng(_SEED).standard_normal(len(scatter))
+        return _summary(_evaluate(self.law, self.draws, speed) + scatter * noise)
+
+
+@dataclass(frozen=True)
+class AveragedLaw:
+    """What all laws compared say together, each with its probability (Hoeting et al. 1999).
+
+    The likeliest law alone would leave the doubt about the law itself out of its band.
+
+    Attributes
+    ----------
+    fits : tuple of CorLawFit
+        Of one ball.
+    """
+
+    fits: tuple[CorLawFit, ...]
+
+    def at(self, speed: float) -> Estimate:
+        """Coefficient of restitution at an impact speed, m/s."""
+        return _summary(self._values(speed, next_strike=False))
+
+    def next_strike(self, speed: float) -> Estimate:
+        """What the next strike at that speed, in a session of its own, will show."""
+        return _summary(self._values(speed, next_strike=True))
+
+    def _values(self, speed: float, *, next_strike: bool) -> FloatArray:
+        parts = []
+        for fit in self.fits:
+            # equally likely draws: any of them, in the number that the law is worth
+            chosen = np.random.default_rng(_SEED).permutation(len(fit.draws))
+            draws = fit.draws[chosen[: round(fit.probability * len(fit.draws))]]
+            values = _evaluate(fit.law, draws, speed)
+            if next_strike:
+                noise = np.random.default_rng(_SEED).standard_normal(len(draws))
+                values = values + np.hypot(draws[:, -2], draws[:, -1]) * noise
+            parts.append(values)
+        return np.concatenate(parts)
+
+
+_SEED = 20
+
+"""Any number: draws that do not change from run to run."""
+
+_DRAWS = 4000
+
+"""Sampling adds 1/√(2·4000) = 1 % to a standard uncertainty."""
+
+_CURVE_SPEEDS = 12
+
+"""Speeds along the range fitted at which curves are compared; a law bends once at most."""
+
+_SMALLEST_DIRECTION = 1e-4
+
+"""Directions of the parameters that move the curve 10 000 times less than the strongest say
+nothing of it."""
+
+_POWER = 0.2
+
+"""Kuwabara and Kono 1987: leading term for visco-elastic spheres."""
+
+_RATES = np.geomspace(0.03, 3.0, 48)
+
+"""s/m. Below, the exponential is a straight line over any speed range a pendulum has; above, it
+is over before the slowest strike. Log-uniform: the rate's size is not known."""
+
+_SCATTERS = np.concatenate([[0.0], np.geomspace(5e-4, 0.1, 14)])
+
+"""A scatter below 0.0005 is below every camera; 0.1 is more than between a new and a flat ball."""
+
+_TYPICAL_SCATTER = 0.01
+
+"""Scale of the half-Cauchy prior of σ and τ: repeated drops of one ball scatter by about 0.01
+(ITTF and FIBA rebound tests allow 0.02 to 0.04 between balls)."""
+
+# mean and std of the linear parameters: any ball's e lies between 0 and 1
+_PRIOR = {
+    LawKind.EXPONENTIAL: ((0.15, 0.3), (0.65, 0.3)),
+    LawKind.POWER: ((0.25, 0.25),),
+    LawKind.CONSTANT: ((0.7, 0.3),),
+}
+
+"""Mean and standard deviation of the linear parameters, dimensionless: any ball's e lies between 0
+and 1."""
+
+
+def fit_cor_laws(points: CorPoints) -> tuple[CorLawFit, ...]:
+    """Fit the three laws, the likeliest first.
+
+    Raises
+    ------
+    TooLittleDataError
+        With fewer than three clips: scatter and level can't both be told.
+    """
+    if len(points.speed) < 3:
+        raise TooLittleDataError(
+            f"too few clips of this ball for a law of restitution ({len(points.speed)})",
+            hint="Measure three at least, better five at each of three speeds.",
+        )
+    fits = [_fit(law, points) for law in LawKind]
+    total = logsumexp([fit.log_evidence for fit in fits])
+    weighed = [_with_probability(fit, float(np.exp(fit.log_evidence - total))) for fit in fits]
+    return tuple(sorted(weighed, key=lambda fit: -fit.probability))
+
+
+def _with_probability(fit: CorLawFit, probability: float) -> CorLawFit:
+    values = {name: getattr(fit, name) for name in fit.__dataclass_fields__}
+    return CorLawFit(**{**values, "probability": probability})
+
+
+@dataclass(frozen=True)
+class _Posterior:
+    """Gaussian posterior of the linear parameters at one point of the grid."""
+
+    log_weight: float
+    mean: FloatArray
+    factor: FloatArray
+    rate: float
+    scatter: tuple[float, float]
+
+
+def _fit(law: LawKind, points: CorPoints) -> CorLawFit:
+    sessions = len(np.unique(points.session))
+    rates: Sequence[float] = _RATES.tolist() if law is LawKind.EXPONENTIAL else [0.0]
+    between: Sequence[float] = _SCATTERS.tolist() if sessions > 1 else [0.0]
+    grid = [
+        posterior
+        for sigma, tau in itertools.product(_SCATTERS.tolist(), between)
+        for posterior in _given_scatter(law, points, sigma, tau, rates)
+    ]
+    weights = np.array([item.log_weight for item in grid])
+    evidence = float(logsumexp(weights))
+    draws = _drawn(law, grid, np.exp(weights - evidence))
+    names = PARAMETERS[law]
+    columns = draws[:, : len(names)]
+    speeds = np.linspace(points.speed.min(), points.speed.max(), _CURVE_SPEEDS)
+    values, covariance = _along_curve(law, draws, speeds)
+    return CorLawFit(
+        law=law,
+        parameters={
+            name: _about(value, column)
+            for name, value, column in zip(names, values.tolist(), columns.T, strict=True)
+        },
+        covariance=covariance,
+        log_evidence=evidence,
+        probability=1.0,
+        strike_scatter=_summary(draws[:, -2]),
+        session_scatter=_summary(draws[:, -1]),
+        speeds=(float(points.speed.min()), float(points.speed.max())),
+        draws=draws,
+    )
+
+
+def _given_scatter(
+    law: LawKind, points: CorPoints, sigma: float, tau: float, rates: Sequence[float]
+) -> list[_Posterior]:
+    """Exact posteriors of the linear parameters for each rate, at given scatters."""
+    common = [points.shared]
+    if tau > 0:
+        common.append(tau * np.eye(int(points.session.max()) + 1)[points.session])
+    own = points.std**2 + sigma**2
+    solve, log_det = _whitener(own, np.hstack(common))
+    prior = np.array(_PRIOR[law])
+    log_prior = _log_scatter_prior(sigma) + _log_scatter_prior(tau) - float(np.log(len(rates)))
+    bases, offset = _bases(law, points.speed, np.asarray(rates))
+    columns = bases.transpose(1, 0, 2).reshape(len(points.speed), -1)
+    solved = solve(columns).reshape(len(points.speed), *bases.shape[::2]).transpose(1, 0, 2)
+    residual = points.cor - offset - bases @ prior[:, 0]
+    precision = np.diag(prior[:, 1] ** -2.0) + np.swapaxes(bases, 1, 2) @ solved
+    factor = np.linalg.cholesky(precision)
+    pull = np.einsum("rnp,rn->rp", solved, residual)
+    step = np.linalg.solve(precision, pull[..., None])[..., 0]
+    chi2 = np.einsum("rn,nr->r", residual, solve(residual.T)) - np.einsum("rp,rp->r", pull, step)
+    log_volume = 2 * np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(axis=1)
+    log_volume += 2 * np.log(prior[:, 1]).sum() + residual.shape[1] * np.log(2 * np.pi)
+    weight = log_prior - 0.5 * (chi2 + log_det + log_volume)
+    return [
+        _Posterior(float(weight[r]), prior[:, 0] + step[r], factor[r], rate, (sigma, tau))
+        for r, rate in enumerate(rates)
+    ]
+
+
+def _whitener(own: FloatArray, common: FloatArray):  # type: ignore[no-untyped-def]
+    """Solve with diag(own) + common commonᵀ by Woodbury's identity; and its log determinant."""
+    scaled = common / own[:, None]
+    inner = cho_factor(np.eye(common.shape[1]) + common.T @ scaled, lower=True)
+
+    def solve(right: FloatArray) -> FloatArray:
+        part = right / (own if right.ndim == 1 else own[:, None])
+        return np.asarray(part - scaled @ cho_solve(inner, scaled.T @ right))
+
+    log_det = float(np.log(own).sum() + 2 * np.log(np.diag(inner[0])).sum())
+    return solve, log_det
+
+
+def _log_scatter_prior(scatter: float) -> float:
+    """Half-Cauchy density times the width of the grid's cell, normalised over the grid."""
+    edges = np.concatenate([[0.0], np.sqrt(_SCATTERS[1:-1] * _SCATTERS[2:]), [np.inf]])
+    edges = np.concatenate([[0.0], [_SCATTERS[1] / 2], edges[1:]])
+    index = int(np.searchsorted(_SCATTERS, scatter))
+    mass = 2 / np.pi * np.diff(np.arctan(edges / _TYPICAL_SCATTER))
+    return float(np.log(mass[index]))
+
+
+def _bases(law: LawKind, speed: FloatArray, rates: FloatArray) -> tuple[FloatArray, float]:
+    """Columns (R, N, P) that the linear parameters multiply, and what stands without any."""
+    if law is LawKind.EXPONENTIAL:
+        decay = np.exp(-rates[:, None] * speed)
+        return np.stack([decay, np.ones_like(decay)], axis=2), 0.0
+    if law is LawKind.POWER:
+        return -(speed[None, :, None] ** _POWER), 1.0
+    return np.ones((1, len(speed), 1)), 0.0
+
+
+def _drawn(law: LawKind, grid: Sequence[_Posterior], weights: FloatArray) -> FloatArray:
+    rng = np.random.default_rng(_SEED)
+    rows = []
+    counts = rng.multinomial(_DRAWS, weights / weights.sum())
+    for item, count in zip(grid, counts, strict=True):
+        if count == 0:
+            continue
+        normal = rng.standard_normal((len(item.mean), count))
+        linear = (item.mean[:, None] + np.linalg.solve(item.factor.T, normal)).T
+        if law is LawKind.EXPONENTIAL:
+            # a rate is drawn within its cell of the logarithmic grid, not on its centre
+            cell = np.log(_RATES[1] / _RATES[0])
+            rate = item.rate * np.exp(cell * (rng.random(count) - 0.5))
+            linear = np.stack([linear[:, 0], rate, linear[:, 1]], axis=1)
+        scatter = np.broadcast_to(item.scatter, (count, 2))
+        rows.append(np.hstack([linear, scatter]))
+    return np.vstack(rows)
+
+
+def _along_curve(
+    law: LawKind, draws: FloatArray, speeds: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Parameters of the mean curve, and the covariance that gives back the curve's own.
+
+    Amplitude, rate and floor of an exponential trade against each other far beyond what a
+    straight line describes, so that their means lie on no likely curve and their own covariance
+    overstates the curve's. What is handed on is the law nearest to the mean curve, with the
+    curve's covariance seen through its derivatives.
+    """
+    curves = np.stack([_evaluate(law, draws, float(v)) for v in speeds], axis=1)
+    count = len(PARAMETERS[law])
+    start = draws[:, :count].mean(axis=0)
+    mean = curves.mean(axis=0)
+
+    def away(values: FloatArray) -> FloatArray:
+        return np.asarray(_evaluate_at(law, values, speeds) - mean)
+
+    near = least_squares(away, start, method="lm")
+    inverse: FloatArray = np.linalg.pinv(
+        np.asarray(near.jac, dtype=float), rcond=_SMALLEST_DIRECTION
+    )
+    covariance = inverse @ np.atleast_2d(np.cov(curves, rowvar=False)) @ inverse.T
+    return np.asarray(near.x), np.asarray(0.5 * (covariance + covariance.T))
+
+
+def _evaluate_at(law: LawKind, values: FloatArray, speeds: FloatArray) -> FloatArray:
+    return np.array([float(_evaluate(law, values[None, :], float(v))[0]) for v in speeds])
+
+
+def _about(value: float, draws: FloatArray) -> Estimate:
+    """Spread of the draws about a value that need not be their mean."""
+    low, high = np.quantile(draws, [0.025, 0.975])
+    std = float(np.sqrt(np.mean((draws - value) ** 2)))
+    return Estimate(float(value), std, float(low), float(high))
+
+
+def _evaluate(law: LawKind, draws: FloatArray, speed: float) -> FloatArray:
+    if law is LawKind.EXPONENTIAL:
+        return np.asarray(draws[:, 0] * np.exp(-draws[:, 1] * speed) + draws[:, 2])
+    if law is LawKind.POWER:
+        return np.asarray(1.0 - draws[:, 0] * speed**_POWER)
+    return np.asarray(draws[:, 0])
+
+
+def _summary(values: FloatArray) -> Estimate:
+    low, high = np.quantile(values, [0.025, 0.975])
+    return Estimate(float(values.mean()), float(values.std(ddof=1)), float(low), float(high))
+
+
+@dataclass(frozen=True)
+class Precision:
+    """Standard deviations as ISO 5725-2 has them, in the unit of the values.
+
+    Attributes
+    ----------
+    repeatability : float
+        s_r, within a session.
+    repeatability_low, repeatability_high : float
+        95 % interval of s_r.
+    between : float or None
+        s_L, between sessions; None with one session.
+    reproducibility : float or None
+        s_R = √(s_r² + s_L²).
+    values, sessions : int
+        How many.
+    """
+
+    repeatability: float
+    repeatability_low: float
+    repeatability_high: float
+    between: float | None
+    reproducibility: float | None
+    values: int
+    sessions: int
+
+    @property
+    def limit(self) -> float:
+        """r: two strikes of a session differ by less in 95 of 100 cases (2.8 s_r)."""
+        return 1.96 * math.sqrt(2.0) * self.repeatability
+
+
+def precision(values: FloatArray, session: NDArray[np.int64], fitted: int = 0) -> Precision | None:
+    """Precision from `values` (N,) in sessions; None where no session repeats anything.
+
+    Parameters
+    ----------
+    values : (N,) array
+        Residuals against what is common (the law at each impact speed), or values at one level.
+    session : (N,) int array
+    fitted : int
+        Parameters of the law that took freedom from the residuals.
+    """
+    names, number = np.unique(session, return_counts=True)
+    within = len(values) - len(names) - fitted
+    if within < 1:
+        return None
+    means = np.array([values[session == name].mean() for name in names])
+    own_mean = means[np.searchsorted(names, session)]
+    inner = float(((values - own_mean) ** 2).sum())
+    s_r2 = inner / within
+    between: float | None = None
+    if len(names) > 1:
+        grand = values.mean()
+        outer = float((number * (means - grand) ** 2).sum()) / (len(names) - 1)
+        typical = (len(values) - (number**2).sum() / len(values)) / (len(names) - 1)
+        between = float(np.sqrt(max(0.0, (outer - s_r2) / typical)))
+    return Precision(
+        repeatability=float(np.sqrt(s_r2)),
+        repeatability_low=float(np.sqrt(inner / chi2.ppf(0.975, within))),
+        repeatability_high=float(np.sqrt(inner / chi2.ppf(0.025, within))),
+        between=between,
+        reproducibility=None if between is None else float(np.hypot(np.sqrt(s_r2), between)),
+        values=len(values),
+        sessions=len(names),
+    )
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Differences camera − sensor of N pairs, in the unit of both.
+
+    Attributes
+    ----------
+    bias, bias_std : float
+        Mean difference and its standard uncertainty.
+    scatter : float
+        Standard deviation of the differences.
+    lower, upper : float
+        95 % limits of agreement.
+    limits_std : float
+        Standard uncertainty of either limit, √(3/N) of the scatter.
+    slope, slope_std : float
+        Of the differences over the means: does the disagreement grow with the quantity?
+    pairs : int
+    means, differences : (N,) array
+    """
+
+    bias: float
+    bias_std: float
+    scatter: float
+    lower: float
+    upper: float
+    limits_std: float
+    slope: float
+    slope_std: float
+    pairs: int
+    means: FloatArray
+    differences: FloatArray
+
+    @property
+    def biased(self) -> bool | None:
+        """Whether the bias is beyond chance (95 %); None with fewer than three pairs."""
+        if self.pairs < 3:
+            return None
+        return bool(abs(self.bias) > student.ppf(0.975, self.pairs - 1) * self.bias_std)
+
+
+def agreement(camera: FloatArray, sensor: FloatArray) -> Agreement | None:
+    """Compare pairs (N,); None with fewer than two."""
+    both = np.isfinite(camera) & np.isfinite(sensor)
+    camera, sensor = camera[both], sensor[both]
+    number = len(camera)
+    if number < 2:
+        return None
+    differences, means = camera - sensor, (camera + sensor) / 2
+    bias, scatter = float(differences.mean()), float(differences.std(ddof=1))
+    slope, slope_std = _slope(means, differences)
+    return Agreement(
+        bias=bias,
+        bias_std=scatter / np.sqrt(number),
+        scatter=scatter,
+        lower=bias - 1.96 * scatter,
+        upper=bias + 1.96 * scatter,
+        limits_std=float(np.sqrt(3 / number) * scatter),
+        slope=slope,
+        slope_std=slope_std,
+        pairs=number,
+        means=means,
+        differences=differences,
+    )
+
+
+def _slope(x: FloatArray, y: FloatArray) -> tuple[float, float]:
+    centred = x - x.mean()
+    spread = float((centred**2).sum())
+    if len(x) < 3 or spread == 0:
+        return 0.0, float("inf")
+    slope = float((centred * y).sum()) / spread
+    rest = y - y.mean() - slope * centred
+    return slope, float(np.sqrt((rest**2).sum() / (len(x) - 2) / spread))
+
+
+FALSE_ALARMS = 0.05
+
+"""Chance that a clean set has any outlier named."""
+
+_MOST_SHARE = 0.2
+
+"""More than a fifth are no outliers but another population."""
+
+
+@dataclass(frozen=True)
+class Outlier:
+    """A value that the test names.
+
+    Attributes
+    ----------
+    index : int
+        Into the values tested.
+    distance : float
+        From the mean of the others kept, in their standard deviations.
+    critical : float
+        What the test allows.
+    """
+
+    index: int
+    distance: float
+    critical: float
+
+
+def find_outliers(values: FloatArray) -> tuple[Outlier, ...]:
+    """Outliers among `values` (N,), the furthest first; none is looked for in fewer than six.
+
+    Values are standardised residuals against a law, so that slow and fast strikes compare.
+    """
+    kept = np.flatnonzero(np.isfinite(values))
+    number = len(kept)
+    if number < 6:
+        return ()
+    removed: list[Outlier] = []
+    named = 0
+    for i in range(1, max(1, int(_MOST_SHARE * number)) + 1):
+        sample = values[kept]
+        spread = float(sample.std(ddof=1))
+        if spread == 0:
+            break
+        distances = np.abs(sample - sample.mean()) / spread
+        worst = int(distances.argmax())
+        critical = _critical(number, i)
+        removed.append(Outlier(int(kept[worst]), float(distances[worst]), critical))
+        if distances[worst] > critical:
+            named = i
+        kept = np.delete(kept, worst)
+    return tuple(removed[:named])
+
+
+def _critical(number: int, i: int) -> float:
+    left = number - i
+    quantile = student.ppf(1 - FALSE_ALARMS / (2 * (left + 1)), left - 1)
+    return float(left * quantile / np.sqrt((left - 1 + quantile**2) * (left + 1)))
+
+
+@dataclass(frozen=True)
+class Ranges:
+    """Landing distances of N strikes, m.
+
+    Attributes
+    ----------
+    speed : (N,) array
+        Impact speed, m/s.
+    measured, measured_std : (N,) array
+    numerical : (N,) array
+        The paper's steps a to e with drag in both directions and the fitted law.
+    variable : (N,) array
+        Eqs 13 to 16 with the fitted law.
+    constant : (N,) array
+        Eqs 13 to 16 with the law's value at rest, as the paper's "constant".
+    """
+
+    speed: FloatArray
+    measured: FloatArray
+    measured_std: FloatArray
+    numerical: FloatArray
+    variable: FloatArray
+    constant: FloatArray
+
+    def rms(self) -> dict[str, float]:
+        """Root mean square of model less measured, m, for each model."""
+        return {
+            name: float(np.sqrt(np.nanmean((getattr(self, name) - self.measured) ** 2)))
+            for name in ("numerical", "variable", "constant")
+        }
+
+
+def ranges(
+    experiment: Experiment,
+    cor: Callable[[FloatArray], FloatArray],
+    speed: FloatArray,
+    measured: FloatArray,
+    measured_std: FloatArray,
+) -> Ranges:
+    """Foretell the range of each strike.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    cor : callable
+        Fitted law: impact speed (m/s) to e.
+    speed, measured, measured_std : (N,) array
+        m/s and m.
+    """
+    ball: Ball = experiment.ball
+    at_rest = np.full_like(speed, float(cor(np.zeros(1))[0]))
+    values = np.clip(cor(speed), 1e-3, 1.0)
+    at_rest = np.clip(at_rest, 1e-3, 1.0)
+    time = np.asarray(ball.contact_time(speed))
+    launch = impulsive_launch(experiment, speed, values, time)
+    constant = impulsive_launch(experiment, speed, at_rest, time)
+    return Ranges(
+        speed,
+        measured,
+        measured_std,
+        np.asarray(numerical_landing(experiment, launch).distance),
+        np.asarray(closed_form_landing(experiment, launch).distance),
+        np.asarray(closed_form_landing(experiment, constant).distance),
+    )
+
+
+SPEED, COR = "pendulum_speed_before", "cor"
+
+
+@dataclass(frozen=True)
+class SensorAnalysis:
+    """Camera against one sensor, over all clips."""
+
+    sensor: SensorColumn
+    agreement: Agreement
+
+
+@dataclass(frozen=True)
+class BallAnalysis:
+    """What the clips of one ball say together.
+
+    Attributes
+    ----------
+    ball : str
+    clips : tuple of ClipResult
+        Used and with both impact speed and COR, N of them.
+    points : CorPoints or None
+    fits : tuple of CorLawFit
+        The likeliest law first; empty with too few clips.
+    why_no_law : str or None
+    outliers : tuple of Outlier
+        Indices into `clips`.
+    distances : (N,) array
+        Standardised residuals against the law.
+    precision : Precision or None
+        Of the COR's residuals, within and between sessions.
+    ranges : Ranges or None
+        Of the clips with a landing, where the ball's mass and diameter are known.
+    impulse : (N, 2) array
+        External impulse by Eq. 8 from the pendulum's speeds, and as measured, N s.
+    energy_loss : (N, 2) array
+        The pendulum's, exact and by the paper's Eq. 20, J.
+    """
+
+    ball: str
+    clips: tuple[ClipResult, ...]
+    points: CorPoints | None
+    fits: tuple[CorLawFit, ...]
+    why_no_law: str | None
+    outliers: tuple[Outlier, ...]
+    distances: FloatArray
+    precision: Precision | None
+    ranges: Ranges | None
+    impulse: FloatArray
+    energy_loss: FloatArray
+
+
+@dataclass(frozen=True)
+class CampaignAnalysis:
+    """The campaign as a whole.
+
+    Attributes
+    ----------
+    balls : tuple of BallAnalysis
+    sensors : tuple of SensorAnalysis
+        Those with two pairs at least.
+    """
+
+    balls: tuple[BallAnalysis, ...]
+    sensors: tuple[SensorAnalysis, ...]
+
+
+def analyse(results: Sequence[ClipResult], setup: Setup, ball: str | None) -> CampaignAnalysis:
+    """Analyse what was measured; clips marked as bad are left out.
+
+    Parameters
+    ----------
+    results : sequence of ClipResult
+    setup : Setup
+    ball : str or None
+        Ball of the clips for which the lab book names none.
+    """
+    used = [result for result in results if result.used]
+    names = sorted({result.ball or ball or "" for result in used})
+    return CampaignAnalysis(
+        tuple(
+            _ball(name, [one for one in used if (one.ball or ball or "") == name], setup)
+            for name in names
+        ),
+        tuple(_sensors(used)),
+    )
+
+
+def _column(results: Sequence[ClipResult], name: str) -> tuple[FloatArray, FloatArray]:
+    pairs = np.array([result.quantity(name) for result in results]).reshape(-1, 2)
+    return pairs[:, 0], pairs[:, 1]
+
+
+def _ball(name: str, results: Sequence[ClipResult], setup: Setup) -> BallAnalysis:
+    speed, cor = _column(results, SPEED)[0], _column(results, COR)[0]
+    clips = tuple(
+        result
+        for result, whole in zip(results, np.isfinite(speed) & np.isfinite(cor), strict=True)
+        if whole
+    )
+    points = _points(clips) if clips else None
+    fits: tuple[CorLawFit, ...] = ()
+    why = "no clip of this ball gave both impact speed and restitution"
+    if points is not None:
+        try:
+            fits = fit_cor_laws(points)
+        except TooLittleDataError as problem:
+            why = problem.in_one_line
+    distances = _distances(points, fits) if points is not None and fits else np.zeros(0)
+    experiment = _experiment(name, setup)
+    parameters = 0 if not fits else len(fits[0].parameters)
+    return BallAnalysis(
+        ball=name,
+        clips=clips,
+        points=points,
+        fits=fits,
+        why_no_law=None if fits else why,
+        outliers=find_outliers(distances),
+        distances=distances,
+        precision=None
+        if points is None or not fits
+        else precision(_residuals(points, fits[0]), points.session, parameters),
+        ranges=_ranges(results, experiment, fits),
+        impulse=_impulse(clips, experiment),
+        energy_loss=_energy(clips, experiment),
+    )
+
+
+def _points(clips: Sequence[ClipResult]) -> CorPoints:
+    (speed, speed_std), (cor, std) = _column(clips, SPEED), _column(clips, COR)
+    shared = _shared(clips)
+    own = np.sqrt(np.maximum(std**2 - (shared**2).sum(axis=1), (0.05 * std) ** 2))
+    if len(speed) > 2 and np.ptp(speed) > 0:
+        # an error of the impact speed acts through the slope, where the law is not flat
+        slope = float(np.polyfit(speed, cor, 1)[0])
+        own = np.hypot(own, slope * speed_std)
+    sessions = sorted({clip.session for clip in clips})
+    numbers = np.array([sessions.index(clip.session) for clip in clips])
+    return CorPoints(speed, cor, own, shared, numbers)
+
+
+def _shared(clips: Sequence[ClipResult]) -> FloatArray:
+    lines = [clip.shared for clip in clips]
+    sources = sorted({source for line in lines for source in line})
+    return np.array([[line.get(source, 0.0) for source in sources] for line in lines]).reshape(
+        len(clips), len(sources)
+    )
+
+
+def _residuals(points: CorPoints, fit: CorLawFit) -> FloatArray:
+    return np.array([e - fit.at(v).value for v, e in zip(points.speed, points.cor, strict=True)])
+
+
+def _distances(points: CorPoints, fits: Sequence[CorLawFit]) -> FloatArray:
+    scatter = fits[0].strike_scatter.value
+    return _residuals(points, fits[0]) / np.hypot(points.std, scatter)
+
+
+def _experiment(name: str, setup: Setup) -> Experiment | None:
+    """The lab's apparatus with this ball; None where its mass or diameter is not known."""
+    try:
+        return experiment_of(setup, choose_ball(setup, name or None))
+    except UsageError:
+        return None
+
+
+def _ranges(
+    results: Sequence[ClipResult], experiment: Experiment | None, fits: Sequence[CorLawFit]
+) -> Ranges | None:
+    speed, (landed, std) = _column(results, SPEED)[0], _column(results, "landing_distance")
+    whole = np.isfinite(speed) & np.isfinite(landed)
+    if experiment is None or not fits or not whole.any():
+        return None
+
+    def cor(at: FloatArray) -> FloatArray:
+        return np.array([fits[0].at(float(v)).value for v in at])
+
+    return ranges(experiment, cor, speed[whole], landed[whole], std[whole])
+
+
+def _impulse(clips: Sequence[ClipResult], experiment: Experiment | None) -> FloatArray:
+    measured = _column(clips, "external_impulse")[0]
+    if experiment is None:
+        return np.stack([np.full_like(measured, np.nan), measured], axis=1)
+    speed, cor = _column(clips, SPEED)[0], _column(clips, COR)[0]
+    mass = experiment.pendulum.mass_at_contact
+    by_cor = external_impulse(mass, experiment.ball.mass, cor, speed)
+    return np.stack([np.asarray(by_cor), measured], axis=1)
+
+
+def _energy(clips: Sequence[ClipResult], experiment: Experiment | None) -> FloatArray:
+    before, after = _column(clips, SPEED)[0], _column(clips, "pendulum_speed_after")[0]
+    if experiment is None:
+        return np.full((len(clips), 2), np.nan)
+    impulse = _column(clips, "external_impulse")[0]
+    pendulum = experiment.pendulum
+    return np.stack(
+        [
+            np.asarray(lost_by_pendulum(pendulum, before, after)),
+            np.asarray(lost_by_pendulum_approximate(pendulum, before, impulse)),
+        ],
+        axis=1,
+    )
+
+
+def _sensors(results: Sequence[ClipResult]) -> list[SensorAnalysis]:
+    found = []
+    for sensor in SENSORS:
+        camera = _column(results, sensor.quantity)[0]
+        read = [None if one.strike is None else one.strike.sensor(sensor) for one in results]
+        values = np.array([np.nan if pair is None else pair[0] for pair in read])
+        compared = agreement(camera, values)
+        if compared is not None:
+            found.append(SensorAnalysis(sensor, compared))
+    return found
+
+
+def by_clip(results: Sequence[ClipResult]) -> Mapping[str, ClipResult]:
+    """Results by the clip's name."""
+    return {result.clip: result for result in results}

@@ -1,1 +1,0 @@
-"""What a campaign says as a whole: laws of restitution, precision, outliers, agreement, ranges."""

@@ -1,1 +1,0 @@
-"""A measurement as files: table, JSON, CSV, tracks, pictures."""
