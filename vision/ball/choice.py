@@ -65,7 +65,7 @@ _BENDING = 0.35
 
 """Of the step: what falls goes that much further in each look than before, soon after release."""
 
-_STRAIGHT = 0.25
+_STRAIGHT_LINK = 0.25
 
 """Square of a turn over what is allowed: half of that is straight, supposed."""
 
@@ -360,7 +360,7 @@ def _mark_continued(
             dx - velocity[start, m, 0] * elapsed,
             dy - velocity[start, m, 1] * elapsed,
         )
-        if turned_x * turned_x + turned_y * turned_y < _STRAIGHT * allowed * allowed:
+        if turned_x * turned_x + turned_y * turned_y < _STRAIGHT_LINK * allowed * allowed:
             continued[start, m] = True
 
 
