@@ -12,6 +12,7 @@ from vision.ball.choice import (
     BallPath,
     Choice,
     choose_ball,
+    lay_before,
     link_circles,
     rivals,
     uncovered,
@@ -94,6 +95,7 @@ def follow(
         raise _no_ball(ball_at)
     _tell(progress, 0.4)
     choice, rough = _followed(looks, choice, _located(ball_at, footage.first))
+    rough = _followed_back(scene, choice.ball, rough)
     if len(rough.frame) < 3:
         raise _no_ball(ball_at)
     _tell(progress, 0.6)
@@ -236,6 +238,18 @@ def _followed(
             break
         choice, rough = better, follow_ball(looks.scene, better.ball)
     return choice, rough
+
+
+def _followed_back(scene: FilmedScene, path: BallPath, rough: BallFits) -> BallFits:
+    """Follow what stood in the static scene back to where it lay."""
+    for _ in range(_AGAIN):
+        if len(rough) == 0:
+            break
+        radius = float(np.median(rough.radius))
+        if not lay_before(scene, rough.frame, rough.centre, radius):
+            break
+        rough = follow_ball(scene, path)
+    return rough
 
 
 def _missed(rough: BallFits) -> IntArray:

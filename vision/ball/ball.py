@@ -267,6 +267,9 @@ _LEAST_CONTRAST = 0.35
 # used.
 SMALL_RADIUS = 6.0
 
+_FELT_RADII = 0.12
+"""Radii from which a coarse outline is felt at least: as wide as its soft edge."""
+
 _LOST_AFTER = 4
 """Frames without an outline that end a path: one or two may be hidden or dropped."""
 
@@ -552,10 +555,13 @@ class _Search:
         self._coarse = EdgeProfile(radius, max(0.6, 0.12 * radius), 0.0)
         self._sharp = EdgeProfile(radius, 0.6, 0.0)
         self._fine_rules = FitRules(3, 0.1 * radius, inner, outer, 6, 0.05)
+        # a large ball goes many px in a frame, all of them a small part of it
+        felt = _FELT_RADII * radius
+        inner, outer = max(1.6 * inner, felt), max(1.6 * outer, felt)
         self._coarse_rules = replace(
-            self._fine_rules, inner=1.6 * inner, outer=1.6 * outer, iterations=6, tolerance=0.05
+            self._fine_rules, inner=inner, outer=outer, iterations=6, tolerance=0.05
         )
-        self._reach = radius + 1.6 * outer + min(6.0, 0.4 * radius) + 2.0
+        self._reach = radius + outer + max(min(6.0, 0.4 * radius), felt) + 2.0
 
     def run(
         self, frame: IntArray, guess: FloatArray, trusted: BoolArray, *, afar: bool = False

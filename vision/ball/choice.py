@@ -35,7 +35,16 @@ from vision.ball.circles import Circles
 from vision.motion import lawful_stretch
 from vision.scene.scene import FilmedScene
 
-__all__ = ["BallPath", "Choice", "choose_ball", "link_circles", "rivals", "uncovered", "untangled"]
+__all__ = [
+    "BallPath",
+    "Choice",
+    "choose_ball",
+    "lay_before",
+    "link_circles",
+    "rivals",
+    "uncovered",
+    "untangled",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -770,6 +779,90 @@ def _uncover(scene: FilmedScene, ghost: _Ghost, found: dict[int, Circles]) -> No
                 mask |= np.hypot(columns - x, rows - y) < others.radius_px[place] + _BEYOND_PX
         hidden.append(mask)
     scene.uncover(frames, hidden, where)
+
+
+_SOONEST = 3
+"""Looks at what a thing uncovers, the soonest, that must agree with the later ones: what strikes or
+pushes it follows it into its place."""
+
+_MOST_LEAVING = 60
+"""Frames of its leaving that are looked at, supposed: a thing that leaves more slowly uncovers a
+sixtieth of its width in each."""
+
+_OFF_OUTLINE = 0.03
+"""Radii by which a rough outline may be off."""
+
+_STOOD_THERE = 0.2
+"""Share of the disc that must have looked like the static scene before, and unlike it since: half
+of what a ghost shows where a patchwork of thing and wall was taken for the scene, supposed."""
+
+_UNLIKE, _LIKE = 6.0, 3.0
+"""Standard deviations of noise, unlike and like: see `vision.scene.background`."""
+
+
+def lay_before(scene: FilmedScene, frame: IntArray, centre: FloatArray, radius: float) -> bool:
+    """Take what was followed out of the static scene where it lay at first.
+
+    Where a thing fills much of the picture, it leaves its place so slowly that it, or a patchwork
+    of it and the wall, passes for the static scene there. What is behind it is seen after it left;
+    what is first seen in the middle of the picture has not come from nowhere and lay there, too.
+
+    Parameters
+    ----------
+    scene : FilmedScene
+        Whose background is put right.
+    frame : (N,) int array
+        Frames in which the thing was seen.
+    centre : (N, 2) array
+        Where, px.
+    radius : float
+        Its radius, px.
+
+    Returns
+    -------
+    bool
+        Whether it stood in the static scene, and should be followed again.
+    """
+    height, width = scene.shape
+    rows, columns = np.ogrid[:height, :width]
+    inside = np.hypot(columns - centre[0, 0], rows - centre[0, 1]) < radius
+    noise, before = scene.background.noise, scene.background
+    if not (0.0 < centre[0, 0] < width and 0.0 < centre[0, 1] < height):
+        return False
+    like = np.zeros(scene.shape, dtype=bool)
+    for index, picture in scene.pictures(np.unique([0, int(frame[0]) // 2])):
+        like |= np.abs(picture / scene.views[index].gain - before.image) < _LIKE * noise
+    if np.mean(like[inside]) < _STOOD_THERE:
+        return False
+    _see_behind(scene, frame, centre, radius)
+    changed = np.abs(scene.background.image - before.image) > _UNLIKE * noise
+    if np.mean((changed & like)[inside]) > _STOOD_THERE:
+        return True
+    scene.restore(before)
+    return False
+
+
+def _see_behind(scene: FilmedScene, frame: IntArray, centre: FloatArray, radius: float) -> None:
+    """Put into the static scene what is seen where a thing lay at first, once it has left."""
+    leaving = _leaving(centre, radius)
+    if len(leaving) < _FEWEST_LOOKS:
+        return
+    rows, columns = np.ogrid[: scene.shape[0], : scene.shape[1]]
+    close = (1.0 + _OFF_OUTLINE) * radius + _BEYOND_PX
+    hidden = [np.hypot(columns - x, rows - y) < close for x, y in centre[leaving]]
+    away = np.hypot(columns - centre[0, 0], rows - centre[0, 1])
+    where = np.clip((close + _FADE_PX - away) / _FADE_PX, 0.0, 1.0).astype(np.float32)
+    scene.uncover(frame[leaving], hidden, where, _SOONEST, int(frame[leaving[0]]))
+
+
+def _leaving(centre: FloatArray, radius: float) -> IntArray:
+    """Rows in which a thing leaves its first place, until it shares nothing with it."""
+    away = np.hypot(*(centre - centre[0]).T)
+    moving = np.flatnonzero(away > _FADE_PX + _OFF_OUTLINE * radius)
+    gone = np.flatnonzero(away > 2.0 * (_MARGIN_RADII * radius + _BEYOND_PX))
+    first = int(moving[0]) if len(moving) else len(centre)
+    last = min(int(gone[0]) + _SOONEST if len(gone) else len(centre), len(centre))
+    return np.arange(first, last, max(1, (last - first) // _MOST_LEAVING))
 
 
 # A step so long, in radii, and so much faster than those before and after it both, is a leap to

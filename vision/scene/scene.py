@@ -254,6 +254,9 @@ _UNSTEADY_PX = 0.25
 """px: a camera whose pictures wander by less than this (95th percentile) stands on a tripod, since
 codecs do as much."""
 
+_UNKNOWN = np.float32(255.0)
+"""Gray levels, noise of a scene that was never seen: full scale."""
+
 _FEWEST_UNCOVERED = 3
 
 """Frames: a median of fewer does not leave out one that is wrong."""
@@ -292,6 +295,7 @@ class FilmedScene:
         self.background = self._still(samples, rough)
         self.noise = float(np.median(self.background.noise))
         self.views: dict[int, FrameView] = {}
+        self._until, self._earlier = 0, self.background
         self._aligner = Aligner(self.background.image, self.noise)
         self._meter = LightMeter(self.background.image, self.noise)
 
@@ -321,7 +325,14 @@ class FilmedScene:
         """Height and width, px."""
         return self._footage.shape
 
-    def uncover(self, frames: IntArray, hidden: list[NDArray[np.bool_]], where: FloatImage) -> None:
+    def uncover(
+        self,
+        frames: IntArray,
+        hidden: list[NDArray[np.bool_]],
+        where: FloatImage,
+        soonest: int | None = None,
+        since: int = 0,
+    ) -> None:
         """Put into the static scene what is seen in some frames where a thing stood in it.
 
         Parameters
@@ -332,6 +343,12 @@ class FilmedScene:
             For each, what else stands before the scene.
         where : (H, W) float32 array
             1 where the scene is to be replaced, fading to 0.
+        soonest : int, optional
+            So many frames of each pixel, those in which it is uncovered first, must agree with all:
+            something else may come into the place of what left. Where they do not, and where too
+            few show it, the scene is not known and its noise is full scale.
+        since : int
+            Frame from which on the scene is another: what lay there may be part of it before.
         """
         rows, columns = np.nonzero(where > 0)
         seen = np.full((len(frames), len(rows)), np.nan, dtype=np.float32)
@@ -340,17 +357,28 @@ class FilmedScene:
             gain = np.float32(self.views[index].gain)
             seen[place, free] = picture[rows[free], columns[free]] / gain
         known = np.count_nonzero(np.isfinite(seen), axis=0) >= min(_FEWEST_UNCOVERED, len(frames))
-        if not known.any():
-            return
-        image = self.background.image.copy()
-        share = where[rows, columns][known]
-        middle = np.nanmedian(seen[:, known], axis=0)
-        old = image[rows[known], columns[known]]
-        image[rows[known], columns[known]] = share * middle + (1 - share) * old
-        self.background = replace(self.background, image=image)
+        image, noise = self.background.image.copy(), self.background.noise.copy()
+        if known.any():
+            share = where[rows, columns][known]
+            middle = np.nanmedian(seen[:, known], axis=0)
+            old = image[rows[known], columns[known]]
+            image[rows[known], columns[known]] = share * middle + (1 - share) * old
+        if soonest is not None:
+            late = np.cumsum(np.isfinite(seen), axis=0) > soonest
+            early = np.nanmedian(np.where(late, np.nan, seen)[:, known], axis=0)
+            agree = np.abs(early - middle) < _STEADY * noise[rows[known], columns[known]]
+            known[known] = agree
+            noise[rows[~known], columns[~known]] = _UNKNOWN
+        if since > 0:
+            self._until, self._earlier = since, self.background
+        self.background = replace(self.background, image=image, noise=noise)
 
     def _gray(self, frame: GrayFrame) -> FloatImage:
         return np.asarray(frame.astype(np.float32) * self._full_scale)
+
+    def restore(self, background: Background) -> None:
+        """Take back what was put into the static scene."""
+        self.background, self._until = background, 0
 
     def view(self, index: int, frame: GrayFrame) -> FrameView:
         """How a frame, as it was stored, sees the scene; registered once."""
@@ -388,7 +416,15 @@ class FilmedScene:
 
     def expected(self, index: int, window: Window = _WHOLE) -> FloatImage:
         """The static scene in this frame's brightness, all of it or a window (rows, columns)."""
-        return np.asarray(self.background.image[window] * np.float32(self.views[index].gain))
+        image = self._seen_in(index).image[window]
+        return np.asarray(image * np.float32(self.views[index].gain))
+
+    def noise_in(self, index: int, window: Window = _WHOLE) -> FloatImage:
+        """Standard deviation of a frame's pixels about the static scene, gray levels."""
+        return self._seen_in(index).noise[window]
+
+    def _seen_in(self, index: int) -> Background:
+        return self._earlier if index < self._until else self.background
 
     def difference(self, index: int, picture: FloatImage, window: Window = _WHOLE) -> FloatImage:
         """Picture minus static scene, all of it or a window (rows, columns)."""

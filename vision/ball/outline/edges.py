@@ -202,7 +202,7 @@ def _fill(
         return
     into[0] = light(gray)
     into[1] = light(scene.expected(index, window))
-    into[2] = _looked_up(gray, _tables()[1]) / scene.background.noise[window]
+    into[2] = _looked_up(gray, _tables()[1]) / scene.noise_in(index, window)
     hidden = None if hides is None else hides(index)
     if hidden is not None:
         y, x = np.mgrid[window].astype(np.float64)

@@ -1027,7 +1027,7 @@ def _vote(
     circles = find_circles(
         picture,
         scene.expected(index, window),
-        np.ascontiguousarray(scene.background.noise[window]),
+        np.ascontiguousarray(scene.noise_in(index, window)),
         radii=(0.75 * radius, 1.3 * radius),
         most=8,
         least_coverage=0.5,
