@@ -47,3 +47,19 @@ def test_a_ball_already_struck_flies() -> None:
     tracks = follow(PaintedClip(pictures), 30.0)  # type: ignore[arg-type]
     assert tracks.motion.kind is MotionKind.FLIGHT
     assert tracks.rest_frames is None
+
+
+def test_a_ball_that_fills_much_of_the_picture_is_no_moving_scene() -> None:
+    scene = wall(84, 180)
+    places = [(40.0 + max(0.0, 2.2 * (index - 20)), 44.0) for index in range(58)]
+    pictures = [
+        exposed(with_ball(scene, place, 23.0), 1.5, index) for index, place in enumerate(places)
+    ]
+    tracks = follow(PaintedClip(pictures), 30.0)  # type: ignore[arg-type]
+    off = tracks.ball.centre_px - np.array(places)[tracks.ball.frame]
+    assert tracks.shift_px is None
+    assert tracks.rest_frames is not None
+    assert tracks.rest_frames[0] < 10
+    assert tracks.rest_frames[1] <= 20
+    assert len(off) > 40
+    assert np.hypot(*off.T).max() < 0.2

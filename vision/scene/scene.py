@@ -43,6 +43,9 @@ _ITERATIONS = 6
 
 """Steps of Gauss-Newton at most: a wander of a pixel settles in three."""
 
+_SPEAKS = 6.0
+"""A tile speaks for a fit where its chi-square is lower by three standard deviations: that of a
+difference of two squares of unit normals is two."""
 _FEWEST_POINTS = 40
 
 """Points: gain, shift, turn and scale are five unknowns, eight times as many leave room for
@@ -163,11 +166,13 @@ class Aligner:
             # On copies: the transform works in place.
             jump, _ = cv2.phaseCorrelate(self._smooth.copy(), smooth.copy())
             again = self._refine(smooth, FrameView(1.0, np.array(jump, dtype=np.float64), 0.0, 0.0))
-            # A wall's grid repeats: of two fits about as good, the nearer is right.
-            found = again if again[1] < 0.7 * found[1] else found
+            # A wall's grid repeats: of two fits about as good, the nearer is right. And what moves
+            # may have the strongest edges: the scene is what most of the picture agrees with.
+            better = again[1] < 0.7 * found[1] and self._prefer(again[2], found[2])
+            found = again if better else found
         return found[0]
 
-    def _refine(self, frame: FloatImage, guess: FrameView) -> tuple[FrameView, float]:
+    def _refine(self, frame: FloatImage, guess: FrameView) -> tuple[FrameView, float, FloatArray]:
         rows, columns = self._rows, self._columns
         x0, y0 = self._centre
         height, width = frame.shape
@@ -183,7 +188,7 @@ class Aligner:
             y = (rows + shift[1] + roll * (columns - x0)).astype(np.float32)
             inside = (x > 1) & (y > 1) & (x < width - 2) & (y < height - 2)
             if np.count_nonzero(inside) < _FEWEST_POINTS:
-                return FrameView(float(gain), shift, float(roll), std), np.inf
+                return FrameView(float(gain), shift, float(roll), std), np.inf, np.zeros(0)
             seen = _sampled(frame, x, y)
             residual = (seen - gain * expected).astype(np.float64)
             spread = 1.4826 * float(np.median(np.abs(residual[inside])))
@@ -202,7 +207,21 @@ class Aligner:
                 break
         # The median alone would be content with half of the scene's lines matching.
         quality = float(np.quantile(np.abs(residual[inside]), 0.8)) / (1.28 * self._noise)
-        return FrameView(float(gain), shift, float(roll), std), quality
+        off = np.where(inside, residual / self._noise, np.nan)
+        return FrameView(float(gain), shift, float(roll), std), quality, off
+
+    def _prefer(self, one: FloatArray, other: FloatArray) -> bool:
+        """Whether more tiles of the picture speak for one fit than for another.
+
+        Both are residuals (P,) over the noise, NaN outside the frame, or empty where there is none.
+        """
+        if not (one.size and other.size):
+            return bool(one.size)
+        gain = (other**2 - one**2).reshape(-1, _POINTS_PER_TILE)
+        known = np.isfinite(gain)
+        spread = _SPEAKS * np.sqrt(np.maximum(known.sum(axis=1), 1))
+        for_one = np.where(known, gain, 0.0).sum(axis=1)
+        return int(np.sum(for_one > spread)) > int(np.sum(for_one < -spread))
 
 
 def _sampled(frame: FloatImage, x: FloatImage, y: FloatImage) -> FloatImage:
