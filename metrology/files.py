@@ -22,6 +22,7 @@ __all__ = [
     "parse_toml",
     "read_small_text",
     "refuse_unwritable",
+    "shown_path",
     "write_text_whole",
     "written_whole",
 ]
@@ -57,7 +58,7 @@ def read_small_text(
         If there is no such file, it is no regular file (a pipe, a device, a folder), larger than
         4 MiB, or no text.
     """
-    name = f"{what} {_shown(path)}".strip()
+    name = f"{what} {shown_path(path)}".strip()
     try:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode):
@@ -189,7 +190,7 @@ def _told(path: Path, codes: frozenset[int] | None = None) -> Iterator[None]:
         if codes is not None and problem.errno not in codes:
             raise
         raise OutputError(
-            f"can't write {_shown(path)}: {problem.strerror or problem}",
+            f"can't write {shown_path(path)}: {problem.strerror or problem}",
             hint="Name a file in a folder that exists, that you may write to, on a disk with room.",
         ) from problem
 
@@ -223,7 +224,8 @@ def _mode_of(target: Path) -> int:
         return 0o666 & ~mask
 
 
-def _shown(path: Path) -> str:
+def shown_path(path: str | Path) -> str:
+    """A path as a message names it: in short where it is long."""
     return _in_short(str(path))
 
 

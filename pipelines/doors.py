@@ -28,6 +28,23 @@ __all__ = ["FileRole", "guarded", "refuse_clashes"]
 DEBUG = "IMPACT_VISION_DEBUG"
 """Environment: set, a numerical failure keeps its traceback; ``vision --debug`` sets it."""
 
+_ABOUT_FILES = frozenset(
+    {
+        errno.ENOENT,
+        errno.EACCES,
+        errno.EPERM,
+        errno.ENAMETOOLONG,
+        errno.EISDIR,
+        errno.ENOTDIR,
+        errno.ELOOP,
+        errno.EIO,
+        errno.EROFS,
+        errno.ESTALE,
+        errno.ENXIO,
+    }
+)
+"""What the system says of files that people name, or of disks: no bug of ours."""
+
 _NUMERICAL_LIBRARIES = frozenset({"numpy", "scipy"})
 """What they refuse with a ValueError of their own is no number or no optimum."""
 
@@ -56,6 +73,7 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
         interrupt (130), and of numbers that no fit can be made of (4).
     """
     from metrology import ImpactVisionError
+    from metrology.files import shown_path
     from pipelines.terminal import screen
 
     @functools.wraps(command)
@@ -77,10 +95,16 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
             _silence_stdout()
             raise typer.Exit(_ENDED_BY_SIGNAL + signal.SIGPIPE) from None
         except OSError as problem:
-            if problem.errno not in (errno.ENOSPC, errno.EDQUOT):
+            if problem.errno in (errno.ENOSPC, errno.EDQUOT):
+                _silence_stdout()
+                end(f"the disk is full: {problem.strerror}\nMake room and ask again.", 2)
+            if problem.filename is None or problem.errno not in _ABOUT_FILES:
                 raise
-            _silence_stdout()
-            end(f"the disk is full: {problem.strerror}\nMake room and ask again.", 2)
+            end(
+                f"can't use {shown_path(problem.filename)}: {problem.strerror}\n"
+                "Check the name, and that you may read or write there.",
+                2,
+            )
         except (ArithmeticError, ValueError) as problem:
             if not _is_numerical(problem):
                 raise

@@ -47,6 +47,7 @@ from pipelines.terminal import DefaultCommandGroup
 from pipelines.web.guard import Jobs
 from vision.clip.clip import ClipReader
 from vision.clip.footage import choose_capture_rate
+from vision.clip.picture import decoded_image
 
 __all__ = ["CALIBRATE_COMMANDS", "ClipOrCommand", "find_unattended", "session_of"]
 
@@ -470,7 +471,8 @@ def _grid(path: Path, pitch: str) -> WallGrid:
 
 
 def _picture(path: Path) -> NDArray[np.uint8]:
-    picture = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE) if path.is_file() else None
+    data = path.read_bytes() if path.is_file() else b""
+    picture = decoded_image(data, cv2.IMREAD_GRAYSCALE, path)
     if picture is None:
         raise ClipError(f"{path} is no picture that can be read", hint="Give JPEG or PNG files.")
     return np.asarray(picture, dtype=np.uint8)

@@ -241,6 +241,11 @@ def read_bytes(path: Path, what: str) -> bytes:
         If it can't be read, or is too large to be `what`.
     """
     try:
+        if path.exists() and not path.is_file():
+            raise UsageError(
+                f"can't read {path}: it is no regular file",
+                hint="Name a file; a pipe or a device may never end.",
+            )
         if path.stat().st_size > LARGEST_BYTES:
             raise UsageError(
                 f"{path} is too large to be {what} ({LARGEST_BYTES >> 20} MiB at most)"

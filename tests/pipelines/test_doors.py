@@ -69,6 +69,39 @@ def test_a_name_too_long_for_the_file_system_is_no_clip() -> None:
     assert invoked("measure", "x" * 5000)[0] == 3
 
 
+READS = {
+    "setup": ["simulate", "--impact-speed", "2", "--setup", "@"],
+    "laws": ["simulate", "--impact-speed", "2", "--cor-law", "@"],
+    "table": ["explain", "@"],
+    "effects": ["effects", "check", "@"],
+    "tracks": ["convert", "@", "o.csv"],
+    "tracks of a clip": ["measure", "--from-tracks", "@", "--fps", "240"],
+    "clip": ["measure", "@", "--fps", "600"],
+    "lab book": ["campaign", "a.mp4", "--trials", "@", "--out", "out"],
+    "lens": ["calibrate", "wall", "a.mp4", "--lens", "@"],
+    "campaign": ["campaign", "status", "@"],
+    "pilot": ["plan", "campaign", "--target-cor-std", "0.01", "--pilot", "@"],
+}
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("door", READS)
+def test_what_is_no_regular_file_is_refused_at_once(
+    door: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a.mp4").write_bytes(b"x")
+    for name in ("pipe.csv", "pipe.trk", "pipe.toml", "pipe.xlsx"):
+        os.mkfifo(tmp_path / name)
+    names = ["pipe.csv", "pipe.trk", "pipe.toml", "pipe.xlsx", "/dev/zero", "x" * 5000 + ".csv"]
+    for name in names:
+        code, said = invoked(*[name if word == "@" else word for word in READS[door]])
+        assert code in (2, 3), (name[:20], said)
+        assert len(said) < 1000 or door == "clip"
+    assert not (tmp_path / "o.csv").exists()
+    assert not (tmp_path / "out").exists()
+
+
 def _command(fault: Exception) -> int | str | None:
     def fails(out: Annotated[Path | None, typer.Option(), FileRole.WRITES] = None) -> None:
         raise fault

@@ -34,7 +34,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology import ClipError
-from vision.clip.picture import ClipInfo, Frame, GrayImage, Upright, Weave, bit_depth, upright_of
+from vision.clip.picture import (
+    ClipInfo,
+    Frame,
+    GrayImage,
+    Upright,
+    Weave,
+    bit_depth,
+    decoded_image,
+    upright_of,
+)
 from vision.clip.video_file import VideoFile
 
 __all__ = ["ClipReader", "separate_field"]
@@ -378,8 +387,8 @@ class ImageFrame:
 
     def _read(self, flags: int) -> NDArray[Any]:
         # IMREAD_UNCHANGED skips the camera's orientation tag, so it is asked for without.
-        data = np.frombuffer(self._path.read_bytes(), np.uint8)
-        image = cv2.imdecode(data, flags | cv2.IMREAD_IGNORE_ORIENTATION) if len(data) else None
+        data = self._path.read_bytes()
+        image = decoded_image(data, flags | cv2.IMREAD_IGNORE_ORIENTATION, self._path)
         if image is None or image.dtype not in (np.uint8, np.uint16):
             raise ClipError(
                 f"{self._path} is no image that can be read",
@@ -521,6 +530,11 @@ class ClipReader:
             folder = ImageFolder(place)
             clip = cls(folder, folder.info, Upright())
         else:
+            if not place.is_file():
+                raise ClipError(
+                    f"{place} is no regular file",
+                    hint="Name a video file; a pipe or a device may never end.",
+                )
             if place.stat().st_size == 0:
                 raise ClipError(
                     f"{place} is empty",

@@ -141,8 +141,8 @@ _MARGIN = 60
 _MARGIN_BYTES = 40_000_000
 """Bytes of the frames before and after the span that are kept."""
 
-# A ball of 5 px with as much around it; OpenCV's resampling counts pixels in 15 bits.
-_SMALLEST_SIDE, _LARGEST_SIDE = 16, 32_766
+_SMALLEST_SIDE = 16
+"""px: a ball of 5 px with as much around it."""
 
 # Weight of plain time beside the time told by motion, where frames are spread.
 _IDLE_SHARE = 0.15
@@ -283,11 +283,6 @@ def _check_size(height: int, width: int) -> None:
         raise ClipError(
             f"pictures of {width} × {height} px are too small to follow anything in",
             hint=f"Each side needs at least {_SMALLEST_SIDE} px.",
-        )
-    if max(height, width) > _LARGEST_SIDE:
-        raise ClipError(
-            f"pictures of {width} × {height} px are too large to resample",
-            hint=f"Crop or shrink them to at most {_LARGEST_SIDE} px a side.",
         )
 
 

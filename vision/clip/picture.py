@@ -3,6 +3,8 @@
 What is known of a clip before anything in it is looked at, and one frame of it.
 """
 
+import io
+import warnings
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -12,6 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from metrology import ClipError
+
 __all__ = [
     "ClipInfo",
     "Frame",
@@ -20,7 +24,9 @@ __all__ = [
     "Weave",
     "bit_depth",
     "colour_image",
+    "decoded_image",
     "luma_image",
+    "refuse_giant",
     "upright_of",
 ]
 
@@ -278,3 +284,75 @@ def _limited_table(depth: int) -> GrayImage:
 def _full_table(depth: int) -> GrayImage:
     top = (1 << depth) - 1
     return np.round(np.arange(1 << depth) * (65535.0 / top)).astype(np.uint16)
+
+
+_LARGEST_SIDE = 32_766
+"""px: OpenCV's resampling counts pixels in 15 bits."""
+_LARGEST_PICTURE = 1 << 26
+"""px, 8192 × 8192: the largest sensors that film have 50 million. Followed, a picture is held about
+twenty times (colour, gray, background, blurred), which fills a gigabyte or two."""
+
+
+def refuse_giant(height: int, width: int, name: object = "") -> None:
+    """Refuse a picture that is too large to work with, from its header alone.
+
+    Parameters
+    ----------
+    height, width : int
+        px.
+    name : object
+        What to call it in the message.
+
+    Raises
+    ------
+    ClipError
+    """
+    if max(height, width) > _LARGEST_SIDE or height * width > _LARGEST_PICTURE:
+        raise ClipError(
+            f"{name} has pictures of {width} × {height} px, too large to work with".strip(),
+            hint=f"Crop or shrink them to at most {_LARGEST_SIDE} px a side and"
+            f" {_LARGEST_PICTURE / 1e6:.0f} million in all.",
+        )
+
+
+def decoded_image(data: bytes, flags: int, name: object) -> NDArray[Any] | None:
+    """An image file's pixels by OpenCV; None where it is no image.
+
+    Parameters
+    ----------
+    data : bytes
+        The whole file.
+    flags : int
+        ``cv2.IMREAD_…``.
+    name : object
+        What to call it in a message.
+
+    Raises
+    ------
+    ClipError
+        If it is too large to work with: its header is looked at before anything is unpacked.
+    """
+    width, height = _size_in_header(data)
+    refuse_giant(height, width, name)
+    if not data:
+        return None
+    try:
+        return cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    except cv2.error:
+        return None
+
+
+def _size_in_header(data: bytes) -> tuple[int, int]:
+    """Width and height, px, as an image's header says; zeros where nothing can be read there."""
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with warnings.catch_warnings():
+            # its own limit only warns; ours decides
+            warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+            with Image.open(io.BytesIO(data)) as image:
+                return image.size
+    except Image.DecompressionBombError:
+        return _LARGEST_PICTURE, _LARGEST_PICTURE
+    except (UnidentifiedImageError, OSError, ValueError, SyntaxError):
+        return 0, 0

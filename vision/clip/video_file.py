@@ -32,7 +32,7 @@ from av.stream import Disposition
 from numpy.typing import NDArray
 
 from metrology import ClipError
-from vision.clip.picture import GrayImage, Weave, colour_image, luma_image
+from vision.clip.picture import GrayImage, Weave, colour_image, luma_image, refuse_giant
 
 __all__ = ["VideoFile", "capture_fps_in_tags"]
 
@@ -243,6 +243,7 @@ class VideoFile:
         self.damaged = 0
         with self._opened() as (container, stream):
             self.codec = str(stream.codec_context.name)
+            refuse_giant(stream.codec_context.height, stream.codec_context.width, path)
             self.tags = {**container.metadata, **stream.metadata}
             aspect = stream.sample_aspect_ratio
             self.pixel_aspect = float(aspect) if aspect else 1.0

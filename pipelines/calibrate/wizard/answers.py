@@ -29,7 +29,7 @@ from metrology import (
 )
 from vision.clip.clip import ClipReader
 from vision.clip.footage import CaptureRate, RateSource, choose_capture_rate
-from vision.clip.picture import ClipInfo
+from vision.clip.picture import ClipInfo, decoded_image
 from vision.following import follow
 from vision.tracks import Track, Tracks
 
@@ -460,8 +460,7 @@ def lens_from_board(
 
 
 def _decoded(name: str, data: bytes) -> NDArray[np.uint8]:
-    encoded = np.frombuffer(data, dtype=np.uint8)
-    picture = cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE) if len(encoded) else None
+    picture = decoded_image(data, cv2.IMREAD_GRAYSCALE, name)
     if picture is None:
         raise ClipError(f"{name} is no picture that can be read", hint="Give JPEG or PNG files.")
     return np.asarray(picture, dtype=np.uint8)
