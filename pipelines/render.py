@@ -21,6 +21,7 @@ from pipelines.model.options import (
     setup_or_default,
     start_angle,
 )
+from pipelines.options import EffectOption, NamedBallOption, SetupFileOption
 from pipelines.setup.file import Setup
 from pipelines.terminal import screen
 from sample_videos import Encoding, Physics, Scene, Shake, Shot, Truth, render_clip, strike
@@ -219,10 +220,8 @@ def render_command(
         typer.Option("--out", "-o", help="The clip to write; its name ends as the codec wants."),
         FileRole.WRITES,
     ],
-    setup: Annotated[Path | None, typer.Option(help="Setup file (TOML).")] = None,
-    ball: Annotated[
-        str | None, typer.Option(help="A preset, or a ball of the setup file.", metavar="NAME")
-    ] = None,
+    setup: SetupFileOption = None,
+    ball: NamedBallOption = None,
     backswing: Annotated[
         str, typer.Option(help="Back-swing angle, such as '90 deg'.", metavar="ANGLE")
     ] = "120 deg",
@@ -247,10 +246,7 @@ def render_command(
     codec: Annotated[str, typer.Option(help="h264, mjpeg, ffv1 (lossless) or png.")] = "h264",
     view: Annotated[str, typer.Option(help="landing, impact or oblique.")] = "landing",
     noise: Annotated[str, typer.Option(help="none, low, good, high, dim.")] = "good",
-    effect: Annotated[
-        list[str] | None,
-        typer.Option(help="Add an effect of the catalogue: magnus:spin=10.", metavar="ID:NAME=X"),
-    ] = None,
+    effect: EffectOption = None,
     drop: Annotated[
         list[int] | None, typer.Option(help="A captured frame that is lost; repeat it.", min=0)
     ] = None,

@@ -49,7 +49,6 @@ from metrology import (
     write_text_whole,
 )
 from physics.bodies import JOKKU, PAPER_PENDULUM, PAPER_SUPPORT, Ball, Pendulum, Support
-from pipelines.doors import FileRole
 from pipelines.measure.budget import ClipConditions as Known
 from pipelines.measure.budget import (
     derived_values,
@@ -68,6 +67,7 @@ from pipelines.model.options import (
     quantities_as_json,
     setup_or_default,
 )
+from pipelines.options import NamedBallOption, NoTableOption, ResultsJsonOption
 from pipelines.setup.file import BallSetup, CameraSetup, Setup, WallSetup
 from pipelines.terminal import screen
 from sample_videos.renderer.bodies import pivot, swing_rotation
@@ -572,9 +572,7 @@ def plan_filming_command(
         float | None,
         typer.Option(help="Instead: noise of a pixel of the wall, gray levels of 255."),
     ] = None,
-    ball: Annotated[
-        str | None, typer.Option(help="A preset, or a ball of the setup file.", metavar="NAME")
-    ] = None,
+    ball: NamedBallOption = None,
     backswing: Annotated[str, typer.Option(help="Angle the pendulum is let go at.")] = "90 deg",
     ball_plane: Annotated[str, typer.Option(help="Ball plane in front of the wall.")] = "0.45 m",
     tape: Annotated[
@@ -586,12 +584,8 @@ def plan_filming_command(
     changes: Annotated[
         bool, typer.Option("--changes/--no-changes", help="Try what would help.")
     ] = True,
-    json_to: Annotated[
-        str | None,
-        typer.Option("--json", help="Results as JSON; - for stdout.", metavar="FILE"),
-        FileRole.WRITES,
-    ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No table, no warnings.")] = False,
+    json_to: ResultsJsonOption = None,
+    quiet: NoTableOption = False,
 ) -> None:
     """Plan a recording: the uncertainty to expect of every quantity, and which change helps most.
 

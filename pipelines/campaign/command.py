@@ -13,6 +13,7 @@ from pipelines.campaign.conduct import Campaign, CampaignOptions, conduct
 from pipelines.campaign.ledger import AttemptOutcome, Ledger, State
 from pipelines.campaign.run import Progress as RunProgress
 from pipelines.campaign.run import stop_on_signals
+from pipelines.options import FpsOption, GridOption, SetupOption
 from pipelines.terminal import DefaultCommandGroup, screen
 
 __all__ = [
@@ -38,16 +39,12 @@ def campaign_command(
     trials: Annotated[
         Path | None, typer.Option("--trials", help="The lab book (CSV or XLSX).")
     ] = None,
-    setup: Annotated[
-        Path | None, typer.Option("--setup", help="What the lab knows (TOML).")
-    ] = None,
-    fps: Annotated[str | None, typer.Option("--fps", help="Capture rate, such as 600.")] = None,
+    setup: SetupOption = None,
+    fps: FpsOption = None,
     ball: Annotated[
         str | None, typer.Option("--ball", help="Ball where the lab book names none.")
     ] = None,
-    wall_grid: Annotated[
-        str | None, typer.Option("--wall-grid", help="Side of the wall's squares, such as 50mm.")
-    ] = None,
+    wall_grid: GridOption = None,
     jobs: Annotated[
         int | None, typer.Option("-j", "--jobs", min=1, help="Processes; default: cores.")
     ] = None,

@@ -28,6 +28,7 @@ from pipelines.campaign.ledger import Ledger
 from pipelines.campaign.results import ClipResult, clip_results
 from pipelines.model.options import asked, scatter_of, setup_or_default
 from pipelines.model.plan import plan_command
+from pipelines.options import CorLawOption, NamedBallOption, SetupFileOption
 from pipelines.setup.rig import Rig, rig_of
 from pipelines.terminal import DefaultCommandGroup, screen
 
@@ -422,14 +423,9 @@ def plan_campaign_command(
         float,
         typer.Option("--target-cor-std", help="Wanted standard uncertainty of the law, 1."),
     ],
-    setup: Annotated[Path | None, typer.Option(help="Setup file (TOML).")] = None,
-    ball: Annotated[
-        str | None, typer.Option(help="A preset, or a ball of the setup file.", metavar="NAME")
-    ] = None,
-    cor_law: Annotated[
-        Path | None,
-        typer.Option(help="Laws of restitution of a campaign (cor.toml).", metavar="FILE"),
-    ] = None,
+    setup: SetupFileOption = None,
+    ball: NamedBallOption = None,
+    cor_law: CorLawOption = None,
     pilot: Annotated[
         Path | None,
         typer.Option(help="A campaign whose clips tell how well one is known.", metavar="DIR"),

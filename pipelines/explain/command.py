@@ -26,6 +26,7 @@ from pipelines.explain.run import (
 )
 from pipelines.interop.measured import PROJECT_SUFFIXES, made_elsewhere
 from pipelines.interop.tables import TABLE_SUFFIXES, parse_columns
+from pipelines.options import CorLawOption, SetupOption
 from pipelines.setup.cor_file import read_cor_file, with_laws
 from pipelines.setup.file import load_setup
 
@@ -93,7 +94,7 @@ def explain_command(
             help="BALL.csv, a table of trials, or clips.", metavar="[BALL.csv | CLIP...]"
         ),
     ] = None,
-    setup: Annotated[Path | None, typer.Option(help="What the lab knows (TOML).")] = None,
+    setup: SetupOption = None,
     pendulum: Annotated[Path | None, typer.Option(help="The pendulum's samples (CSV).")] = None,
     trials: Annotated[
         Path | None,
@@ -106,10 +107,7 @@ def explain_command(
         str | None,
         typer.Option(help="Of another program's table: 't=Time (s), x=X (cm), y=Y (cm), ball=A'."),
     ] = None,
-    cor_law: Annotated[
-        Path | None,
-        typer.Option(help="Laws of restitution of a campaign (cor.toml).", metavar="FILE"),
-    ] = None,
+    cor_law: CorLawOption = None,
     hold_out: Annotated[
         str | None, typer.Option(help="Trials to keep out of the fit, separated by commas.")
     ] = None,

@@ -2,10 +2,11 @@
 
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import fields
 from importlib.resources import files
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -19,7 +20,7 @@ from metrology import (
 from metrology.quantity import format_quantity
 from pipelines.api.quantities import measure_options
 from pipelines.batch import Folder, Job, files_of, measure_all
-from pipelines.doors import FileRole, refuse_clashes
+from pipelines.doors import refuse_clashes
 from pipelines.measure.budget import Propagation
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measure.files import (
@@ -30,6 +31,29 @@ from pipelines.measure.files import (
 )
 from pipelines.measure.inputs import QuantityName, kinds_of
 from pipelines.measure.measurement import QUANTITY_UNITS, ClipMeasurement
+from pipelines.options import (
+    BallAtOption,
+    BallOption,
+    ClipArgument,
+    ClipsOrNoneArgument,
+    ColumnsOption,
+    CsvOption,
+    FpsOption,
+    FromTracksOption,
+    GridOption,
+    JobsOption,
+    JsonOption,
+    MassAtOption,
+    NoCacheOption,
+    OutOption,
+    OverlayOption,
+    PlotOption,
+    QuietOption,
+    ReportOption,
+    ScaleOption,
+    SetupOption,
+    TracksOption,
+)
 from pipelines.report import quantity_label
 from pipelines.setup.file import load_setup
 from pipelines.terminal import screen
@@ -44,71 +68,10 @@ __all__ = [
     "measure_command",
 ]
 
-ClipArgument = Annotated[Path, typer.Argument(metavar="CLIP", help="Video or folder of pictures.")]
-ClipsOrNoneArgument = Annotated[
-    list[Path] | None, typer.Argument(metavar="CLIP...", help="Videos to measure.")
-]
-SetupOption = Annotated[Path | None, typer.Option("--setup", help="What the lab knows (TOML).")]
-FpsOption = Annotated[str | None, typer.Option("--fps", help="Capture rate, such as 600.")]
-BallOption = Annotated[
-    str | None, typer.Option("--ball", help="jokku, basketball, or a diameter such as 220mm.")
-]
-GridOption = Annotated[
-    str | None, typer.Option("--wall-grid", help="Side of the wall's squares, such as 50mm.")
-]
-ScaleOption = Annotated[
-    str | None,
-    typer.Option("--scale", help="In the plane of motion: '2.44 mm/px', '410 px/m ± 2 px/m'."),
-]
-BallAtOption = Annotated[
-    str | None, typer.Option("--ball-at", metavar="X,Y[,FRAME]", help="A point on the ball, px.")
-]
-MassAtOption = Annotated[
-    str | None, typer.Option("--mass-at", metavar="X,Y[,FRAME]", help="A point on the mass, px.")
-]
-CsvOption = Annotated[
-    Path | None, typer.Option("--csv", help="Write results as CSV."), FileRole.WRITES
-]
-JsonOption = Annotated[
-    str | None, typer.Option("--json", help="Write JSON; - for stdout."), FileRole.WRITES
-]
-TracksOption = Annotated[
-    Path | None, typer.Option("--tracks", help="Write the tracks as CSV."), FileRole.WRITES
-]
-OverlayOption = Annotated[
-    Path | None, typer.Option("--overlay", help="Write an overlay video."), FileRole.WRITES
-]
-PlotOption = Annotated[
-    Path | None, typer.Option("--plot", help="Write plots (.png or .svg)."), FileRole.WRITES
-]
-ReportOption = Annotated[
-    Path | None,
-    typer.Option("--report", help="Write a one-page HTML report; prints the budgets, too."),
-    FileRole.WRITES,
-]
-OutOption = Annotated[
-    Path | None,
-    typer.Option("--out", metavar="DIR", help="Several clips: a folder for results.csv and files."),
-]
-JobsOption = Annotated[
-    int | None, typer.Option("-j", min=1, help="With --out: processes; default one a core.")
-]
-FromTracksOption = Annotated[
-    Path | None,
-    typer.Option("--from-tracks", help="Tracks of another program instead of following the clip."),
-]
-ColumnsOption = Annotated[
-    str | None,
-    typer.Option("--columns", help="Of such a table: 't=Time (s), x=X (cm), y=Y (cm), ball=A'."),
-]
 BudgetOption = Annotated[
     Propagation,
     typer.Option("--budget", help="Uncertainties: linear response of the fits, or slow refits."),
 ]
-NoCacheOption = Annotated[
-    bool, typer.Option("--no-cache", help="Measure afresh, whatever was measured before.")
-]
-QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No table, no warnings.")]
 
 CONTACT = ("contact_frames", "contact_time", "contact_start", "contact_end")
 LAUNCH = ("ball_speed", "launch_angle", "pendulum_speed_before", "pendulum_speed_after")
@@ -156,20 +119,8 @@ def measure_command(
 
     Tracked elsewhere: vision measure clip.mp4 --from-tracks clip.trk --tracks clip.kva
     """
+    wanted, options = _begin(locals())
     clips = list(clips or [])
-    wanted = WantedFiles(csv, json, tracks, overlay, plot, report, quiet)
-    wanted.require_kinds()
-    options = measure_options(
-        setup,
-        fps,
-        ball,
-        wall_grid,
-        ball_at,
-        mass_at,
-        cache=not no_cache,
-        scale=scale,
-        budget=budget,
-    )
     if from_tracks is not None:
         _from_tracks(from_tracks, clips, options, wanted, columns)
         return
@@ -196,6 +147,15 @@ def measure_command(
     _several(clips, options, wanted, tuple(QuantityName))
 
 
+def _begin(given: Mapping[str, Any]) -> tuple[WantedFiles, MeasureOptions]:
+    """What to write and how to measure, of a command's arguments by their names."""
+    wanted = WantedFiles(**{one.name: given[one.name] for one in fields(WantedFiles)})
+    wanted.require_kinds()
+    how = ("setup", "fps", "ball", "wall_grid", "ball_at", "mass_at", "scale", "budget")
+    chosen = {name: given[name] for name in how}
+    return wanted, measure_options(**chosen, cache=not given["no_cache"])
+
+
 def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # type: ignore[no-untyped-def]
     """Command for one group of quantities; they differ in nothing else."""
 
@@ -218,19 +178,7 @@ def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # t
         no_cache: NoCacheOption = False,
         quiet: QuietOption = False,
     ) -> None:
-        wanted = WantedFiles(csv, json, tracks, overlay, plot, report, quiet)
-        wanted.require_kinds()
-        options = measure_options(
-            setup,
-            fps,
-            ball,
-            wall_grid,
-            ball_at,
-            mass_at,
-            cache=not no_cache,
-            scale=scale,
-            budget=budget,
-        )
+        wanted, options = _begin(locals())
         measured = _one(clip, options, wanted, names)
         quantity = measured.quantity(needed)
         if not quantity.known:

@@ -37,6 +37,16 @@ from pipelines.model.options import (
     setup_or_default,
 )
 from pipelines.model.simulate import plan_figure
+from pipelines.options import (
+    CorLawOption,
+    CorOption,
+    DragOption,
+    NamedBallOption,
+    NoTableOption,
+    ResultsCsvOption,
+    ResultsJsonOption,
+    SetupFileOption,
+)
 
 __all__ = ["Planning", "plan", "plan_command", "planned_figure"]
 
@@ -202,34 +212,17 @@ def planned_figure(experiment: Experiment, law: CorLaw, planned: Planning) -> Pi
 
 def plan_command(
     distance: Annotated[str, typer.Option(help="Wanted landing distance, such as 2.5m.")],
-    ball: Annotated[
-        str | None, typer.Option(help="A preset, or a ball of the setup file.", metavar="NAME")
-    ] = None,
-    cor: Annotated[
-        str,
-        typer.Option(help="variable, constant, a number, or a law in v (m/s).", metavar="LAW"),
-    ] = "variable",
-    cor_law: Annotated[
-        Path | None,
-        typer.Option(help="Laws of restitution of a campaign (cor.toml).", metavar="FILE"),
-    ] = None,
-    drag: Annotated[
-        str | None,
-        typer.Option(help="Drag coefficient, or a curve: smooth, soccer, basketball.", metavar="C"),
-    ] = None,
-    setup: Annotated[Path | None, typer.Option(help="Setup file (TOML).")] = None,
-    json_to: Annotated[
-        str | None,
-        typer.Option("--json", help="Results as JSON; - for stdout.", metavar="FILE"),
-        FileRole.WRITES,
-    ] = None,
-    csv_to: Annotated[
-        Path | None, typer.Option("--csv", help="Results as CSV, one row."), FileRole.WRITES
-    ] = None,
+    ball: NamedBallOption = None,
+    cor: CorOption = "variable",
+    cor_law: CorLawOption = None,
+    drag: DragOption = None,
+    setup: SetupFileOption = None,
+    json_to: ResultsJsonOption = None,
+    csv_to: ResultsCsvOption = None,
     plot: Annotated[
         Path | None, typer.Option(help="Draw distance by angle: .png or .svg."), FileRole.WRITES
     ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No table, no warnings.")] = False,
+    quiet: NoTableOption = False,
 ) -> None:
     """Plan a strike: the back-swing angle and impact speed that reach a distance.
 

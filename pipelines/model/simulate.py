@@ -52,6 +52,17 @@ from pipelines.model.options import (
     setup_or_default,
     speed_with_losses,
 )
+from pipelines.options import (
+    CorLawOption,
+    CorOption,
+    DragOption,
+    EffectOption,
+    NamedBallOption,
+    NoTableOption,
+    ResultsCsvOption,
+    ResultsJsonOption,
+    SetupFileOption,
+)
 
 __all__ = [
     "BLUE",
@@ -485,38 +496,18 @@ def simulate_command(
     impact_speed: Annotated[
         str | None, typer.Option(help="Impact speed, such as '3.2 m/s'.", metavar="V")
     ] = None,
-    cor: Annotated[
-        str,
-        typer.Option(help="variable, constant, a number, or a law in v (m/s).", metavar="LAW"),
-    ] = "variable",
-    ball: Annotated[
-        str | None, typer.Option(help="A preset, or a ball of the setup file.", metavar="NAME")
-    ] = None,
-    effect: Annotated[
-        list[str] | None,
-        typer.Option(help="Add an effect of the catalogue: magnus:spin=10.", metavar="ID:NAME=X"),
-    ] = None,
-    cor_law: Annotated[
-        Path | None,
-        typer.Option(help="Laws of restitution of a campaign (cor.toml).", metavar="FILE"),
-    ] = None,
-    drag: Annotated[
-        str | None,
-        typer.Option(help="Drag coefficient, or a curve: smooth, soccer, basketball.", metavar="C"),
-    ] = None,
-    setup: Annotated[Path | None, typer.Option(help="Setup file (TOML).")] = None,
-    json_to: Annotated[
-        str | None,
-        typer.Option("--json", help="Results as JSON; - for stdout.", metavar="FILE"),
-        FileRole.WRITES,
-    ] = None,
-    csv_to: Annotated[
-        Path | None, typer.Option("--csv", help="Results as CSV, one row."), FileRole.WRITES
-    ] = None,
+    cor: CorOption = "variable",
+    ball: NamedBallOption = None,
+    effect: EffectOption = None,
+    cor_law: CorLawOption = None,
+    drag: DragOption = None,
+    setup: SetupFileOption = None,
+    json_to: ResultsJsonOption = None,
+    csv_to: ResultsCsvOption = None,
     plot: Annotated[
         Path | None, typer.Option(help="Draw the path: .png or .svg."), FileRole.WRITES
     ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No table, no warnings.")] = False,
+    quiet: NoTableOption = False,
 ) -> None:
     """Simulate a strike and the flight after it.
 
