@@ -434,35 +434,6 @@ class Camera:
             xy = self.to_plane(outline_px - shift, height)
         return xy
 
-    def sphere_in_space(
-        self, outline_px: ArrayLike, radius_px: ArrayLike, radius: ArrayLike
-    ) -> FloatArray:
-        """Centre of a sphere of known radius from where and how large its outline is.
-
-        Parameters
-        ----------
-        outline_px : (..., 2) array
-        radius_px : (...) array
-            Radius of the outline, px.
-        radius : float or (...) array
-            Radius of the sphere, m.
-
-        Returns
-        -------
-        (..., 3) array
-            World coordinates of its centre, m.
-        """
-        outline_px = np.asarray(outline_px, dtype=np.float64)
-        radius_px = np.asarray(radius_px, dtype=np.float64)
-        aim = outline_px
-        distance = self.lens.fx * np.asarray(radius, dtype=np.float64) / radius_px
-        for _ in range(8):
-            centre = self.position + self.rays(aim) * distance[..., np.newaxis]
-            seen_at, seen_radius = self.sphere_outline(centre, radius)
-            aim = aim + outline_px - seen_at
-            distance = distance * seen_radius / radius_px
-        return np.asarray(self.position + self.rays(aim) * distance[..., np.newaxis])
-
 
 def _spectral_derivative(points: int) -> FloatArray:
     """Matrix that differentiates a smooth closed curve sampled evenly over one turn (N even)."""

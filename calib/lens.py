@@ -516,10 +516,6 @@ MOST_POINTS = 600
 """Points that compare two models of a lens: a smooth map of five parameters is known long
 before."""
 
-BROWN = 5
-
-"""Numbers that the Brown model of a lens file has: k1, k2, p1, p2, k3 as OpenCV orders them."""
-
 FLOOR: FloatArray = np.array([1e-4, 0.05, 0.05, 1e-4, 1e-4])
 
 """Relative focal length, px, px and two dimensionless: no lens is known better, since focusing and

@@ -44,8 +44,6 @@ class UncertaintySource(StrEnum):
     SCALE = "scale of lengths"
     PERSPECTIVE = "depth of the motion's plane"
     DRAG = "drag of the air"
-    MODEL = "what the model of the motion leaves out"
-    LANDING_SEEN = "landing as seen"
     CONTRADICTION = "contradiction between estimates"
 
     GRID_LINES = "grid lines"
@@ -69,7 +67,6 @@ class UncertaintySource(StrEnum):
     CONTACT_TIME = "contact time"
     BACKSWING = "back-swing"
     DISTANCE = "distance"
-    IMPACT_SPEED = "impact speed"
     EFFECTIVE_MASS = "effective mass"
     DRAG_COEFFICIENT = "drag coefficient"
     AIR_DENSITY = "air density"

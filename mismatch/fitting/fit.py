@@ -56,11 +56,6 @@ __all__ = [
     "spread_laws",
 ]
 
-NUISANCE_STEP = 1e-5
-
-"""Share of a nuisance's width per step of a difference: far above rounding, far below where it
-bends."""
-
 STEP_SHARE = 1e-3
 
 """Share of a parameter's scale per step of a difference: far above rounding, far below where it

@@ -25,7 +25,7 @@ Ranges by three models from each strike's impact speed, against those measured (
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -905,8 +905,3 @@ def _sensors(results: Sequence[ClipResult]) -> list[SensorAnalysis]:
         if compared is not None:
             found.append(SensorAnalysis(sensor, compared))
     return found
-
-
-def by_clip(results: Sequence[ClipResult]) -> Mapping[str, ClipResult]:
-    """Results by the clip's name."""
-    return {result.clip: result for result in results}

@@ -24,7 +24,7 @@ from pipelines.measure.checks.consequences import (
     speed_by_pendulum,
     speed_per_frame,
 )
-from pipelines.measure.fits.contact_fit import ContactFit, ImpactView, arm_along_bar, touch_times
+from pipelines.measure.fits.contact_fit import ImpactView, arm_along_bar, touch_times
 from pipelines.measure.fits.flight_fit import FlightFit, SwingFit
 from pipelines.measure.fits.impact import Impact, find_impact, moved_impact
 from pipelines.measure.inputs import Inputs
@@ -304,11 +304,6 @@ def _launch_that_reaches(
         return None
     share = float(brentq(miss, 0.7, 1.4, xtol=1e-7))
     return np.concatenate([state[:2], state[2:] * share])
-
-
-def contact_interval(contact: ContactFit) -> tuple[float, float]:
-    """Onset and release, s."""
-    return contact.onset_s, contact.release_s
 
 
 _STEP_SIGMAS = 0.3

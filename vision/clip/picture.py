@@ -114,18 +114,6 @@ class ClipInfo:
         """Whether stored pictures are two woven fields."""
         return self.weave != "progressive"
 
-    def capture_time(self, time_s: float, capture_fps: float) -> float:
-        """Turn a time on the container's clock into one on the camera's, s.
-
-        Parameters
-        ----------
-        time_s : float
-            As in `Frame.time_s`.
-        capture_fps : float
-            Frames (fields, where they are separated) per second of the camera.
-        """
-        return time_s * self.container_fps / capture_fps
-
 
 _FULL_RANGE = 2  # AVCOL_RANGE_JPEG
 

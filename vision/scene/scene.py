@@ -106,21 +106,6 @@ def warp_to_scene(frame: FloatImage, view: FrameView) -> FloatImage:
     return np.asarray(warped, dtype=np.float32)
 
 
-def warp_to_frame(scene: FloatImage, view: FrameView) -> FloatImage:
-    """Resample the static scene as the camera of one frame sees it."""
-    if view.still:
-        return scene
-    height, width = scene.shape
-    warped = cv2.warpAffine(
-        scene,
-        view.matrix((height, width)),
-        (width, height),
-        flags=cv2.INTER_CUBIC,
-        borderMode=cv2.BORDER_REPLICATE,
-    )
-    return np.asarray(warped, dtype=np.float32)
-
-
 class Aligner:
     """Registers frames on a picture of the scene.
 

@@ -301,9 +301,11 @@ LABELS = {
     "end1": "Other end",
 }
 
-BY_STEP = {2: ("corner0", "corner1", "corner2", "corner3", "origin"), 3: ("rest", "landing")}
-
-BY_STEP[5] = ("end0", "end1")
+BY_STEP = {
+    2: ("corner0", "corner1", "corner2", "corner3", "origin"),
+    3: ("rest", "landing"),
+    5: ("end0", "end1"),
+}
 
 
 class Places:
