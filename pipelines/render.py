@@ -214,46 +214,66 @@ def _filmed(scene: Scene, shot: Shot, out: Path, quiet: bool) -> Truth:
         )
 
 
+_OutOption = Annotated[
+    Path,
+    typer.Option("--out", "-o", help="The clip to write; its name ends as the codec wants."),
+    FileRole.WRITES,
+]
+_BackswingOption = Annotated[
+    str, typer.Option(help="Back-swing angle, such as '90 deg'.", metavar="ANGLE")
+]
+_SizeOption = Annotated[str, typer.Option(help="Picture size, px.", metavar="WxH")]
+_FramesOption = Annotated[
+    int | None, typer.Option(help="Default: until shortly after landing.", min=1)
+]
+_SeedOption = Annotated[int, typer.Option(help="The same seed gives the same clip.", min=0)]
+_FpsOption = Annotated[
+    str | None, typer.Option(help="Capture rate; default 600 fps.", metavar="RATE")
+]
+_ShutterOption = Annotated[
+    str | None, typer.Option(help="Exposure time, such as '1/2000 s'.", metavar="TIME")
+]
+_ReadoutOption = Annotated[
+    str, typer.Option(help="Rolling shutter, first row to last.", metavar="TIME")
+]
+_ContainerFpsOption = Annotated[float, typer.Option(help="Rate that the file claims.")]
+_BitrateOption = Annotated[
+    float | None, typer.Option(help="kbit/s of played time.", metavar="KBIT")
+]
+_CodecOption = Annotated[str, typer.Option(help="h264, mjpeg, ffv1 (lossless) or png.")]
+_ViewOption = Annotated[str, typer.Option(help="landing, impact or oblique.")]
+_NoiseOption = Annotated[str, typer.Option(help="none, low, good, high, dim.")]
+_DropOption = Annotated[
+    list[int] | None, typer.Option(help="A captured frame that is lost; repeat it.", min=0)
+]
+_ShakeOption = Annotated[float, typer.Option(help="Tremor of a hand-held camera, px.", min=0.0)]
+_RollOption = Annotated[str, typer.Option(help="Clockwise roll of the camera.")]
+_MirroredOption = Annotated[bool, typer.Option(help="The ball is struck to the left.")]
+_QuietOption = Annotated[bool, typer.Option("--quiet", help="Say nothing.")]
+
+
 def render_command(
-    out: Annotated[
-        Path,
-        typer.Option("--out", "-o", help="The clip to write; its name ends as the codec wants."),
-        FileRole.WRITES,
-    ],
+    out: _OutOption,
     setup: SetupFileOption = None,
     ball: NamedBallOption = None,
-    backswing: Annotated[
-        str, typer.Option(help="Back-swing angle, such as '90 deg'.", metavar="ANGLE")
-    ] = "120 deg",
-    size: Annotated[str, typer.Option(help="Picture size, px.", metavar="WxH")] = "432x240",
-    frames: Annotated[
-        int | None, typer.Option(help="Default: until shortly after landing.", min=1)
-    ] = None,
-    seed: Annotated[int, typer.Option(help="The same seed gives the same clip.", min=0)] = 1,
-    fps: Annotated[
-        str | None, typer.Option(help="Capture rate; default 600 fps.", metavar="RATE")
-    ] = None,
-    shutter: Annotated[
-        str | None, typer.Option(help="Exposure time, such as '1/2000 s'.", metavar="TIME")
-    ] = None,
-    readout: Annotated[
-        str, typer.Option(help="Rolling shutter, first row to last.", metavar="TIME")
-    ] = "0 s",
-    container_fps: Annotated[float, typer.Option(help="Rate that the file claims.")] = 30.0,
-    bitrate: Annotated[
-        float | None, typer.Option(help="kbit/s of played time.", metavar="KBIT")
-    ] = None,
-    codec: Annotated[str, typer.Option(help="h264, mjpeg, ffv1 (lossless) or png.")] = "h264",
-    view: Annotated[str, typer.Option(help="landing, impact or oblique.")] = "landing",
-    noise: Annotated[str, typer.Option(help="none, low, good, high, dim.")] = "good",
+    backswing: _BackswingOption = "120 deg",
+    size: _SizeOption = "432x240",
+    frames: _FramesOption = None,
+    seed: _SeedOption = 1,
+    fps: _FpsOption = None,
+    shutter: _ShutterOption = None,
+    readout: _ReadoutOption = "0 s",
+    container_fps: _ContainerFpsOption = 30.0,
+    bitrate: _BitrateOption = None,
+    codec: _CodecOption = "h264",
+    view: _ViewOption = "landing",
+    noise: _NoiseOption = "good",
     effect: EffectOption = None,
-    drop: Annotated[
-        list[int] | None, typer.Option(help="A captured frame that is lost; repeat it.", min=0)
-    ] = None,
-    shake: Annotated[float, typer.Option(help="Tremor of a hand-held camera, px.", min=0.0)] = 0.0,
-    roll: Annotated[str, typer.Option(help="Clockwise roll of the camera.")] = "0 deg",
-    mirrored: Annotated[bool, typer.Option(help="The ball is struck to the left.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Say nothing.")] = False,
+    drop: _DropOption = None,
+    shake: _ShakeOption = 0.0,
+    roll: _RollOption = "0 deg",
+    mirrored: _MirroredOption = False,
+    quiet: _QuietOption = False,
 ) -> None:
     """Render a synthetic clip with its truth file.
 

@@ -453,6 +453,36 @@ def default_scene(
     if width < 32 or height < 32:
         raise UsageError(f"a picture of {width} x {height} px is too small for this scene")
     rng = np.random.default_rng([seed, 21])
+    camera = _tripod(size, view, reach, plane, distance, foot, rng)
+    gx, gy = rng.uniform(0.0, 0.05, 2)
+    room = Room(plane=plane)
+    room = replace(room, wall=replace(room.wall, origin=(float(gx), float(gy))))
+    shutter = Shutter(first=-(50.0 + float(rng.uniform())) / 600.0)
+    return Scene(
+        camera,
+        ball=ball,
+        pendulum=pendulum,
+        support=support,
+        look=look_of(ball),
+        room=room,
+        shutter=shutter,
+        sensor=Sensor(),
+        encoding=Encoding(bitrate=9.0 * width * height),
+        seed=seed,
+    )
+
+
+def _tripod(
+    size: tuple[int, int],
+    view: View,
+    reach: float,
+    plane: float,
+    distance: float | None,
+    foot: tuple[float, float] | None,
+    rng: np.random.Generator,
+) -> Camera:
+    """Camera that holds what a view wants, a little off what somebody aimed at."""
+    width, height = size
     right = 0.75 if view == "impact" else reach + 0.30
     if view == "impact":
         left, away = -0.65, 3.4
@@ -479,23 +509,7 @@ def default_scene(
         lens = replace(lens, k1=-0.21, k2=0.05, fx=0.86 * lens.fx, fy=0.86 * lens.fy)
         position[0] += 0.2
         yaw, pitch, roll = yaw - 0.045, pitch - 0.03, roll - 0.012
-    camera = Camera.facing_wall(lens, position, yaw=yaw, pitch=pitch, roll=roll)
-    gx, gy = rng.uniform(0.0, 0.05, 2)
-    room = Room(plane=plane)
-    room = replace(room, wall=replace(room.wall, origin=(float(gx), float(gy))))
-    shutter = Shutter(first=-(50.0 + float(rng.uniform())) / 600.0)
-    return Scene(
-        camera,
-        ball=ball,
-        pendulum=pendulum,
-        support=support,
-        look=look_of(ball),
-        room=room,
-        shutter=shutter,
-        sensor=Sensor(),
-        encoding=Encoding(bitrate=9.0 * width * height),
-        seed=seed,
-    )
+    return Camera.facing_wall(lens, position, yaw=yaw, pitch=pitch, roll=roll)
 
 
 def staged(

@@ -781,18 +781,7 @@ def find_wall_grid(
         if np.max(moved[inlier], initial=0.0) < SETTLED:
             break
     nodes, px = _kept(nodes, px, inlier)
-    if len(px) < LEAST_NODES:
-        raise CalibrationError(
-            f"only {len(px)} crossings of a grid are in view",
-            hint="Show at least three by four squares of the wall's grid.",
-        )
-    astray = _astray(nodes)
-    if not astray < MOST_ASTRAY:
-        raise CalibrationError(
-            f"lines are seen, but their crossings lie {astray:.2f} of a square off any even grid: "
-            "they can't be counted surely",
-            hint="Film with more pixels, nearer, or with better light on the wall.",
-        )
+    _require_an_even_grid(nodes, px)
     inverse = np.linalg.inv(grid_map.jacobian(px))
     residual = np.einsum("nij,nj->ni", inverse, nodes.shift)
     covariance = factor * inverse @ nodes.covariance @ np.swapaxes(inverse, 1, 2)
@@ -812,6 +801,22 @@ def find_wall_grid(
         warnings=_fine_warning(fine, pitch_m, fine_pitch_m),
         line_share=_line_share(nodes),
     )
+
+
+def _require_an_even_grid(nodes: Nodes, px: FloatArray) -> None:
+    """Refuse too few crossings, and crossings that lie on no even grid."""
+    if len(px) < LEAST_NODES:
+        raise CalibrationError(
+            f"only {len(px)} crossings of a grid are in view",
+            hint="Show at least three by four squares of the wall's grid.",
+        )
+    astray = _astray(nodes)
+    if not astray < MOST_ASTRAY:
+        raise CalibrationError(
+            f"lines are seen, but their crossings lie {astray:.2f} of a square off any even grid: "
+            "they can't be counted surely",
+            hint="Film with more pixels, nearer, or with better light on the wall.",
+        )
 
 
 def _lattice(gray: FloatArray) -> tuple[GridMap, NDArray[np.bool_], list[Lattice]]:

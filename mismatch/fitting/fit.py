@@ -873,24 +873,16 @@ def _fit_in_one(
     own_prior, law_prior = priors(forward, model)
     n_laws = laws.size
 
-    def values(m: Model) -> FloatArray:
-        return np.array([m.entries[f.entry][1][f.parameter.name] for f in free])
-
     def penalty(nu: FloatArray, la: FloatArray, m: Model) -> float:
         flat = float(np.sum(la**2 * law_prior)) if la.size else 0.0
         kept = own_prior < 1e15
         return (
             float(np.sum(nu[:, kept] ** 2 * own_prior[kept]))
             + flat
-            + float(np.sum(prior_information * (values(m) - anchors) ** 2))
+            + float(np.sum(prior_information * (_values(m, free) - anchors) ** 2))
         )
 
-    def residuals(nu: FloatArray, la: FloatArray, m: Model) -> tuple[float, FloatArray]:
-        predicted = forward.predict([m], spread_laws(forward, m, nu, la)[None])[0]
-        scaled = (forward.records.values - predicted) * forward.records.weights
-        return float(np.sum(scaled**2)), scaled
-
-    chi2, residual = residuals(nuisance, laws, model)
+    chi2, residual = _residuals(forward, nuisance, laws, model)
     excess = max(1.0, chi2 / max(forward.records.expected, 1.0))
     prior_information = np.array(
         [_prior_information(f.parameter, excess, shape_priors) for f in free]
@@ -903,7 +895,7 @@ def _fit_in_one(
         shared_prior = system.shared_prior.copy()
         shared_prior[n_laws:] += prior_information
         system = Linearised(system.residual, system.own, system.shared, system.prior, shared_prior)
-        pull = np.concatenate([-laws.reshape(-1), -(values(model) - anchors)]) * shared_prior
+        pull = np.concatenate([-laws.reshape(-1), -(_values(model, free) - anchors)]) * shared_prior
         kept = own_prior < 1e15
         own_pull = np.where(kept, -nuisance * own_prior, 0.0)
         matrix, vector, inverse, cross = reduce(system, own_pull, pull)
@@ -917,7 +909,7 @@ def _fit_in_one(
             trial_nu = nuisance + own_move * (1.0 / (1.0 + damping))
             trial_laws = laws + move[:n_laws].reshape(laws.shape)
             trial_model = _stepped(model, free, move[n_laws:])
-            new_chi2, new_residual = residuals(trial_nu, trial_laws, trial_model)
+            new_chi2, new_residual = _residuals(forward, trial_nu, trial_laws, trial_model)
             new_cost = new_chi2 + penalty(trial_nu, trial_laws, trial_model)
             if new_cost < cost:
                 improved = True
@@ -941,6 +933,15 @@ def _fit_in_one(
         model, nuisance, laws, chi2, penalty(nuisance, laws, model), forward.records.count,
         forward.records.expected, tuple(free), covariance, residual, ending,
     )  # fmt: skip
+
+
+def _residuals(
+    forward: Forward, nuisance: FloatArray, laws: FloatArray, model: Model
+) -> tuple[float, FloatArray]:
+    """Chi-square and the residuals over their noise."""
+    predicted = forward.predict([model], spread_laws(forward, model, nuisance, laws)[None])[0]
+    scaled = (forward.records.values - predicted) * forward.records.weights
+    return float(np.sum(scaled**2)), scaled
 
 
 def _fit_swings(

@@ -63,39 +63,55 @@ class ClipOrCommand(DefaultCommandGroup):
     spelled: ClassVar = {"--check": "check"}
 
 
+_ClipArgument = Annotated[Path, typer.Argument(help="The clip.", metavar="CLIP")]
+_FpsOption = Annotated[str | None, typer.Option(help="Capture rate.", metavar="RATE")]
+_LensOption = Annotated[Path | None, typer.Option(help="A lens file.")]
+_WallGridOption = Annotated[str | None, typer.Option(help="Side of a square.")]
+_FineGridOption = Annotated[
+    str | None, typer.Option(help="Fine lines apart, or none; a fifth of a square else.")
+]
+_OriginAtOption = Annotated[
+    str | None, typer.Option(help="Where wall coordinates start, px.", metavar="X,Y")
+]
+_BallOption = Annotated[
+    str | None, typer.Option(help="A preset, or '220 mm, 0.4 kg'.", metavar="NAME|DIAMETER")
+]
+_BallAtOption = Annotated[str | None, typer.Option(help="The ball at rest, px.", metavar="X,Y")]
+_SupportHeightOption = Annotated[str | None, typer.Option(help="How far the ball falls.")]
+_CameraDistanceOption = Annotated[
+    str | None, typer.Option(help="Camera to wall by tape: '4.00 m ± 5 mm'.")
+]
+_BallPlaneOption = Annotated[
+    str | None, typer.Option(help="Ball's plane to wall by tape: '0.45 m ± 5 mm'.")
+]
+_OutOption = Annotated[
+    Path, typer.Option("--out", "-o", help="The setup file to write."), FileRole.WRITES
+]
+_TerminalOption = Annotated[bool, typer.Option("--terminal", help="Ask on the terminal.")]
+_YesOption = Annotated[
+    bool, typer.Option("--yes", "-y", help="Ask nothing: what is not said is found.")
+]
+_BrowserOption = Annotated[bool, typer.Option(help="Open the browser.")]
+_PortOption = Annotated[int, typer.Option(help="Of the page; 0: one that is free.", min=0)]
+
+
 def clip_command(
-    clip: Annotated[Path, typer.Argument(help="The clip.", metavar="CLIP")],
-    fps: Annotated[str | None, typer.Option(help="Capture rate.", metavar="RATE")] = None,
-    lens: Annotated[Path | None, typer.Option(help="A lens file.")] = None,
-    wall_grid: Annotated[str | None, typer.Option(help="Side of a square.")] = None,
-    fine_grid: Annotated[
-        str | None, typer.Option(help="Fine lines apart, or none; a fifth of a square else.")
-    ] = None,
-    origin_at: Annotated[
-        str | None, typer.Option(help="Where wall coordinates start, px.", metavar="X,Y")
-    ] = None,
-    ball: Annotated[
-        str | None, typer.Option(help="A preset, or '220 mm, 0.4 kg'.", metavar="NAME|DIAMETER")
-    ] = None,
-    ball_at: Annotated[
-        str | None, typer.Option(help="The ball at rest, px.", metavar="X,Y")
-    ] = None,
-    support_height: Annotated[str | None, typer.Option(help="How far the ball falls.")] = None,
-    camera_distance: Annotated[
-        str | None, typer.Option(help="Camera to wall by tape: '4.00 m ± 5 mm'.")
-    ] = None,
-    ball_plane: Annotated[
-        str | None, typer.Option(help="Ball's plane to wall by tape: '0.45 m ± 5 mm'.")
-    ] = None,
-    out: Annotated[
-        Path, typer.Option("--out", "-o", help="The setup file to write."), FileRole.WRITES
-    ] = Path("setup.toml"),
-    terminal: Annotated[bool, typer.Option("--terminal", help="Ask on the terminal.")] = False,
-    yes: Annotated[
-        bool, typer.Option("--yes", "-y", help="Ask nothing: what is not said is found.")
-    ] = False,
-    browser: Annotated[bool, typer.Option(help="Open the browser.")] = True,
-    port: Annotated[int, typer.Option(help="Of the page; 0: one that is free.", min=0)] = 0,
+    clip: _ClipArgument,
+    fps: _FpsOption = None,
+    lens: _LensOption = None,
+    wall_grid: _WallGridOption = None,
+    fine_grid: _FineGridOption = None,
+    origin_at: _OriginAtOption = None,
+    ball: _BallOption = None,
+    ball_at: _BallAtOption = None,
+    support_height: _SupportHeightOption = None,
+    camera_distance: _CameraDistanceOption = None,
+    ball_plane: _BallPlaneOption = None,
+    out: _OutOption = Path("setup.toml"),
+    terminal: _TerminalOption = False,
+    yes: _YesOption = False,
+    browser: _BrowserOption = True,
+    port: _PortOption = 0,
 ) -> None:
     """Calibrate a clip step by step, in the browser; writes setup.toml and lens.toml.
 

@@ -549,41 +549,57 @@ NOTABLE_FACTOR = 1.03
 """Factor that a change must gain in some uncertainty: less than 3 % nobody would see."""
 
 
+_ResolutionOption = Annotated[str, typer.Option(help="Picture, px.", metavar="WxH")]
+_DistanceOption = Annotated[str, typer.Option(help="Camera to wall.")]
+_FieldOfViewOption = Annotated[
+    str | None,
+    typer.Option(help="Across; without it, what just holds pendulum and landing."),
+]
+_FocalLengthOption = Annotated[
+    str | None, typer.Option(help="The same as 35 mm equivalent, such as 28mm.")
+]
+_LensOption = Annotated[
+    Path | None, typer.Option(help="A lens file, from `vision calibrate lens`.")
+]
+_FpsOption = Annotated[str, typer.Option(help="Capture rate.")]
+_ShutterOption = Annotated[str, typer.Option(help="Exposure time.")]
+_LightOption = Annotated[
+    float,
+    typer.Option(help="1: the wall is bright at 1/1000 s without gain; a gymnasium has 0.1."),
+]
+_NoiseOption = Annotated[
+    float | None,
+    typer.Option(help="Instead: noise of a pixel of the wall, gray levels of 255."),
+]
+_BackswingOption = Annotated[str, typer.Option(help="Angle the pendulum is let go at.")]
+_BallPlaneOption = Annotated[str, typer.Option(help="Ball plane in front of the wall.")]
+_TapeOption = Annotated[
+    str, typer.Option(help="How well both distances are taped (one sigma), or none.")
+]
+_SetupOption = Annotated[
+    Path | None, typer.Option(help="Setup file (TOML): ball, pendulum, support.")
+]
+_ChangesOption = Annotated[
+    bool, typer.Option("--changes/--no-changes", help="Try what would help.")
+]
+
+
 def plan_filming_command(
-    resolution: Annotated[str, typer.Option(help="Picture, px.", metavar="WxH")] = "640x360",
-    distance: Annotated[str, typer.Option(help="Camera to wall.")] = "4 m",
-    field_of_view: Annotated[
-        str | None,
-        typer.Option(help="Across; without it, what just holds pendulum and landing."),
-    ] = None,
-    focal_length: Annotated[
-        str | None, typer.Option(help="The same as 35 mm equivalent, such as 28mm.")
-    ] = None,
-    lens: Annotated[
-        Path | None, typer.Option(help="A lens file, from `vision calibrate lens`.")
-    ] = None,
-    fps: Annotated[str, typer.Option(help="Capture rate.")] = "600 fps",
-    shutter: Annotated[str, typer.Option(help="Exposure time.")] = "1/1000 s",
-    light: Annotated[
-        float,
-        typer.Option(help="1: the wall is bright at 1/1000 s without gain; a gymnasium has 0.1."),
-    ] = 1.0,
-    noise: Annotated[
-        float | None,
-        typer.Option(help="Instead: noise of a pixel of the wall, gray levels of 255."),
-    ] = None,
+    resolution: _ResolutionOption = "640x360",
+    distance: _DistanceOption = "4 m",
+    field_of_view: _FieldOfViewOption = None,
+    focal_length: _FocalLengthOption = None,
+    lens: _LensOption = None,
+    fps: _FpsOption = "600 fps",
+    shutter: _ShutterOption = "1/1000 s",
+    light: _LightOption = 1.0,
+    noise: _NoiseOption = None,
     ball: NamedBallOption = None,
-    backswing: Annotated[str, typer.Option(help="Angle the pendulum is let go at.")] = "90 deg",
-    ball_plane: Annotated[str, typer.Option(help="Ball plane in front of the wall.")] = "0.45 m",
-    tape: Annotated[
-        str, typer.Option(help="How well both distances are taped (one sigma), or none.")
-    ] = "5 mm",
-    setup: Annotated[
-        Path | None, typer.Option(help="Setup file (TOML): ball, pendulum, support.")
-    ] = None,
-    changes: Annotated[
-        bool, typer.Option("--changes/--no-changes", help="Try what would help.")
-    ] = True,
+    backswing: _BackswingOption = "90 deg",
+    ball_plane: _BallPlaneOption = "0.45 m",
+    tape: _TapeOption = "5 mm",
+    setup: _SetupOption = None,
+    changes: _ChangesOption = True,
     json_to: ResultsJsonOption = None,
     quiet: NoTableOption = False,
 ) -> None:

@@ -31,50 +31,63 @@ class ClipsOrCommand(DefaultCommandGroup):
     meant = "run"
 
 
+_ClipsArgument = Annotated[
+    list[Path], typer.Argument(metavar="CLIPS|FOLDER...", help="Clips, or folders of clips.")
+]
+_OutOption = Annotated[Path, typer.Option("--out", help="Folder of the campaign.")]
+_TrialsOption = Annotated[Path | None, typer.Option("--trials", help="The lab book (CSV or XLSX).")]
+_BallOption = Annotated[
+    str | None, typer.Option("--ball", help="Ball where the lab book names none.")
+]
+_JobsOption = Annotated[
+    int | None, typer.Option("-j", "--jobs", min=1, help="Processes; default: cores.")
+]
+_DaskOption = Annotated[
+    str | None,
+    typer.Option(
+        "--dask",
+        metavar="tcp://HOST:PORT|QUEUE",
+        help="A Dask cluster; or a queue of dask-jobqueue, such as slurm (-j: jobs).",
+    ),
+]
+_OnlyOption = Annotated[
+    list[str] | None, typer.Option("--only", help="Measure this clip only; may be repeated.")
+]
+_RetryFailedOption = Annotated[
+    bool, typer.Option("--retry-failed", help="Try failed clips once more.")
+]
+_TimeoutOption = Annotated[
+    float, typer.Option("--timeout", min=1.0, help="Longest time for one clip, s.")
+]
+_AgainstPaperOption = Annotated[
+    bool, typer.Option("--paper", help="Draw the paper's laws beside one's own.")
+]
+_ExplainOption = Annotated[
+    bool, typer.Option("--explain", help="Look for missing physics in the strikes.")
+]
+_WatchOption = Annotated[
+    bool, typer.Option("--watch", help="Open a page to watch, point at balls, mark trials.")
+]
+_QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no table.")]
+
+
 def campaign_command(
-    clips: Annotated[
-        list[Path], typer.Argument(metavar="CLIPS|FOLDER...", help="Clips, or folders of clips.")
-    ],
-    out: Annotated[Path, typer.Option("--out", help="Folder of the campaign.")],
-    trials: Annotated[
-        Path | None, typer.Option("--trials", help="The lab book (CSV or XLSX).")
-    ] = None,
+    clips: _ClipsArgument,
+    out: _OutOption,
+    trials: _TrialsOption = None,
     setup: SetupOption = None,
     fps: FpsOption = None,
-    ball: Annotated[
-        str | None, typer.Option("--ball", help="Ball where the lab book names none.")
-    ] = None,
+    ball: _BallOption = None,
     wall_grid: GridOption = None,
-    jobs: Annotated[
-        int | None, typer.Option("-j", "--jobs", min=1, help="Processes; default: cores.")
-    ] = None,
-    dask: Annotated[
-        str | None,
-        typer.Option(
-            "--dask",
-            metavar="tcp://HOST:PORT|QUEUE",
-            help="A Dask cluster; or a queue of dask-jobqueue, such as slurm (-j: jobs).",
-        ),
-    ] = None,
-    only: Annotated[
-        list[str] | None, typer.Option("--only", help="Measure this clip only; may be repeated.")
-    ] = None,
-    retry_failed: Annotated[
-        bool, typer.Option("--retry-failed", help="Try failed clips once more.")
-    ] = False,
-    timeout: Annotated[
-        float, typer.Option("--timeout", min=1.0, help="Longest time for one clip, s.")
-    ] = 900.0,
-    against_paper: Annotated[
-        bool, typer.Option("--paper", help="Draw the paper's laws beside one's own.")
-    ] = False,
-    explain: Annotated[
-        bool, typer.Option("--explain", help="Look for missing physics in the strikes.")
-    ] = False,
-    watch: Annotated[
-        bool, typer.Option("--watch", help="Open a page to watch, point at balls, mark trials.")
-    ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no table.")] = False,
+    jobs: _JobsOption = None,
+    dask: _DaskOption = None,
+    only: _OnlyOption = None,
+    retry_failed: _RetryFailedOption = False,
+    timeout: _TimeoutOption = 900.0,
+    against_paper: _AgainstPaperOption = False,
+    explain: _ExplainOption = False,
+    watch: _WatchOption = False,
+    quiet: _QuietOption = False,
 ) -> None:
     """Measure every clip of a campaign once and turn them into figures and a law of restitution.
 

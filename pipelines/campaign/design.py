@@ -418,28 +418,34 @@ def _gain(design: CampaignDesign, std: float, needed: float) -> str:
     return f"known exactly, it would save about {saved:.0f} of the {design.strikes} strikes"
 
 
+_TargetOption = Annotated[
+    float,
+    typer.Option("--target-cor-std", help="Wanted standard uncertainty of the law, 1."),
+]
+_PilotOption = Annotated[
+    Path | None,
+    typer.Option(help="A campaign whose clips tell how well one is known.", metavar="DIR"),
+]
+_SmallestOption = Annotated[float, typer.Option("--smallest", help="Smallest back-swing, degrees.")]
+_LargestOption = Annotated[
+    float, typer.Option("--largest", help="Largest back-swing of the rig, degrees.")
+]
+_JsonToOption = Annotated[
+    str | None, typer.Option("--json", help="Results as JSON; - for stdout.", metavar="FILE")
+]
+_QuietOption = Annotated[bool, typer.Option("--quiet", help="No table.")]
+
+
 def plan_campaign_command(
-    target: Annotated[
-        float,
-        typer.Option("--target-cor-std", help="Wanted standard uncertainty of the law, 1."),
-    ],
+    target: _TargetOption,
     setup: SetupFileOption = None,
     ball: NamedBallOption = None,
     cor_law: CorLawOption = None,
-    pilot: Annotated[
-        Path | None,
-        typer.Option(help="A campaign whose clips tell how well one is known.", metavar="DIR"),
-    ] = None,
-    smallest: Annotated[
-        float, typer.Option("--smallest", help="Smallest back-swing, degrees.")
-    ] = 20.0,
-    largest: Annotated[
-        float, typer.Option("--largest", help="Largest back-swing of the rig, degrees.")
-    ] = 120.0,
-    json_to: Annotated[
-        str | None, typer.Option("--json", help="Results as JSON; - for stdout.", metavar="FILE")
-    ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="No table.")] = False,
+    pilot: _PilotOption = None,
+    smallest: _SmallestOption = 20.0,
+    largest: _LargestOption = 120.0,
+    json_to: _JsonToOption = None,
+    quiet: _QuietOption = False,
 ) -> None:
     """Say how many strikes, at which back-swings, a law of restitution of a wanted precision needs.
 

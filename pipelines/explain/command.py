@@ -87,50 +87,62 @@ def _without_trailing_blank(lines: list[str]) -> list[str]:
     return lines
 
 
+_InputsArgument = Annotated[
+    list[Path] | None,
+    typer.Argument(help="BALL.csv, a table of trials, or clips.", metavar="[BALL.csv | CLIP...]"),
+]
+_PendulumOption = Annotated[Path | None, typer.Option(help="The pendulum's samples (CSV).")]
+_TrialsOption = Annotated[
+    Path | None,
+    typer.Option(help="Clips only: a table clip,backswing_deg,ball of what was written down."),
+]
+_StrikesOption = Annotated[
+    bool, typer.Option(help="Clips only: compare swing and contact, too, not flights alone.")
+]
+_ColumnsOption = Annotated[
+    str | None,
+    typer.Option(help="Of another program's table: 't=Time (s), x=X (cm), y=Y (cm), ball=A'."),
+]
+_HoldOutOption = Annotated[
+    str | None, typer.Option(help="Trials to keep out of the fit, separated by commas.")
+]
+_EffectsOption = Annotated[
+    Path | None, typer.Option(help="A Python file with effects of your own.")
+]
+_JsonFileOption = Annotated[
+    str | None,
+    typer.Option("--json", help="Write the verdict as JSON ('-': stdout)."),
+    FileRole.WRITES,
+]
+_ReportOption = Annotated[
+    Path | None, typer.Option(help="Write the story as HTML."), FileRole.WRITES
+]
+_PlotOption = Annotated[
+    Path | None, typer.Option(help="Write the plots (.png or .svg)."), FileRole.WRITES
+]
+_ModelOption = Annotated[
+    Path | None,
+    typer.Option(help="Write the improved model as a setup file (TOML)."),
+    FileRole.WRITES,
+]
+_QuietOption = Annotated[bool, typer.Option(help="Print nothing but results asked for.")]
+
+
 def explain_command(
-    inputs: Annotated[
-        list[Path] | None,
-        typer.Argument(
-            help="BALL.csv, a table of trials, or clips.", metavar="[BALL.csv | CLIP...]"
-        ),
-    ] = None,
+    inputs: _InputsArgument = None,
     setup: SetupOption = None,
-    pendulum: Annotated[Path | None, typer.Option(help="The pendulum's samples (CSV).")] = None,
-    trials: Annotated[
-        Path | None,
-        typer.Option(help="Clips only: a table clip,backswing_deg,ball of what was written down."),
-    ] = None,
-    strikes: Annotated[
-        bool, typer.Option(help="Clips only: compare swing and contact, too, not flights alone.")
-    ] = False,
-    columns: Annotated[
-        str | None,
-        typer.Option(help="Of another program's table: 't=Time (s), x=X (cm), y=Y (cm), ball=A'."),
-    ] = None,
+    pendulum: _PendulumOption = None,
+    trials: _TrialsOption = None,
+    strikes: _StrikesOption = False,
+    columns: _ColumnsOption = None,
     cor_law: CorLawOption = None,
-    hold_out: Annotated[
-        str | None, typer.Option(help="Trials to keep out of the fit, separated by commas.")
-    ] = None,
-    effects: Annotated[
-        Path | None, typer.Option(help="A Python file with effects of your own.")
-    ] = None,
-    json_file: Annotated[
-        str | None,
-        typer.Option("--json", help="Write the verdict as JSON ('-': stdout)."),
-        FileRole.WRITES,
-    ] = None,
-    report: Annotated[
-        Path | None, typer.Option(help="Write the story as HTML."), FileRole.WRITES
-    ] = None,
-    plot: Annotated[
-        Path | None, typer.Option(help="Write the plots (.png or .svg)."), FileRole.WRITES
-    ] = None,
-    model: Annotated[
-        Path | None,
-        typer.Option(help="Write the improved model as a setup file (TOML)."),
-        FileRole.WRITES,
-    ] = None,
-    quiet: Annotated[bool, typer.Option(help="Print nothing but results asked for.")] = False,
+    hold_out: _HoldOutOption = None,
+    effects: _EffectsOption = None,
+    json_file: _JsonFileOption = None,
+    report: _ReportOption = None,
+    plot: _PlotOption = None,
+    model: _ModelOption = None,
+    quiet: _QuietOption = False,
 ) -> None:
     """Find where simulation and recording differ and what physics was left out.
 

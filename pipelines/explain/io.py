@@ -239,34 +239,11 @@ def load_campaign(
     notes: list[str] = []
     tracked = False
     if ball_csv is not None:
-        table, notes = _samples(ball_csv, ("trial", "t_s"), setup)
-        tracked = is_track_table(table)
-        axes = [name for name in ("x_m", "y_m", "z_m") if name in table.columns]
-        if not axes:
-            raise UsageError(
-                f"{name_of(ball_csv)} has no column with a position",
-                hint="x_m, y_m or z_m is needed.",
-            )
-        table, more = _tidied(table, axes, name_of(ball_csv))
-        notes += more
-        balls = {str(name): part for name, part in table.groupby("trial", sort=False)}
+        balls, tracked, notes = _balls_of(ball_csv, setup)
     if pendulum_csv is not None:
-        table, more = _samples(pendulum_csv, ("trial", "t_s", "phi_rad"), setup)
+        swings, swing_tracked, more = _swings_of(pendulum_csv, setup)
         notes += more
-        tracked = tracked or is_track_table(table)
-        table, more = _tidied(table, ["phi_rad"], name_of(pendulum_csv))
-        notes += more
-        if table.empty:
-            raise UsageError(
-                f"{name_of(pendulum_csv)}: no row has a time and an angle",
-                hint="Leave the pendulum's table away, or fill its column phi_rad.",
-            )
-        if float(np.nanmax(np.abs(_numbers(table, "phi_rad")))) > 2.0 * math.pi:
-            raise UsageError(
-                f"{name_of(pendulum_csv)} has angles beyond a full turn",
-                hint="phi_rad is in radians.",
-            )
-        swings = {str(name): part for name, part in table.groupby("trial", sort=False)}
+        tracked = tracked or swing_tracked
     names = list(dict.fromkeys([*balls, *swings]))
     if ball_csv is not None:
         names = [name for name in names if name in balls]
@@ -287,6 +264,45 @@ def load_campaign(
     if tracked:
         return ClipCampaign(trials, tuple(notes), unknown_widths(trials), calibrated=False)
     return CampaignRecords(trials, tuple(notes))
+
+
+_Read = tuple[dict[str, pd.DataFrame], bool, list[str]]
+
+
+def _balls_of(ball_csv: TableLike, setup: Setup) -> _Read:
+    """Rows of the ball by trial, whether they come from a clip, and what is to be told."""
+    table, notes = _samples(ball_csv, ("trial", "t_s"), setup)
+    tracked = is_track_table(table)
+    axes = [name for name in ("x_m", "y_m", "z_m") if name in table.columns]
+    if not axes:
+        raise UsageError(
+            f"{name_of(ball_csv)} has no column with a position",
+            hint="x_m, y_m or z_m is needed.",
+        )
+    table, more = _tidied(table, axes, name_of(ball_csv))
+    return _by_trial(table), tracked, [*notes, *more]
+
+
+def _swings_of(pendulum_csv: TableLike, setup: Setup) -> _Read:
+    """Rows of the pendulum by trial, whether they come from a clip, and what is to be told."""
+    table, notes = _samples(pendulum_csv, ("trial", "t_s", "phi_rad"), setup)
+    tracked = is_track_table(table)
+    table, more = _tidied(table, ["phi_rad"], name_of(pendulum_csv))
+    if table.empty:
+        raise UsageError(
+            f"{name_of(pendulum_csv)}: no row has a time and an angle",
+            hint="Leave the pendulum's table away, or fill its column phi_rad.",
+        )
+    if float(np.nanmax(np.abs(_numbers(table, "phi_rad")))) > 2.0 * math.pi:
+        raise UsageError(
+            f"{name_of(pendulum_csv)} has angles beyond a full turn",
+            hint="phi_rad is in radians.",
+        )
+    return _by_trial(table), tracked, [*notes, *more]
+
+
+def _by_trial(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    return {str(name): part for name, part in table.groupby("trial", sort=False)}
 
 
 def _trial(name: str, ball: pd.DataFrame | None, swing: pd.DataFrame | None) -> Trial:

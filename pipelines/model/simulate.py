@@ -398,13 +398,7 @@ def simulate(
     sources = _sources(PlanScatter() if scatter is None else scatter, backswing is not None)
     shifts = [Shift()] + [shift for _, both in sources for shift in both]
     strikes = [strike_inputs(experiment, backswing, impact_speed, law, effects, s) for s in shifts]
-    turned: list[ContactOutcome | None] = [None] * len(strikes)
-    why = ""
-    try:
-        followed = followed_contacts(strikes)
-        turned = [followed.at(i) for i in range(len(strikes))]
-    except DomainError as problem:
-        why = problem.message
+    turned, why = _contacts(strikes)
     runs = [strike_numbers(s, t, effects)[0] for s, t in zip(strikes, turned, strict=True)]
     best, flight, contact_flight = strike_numbers(strikes[0], turned[0], effects, samples=201)
     others = []
@@ -426,6 +420,15 @@ def simulate(
         ]
     warnings = _warnings(experiment, best["impact_speed"], law, best["ball_speed"])
     return Simulation(tuple(quantities), warnings, flight, contact_flight)
+
+
+def _contacts(strikes: list[StrikeInputs]) -> tuple[list[ContactOutcome | None], str]:
+    """What contacts followed in time hand over, or none of them and why."""
+    try:
+        followed = followed_contacts(strikes)
+        return [followed.at(i) for i in range(len(strikes))], ""
+    except DomainError as problem:
+        return [None] * len(strikes), problem.message
 
 
 def _sources(

@@ -144,7 +144,7 @@ def test_sphere_outline_matches_the_analytic_ellipse() -> None:
     ellipse_centre = -np.linalg.solve(cone[:2, :2], cone[:2, 2])
     scale = ellipse_centre @ cone[:2, :2] @ ellipse_centre - cone[2, 2]
     semi_axes = np.sqrt(scale / np.linalg.eigvalsh(cone[:2, :2]))
-    outline, _ = camera.sphere_outline(centre, radius)
+    outline, radius_px = camera.sphere_outline(centre, radius)
     assert outline == pytest.approx(camera.lens.to_pixels(ellipse_centre), abs=1e-6)
     assert radius_px == pytest.approx(700.0 * np.sqrt(semi_axes.prod()), abs=1e-5)
     assert np.linalg.norm(outline - camera.project(centre)) > 0.3
