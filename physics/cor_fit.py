@@ -7,7 +7,7 @@ from typing import Any
 
 import lmfit
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from metrology import DomainError, TooLittleDataError
 from physics.domain import FloatArray, require_positive
@@ -171,7 +171,7 @@ def _least_squares(
 def _report(model: str, law: CorLaw, fit: Any, points: int, absolute: bool) -> CorFit:
     free = fit.nvarys
     dof = points - free
-    width = float(student.ppf(0.975, dof)) if dof > 0 else math.inf
+    width = float(stdtrit(dof, 0.975)) if dof > 0 else math.inf
     parameters = []
     for name, parameter in fit.params.items():
         known = parameter.stderr is not None and (dof > 0 or absolute)

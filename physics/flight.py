@@ -105,10 +105,13 @@ class FlightModel:
         slope[3:] = 0.0
         slope[4] = -self.gravity
         drag, spin = self._held(time, state)
+        seen: dict[str, FlightState] = {}
         for term in self._acting:
-            at = term.where
-            now = self._seen(time, state, at, _part(drag, at), _part(spin, at))
-            for axis, force in enumerate(term.effect.force(term.values, now)):
+            # effects that act in the same members see the same state
+            at, members = term.where, str(term.where)
+            if members not in seen:
+                seen[members] = self._seen(time, state, at, _part(drag, at), _part(spin, at))
+            for axis, force in enumerate(term.effect.force(term.values, seen[members])):
                 slope[(3 + axis, at)] += force / self.mass
         return slope
 
@@ -120,7 +123,7 @@ class FlightModel:
         drag: Number = 0.0,
         spin: Number = 0.0,
     ) -> FlightState:
-        x, y, z, vx, vy, vz = (part[at] for part in state)
+        x, y, z, vx, vy, vz = state if at is ... else state[:, at]
         return FlightState(
             time, x, y, z, vx, vy, vz, self.mass, self.diameter, self.air_density,
             self.air_viscosity, self.gravity, drag, spin, self.impact_speed, self.order,

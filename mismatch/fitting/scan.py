@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from mismatch.fitting.fit import (
     Fit,
@@ -544,7 +544,7 @@ def heterogeneity(forward: Forward, fit: Fit) -> tuple[Heterogeneity, ...]:
         total = float(mine.sum())
         room = total - float(np.sum(mine**2)) / total
         spread = np.sqrt(max(q - degrees, 0.0) / max(room, 1e-300))
-        found.append(Heterogeneity(float(chi2.sf(q, degrees)), float(spread)))
+        found.append(Heterogeneity(float(chdtrc(degrees, q)), float(spread)))
     return tuple(found)
 
 

@@ -19,18 +19,19 @@ with white noise plus a first-order autoregression (Whittle's likelihood on the 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
-from scipy.interpolate import CubicSpline
-from scipy.signal import lfilter
-from scipy.stats import chi2
-from scipy.stats import f as fisher
+from scipy.special import chdtri, fdtrc
 
 from metrology import Defaults, SetupError, TooLittleDataError, UsageError
 from physics.bodies import GRAVITY, Pendulum
 from physics.domain import FloatArray
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 __all__ = [
     "BallModel",
@@ -75,13 +76,15 @@ class ContactTable:
 
     impact_speed: FloatArray
     rows: FloatArray
-    _spline: CubicSpline = field(init=False, repr=False, compare=False)
+    _spline: "CubicSpline" = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if self.impact_speed.size < 2 or np.any(np.diff(self.impact_speed) <= 0.0):
             raise SetupError(
                 "a contact_outcome table needs at least two rows with increasing impact_speed"
             )
+        from scipy.interpolate import CubicSpline
+
         spline = CubicSpline(self.impact_speed, self.rows, axis=0, bc_type="not-a-knot")
         object.__setattr__(self, "_spline", spline)
 
@@ -491,11 +494,8 @@ def _expected(size: int) -> tuple[FloatArray, FloatArray]:
     """
     basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, size), DEGREE + 1))
     look = dct(np.eye(size) - basis @ basis.T, norm="ortho", axis=0)[DEGREE + 2 :]
-    slow = []
-    for rho in RHOS:
-        ahead = lfilter([1.0], [1.0, -rho], look, axis=1)
-        back = lfilter([1.0], [1.0, -rho], look[:, ::-1], axis=1)[:, ::-1]
-        slow.append(np.sum(look * (ahead + back - look), axis=1))
+    apart = np.abs(np.subtract.outer(np.arange(size), np.arange(size)))
+    slow = [np.sum(look * (look @ rho**apart), axis=1) for rho in RHOS]
     return np.sum(look * look, axis=1), np.array(slow)
 
 
@@ -596,7 +596,7 @@ def shared_deviance(fits: list[SpectrumFit]) -> FloatArray | None:
         return None
     total = np.sum([fit.deviance for fit in fits], axis=0)
     apart = float(total.min() - sum(fit.deviance.min() for fit in fits))
-    if apart > chi2.isf(APART, 2 * (len(fits) - 1)):
+    if apart > chdtri(2 * (len(fits) - 1), APART):
         return None
     # One memory is one extrapolation, however many channels it was seen in.
     guess = np.mean([fit.extrapolation for fit in fits], axis=0)
@@ -620,7 +620,7 @@ def whiteness(pieces: list[tuple[FloatArray, FloatArray]], low: int = 8) -> floa
     if not n_slow or not n_fast or fast <= 0.0:
         return 1.0
     ratio = (slow / n_slow) / (fast / n_fast)
-    return float(fisher.sf(ratio, n_slow, n_fast))
+    return float(fdtrc(n_slow, n_fast, ratio))
 
 
 STRETCHES = ((36, 4), (24, 4), (16, 4), (12, 5), (9, 5))

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
-from scipy.stats import rankdata
 
 from metrology import UsageError
 from mismatch.fitting.fit import (
@@ -381,7 +380,9 @@ def _series(trial: Trial) -> list[FloatArray]:
 
 def _roughness(values: FloatArray) -> float:
     """Rank von Neumann ratio (Bartels, J. Am. Stat. Assoc. 77, 40 (1982)): 2 for noise."""
-    ranks = rankdata(values)
+    _, place, count = np.unique(values, return_inverse=True, return_counts=True)
+    # equal ones share the mean of their ranks
+    ranks = (np.cumsum(count) - 0.5 * (count - 1))[place]
     spread = float(np.square(ranks - ranks.mean()).sum())
     return float(np.square(np.diff(ranks)).sum()) / spread if spread > 0.0 else 2.0
 

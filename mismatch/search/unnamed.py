@@ -406,8 +406,12 @@ class Field(Effect):
     def size(self, values: Values, place: Number) -> FloatArray:
         """The curve itself, N, at values of the coordinate."""
         scaled = (np.asarray(place) - self.low) / (self.high - self.low) * (KNOTS - 1)
-        terms = [values[p.name] * _spline(scaled - k) for k, p in enumerate(self.parameters)]
-        return np.asarray(np.sum(np.broadcast_arrays(*terms), axis=0))
+        knots = np.arange(len(self.parameters)).reshape(-1, *(1,) * scaled.ndim)
+        splines = _spline(scaled - knots)
+        total = values[self.parameters[0].name] * splines[0]
+        for parameter, spline in zip(self.parameters[1:], splines[1:], strict=True):
+            total = total + values[parameter.name] * spline
+        return np.asarray(total)
 
     def in_words(self, values: Values) -> str:
         """Where the force is strongest, how strong, and where it has fallen to a tenth of that."""

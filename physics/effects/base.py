@@ -26,6 +26,7 @@ An effect at work: a law with values for its parameters, in all of a batch or in
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, StrEnum
+from functools import cached_property
 from types import EllipsisType
 from typing import ClassVar, Literal, TypeAlias
 
@@ -272,7 +273,7 @@ class FlightState:
     impact_speed: Number = 0.0
     order: Number = 0.0
 
-    @property
+    @cached_property
     def speed(self) -> FloatArray:
         """|v|, m/s."""
         squares = np.square(self.vx) + np.square(self.vy) + np.square(self.vz)
@@ -505,9 +506,11 @@ class Effect:
     def hooks(self) -> frozenset[str]:
         """Names of the hooks that this effect overrides."""
         mine = type(self)
-        return frozenset(
-            name for name in Effect.HOOKS if getattr(mine, name) is not getattr(Effect, name)
-        )
+        if mine not in _OVERRIDDEN:
+            _OVERRIDDEN[mine] = frozenset(
+                name for name in Effect.HOOKS if getattr(mine, name) is not getattr(Effect, name)
+            )
+        return _OVERRIDDEN[mine]
 
     @property
     def neutral(self) -> dict[str, float]:
@@ -553,6 +556,10 @@ class Effect:
     def angle(self, values: Values, view: CameraView) -> Number:
         """Angle that the recording gives the pendulum, rad."""
         return view.phi
+
+
+_OVERRIDDEN: dict[type[Effect], frozenset[str]] = {}
+"""Hooks that each kind of effect overrides: they are asked for in every step of every march."""
 
 
 class Form(StrEnum):

@@ -12,22 +12,24 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from calib.calibration import Calibration
 from metrology import ClipError, Defaults, MeasurementError, NotFoundError, UsageError
 from mismatch import EngineVerdict
 from mismatch.records.records import CampaignRecords, Trial
 from mismatch.verdict import DOUBTED, Doubt, NamedEffect
 from physics.bodies import GRAVITY, PAPER_PENDULUM, PAPER_SUPPORT, Pendulum
 from pipelines.explain.tabular import numbers_of, read_sheet
-from pipelines.measure.chain import MeasureOptions, measure_clip
-from pipelines.measure.measurement import ClipMeasurement
-from pipelines.measure.metres import CameraMapping
 from pipelines.setup.file import Setup
+
+if TYPE_CHECKING:
+    from calib.calibration import Calibration
+    from pipelines.measure.chain import MeasureOptions
+    from pipelines.measure.measurement import ClipMeasurement
 
 __all__ = [
     "ClipCampaign",
@@ -266,7 +268,7 @@ PARAMETERS = {
 """The strength of a fault of the instrument, by the fault's id."""
 
 
-def calibration_widths(measured: ClipMeasurement) -> dict[str, float]:
+def calibration_widths(measured: "ClipMeasurement") -> dict[str, float]:
     """Standard uncertainties of rate and scale (relative) and of roll (rad) of one clip.
 
     The calibration's, and what the ball's outline adds: slow errors that all clips share.
@@ -301,13 +303,14 @@ def outline_shares(px: np.ndarray) -> tuple[float, float]:
     return float(along), float(fall)
 
 
-def _scale_and_roll(calibration: Calibration, px: np.ndarray) -> tuple[float, float]:
+def _scale_and_roll(calibration: "Calibration", px: np.ndarray) -> tuple[float, float]:
     """How far the calibration's covariance stretches and turns a track, one sigma each."""
     std = np.sqrt(np.maximum(np.diag(calibration.covariance), 0.0))
     free = std > 0.0
     outer = np.outer(std[free], std[free])
     lengths, axes = np.linalg.eigh(calibration.covariance[np.ix_(free, free)] / outer)
     nothing = np.zeros((len(px), 2, 2))
+    from pipelines.measure.metres import CameraMapping
 
     def track(step: np.ndarray) -> np.ndarray:
         moved = np.zeros(std.size)
@@ -507,7 +510,7 @@ def campaign_from_clips(
     clips: Sequence[Path],
     setup: Setup,
     facts: Mapping[str, ClipFacts] | None = None,
-    measure: Callable[[Path, MeasureOptions], ClipMeasurement] = measure_clip,
+    measure: "Callable[[Path, MeasureOptions], ClipMeasurement] | None" = None,
     *,
     strikes: bool = False,
 ) -> ClipCampaign:
@@ -524,8 +527,8 @@ def campaign_from_clips(
     setup : Setup
     facts : mapping, optional
         Clip's name → what the lab wrote down about it.
-    measure : callable
-        The measuring chain.
+    measure : callable, optional
+        The measuring chain, if another than `measure_clip`.
     strikes : bool
         Compare swing and contact, too. All clips of a camera share errors of the pendulum's pivot,
         about half a degree in its angles, which are told as physics where there is none.
@@ -537,6 +540,8 @@ def campaign_from_clips(
     ClipError, MeasurementError
         If no clip can be read and measured: the first clip's reason.
     """
+    from pipelines.measure.chain import MeasureOptions, measure_clip
+
     names = [path.stem for path in clips]
     again = sorted({name for name in names if names.count(name) > 1})
     if again:
@@ -552,7 +557,7 @@ def campaign_from_clips(
     for path in clips:
         about = known.get(path.stem, ClipFacts())
         try:
-            measured = measure(path, MeasureOptions(setup=setup, ball=about.ball))
+            measured = (measure or measure_clip)(path, MeasureOptions(setup=setup, ball=about.ball))
             trial, said = trial_of(path.stem, measured, setup, about)
         except (ClipError, MeasurementError) as problem:
             refused.append((path, problem))
@@ -592,7 +597,7 @@ def _why_flights(told: bool) -> str:
     )
 
 
-def _release(measured: ClipMeasurement) -> float:
+def _release(measured: "ClipMeasurement") -> float:
     """When the ball is free in the first frame of its flight, s."""
     return -math.inf if measured.impact is None else float(measured.impact.flight.time_s[0])
 
@@ -621,7 +626,7 @@ def _flight_only(trial: Trial, release: float) -> Trial:
 
 
 def trial_of(
-    name: str, measured: ClipMeasurement, setup: Setup, about: ClipFacts | None = None
+    name: str, measured: "ClipMeasurement", setup: Setup, about: ClipFacts | None = None
 ) -> tuple[Trial, list[str]]:
     """One clip's tracks as a trial, with notes on what was assumed.
 
@@ -661,7 +666,7 @@ def trial_of(
     return trial, notes
 
 
-def _backswing(measured: ClipMeasurement, setup: Setup) -> tuple[float | None, list[str]]:
+def _backswing(measured: "ClipMeasurement", setup: Setup) -> tuple[float | None, list[str]]:
     angle = measured.quantity("backswing_angle")
     if angle.value is not None:
         return math.radians(angle.value), []

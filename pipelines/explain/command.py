@@ -17,7 +17,6 @@ from mismatch import Explained
 from mismatch.table.explain import TableExplained
 from physics.effects import CATALOGUE, Effect
 from pipelines.doors import FileRole
-from pipelines.explain.report import draw_explained, write_explain_report
 from pipelines.explain.run import (
     explain_clips,
     explain_files_in_full,
@@ -178,9 +177,13 @@ def explain_command(
     elif json_file is not None:
         write_text_whole(Path(json_file), text + "\n")
     if plot is not None:
+        from pipelines.explain.report import draw_explained
+
         draw_explained(explained, plot)
     if report is not None:
         given = [*(inputs or []), pendulum, setup, effects, trials]
+        from pipelines.explain.report import write_explain_report
+
         write_explain_report(explained, report, [path for path in given if path is not None])
     if model is not None:
         write_text_whole(model, improved_setup(setup, explained))
