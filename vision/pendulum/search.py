@@ -11,7 +11,7 @@ Two spheres touch on the line between their centres: how far the bob leads its m
 motion follows from both radii and from how far the ball lies above or below it.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -79,7 +79,7 @@ def find_bob_face(
     rest: Rest,
     radius: float,
     before: FloatImage,
-) -> Face | None:
+) -> tuple[Face, FloatArray] | None:
     """Find where a round bob will touch the ball.
 
     Parameters
@@ -99,9 +99,10 @@ def find_bob_face(
 
     Returns
     -------
-    Face or None
-        Its edge is the point of the bob foremost along the motion that the ball meets; None where
-        no outline stands out.
+    face : Face
+        Its edge is the point of the bob foremost along the motion that the ball meets.
+    centre : (2,) array
+        The bob's own centre from its anchor, px. None for both where no outline stands out.
     """
     coming = np.flatnonzero(mass.frame <= rest.last)
     if len(coming) == 0:
@@ -122,17 +123,36 @@ def find_bob_face(
     if left > _ROUND_SHARE * circle:
         return None
     frame = int(clear[-1])
-    at = mass.anchor[frame] + centre
-    down = (at - swing.pivot_px) / np.hypot(*(at - swing.pivot_px))
+    at, pivot = mass.anchor[frame] + centre, swing.pivot_px + centre
+    down = (at - pivot) / np.hypot(*(at - pivot))
     forward = np.array([down[1], -down[0]])
     forward = forward if forward @ rest.direction > 0 else -forward
     # when they touch, the ball's centre lies so far beyond the bob's along the arm
-    away = float(np.hypot(*(rest.centre_px - swing.pivot_px)))
-    reach, touching = float(np.hypot(*(at - swing.pivot_px))), radius + circle
+    away = float(np.hypot(*(rest.centre_px - pivot)))
+    reach, touching = float(np.hypot(*(at - pivot))), radius + circle
     beyond = (away**2 - reach**2 - touching**2) / (2.0 * reach)
     ahead = float(np.sqrt(max(touching**2 - min(abs(beyond), circle) ** 2, 0.0))) - radius
     edge_std = max(std, _LEAST_STD_PX)
-    return Face(int(mass.frame[frame]), at + ahead * forward, edge_std, spherical=True)
+    return Face(int(mass.frame[frame]), at + ahead * forward, edge_std, spherical=True), centre
+
+
+def _about_centre(found: Swinging, centre: FloatArray) -> Swinging:
+    """A round bob about its own centre (2,) from its anchor, px.
+
+    Its look does not turn: any point of it that is followed goes round a circle of the same size,
+    about a pivot that is as far off as the point is.
+    """
+    mass, arc, patch = found.mass, found.mass.arc, found.mass.patch
+    poses = tuple(replace(pose, anchor=pose.anchor + centre) for pose in mass.poses)
+    shifted = replace(patch, x=patch.x - centre[0], y=patch.y - centre[1])
+    arc = replace(arc, centre_px=arc.centre_px + centre)
+    swing = replace(
+        found.swing,
+        pivot_px=found.swing.pivot_px + centre,
+        centre_px=found.swing.centre_px + centre,
+    )
+    mass = replace(mass, poses=poses, patch=shifted, arc=arc)
+    return replace(found, mass=mass, swing=swing)
 
 
 def _rim(
@@ -282,9 +302,11 @@ def find_striker(
     best = min(followed, key=lambda one: (one.striking, -one.gain))
     rivals = [one.gain for one in followed if one.striking <= best.striking and _other(one, best)]
     best = follow_on(follower, best)
-    face = None
+    face: Face | None = None
     if not best.swing.turns:
-        face = find_bob_face(scene, best.mass, best.swing, rest, radius, before)
+        bob = find_bob_face(scene, best.mass, best.swing, rest, radius, before)
+        if bob is not None:
+            face, best = bob[0], _about_centre(best, bob[1])
     if face is None:
         face = find_face(scene, best.mass, rest, radius, before)
     doubt = max(rivals, default=0.0) / max(best.gain, 1e-9)

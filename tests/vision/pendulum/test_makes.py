@@ -61,6 +61,9 @@ def test_a_round_bob_is_known_by_a_look_that_does_not_turn_and_strikes_with_its_
     angle = film.angle[found.face.frame]
     lead = float(ahead @ [np.cos(angle), -np.sin(angle)])
     assert lead == pytest.approx(8.0, abs=0.25)
+    # what does not turn is as far off its pivot as off its middle: both are the bob's own
+    off = np.median(found.mass.anchor - film.middle[found.mass.frame], axis=0)
+    assert np.hypot(*off) < 0.25
 
 
 def test_the_pivot_is_where_all_turns_about() -> None:
