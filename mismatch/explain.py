@@ -30,7 +30,7 @@ from mismatch.search.locate import (
     where_it_is_largest,
 )
 from mismatch.search.naming import WEIGHT_SCALE, Naming, name_effects
-from mismatch.search.unnamed import Field
+from mismatch.search.unnamed import SmoothCurve
 from mismatch.verdict import (
     Alternative,
     Doubt,
@@ -448,7 +448,7 @@ def _plain(law: str) -> str:
 
 
 def _law_in_words(effect: Effect, parameters: Sequence[ParameterValue]) -> str:
-    if isinstance(effect, Field):
+    if isinstance(effect, SmoothCurve):
         curve = effect.in_words({p.name: p.value for p in parameters})
         where = effect.form.replace("_", " ")
         return f"No known effect fits. {effect.statement} Direction: {where}. The curve: {curve}."

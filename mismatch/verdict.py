@@ -14,9 +14,9 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from mismatch.fitting.fit import Fit, Free, fit_model, free_parameters
-from mismatch.fitting.hypotheses import POOR_FIT, Hypothesis
+from mismatch.fitting.hypotheses import POOR_FIT, Hypothesis, is_known
 from mismatch.fitting.prepare import Prepared
-from mismatch.fitting.scan import trial_pulls
+from mismatch.fitting.scan import heterogeneity, trial_pulls
 from mismatch.model.forward import Forward
 from mismatch.records.sanity import fall_in_g
 from physics.domain import FloatArray
@@ -399,7 +399,11 @@ SWALLOWED = 0.1
 
 PULLED = 0.5
 
-"""Share of a strength that one trial alone may make up."""
+"""Share of a strength that one trial alone may make up, or by which trials may differ in it."""
+
+UNLIKELY_SCATTER = 1e-3
+
+"""Chance below which trials differ in a strength by more than noise and stated scatter."""
 
 FAR_OFF_NOISE = 10.0
 
@@ -414,6 +418,7 @@ class Doubt(Enum):
     NO_GAIN = "on trials kept out of the fit it does hardly better than the model without it"
     LEFT_OVER = "it leaves most of the mismatch unexplained"
     ONE_TRIAL = "its strength hangs on one trial alone"
+    UNSTEADY = "its strength differs from trial to trial by more than chance and half of itself"
     EACH_ITS_OWN = "each trial has values of its own, which take up a part of any misfit"
     UNPROVED = "no trial is kept out of the fit to prove it on"
     UNKNOWN_CALIBRATION = "it is no larger than what a calibration that nobody knows may leave open"
@@ -489,8 +494,12 @@ def pass_gate(
             doubts.append(Doubt.EACH_ITS_OWN)
         if _hangs_on_one(forward, best):
             doubts.append(Doubt.ONE_TRIAL)
+        elif _unsteady(forward, best):
+            doubts.append(Doubt.UNSTEADY)
     elif kept is not None and kept.ratio_95[1] < 1.0:
         doubts.append(Doubt.WORSE_HELD_OUT)
+    elif _unsteady(forward, best):
+        doubts.append(Doubt.UNSTEADY)
     elif kept is not None and not kept.proves and kept.gain is not None and kept.gain < NO_GAIN:
         doubts.append(Doubt.NO_GAIN)
     return _passed(prepared, best, kind, tuple(doubts))
@@ -547,6 +556,32 @@ def _noise_swallows(forward: Forward) -> bool:
             widest, sigma = max(ways)
             sizes.append(sigma / max(widest, 1e-12))
     return not sizes or float(np.median(sizes)) > SWALLOWED
+
+
+def _unsteady(forward: Forward, best: Hypothesis) -> bool:
+    """Whether trials differ in an effect's strength beyond their stds and by half of it.
+
+    A law written a little otherwise differs by some per cent along its coordinate; what differs by
+    half of itself is another thing in each trial. An effect is judged by its surest strength.
+    """
+    scatter = heterogeneity(forward, best.fit)
+    for member in best.members:
+        if member.effect.level is not Level.CAMPAIGN or is_known(member.effect):
+            continue
+        sizes = {}
+        for index, item in enumerate(best.fit.free):
+            mine = best.fit.model.entries[item.entry][0] is member.effect
+            if mine and not item.parameter.is_shape and not item.parameter.is_held:
+                value, std = best.fit.value(index)
+                size = abs(value - item.parameter.neutral)
+                sizes[index] = (size / max(std, 1e-300), size)
+        if not sizes:
+            continue
+        surest = max(sizes, key=lambda index: sizes[index][0])
+        seen = scatter[surest]
+        if seen.chance < UNLIKELY_SCATTER and seen.spread > PULLED * sizes[surest][1]:
+            return True
+    return False
 
 
 def _hangs_on_one(forward: Forward, best: Hypothesis) -> bool:

@@ -127,7 +127,7 @@ class FormError(Effect):
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """The law's force times the error."""
-        k = values["weight"] * self._smooth(_flight_place(self._law.coordinate, flight))
+        k = values["weight"] * self._smooth(flight.along(self._law.coordinate))
         fx, fy, fz = self._law.force(self._held, flight)
         return k * fx, k * fy, k * fz
 
@@ -157,15 +157,6 @@ class FormError(Effect):
         k = values["weight"] * self._smooth((view.x - view.centre_x) / view.half_width)
         x, y, z = self._law.image(self._held, view)
         return view.x + k * (x - view.x), view.y + k * (y - view.y), view.z + k * (z - view.z)
-
-
-def _flight_place(coordinate: Coordinate, flight: FlightState) -> Number:
-    places: Mapping[Coordinate, Number] = {
-        Coordinate.TIME: flight.time,
-        Coordinate.HEIGHT: flight.y,
-        Coordinate.PLACE: flight.x,
-    }
-    return places.get(coordinate, flight.speed)
 
 
 def _sizes(contact: Contact, before: Outcome, after: Outcome) -> dict[str, FloatArray]:

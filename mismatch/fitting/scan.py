@@ -39,6 +39,7 @@ from physics.effects import Effect, Level
 __all__ = [
     "Scan",
     "fit_with_levels",
+    "heterogeneity",
     "own_values",
     "price",
     "price_of_levels",

@@ -488,6 +488,10 @@ class Forward:
         both = used[:, 1:] & used[:, :-1]
         rows = both.any(axis=-1)
         step = np.where(both, np.diff(records.position, axis=1), 0.0)
+        if coordinate is Coordinate.DIRECTION:
+            ways = np.arctan2(step[..., 1], np.hypot(step[..., 0], step[..., 2]))[rows]
+            low, high = np.quantile(ways, [0.05, 0.95]) if ways.size else (0.0, 1.0)
+            return float(low), float(high)
         size = np.sqrt(np.square(step).sum(axis=-1))[rows]
         speed = size / np.diff(records.ball_time, axis=1)[rows]
         low, high = np.quantile(speed, [0.1, 0.9]) if speed.size else (0.0, 1.0)

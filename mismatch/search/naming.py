@@ -62,6 +62,23 @@ SECOND_FORM_REACH = 4.0
 """Penalised gain behind the best further law, by the linear look, up to which its other forms are
 fitted."""
 
+FIRST_ROUNDS = 3
+
+"""Steps after which a law that is far behind is left: Gauss and Newton have then gone most of the
+way."""
+
+FIRST_SHARE = 0.03
+
+"""Likewise as a share of the best one's gain, where misfits are large."""
+
+MOST_UNNAMED = 6
+
+"""Laws and curves in no catalogue that are tried, the best by the linear look; supposed."""
+
+FIRST_REACH = 40.0
+
+"""Penalised gain behind the best, after the first steps, from which more bring no law back."""
+
 LAW_REACH = 16.0
 
 """Penalised gain behind the best answer from which further forms of a law can't matter any more."""
@@ -251,12 +268,35 @@ def _by_law(ranked: Ranked, candidates: Sequence[Candidate]) -> tuple[Ranked, Ra
     lead: dict[str, float] = {}
     for item in ranked:
         identity = candidates[item[1]].id
-        if identity == EffectId.UNNAMED or identity not in lead:
-            lead.setdefault(identity, item[0])
+        if identity == EffectId.UNNAMED:
+            if sum(candidates[one[1]].id == EffectId.UNNAMED for one in first) < MOST_UNNAMED:
+                first.append(item)
+        elif identity not in lead:
+            lead[identity] = item[0]
             first.append(item)
         elif item[0] > lead[identity] - FORM_REACH or item[0] > (1.0 - FORM_SHARE) * lead[identity]:
             others.append(item)
     return first, others
+
+
+def _those_that_compete_finished(
+    forward: Forward, base: Fit, tried: Sequence[Hypothesis]
+) -> list[Hypothesis]:
+    """Fits brought to their end where that may matter, the others as they are.
+
+    Free swings are always followed to their end.
+    """
+    if forward.mode == "swing":
+        return list(tried)
+    lead = max((h.penalised_gain for h in tried if h.allowed), default=-np.inf)
+    least = lead - max(FIRST_REACH, FIRST_SHARE * abs(lead))
+    return [_continued(forward, base, h) if h.penalised_gain > least else h for h in tried]
+
+
+def _continued(forward: Forward, base: Fit, h: Hypothesis) -> Hypothesis:
+    """A hypothesis fitted on from where it stands."""
+    members, strengths = _as_fitted(h)
+    return fit_hypothesis(forward, base, members, strengths, start=h.fit)
 
 
 def _other_forms(
@@ -326,7 +366,10 @@ def name_effects(
     share = -np.inf if swinging else 0.4
     first_of_each, others = _by_law(ranked, candidates)
     for _, index, values in _shortlist(first_of_each, MOST_SINGLES, share):
-        tried.append(fit_hypothesis(forward, base, [candidates[index]], [values]))
+        tried.append(
+            fit_hypothesis(forward, base, [candidates[index]], [values], rounds=FIRST_ROUNDS)
+        )
+    tried = _those_that_compete_finished(forward, base, tried)
     tried += _other_forms(forward, base, candidates, others, tried, inflation)
     best = _best_allowed(tried)
     if best is None or best.penalised_gain / inflation < least_gain(best, base, threshold):
@@ -587,16 +630,22 @@ def _one_per_id(seeds: Sequence[Hypothesis], most: int) -> list[Hypothesis]:
     return list(chosen.values())[:most]
 
 
+def _as_fitted(h: Hypothesis) -> tuple[list[Candidate], list[FloatArray]]:
+    """The members of a hypothesis with their shapes, and their strengths, as they were fitted."""
+    members, strengths = [], []
+    for member in h.members:
+        held = next(v for e, v in h.fit.model.entries if e is member.effect)
+        shape = tuple((p.name, float(held[p.name])) for p in member.effect.shapes)
+        members.append(Candidate(member.effect, shape, member.tries))
+        strengths.append(np.array([held[p.name] for p in member.effect.strengths]))
+    return members, strengths
+
+
 def _extended(
     forward: Forward, base: Fit, seed: Hypothesis, more: Candidate, values: FloatArray
 ) -> Hypothesis:
     """Refit a set with one more effect, starting from where the smaller set ended."""
-    members, strengths = [], []
-    for member in seed.members:
-        held = next(v for e, v in seed.fit.model.entries if e is member.effect)
-        shape = tuple((p.name, float(held[p.name])) for p in member.effect.shapes)
-        members.append(Candidate(member.effect, shape, member.tries))
-        strengths.append(np.array([held[p.name] for p in member.effect.strengths]))
+    members, strengths = _as_fitted(seed)
     return fit_hypothesis(
         forward, base, [*members, more], [*strengths, values], start=seed.fit, rounds=8
     )

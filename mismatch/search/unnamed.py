@@ -3,12 +3,13 @@
 Each law is dimensionally whole: a strength with the unit of a force, torque or ratio, times a shape
 without a unit. All carry the id ``unnamed`` and are never dressed as a known effect.
 
-A force of unknown law as a smooth curve over one coordinate: what no catalogue holds.
+What is in no catalogue as a smooth curve over one coordinate: a force, a torque, a drift.
 
-Cubic B-splines over time, place, height or speed, their weights with one Gaussian prior (a Gaussian
-process with the correlation length of a knot). The prior's width is the one of highest evidence;
-what the freedom costs is the evidence's own price for it, so that such a field competes on equal
-terms with every set of named effects.
+Cubic B-splines over time, place, height, speed or direction of a flight, over angle or rate of a
+swing, or over the order of the trials; their weights have one Gaussian prior (a Gaussian process
+with the correlation length of a knot). The prior's width is the one of highest evidence; what the
+freedom costs is the evidence's own price for it, so that such a field competes on equal terms with
+every set of named effects.
 """
 
 from dataclasses import dataclass, replace
@@ -35,6 +36,7 @@ from physics.effects.impact import change_restitution, turn_launch
 __all__ = [
     "Ageing",
     "Bump",
+    "Drift",
     "Field",
     "Gust",
     "Magnet",
@@ -42,7 +44,9 @@ __all__ = [
     "Notch",
     "Oscillation",
     "Pull",
+    "SmoothCurve",
     "SpeedPower",
+    "TorqueField",
     "smooth_fields",
     "unnamed_laws",
 ]
@@ -341,19 +345,45 @@ KNOTS = 9
 
 """Weights of one curve: pieces of an eighth of the coordinate, shorter than most gusts."""
 
+DRIFT_KNOTS = 4
+
+"""Weights of a drift over the trials: thirds of a campaign, which rarely has more than a dozen."""
+
+LEAST_TRIALS = 6
+
+"""Trials from which a drift is more than what each of them may be off by itself."""
+
 WIDTH = 0.05
 
 """In weights of the ball, where no evidence has chosen it yet."""
 
+TORQUE_WIDTH = 0.3
+
+"""N m for the paper's pendulum, a hundredth of its weight's torque; likewise."""
+
+RESTITUTION_WIDTH = 0.01
+
+ANGLE_WIDTH = 0.005
+
+"""What repeats imperfectly from trial to trial, as usual; likewise."""
+
 LOOKS = 3.0
 
 """Chi-square units for having chosen the width among a handful."""
+
+STICTION_RATE = 0.02
+
+"""rad/s below which a torque against the motion is smoothed through a turning point."""
 
 WORDS = {
     Coordinate.TIME: "the time since release",
     Coordinate.PLACE: "the place along the way",
     Coordinate.HEIGHT: "the height",
     Coordinate.SPEED: "the speed",
+    Coordinate.DIRECTION: "the direction of flight above the horizontal",
+    Coordinate.ANGLE: "the angle",
+    Coordinate.RATE: "the size of the angular velocity",
+    Coordinate.ORDER: "the place of the trial in the campaign",
 }
 
 UNITS = {
@@ -361,6 +391,10 @@ UNITS = {
     Coordinate.PLACE: "m",
     Coordinate.HEIGHT: "m",
     Coordinate.SPEED: "m/s",
+    Coordinate.DIRECTION: "rad",
+    Coordinate.ANGLE: "rad",
+    Coordinate.RATE: "rad/s",
+    Coordinate.ORDER: "",
 }
 
 FELT = 0.1
@@ -368,19 +402,21 @@ FELT = 0.1
 """Share of its largest value from which a force is said to act."""
 
 
-def _weights() -> tuple[Parameter, ...]:
+def _weights(
+    what: str, unit: str, width: float, size: Size = Size.ONE, knots: int = KNOTS
+) -> tuple[Parameter, ...]:
     return tuple(
         Parameter(
-            f"force_{k}", "N", 0.02, -300.0, 300.0, meaning=f"height of the spline at knot {k}",
-            width=WIDTH, expected=0.0, in_units_of=Size.BALL_WEIGHT, width_in=Size.BALL_WEIGHT,
+            f"{what}_{k}", unit, 0.4 * width, -300.0, 300.0, width=width, expected=0.0,
+            meaning=f"height of the spline at knot {k}", in_units_of=size, width_in=size,
         )
-        for k in range(KNOTS)
+        for k in range(knots)
     )  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Field(Effect):
-    """A force along a direction as a smooth curve over one coordinate.
+class SmoothCurve(Effect):
+    """A curve over one coordinate, whatever it acts on.
 
     Attributes
     ----------
@@ -391,22 +427,21 @@ class Field(Effect):
     """
 
     id: str = "unnamed"
-    statement: str = "A force that no simple law describes."
+    statement: str = ""
     law: str = r"F = \sum_k F_k B_k(c)"
     source: str = "cubic B-splines with a Gaussian prior, fitted to this campaign"
     phase: Phase = "flight"
-    parameters: tuple[Parameter, ...] = _weights()
-    form: str = "horizontal"
-    separating: str = "the same shot with the apparatus moved or at another time"
+    parameters: tuple[Parameter, ...] = ()
     looseness: float = 0.0
     low: float = 0.0
     high: float = 1.0
     looks: float = LOOKS
 
     def size(self, values: Values, place: Number) -> FloatArray:
-        """The curve itself, N, at values of the coordinate."""
-        scaled = (np.asarray(place) - self.low) / (self.high - self.low) * (KNOTS - 1)
-        knots = np.arange(len(self.parameters)).reshape(-1, *(1,) * scaled.ndim)
+        """The curve itself, in the unit of its weights, at values of the coordinate."""
+        last = len(self.parameters) - 1
+        scaled = (np.asarray(place) - self.low) / (self.high - self.low) * last
+        knots = np.arange(last + 1).reshape(-1, *(1,) * scaled.ndim)
         splines = _spline(scaled - knots)
         total = values[self.parameters[0].name] * splines[0]
         for parameter, spline in zip(self.parameters[1:], splines[1:], strict=True):
@@ -414,26 +449,34 @@ class Field(Effect):
         return np.asarray(total)
 
     def in_words(self, values: Values) -> str:
-        """Where the force is strongest, how strong, and where it has fallen to a tenth of that."""
+        """Where it is strongest, how strong, and where it has fallen to a tenth of that."""
         grid = np.linspace(self.low, self.high, 201)
         size = self.size(values, grid)
         top = int(np.argmax(np.abs(size)))
         unit = UNITS[self.coordinate]
+        mine = "" if self.parameters[0].unit == "1" else f" {self.parameters[0].unit}"
         felt = grid[np.abs(size) > FELT * abs(size[top])]
+        if self.coordinate is Coordinate.ORDER:
+            return f"{size[0]:+.3g}{mine} in the first trial, {size[-1]:+.3g}{mine} in the last"
         reach = f"from {felt.min():.3g} {unit} to {felt.max():.3g} {unit}"
         return (
-            f"{size[top]:+.3g} N at most, where {WORDS[self.coordinate]} is {grid[top]:.3g} {unit};"
-            f" more than a tenth of that {reach}"
+            f"{size[top]:+.3g}{mine} at most, where {WORDS[self.coordinate]} is"
+            f" {grid[top]:.3g} {unit}; more than a tenth of that {reach}"
         )
+
+
+@dataclass(frozen=True)
+class Field(SmoothCurve):
+    """A force along a direction as a smooth curve over one coordinate."""
+
+    statement: str = "A force that no simple law describes."
+    parameters: tuple[Parameter, ...] = _weights("force", "N", WIDTH, Size.BALL_WEIGHT)
+    form: str = "horizontal"
+    separating: str = "the same shot with the apparatus moved or at another time"
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """Sum of splines, along the direction."""
-        place = {
-            Coordinate.TIME: flight.time,
-            Coordinate.PLACE: flight.x,
-            Coordinate.HEIGHT: flight.y,
-        }.get(self.coordinate, flight.speed)
-        size = self.size(values, place) + 0.0 * np.asarray(flight.x)
+        size = self.size(values, flight.along(self.coordinate)) + 0.0 * np.asarray(flight.x)
         nothing = np.zeros_like(size)
         if self.form == "horizontal":
             return size, nothing, nothing
@@ -445,6 +488,50 @@ class Field(Effect):
         return -k * flight.vy, k * flight.vx, nothing
 
 
+@dataclass(frozen=True)
+class TorqueField(SmoothCurve):
+    """A torque on the pendulum as a smooth curve over its angle, or against the motion by rate."""
+
+    statement: str = "A torque that no simple law describes."
+    law: str = r"\tau = \sum_k \tau_k B_k(c)"
+    phase: Phase = "swing"
+    parameters: tuple[Parameter, ...] = _weights(
+        "torque", "N m", TORQUE_WIDTH, Size.PENDULUM_TORQUE
+    )
+    form: str = "over the angle"
+    separating: str = "a slow swing by hand, and a free swing over many periods"
+    coordinate: Coordinate = Coordinate.ANGLE
+
+    def torque(self, values: Values, swing: SwingState) -> Number:
+        """Sum of splines; over the rate it turns its sign with the motion."""
+        if self.coordinate is Coordinate.ANGLE:
+            return self.size(values, swing.phi)
+        against = -np.tanh(np.asarray(swing.omega) / STICTION_RATE)
+        return self.size(values, np.abs(swing.omega)) * against
+
+
+@dataclass(frozen=True)
+class Drift(SmoothCurve):
+    """A contact that changes over the trials along a smooth curve."""
+
+    statement: str = "The contact changes over the trials, as a curve that no simple law gives."
+    law: str = r"e = e_0 + \sum_k e_k B_k(i)"
+    phase: Phase = "contact"
+    parameters: tuple[Parameter, ...] = _weights(
+        "change", "1", RESTITUTION_WIDTH, knots=DRIFT_KNOTS
+    )
+    form: str = "coefficient of restitution"
+    separating: str = "the same shots once more in reversed order"
+    coordinate: Coordinate = Coordinate.ORDER
+
+    def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
+        """By the trial's place in the campaign."""
+        size = self.size(values, contact.order)
+        if self.form == "launch angle":
+            return turn_launch(outcome, size)
+        return change_restitution(contact, outcome, size)
+
+
 def _spline(apart: FloatArray) -> FloatArray:
     """Cardinal cubic B-spline of unit knots, one at its middle."""
     u = np.minimum(np.abs(apart), 2.0)
@@ -453,14 +540,24 @@ def _spline(apart: FloatArray) -> FloatArray:
     return np.asarray(np.where(u < 1.0, inner, outer))
 
 
-def smooth_fields(forward: Forward) -> tuple[Field, ...]:
-    """Every smooth field of a force that makes sense for a campaign."""
-    if forward.mode != "impact":
-        return ()
-    found = []
-    for coordinate in (Coordinate.TIME, Coordinate.PLACE, Coordinate.HEIGHT, Coordinate.SPEED):
-        along = coordinate is Coordinate.SPEED
-        ways = ("along_velocity", "normal_to_velocity") if along else ("horizontal", "vertical")
+FIELDS = (
+    (Coordinate.TIME, ("horizontal", "vertical")),
+    (Coordinate.PLACE, ("horizontal", "vertical")),
+    (Coordinate.HEIGHT, ("horizontal", "vertical")),
+    (Coordinate.SPEED, ("along_velocity", "normal_to_velocity")),
+    (Coordinate.DIRECTION, ("along_velocity", "normal_to_velocity")),
+)
+
+"""Coordinates of a flight, and the directions that a force along each is looked for in."""
+
+
+def _forces(forward: Forward) -> list[SmoothCurve]:
+    seen = np.atleast_1d(forward.records.ball_used.any(axis=(0, 1)))
+    found: list[SmoothCurve] = []
+    for coordinate, ways in FIELDS:
+        if not seen[1] or (coordinate is not Coordinate.HEIGHT and not seen[0]):
+            # A record of heights alone tells a force by its height alone.
+            continue
         low, high = forward.flight_span(coordinate)
         said = (
             f"A force that changes with {WORDS[coordinate]}, as a curve that no simple law gives."
@@ -468,6 +565,44 @@ def smooth_fields(forward: Forward) -> tuple[Field, ...]:
         found += [
             Field(form=way, coordinate=coordinate, low=low, high=max(high, low + 1e-3),
                   statement=said)
-            for way in ways
+            for way in (ways if seen[0] else ways[1:])
         ]  # fmt: skip
-    return tuple(found)
+    return found
+
+
+def _torques(forward: Forward) -> list[SmoothCurve]:
+    found: list[SmoothCurve] = []
+    for coordinate, form in (
+        (Coordinate.ANGLE, "over the angle"), (Coordinate.RATE, "against the motion"),
+    ):  # fmt: skip
+        low, high = forward.swing_span(coordinate)
+        found.append(
+            TorqueField(
+                form=form, coordinate=coordinate, low=low, high=max(high, low + 1e-3),
+                statement=f"A torque that changes with {WORDS[coordinate]}, as a curve that no"
+                " simple law gives.",
+            )
+        )  # fmt: skip
+    return found
+
+
+def _drifts(forward: Forward) -> list[SmoothCurve]:
+    if forward.records.trials < LEAST_TRIALS:
+        return []
+    low, high = float(forward.records.order.min()), float(forward.records.order.max())
+    turned = _weights("change", "rad", ANGLE_WIDTH, knots=DRIFT_KNOTS)
+    return [
+        Drift(low=low, high=high),
+        Drift(low=low, high=high, form="launch angle", parameters=turned),
+    ]
+
+
+def smooth_fields(forward: Forward) -> tuple[SmoothCurve, ...]:
+    """Every smooth field that makes sense for a campaign."""
+    if forward.mode == "swing":
+        return tuple(_torques(forward))
+    forces = _forces(forward)
+    if forward.mode == "flight":
+        return tuple(forces)
+    swings = _torques(forward) if forward.records.pendulum_used.any() else []
+    return (*forces, *swings, *_drifts(forward))

@@ -231,6 +231,10 @@ class Coordinate(Enum):
     PLACE = "place"
     RATE = "rate"
     ANGLE = "angle"
+    DIRECTION = "direction"
+    """Of the velocity above the horizontal."""
+    ORDER = "order"
+    """Of the trials."""
 
 
 @dataclass(frozen=True)
@@ -279,6 +283,24 @@ class FlightState:
         squares = np.square(self.vx) + np.square(self.vy) + np.square(self.vz)
         speed: FloatArray = np.sqrt(np.asarray(squares, dtype=np.float64))
         return speed
+
+    @property
+    def direction(self) -> FloatArray:
+        """Of the velocity, rad above the horizontal."""
+        across = np.hypot(np.asarray(self.vx, dtype=np.float64), self.vz)
+        return np.asarray(np.arctan2(self.vy, across))
+
+    def along(self, coordinate: Coordinate) -> Number:
+        """Where the ball is along a coordinate of a law; the speed where it has none in flight."""
+        places: dict[Coordinate, Number] = {
+            Coordinate.TIME: self.time,
+            Coordinate.PLACE: self.x,
+            Coordinate.HEIGHT: self.y,
+            Coordinate.ORDER: self.order,
+        }
+        if coordinate is Coordinate.DIRECTION:
+            return self.direction
+        return places.get(coordinate, self.speed)
 
     @property
     def area(self) -> Number:

@@ -30,10 +30,11 @@ from mismatch.model.candidates import Candidate
 from mismatch.model.forward import Forward
 from mismatch.search.locate import flight_state, swing_state
 from mismatch.search.naming import missing_force
+from mismatch.search.unnamed import Drift
 from mismatch.table.explain import TableExplained
 from mismatch.table.search import Answer
 from mismatch.verdict import NamedEffect
-from physics.domain import FloatArray, Number, Vector
+from physics.domain import FloatArray, Vector
 from physics.effects import Coordinate, Effect, EffectId, FlightState, Values
 from pipelines.figures import Picture
 
@@ -219,9 +220,16 @@ ALONG = {
     Coordinate.SPEED: "speed / (m/s)",
     Coordinate.RATE: "angular velocity / (rad/s)",
     Coordinate.ANGLE: "angle / rad",
+    Coordinate.DIRECTION: "direction above the horizontal / rad",
+    Coordinate.ORDER: "place of the trial, first to last",
 }
 
-FLYING = frozenset({Coordinate.TIME, Coordinate.PLACE, Coordinate.HEIGHT, Coordinate.SPEED})
+FLYING = frozenset(
+    {
+        Coordinate.TIME, Coordinate.PLACE, Coordinate.HEIGHT, Coordinate.SPEED,
+        Coordinate.DIRECTION,
+    }
+)  # fmt: skip
 
 """Coordinates that a flight has."""
 
@@ -519,12 +527,14 @@ def _acting(explained: Explained, fit: Fit, effect: Effect) -> _Acting | None:
         parts = forces(_values(fit, effect))
         largest = max(parts, key=lambda way: float(np.abs(parts[way]).sum()))
         way = effect.form if effect.form in parts else largest
-        place = np.broadcast_to(np.asarray(_of_flight(effect, flight)), since.shape)[used]
+        place = np.broadcast_to(np.asarray(flight.along(effect.coordinate)), since.shape)[used]
         along = effect.coordinate if effect.coordinate in FLYING else Coordinate.SPEED
         return _Acting(
             used, place, lambda values: forces(values)[way], f"force {WAYS[way]} / N",
             ALONG[along], True,
         )  # fmt: skip
+    if isinstance(effect, Drift):
+        return _drifting(forward, effect)
     swing = swing_state(forward, fit)
     if "torque" not in effect.hooks or swing is None:
         return None
@@ -537,6 +547,17 @@ def _acting(explained: Explained, fit: Fit, effect: Effect) -> _Acting | None:
 
     place = np.broadcast_to(np.asarray(over), used.shape)[used]
     return _Acting(used, place, torque, "torque / N m", ALONG[along], False)
+
+
+def _drifting(forward: Forward, effect: Drift) -> _Acting:
+    """What a contact drifts by, at the rows of every trial."""
+    used = np.atleast_1d(forward.records.ball_used.any(axis=-1))
+    place = np.broadcast_to(forward.records.order[:, None], used.shape)[used]
+    unit = effect.strengths[0].unit
+    name = effect.form.replace("_", " ") + (f" / {unit}" if unit != "1" else "")
+    return _Acting(
+        used, place, lambda values: effect.size(values, place), name, ALONG[Coordinate.ORDER], False
+    )
 
 
 def _banded(
@@ -570,14 +591,6 @@ def _banded(
 
 def _values(fit: Fit, effect: Effect) -> Values:
     return next(values for held, values in fit.model.entries if held is effect)
-
-
-def _of_flight(effect: Effect, flight: FlightState) -> Number:
-    return {
-        Coordinate.TIME: flight.time,
-        Coordinate.PLACE: flight.x,
-        Coordinate.HEIGHT: flight.y,
-    }.get(effect.coordinate, flight.speed)
 
 
 def _directions(force: Vector, flight: FlightState) -> dict[str, FloatArray]:

@@ -3,13 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
+import pytest
 
 from mismatch import explain
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import scan
 from mismatch.model.candidates import candidates_for
-from mismatch.search.unnamed import KNOTS, Field
-from physics.effects import Coordinate, Effect, Parameter
+from mismatch.search.unnamed import KNOTS, Drift, Field, SmoothCurve, TorqueField
+from physics.effects import Coordinate, Effect, FlightState, Parameter
+from physics.effects.impact import change_restitution
 from tests.mismatch.synthetic import struck_campaign
 
 
@@ -41,13 +43,9 @@ def test_splines_add_up_to_a_constant_inside_their_range():
     field = Field(coordinate=Coordinate.TIME, low=0.0, high=2.0)
     values = {p.name: 1.0 for p in field.parameters}
 
-    class Flying:
-        time = np.linspace(0.5, 1.5, 11)
-        x = np.zeros(11)
-        y = np.zeros(11)
-        speed = np.ones(11)
-
-    size, _, _ = field.force(values, Flying())
+    still, now = np.zeros(11), np.linspace(0.5, 1.5, 11)
+    flying = FlightState(now, *[still] * 6, 0.1, 0.1, 1.2, 2e-5, 9.8)
+    size, _, _ = field.force(values, flying)
     assert len(field.parameters) == KNOTS
     assert np.ptp(size) < 1e-12
 
@@ -55,10 +53,68 @@ def test_splines_add_up_to_a_constant_inside_their_range():
 def test_the_freedom_of_a_curve_is_paid_for_where_nothing_is_missing():
     known = prepare(*struck_campaign(seed=4))
     pool = [
-        c for c in candidates_for(known.forward, known.model, []) if isinstance(c.effect, Field)
+        c
+        for c in candidates_for(known.forward, known.model, [])
+        if isinstance(c.effect, SmoothCurve)
     ]
     scored = scan(known.forward, known.fit, pool).with_likely_widths()
-    assert len(pool) == 8
+    assert len(pool) == 14
     assert all(
         scored.gain(k)[0] - c.complexity_penalty < 5.0 for k, c in enumerate(scored.candidates)
     )
+
+
+@dataclass(frozen=True)
+class Settling(Effect):
+    """A restitution that falls over the first trials and then stays."""
+
+    id: str = "settling"
+    statement: str = "made for this test"
+    law: str = r"e = e_0 + a e^{-5 i}"
+    source: str = "made for this test"
+    phase: str = "contact"
+    parameters: tuple[Parameter, ...] = (Parameter("a", "1", 0.02, -1.0, 1.0),)
+
+    def contact(self, values, contact, outcome):
+        later = np.exp(-5.0 * (np.asarray(contact.order) + 0.5))
+        return change_restitution(contact, outcome, values["a"] * later)
+
+
+@dataclass(frozen=True)
+class Catch(Effect):
+    """A torque that pulls to an angle from both sides."""
+
+    id: str = "catch"
+    statement: str = "made for this test"
+    law: str = r"\tau = -a \sin 6 \varphi"
+    source: str = "made for this test"
+    phase: str = "swing"
+    parameters: tuple[Parameter, ...] = (Parameter("a", "N m", 0.1, -9.0, 9.0),)
+
+    def torque(self, values, swing):
+        return -values["a"] * np.sin(6.0 * np.asarray(swing.phi))
+
+
+@pytest.mark.parametrize(
+    ("made", "strength", "kind", "trials"),
+    [(Settling(), {"a": 0.06}, Drift, 12), (Catch(), {"a": 1.5}, TorqueField, 4)],
+)
+def test_what_drifts_over_trials_or_turns_a_pendulum_is_found_as_a_curve(
+    made, strength, kind, trials
+):
+    known = prepare(*struck_campaign((made, strength), trials=trials, noise=5e-4))
+    pool = [c for c in candidates_for(known.forward, known.model, []) if isinstance(c.effect, kind)]
+    scored = scan(known.forward, known.fit, pool).with_likely_widths()
+    gains = [scored.gain(k)[0] - c.complexity_penalty for k, c in enumerate(scored.candidates)]
+    best = int(np.argmax(gains))
+    assert gains[best] > 12.0
+    curve = scored.candidates[best].effect
+    values = dict(zip((p.name for p in curve.parameters), scored.gain(best)[1], strict=True))
+    if kind is Drift:
+        seen = curve.size(values, np.array([-0.5, 0.5]))
+        # Each trial may be off by itself, which takes up a part of what it drifts by.
+        assert 0.02 < seen[0] - seen[1] < 0.09
+        assert "in the first trial" in curve.in_words(values)
+    else:
+        assert curve.coordinate is Coordinate.ANGLE
+        assert np.diff(curve.size(values, np.array([-0.2, 0.0])))[0] < 0.0
