@@ -29,8 +29,9 @@ from pipelines.measure.files import (
     measurements_as_csv,
     results_table,
 )
-from pipelines.measure.inputs import QuantityName, kinds_of
+from pipelines.measure.inputs import QuantityName, gather_inputs, kinds_of
 from pipelines.measure.measurement import QUANTITY_UNITS, ClipMeasurement
+from pipelines.measure.results import missing_input
 from pipelines.options import (
     BallAtOption,
     BallOption,
@@ -179,12 +180,16 @@ def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # t
         quiet: QuietOption = False,
     ) -> None:
         wanted, options = _begin(locals())
+        unmeasurable = f"{quantity_label(needed)} can't be measured from {clip}"
+        inputs = gather_inputs(options.setup, options.ball, options.wall_grid)
+        missing = missing_input(inputs, needed)
+        if missing is not None and not wanted.quiet:
+            # what else the clip shows is told all the same, but whoever waits for this one need not
+            screen(errors=True).print(f"warning: {unmeasurable}: {missing}", soft_wrap=True)
         measured = _one(clip, options, wanted, names)
         quantity = measured.quantity(needed)
         if not quantity.known:
-            raise MeasurementError(
-                f"{quantity_label(needed)} can't be measured from {clip}: {quantity.reason}"
-            )
+            raise MeasurementError(f"{unmeasurable}: {quantity.reason}")
 
     command.__doc__ = f"{summary}\n\nExample: {example}"
     return command

@@ -31,13 +31,20 @@ from pipelines.measure.checks.gravity import (
     gravity_check,
 )
 from pipelines.measure.fits.impact import UNSEEN_HALF_CONTACT_STD_S, Impact, disc_contact
-from pipelines.measure.inputs import QUANTITY_UNITS, QuantityName, kinds_of
+from pipelines.measure.inputs import QUANTITY_UNITS, Inputs, QuantityName, kinds_of
 from pipelines.measure.metres import MetricTracks
 from pipelines.measure.motions.measured import MotionResults
 from pipelines.report import Check, CheckKind, CheckOutcome
 from vision.tracks import MotionKind, Tracks
 
-__all__ = ["Evaluated", "NoScale", "Results", "reading_on_wall", "results_of"]
+__all__ = [
+    "Evaluated",
+    "NoScale",
+    "Results",
+    "missing_input",
+    "reading_on_wall",
+    "results_of",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -269,14 +276,21 @@ def _moment_of_release(evaluated: Evaluated, name: str) -> Contribution:
     return Contribution(UncertaintySource.RELEASE_INSTANT, abs(float(change)))
 
 
-def _unknown(evaluated: Evaluated, name: str) -> str:
-    inputs = evaluated.scene.inputs
+def missing_input(inputs: Inputs, name: str) -> str | None:
+    """What must be given for a quantity, whatever the clip shows, and is not; None: nothing."""
     if name in (QuantityName.COR_LAUNCH, QuantityName.EXTERNAL_IMPULSE) and (
         inputs.ball is None or inputs.ball.mass is None
     ):
         return "the mass of the ball is not known; give --ball jokku or a setup file"
     if name in _LANDING and inputs.fall is None:
         return "the height of the support is not known; give [support] height in a setup file"
+    return None
+
+
+def _unknown(evaluated: Evaluated, name: str) -> str:
+    missing = missing_input(evaluated.scene.inputs, name)
+    if missing is not None:
+        return missing
     if evaluated.impact is not None and evaluated.impact.contact is None:
         return evaluated.impact.reason
     if name == QuantityName.COR_RANGE and evaluated.impact is not None:

@@ -218,6 +218,14 @@ def test_what_gravity_contradicts_is_withheld(options: list[str]) -> None:
     assert "free fall gives" in result.output
 
 
+def test_an_input_that_a_quantity_needs_is_missed_before_the_work_begins(tmp_path: Path) -> None:
+    clip = tmp_path / "notes.mp4"
+    clip.write_text("not a video", encoding="utf-8")
+    result = CliRunner().invoke(app, ["landing", str(clip)])
+    assert result.exit_code == 3
+    assert result.output.index("height of the support") < result.output.index("video")
+
+
 def test_a_text_under_a_videos_name_is_refused(tmp_path: Path) -> None:
     clip = tmp_path / "notes.mp4"
     clip.write_text("not a video", encoding="utf-8")
