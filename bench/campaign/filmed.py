@@ -28,7 +28,7 @@ import numpy as np
 from scipy.optimize import curve_fit
 
 from pipelines.campaign.conduct import Edition, publish
-from pipelines.campaign.ledger import Ledger, Outcome
+from pipelines.campaign.ledger import AttemptOutcome, Ledger
 from pipelines.campaign.report import ReportFacts
 from pipelines.campaign.results import match_clips, read_lab_book
 from pipelines.render import RenderOptions, planned_scene
@@ -242,7 +242,9 @@ def report_of_many(lab: Laboratory, out: Path, copies: int = _COPIES) -> list[st
                     names.append(name)
                     ledger.plan([replace(entry.order, clip=name)], retry_failed=False)
                     text = None if entry.document is None else _moved(entry.document, rng)
-                    done = Outcome(name, entry.state, entry.seconds or 0.0, text, entry.error)
+                    done = AttemptOutcome(
+                        name, entry.state, entry.seconds or 0.0, text, entry.error
+                    )
                     ledger.finish([done])
                     picture = out / "frames" / f"{entry.order.clip}.jpg"
                     if picture.exists():

@@ -39,6 +39,9 @@ CHANNELS = ("impact_speed", "ball_speed", "range")
 
 """What a trial may tell, in the order of the arrays' last axis; m/s, m/s, m."""
 
+LEAST_STD = 1e-9
+"""m or m/s: a few atoms; no ball's surface is defined better."""
+
 LEAST_TRIALS = 4
 """Trials: a law over speed has two unknowns, and two more show whether it is one."""
 
@@ -84,6 +87,11 @@ class TrialTable:
         if np.any(self.stds[np.isfinite(self.stds)] <= 0.0):
             raise UsageError(
                 "a standard uncertainty must be positive", hint="Leave it empty where unknown."
+            )
+        if np.any(self.stds < LEAST_STD):
+            raise UsageError(
+                "a standard uncertainty is smaller than anybody's",
+                hint="They are in m/s and metres, and a nanometre at least.",
             )
         if np.any(np.abs(self.values) > FARTHEST) or np.any(self.stds > FARTHEST):
             raise UsageError(

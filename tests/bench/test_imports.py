@@ -1,0 +1,35 @@
+"""Benches ask the package for names that it has: nothing else looks at them between two runs."""
+
+import ast
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+OURS = ("calib", "impact_vision", "metrology", "mismatch", "physics", "pipelines", "sample_videos",
+        "vision")  # fmt: skip
+
+
+def _asked() -> set[tuple[str, str]]:
+    found = set()
+    for path in (ROOT / "bench").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in OURS:
+                found |= {(str(node.module), name.name) for name in node.names}
+    return found
+
+
+@pytest.mark.parametrize("module", sorted({module for module, _ in _asked()}))
+def test_what_a_bench_imports_is_there(module: str) -> None:
+    held = import_module(module)
+    for other, name in _asked_of(module):
+        if not hasattr(held, name):
+            import_module(f"{other}.{name}")
+
+
+def _asked_of(module: str) -> list[tuple[str, str]]:
+    return [pair for pair in _ASKED if pair[0] == module]
+
+
+_ASKED = sorted(_asked())
