@@ -25,6 +25,7 @@ from mismatch.table.table import (
     table_forward,
 )
 from mismatch.verdict import (
+    DOUBTED,
     Alternative,
     EngineVerdict,
     Location,
@@ -63,8 +64,13 @@ def groups_of(best: Answer, rivals: Sequence[Answer]) -> tuple[tuple[str, ...], 
     return tuple(tuple(sorted(group)) for group in groups.values() if len(group) > 1)
 
 
-def named_effects(found: Search, best: Answer | None) -> tuple[NamedEffect, ...]:
-    """The best answer's members, surest first; a probability counts every set that holds the id."""
+def named_effects(
+    found: Search, best: Answer | None, most: float = 0.999
+) -> tuple[NamedEffect, ...]:
+    """The best answer's members, surest first; a probability counts every set that holds the id.
+
+    It is `most` at most.
+    """
     if best is None:
         return ()
     named, place = [], found.laws
@@ -79,7 +85,7 @@ def named_effects(found: Search, best: Answer | None) -> tuple[NamedEffect, ...]
             place += 1
         named.append(
             NamedEffect(
-                member.id, member.effect.statement, min(share, 0.999), tuple(values),
+                member.id, member.effect.statement, min(share, most), tuple(values),
                 member.effect.form,
             )
         )  # fmt: skip
@@ -227,6 +233,10 @@ READING_SHARE = 0.012
 SPEED_SHARE = 0.03
 """Relative, supposed: noise of impact speeds from which it is not taken for white."""
 
+FARTHEST_OFF = 3.0
+"""Factor by which trials may scatter beyond the uncertainties stated for them, supposed: what one
+forgets in a budget is about as large as what one counts."""
+
 LEAST_P_VALUE = 1e-3
 """Probability of a chi² as large: one table in a thousand has it by chance."""
 
@@ -302,7 +312,8 @@ def explain_table(
     null = found.probabilities[[not a.members for a in found.answers]].sum()
     best = None
     if null < NULL_DOUBTED:
-        best = next(a for a in found.answers if a.members)
+        # none where every effect is worse than nothing at all, and nothing is doubted, too
+        best = next((a for a in found.answers if a.members), None)
     return TableExplained(
         _verdict(forward, model, found, best, hold_out), forward, model, found, best
     )
@@ -363,13 +374,15 @@ def _verdict(
     if best is not None:
         # A name beside a large remainder rests on a model that is still incomplete.
         kind = "ambiguous" if groups or not remainder.white else "explained"
+        if _contradicted(forward.table, best):
+            kind = "unexplained"
     left_out = None if best is None else _held(forward.table, hold_out)
     return EngineVerdict(
         kind,
         ("gravity", *model.ids),
         _baseline_misfit(null, best or null, forward.table),
         None if kind == "no_mismatch" else located(forward, null, best, rivals),
-        named_effects(found, best),
+        named_effects(found, best, DOUBTED if kind == "unexplained" else 0.999),
         alternatives(found, best, rivals),
         groups,
         next_measurement(forward.table, best, rivals, groups),
@@ -410,6 +423,17 @@ def _baseline_misfit(null: Answer, best: Answer, table: TrialTable) -> float:
     return null.posterior.chi2 * worst / max(_count(table), 1)
 
 
+def _contradicted(table: TrialTable, answer: Answer) -> bool:
+    """Whether what an answer leaves contradicts the uncertainties that the table states.
+
+    No lab misses its own scatter by so much: trials are mixed up, or the sets compared do not hold
+    what happened, and odds between them say nothing.
+    """
+    noise = answer.posterior.noise
+    stated = [not one for one in unstated(table)]
+    return any(stated[k] and table.present[k] and float(noise[k]) >= FARTHEST_OFF for k in (1, 2))
+
+
 def _remainder(table: TrialTable, found: Search, answer: Answer) -> Remainder:
     """Whether what is left could be errors of reading."""
     subject = "What remains after the best model" if answer.members else "The baseline's residuals"
@@ -421,7 +445,7 @@ def _remainder(table: TrialTable, found: Search, answer: Answer) -> Remainder:
             continue
         noise = float(posterior.noise[channel])
         if not lacking[channel]:
-            white = white and noise < 3.0
+            white = white and noise < FARTHEST_OFF
             told.append(f"{name} scatter {noise:.1f} times as widely as stated")
         elif channel == 2:
             white = white and noise < max(

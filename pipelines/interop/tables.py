@@ -10,6 +10,7 @@ import csv
 import io
 import re
 import sys
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -379,13 +380,21 @@ def _frame_of(lines: Sequence[str], path: Path) -> pd.DataFrame:
         at -= 1
         lines = [*lines[:at], lines[at].lstrip("#%/ "), *lines[at + 1 :]]
     try:
-        table = pd.read_csv(
-            io.StringIO("\n".join(lines[at:])),
-            sep=_separator(lines[at]),
-            skipinitialspace=True,
-            engine="python",
-            index_col=False,
-        )
+        with warnings.catch_warnings():
+            # rows with more cells than there are heads: what is beyond would be left out
+            warnings.simplefilter("error", pd.errors.ParserWarning)
+            table = pd.read_csv(
+                io.StringIO("\n".join(lines[at:])),
+                sep=_separator(lines[at]),
+                skipinitialspace=True,
+                engine="python",
+                index_col=False,
+            )
+    except pd.errors.ParserWarning as problem:
+        raise UsageError(
+            f"{path} has rows with more cells than its header has names",
+            hint="Name every column; the header found is: " + lines[at][:80],
+        ) from problem
     except (ValueError, pd.errors.ParserError) as problem:
         raise UsageError(
             f"{path} is no table: {problem}", hint="A header line and one row per mark is expected."

@@ -9,9 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from bench.hostile.case import Case, Fault, Kind, Ran, faults_of, read_case
+from bench.hostile.case import Case, Fault, Kind, Ran, faults_of, named, read_case
 from bench.hostile.draw import STRATEGIES, drawn
 from bench.hostile.kills import whole
+from bench.hostile.nulls import null_case
+from pipelines.api.explained import explain
 
 ROOT = Path(__file__).parents[2]
 CASE = Case(
@@ -87,6 +89,16 @@ def test_what_is_cut_is_not_whole(name: str, sound: bytes) -> None:
 def test_what_failed_once_does_not_fail_again() -> None:
     ran = _bench("--replay")
     assert ran.returncode == 0, ran.stderr[-3000:]
+
+
+@pytest.mark.parametrize(("way", "of"), [("ranges permuted", 1000), ("ball speeds permuted", 1001)])
+def test_in_a_table_that_is_mixed_up_nothing_is_named(way: str, of: int, tmp_path: Path) -> None:
+    case = null_case(way, of)
+    for name, data in case.files.items():
+        (tmp_path / name).write_bytes(data)
+    verdict = explain(trials=tmp_path / "b.csv", setup=tmp_path / "lab.toml").to_dict()
+    assert named(verdict) == ()
+    assert verdict["verdict"] == "unexplained"
 
 
 @pytest.mark.slow

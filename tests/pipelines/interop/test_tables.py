@@ -190,6 +190,7 @@ def test_units_come_from_headers_or_are_said() -> None:
         ("a.csv", b"scorer,DLC\nbodyparts,a\n1,2\n3,4\n"),
         ("a.doc", b"x"),
         ("a.csv", bytes(range(256))),
+        ("a.csv", b"t\n0.0,1.5,2.5\n0.1,1.6,2.4\n0.2,1.7,2.3\n"),
     ],
 )
 def test_what_is_no_table_is_refused_in_words(name, data, tmp_path) -> None:
