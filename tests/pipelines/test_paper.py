@@ -117,20 +117,20 @@ def test_no_candidate_for_table_5_fits_with_believable_values(
 
 def test_a_candidate_that_is_the_truth_would_be_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """The search finds an origin that was put into made-up distances, and allows it."""
-    from pipelines.paper import table5
+    from pipelines.paper import audit
 
     made: dict[str, dict[str, tuple[str, ...]]] = {}
     for name in BALLS:
-        case = table5._case(name, False, "simulated")
+        case = audit._case(name, False, "simulated")
         rows = [
-            table5._distances(case, outcome, False, {"origin": 0.02}) for outcome, _ in case.rows
+            audit._distances(case, outcome, False, {"origin": 0.02}) for outcome, _ in case.rows
         ]
         made[name] = {
             kind: tuple(f"{x:.4f}" for x in row)
             for kind, row in zip(("variable", "constant"), rows, strict=True)
         }
-    monkeypatch.setattr(table5.printed, "TABLE_5", made)
-    found = table5._fit("origin of x", False, ("origin",), "simulated")
+    monkeypatch.setattr(audit.printed, "TABLE_5", made)
+    found = audit._fit("origin of x", False, ("origin",), "simulated")
     assert found.allowed
     assert found.physical
     assert dict(found.parameters)["jokku origin"] == pytest.approx(0.02, abs=1e-4)

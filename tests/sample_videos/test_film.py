@@ -12,7 +12,7 @@ from metrology import UsageError
 from physics.bodies import BALLS
 from sample_videos import (
     BallLook,
-    Curve,
+    HermiteCurve,
     Lighting,
     LooseBall,
     Piece,
@@ -61,10 +61,10 @@ def moving(velocity: tuple[float, float], at: tuple[float, float]) -> SampledMot
     rate = np.array([[*velocity, 0.0]] * 2)
     place = np.array([[*at, 0.45]] * 2) + [[-1.0], [1.0]] * rate
     return SampledMotion(
-        Curve((Piece(np.array([-1.0, 1.0]), place, rate),)),
-        Curve.constant([0.0]),
-        Curve.constant([0.0, 0.0, 0.0]),
-        Curve.constant([0.0]),
+        HermiteCurve((Piece(np.array([-1.0, 1.0]), place, rate),)),
+        HermiteCurve.constant([0.0]),
+        HermiteCurve.constant([0.0, 0.0, 0.0]),
+        HermiteCurve.constant([0.0]),
         np.array([0.0, 0.0, 1.0]),
         np.eye(3),
     )
@@ -142,7 +142,7 @@ def test_a_rolling_shutter_sees_lower_rows_later() -> None:
 def test_a_pressed_ball_ends_where_the_face_is() -> None:
     scene = bare(default_scene(size=(432, 240), view="impact"))
     free, push = moving((0.0, 0.0), (0.0, 0.4)), 0.02
-    pressed = replace(free, compression=Curve.constant([-push, 0.0, 0.0]))
+    pressed = replace(free, compression=HermiteCurve.constant([-push, 0.0, 0.0]))
     found = []
     for motion in (free, pressed):
         film = Film(replace(scene, frames=1), motion)

@@ -1,0 +1,86 @@
+"""The contact's fit against contacts in closed form, and against what it was told beforehand."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from pipelines.measure.fits.contact_fit import (
+    ImpactView,
+    contact_pulse,
+    fit_contact,
+    gap_after,
+    gap_before,
+    touch_times,
+)
+from pipelines.measure.fits.impact import find_impact
+from pipelines.measure.inputs import gather_inputs
+from pipelines.setup.file import Setup
+from tests.pipelines.measure.ideal_tracks import Noise, ideal_tracks, known_stroke
+
+FIRST = -0.0838
+MIDDLE = 0.007 - FIRST
+
+
+@cache
+def clean_view() -> ImpactView:
+    scene, shot = known_stroke("jokku", 120.0)
+    impact = find_impact(ideal_tracks(scene, shot, Noise()), gather_inputs(Setup(), "jokku", None))
+    assert impact.view is not None
+    return impact.view
+
+
+def test_a_linear_spring_without_loss_is_half_a_sine() -> None:
+    pulse = contact_pulse(1.0, 1.0)
+    p = np.pi * pulse.phase
+    assert pulse.compression == pytest.approx(np.sin(p) / np.pi, abs=1e-6)
+    assert pulse.path == pytest.approx(0.5 * pulse.phase - np.sin(p) / (2.0 * np.pi), abs=2e-5)
+
+
+def test_hertz_contact_lasts_as_long_as_the_textbook_says() -> None:
+    # t v / δmax = 2.9432 (Johnson, Contact Mechanics, section 11.4)
+    pulse = contact_pulse(1.5, 1.0)
+    assert 1.0 / pulse.compression.max() == pytest.approx(2.9432, rel=2e-3)
+
+
+def test_touch_is_where_the_gaps_close_and_open() -> None:
+    view = clean_view()
+    onset, release = touch_times(view, view.face_offset, MIDDLE)
+    at = np.array([onset, release])
+    assert gap_before(view, at)[0] == pytest.approx(view.face_offset, abs=2e-6)
+    assert gap_after(view, at)[1] == pytest.approx(view.face_offset, abs=2e-6)
+
+
+def test_a_ball_that_is_hardly_seen_leaves_the_face_where_it_was_known_to_be() -> None:
+    view = clean_view()
+    rng = np.random.default_rng(5)
+    # a metre of noise on paths of centimetres: the outline may not run ahead at will to explain it
+    dim = replace(
+        view,
+        position_m=view.position_m + rng.normal(0.0, 1.0, view.position_m.shape),
+        std_m=np.full(len(view.std_m), 1.0),
+        swing_std_rad=np.full(len(view.swing_std_rad), 10.0),
+    )
+    found = fit_contact(dim, MIDDLE)
+    assert found.face_offset == pytest.approx(dim.face_offset, abs=0.2 * dim.face_offset_std)
+    assert found.face_offset_std == pytest.approx(dim.face_offset_std, rel=0.1)
+
+
+def test_the_stated_offset_holds_as_often_as_it_says() -> None:
+    view, draws = replace(clean_view(), face_offset_std=1.5e-3), 200
+    rng = np.random.default_rng(11)
+    z = np.empty(draws)
+    for n in range(draws):
+        known = view.face_offset + rng.normal(0.0, view.face_offset_std)
+        noisy = replace(
+            view,
+            face_offset=known,
+            position_m=view.position_m + rng.normal(0.0, 3e-4, view.position_m.shape),
+            std_m=np.full(len(view.std_m), 3e-4),
+        )
+        found = fit_contact(noisy, MIDDLE)
+        z[n] = (found.face_offset - view.face_offset) / found.face_offset_std
+    # 95 % of 200 are 190, give or take 3.1: four times that is allowed
+    assert np.count_nonzero(np.abs(z) < 1.96) >= 178
+    assert 0.75 < np.sqrt(np.mean(z**2)) < 1.25
