@@ -103,6 +103,6 @@ def test_what_a_balls_trials_share_is_held_by_what_the_setup_says() -> None:
                       launch_angle_law=0.05)  # fmt: skip
     forward = SimpleNamespace(mode="impact", baseline=SimpleNamespace(scatter=scatter))
     own, laws = priors(forward, Model(()))
-    assert laws ** -0.5 == pytest.approx([0.02, 0.05])
+    assert laws**-0.5 == pytest.approx([0.02, 0.05])
     assert own[1:] ** -0.5 == pytest.approx([0.004, 0.005, 0.003])
     assert own[0] < 1e-12 or not np.isfinite(1.0 / own[0])

@@ -1,0 +1,65 @@
+"""One shape for a whole clip, learnt from the outlines that are the ball's."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from vision.ball.outline.refine import _evenly, _lowest, _Refiner, _unrest
+
+FRAMES = 20
+
+
+def _rough(radius: np.ndarray, contrast: np.ndarray) -> SimpleNamespace:
+    centre = np.column_stack([np.arange(FRAMES) * 3.0, np.full(FRAMES, 50.0)])
+    return SimpleNamespace(
+        frame=np.arange(FRAMES),
+        centre=centre,
+        radius=radius,
+        fits=SimpleNamespace(contrast=contrast),
+    )
+
+
+def test_outlines_of_another_size_teach_nothing() -> None:
+    radius = np.full(FRAMES, 12.0)
+    radius[[4, 5, 16]] = 16.0, 8.0, 13.5
+    refiner = _Refiner(None, _rough(radius, np.ones(FRAMES)), 12.0, None)  # type: ignore[arg-type]
+    assert set(refiner.clear) == set(range(FRAMES)) - {4, 5, 16}
+
+
+def test_outlines_that_are_half_hidden_teach_nothing() -> None:
+    contrast = np.ones(FRAMES)
+    contrast[7:10] = 0.6
+    rough = _rough(np.full(FRAMES, 12.0), contrast)
+    refiner = _Refiner(None, rough, 12.0, None)  # type: ignore[arg-type]
+    assert set(refiner.clear) == set(range(FRAMES)) - {7, 8, 9}
+
+
+def test_where_hardly_any_is_clear_all_are_taken() -> None:
+    radius = np.linspace(5.0, 30.0, FRAMES)
+    refiner = _Refiner(None, _rough(radius, np.ones(FRAMES)), 12.0, None)  # type: ignore[arg-type]
+    assert len(refiner.clear) >= 3
+
+
+def test_the_bottom_of_a_parabola_is_found_between_what_was_tried() -> None:
+    values = np.array([0.3, 0.5, 0.7, 0.9])
+    assert _lowest(values, (values - 0.63) ** 2) == pytest.approx(0.63)
+    assert _lowest(values, values) == 0.3
+
+
+def test_motion_of_second_order_is_no_unrest() -> None:
+    time = np.arange(FRAMES, dtype=float)
+    smooth = np.column_stack([2.0 * time, 50.0 + 0.3 * time**2])
+    fits = SimpleNamespace(frame=np.arange(FRAMES), centre=smooth)
+    assert _unrest(fits) == pytest.approx(0.0, abs=1e-9)  # type: ignore[arg-type]
+    noisy = smooth + np.random.default_rng(3).normal(0.0, 0.1, smooth.shape)
+    # third differences of white noise scatter by the root of 1 + 9 + 9 + 1
+    fits = SimpleNamespace(frame=np.arange(FRAMES), centre=noisy)
+    assert _unrest(fits) == pytest.approx(1.15 * 0.1 * np.sqrt(20.0), rel=0.35)  # type: ignore[arg-type]
+
+
+def test_frames_are_taken_evenly() -> None:
+    taken = _evenly(np.arange(100), 5)
+    assert len(taken) == 5
+    assert taken[0] == 0
+    assert taken[-1] == 99
