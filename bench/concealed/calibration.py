@@ -5,16 +5,25 @@ often its declared group held the truth is told beside it. Campaigns of other pe
 are asked: those of the own generator are written as the catalogue writes them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from bench.concealed.score import Judgement
 from bench.concealed.statistics import Proportion, brier_score, calibration_error, wilson
 from metrology import written_whole
+from mismatch.explain import CATALOGUE_TRUST, GROUP_TRUST
 from pipelines.figures import Picture
 
-__all__ = ["Claim", "calibration_section", "claims_of", "draw_reliability"]
+__all__ = [
+    "Claim",
+    "Trusts",
+    "calibration_section",
+    "claims_of",
+    "cross_calibration",
+    "draw_reliability",
+    "trusts_of",
+]
 
 SURE = 0.9
 DOUBTED = 0.5
@@ -22,12 +31,81 @@ DOUBTED = 0.5
 
 @dataclass(frozen=True)
 class Claim:
-    """One name with its probability: whether it was concealed, alone or by its declared group."""
+    """One name with its probability: whether it was concealed, alone or by its declared group.
+
+    Attributes
+    ----------
+    stated : float
+    right, by_group : bool
+    grouped : bool
+        Whether others were declared in its place.
+    names : int
+        Names of the answer that it stood in.
+    """
 
     stated: float
     right: bool
     by_group: bool
     grouped: bool
+    names: int = 1
+
+    @property
+    def untrusted(self) -> float:
+        """The probability before the gate's two constants."""
+        trust = CATALOGUE_TRUST**self.names * (GROUP_TRUST if self.grouped else 1.0)
+        return min(self.stated / trust, 1.0)
+
+
+@dataclass(frozen=True)
+class Trusts:
+    """The gate's two constants, as a world's answers would set them."""
+
+    catalogue: float
+    group: float
+
+    def stated(self, claim: Claim) -> float:
+        """What would have been stated with them."""
+        trust = self.catalogue**claim.names * (self.group if claim.grouped else 1.0)
+        return claim.untrusted * trust
+
+
+def trusts_of(claims: Sequence[Claim]) -> Trusts:
+    """Constants by the rule of succession, and by right names in groups over what was stated."""
+    alone = [c for c in claims if not c.grouped and c.stated >= SURE]
+    catalogue = _succession(sum(c.right for c in alone), len(alone))
+    beside = [c for c in claims if c.grouped]
+    weight = sum(c.untrusted * catalogue**c.names for c in beside)
+    right = sum(c.right for c in beside)
+    return Trusts(catalogue, min(right / weight, 1.0) if weight else 1.0)
+
+
+def cross_calibration(worlds: Mapping[str, Sequence[Judgement]]) -> list[str]:
+    """Markdown lines: constants read off each world, and how they score the others."""
+    claims = {name: claims_of(judgements) for name, judgements in worlds.items()}
+    claims = {name: found for name, found in claims.items() if found}
+    if len(claims) < 2:
+        return []
+    lines = [
+        "Constants that one world's answers give, and the Brier score of the other world's names"
+        " with them. In use are"
+        f" `CATALOGUE_TRUST` {CATALOGUE_TRUST} and `GROUP_TRUST` {GROUP_TRUST}.",
+        "",
+        "| read off | names | `CATALOGUE_TRUST` | `GROUP_TRUST` | scored on | Brier score |"
+        " with those in use |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for source, known in claims.items():
+        trusts = trusts_of(known)
+        for target, asked in claims.items():
+            if target != source:
+                right = [c.right for c in asked]
+                with_them = brier_score([trusts.stated(c) for c in asked], right)
+                now = brier_score([c.stated for c in asked], right)
+                lines.append(
+                    f"| {source} | {len(known)} | {trusts.catalogue:.2f} | {trusts.group:.2f} |"
+                    f" {target} | {with_them:.3f} | {now:.3f} |"
+                )
+    return [*lines, ""]
 
 
 def claims_of(judgements: Sequence[Judgement]) -> list[Claim]:
@@ -42,7 +120,9 @@ def claims_of(judgements: Sequence[Judgement]) -> list[Claim]:
             mine = [group for group in answer.groups if named.id in group]
             right = named.id in truth
             held = right or any(group & truth for group in mine)
-            found.append(Claim(float(named.probability), right, held, bool(mine)))
+            found.append(
+                Claim(float(named.probability), right, held, bool(mine), len(answer.named))
+            )
     return found
 
 

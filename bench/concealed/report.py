@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.concealed.calibration import calibration_section
+from bench.concealed.calibration import calibration_section, cross_calibration
 from bench.concealed.score import MIMICKED, Judgement
 from bench.concealed.second.laws import NAMED, UNNAMED
 from bench.concealed.statistics import Proportion, brier_score, calibration_error
@@ -414,6 +414,12 @@ def proof_text(
         *_second_section(second),
         "## Stated probabilities in worlds of other forms",
         "",
+        *cross_calibration(
+            {
+                "foreign simulator": [s.judgement for s in foreign],
+                "second world": [s.judgement for s in second],
+            }
+        ),
         *calibration_section([s.judgement for s in (*foreign, *second)], reliability),
         "## Damaged campaigns",
         "",

@@ -15,7 +15,7 @@ from bench.concealed.setup_toml import BallFacts, LabFacts, Outcome, write_setup
 __all__ = ["GENERATOR", "KINDS", "draw_campaign", "draw_plan", "kind_of"]
 
 # Raised whenever campaigns of the same seed change.
-GENERATOR = 1
+GENERATOR = 2
 KINDS = ("null",) * 10 + ("single",) * 16 + ("pair",) * 6 + ("outside",) * 8
 LEVELS = {"weak": (3.0, 9.9), "medium": (15.0, 95.0), "strong": (150.0, 5000.0)}
 SCATTER = {

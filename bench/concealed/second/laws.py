@@ -98,8 +98,8 @@ def _seam(a: float, f: Any) -> tuple[Array, Array]:
     return -k * f.vy, k * f.vx
 
 
-def _stribeck(a: float, phi: Array, omega: Array) -> Array:
-    return -a * (1.0 + 0.5 * np.exp(-np.abs(omega))) * np.tanh(omega / 2e-3)
+def _greased(a: float, phi: Array, omega: Array) -> Array:
+    return -a * (0.8 + 0.2 * np.sqrt(np.abs(omega))) * np.tanh(omega / 2e-3)
 
 
 def _oil(a: float, phi: Array, omega: Array) -> Array:
@@ -146,10 +146,10 @@ def _bent_lens(a: float, x: Array, y: Array, rest_y: float) -> tuple[Array, Arra
     return x + k * dx, y + k * dy
 
 
-def _keystone(a: float, x: Array, y: Array, rest_y: float) -> tuple[Array, Array]:
+def _twisted(a: float, x: Array, y: Array, rest_y: float) -> tuple[Array, Array]:
     dx, dy = x - 0.7, y - 0.5
-    scale = 1.0 + 0.08 * a * dx
-    return 0.7 + scale * (dx - np.sin(a) * dy), 0.5 + scale * (dy + np.sin(a) * dx)
+    turn = a * (1.0 + 0.3 * dx)
+    return 0.7 + dx - np.sin(turn) * dy, 0.5 + dy + np.sin(turn) * dx
 
 
 def _leaning_plane(a: float, x: Array, y: Array, rest_y: float) -> tuple[Array, Array]:
@@ -174,8 +174,8 @@ NAMED: tuple[Law, ...] = (
         UPWARD, force=_lighter),
     Law("seam", "asymmetric_wake", "flight", "a side force that turns with a slow spin",
         0.01, 0.3, BOTH, UPWARD, force=_seam),
-    Law("softening", "velocity_dependent_cor", "contact", "e falls with a power of the speed",
-        0.003, 0.1, BOTH, restitution=lambda a, v, order: (v / 2.5) ** -a),
+    Law("softening", "velocity_dependent_cor", "contact", "e falls along a step about 2.5 m/s",
+        0.003, 0.1, BOTH, restitution=lambda a, v, order: 1.0 - a * np.tanh((v - 2.5) / 1.2)),
     Law("arm", "effective_mass", "contact", "another lever during contact, in the whole contact",
         0.003, 0.08, BOTH, lever=True),
     Law("rough_face", "oblique_impact", "contact", "a push turned about the centre, with sliding"
@@ -188,8 +188,8 @@ NAMED: tuple[Law, ...] = (
         0.003, 0.1, (1,), release=_yielding),
     Law("softer", "contact_displacement", "contact", "a softer ball, longer in contact", 0.02, 0.4,
         BOTH, softer=True),
-    Law("stribeck", "bearing_friction", "swing", "half as large again at low rates", 0.02, 0.8,
-        (1,), ("angle",), torque=_stribeck),
+    Law("greased", "bearing_friction", "swing", "dry, and a fifth more with the root of the rate",
+        0.02, 0.8, (1,), ("angle",), torque=_greased),
     Law("oil", "viscous_damping", "swing", "torque with the rate to the power 0.85", 0.01, 0.5,
         (1,), ("angle",), torque=_oil),
     Law("board", "pendulum_drag", "swing", "torque with the rate to the power 1.75", 0.005, 0.3,
@@ -200,8 +200,8 @@ NAMED: tuple[Law, ...] = (
         BOTH, clock=lambda a, t: t / (1.0 + a * (1.0 + 0.2 * t))),
     Law("uneven_scale", "length_scale", "measurement", "pixels not quite square", 0.001, 0.06,
         BOTH, image=lambda a, x, y, rest_y: (x * (1.0 + a), y * (1.0 + 0.92 * a))),
-    Law("keystone", "camera_roll", "measurement", "roll about the picture's middle, and a little"
-        " yaw", 0.001, 0.06, BOTH, image=_keystone),
+    Law("twisted", "camera_roll", "measurement", "roll about the picture's middle that grows along"
+        " it", 0.001, 0.06, BOTH, image=_twisted),
     Law("bent_lens", "lens_distortion", "measurement", "third and fifth order", 0.001, 0.1, BOTH,
         image=_bent_lens),
     Law("leaning_plane", "parallax", "measurement", "a plane of flight that leans", 0.001, 0.12,
@@ -233,7 +233,8 @@ def _puff(a: float, f: Any) -> tuple[Array, Array]:
 
 
 def _flutter(a: float, f: Any) -> tuple[Array, Array]:
-    return a * np.sin(2.0 * np.pi * f.time / 0.3) + 0.0 * f.x, 0.0 * f.x
+    swing = np.sin(2.0 * np.pi * f.time / 0.35 * (1.0 + f.time / 0.4))
+    return a * swing * np.exp(-f.time / 0.4) + 0.0 * f.x, 0.0 * f.x
 
 
 def _cushion(a: float, f: Any) -> tuple[Array, Array]:
@@ -258,7 +259,7 @@ UNNAMED: tuple[Law, ...] = (
         0.02, 5.0, BOTH, EITHER, force=_pull),
     Law("puff", "unnamed", "flight", "a squared sine of 90 ms", 0.02, 3.0, BOTH, ALONG,
         force=_puff),
-    Law("flutter", "unnamed", "flight", "a sine in time", 0.02, 3.0, BOTH, ALONG,
+    Law("flutter", "unnamed", "flight", "faster and faster, dying away", 0.02, 3.0, BOTH, ALONG,
         force=_flutter),
     Law("cushion", "unnamed", "flight", "an inverse square of the height", 0.05, 4.0, BOTH,
         UPWARD, force=_cushion),
