@@ -11,12 +11,12 @@ Circles beside one another: the same one, a panel of a larger one, the softness 
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import reduce
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from metrology.compiled import compiled
 from vision.ball.outline.edges import EdgePoints, edge_points, places
 
 __all__ = ["Circles", "find_circles"]
@@ -133,7 +133,20 @@ _SUBSTANCE_RADIUS = 10.0
 _PRESENCE_POINTS = 48
 """Points of a rim: one each 7.5°."""
 
-_BOTH_SIDES = np.array([[-1.0], [1.0]], dtype=np.float32)
+_CIRCLE_STEPS, _RING = 3, 0.15
+"""Steps of a circle's fit, supposed: the third hardly moves it; and radii on either side of it in
+which edges belong to it, at least 1 px."""
+
+_ALONG, _FEWEST_NEAR = 0.85, 6
+"""Cosine between an edge's slope and the radius, at least: 32°; and edges, twice a circle's three
+unknowns."""
+
+_FLAT, _LEAST_FITTED = 1e-3, 1.5
+"""Edges' worth that holds a circle where they do not tell a direction; and px of radius."""
+
+_NEAR_RIM, _STEEPEST = 0.3, 200.0
+"""Weight from which an edge covers its sector; and units of noise beyond which an edge is no
+clearer: a black ball before white."""
 
 
 @dataclass(frozen=True)
@@ -371,59 +384,110 @@ def _peaks(
     edges: EdgePoints, left: int, top: int, shape: tuple[int, ...], radii: FloatArray, most: int
 ) -> FloatArray:
     """Centres (x, y), radius and support of the circles that most edges of a window vote for."""
-    height, width = shape
     margin = int(np.ceil(radii.max()))
-    rows, columns = height + 2 * margin, width + 2 * margin
-    layers = []
-    for radius in radii:
-        reach = np.float32(radius) * _BOTH_SIDES
-        x = np.rint(edges.x + reach * edges.nx).astype(np.int64) + (margin - left)
-        y = np.rint(edges.y + reach * edges.ny).astype(np.int64) + (margin - top)
-        # Edges lie inside the picture: no vote leaves the margin.
-        votes = np.bincount((y * columns + x).ravel(), minlength=rows * columns)
-        count = votes.astype(np.float32).reshape(rows, columns)
-        around = cv2.boxFilter(count, -1, (3, 3), normalize=False)
-        layers.append(around * np.float32(1.0 / (2 * np.pi * radius)))
-    best = reduce(np.maximum, layers)
+    layers = np.zeros((len(radii), shape[0] + 2 * margin, shape[1] + 2 * margin), dtype=np.float32)
+    _vote(edges.x, edges.y, edges.nx, edges.ny, radii, margin - left, margin - top, layers)
+    for radius, layer in zip(radii, layers, strict=True):
+        cv2.boxFilter(layer, -1, (3, 3), dst=layer, normalize=False)
+        layer *= np.float32(1.0 / (2 * np.pi * radius))
+    best = layers.max(axis=0)
     crest = (best > 0.3) & (best == cv2.dilate(best, np.ones((3, 3), np.uint8)))
     y, x = places(crest)
     order = np.argsort(-best[y, x])[:most]
     y, x = y[order], x[order]
-    radius = radii[np.argmax([layer[y, x] for layer in layers], axis=0)]
+    radius = radii[np.argmax(layers[:, y, x], axis=0)]
     return np.column_stack([x - margin + left, y - margin + top, radius, best[y, x]])
+
+
+@compiled
+def _vote(
+    x: FloatImage,
+    y: FloatImage,
+    nx: FloatImage,
+    ny: FloatImage,
+    radii: FloatArray,
+    right: int,
+    down: int,
+    votes: FloatImage,
+) -> None:
+    """Count for each radius where edges point, on both sides; the votes (k, H, W) are shifted."""
+    for layer in range(len(radii)):
+        for k in range(len(x)):
+            for side in range(-1, 2, 2):
+                reach = np.float32(radii[layer] * side)
+                column = int(np.rint(x[k] + reach * nx[k])) + right
+                row = int(np.rint(y[k] + reach * ny[k])) + down
+                # edges lie inside the picture: no vote leaves the margin
+                votes[layer, row, column] += np.float32(1.0)
 
 
 def _refined(edges: EdgePoints, start: FloatArray) -> list[Circle]:
     """Fit circles (x, y, radius) to the edges near them, and say how much of them is covered."""
-    if len(start) == 0:
-        return []
-    circle = start.astype(np.float64)
-    alive = np.ones(len(circle), dtype=bool)
-    for _ in range(3):
-        column = circle.astype(np.float32)[:, :, None]
-        tolerance = np.maximum(np.float32(1.0), np.float32(0.15) * column[:, 2])
-        dx, dy = edges.x - column[:, 0], edges.y - column[:, 1]
-        rho = np.maximum(np.sqrt(dx * dx + dy * dy), np.float32(1e-6))
-        ux, uy = dx / rho, dy / rho
-        gap = rho - column[:, 2]
-        good = (np.abs(gap) < tolerance) & (np.abs(ux * edges.nx + uy * edges.ny) > 0.85)
-        alive &= np.count_nonzero(good, axis=1) >= 6
-        weight = np.exp(np.float32(-2.0) * (gap / tolerance) ** 2) * good
-        design = np.stack([ux, uy, np.ones_like(ux)])
-        weighted = design * weight
-        normal = np.einsum("ick,jck->cij", weighted, design) + 1e-3 * np.eye(3)
-        pull = np.einsum("ick,ck->ci", weighted, gap).astype(np.float64)
-        circle += np.linalg.solve(normal, pull[:, :, None])[:, :, 0] * alive[:, None]
-        alive &= circle[:, 2] >= 1.5
-    places = np.nonzero(weight > 0.3)
-    turn = np.arctan2(uy[places], ux[places]) / (2 * np.pi) + 0.5
-    sector = (turn * _SECTORS).astype(np.int64) % _SECTORS
-    best = np.zeros((len(circle), _SECTORS))
-    np.maximum.at(best, (places[0], sector), edges.strength[places[1]])
-    coverage = np.mean(best > 0, axis=1)
-    sharpness = np.mean(np.minimum(best, 200.0), axis=1)
-    table = np.column_stack([circle, coverage, sharpness])[alive]
-    return [(row[0], row[1], row[2], row[3], row[4]) for row in table.tolist()]
+    found = np.empty((len(start), 5))
+    alive = np.empty(len(start), dtype=np.bool_)
+    for place, first in enumerate(start):
+        found[place, :3] = first
+        alive[place] = _fit_circle(
+            edges.x, edges.y, edges.nx, edges.ny, edges.strength, found[place]
+        )
+    return [(row[0], row[1], row[2], row[3], row[4]) for row in found[alive].tolist()]
+
+
+@compiled
+def _fit_circle(
+    x: FloatImage,
+    y: FloatImage,
+    nx: FloatImage,
+    ny: FloatImage,
+    strength: FloatImage,
+    circle: FloatArray,
+) -> bool:
+    """Move a circle (x, y, radius, …) to the edges near it by least squares; whether it stands.
+
+    Its coverage and sharpness are written behind the three.
+    """
+    best = np.zeros(_SECTORS)
+    for step in range(_CIRCLE_STEPS):
+        tolerance = max(1.0, _RING * circle[2])
+        last, near = step == _CIRCLE_STEPS - 1, 0
+        a, b, c, d, e, f = _FLAT, 0.0, 0.0, _FLAT, 0.0, _FLAT
+        p, q, r = 0.0, 0.0, 0.0
+        for k in range(len(x)):
+            dx, dy = x[k] - circle[0], y[k] - circle[1]
+            rho = max(math.sqrt(dx * dx + dy * dy), 1e-6)
+            gap = rho - circle[2]
+            if abs(gap) >= tolerance:
+                continue
+            ux, uy = dx / rho, dy / rho
+            if abs(ux * nx[k] + uy * ny[k]) <= _ALONG:
+                continue
+            near += 1
+            off = gap / tolerance
+            weight = math.exp(-2.0 * off * off)
+            a, b, c = a + weight * ux * ux, b + weight * ux * uy, c + weight * ux
+            d, e, f = d + weight * uy * uy, e + weight * uy, f + weight
+            p, q, r = p + weight * ux * gap, q + weight * uy * gap, r + weight * gap
+            if last and weight > _NEAR_RIM:
+                sector = int((math.atan2(uy, ux) / (2 * math.pi) + 0.5) * _SECTORS) % _SECTORS
+                best[sector] = max(best[sector], strength[k])
+        if near < _FEWEST_NEAR:
+            return False
+        # by Cramer's rule
+        one, two, three = d * f - e * e, c * e - b * f, b * e - c * d
+        whole = a * one + b * two + c * three
+        four, five, six = a * f - c * c, b * c - a * e, a * d - b * b
+        circle[0] += (one * p + two * q + three * r) / whole
+        circle[1] += (two * p + four * q + five * r) / whole
+        circle[2] += (three * p + five * q + six * r) / whole
+        if circle[2] < _LEAST_FITTED:
+            return False
+    covered, steep = 0, 0.0
+    for k in range(_SECTORS):
+        if best[k] > 0.0:
+            covered += 1
+        steep += min(best[k], _STEEPEST)
+    circle[3], circle[4] = covered / _SECTORS, steep / _SECTORS
+    return True
 
 
 def _presence(circle: Circle, picture: FloatImage, expected: FloatImage) -> float:
