@@ -83,6 +83,20 @@ STRAINED_AT = 3.5
 
 """Standard deviations: of honest inputs one in two thousand is farther off."""
 
+_CAMERA_PARAMETERS = 10
+"""Numbers of a camera that the crossings of a grid tell."""
+
+_REWEIGHTED = 0.8
+"""Weight of the crossings below which the fit is done again with it: above, the place moves by less
+than a tenth of what is open, and a factor on the covariance is as good."""
+
+_PATCHES = 6
+"""Patches along the longer side of the picture within which errors may be alike, supposed: as large
+as a ball, a mass or a person in it."""
+
+_FEWEST_PATCHES, _FEWEST_IN_PATCH = 6, 2.0
+"""Patches, and crossings in one, without which nothing is told of what they share."""
+
 WORST_CHI2 = 10.0
 
 """The crossings' covariance is as large as their scatter about a smooth map: a camera that misses
@@ -138,6 +152,14 @@ def calibrate(
     start = _start(grid, evidence, lens)
     blocks = _blocks(grid, evidence, lens)
     fitted, sources = _fit(start, blocks)
+    every = blocks[UncertaintySource.GRID_LINES]
+    nodes = every(fitted)
+    chi2 = float(nodes @ nodes / max(len(nodes) - _CAMERA_PARAMETERS, 1))
+    weight = _patch_weights(grid, nodes.reshape(-1, 2))
+    if reweighted := bool(weight.min() < _REWEIGHTED):
+        # what else is known counts for more beside lines that tell so much less
+        blocks[UncertaintySource.GRID_LINES] = lambda c: every(c) * weight
+        fitted, sources = _fit(start, blocks)
     if grid.line_share.any():
         rows = _jacobian(blocks[UncertaintySource.GRID_LINES], fitted)
         covariance = np.sum([s.covariance for s in sources], axis=0)
@@ -145,8 +167,6 @@ def calibrate(
             UncertaintySource.GRID_LINES, covariance @ _lines_together(grid, rows) @ covariance
         )
         sources = tuple(together if s.name is UncertaintySource.GRID_LINES else s for s in sources)
-    nodes = blocks[UncertaintySource.GRID_LINES](fitted)
-    chi2 = float(nodes @ nodes / max(len(nodes) - 10, 1))
     if not np.isfinite(chi2) or chi2 > WORST_CHI2:
         raise CalibrationError(
             f"no camera explains where the grid's lines are (chi² {chi2:.0f} per degree)",
@@ -154,9 +174,13 @@ def calibrate(
         )
     present = [n for n, keys in DEPTH_SOURCES.items() if getattr(evidence, keys[0]) is not None]
     estimates = tuple(_alone(name, fitted, blocks) for name in present)
-    if chi2 > 1.0:
+    if not reweighted:
+        widened = 1.0 / float(weight.min()) ** 2
         sources = tuple(
-            Source(s.name, s.covariance * (chi2 if s.name is UncertaintySource.GRID_LINES else 1.0))
+            Source(
+                s.name,
+                s.covariance * (widened if s.name is UncertaintySource.GRID_LINES else 1.0),
+            )
             for s in sources
         )
     return Calibration(
@@ -260,6 +284,41 @@ def _whitening(grid: WallGrid) -> Callable[[FloatArray], FloatArray]:
     across = grid.map.jacobian(grid.points_px)
     std = np.sqrt(np.einsum("nfi,nij,nfj->nf", across, grid.covariance_px2, across))
     return lambda error: np.asarray(np.einsum("nfi,...ni->...nf", across, error) / std)
+
+
+def _patch_weights(grid: WallGrid, error: FloatArray) -> FloatArray:
+    """Weights (2 N,) of the crossings' whitened errors (N, 2), less where they agree in patches.
+
+    What passes before the wall, its shadow, or a poster puts all crossings near it aside alike: so
+    many of them tell no more than a few. Their share of one error is the intraclass correlation,
+    by analysis of variance, and the weights are over the root of the design effect (Kish 1965),
+    and over that of their chi-square where they scatter by more than they state.
+    """
+    spare = max(error.size - _CAMERA_PARAMETERS, 1)
+    scatter = max(1.0, float((error**2).sum()) / spare)
+    place = np.floor(grid.points_px * (_PATCHES / max(grid.size))).astype(np.int64)
+    _, patch, count = np.unique(place, axis=0, return_inverse=True, return_counts=True)
+    patch = patch.ravel()
+    weight = np.full_like(error, 1.0 / np.sqrt(scatter))
+    patches, each = len(count), len(error) / len(count)
+    if patches < _FEWEST_PATCHES or each < _FEWEST_IN_PATCH:
+        return weight.ravel()
+    for column in range(2):
+        off = error[:, column]
+        if grid.line_share[column] > 0.0:
+            # what a line has in common is told by itself
+            line, many = np.unique(grid.nodes[:, column], return_inverse=True, return_counts=True)[
+                1:
+            ]
+            off = off - (np.bincount(line, off) / many)[line]
+        mean = np.bincount(patch, off) / count
+        between = float(count @ (mean - off.mean()) ** 2) / (patches - 1)
+        within = float(((off - mean[patch]) ** 2).sum()) / (len(off) - patches)
+        if between > (1.0 + 2.0 * np.sqrt(2.0 / (patches - 1))) * within:
+            share = (between - within) / (between - within + each * within)
+            alike = float(count @ count) / len(off)
+            weight[:, column] /= np.sqrt(1.0 + share * (alike - 1.0))
+    return weight.ravel()
 
 
 def _lines_together(grid: WallGrid, rows: FloatArray) -> FloatArray:

@@ -257,3 +257,30 @@ def test_lines_that_are_off_as_a_whole_widen_what_the_grid_leaves_open(share: fl
         std = np.sqrt(sum(line.std**2 for line in lines))
         normalised.append((length - true) / std)
     assert 0.5 < np.sqrt(np.mean(np.square(normalised))) < 1.6
+
+
+@pytest.mark.parametrize("share", [0.0, 0.7])
+def test_patches_that_are_off_as_a_whole_bend_no_lens_unnoticed(share: float) -> None:
+    """What passes before the wall puts all crossings near it aside alike."""
+    camera = wide_camera()
+    normalised = []
+    for seed in range(10):
+        rng = np.random.default_rng([seed, 78])
+        grid = seen_grid(camera, 0.0, rng)
+        place = np.floor(grid.points_px / 70.0)
+        patch = np.unique(place, axis=0, return_inverse=True)[1].ravel()
+        error = np.sqrt(1.0 - share) * rng.normal(size=(len(grid.nodes), 2))
+        error += np.sqrt(share) * rng.normal(size=(patch.max() + 1, 2))[patch]
+        grid = replace(
+            grid,
+            points_px=grid.points_px + 0.2 * error,
+            covariance_px2=np.broadcast_to(0.2**2 * np.eye(2), (len(error), 2, 2)),
+        )
+        found = calibrate(grid, Evidence(pitch_relative_std=1e-6))
+        a, b = grid.points_px.min(axis=0), grid.points_px.max(axis=0)
+        length = (found.on_wall(b) - found.on_wall(a))[0]
+        true = (camera.to_plane(b) - camera.to_plane(a))[0]
+        lines = found.budget(lambda s, a=a, b=b: (s.on_wall(b) - s.on_wall(a))[0])
+        std = np.sqrt(sum(line.std**2 for line in lines))
+        normalised.append((length - true) / std)
+    assert np.sqrt(np.mean(np.square(normalised))) < 1.6
