@@ -197,7 +197,10 @@ def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
             io.StringIO(text), sep=separator, dtype=str, keep_default_na=False, header=None
         )
     except (pd.errors.ParserError, pd.errors.EmptyDataError) as problem:
-        raise UsageError(f"{path} is no table: {problem}") from problem
+        raise UsageError(
+            f"{path} is no table: {str(problem).split('C error: ')[-1].strip()}",
+            hint="Each line has as many cells as the heads; quote a cell that holds the separator.",
+        ) from problem
     # a line with fewer cells than heads ends in empty ones
     table = table.fillna("")
     table.columns = table.iloc[0]

@@ -8,6 +8,7 @@ time, and is told in plain words.
 import contextlib
 import importlib.util
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -32,6 +33,9 @@ __all__ = ["EFFECT_COMMANDS", "EffectCommands", "check_effect", "load_effects", 
 
 LOAD_PATIENCE = 30.0
 """s that a file of effects may take to be read and tried once; reading the catalogue takes one."""
+
+TRIAL_BYTES = 3 << 29
+"""1.5 GiB: reading the catalogue and trying an effect takes a fifth of it."""
 
 RUN_PATIENCE = 900
 """s that a campaign may take with a user's effects in it: thirty times what it takes without."""
@@ -300,8 +304,15 @@ def _try_apart(path: Path, seconds: float) -> None:
 def _answer(path: Path, answer: Path) -> None:
     """In the process apart: load, check, and write down what is wrong."""
     told: dict[str, str | None] = {}
+    before = threading.active_count()
     try:
-        for effect in _loaded(path):
+        effects = _loaded(path)
+        if threading.active_count() > before:
+            raise UsageError(
+                f"{path} starts threads, which would work on beside the fit",
+                hint="A file of effects defines them, and does nothing else.",
+            )
+        for effect in effects:
             try:
                 check_effect(effect)
             except SystemExit:
@@ -309,6 +320,14 @@ def _answer(path: Path, answer: Path) -> None:
     except UsageError as problem:
         told = {"message": problem.message, "hint": problem.hint}
     answer.write_text(json.dumps(told), encoding="utf-8")
+
+
+def _limit_memory() -> None:
+    """Let what eats memory run into a MemoryError of its own, not into the machine's end."""
+    with contextlib.suppress(ImportError, ValueError, OSError):
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_DATA, (TRIAL_BYTES, TRIAL_BYTES))
 
 
 def check_command(
@@ -328,4 +347,7 @@ EFFECT_COMMANDS = {"check": check_command}
 
 
 if __name__ == "__main__":
+    _limit_memory()
     _answer(Path(sys.argv[1]), Path(sys.argv[2]))
+    # threads that the file left behind would keep the process
+    os._exit(0)

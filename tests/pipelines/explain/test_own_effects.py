@@ -75,11 +75,16 @@ def test_a_sound_file_is_taken_and_what_it_prints_stays_out_of_results(tmp_path,
 
 @pytest.mark.parametrize(
     ("text", "said"),
-    [("while True: pass", "has not answered within"), ("import os; os._exit(0)", "exit code 0")],
+    [
+        ("while True: pass", "has not answered within"),
+        ("import os; os._exit(0)", "exit code 0"),
+        ("x = [bytearray(1 << 28) for _ in iter(int, 1)]", "MemoryError"),
+        ("import threading as t; t.Thread(target=t.Event().wait).start()", "starts threads"),
+    ],
 )
 def test_a_file_that_never_ends_or_ends_everything_is_told(tmp_path, text, said):
     file = tmp_path / "own.py"
-    file.write_text(text + "\n")
+    file.write_text(text + "\n" + pull())
     with pytest.raises(UsageError, match=said):
         load_effects(file, seconds=2.0 if "while" in text else 30.0)
 
