@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology import ClipError, NotFoundError, UsageError
-from vision.clip.picture import ClipInfo, GrayImage
+from vision.clip.picture import ClipInfo, GrayImage, refuse_giant
 
 if TYPE_CHECKING:
     from vision.clip.clip import ClipReader
@@ -284,6 +284,7 @@ def _check_size(height: int, width: int) -> None:
             f"pictures of {width} × {height} px are too small to follow anything in",
             hint=f"Each side needs at least {_SMALLEST_SIDE} px.",
         )
+    refuse_giant(height, width)
 
 
 class _Gathered:

@@ -297,7 +297,7 @@ def refuse_giant(height: int, width: int, name: object = "") -> None:
     """
     if max(height, width) > _LARGEST_SIDE or height * width > _LARGEST_PICTURE:
         raise ClipError(
-            f"{name} has pictures of {width} × {height} px, too large to work with".strip(),
+            f"{name}: pictures of {width} × {height} px are too large to work with".lstrip(": "),
             hint=f"Crop or shrink them to at most {_LARGEST_SIDE} px a side and"
             f" {_LARGEST_PICTURE / 1e6:.0f} million in all.",
         )
