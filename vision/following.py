@@ -12,6 +12,7 @@ from vision.ball.choice import (
     BallPath,
     Choice,
     choose_ball,
+    described,
     lay_before,
     link_circles,
     rivals,
@@ -86,7 +87,7 @@ def follow(
     NotFoundError
         If nothing round moves in the clip, or nothing where the user points.
     """
-    footage = Footage(clip)
+    footage, whole_count, cut = _one_scene(clip, ball_at or mass_at)
     scene = FilmedScene(footage)
     _tell(progress, 0.2)
     looks = Looks(scene)
@@ -120,11 +121,33 @@ def follow(
         background=scene.background.image,
         rest_frames=rest_frames,
         others=_others(scene, choice, capture_fps),
-        warnings=tuple(_warnings(choice, rest, striker, footage.first) + _camera_warnings(scene)),
+        dismissed=_dismissed(scene, choice, capture_fps),
+        warnings=tuple(
+            cut + _warnings(choice, rest, striker, footage.first) + _camera_warnings(scene)
+        ),
         shift_px=scene.shifts(),
         motion=motion,
     )
-    return tracks.later(footage.first, footage.whole_count, capture_fps)
+    return tracks.later(footage.first, whole_count, capture_fps)
+
+
+def _one_scene(clip: "ClipReader", at: Point | None) -> tuple[Footage, int, list[str]]:
+    """Frames of the scene pointed at, or in which most moves; frames of all; what to say of it."""
+    footage = Footage(clip)
+    whole = footage.whole_count
+    if len(footage.parts) == 1:
+        return footage, whole, []
+    chosen = max(footage.parts, key=footage.moved_in)
+    if at is not None and len(at) == 3:
+        frame = at[2]
+        chosen = next((part for part in footage.parts if part[0] <= frame < part[1]), chosen)
+    cuts = ", ".join(f"{part[0] - 1} and {part[0]}" for part in footage.parts[1:])
+    said = (
+        f"The clip is cut between frames {cuts}: another scene follows. Only frames {chosen[0]} to "
+        f"{chosen[1] - 1} are measured; cut the others out and measure them by themselves, or "
+        "point into one with --ball-at X,Y,FRAME."
+    )
+    return Footage(clip, part=chosen), whole, [said]
 
 
 def _others(scene: FilmedScene, choice: Choice, fps: float) -> tuple[FollowedObject, ...]:
@@ -133,11 +156,26 @@ def _others(scene: FilmedScene, choice: Choice, fps: float) -> tuple[FollowedObj
     for place, path in enumerate(choice.others):
         fits = follow_ball(scene, path) if place < _OTHERS_FOLLOWED else None
         if fits is not None and len(fits.frame) >= 5:
-            model = MotionModel.ROLL if choice.struck and place == 0 else MotionModel.UNKNOWN
-            tracks.append(FollowedObject(_track(refine_ball(scene, fits), fps), model))
+            track = _track(refine_ball(scene, fits), fps)
         else:
-            tracks.append(FollowedObject(_path_track(path, fps)))
+            track = _path_track(path, fps)
+        if choice.struck and place == 0:
+            met = ("It came to the one that lay still and met it.",)
+            tracks.append(FollowedObject(track, MotionModel.ROLL, met))
+        else:
+            label = described(path, choice.ball, scene.background.image)
+            tracks.append(FollowedObject(track, *label))
     return tuple(tracks)
+
+
+def _dismissed(scene: FilmedScene, choice: Choice, fps: float) -> tuple[FollowedObject, ...]:
+    """What moves and is taken for no ball, as it was seen from look to look, and why."""
+    return tuple(
+        FollowedObject(
+            _path_track(path, fps), *described(path, choice.ball, scene.background.image)
+        )
+        for path in choice.dismissed
+    )
 
 
 def _camera_warnings(scene: FilmedScene) -> list[str]:
@@ -404,6 +442,11 @@ def _warnings(choice: Choice, rest: Rest | None, striker: Striker | None, first:
         said.append(
             "Several balls move; the one that lay still and was struck is measured, "
             "the others are listed."
+        )
+    elif choice.doubt is not None and all(choice.doubt is not path for path in choice.others):
+        said.append(
+            "Another thing moves that might be the ball as well as what was taken for it; if it "
+            f"is, point at that with {_pointer(choice.doubt, first)}."
         )
     elif choice.others:
         said.append(

@@ -227,6 +227,8 @@ class Tracks:
         does.
     others : tuple of FollowedObject
         Other things that were followed (a struck puck's striker first, a second ball).
+    dismissed : tuple of FollowedObject
+        What moved, too, and is taken for no ball, with the reasons: a shadow, a ghost, a hand.
     warnings : tuple of str
         What the user should know, in whole sentences.
     shift_px : (F, 2) array or None
@@ -241,6 +243,7 @@ class Tracks:
     background: NDArray[np.float32]
     rest_frames: tuple[int, int] | None
     others: tuple[FollowedObject, ...] = ()
+    dismissed: tuple[FollowedObject, ...] = ()
     warnings: tuple[str, ...] = ()
     shift_px: FloatArray | None = None
     motion: Motion = Motion(MotionKind.NONE, 0.0)
@@ -264,6 +267,9 @@ class Tracks:
             rest_frames=None if rest is None else (rest[0] + first, rest[1] + first),
             others=tuple(
                 replace(other, track=other.track.later(first, fps)) for other in self.others
+            ),
+            dismissed=tuple(
+                replace(other, track=other.track.later(first, fps)) for other in self.dismissed
             ),
             motion=motion,
             shift_px=shift,

@@ -12,6 +12,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.table import Table
 
 from metrology import Quantity, UsageError, write_text_whole
@@ -20,7 +21,7 @@ from pipelines.measure.measurement import ClipMeasurement
 from pipelines.report.inputs import quantity_label, quantity_text
 from vision.clip.clip import ClipReader
 from vision.overlay import OVERLAY_SUFFIXES
-from vision.tracks import Motion
+from vision.tracks import FollowedObject, Motion
 
 __all__ = [
     "WantedFiles",
@@ -71,6 +72,13 @@ def measurement_as_dict(
             "gravity_check": _as_json(measured.gravity),
         },
         "motion": _motion(measured.tracks.motion),
+        "others": [
+            *(
+                _other(f"ball_{place}", thing)
+                for place, thing in enumerate(measured.tracks.others, start=2)
+            ),
+            *(_other(None, thing) for thing in measured.tracks.dismissed),
+        ],
         "quantities": {item.name: _as_json(item) for item in kept},
         "beside": {item.name: _as_json(item) for item in other_speeds},
         "budget": {
@@ -103,6 +111,18 @@ def measurement_as_dict(
         ],
         "warnings": list(measured.warnings),
         "software": {"version": software_version()},
+    }
+
+
+def _other(name: str | None, thing: FollowedObject) -> dict[str, Any]:
+    """What else moved, as the track table names it (None: it is not in there), and why it is so."""
+    frame = thing.track.frame
+    return {
+        "object": name,
+        "label": thing.model.value,
+        "reasons": list(thing.reasons),
+        "frames": [int(frame[0]), int(frame[-1])] if len(frame) else None,
+        "radius_px": float(np.median(thing.track.radius_px)) if len(frame) else None,
     }
 
 

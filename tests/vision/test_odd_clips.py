@@ -6,7 +6,7 @@ import pytest
 from metrology import ClipError, NotFoundError
 from tests.vision.ball.painted import PaintedClip, exposed, wall, with_ball, with_box
 from vision.following import follow
-from vision.tracks import MotionKind
+from vision.tracks import MotionKind, MotionModel
 
 
 def _noise(count: int, height: int, width: int) -> PaintedClip:
@@ -63,3 +63,34 @@ def test_a_ball_that_fills_much_of_the_picture_is_no_moving_scene() -> None:
     assert tracks.rest_frames[1] <= 20
     assert len(off) > 40
     assert np.hypot(*off.T).max() < 0.2
+
+
+def test_a_clip_that_is_cut_is_measured_in_one_part_and_told() -> None:
+    lying, flying = np.full((120, 240), 0.55), wall(120, 240)
+    lying[20:60, 150:220], lying[70:100, 10:60] = 0.2, 0.9
+    pictures = [exposed(lying, 1.5, seed) for seed in range(20)]
+    places = [(40.0 + 4.0 * k, 70.0 - 2.2 * k + 0.05 * k**2) for k in range(36)]
+    pictures += [
+        exposed(with_ball(flying, place, 10.0), 1.5, seed) for seed, place in enumerate(places)
+    ]
+    tracks = follow(PaintedClip(pictures), 30.0)  # type: ignore[arg-type]
+    assert any("cut between frames 19 and 20" in said for said in tracks.warnings)
+    assert tracks.ball.frame[0] >= 20
+    off = np.hypot(*(tracks.ball.centre_px - np.array(places)[tracks.ball.frame - 20]).T)
+    assert np.median(off) < 0.3
+
+
+def test_a_second_ball_and_a_shadow_are_told_by_what_they_are() -> None:
+    scene = wall(120, 240)
+    y, x = np.mgrid[0:120, 0:240].astype(float)
+    pictures = []
+    for index in range(36):
+        place = (40.0 + 4.0 * index, 60.0 - 2.2 * index + 0.06 * index**2)
+        away = np.hypot(x - place[0] + 14.0, y - place[1] - 36.0)
+        dim = 1.0 - 0.35 * np.clip((14.0 - away) / 5.0, 0.0, 1.0)
+        pictures.append(exposed(with_ball(scene * dim, place, 10.0), 1.0, index))
+    tracks = follow(PaintedClip(pictures), 30.0)  # type: ignore[arg-type]
+    labels = [thing.model for thing in (*tracks.others, *tracks.dismissed)]
+    assert MotionModel.SHADOW in labels
+    assert all(thing.reasons for thing in (*tracks.others, *tracks.dismissed))
+    assert tracks.ball.radius_px.mean() == pytest.approx(10.0, abs=0.3)

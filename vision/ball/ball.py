@@ -25,6 +25,7 @@ from vision.ball.outline.outline import (
     nothing_found,
     voted_outlines,
 )
+from vision.ball.streaks import Sweep, swept_outlines
 from vision.motion import lawful_stretch
 from vision.scene.scene import FilmedScene
 
@@ -315,6 +316,34 @@ _DROPS = 4
 _MOST_OFF = 0.3
 """Share of the frames: where more are off, it is the path that is wrong and not the outlines."""
 
+# From frame to frame, and while the shutter is open, in radii: what goes less is not smeared.
+_QUICK, _SMEARED = 0.5, 0.5
+
+_USUAL_DUTY = 0.5
+"""Share of the time between frames that a shutter is open, where the clip does not tell."""
+
+_EXPLAINED, _OTHER_MOTION = 0.7, 0.5
+"""Share of the change that a swept disc must explain; share of radius and way by which its motion
+may be another than asked for; both supposed."""
+
+_NOTHING = 0.3
+"""Share of the change: where a disc explains less there is none, whatever its outline seemed."""
+
+_AHEAD_SHARE = 0.3
+"""Share of a frame's way that a ball may lie off where it was foretold."""
+
+_MOST_MISSED = 2
+"""Frames without a streak that end the search."""
+
+_STREAK_STD = 0.02
+"""Of length and radius: how far off a streak's middle is where the light of its ends differs."""
+
+_LAST_ROWS = 4
+"""Rows that foretell the next: a parabola's three unknowns, and one to spare."""
+
+_FEWEST_SHARP, _FEWEST_STILL_ROWS = 5, 3
+"""Frames: of fewer the median is no better than the path's own."""
+
 _MEDIAN_EXCESS, _OFF_EXCESS = 0.693, 12.5
 """Dimensionless: the median of half a squared distance in two dimensions (ln 2), and five standard
 deviations of it (25/2)."""
@@ -338,10 +367,13 @@ class BallFits:
         Frame indices.
     fits : OutlineFits
         One row per frame, in scene coordinates.
+    swept : frozenset of int
+        Frames in which it is smeared so much that its area was fitted and not its outline.
     """
 
     frame: IntArray
     fits: OutlineFits
+    swept: frozenset[int] = frozenset()
 
     def __len__(self) -> int:
         return len(self.frame)
@@ -358,7 +390,7 @@ class BallFits:
 
     def at(self, places: IntArray | BoolArray) -> "BallFits":
         """Some of the rows."""
-        return BallFits(self.frame[places], self.fits.at(places))
+        return replace(self, frame=self.frame[places], fits=self.fits.at(places))
 
 
 def follow_ball(scene: FilmedScene, path: BallPath) -> BallFits:
@@ -388,7 +420,166 @@ def follow_ball(scene: FilmedScene, path: BallPath) -> BallFits:
     found = _reached(scene, search, _gaps_filled(search, found, inside))
     # Ends that were fitted in the wrong place, and led nowhere, stand right by now.
     further = _reached(scene, search, found)
-    return further if len(further) > len(found) else found
+    found = further if len(further) > len(found) else found
+    return _Smears(scene, path, found).filled()
+
+
+class _Smears:
+    """Frames in which the ball is smeared: its area is fitted, as a disc swept along its way.
+
+    Where it goes less than a part of its radius from frame to frame nothing is done.
+    """
+
+    def __init__(self, scene: FilmedScene, path: BallPath, found: BallFits) -> None:
+        self._scene, self._found = scene, found
+        looks = path.where(~np.isin(path.frame, found.frame))
+        frame = np.concatenate([found.frame, looks.frame])
+        order = np.argsort(frame, kind="stable")
+        self._known = frame[order]
+        self._place = np.concatenate([found.centre, looks.centre_px])[order]
+        self._radius = path.radius if len(found) < _FEWEST_SHARP else float(np.median(found.radius))
+        self._duty = _USUAL_DUTY
+        self._fits: dict[int, tuple[OutlineFits, float]] = {}
+        self._empty: set[int] = set()
+
+    def filled(self) -> BallFits:
+        """What was found, with the frames in which it was smeared."""
+        if len(self._known) < 2 or self._radius < SMALL_RADIUS:
+            return self._found
+        velocity = self._velocity()
+        quick = np.hypot(*velocity.T) > _QUICK * self._radius
+        if not quick.any():
+            return self._found
+        self._learn(velocity, quick)
+        smeared = self._duty * np.hypot(*velocity.T) > _SMEARED * self._radius
+        between = self._between(quick)
+        if not smeared.any() and len(between) == 0:
+            return self._found
+        where = np.column_stack(
+            [np.interp(between, self._known, self._place[:, axis]) for axis in (0, 1)]
+        )
+        along = np.column_stack(
+            [np.interp(between, self._known, velocity[:, axis]) for axis in (0, 1)]
+        )
+        self._fit(self._known[quick], self._place[quick], velocity[quick])
+        self._fit(between, where, along)
+        for direction in (-1, 1):
+            for end in self._ends(direction):
+                self._go_on(end, direction)
+        return self._merged()
+
+    def _ends(self, direction: int) -> list[int]:
+        """Frames that stand, of which it went fast, and beyond which nothing is known."""
+        frame, place = self._rows()
+        if len(frame) < 2:
+            return []
+        step = np.hypot(*np.diff(place, axis=0).T) / np.diff(frame)
+        quick = np.concatenate([step[:1], step]) > _QUICK * self._radius
+        quick |= np.concatenate([step, step[-1:]]) > _QUICK * self._radius
+        alone = ~np.isin(frame + direction, frame)
+        return [int(index) for index in frame[quick & alone]]
+
+    def _velocity(self) -> FloatArray:
+        frame = self._known.astype(np.float64)
+        return np.column_stack([np.gradient(self._place[:, axis], frame) for axis in (0, 1)])
+
+    def _between(self, quick: BoolArray) -> IntArray:
+        """Frames on the way in which nothing was found while it went fast."""
+        way = np.arange(int(self._known[0]), int(self._known[-1]) + 1)
+        after = np.clip(np.searchsorted(self._known, way), 1, len(self._known) - 1)
+        return way[~np.isin(way, self._known) & (quick[after] | quick[after - 1])]
+
+    def _learn(self, velocity: FloatArray, quick: BoolArray) -> None:
+        """Radius and open shutter, from frames in which it is nearly sharp and most smeared."""
+        speed = np.hypot(*velocity.T)
+        slow = np.argsort(speed, kind="stable")[:_SIZE_LOOKS]
+        fast = np.flatnonzero(quick)[np.argsort(-speed[quick], kind="stable")][:_SIZE_LOOKS]
+        rows = np.unique(slow)
+        fits, _ = self._swept(self._known[rows], self._place[rows], velocity[rows], True)
+        good = fits.found & (fits.contrast > _EXPLAINED)
+        if np.count_nonzero(good) >= _FEWEST_STILL_ROWS:
+            self._radius = float(np.median(fits.radius[good]))
+        rows = np.unique(fast)
+        fits, sweeps = self._swept(self._known[rows], self._place[rows], velocity[rows], False)
+        motion = np.array([sweep.motion for sweep in sweeps])
+        square = np.maximum(np.sum(velocity[rows] ** 2, axis=1), 1e-9)
+        duty = np.sum(motion * velocity[rows], axis=1) / square
+        good = fits.found & (fits.contrast > _EXPLAINED) & (duty > 0.0) & (duty < 1.1)
+        if np.count_nonzero(good) >= _FEWEST_STILL_ROWS:
+            self._duty = float(np.median(duty[good]))
+
+    def _swept(
+        self, frame: IntArray, place: FloatArray, velocity: FloatArray, free_radius: bool
+    ) -> tuple[OutlineFits, list[Sweep]]:
+        starts = [
+            Sweep(centre, self._duty * along, self._radius)
+            for centre, along in zip(place, velocity, strict=True)
+        ]
+        return swept_outlines(self._scene, frame, starts, free_radius=free_radius)
+
+    def _fit(self, frame: IntArray, place: FloatArray, velocity: FloatArray) -> None:
+        """Keep what explains the picture and went as far as its way asks for."""
+        fits, sweeps = self._swept(frame, place, velocity, False)
+        away = np.hypot(*(fits.centre - place).T)
+        for row, index in enumerate(frame.tolist()):
+            if not fits.found[row] or fits.contrast[row] < _NOTHING:
+                self._empty.add(index)
+                continue
+            speed = float(np.hypot(*velocity[row]))
+            expected, other = self._duty * velocity[row], sweeps[row].motion
+            # A streak has no direction.
+            off = min(np.hypot(*(other - expected)), np.hypot(*(other + expected)))
+            near = off < _OTHER_MOTION * (self._radius + self._duty * speed)
+            near &= away[row] < _OTHER_MOTION * self._radius + _AHEAD_SHARE * speed
+            if fits.contrast[row] > _EXPLAINED and near:
+                length = float(np.hypot(*other))
+                fits.covariance[row] += (_STREAK_STD * (length + self._radius)) ** 2 * np.eye(2)
+                self._fits[index] = (fits.at(np.array([row])), length)
+
+    def _go_on(self, end: int, direction: int) -> None:
+        """Beyond an end, for as long as it is seen, or to where it is known again."""
+        index, missed = end + direction, 0
+        while 0 <= index < self._scene.count and missed < _MOST_MISSED:
+            frame, place = self._rows()
+            if index in frame:
+                return
+            beside = np.flatnonzero((frame < index) if direction > 0 else (frame > index))
+            last = beside[-_LAST_ROWS:] if direction > 0 else beside[:_LAST_ROWS]
+            if len(last) < 2:
+                return
+            time = (frame[last] - index).astype(np.float64)
+            degree = min(2, len(time) - 1) if missed == 0 else 1
+            course = np.polyfit(time, place[last], degree)
+            centre, velocity = course[-1], course[-2]
+            if not _inside(centre, self._scene.shape):
+                return
+            if np.hypot(*velocity) < _QUICK * self._radius:
+                return
+            self._fit(np.array([index]), centre[None], velocity[None])
+            missed = 0 if index in self._fits else missed + 1
+            index += direction
+
+    def _rows(self) -> tuple[IntArray, FloatArray]:
+        """Frames and places that stand: outlines, and streaks instead of them."""
+        merged = self._merged()
+        return merged.frame, merged.centre
+
+    def _merged(self) -> BallFits:
+        found, own = self._found, set(self._found.frame.tolist())
+        chosen = {
+            index: fits
+            for index, (fits, length) in self._fits.items()
+            if index not in own or length > _SMEARED * self._radius
+        }
+        kept = found.at(~np.isin(found.frame, [*chosen, *self._empty]))
+        frame = np.concatenate([kept.frame, np.array(list(chosen), dtype=np.int64)])
+        every = joined([kept.fits, *chosen.values()])
+        order = np.argsort(frame, kind="stable")
+        return BallFits(frame[order], every.at(order), frozenset(chosen))
+
+
+def _inside(centre: FloatArray, shape: tuple[int, int]) -> bool:
+    return bool(np.all(centre >= 0) and centre[0] < shape[1] and centre[1] < shape[0])
 
 
 def _reached(scene: FilmedScene, search: "_Search", found: BallFits) -> BallFits:
@@ -476,7 +667,7 @@ def trusted_rows(found: BallFits) -> BallFits:
     local = _around(known, np.nanmedian) / _MEDIAN_EXCESS
     factor = np.clip(np.nan_to_num(local, nan=1.0), 1.0, _MOST_WIDENED)
     covariance = found.fits.covariance * factor[:, None, None]
-    return BallFits(found.frame, replace(found.fits, covariance=covariance))
+    return replace(found, fits=replace(found.fits, covariance=covariance))
 
 
 def _expected(found: BallFits) -> Expected:

@@ -23,6 +23,7 @@ is taken out, then the next.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from itertools import pairwise
 
@@ -34,17 +35,21 @@ from metrology.compiled import compiled
 from vision.ball.circles import Circles
 from vision.motion import lawful_stretch
 from vision.scene.scene import FilmedScene
+from vision.tracks import MotionModel
 
 __all__ = [
     "BallPath",
     "Choice",
     "choose_ball",
+    "described",
     "lay_before",
     "link_circles",
     "rivals",
     "uncovered",
     "untangled",
 ]
+
+FloatImage = NDArray[np.float32]
 
 FloatArray = NDArray[np.float64]
 
@@ -65,6 +70,11 @@ _MISS_PRICE = 0.25
 _LEAP_PRICE = 0.25
 
 """Nats more for each radius a look by which a velocity changes, supposed: bounces are few radii."""
+
+_OTHER_LOOK, _OTHER_LOOK_PRICE = 60.0, 0.6
+
+"""Gray levels, and nats at most, supposed: a ball's mean light changes less as it turns and is
+smeared; what strikes it and goes on as fast as it came is told from it by its light alone."""
 
 _SUDDEN_RADII, _SUDDEN_RATIO = 3.0, 5.0
 
@@ -125,7 +135,7 @@ class BallPath:
         Centres, px.
     radius_px : (N,) array
         Radii, px.
-    coverage, sharpness, presence : (N,) arrays
+    coverage, sharpness, presence, level : (N,) arrays
         As in `Circles`.
     """
 
@@ -135,6 +145,7 @@ class BallPath:
     coverage: FloatArray
     sharpness: FloatArray
     presence: FloatArray
+    level: FloatArray
 
     def where(self, keep: NDArray[np.bool_]) -> "BallPath":
         """Some of the looks (N,)."""
@@ -209,8 +220,8 @@ def link_circles(frames: IntArray, circles: list[Circles], *, most: int = 8) -> 
             alive[chain] = False
             continue
         table = nodes.table[chain]
-        columns = (table[:, :2], table[:, 2], table[:, 3], table[:, 4], nodes.presence[chain])
-        paths.append(BallPath(nodes.frame[chain], *columns))
+        columns = (table[:, :2], table[:, 2], table[:, 3], table[:, 4])
+        paths.append(BallPath(nodes.frame[chain], *columns, nodes.presence[chain], table[:, 5]))
         alive &= ~_claimed(nodes, chain)
     return paths
 
@@ -220,10 +231,12 @@ def _nodes(frames: IntArray, circles: list[Circles]) -> _Nodes:
         [np.full(len(found), index) for index, found in enumerate(circles)]
     ).astype(np.int64)
     tables = [
-        np.column_stack([found.centre_px, found.radius_px, found.coverage, found.sharpness])
+        np.column_stack(
+            [found.centre_px, found.radius_px, found.coverage, found.sharpness, found.level]
+        )
         for found in circles
     ]
-    table = np.concatenate(tables) if tables else np.zeros((0, 5))
+    table = np.concatenate(tables) if tables else np.zeros((0, 6))
     steepness = np.log(np.maximum(table[:, 4], 1.0) / _FAINT_LINK) / np.log(60.0 / _FAINT_LINK)
     # Of two round things that move as one, the larger is the ball and the smaller its panel.
     size = np.clip(table[:, 2] / 10.0, 0.1, 4.0) ** 0.2
@@ -423,6 +436,8 @@ def _score_link(
     missed = step[end] - step[start] - 1
     own = own_score[end] - _MISS_PRICE * missed
     own -= _SIZE_PRICE * min((ratio / _SIZE_SCATTER) ** 2, _MOST_SIZES)
+    lighter = (table[end, 5] - table[start, 5]) / _OTHER_LOOK
+    own -= _OTHER_LOOK_PRICE * min(lighter * lighter, 1.0)
     alone = own_score[start] + own - _FIRST_PRICE * distance / radius
     if best + own > alone:
         score[end, place], previous[end, place] = best + own, start * most + top
@@ -434,6 +449,10 @@ def _score_link(
 
 # A thing that came less far than this (in radii) only wobbles: a swinging scale, a codec's blocks.
 _LEAST_TRAVEL = 2.0
+
+_ONE_SIZE = 0.06
+
+"""Log radius: circles of one ball scatter by this from look to look, one standard deviation."""
 
 _RADIUS_TOLERANCE = 0.3
 
@@ -454,11 +473,23 @@ _STILL_RADII = 0.15
 _STRUCK_BONUS = 2.0
 
 # The more so where another thing came to it at that moment.
-_MET_BONUS = 2.5
+_MET_BONUS = 5.0
 
 # A pendulum's way of two diameters of the ball bends by 7 to 9 %; what rolls or slides goes along
 # a line.
 _LEAST_APPROACH = 4.0
+
+_TIED = 0.5
+"""Share of the best score above which another thing may be the ball as well, supposed."""
+_FEWEST_COMMON, _MOSTLY, _LAWFUL_PART = 4, 0.7, 0.4
+"""Looks in common that tell whether two go together; share of them, and of a way, that is most."""
+_SHADES, _EVENLY, _FAINT_SHADOW = (0.4, 0.95), 0.1, 20.0
+"""Light left in a shadow, over the light without it; its scatter; steepness of its edge, in noise:
+lamps are wide and several."""
+_CAME, _TOUCHED = 1.25, 1.6
+
+"""Distances of centres of two that touch: further off it came from elsewhere, nearer it met, as far
+as circles of edges and looks some frames apart tell."""
 
 _STRAIGHT = 0.04
 
@@ -489,20 +520,27 @@ class Choice:
         Other round things that travelled and are about as clear, best first.
     struck : bool
         Whether another of them met it while it lay still.
+    doubt : BallPath or None
+        What might be the ball as well: it speaks for itself nearly as clearly.
+    dismissed : tuple of BallPath
+        What travelled, too, and is no ball like it.
     """
 
     ball: BallPath
     others: tuple[BallPath, ...]
     struck: bool
+    doubt: BallPath | None = None
+    dismissed: tuple[BallPath, ...] = ()
 
 
 def trimmed(path: BallPath) -> BallPath:
     """Leave out candidates whose radius is not that of the clearest ones."""
-    # a panel or a highlight inside the ball is round too: what counts is the length of edge seen
-    weight = path.coverage**2 * np.log1p(path.sharpness) * path.radius_px**2
-    order = np.argsort(np.log(path.radius_px))
-    half = np.searchsorted(np.cumsum(weight[order]), 0.5 * weight.sum())
-    typical = path.radius_px[order[min(half, len(order) - 1)]]
+    # A panel or a highlight inside the ball is round too: what counts is the length of edge seen.
+    # Round ball and shadow as one a circle is larger, but ever of another size.
+    weight = path.coverage**2 * np.log1p(path.sharpness) * path.radius_px**1.5
+    size = np.log(path.radius_px)
+    agree = np.exp(-0.5 * ((size[:, None] - size) / _ONE_SIZE) ** 2)
+    typical = path.radius_px[int(np.argmax(agree @ weight))]
     keep = np.abs(np.log(path.radius_px / typical)) < _RADIUS_TOLERANCE
     keep &= path.sharpness > 0.3 * np.median(path.sharpness[keep])
     return path.where(keep)
@@ -545,11 +583,75 @@ def choose_ball(paths: list[BallPath], at: tuple[float, float, int | None] | Non
     ranked = sorted(moving, key=lambda path: scores[id(path)], reverse=True)
     best = ranked[0]
     alike = [path for path in ranked if path is best or _alike(path, best)]
+    told = {id(path) for path in alike}
+    dismissed = tuple(path for path in clean if _moves(path) and id(path) not in told)
     for path in alike:
         if any(_rolled_to(path, other) for other in alike if other is not path):
             others = tuple(other for other in alike if other is not path)
-            return Choice(path, others, True)
-    return Choice(best, tuple(alike[1:]), False)
+            return Choice(path, others, True, None, dismissed)
+    tied = [path for path in ranked[1:] if scores[id(path)] > _TIED * scores[id(best)]]
+    return Choice(best, tuple(alike[1:]), False, tied[0] if tied else None, dismissed)
+
+
+def described(
+    path: BallPath, ball: BallPath, background: FloatImage
+) -> tuple[MotionModel, tuple[str, ...]]:
+    """Say what a thing that moves is instead of the ball, and why.
+
+    Parameters
+    ----------
+    path : BallPath
+        The thing.
+    ball : BallPath
+        What was chosen.
+    background : (H, W) float32 array
+        The static scene, gray levels.
+
+    Returns
+    -------
+    label : MotionModel
+    reasons : tuple of str
+        In whole sentences.
+    """
+    presence = float(np.median(path.presence))
+    if presence < _PRESENCE:
+        seen = f"{100 * presence:.0f} %"
+        return MotionModel.GHOST, (f"Only {seen} of its outline's edge is in the picture itself.",)
+    _, own, theirs = np.intersect1d(path.frame, ball.frame, return_indices=True)
+    gap = path.centre_px[own] - ball.centre_px[theirs]
+    if len(own) >= _FEWEST_COMMON:
+        inside = np.hypot(*gap.T) + path.radius_px[own] < 1.2 * ball.radius_px[theirs]
+        if np.mean(inside) > _MOSTLY:
+            return MotionModel.GLINT, ("It lies within the ball's outline and moves with it.",)
+        # Where a shadow falls goes with the ball, by a rule that hardly bends.
+        line = np.vander(np.linspace(-1.0, 1.0, len(own)), 2)
+        rest = gap - line @ np.linalg.lstsq(line, gap, rcond=None)[0]
+        follows = float(np.hypot(*rest.std(axis=0))) < _STILL_RADII * path.radius * path.travel
+        if follows and _dims(path, background):
+            return MotionModel.SHADOW, ("It goes with the ball and only dims what is behind it.",)
+    if _dims(path, background) and float(np.median(path.sharpness)) < _FAINT_SHADOW:
+        return MotionModel.SHADOW, ("It only dims what is behind it, with a soft edge.",)
+    stretch = lawful_stretch(path.frame, path.centre_px, path.radius)
+    part = stretch.looks / len(path.frame)
+    if part < _LAWFUL_PART:
+        return MotionModel.CARRIED, (
+            f"No law of free motion explains more than {100 * part:.0f} % of its way: "
+            "a hand, or what it carries.",
+        )
+    size = path.radius / ball.radius
+    return MotionModel.UNKNOWN, (
+        f"It is {size:.1f} times as large as the ball and less clear, or less lawful in its way.",
+    )
+
+
+def _dims(path: BallPath, background: FloatImage) -> bool:
+    """Whether it is darker than what is behind it, evenly, but not dark itself."""
+    column, row = np.rint(path.centre_px).astype(int).T
+    row = np.clip(row, 0, background.shape[0] - 1)
+    column = np.clip(column, 0, background.shape[1] - 1)
+    ratio = path.level / np.maximum(background[row, column], 1.0)
+    low, high = _SHADES
+    return bool(low < np.median(ratio) < high and np.std(ratio) < _EVENLY)
 
 
 def rivals(paths: list[BallPath]) -> list[BallPath]:
@@ -585,8 +687,9 @@ def _evidence(path: BallPath) -> float:
     before = path.frame < stretch.first
     lay_still = False
     if np.count_nonzero(before) >= _FEWEST_STILL:
-        place = path.centre_px[before][-_FEWEST_STILL:]
-        lay_still = bool(np.hypot(*np.ptp(place, axis=0)) < _STILL_RADII * path.radius + 1.0)
+        place = path.centre_px[before]
+        away = np.hypot(*(place - np.median(place, axis=0)).T)
+        lay_still = bool(np.median(away) < _STILL_RADII * path.radius + 0.5)
     return float((1.0 + stretch.evidence) * (_STRUCK_BONUS if lay_still else 1.0))
 
 
@@ -611,7 +714,11 @@ def _smoothness(path: BallPath) -> float:
     """1 for motion that runs on, 0 for a hand's or a blob's jitter."""
     if len(path.frame) < 5:
         return 0.7
-    step = np.diff(path.centre_px, axis=0) / np.diff(path.frame)[:, None]
+    away = np.hypot(*(path.centre_px - path.centre_px[0]).T)
+    left = int(np.argmax(away > _STILL_RADII * path.radius + 1.0)) if away.any() else 0
+    # What lies still only jitters: how smoothly it goes is seen from where it leaves.
+    left = max(0, min(left, len(path.frame) - 5))
+    step = np.diff(path.centre_px[left:], axis=0) / np.diff(path.frame[left:])[:, None]
     speed = float(np.median(np.hypot(*step.T)))
     bend = float(np.median(np.hypot(*np.diff(step, axis=0).T)))
     return 1.0 / (1.0 + bend / (speed + 0.02 * path.radius))
@@ -631,12 +738,14 @@ def _met_at_rest(path: BallPath, other: BallPath) -> bool:
     moved = np.nonzero(away > 0.7 * path.radius)[0]
     if len(moved) == 0 or moved[0] < 2:
         return False
-    departure = path.frame[moved[0]]
+    still = np.flatnonzero(away[: moved[0]] < _STILL_RADII * path.radius + 1.0)
+    departure = path.frame[still[-1]] if len(still) else path.frame[moved[0]]
     gap = np.hypot(*(other.centre_px - start).T)
     beside = np.abs(other.frame - departure) <= max(3, int(np.median(np.diff(path.frame))) * 3)
     own_start = other.centre_px[: max(3, len(other.frame) // 10)].mean(axis=0)
-    came = np.hypot(*(own_start - start)) > 2.5 * path.radius
-    return bool(np.any(beside) and gap[beside].min() < 3.2 * path.radius and came)
+    touching = path.radius + other.radius
+    came = np.hypot(*(own_start - start)) > _CAME * touching
+    return bool(np.any(beside) and gap[beside].min() < _TOUCHED * touching and came)
 
 
 def _rolled_to(path: BallPath, other: BallPath) -> bool:
@@ -667,8 +776,6 @@ def _gap(path: BallPath, at: tuple[float, float, int | None]) -> float:
         return float(distance[max(0, nearest - 1) : nearest + 2].min())
     return float(distance.min())
 
-
-FloatImage = NDArray[np.float32]
 
 _PRESENCE = 0.35
 
@@ -869,6 +976,15 @@ def _leaving(centre: FloatArray, radius: float) -> IntArray:
 # something else: what is struck or let go is as fast afterwards, what is caught was before.
 _LEAP_RADII, _LEAP_RATIO = 3.0, 5.0
 
+_OTHER_LIGHT = 60.0
+
+"""Gray levels, supposed: the mean light of one thing does not change by a quarter of the scale
+between two looks and stay so."""
+
+_FEWEST_STEADY, _STEADY = 4, 8
+
+"""Looks on either side of such a change that agree, at least and at most."""
+
 _MEETING_RADII = 3.0
 
 """Radii between centres: two balls touch at two, and a frame earlier they are a little apart."""
@@ -889,9 +1005,21 @@ _SWOLLEN = 0.15
 """Log radius per unit of cost: a circle's radius scatters by as much, supposed."""
 
 # Joining otherwise than the chains did must be better by this.
+_LIGHTER = 20.0
+
+"""Gray levels per unit of cost: half of what two things that look alike differ by."""
+
 _CLEARLY = 1.5
 
 """Nats by which joining otherwise than the chains did must be better: odds of four and a half."""
+
+_BRIDGED = 4.0
+
+"""Tolerances, supposed: two pieces that miss one another by more are of two things."""
+
+_MOMENTS = 17
+
+"""Moments in a gap at which two ways are held against one another, supposed."""
 
 _FEWEST = 3
 
@@ -918,11 +1046,66 @@ def untangled(paths: list[BallPath]) -> list[BallPath]:
     paths = [piece for path in paths for piece in _unleapt(path)]
     for moment in _moments(paths):
         paths = _rejoined(paths, moment)
+    return _bridged(paths)
+
+
+def _bridged(paths: list[BallPath]) -> list[BallPath]:
+    """Join pieces of one thing between which it was hidden, or not found, for a while."""
+    while len(paths) > 1:
+        cost = np.array([[_gap_cost(head, tail) for tail in paths] for head in paths])
+        if cost.min() >= _BRIDGED:
+            break
+        # The surest first: what it takes up is no longer there for others.
+        head, tail = divmod(int(np.argmin(cost)), len(paths))
+        whole = paths[head].then(paths[tail])
+        paths = [
+            whole if place == head else path for place, path in enumerate(paths) if place != tail
+        ]
     return paths
 
 
+def _gap_cost(head: BallPath, tail: BallPath) -> float:
+    """How far the ways on from a head and back from a tail miss one another, in tolerances.
+
+    They meet at any moment in between: a thing may be struck while it is hidden.
+    """
+    gap = int(tail.frame[0]) - int(head.frame[-1])
+    if gap < 1 or min(len(head.frame), len(tail.frame)) < _FEWEST:
+        return np.inf
+    if gap > min(int(np.ptp(head.frame)), int(np.ptp(tail.frame))):
+        return np.inf
+    forth, back = _course(head.where(_last(head))), _course(tail.where(_first(tail)))
+    moment = np.linspace(head.frame[-1], tail.frame[0], _MOMENTS)
+    apart = np.hypot(*(forth(moment) - back(moment)).T)
+    radius = min(head.radius, tail.radius)
+    tolerance = _OFF_RADII * radius + _OFF_PX
+    swollen = abs(float(np.log(tail.radius / head.radius))) / _SWOLLEN
+    return float(apart.min()) / tolerance + swollen + _lighter(head, tail)
+
+
+def _first(path: BallPath) -> NDArray[np.bool_]:
+    return np.arange(len(path.frame)) < _LOOKS_BACK
+
+
+def _last(path: BallPath) -> NDArray[np.bool_]:
+    return _first(path)[::-1]
+
+
+def _course(piece: BallPath) -> Callable[[FloatArray], FloatArray]:
+    """Where a thing is at other moments if it goes straight on."""
+    frame = piece.frame.astype(np.float64)
+    slope, start = np.polyfit(frame - frame[0], piece.centre_px, 1)
+    return lambda moment: start + (moment - frame[0])[:, None] * slope
+
+
+def _lighter(head: BallPath, tail: BallPath) -> float:
+    """How much lighter or darker a tail is than its head, in tolerances."""
+    change = tail.level[:_LOOKS_BACK].mean() - head.level[-_LOOKS_BACK:].mean()
+    return abs(float(change)) / _LIGHTER
+
+
 def _unleapt(path: BallPath) -> list[BallPath]:
-    """A path cut where it leaps from one thing to another that is as slow."""
+    """A path cut where it leaps to another thing that is as slow, or to one of other light."""
     elapsed = np.diff(path.frame).astype(np.float64)
     step = np.hypot(*np.diff(path.centre_px, axis=0).T)
     speed = step / elapsed
@@ -932,12 +1115,25 @@ def _unleapt(path: BallPath) -> list[BallPath]:
         usual = max((float(np.median(side)) for side in sides if len(side)), default=np.inf)
         if speed[place] > _LEAP_RATIO * usual + 1e-9:
             ends.append(int(place) + 1)
-    ends.append(len(path.frame))
+    ends = sorted({*ends, *_other_light(path.level), len(path.frame)})
     if len(ends) == 2:
         return [path]
     rows = np.arange(len(path.frame))
     pieces = [path.where((rows >= first) & (rows < last)) for first, last in pairwise(ends)]
     return [piece for piece in pieces if len(piece.frame) >= _FEWEST]
+
+
+def _other_light(level: FloatArray) -> list[int]:
+    """Rows at which the light of what is followed changes for good."""
+    rows = []
+    for row in range(_FEWEST_STEADY, len(level) - _FEWEST_STEADY + 1):
+        before, after = level[max(0, row - _STEADY) : row], level[row : row + _STEADY]
+        step = abs(float(np.median(after) - np.median(before)))
+        scatter = max(float(np.ptp(part)) for part in (before[-_LOOKS_BACK:], after[:_LOOKS_BACK]))
+        own = abs(float(level[row] - level[row - 1]))
+        if step > _OTHER_LIGHT and own > 0.5 * step and scatter < 0.5 * step:
+            rows.append(row)
+    return rows
 
 
 def _moments(paths: list[BallPath]) -> list[int]:
@@ -992,4 +1188,4 @@ def _cost(head: BallPath, tail: BallPath) -> float:
     radius = head.radius
     off = float(np.hypot(*(tail.centre_px[0] - expected))) / (_OFF_RADII * radius + _OFF_PX)
     swollen = abs(float(np.log(tail.radius / radius))) / _SWOLLEN
-    return min(off + swollen, _CAP)
+    return min(off + swollen + _lighter(head, tail), _CAP)

@@ -93,6 +93,21 @@ def panel_of(circle: Circle, other: Circle) -> bool:
     return bool(inside and other[4] > 0.3 * circle[4])
 
 
+@dataclass(frozen=True)
+class _Smeared:
+    """A streak: the circle in the middle of its way, and how long that is, px."""
+
+    circle: Circle
+    length: float
+
+
+def _in_streak(circle: Circle, streak: _Smeared) -> bool:
+    """Whether a circle is an end of a streak, or drawn about all of it."""
+    x, y, radius = streak.circle[:3]
+    reach = 0.5 * streak.length + radius
+    return math.hypot(circle[0] - x, circle[1] - y) < reach and circle[2] < 1.2 * reach
+
+
 def middle(values: NDArray[np.floating]) -> float:
     """Upper median of a few values, without the ceremony that makes `numpy.median` slow on them."""
     half = len(values) // 2
@@ -148,6 +163,21 @@ _NEAR_RIM, _STEEPEST = 0.3, 200.0
 """Weight from which an edge covers its sector; and units of noise beyond which an edge is no
 clearer: a black ball before white."""
 
+_SHORTEST, _LONGEST, _LIKE_A_STREAK = 0.7, 3.0, 0.8
+"""Radii that a streak is long at least; radii (half of it) at most; part in common with a swept
+disc, supposed."""
+_FEWEST_STREAK_PIXELS, _WIDTH = 20, 0.98
+"""Pixels of a streak at least; share of them that is nearer to its line than its radius."""
+
+_HALF_OPEN = 0.72
+"""Coverage of the end of a streak at most: half a rim, and what chance adds to it."""
+
+_STREAK_COVERAGE = 0.9
+"""Coverage of a perfect streak: less than a whole outline's, which is seen more sharply."""
+
+_SQUARE_WITHIN = math.sqrt(0.5)
+"""Radii: half the side of the square within a circle."""
+
 
 @dataclass(frozen=True)
 class Circles:
@@ -166,6 +196,8 @@ class Circles:
     presence : (N,) array
         Part of the outline's edge that is in the picture rather than in the static scene: a ghost,
         where something was or will be, has next to none, 0 to 1.
+    level : (N,) array
+        Mean gray level inside, 0 to 255.
     """
 
     centre_px: FloatArray
@@ -173,6 +205,7 @@ class Circles:
     coverage: FloatArray
     sharpness: FloatArray
     presence: FloatArray
+    level: FloatArray
 
     def __len__(self) -> int:
         return len(self.radius_px)
@@ -229,8 +262,14 @@ def find_circles(
     found = [circle for circle in found if not any(part_of(circle, other) for other in solid)]
     found += solid
     if radii is None:
-        blobs = _blobs(normalised, low, high)
+        blobs, smeared = _blobs(normalised, low, high)
         found += [b for b in blobs if not any(halo_of(b, circle, normalised) for circle in found)]
+        for streak in smeared:
+            inside = [circle for circle in found if _in_streak(circle, streak)]
+            # Two that touch look like a streak, too; but each is whole.
+            if all(circle[3] < _HALF_OPEN for circle in inside):
+                found = [circle for circle in found if circle not in inside]
+                found.append(streak.circle)
     else:
         found = [circle for circle in found if 0.95 * low < circle[2] < 1.05 * high]
     found = sorted(found, key=rank)[: 3 * most]
@@ -321,32 +360,99 @@ def _enlarged(circle: Circle, scale: int) -> Circle:
     return x * scale + half, y * scale + half, radius * scale, coverage, sharpness
 
 
-def _blobs(normalised: FloatImage, low: float, high: float) -> list[Circle]:
-    """Compact things whose outline is too blurred or too ragged for a circle of edges."""
+@dataclass(frozen=True)
+class _Streak:
+    """A part of a mask that is a disc swept along a line.
+
+    Attributes
+    ----------
+    x, y, radius, length : float
+        Its middle, radius and length of the way, px of the mask.
+    share : float
+        How much of mask and swept disc is common to both, 0 to 1.
+    """
+
+    x: float
+    y: float
+    radius: float
+    length: float
+    share: float
+
+
+def _streak_of(rows: IntArray, columns: IntArray, low: float, high: float) -> _Streak | None:
+    """Take a part of a mask for a swept disc.
+
+    Parameters
+    ----------
+    rows, columns : (n,) int arrays
+        Its pixels.
+    low, high : float
+        Smallest and largest radius, px of the mask.
+
+    Returns
+    -------
+    Streak or None
+        None where it is none, or hardly longer than wide.
+    """
+    area = float(len(rows))
+    if (
+        not np.pi * low**2 <= area <= (np.pi + 4.0 * _LONGEST) * high**2
+        or area < _FEWEST_STREAK_PIXELS
+    ):
+        return None
+    place = np.stack([columns, rows], axis=1).astype(np.float64)
+    middle = place.mean(axis=0)
+    _, axes = np.linalg.eigh(np.cov((place - middle).T))
+    across, along = ((place - middle) @ axes).T
+    radius = float(np.quantile(np.abs(across), _WIDTH)) + 0.5
+    length = max(0.0, (area - np.pi * radius**2) / (2.0 * radius))
+    if not low <= radius <= high or not _SHORTEST * radius < length < 2.0 * _LONGEST * radius:
+        return None
+    beyond = np.maximum(np.abs(along) - 0.5 * length, 0.0)
+    inside = int(np.count_nonzero(np.hypot(beyond, across) <= radius + 0.5))
+    share = inside / (2.0 * area - inside)
+    if share < _LIKE_A_STREAK:
+        return None
+    return _Streak(float(middle[0]), float(middle[1]), radius, length, share)
+
+
+def _blobs(normalised: FloatImage, low: float, high: float) -> tuple[list[Circle], list[_Smeared]]:
+    """Compact things whose outline is too blurred or too ragged for a circle of edges.
+
+    Streaks of things that went far while the shutter was open stand apart.
+    """
     height, width = normalised.shape
     scale = 2 if min(height, width) >= 240 else 1
     level = _shrunk(normalised, scale)
     above = (np.abs(level) > 5.0 / scale).astype(np.uint8)
     mask = cv2.morphologyEx(above, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     count, labels, boxes, centres = cv2.connectedComponentsWithStats(mask)
-    found = []
+    found, smeared = [], []
     for label in range(1, count):
         left, top, wide, tall, area = (int(value) for value in boxes[label])
         radius = float(np.sqrt(area / np.pi))
-        if not low <= radius * scale <= high or max(wide, tall) > 3.5 * radius:
+        if not low <= radius * scale <= 2.0 * high:
+            continue
+        rows, columns = np.nonzero(labels[top : top + tall, left : left + wide] == label)
+        rows, columns = rows + top, columns + left
+        half = 0.5 * (scale - 1)
+        strength = float(np.median(np.abs(level[rows, columns])))
+        streak = _streak_of(rows, columns, low / scale, high / scale)
+        if streak is not None:
+            x, y = streak.x * scale + half, streak.y * scale + half
+            circle = (x, y, streak.radius * scale, _STREAK_COVERAGE * streak.share, strength)
+            smeared.append(_Smeared(circle, streak.length * scale))
+        if radius * scale > high or max(wide, tall) > 3.5 * radius:
             continue
         x, y = centres[label]
-        rows, columns = np.nonzero(labels[top : top + tall, left : left + wide] == label)
-        reach = np.hypot(columns + left - x, rows + top - y)
+        reach = np.hypot(columns - x, rows - y)
         round_part = float(np.mean(reach <= 1.1 * radius))
         if round_part < 0.8:
             continue
-        strength = float(np.median(np.abs(level[rows + top, columns + left])))
-        half = 0.5 * (scale - 1)
         found.append(
             (x * scale + half, y * scale + half, radius * scale, 0.7 * round_part, strength)
         )
-    return found
+    return found, smeared
 
 
 def _substance(
@@ -522,4 +628,15 @@ def _distinct(found: list[Circle], most: int, picture: FloatImage, expected: Flo
             break
     table = np.array(kept, dtype=np.float64).reshape(-1, 5)
     presence = np.array([_presence(circle, picture, expected) for circle in kept])
-    return Circles(table[:, :2], table[:, 2], table[:, 3], table[:, 4], presence)
+    level = np.array([_level(circle, picture) for circle in kept])
+    return Circles(table[:, :2], table[:, 2], table[:, 3], table[:, 4], presence, level)
+
+
+def _level(circle: Circle, picture: FloatImage) -> float:
+    """Mean gray level of the square within a circle: what tells a dark thing from a bright one."""
+    x, y, radius = circle[:3]
+    reach = _SQUARE_WITHIN * radius
+    rows = slice(max(0, int(y - reach)), max(0, int(y + reach)) + 1)
+    columns = slice(max(0, int(x - reach)), max(0, int(x + reach)) + 1)
+    inside = picture[rows, columns]
+    return float(inside.mean()) if inside.size else 0.0

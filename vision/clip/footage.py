@@ -15,6 +15,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import cv2
@@ -68,17 +69,20 @@ class MotionClock:
     ----------
     time : float
         Ticks so far: about one for each frame in which something moved.
+    cells : (h, w) float32 array
+        Mean gray levels of the last frame's cells.
     """
 
     def __init__(self) -> None:
         self.time = 0.0
+        self.cells = np.zeros((0, 0), dtype=np.float32)
         self._reference: FloatImage | None = None
         self._usual = 0.0
         self._still = 0
 
     def tick(self, frame: GrayImage) -> bool:
         """Show the next frame (H, W); says whether it differs from the last that differed."""
-        cells = _cells(frame)
+        cells = self.cells = _cells(frame)
         full = 255.0 if frame.dtype == np.uint8 else 65535.0
         usual = _middle(cells)
         if self._reference is None:
@@ -119,6 +123,65 @@ def _middle(values: FloatImage) -> float:
     """Upper median; `numpy.median` takes twice as long, and it is taken of every frame."""
     half = values.size // 2
     return float(np.partition(values, half, axis=None)[half])
+
+
+# Pictures of one scene correlate by more than the second, of two by less than the first, whatever
+# the camera shifts by; a new scene is there for so many frames.
+_OTHER_SCENE, _SAME_SCENE, _FEWEST_FRAMES = 0.4, 0.7, 5
+
+
+class SceneCuts:
+    """Finds where a clip goes on with another scene: frames are shown to it in order.
+
+    Attributes
+    ----------
+    first : list of int
+        First frames of the scenes after the first one.
+    """
+
+    def __init__(self) -> None:
+        self.first: list[int] = []
+        self._steady: FloatImage | None = None
+        self._other: list[FloatImage] = []
+        self._count = 0
+
+    def add(self, cells: FloatImage) -> None:
+        """Show the cells (h, w) of the next frame."""
+        structure = _structure(cells)
+        self._count += 1
+        if self._steady is None or _alike(structure, self._steady) > _OTHER_SCENE:
+            # A black frame, or a damaged one, is no other scene.
+            self._steady, self._other = structure, []
+            return
+        if self._other and _alike(structure, self._other[-1]) < _SAME_SCENE:
+            self._other = []
+        self._other.append(structure)
+        if len(self._other) == _FEWEST_FRAMES:
+            self.first.append(self._count - _FEWEST_FRAMES)
+            self._steady, self._other = structure, []
+
+
+def _structure(cells: FloatImage) -> FloatImage:
+    """What stands out of its surroundings, of unit norm; zero where nothing does."""
+    fine = cells - cv2.blur(cells, (7, 7))
+    # Compressed, so that one bright edge is not all there is.
+    fine = np.sign(fine) * np.sqrt(np.abs(fine))
+    norm = float(np.linalg.norm(fine))
+    return np.asarray(fine / norm if norm > 0.0 else fine, dtype=np.float32)
+
+
+def _alike(one: FloatImage, other: FloatImage) -> float:
+    """Correlation of two structures, at the shift at which it is highest where it is low at none.
+
+    One without structure is like anything: it shows no scene.
+    """
+    if not (one.any() and other.any()):
+        return 1.0
+    straight = float(np.vdot(one, other))
+    if straight > _SAME_SCENE:
+        return straight
+    product = np.fft.rfft2(one) * np.conj(np.fft.rfft2(other))
+    return max(straight, float(np.fft.irfft2(product, one.shape).max()))
 
 
 GrayFrame = NDArray[np.uint8] | NDArray[np.uint16]
@@ -164,9 +227,15 @@ class Footage:
         How many frames, spread evenly over what moves, are always held.
     progress : callable, optional
         Called with the number of frames decoded so far.
+    part : tuple of int, optional
+        First frame, and the one after the last, of the part of the clip that is looked at; all of
+        it without.
 
     Attributes
     ----------
+    parts : tuple of (int, int)
+        First frame, and the one after the last, of each scene of the clip: one where it is not
+        cut.
     first : int
         The clip's frame that is frame 0 here.
     count : int
@@ -184,13 +253,19 @@ class Footage:
     """
 
     def __init__(
-        self, clip: "ClipReader", *, sample: int = 96, progress: Callable[[int], None] | None = None
+        self,
+        clip: "ClipReader",
+        *,
+        sample: int = 96,
+        progress: Callable[[int], None] | None = None,
+        part: tuple[int, int] | None = None,
     ) -> None:
         self._clip = clip
         self._block: dict[int, GrayFrame] = {}
         gathered = _Gathered(sample)
         count = 0
-        for frame in clip.frames():
+        begin, end = (0, None) if part is None else part
+        for frame in clip.frames(begin, end):
             _check_size(*frame.gray.shape)
             gathered.add(frame.gray)
             count += 1
@@ -200,13 +275,20 @@ class Footage:
             raise NotFoundError("the clip holds no frame to look at")
         gathered.finish()
         self._held = gathered.held
-        self.whole_count = count
-        self.first = gathered.first
+        self.whole_count = begin + count
+        marks = [begin, *(begin + first for first in gathered.cuts.first), begin + count]
+        self.parts = tuple(pairwise(marks))
+        self.first = begin + gathered.first
         self.clock = np.array(gathered.clock)
         self.count = len(self.clock)
         self.sample_index = np.array(sorted(gathered.sample), dtype=np.int64)
         self.sample_frames = [gathered.sample[int(index)] for index in self.sample_index]
         self.full_scale = 255.0 if self.sample_frames[0].dtype == np.uint8 else 65535.0
+
+    def moved_in(self, part: tuple[int, int]) -> float:
+        """How much moved from a frame of the clip up to, not including, another one, ticks."""
+        ends = np.clip([part[0] - self.first, part[1] - 1 - self.first], 0, self.count - 1)
+        return float(self.clock[ends[1]] - self.clock[ends[0]])
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -297,6 +379,7 @@ class _Gathered:
         self.first = 0
         self._wanted = sample
         self._motion = MotionClock()
+        self.cuts = SceneCuts()
         self._before_motion: deque[tuple[float, GrayFrame]] = deque()
         self._started = False
         self._last_motion = 0
@@ -307,6 +390,7 @@ class _Gathered:
     def add(self, gray: GrayFrame) -> None:
         """Take the next frame."""
         moved = self._motion.tick(gray)
+        self.cuts.add(self._motion.cells)
         if self._started:
             self._store(self._motion.time, gray)
         elif moved:

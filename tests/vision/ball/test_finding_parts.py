@@ -93,6 +93,7 @@ def test_two_balls_that_collide_keep_their_names() -> None:
                 np.full(2, 0.95),
                 np.full(2, 60.0),
                 np.ones(2),
+                np.full(2, 90.0),
             )
         )
     paths = link_circles(frames, circles)
@@ -210,7 +211,7 @@ def test_a_leap_from_one_still_thing_to_another_is_a_change_of_identity() -> Non
     frame = np.arange(40)
     centre = np.column_stack([np.where(frame < 20, 20.0, 180.0) + 0.1 * frame, np.full(40, 60.0)])
     ones = np.ones(40)
-    leapt = BallPath(frame, centre, 6.0 * ones, ones, 50.0 * ones, ones)
+    leapt = BallPath(frame, centre, 6.0 * ones, ones, 50.0 * ones, ones, 90.0 * ones)
     assert [len(path.frame) for path in untangled([leapt])] == [20, 20]
     struck = np.column_stack([20.0 + 30.0 * np.maximum(frame - 20, 0), np.full(40, 60.0)])
     assert len(untangled([replace(leapt, centre_px=struck)])) == 1
@@ -223,6 +224,7 @@ def _spot(x: float, y: float, radius: float, sharpness: float) -> Circles:
         np.ones(1),
         np.array([sharpness]),
         np.ones(1),
+        np.full(1, 90.0),
     )
 
 
@@ -251,6 +253,7 @@ def test_two_clear_strangers_do_not_end_the_search_for_longer_paths() -> None:
             np.ones(2),
             np.array([8.0, 200.0]),
             np.ones(2),
+            np.full(2, 90.0),
         )
     paths = link_circles(np.arange(12), circles)
     assert max(len(path.frame) for path in paths) == 12

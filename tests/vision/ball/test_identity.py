@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 
 from vision.ball.ball import expected_places, off_flight
@@ -8,7 +10,7 @@ def _path(frame: np.ndarray, x: np.ndarray, radius: float = 8.0) -> BallPath:
     count = len(frame)
     centre = np.column_stack([x, np.full(count, 50.0)])
     full = np.ones(count)
-    return BallPath(frame, centre, radius * full, full, 60.0 * full, full)
+    return BallPath(frame, centre, radius * full, full, 60.0 * full, full, 90.0 * full)
 
 
 def test_a_head_on_collision_leaves_each_puck_its_own_path() -> None:
@@ -81,3 +83,20 @@ def test_a_motion_that_ends_in_rest_is_no_flight() -> None:
     centre = np.column_stack([np.minimum(2.8 * frame, 84.0), np.full(400, 50.0)])
     centre += np.random.default_rng(3).normal(0.0, 0.2, centre.shape)
     assert not off_flight(frame, centre, np.full(400, 8.5))[1].any()
+
+
+def test_pieces_between_which_a_thing_was_hidden_are_one_path() -> None:
+    frame = np.arange(60)
+    lying = _path(frame[:24], np.full(24, 80.0))
+    flying = _path(frame[30:], 80.0 + 4.0 * (frame[30:] - 26))
+    elsewhere = _path(frame[30:], 200.0 + 4.0 * (frame[30:] - 26))
+    assert [len(path.frame) for path in untangled([flying, lying])] == [54]
+    assert len(untangled([elsewhere, lying])) == 2
+
+
+def test_a_dark_thing_does_not_go_on_as_a_bright_one() -> None:
+    frame = np.arange(40)
+    path = _path(frame, 3.0 * frame)
+    other = replace(path, level=np.where(frame < 20, 60.0, 190.0))
+    assert [len(piece.frame) for piece in untangled([path])] == [40]
+    assert [len(piece.frame) for piece in untangled([other])] == [20, 20]

@@ -67,3 +67,40 @@ def test_memory_does_not_grow_with_the_length_of_a_full_hd_clip() -> None:
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert peak < 400_000_000
+
+
+def _scene_of(seed: int, count: int, shift: int = 0) -> list[np.ndarray]:
+    rng = np.random.default_rng(seed)
+    wall = np.kron(rng.integers(60, 200, (12, 20)), np.ones((10, 10))).astype(np.uint8)
+    pictures = []
+    for index in range(count):
+        picture = np.roll(wall, shift, axis=1)
+        picture[40:52, 10 + 2 * index : 22 + 2 * index] = 20
+        pictures.append(picture)
+    return pictures
+
+
+class _Made:
+    def __init__(self, pictures: list[np.ndarray]) -> None:
+        self._pictures = pictures
+
+    def frames(self, start: int = 0, stop: int | None = None) -> Iterator[Frame]:
+        for index in range(start, len(self._pictures) if stop is None else stop):
+            yield Frame(index, index / 30.0, self._pictures[index])
+
+
+def test_a_cut_is_told_from_a_bumped_camera_and_from_a_black_frame() -> None:
+    one, other = _scene_of(1, 30), _scene_of(2, 40)
+    black = [np.zeros_like(one[0])]
+    for pictures, parts in (
+        ([*one, *other], ((0, 30), (30, 70))),
+        ([*one, *_scene_of(1, 30, shift=26)], ((0, 60),)),
+        ([*one, *black, *one], ((0, 61),)),
+    ):
+        assert Footage(_Made(pictures)).parts == parts  # type: ignore[arg-type]
+
+
+def test_one_part_of_a_clip_is_looked_at_by_itself() -> None:
+    clip = _Made([*_scene_of(1, 30), *_scene_of(2, 40)])
+    part = Footage(clip, part=(30, 70))  # type: ignore[arg-type]
+    assert (part.first, part.count, part.parts) == (30, 40, ((30, 70),))

@@ -8,7 +8,14 @@ from numpy.typing import NDArray
 
 from vision.ball.ball import SMALL_RADIUS, BallFits, trusted_rows
 from vision.ball.outline.edges import Cutouts, CutPlaces, EdgeProfile, Hides, cut_out, ring_widths
-from vision.ball.outline.outline import FitRules, OutlineFits, Start, fit_outlines, nothing_found
+from vision.ball.outline.outline import (
+    FitRules,
+    OutlineFits,
+    Start,
+    fit_outlines,
+    joined,
+    nothing_found,
+)
 from vision.scene.scene import FilmedScene
 
 __all__ = ["Optics", "refine_ball"]
@@ -27,6 +34,8 @@ _SHAPE_FRAMES = 40
 alike."""
 _SHAPE_STEPS = 3
 """Steps of the shape, supposed: the later ones hardly move it."""
+_FEWEST_SHARP = 5
+"""Frames: optics and shape of one ball are not told by fewer."""
 _BEGIN_ROUNDS = 6
 """Rounds of reweighting, supposed: outliers are out after a few."""
 # Scatter of a radius that is fitted free, in radii.
@@ -83,8 +92,15 @@ def refine_ball(
         With the centre free and the shape common to all frames. Balls of a few pixels stay as they
         are.
     """
+    if rough.swept:
+        # Only sharp outlines can be fitted more finely.
+        sharp = ~np.isin(rough.frame, list(rough.swept))
+        if np.count_nonzero(sharp) < _FEWEST_SHARP:
+            return trusted_rows(rough)
+        finer = refine_ball(scene, replace(rough.at(sharp), swept=frozenset()), hides)
+        return trusted_rows(_together(finer, rough.at(~sharp)))
     typical = float(np.median(rough.radius))
-    if typical < SMALL_RADIUS or len(rough.frame) < 5:
+    if typical < SMALL_RADIUS or len(rough.frame) < _FEWEST_SHARP:
         return trusted_rows(_calibrated(rough))
     refiner = _Refiner(scene, rough, typical, hides)
     refiner.learn_optics()
@@ -101,6 +117,14 @@ def refine_ball(
     holds = len(refined) >= _LEAST_KEPT * len(rough) and _unrest(refined) <= 1.1 * _unrest(rough)
     smoother = refined if holds else rough
     return trusted_rows(_calibrated(smoother))
+
+
+def _together(one: BallFits, other: BallFits) -> BallFits:
+    """Rows of both in time order."""
+    frame = np.concatenate([one.frame, other.frame])
+    order = np.argsort(frame, kind="stable")
+    fits = joined([one.fits, other.fits]).at(order)
+    return BallFits(frame[order], fits, one.swept | other.swept)
 
 
 def _unrest(fits: BallFits) -> float:
@@ -312,4 +336,4 @@ def _calibrated(fits: BallFits) -> BallFits:
     factor = float(np.clip(ratio, 0.05, 20.0))
 
     covariance = fits.fits.covariance * factor + _MODEL_STD_PX**2 * np.eye(2)
-    return BallFits(fits.frame, replace(fits.fits, covariance=covariance))
+    return replace(fits, fits=replace(fits.fits, covariance=covariance))

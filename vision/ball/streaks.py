@@ -1,0 +1,318 @@
+"""Balls smeared by the exposure, or of a few pixels: a disc swept along a line, fitted to its area.
+
+An outline is sharp where little moved while the shutter was open; of a ball that goes half its
+diameter and more in that time two caps are left and a haze between them. What is fitted there is
+the whole area,
+
+    I = (1 − w)·B + w·(a + b·x + c·y),
+
+B the known static scene, w the part of the exposure in which a disc that goes along a line covers
+the pixel, and a, b, c its light (what shading leaves when it is smeared), eliminated as in
+`outline`. Centre, motion and, where wanted, the radius are iterated. The picture is taken at the
+coarsest grain that still tells the radius: that is enough for what is smeared over many pixels.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vision.ball.outline.outline import OutlineFits, nothing_found
+from vision.scene.scene import FilmedScene, Window
+
+__all__ = ["Sweep", "Swept", "fit_sweep", "swept_outlines"]
+
+FloatArray = NDArray[np.float64]
+FloatImage = NDArray[np.float32]
+IntArray = NDArray[np.int64]
+
+_GRAIN = 8.0
+"""px: radius at which a disc is fitted, supposed; a tenth of a pixel of it is a hundredth of the
+ball's radius."""
+_MARGIN = 0.6
+"""Radii beyond the swept disc that are looked at, so that a larger one would be seen."""
+_STEPS, _PLAIN_STEPS, _SETTLED = 24, 8, 0.01
+"""Steps at most, those among them without outliers, and px of the coarse picture: a shorter one is
+the last."""
+_DAMPING = (0.0, 0.1, 1.0, 10.0)
+"""Shares of the normal matrix' diagonal that are added until a step helps."""
+_NUDGE = 0.05
+"""px, for derivatives: far below the blur of any edge."""
+_SOFT = 1.0
+"""px: width over which an edge is taken to run."""
+_OUTLYING = 3.0
+"""Standard deviations at which a pixel counts a quarter."""
+_RADIUS_STD, _CENTRE_STD = 0.15, 0.5
+"""Radii: how far off a radius is taken to be, and a centre that was foretold."""
+_SECTORS = 8
+"""Parts of the picture whose errors are taken to be independent of one another."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A disc that goes along a line: centre at mid-exposure (2,), motion (2,) and radius, px."""
+
+    centre: FloatArray
+    motion: FloatArray
+    radius: float
+
+
+@dataclass(frozen=True)
+class Swept:
+    """A fitted disc.
+
+    Attributes
+    ----------
+    sweep : Sweep
+    covariance : (2, 2) array
+        Of the centre, px².
+    explained : float
+        Part of what changed there that it explains, 0 to 1.
+    """
+
+    sweep: Sweep
+    covariance: FloatArray
+    explained: float
+
+
+def fit_sweep(
+    picture: FloatImage,
+    expected: FloatImage,
+    noise: float,
+    start: Sweep,
+    *,
+    free_radius: bool = False,
+) -> Swept | None:
+    """Fit a swept disc to a small picture.
+
+    Parameters
+    ----------
+    picture, expected : (H, W) float32 arrays
+        A part of a frame, and of the static scene in its brightness, gray levels.
+    noise : float
+        Standard deviation of a pixel of their difference.
+    start : Sweep
+        Where to begin, px of that part.
+    free_radius : bool
+        Whether the radius is fitted, too.
+
+    Returns
+    -------
+    Swept or None
+        None where nothing changed, or the disc leaves the picture.
+    """
+    grain = max(1, int(start.radius / _GRAIN))
+    seen, scene = _coarse(picture, grain), _coarse(expected, grain)
+    if min(seen.shape) < 3:
+        return None
+    half = 0.5 * (grain - 1)
+    values = np.array([*(start.centre - half), *start.motion, start.radius]) / grain
+    fit = _Fit(seen, scene, noise / grain, values, free_radius)
+    if not fit.run():
+        return None
+    found = Sweep(fit.values[:2] * grain + half, fit.values[2:4] * grain, fit.values[4] * grain)
+    return Swept(found, fit.covariance() * grain**2, fit.explained())
+
+
+def _coarse(image: FloatImage, grain: int) -> FloatArray:
+    if grain == 1:
+        return image.astype(np.float64)
+    size = (image.shape[1] // grain, image.shape[0] // grain)
+    if min(size) == 0:
+        return np.zeros((0, 0))
+    trimmed = image[: size[1] * grain, : size[0] * grain]
+    return cv2.resize(trimmed, size, interpolation=cv2.INTER_AREA).astype(np.float64)
+
+
+class _Fit:
+    """One picture; values are x, y, motion x, y and radius, px of the coarse picture."""
+
+    def __init__(
+        self, seen: FloatArray, scene: FloatArray, noise: float, values: FloatArray, radius: bool
+    ) -> None:
+        rows, columns = np.mgrid[: seen.shape[0], : seen.shape[1]]
+        self._x, self._y = columns.ravel().astype(np.float64), rows.ravel().astype(np.float64)
+        self._scene = scene.ravel()
+        self._change = seen.ravel() - self._scene
+        self._noise = max(noise, 0.5)
+        self.values, self._start = values.copy(), values.copy()
+        self._free = np.array([True, True, True, True, radius])
+        held = np.array([_CENTRE_STD, _CENTRE_STD, 2.0, 2.0, _RADIUS_STD]) * values[4]
+        self._held = held**-2.0
+        self._weight = np.ones_like(self._change)
+        self._shape = seen.shape
+
+    def run(self) -> bool:
+        """Iterate; whether a disc was found within the picture."""
+        if float(np.abs(self._change).max()) < 3.0 * self._noise:
+            return False
+        for place in range(_STEPS):
+            left = self._left(self.values)
+            scale = max(1.4826 * float(np.median(np.abs(left))), self._noise)
+            if place < _PLAIN_STEPS:
+                # From afar nothing is an outlier: what is off says where to go.
+                scale = max(scale, float(np.sqrt(np.mean(left * left))))
+                self._weight = np.full_like(left, scale**-2.0)
+            else:
+                self._weight = 1.0 / (1.0 + (left / (_OUTLYING * scale)) ** 2) ** 2 / scale**2
+            cost = self._cost(self.values)
+            normal, pull = self._equations(left)
+            for damping in _DAMPING:
+                step = self._step(normal, pull, damping)
+                tried = self.values + step
+                tried[4] = max(tried[4], 1.0)
+                if self._cost(tried) < cost:
+                    break
+            else:
+                if place >= _PLAIN_STEPS:
+                    break
+                continue
+            self.values = tried
+            if place >= _PLAIN_STEPS and float(np.abs(step).max()) < _SETTLED:
+                break
+        inside = (self.values[:2] > -1.0) & (self.values[:2] < np.array(self._shape)[::-1])
+        return bool(np.all(inside))
+
+    def explained(self) -> float:
+        """Part of the change within the disc's reach that it explains."""
+        near = self._cover(self.values, reach=_SOFT + 1.0) > 0.0
+        left, change = self._left(self.values)[near], self._change[near]
+        total = float(change @ change)
+        return max(0.0, 1.0 - float(left @ left) / total) if total > 0.0 else 0.0
+
+    def covariance(self) -> FloatArray:
+        """Of the centre: each sector's pull as it is, since errors of neighbours are alike."""
+        left = self._left(self.values)
+        weighted = self._slope() * self._weight[:, None]
+        normal, _ = self._equations(left)
+        turn = np.arctan2(self._y - self.values[1], self._x - self.values[0])
+        sector = ((turn / (2 * np.pi) + 0.5) * _SECTORS).astype(np.int64) % _SECTORS
+        pull = np.stack(
+            [np.bincount(sector, column * left, _SECTORS) for column in weighted.T],
+            axis=1,
+        )
+        inverse = np.linalg.inv(normal)
+        share = _SECTORS / (_SECTORS - 4.0)
+        whole = inverse @ (share * pull.T @ pull + normal) @ inverse
+        return np.asarray(whole[:2, :2])
+
+    def _cost(self, values: FloatArray) -> float:
+        left = self._left(values)
+        off = (values - self._start)[self._free]
+        return float(self._weight @ (left * left) + self._held[self._free] @ (off * off))
+
+    def _left(self, values: FloatArray) -> FloatArray:
+        """What a disc at these values leaves unexplained, its light eliminated."""
+        cover = self._cover(values)
+        x, y = (self._x - values[0]) / values[4], (self._y - values[1]) / values[4]
+        basis = np.stack([cover, cover * x, cover * y], axis=1)
+        target = self._change + cover * self._scene
+        weighted = basis * self._weight[:, None]
+        ridge = 1e-6 * float(self._weight.mean()) * np.diag([1.0, 30.0, 30.0]) * len(cover)
+        light = np.linalg.solve(weighted.T @ basis + ridge, weighted.T @ target)
+        return np.asarray(target - basis @ light)
+
+    def _slope(self) -> FloatArray:
+        """Derivatives of what is left over the free values (n, f)."""
+        columns = []
+        for place in np.flatnonzero(self._free):
+            nudge = np.zeros(5)
+            nudge[place] = _NUDGE
+            more, less = self._left(self.values + nudge), self._left(self.values - nudge)
+            columns.append((less - more) / (2.0 * _NUDGE))
+        return np.stack(columns, axis=1)
+
+    def _equations(self, left: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Normal matrix and pull of the free values."""
+        slope = self._slope()
+        held = self._held[self._free]
+        weighted = slope * self._weight[:, None]
+        off = (self.values - self._start)[self._free]
+        return weighted.T @ slope + np.diag(held), weighted.T @ left - held * off
+
+    def _step(self, normal: FloatArray, pull: FloatArray, damping: float) -> FloatArray:
+        """Damped step (Marquardt 1963), no longer than the radius."""
+        step = np.zeros(5)
+        step[self._free] = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), pull)
+        longest = max(float(np.hypot(step[0], step[1])), 1e-9)
+        return np.asarray(step * min(1.0, self.values[4] / longest))
+
+    def _cover(self, values: FloatArray, reach: float = 0.0) -> FloatArray:
+        """Part of the exposure in which the disc covers each pixel."""
+        x, y = self._x - values[0], self._y - values[1]
+        length = float(np.hypot(values[2], values[3]))
+        ux, uy = (1.0, 0.0) if length < 1e-6 else (values[2] / length, values[3] / length)
+        along, across = x * ux + y * uy, y * ux - x * uy
+        total = np.zeros_like(x)
+        wide = np.hypot(length, _SOFT)
+        for shift in (-0.5, 0.0, 0.5):
+            half = np.sqrt(
+                np.maximum((values[4] + reach) ** 2 - (across + shift * _SOFT) ** 2, 0.0)
+            )
+            lap = np.minimum(along + 0.5 * wide, half) - np.maximum(along - 0.5 * wide, -half)
+            total += np.clip(lap, 0.0, None) / wide
+        return np.asarray(total / 3.0)
+
+
+def swept_outlines(
+    scene: FilmedScene, frame: IntArray, starts: list[Sweep], *, free_radius: bool = False
+) -> tuple[OutlineFits, list[Sweep]]:
+    """Fit a swept disc in each of several frames.
+
+    Parameters
+    ----------
+    scene : FilmedScene
+        Footage with its static scene.
+    frame : (F,) int array
+        Frames, increasing.
+    starts : list of Sweep
+        Where to begin in each, px of the scene.
+    free_radius : bool
+        Whether radii are fitted.
+
+    Returns
+    -------
+    OutlineFits
+        `contrast` is the part of the change there that the disc explains.
+    list of Sweep
+        What was fitted; the start where nothing was.
+    """
+    fits, sweeps = nothing_found(len(frame)), list(starts)
+    windows = [_window(start, scene.shape) for start in starts]
+    for place, (index, gray) in enumerate(scene.windows(frame, windows)):
+        if min(gray.shape) < 4:
+            continue
+        window = windows[place]
+        corner = np.array([window[1].start, window[0].start], dtype=np.float64)
+        start = starts[place]
+        noise = float(np.median(scene.background.noise[window]))
+        inside = Sweep(start.centre - corner, start.motion, start.radius)
+        found = fit_sweep(
+            gray.astype(np.float32),
+            scene.expected(index, window),
+            noise,
+            inside,
+            free_radius=free_radius,
+        )
+        if found is None:
+            continue
+        sweep = found.sweep
+        sweeps[place] = Sweep(sweep.centre + corner, sweep.motion, sweep.radius)
+        fits.found[place] = True
+        fits.centre[place] = sweeps[place].centre
+        fits.radius[place] = sweep.radius
+        fits.covariance[place] = found.covariance
+        fits.bound[place] = found.covariance
+        fits.rms_residual[place] = 1.0
+        fits.contrast[place] = found.explained
+    return fits, sweeps
+
+
+def _window(start: Sweep, shape: tuple[int, int]) -> Window:
+    reach = np.abs(0.5 * start.motion) + (1.0 + _MARGIN) * start.radius + 2.0
+    low = np.floor(start.centre - reach).astype(int)
+    high = np.ceil(start.centre + reach).astype(int) + 1
+    limit = np.array([shape[1], shape[0]])
+    low, high = np.clip(low, 0, limit), np.clip(high, 0, limit)
+    return slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0]))
