@@ -21,7 +21,13 @@ from bench.concealed.damaged import damaged_section, read_outcomes
 from bench.concealed.filmed.section import section
 from bench.concealed.foreign import convert_all
 from bench.concealed.foreign_keys import foreign_key
-from bench.concealed.report import WHOLE_PROOF, Asked, Scored, proof_text
+from bench.concealed.report import (
+    WHOLE_PROOF,
+    Asked,
+    Scored,
+    proof_text,
+    with_kept_sections,
+)
 from bench.concealed.run import Stop, run_until
 from bench.concealed.score import Judgement, judge
 from bench.concealed.second.draw import GENERATOR as SECOND_GENERATOR
@@ -276,6 +282,8 @@ def main() -> None:
     if output is None:
         print(text)
     else:
+        if output.exists():
+            text = with_kept_sections(text, output.read_text(encoding="utf-8"))
         write_text_whole(output, text)
         print(f"wrote {output}: {len(own)} of {options.campaigns} campaigns scored")
 

@@ -368,6 +368,45 @@ def _right(judgement: Judgement) -> bool:
     return judgement.right
 
 
+UNASKED = frozenset(
+    {
+        "Not asked for.",
+        "Not rendered for this page.",
+        "Not beside this checkout, or not asked for.",
+        "Not beside this checkout.",
+    }
+)
+"""What a section says that a run was not asked for."""
+
+KEPT = "Of an earlier run; this one was not asked for it."
+
+
+def with_kept_sections(page: str, before: str) -> str:
+    """The page with sections that this run was not asked for as they stood on the page before."""
+    old = _sections(before)
+    parts = []
+    for heading, body in _sections(page).items():
+        earlier = old.get(heading, "").strip()
+        if body.strip() in UNASKED and earlier and earlier not in UNASKED:
+            earlier = earlier.removeprefix(KEPT).strip()
+            body = f"\n{KEPT}\n\n{earlier}\n\n"
+        parts.append(f"{heading}\n{body}" if heading else body)
+    return "".join(parts)
+
+
+def _sections(page: str) -> dict[str, str]:
+    """Heading of each section → its text; "" → what comes before the first."""
+    found: dict[str, str] = {}
+    heading, lines = "", list[str]()
+    for line in page.splitlines(keepends=True):
+        if line.startswith("## "):
+            found[heading] = "".join(lines)
+            heading, lines = line.rstrip(), []
+        else:
+            lines.append(line)
+    return found | {heading: "".join(lines)}
+
+
 def proof_text(
     own: Sequence[Scored],
     foreign: Sequence[Scored],

@@ -5,7 +5,7 @@ import pytest
 from bench.concealed.calibration import calibration_section, claims_of
 from bench.concealed.campaign import Hidden, Key, TrialTruth, read_key, write_key
 from bench.concealed.contest.answer import Answer, Named, answer_from_json
-from bench.concealed.report import Asked, Scored, proof_text
+from bench.concealed.report import Asked, Scored, proof_text, with_kept_sections
 from bench.concealed.score import judge
 from bench.concealed.statistics import Proportion, brier_score, calibration_error, wilson
 from bench.concealed.world.conventions import true_parameter
@@ -201,3 +201,16 @@ def test_probabilities_are_held_against_the_name_itself_and_against_its_group():
     text = "\n".join(calibration_section(judgements))
     assert "2 names in 2 campaigns" in text
     assert f"Brier score {brier_score([0.9, 0.9], [True, False]):.3f}" in text
+
+
+def test_a_section_that_was_not_asked_for_stays_as_it_was():
+    before = proof_text([], [], Asked(1, 1), {}, ["| a | b |"], pixels=["six of six"])
+    page = proof_text([], [], Asked(1, 1), {}, ["| c | d |"])
+    kept = with_kept_sections(page, before)
+    assert "six of six" in kept
+    assert "| c | d |" in kept
+    assert "| a | b |" not in kept
+    # A second run keeps it as it is and says so once.
+    again = with_kept_sections(page, kept)
+    assert again == kept
+    assert with_kept_sections(page, "") == page
