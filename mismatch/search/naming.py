@@ -378,7 +378,9 @@ def name_effects(
     for size in range(2, most + 1):
         grown = _grow(forward, base, effects, tried, size, threshold * inflation)
         tried.extend(grown)
-        supported = [h for h in grown if _supported(forward, h, best, threshold * inflation)]
+        supported = [
+            h for h in grown if _goes_first(forward, h, best, tried, threshold * inflation)
+        ]
         if _one_throw(forward):
             # Two strengths of one throw trade against each other; only a known size may follow.
             supported = [h for h in supported if is_known(h.members[-1].effect)]
@@ -395,6 +397,28 @@ def name_effects(
     if best.reduced_chi2 >= POOR_FIT and forward.mode == "flight":
         tried.extend(_with_ruler_or_clock(forward, base, effects, best))
     return Naming(best, _sorted(tried), threshold, first)
+
+
+def _goes_first(
+    forward: Forward,
+    larger: Hypothesis,
+    best: Hypothesis,
+    tried: Sequence[Hypothesis],
+    threshold: float,
+) -> bool:
+    """Whether a larger set takes the place of the best smaller one.
+
+    A law or curve in no catalogue competes with sets of names on equal terms: names that carry at
+    least as much evidence, each of which is needed among its fellows, go before it.
+    """
+    if _supported(forward, larger, best, threshold):
+        return True
+    if not best.has_unnamed or larger.penalised_gain < best.penalised_gain:
+        return False
+    size = len(larger.members) - 1
+    fellows = [h for h in tried if not h.has_unnamed and len(h.members) == size and h.allowed]
+    named = max(fellows, key=lambda h: h.penalised_gain, default=None)
+    return named is not None and _supported(forward, larger, named, threshold)
 
 
 def _steady(forward: Forward, best: Hypothesis, tried: Sequence[Hypothesis]) -> Hypothesis | None:
