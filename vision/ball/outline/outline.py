@@ -520,27 +520,6 @@ def _equations(
 
 
 @compiled
-def _clustered(score: FloatArray, weight: FloatArray, free: int, meat: FloatArray) -> None:
-    """Sum of the outer products of the sectors' scores, neighbours' cross terms with it.
-
-    What a panel, a shadow or a highlight does to the outline it does over several sectors (Newey
-    and West 1987, around the circle).
-    """
-    sectors = len(weight)
-    reach = sectors // _CLUSTERS
-    for i in range(free):
-        for j in range(free):
-            meat[i, j] = 0.0
-    for s in range(sectors):
-        for lag in range(-reach, reach + 1):
-            other = (s + lag) % sectors
-            share = (1.0 - abs(lag) / (reach + 1.0)) * weight[s] * weight[other]
-            for i in range(free):
-                for j in range(free):
-                    meat[i, j] += share * score[s, i] * score[other, j]
-
-
-@compiled
 def _step(
     information: FloatArray,
     score: FloatArray,
@@ -595,12 +574,11 @@ def fitted_outlines(
     high: int,
     outline: FloatArray,
     found: BoolArray,
-    covariance: FloatArray,
-    bound: FloatArray,
-    rms_residual: FloatArray,
-    contrast: FloatArray,
-    whole: FloatArray,
-    pull: FloatArray,
+    every_information: FloatArray,
+    every_score: FloatArray,
+    every_square: FloatArray,
+    every_count: FloatArray,
+    every_weight: FloatArray,
 ) -> None:
     """Fit the outlines of some frames, one after the other.
 
@@ -636,17 +614,20 @@ def fitted_outlines(
         Frames.
     outline : (F, 5) array
         Centre, radius and ellipse, at the start and then at the end, px.
-    found, covariance, bound, rms_residual, contrast, whole, pull : (F, …) arrays
-        Take what `OutlineFits` holds.
+    found : (F,) bool array
+        Takes whether there is an outline.
+    every_information, every_score : (F, S, 5, 5) and (F, S, 5) arrays
+    every_square, every_count, every_weight : (F, S) arrays
+        Take each sector's equations at the end, and its weight: see `weighted`.
     """
     sectors, most, free = len(bounds) - 1, ring.shape[1], len(held)
     pixels, first = np.empty((5, most), dtype=np.float32), np.empty(sectors + 1, dtype=np.int64)
     work, small = np.empty((12, most), dtype=np.float32), np.empty((5, 5, 5))
-    information, score = np.empty((sectors, 5, 5)), np.empty((sectors, 5))
-    square, count, weight = np.empty(sectors), np.empty(sectors), np.empty(sectors)
     room, step, middle = np.empty(sectors), np.empty(3), np.empty(2)
     for f in range(low, high):
         now, moving, radius = outline[f], smear[f], outline[f, 2]
+        information, score = every_information[f], every_score[f]
+        square, count, weight = every_square[f], every_count[f], every_weight[f]
         length, enough = 1e9, False
         for k in range(iterations + 1):
             # at the end the equations are set up once more where the outline came to lie
@@ -699,83 +680,6 @@ def fitted_outlines(
             for i in range(free):
                 now[i] += limit * step[i]
         found[f] = enough
-        if enough:
-            rms_residual[f], contrast[f] = _stated(
-                information,
-                score,
-                square,
-                count,
-                weight,
-                held,
-                size,
-                small,
-                covariance[f],
-                bound[f],
-                whole[f],
-                pull[f],
-            )
-
-
-@compiled
-def _stated(
-    information: FloatArray,
-    score: FloatArray,
-    square: FloatArray,
-    count: FloatArray,
-    weight: FloatArray,
-    held: FloatArray,
-    size: int,
-    small: FloatArray,
-    covariance: FloatArray,
-    bound: FloatArray,
-    whole: FloatArray,
-    pull: FloatArray,
-) -> tuple[float, float]:
-    """What a fit says of itself: writes its matrices, returns its misfit and contrast."""
-    sectors, free = len(weight), len(held)
-    total, normal, inverse, meat = small[0], small[1], small[2], small[3]
-    seen, squares, spare = 0, 0.0, 0.0
-    for i in range(size):
-        pull[i] = 0.0
-        for j in range(size):
-            whole[i, j] = total[i, j] = 0.0
-    for s in range(sectors):
-        squares += square[s]
-        if count[s] > 0:
-            seen += 1
-            spare += count[s] - _BASIS
-        for i in range(size):
-            pull[i] += weight[s] * score[s, i]
-            for j in range(size):
-                whole[i, j] += weight[s] * information[s, i, j]
-                total[i, j] += information[s, i, j]
-    every, trusted = 0.0, 0.0
-    for i in range(free):
-        every += total[i, i]
-        trusted += whole[i, i]
-        total[i, i] += held[i]
-        for j in range(free):
-            normal[i, j] = whole[i, j]
-        normal[i, i] += held[i]
-    _inverted(total, free, 1e-9 * (every + 1e-9), inverse)
-    for i in range(2):
-        for j in range(2):
-            bound[i, j] = inverse[i, j]
-    _inverted(normal, free, 1e-9 * (trusted + 1e-9), inverse)
-    _clustered(score, weight, free, meat)
-    share = seen / max(seen - free, 1.0)
-    for i in range(2):
-        for j in range(2):
-            covariance[i, j] = 0.0
-            for k in range(free):
-                for m in range(free):
-                    covariance[i, j] += share * inverse[i, k] * meat[k, m] * inverse[m, j]
-    rms_residual = math.sqrt(squares / max(spare, 1.0))
-    clear = 0
-    for s in range(sectors):
-        if information[s, 0, 0] + information[s, 1, 1] > (_CLEAR_SIGMA * rms_residual) ** 2:
-            clear += 1
-    return rms_residual, clear / sectors
 
 
 _BATCH = 16
@@ -885,6 +789,15 @@ def fit_outlines(
     if rules.free > 2:
         held[2] = 1.0 / rules.radius_std**2
 
+    size, shape = 5 if rules.shape_pull else 3, (count, len(ring.bounds) - 1)
+    sums = _Sums(
+        np.zeros((*shape, 5, 5)),
+        np.zeros((*shape, 5)),
+        np.zeros(shape),
+        np.zeros(shape),
+        np.zeros(shape),
+    )
+
     def run(first: int) -> None:
         # Each writes rows of its own.
         fitted_outlines(
@@ -901,24 +814,87 @@ def fit_outlines(
             _priors(usual),
             held,
             start.smear,
-            5 if rules.shape_pull else 3,
+            size,
             rules.iterations,
             rules.tolerance,
             first,
             min(first + _BATCH, count),
             outline,
             fits.found,
-            fits.covariance,
-            fits.bound,
-            fits.rms_residual,
-            fits.contrast,
-            fits.normal,
-            fits.pull,
+            sums.information,
+            sums.score,
+            sums.square,
+            sums.count,
+            sums.weight,
         )
 
     deque(side_by_side(run, range(0, count, _BATCH)), maxlen=0)
     fits.centre[:], fits.radius[:] = outline[:, :2], outline[:, 2]
+    if fits.found.any():
+        _state(fits, sums, held, size)
     return fits
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """Each sector's equations where the outline came to lie: see `weighted`.
+
+    Attributes
+    ----------
+    information : (F, S, 5, 5) array
+    score : (F, S, 5) array
+    square, count, weight : (F, S) arrays
+    """
+
+    information: FloatArray
+    score: FloatArray
+    square: FloatArray
+    count: FloatArray
+    weight: FloatArray
+
+
+def _state(fits: OutlineFits, sums: _Sums, held: FloatArray, size: int) -> None:
+    """Write what the fits say of themselves, where there is an outline."""
+    rows, free = fits.found, len(held)
+    every = sums.information[rows, :, :size, :size]
+    weight, count = sums.weight[rows], sums.count[rows]
+    whole = np.einsum("ns,nsij->nij", weight, every)
+    score = weight[:, :, None] * sums.score[rows, :, :size]
+    seen = np.count_nonzero(count, axis=1)
+    inverse = _inverses(whole[:, :free, :free], held)
+    share = seen / np.maximum(seen - free, 1)
+    meat = _clustered(score[:, :, :free]) * share[:, None, None]
+    spare = np.maximum(count.sum(axis=1) - _BASIS * seen, 1.0)
+    rms_residual = np.sqrt(sums.square[rows].sum(axis=1) / spare)
+    strength = every[:, :, 0, 0] + every[:, :, 1, 1]
+    clear = strength > (_CLEAR_SIGMA * rms_residual[:, None]) ** 2
+    fits.covariance[rows] = (inverse @ meat @ inverse)[:, :2, :2]
+    fits.bound[rows] = _inverses(every[:, :, :free, :free].sum(axis=1), held)[:, :2, :2]
+    fits.rms_residual[rows] = rms_residual
+    fits.contrast[rows] = np.mean(clear, axis=1)
+    fits.normal[rows, :size, :size] = whole
+    fits.pull[rows, :size] = score.sum(axis=1)
+
+
+def _inverses(matrices: FloatArray, held: FloatArray) -> FloatArray:
+    """Inverses of normal matrices (F, m, m) with what is held added, kept regular."""
+    trace = np.trace(matrices, axis1=1, axis2=2)[:, None, None]
+    ridge = 1e-9 * (trace + 1e-9) * np.eye(len(held))
+    return np.asarray(np.linalg.inv(matrices + np.diag(held) + ridge))
+
+
+def _clustered(score: FloatArray) -> FloatArray:
+    """Sum of the outer products of the sectors' scores (F, S, P), neighbours' cross terms with it.
+
+    What a panel, a shadow or a highlight does to the outline it does over several sectors (Newey
+    and West 1987, around the circle).
+    """
+    reach = score.shape[1] // _CLUSTERS
+    meat = np.einsum("nsi,nsj->nij", score, score)
+    for lag in range(1, reach + 1):
+        cross = np.einsum("nsi,nsj->nij", score, np.roll(score, lag, axis=1))
+        meat += (1.0 - lag / (reach + 1.0)) * (cross + np.swapaxes(cross, 1, 2))
+    return np.asarray(meat)
 
 
 class _Ring:
