@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import typer
 from typer.core import TyperGroup
 
-from pipelines.doors import DEBUG, guarded
+from pipelines.doors import DEBUG, guarded, loading
 
 __all__ = ["app"]
 
@@ -150,7 +150,8 @@ def _shortened(text: str, length: int) -> str:
 def _loaded(name: str) -> Any:
     """The command or group of a name, imported now."""
     command = _COMMANDS[name]
-    module = import_module(command.module)
+    with loading():
+        module = import_module(command.module)
     found = getattr(module, command.name)
     if command.group is None:
         alone = typer.Typer(

@@ -23,7 +23,7 @@ import typer
 if TYPE_CHECKING:
     from metrology import MeasurementError
 
-__all__ = ["FileRole", "guarded", "refuse_clashes"]
+__all__ = ["DEBUG", "FileRole", "guarded", "loading", "refuse_clashes"]
 
 DEBUG = "IMPACT_VISION_DEBUG"
 """Environment: set, a numerical failure keeps its traceback; ``vision --debug`` sets it."""
@@ -85,7 +85,8 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
         try:
             with _tidy_when_terminated():
                 _check_files(command, options)
-                command(*args, **options)
+                with loading():
+                    command(*args, **options)
                 sys.stdout.flush()
         except ImpactVisionError as problem:
             end(str(problem), problem.exit_code)
@@ -105,6 +106,8 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
                 "Check the name, and that you may read or write there.",
                 2,
             )
+        except MemoryError:
+            end(f"there is not enough memory{_limit_told()}\n{_MORE_MEMORY}", 2)
         except (ArithmeticError, ValueError) as problem:
             if not _is_numerical(problem):
                 raise
@@ -114,6 +117,45 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
             end(str(failed), failed.exit_code)
 
     return run
+
+
+_MORE_MEMORY = "A clip needs about a gigabyte: raise the limit (ulimit -v)."
+_LITTLE_MEMORY = 1 << 30
+"""Bytes of address space below which the libraries themselves may not fit."""
+
+
+def _memory_limit() -> int | None:
+    """Bytes of address space that this process may have; None where nothing limits it."""
+    try:
+        import resource
+    except ImportError:
+        return None
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return None if limit == resource.RLIM_INFINITY else int(limit)
+
+
+def _limit_told() -> str:
+    limit = _memory_limit()
+    return "" if limit is None else f": the process may have {limit >> 20} MiB"
+
+
+@contextmanager
+def loading() -> Iterator[None]:
+    """Tell libraries that do not fit into a limit of memory from libraries that are not there.
+
+    Raises
+    ------
+    typer.Exit
+        With code 2, after saying so; an ImportError without such a limit stays one.
+    """
+    try:
+        yield
+    except (ImportError, MemoryError):
+        limit = _memory_limit()
+        if limit is None or limit > _LITTLE_MEMORY:
+            raise
+        typer.echo(f"vision: the libraries do not fit{_limit_told()}\n{_MORE_MEMORY}", err=True)
+        raise typer.Exit(2) from None
 
 
 def _is_numerical(problem: Exception) -> bool:

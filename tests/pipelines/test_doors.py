@@ -116,6 +116,7 @@ def _command(fault: Exception) -> int | str | None:
     [
         (np.linalg.LinAlgError("singular matrix"), 4),
         (ZeroDivisionError("division by zero"), 4),
+        (MemoryError(), 2),
         (OSError(28, "No space left on device"), 2),
         (KeyError("a bug"), 1),
         (ValueError("a bug"), 1),
@@ -123,6 +124,24 @@ def _command(fault: Exception) -> int | str | None:
 )
 def test_what_stops_a_command_has_its_exit_code(fault: Exception, code: int) -> None:
     assert _command(fault) == code
+
+
+def test_libraries_that_do_not_fit_into_a_limit_are_told(tmp_path: Path) -> None:
+    script = (
+        "import resource; resource.setrlimit(resource.RLIMIT_AS, (400 << 20, 400 << 20))\n"
+        "from pipelines.cli import app; app()"
+    )
+    ran = subprocess.run(
+        [sys.executable, "-c", script, "measure", str(tmp_path / "a.mp4")],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert ran.returncode in (2, 3), ran.stderr
+    assert "Traceback" not in ran.stderr
+    assert ran.returncode == 3 or "400 MiB" in ran.stderr
 
 
 def _scipy_refuses() -> None:
