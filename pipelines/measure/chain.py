@@ -33,6 +33,7 @@ from pipelines.measure.fits.impact import find_impact, struck_again
 from pipelines.measure.inputs import Inputs, gather_inputs
 from pipelines.measure.measurement import ClipMeasurement
 from pipelines.measure.metres import (
+    RADIUS_STD_PX,
     BallScale,
     CameraMapping,
     MetricTracks,
@@ -153,10 +154,6 @@ def watched(
 FloatArray = NDArray[np.float64]
 
 Point = tuple[float, float] | tuple[float, float, int]
-
-_RADIUS_STD_PX = 0.13
-"""What outlines of balls in flight are off by as a whole: root mean square over eleven ray-traced
-clips of another renderer 0.13 px, over nine own ones 0.10 px, for radii of 4 to 33 px."""
 
 _LEAST_VARIANCE = 1e-12
 """Share of the largest: below lies rounding of a double, not knowledge."""
@@ -462,7 +459,7 @@ def _plane_scale(scene: ClipConditions, tracks: Tracks, wall: "_Wall") -> PlaneS
     scatter = 1.4826 * float(np.median(np.abs(ball.radius_px - radius)))
     diameter = scene.inputs.rig.ball_diameter
     assert diameter is not None
-    share = np.hypot(diameter.relative_std, np.hypot(_RADIUS_STD_PX, scatter) / radius)
+    share = np.hypot(diameter.relative_std, np.hypot(RADIUS_STD_PX, scatter) / radius)
     per_px = 0.5 * diameter.value / radius
     return PlaneScale(per_px, float(share), UncertaintySource.BALL_DIAMETER)
 
@@ -592,4 +589,4 @@ def _scale_std(scene: ClipConditions, tracks: Tracks) -> float:
     diameter = scene.inputs.rig.ball_diameter
     if diameter is None:
         return np.inf
-    return float(np.hypot(diameter.relative_std, _RADIUS_STD_PX / np.median(tracks.ball.radius_px)))
+    return float(np.hypot(diameter.relative_std, RADIUS_STD_PX / np.median(tracks.ball.radius_px)))

@@ -12,6 +12,7 @@ from scipy.special import ndtr, ndtri
 from calib.calibration import Calibration
 from metrology import Contribution, Quantity, UncertaintySource
 from pipelines.measure.budget import DERIVED, ClipConditions, merged
+from pipelines.measure.checks.ball_size import BallSize, ball_size
 from pipelines.measure.checks.consequences import (
     COR,
     FLIGHT,
@@ -32,7 +33,7 @@ from pipelines.measure.checks.gravity import (
 )
 from pipelines.measure.fits.impact import UNSEEN_HALF_CONTACT_STD_S, Impact, disc_contact
 from pipelines.measure.inputs import QUANTITY_UNITS, Inputs, QuantityName, kinds_of
-from pipelines.measure.metres import MetricTracks
+from pipelines.measure.metres import RADIUS_STD_PX, MetricTracks
 from pipelines.measure.motions.measured import MotionResults
 from pipelines.report import Check, CheckKind, CheckOutcome
 from vision.tracks import MotionKind, Tracks
@@ -155,9 +156,12 @@ def results_of(
     gravity, by_gravity = gravity_check(found["gravity"], evaluated.scene)
     speeds = speeds_agree(found)
     bound = _contact_bound(evaluated)
-    checks = [one for one in (agreement, speeds and speeds.check, by_gravity, bound) if one]
+    size = _size(evaluated, tracks, found)
+    held = (agreement, speeds and speeds.check, by_gravity, bound, size and size.check)
+    checks = [one for one in held if one]
     other_speeds = tuple(found[name] for name in OTHER_SPEEDS)
     doubts = _doubts(evaluated, found, agreement, speeds, gravity, by_gravity)
+    doubts += () if size is None else size.doubts
     touching = None if speeds is None else contact_doubted(speeds, bound)
     found = doubted(found, [*doubts, *([] if touching is None else [touching])])
     motion = motion or MotionResults()
@@ -187,6 +191,23 @@ def _of_this_motion(found: dict[str, Quantity], tracks: Tracks) -> dict[str, Qua
             item = Quantity.missing(name, unit, f"it needs a {wanted}, and {seen}")
         out[name] = item
     return out | {name: item for name, item in found.items() if name in _PIXELS}
+
+
+def _size(evaluated: Evaluated, tracks: Tracks, found: dict[str, Quantity]) -> BallSize | None:
+    """The ball's size against its diameter, where more than the diameter tells where it flies.
+
+    Numbers of one origin agree by themselves.
+    """
+    calibration, metric = evaluated.scene.calibration, evaluated.metric
+    diameter = evaluated.scene.inputs.rig.ball_diameter
+    if calibration is None or metric is None or diameter is None:
+        return None
+    taped = UncertaintySource.BALL_PLANE_OFFSET
+    if all(estimate.source is not taped for estimate in calibration.depth_estimates):
+        return None
+    outline = RADIUS_STD_PX / float(np.median(tracks.ball.radius_px))
+    share = math.hypot(outline, diameter.relative_std)
+    return ball_size(2.0 * metric.radius_m, share, diameter.value, found)
 
 
 def _contact_bound(evaluated: Evaluated) -> Check | None:

@@ -69,6 +69,7 @@ PENDULUM = COR | {
     QuantityName.PENDULUM_SPEED_BEFORE,
     QuantityName.PENDULUM_SPEED_AFTER,
     QuantityName.ENERGY_LOSS,
+    QuantityName.EXTERNAL_IMPULSE,
 }
 
 """What hangs on the pendulum's motion, its inertia and the masses."""

@@ -5,6 +5,7 @@ import pytest
 from metrology import Contribution, Quantity
 from physics.bodies import JOKKU, PAPER_PENDULUM, PAPER_SUPPORT
 from physics.contact import simulate_contact
+from pipelines.measure.checks.ball_size import ball_size
 from pipelines.measure.checks.consequences import (
     contact_doubted,
     doubted,
@@ -110,3 +111,26 @@ def test_without_a_pendulum_only_the_frames_are_compared() -> None:
     assert check is not None
     assert check.check.passed is True
     assert "Eq. 7" not in check.check.statement
+
+
+def test_a_ball_of_another_size_than_it_is_said_to_have_is_told_and_its_contact_withheld() -> None:
+    values = {
+        "ball_speed": Quantity.measured("ball_speed", 3.8, "m/s", (Contribution("noise", 0.01),)),
+        "contact_time": Quantity.measured(
+            "contact_time", 0.016, "s", (Contribution("noise", 5e-4),)
+        ),
+    }
+    agrees = ball_size(0.2465, 0.005, 0.2459, values)
+    assert agrees is not None
+    assert agrees.check.outcome is CheckOutcome.PASSED
+    assert not agrees.doubts
+    small = ball_size(0.2459, 0.005, 0.27, values)
+    assert small is not None
+    assert small.check.outcome is CheckOutcome.FAILED
+    left = doubted(values, small.doubts)
+    assert left["contact_time"].value is None
+    assert left["ball_speed"].std == pytest.approx(3.8 * (1 - 0.2459 / 0.27), rel=0.05)
+    # an outline known to a twentieth can't tell
+    vague = ball_size(0.2465, 0.05, 0.2459, values)
+    assert vague is not None
+    assert vague.check.outcome is CheckOutcome.UNDECIDED
