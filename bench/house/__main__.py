@@ -93,7 +93,8 @@ def imports_of(module: str) -> set[str]:
 def path_of(module: str) -> Path:
     """The file of a module."""
     path = ROOT / module.replace(".", "/")
-    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+    face = path / "__init__.py"
+    return face if face.is_file() else path.with_suffix(".py")
 
 
 def is_module(name: str) -> bool:

@@ -14,6 +14,7 @@ import copy
 import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from os import PathLike
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias
 
@@ -29,6 +30,7 @@ from metrology import (
     measurands,
     read_given,
     read_number,
+    write_text_whole,
 )
 from physics import bodies
 from physics.air import Air
@@ -463,9 +465,27 @@ class Setup:
         """The air of the lab."""
         return self.air_known.air
 
+    @classmethod
+    def load(cls, path: str | PathLike[str]) -> "Setup":
+        """Read a setup file.
+
+        Raises
+        ------
+        SetupError
+            As `pipelines.setup.file.load_setup`.
+        """
+        from pipelines.setup.file import load_setup
+
+        return load_setup(Path(path))
+
     def to_toml(self) -> str:
         """The text of a setup file that reads back as this setup."""
         return setup_as_toml(self)
+
+    def save(self, path: str | PathLike[str]) -> Path:
+        """Write the setup file; where it was written."""
+        write_text_whole(Path(path), self.to_toml())
+        return Path(path)
 
     def having(self, keys: Mapping[str, Any]) -> "Setup":
         """Give the setup with some keys changed, checked as a file would be.

@@ -12,7 +12,7 @@ import pytest
 
 import impact_vision as iv
 import sample_videos
-from metrology import MeasurementError, UncertaintySource, UsageError, read_scale
+from metrology import MeasurementError, SetupError, UncertaintySource, UsageError, read_scale
 from physics.bodies import BALLS, PAPER_PENDULUM, PAPER_SUPPORT
 from physics.restitution import ConstantCor
 from pipelines.measure.chain import FollowedClip, MeasureOptions, measure_tracks
@@ -214,3 +214,15 @@ def test_a_given_scale_serves_where_neither_wall_nor_ball_is_known(
 def test_the_catalogue_and_its_base_class_are_there() -> None:
     assert "magnus" in iv.effects.CATALOGUE
     assert inspect.isclass(iv.effects.Effect)
+
+
+def test_a_setup_is_read_edited_and_written_back(tmp_path: Path) -> None:
+    path = tmp_path / "lab.toml"
+    path.write_text('[wall]\ngrid = "50 mm"\n[ball]\npreset = "jokku"\n')
+    edited = iv.Setup.load(path).having({"ball.mass": "0.351 kg ± 1 g", "wall.grid": "4 cm"})
+    again = iv.Setup.load(edited.save(tmp_path / "other.toml"))
+    assert (again.ball.mass, again.ball.mass_std) == (0.351, 0.001)
+    assert again.wall.grid == pytest.approx(0.04)
+    assert again == edited
+    with pytest.raises(SetupError, match="grid"):
+        edited.having({"wall.grid": "50"})
