@@ -571,7 +571,11 @@ def _grow(
             continue
         share = -np.inf if forward.mode == "swing" else 0.6
         first_of_each, others = _by_law(ranked, pool)
-        alike = [item for item in others if item[0] > ranked[0][0] - SECOND_FORM_REACH]
+        # Far off the noise the linear look tells the forms of a law less surely apart.
+        near = SECOND_FORM_REACH
+        if seed.reduced_chi2 >= POOR_FIT:
+            near = max(near, FORM_SHARE * ranked[0][0])
+        alike = [item for item in others if item[0] > ranked[0][0] - near]
         for _, index, values in [*_shortlist(first_of_each, 6, share), *alike[:3]]:
             law = frozenset(keys | {pool[index].key})
             if law in grown:

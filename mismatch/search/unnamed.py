@@ -600,7 +600,9 @@ def _drifts(forward: Forward) -> list[SmoothCurve]:
 def smooth_fields(forward: Forward) -> tuple[SmoothCurve, ...]:
     """Every smooth field that makes sense for a campaign."""
     if forward.mode == "swing":
-        return tuple(_torques(forward))
+        # Over many periods a curve takes up any sum of losses and what a record's own errors leave:
+        # it fitted an encoder's swings better than dry friction did, and foretold them worse.
+        return ()
     forces = _forces(forward)
     if forward.mode == "flight":
         return tuple(forces)
