@@ -17,7 +17,7 @@ import argparse
 import os
 from pathlib import Path
 
-from bench.scenes.following import HEAD, following_lines
+from bench.scenes.following import HEAD, Coverage, following_lines
 from bench.scenes.truths import clips_of
 
 
@@ -32,10 +32,13 @@ def main() -> None:
     )
     chosen = parser.parse_args()
     print(HEAD)
+    real, drawn = Coverage(), Coverage()
     for clip, name, truths, rate in clips_of(chosen.shared):
         if not chosen.names or any(part in name for part in chosen.names):
-            for text in following_lines(clip, name, truths, rate):
+            kind = drawn if any(truth.steady for truth in truths) else real
+            for text in following_lines(clip, name, truths, rate, kind):
                 print(text, flush=True)
+    print(f"\nDrawn: {drawn.words}.\nReal: {real.words}.")
 
 
 if __name__ == "__main__":

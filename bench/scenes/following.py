@@ -72,17 +72,50 @@ def scored(tracks: Tracks, truths: list[Truth]) -> Iterator[tuple[Truth, str, Sc
         yield truth, named[0], named[1]
 
 
-def following_lines(clip: Path, name: str, truths: list[Truth], rate: float) -> Iterator[str]:
-    """Table lines of one clip."""
+@dataclass
+class Coverage:
+    """How often stated uncertainties hold, over all clips of a table."""
+
+    frames: int = 0
+    covered: float = 0.0
+    beyond: int = 0
+    objects: int = 0
+    well: int = 0
+
+    def add(self, got: Score) -> None:
+        """Count one object; it is followed well where nine frames of ten are within."""
+        self.objects += 1
+        self.well += got.within >= 0.9
+        self.beyond += got.beyond
+        if got.frames:
+            self.frames += got.frames
+            self.covered += got.covered * got.frames
+
+    @property
+    def words(self) -> str:
+        """In a line."""
+        share = self.covered / max(self.frames, 1)
+        return (
+            f"{self.well} of {self.objects} objects followed within; {100 * share:.1f} % of "
+            f"{self.frames} frames within 2σ (95.4 % asked), {self.beyond} beyond 8σ"
+        )
+
+
+def following_lines(
+    clip: Path, name: str, truths: list[Truth], rate: float, coverage: Coverage
+) -> Iterator[str]:
+    """Table lines of one clip; its objects are counted in `coverage`."""
     start = time.process_time()
     try:
         tracks = follow(ClipReader.open(clip), rate)
     except MeasurementError as problem:
+        coverage.objects += len(truths)
         yield f"| {name} | – | {problem.in_one_line} |"
         return
     spent = time.process_time() - start
     motion = f"{tracks.motion.kind.value} {tracks.motion.probability:.2f}"
     for truth, place, got in scored(tracks, truths):
+        coverage.add(got)
         yield (
             f"| {name} | {truth.name}: {place} | {motion} | {got.near:.2f} of {len(truth.frame)} | "
             f"{got.rms:.3f} | {got.within:.2f} | {got.covered:.2f} | {got.beyond} | "
