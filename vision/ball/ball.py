@@ -326,6 +326,9 @@ _EXPLAINED, _OTHER_MOTION = 0.7, 0.5
 """Share of the change that a swept disc must explain; share of radius and way by which its motion
 may be another than asked for; both supposed."""
 
+_BESIDE, _LOOK_STD = 1.5, 0.1
+"""Radii off a look at which a circle is another thing's; and scatter of a look, supposed."""
+
 _NOTHING = 0.3
 """Share of the change: where a disc explains less there is none, whatever its outline seemed."""
 
@@ -762,7 +765,7 @@ class _Search:
         With `afar`, no guess is taken to be near enough for the sharp edge to be felt.
         """
         if self.radius < SMALL_RADIUS:
-            return voted_outlines(self._scene, frame, guess, self.radius)
+            return self._voted(frame, guess, trusted)
         fits = self._fitted(frame, guess, afar)
         lost = np.nonzero(~fits.found)[0]
         if len(lost):
@@ -773,6 +776,21 @@ class _Search:
             stays = trusted[lost] & ~again.found
             again.put(stays, voted.at(stays))
             fits.put(lost, again)
+        return fits
+
+    def _voted(self, frame: IntArray, guess: FloatArray, trusted: BoolArray) -> OutlineFits:
+        """Circles near the guesses; what stands beside the ball is not taken for it.
+
+        A look of the whole picture saw what a search of its surroundings may miss.
+        """
+        fits = voted_outlines(self._scene, frame, guess, self.radius)
+        away = np.hypot(*(fits.centre - guess).T)
+        beside = trusted & (~fits.found | (away > _BESIDE * self.radius + 1.0))
+        fits.found[beside] = True
+        fits.centre[beside], fits.radius[beside] = guess[beside], self.radius
+        fits.covariance[beside] = (_LOOK_STD * self.radius + 0.2) ** 2 * np.eye(2)
+        fits.bound[beside] = fits.covariance[beside] / 9.0
+        fits.rms_residual[beside], fits.contrast[beside] = 1.0, _LEAST_CONTRAST
         return fits
 
     def _fitted(self, frame: IntArray, guess: FloatArray, afar: bool) -> OutlineFits:
