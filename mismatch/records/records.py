@@ -682,7 +682,7 @@ class Noise:
 
 
 @dataclass
-class _Sums:
+class _NoiseSums:
     squares: float = 0.0
     dof: float = 0.0
 
@@ -711,7 +711,7 @@ def _projector(time: FloatArray, highest: int) -> FloatArray:
 
 def _channel(
     time: FloatArray, value: FloatArray, used: NDArray[np.bool_], segments: FloatArray
-) -> tuple[list[_Sums], NDArray[np.bool_]]:
+) -> tuple[list[_NoiseSums], NDArray[np.bool_]]:
     """Sums of one channel over all trials, by the longest stretches that the motion does not bend.
 
     About stretches longer than its own time scale a motion is no polynomial, and what is left is
@@ -725,7 +725,7 @@ def _channel(
     return tried[chosen]
 
 
-def _level(sums: list[_Sums]) -> float:
+def _level(sums: list[_NoiseSums]) -> float:
     dof = sum(s.dof for s in sums)
     return sum(s.squares for s in sums) / dof if dof >= ENOUGH else float("nan")
 
@@ -737,7 +737,7 @@ def _over(
     segments: FloatArray,
     length: int,
     highest: int,
-) -> tuple[list[_Sums], NDArray[np.bool_]]:
+) -> tuple[list[_NoiseSums], NDArray[np.bool_]]:
     """Sums of one channel about polynomials, with outliers found and left out."""
     outliers = np.zeros_like(used)
     pieces: list[tuple[int, NDArray[np.int64]]] = []
@@ -750,7 +750,7 @@ def _over(
         project = _projector(time[trial, rows], highest)
         left = project @ value[trial, rows]
         spread.append(left / np.sqrt(np.maximum(np.diag(project), 0.05)))
-    sums = [_Sums() for _ in range(used.shape[0])]
+    sums = [_NoiseSums() for _ in range(used.shape[0])]
     if not pieces:
         return sums, outliers
     rough = max(1.4826 * float(np.median(np.abs(np.concatenate(spread)))), 1e-12)
@@ -771,7 +771,7 @@ def _over(
     return sums, outliers
 
 
-def _by_trial(sums: list[_Sums]) -> FloatArray:
+def _by_trial(sums: list[_NoiseSums]) -> FloatArray:
     """Sigma by trial, pooled unless a trial clearly differs."""
     dof = np.array([s.dof for s in sums])
     squares = np.array([s.squares for s in sums])

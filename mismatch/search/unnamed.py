@@ -42,7 +42,7 @@ __all__ = [
     "Magnet",
     "NearFloor",
     "Notch",
-    "Oscillation",
+    "PeriodicForce",
     "Pull",
     "SmoothCurve",
     "SpeedPower",
@@ -137,7 +137,7 @@ class Gust(Effect):
 
 
 @dataclass(frozen=True)
-class Oscillation(Effect):
+class PeriodicForce(Effect):
     """A force that swings to and fro during the flight, in step with the release."""
 
     id: str = "unnamed"
@@ -330,7 +330,7 @@ def unnamed_laws(mode: str) -> tuple[Effect, ...]:
         SpeedPower(),
         _normal_power(),
         *(Gust(form=way) for way in ways),
-        *(Oscillation(form=way) for way in ways),
+        *(PeriodicForce(form=way) for way in ways),
         *(NearFloor(form=way) for way in ways),
         *(Bump(form=way) for way in ways),
         Magnet(),

@@ -108,7 +108,7 @@ def fit_sweep(
         return None
     half = 0.5 * (grain - 1)
     values = np.array([*(start.centre - half), *start.motion, start.radius]) / grain
-    fit = _Fit(seen, scene, noise / grain, values, free_radius)
+    fit = _StreakFit(seen, scene, noise / grain, values, free_radius)
     if not fit.run():
         return None
     found = Sweep(fit.values[:2] * grain + half, fit.values[2:4] * grain, fit.values[4] * grain)
@@ -125,7 +125,7 @@ def _coarse(image: FloatImage, grain: int) -> FloatArray:
     return cv2.resize(trimmed, size, interpolation=cv2.INTER_AREA).astype(np.float64)
 
 
-class _Fit:
+class _StreakFit:
     """One picture; values are x, y, motion x, y and radius, px of the coarse picture."""
 
     def __init__(

@@ -642,15 +642,15 @@ def _fitted(strip: _Strip, start: float, radius: float) -> _Edges | None:
     if len(strip.ahead) < 40:
         return None
     side = float(np.median(strip.ratio[strip.ahead < start - 1.0]))
-    one = _Fit.of(strip, np.array([start, 0.0, 0.8, 1.0, side]))
+    one = _StripFit.of(strip, np.array([start, 0.0, 0.8, 1.0, side]))
     span = start - float(strip.ahead.min())
     twos = [
-        _Fit.of(strip, np.array([start - 0.5 * width, 0.0, 0.8, 1.0, side, side, width]))
+        _StripFit.of(strip, np.array([start - 0.5 * width, 0.0, 0.8, 1.0, side, side, width]))
         for width in np.linspace(0.15, 0.85, 5) * span
     ]
     two = min(twos, key=lambda fit: fit.cost)
     shaded = [
-        _Fit.of(strip, np.array([*two.values, 0.5 * (two.values[3] + two.values[5]), width]))
+        _StripFit.of(strip, np.array([*two.values, 0.5 * (two.values[3] + two.values[5]), width]))
         for width in (1.0, 3.0)
     ]
     three = min(shaded, key=lambda fit: fit.cost)
@@ -672,14 +672,14 @@ def _fitted(strip: _Strip, start: float, radius: float) -> _Edges | None:
 
 
 @dataclass(frozen=True)
-class _Fit:
+class _StripFit:
     values: FloatArray
     std: FloatArray
     cost: float
     free: float
 
     @classmethod
-    def of(cls, strip: _Strip, start: FloatArray) -> "_Fit":
+    def of(cls, strip: _Strip, start: FloatArray) -> "_StripFit":
         """Least squares of a blurred step, or of two of them."""
 
         def residuals(values: FloatArray) -> FloatArray:
@@ -711,7 +711,7 @@ class _Fit:
         std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
         return cls(found.x, std, cost, len(left) / _CORRELATED - len(start))
 
-    def tells_more_than(self, simpler: "_Fit") -> bool:
+    def tells_more_than(self, simpler: "_StripFit") -> bool:
         """Whether two parameters more make it better than chance does."""
         left = max(self.cost / max(self.free, 1.0), 1e-12)
         return 0.5 * (simpler.cost - self.cost) / left > _TELLING
