@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from metrology import Defaults, DomainError
 from physics.air import PAPER_AIR, SUBCRITICAL_DRAG, Air
@@ -266,7 +266,7 @@ def speed_for_distance(distance: float, law: DistanceLaw, slowest: float, fastes
             f" {near:.3f} m to {far:.3f} m",
             hint="Ask for a distance in between, or set up a longer or heavier pendulum.",
         )
-    return float(brentq(miss, slowest, fastest, xtol=1e-12, rtol=1e-13))
+    return float(scipy.optimize.brentq(miss, slowest, fastest, xtol=1e-12, rtol=1e-13))
 
 
 def plan_distance(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.integrate import solve_ivp
+import scipy
 
 from physics.domain import FloatArray, Number
 
@@ -255,7 +255,7 @@ def follow_until(
         marked: Any = watch
         marked.terminal, marked.direction = True, event.direction
         functions.append(marked)
-    solver: Any = solve_ivp
+    solver: Any = scipy.integrate.solve_ivp
     solved = solver(
         rates,
         span,

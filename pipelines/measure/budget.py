@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from calib.calibration import Calibration
 from metrology import Contribution, Defaults, MeasurementError, UncertaintySource
@@ -302,7 +302,7 @@ def _launch_that_reaches(
 
     if miss(0.7) * miss(1.4) > 0:
         return None
-    share = float(brentq(miss, 0.7, 1.4, xtol=1e-7))
+    share = float(scipy.optimize.brentq(miss, 0.7, 1.4, xtol=1e-7))
     return np.concatenate([state[:2], state[2:] * share])
 
 

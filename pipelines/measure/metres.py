@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from calib.calibration import BallOutlines, Calibration, Evidence, Known
 from calib.grid.grid import find_wall_grid
@@ -348,7 +348,9 @@ def centre_of_arc(points: FloatArray) -> FloatArray:
     def residuals(values: FloatArray) -> FloatArray:
         return np.asarray(np.hypot(*(near - values[:2]).T) - values[2])
 
-    best = least_squares(residuals, [*start[:2], radius], loss="soft_l1", f_scale=1e-3)
+    best = scipy.optimize.least_squares(
+        residuals, [*start[:2], radius], loss="soft_l1", f_scale=1e-3
+    )
     return np.asarray(best.x[:2] + middle)
 
 

@@ -28,8 +28,8 @@ from dataclasses import dataclass, fields
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from metrology.compiled import compiled
 from vision.ball.circles import Circles
@@ -1162,7 +1162,7 @@ def _rejoined(paths: list[BallPath], moment: int) -> list[BallPath]:
         return paths
     cost = np.array([[_cost(head, tail) for tail in tails] for head in heads])
     before = float(sum(cost[place, place] for place in range(len(tails))))
-    rows, columns = linear_sum_assignment(cost)
+    rows, columns = scipy.optimize.linear_sum_assignment(cost)
     if before - float(cost[rows, columns].sum()) < _CLEARLY:
         return paths
     joined = list(rest)

@@ -21,7 +21,7 @@ from typing import Any
 
 import cv2
 import numpy as np
-import scipy.optimize
+import scipy
 from numpy.typing import NDArray
 
 from vision.compiled import CORRELATED_PIXELS, registered

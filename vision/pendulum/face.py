@@ -20,8 +20,8 @@ from enum import IntEnum
 
 import cv2
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 from scipy.special import ndtr
 
 from vision.ball.ball import BallFits
@@ -693,7 +693,7 @@ class _StripFit:
         most = [last, _MOST_TILT, _BLUR_PX[1], *[np.inf] * 3, last - first, np.inf, last - first]
         high = np.array(most)[: len(start)]
         scale = 1.4826 * float(np.median(np.abs(residuals(start)))) + 1e-3
-        found = least_squares(
+        found = scipy.optimize.least_squares(
             residuals,
             start,
             jac=slopes,

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from vision.ball.ball import BallFits
 from vision.ball.outline.edges import TYPICAL_GAMMA
@@ -211,7 +211,7 @@ def _circle(rim: FloatArray, radius: float) -> tuple[FloatArray, float, float, f
         return np.asarray(np.hypot(*(rim - state[:2]).T) - state[2])
 
     start = [*np.median(rim, axis=0), radius]
-    found = least_squares(residuals, start, loss="soft_l1", f_scale=0.1)
+    found = scipy.optimize.least_squares(residuals, start, loss="soft_l1", f_scale=0.1)
     left = 1.4826 * float(np.median(np.abs(residuals(found.x))))
     slopes = np.asarray(found.jac, dtype=np.float64)
     covariance = np.linalg.pinv(slopes.T @ slopes) * left**2

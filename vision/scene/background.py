@@ -16,9 +16,9 @@ from typing import Any, TypeVar
 
 import cv2
 import numpy as np
-import scipy.special
+import scipy
+import skimage
 from numpy.typing import NDArray
-from skimage.measure import label, regionprops
 
 __all__ = [
     "Background",
@@ -79,8 +79,8 @@ def without_ghosts(
     # Pixels that differ in the same epochs belong together: the ball that left, apart from the mass
     # that swung into its place.
     least = float(np.median(noise))
-    pieces = label(code, connectivity=2)  # type: ignore[no-untyped-call]
-    for piece in regionprops(pieces, intensity_image=code):  # type: ignore[no-untyped-call]
+    pieces = skimage.measure.label(code, connectivity=2)  # type: ignore[no-untyped-call]
+    for piece in skimage.measure.regionprops(pieces, intensity_image=code):  # type: ignore[no-untyped-call]
         value = int(piece.intensity_max)
         if piece.area < _SMALLEST or not _at_one_end(value, len(epochs)):
             continue

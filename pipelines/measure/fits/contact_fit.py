@@ -15,8 +15,8 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.integrate import cumulative_trapezoid, solve_ivp
 
 from metrology import NotFoundError
 from physics.contact import damping_for_cor
@@ -104,7 +104,7 @@ def _solved(step: int, cor: float) -> ContactPulse:
         return float(state[0]) if time > 0.1 else 1.0
 
     released.terminal = True  # type: ignore[attr-defined]
-    solution = solve_ivp(
+    solution = scipy.integrate.solve_ivp(
         rates, (0.0, 50.0), [0.0, 1.0], events=released, rtol=1e-8, atol=1e-10, dense_output=True
     )
     duration = float(solution.t[-1])
@@ -112,7 +112,7 @@ def _solved(step: int, cor: float) -> ContactPulse:
     phase = np.linspace(0.0, 1.0, _POINTS)
     compression, rate = dense(phase * duration)
     speed = 1.0 - rate
-    path = cumulative_trapezoid(speed / speed[-1], phase, initial=0)
+    path = scipy.integrate.cumulative_trapezoid(speed / speed[-1], phase, initial=0)
     return ContactPulse(phase, compression / duration, path)
 
 
