@@ -324,7 +324,7 @@ def judged(lab: Laboratory, out: Path) -> list[str]:
     with sqlite3.connect(out / "ledger.sqlite") as held:
         clips, attempts = held.execute("select count(*), sum(attempts) from clips").fetchone()
     rows = [
-        f"| 40 rendered clips, killed twice: rows, done, attempts | 40, 40, | {clips},"
+        f"| 40 rendered clips, killed on the way: rows, done, attempts | 40, 40, | {clips},"
         f" {summary['clips']['done']}, {attempts} |"
     ]
     inside, speeds, worst = 0, 0, 0.0
