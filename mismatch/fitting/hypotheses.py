@@ -595,8 +595,3 @@ def second_effect_share(hypothesis: Hypothesis, further: str | None = None) -> f
     if hypothesis.has_unnamed:
         return 0.03
     return 0.04 if loose else 0.008
-
-
-def with_gain(hypothesis: Hypothesis, base_objective: float) -> Hypothesis:
-    """The hypothesis with its gain counted from another baseline."""
-    return replace(hypothesis, gain=base_objective - hypothesis.fit.objective)
