@@ -51,6 +51,8 @@ _MOST_CLOSER = 150
 # An outline of which less stands out than this part of the usual is looked at again; what is found
 # further away, in radii, is something else.
 _CLEAR, _ELSEWHERE = 0.6, 0.3
+_SAME_REST = 0.05
+"""Radii between two fits of where the ball lay: their own scatter is a tenth of that."""
 # Rounds of looking where the ball was not found along its way, and other things followed finely.
 _AGAIN, _OTHERS_FOLLOWED = 2, 3
 
@@ -108,7 +110,7 @@ def follow(
     fits = refine_ball(scene, rough, None if striker is None else striker.mass.hides)
     _tell(progress, 1.0)
     ball = _track(fits, capture_fps)
-    rest_frames = None if rest is None else (rest.first, rest.last)
+    rest_frames = None if rest is None else _still_until(rest, fits)
     motion = motion_of(
         ball, rest_frames, pendulum=striker is not None, struck_by_another=choice.struck
     )
@@ -129,6 +131,15 @@ def follow(
         motion=motion,
     )
     return tracks.later(footage.first, whole_count, capture_fps)
+
+
+def _still_until(rest: Rest, fits: BallFits) -> tuple[int, int]:
+    """First and last frame of rest; beside the mass only fits that know of it tell how long."""
+    radius = float(np.median(fits.radius))
+    finer = find_rest(fits.frame, fits.centre, radius)
+    if finer is None or np.hypot(*(finer.centre_px - rest.centre_px)) > _SAME_REST * radius:
+        return rest.first, rest.last
+    return rest.first, max(rest.last, finer.last)
 
 
 def _one_scene(clip: "ClipReader", at: Point | None) -> tuple[Footage, int, list[str]]:
