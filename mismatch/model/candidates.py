@@ -14,7 +14,17 @@ import numpy as np
 from metrology import UsageError
 from mismatch.model.forward import Forward, Model
 from mismatch.search.unnamed import Bump, Magnet, smooth_fields, unnamed_laws
-from physics.effects import CATALOGUE, Coordinate, Effect, EffectId, Extent, Level, Parameter, Size
+from physics.effects import (
+    CATALOGUE,
+    Coordinate,
+    Effect,
+    EffectId,
+    Extent,
+    Form,
+    Level,
+    Parameter,
+    Size,
+)
 
 __all__ = [
     "Candidate",
@@ -24,6 +34,10 @@ __all__ = [
     "steps_of",
     "within_patience",
 ]
+
+BETWEEN_POWERS = frozenset({Form.UNDER_LOAD, Form.STRIBECK})
+"""Forms that free swings can't tell from sums of the zeroth, first and second power of the rate,
+which have names of their own there."""
 
 MOST_SHAPES = 200
 
@@ -162,6 +176,8 @@ def _admissible(effect: Effect, forward: Forward, model: Model) -> bool:
     if isinstance(effect, Magnet | Bump) and not forward.records.ball_used[..., 0].any():
         return False
     if forward.mode == "swing":
+        if effect.form in BETWEEN_POWERS:
+            return False
         return "torque" in hooks or effect.id == EffectId.TIME_BASE
     if forward.mode == "flight":
         return bool(hooks & {"force", "clock", "image"})
