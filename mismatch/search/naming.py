@@ -540,7 +540,7 @@ def _grow(
     least = min(0.35 * seeds[0].penalised_gain, seeds[0].penalised_gain - group_tolerance(seeds[0]))
     foremost = _best_allowed([h for h in tried if len(h.members) == size - 1])
     grown: dict[frozenset[Effect], Hypothesis] = {}
-    for number, seed in enumerate(_one_per_id(seeds, 6 if size == 2 else 3)):
+    for number, seed in enumerate(_one_per_id(seeds, 9 if size == 2 else 3)):
         if seed.penalised_gain < least:
             continue
         more = _with_jumps(forward, seed.fit, effects)
