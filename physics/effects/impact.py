@@ -138,7 +138,7 @@ class YieldingCor(VelocityDependentCor):
 class ViscoelasticCor(VelocityDependentCor):
     """A COR that falls with the fifth root of the speed, as of viscoelastic spheres."""
 
-    law: str = r"e(v) = e_0(v) - k\,\bigl((v / 2.5\,\mathrm{m/s})^{1/5} - 1\bigr)"
+    law: str = r"e(v) = e_0(v) - k\,((v / 2.5\,\mathrm{m/s})^{1/5} - 1)"
     source: str = "Kuwabara and Kono, Jpn. J. Appl. Phys. 26, 1230 (1987)"
     parameters: tuple[Parameter, ...] = (
         Parameter("loss", "1", 0.2, -2.0, 2.0, meaning="of restitution at 2.5 m/s by viscosity"),
@@ -200,8 +200,8 @@ class ContactArm(EffectiveMass):
     """
 
     law: str = (
-        r"M_E = I / L_c^2,\ L_c = L(1+\epsilon),\quad"
-        r"\Delta\varphi = -\epsilon L \sin\varphi / (L \cos\varphi - \tfrac d2 \sin\varphi)"
+        r"M_E = I / L_c^2,\quad L_c = L(1+\epsilon),\quad "
+        r"\Delta\varphi = -\epsilon L \sin\varphi / (L \cos\varphi - \tfrac{d}{2} \sin\varphi)"
     )
     source: str = "Fig. 2 of the paper: ball, face and pivot as a triangle; horizontal side kept"
     form: str = Form.GEOMETRY
