@@ -63,6 +63,7 @@ class UncertaintySource(StrEnum):
 
     TRIAL_SCATTER = "scatter of the trials"
     COR = "coefficient of restitution"
+    IMPACT_SPEED = "impact speed"
     LAUNCH_ANGLE = "launch angle"
     CONTACT_TIME = "contact time"
     BACKSWING = "back-swing"

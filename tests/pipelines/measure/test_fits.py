@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from metrology import TooLittleDataError
+from metrology import NoFitError, TooLittleDataError
 from metrology.least_squares import fit
 from pipelines.measure.fits.flight_fit import FlightPriors, fit_flight, fit_swing
 
@@ -166,7 +166,7 @@ def test_a_search_that_would_overshoot_is_held_back() -> None:
 
 
 def test_a_motion_that_is_no_number_is_refused() -> None:
-    with pytest.raises(TooLittleDataError, match="not one that this model can fit"):
+    with pytest.raises(NoFitError, match="not one that this model can fit"):
         fit(lambda v: np.full(10, np.nan) * v[0], [1.0])
 
 
