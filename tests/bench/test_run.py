@@ -3,6 +3,8 @@ import subprocess
 import sys
 import time
 
+import pytest
+
 from bench.concealed.__main__ import Shelf, _answered, _options
 from bench.concealed.contest.answer import Answer, Named
 from bench.concealed.filmed.scenes import FILMED, setup_text, takes
@@ -69,6 +71,7 @@ def test_filmed_answers_are_scored_by_name_or_group(tmp_path):
     assert "1 of 1 right" in section(tmp_path)[0]
 
 
+@pytest.mark.slow
 def test_what_was_answered_before_a_stop_counts_in_the_next_run(tmp_path, monkeypatch):
     shelf = Shelf(tmp_path, 3, "engine")
     for number in (0, 1):

@@ -114,8 +114,8 @@ def _rms(track: Track, truth: np.ndarray) -> float:
     ("file", "fps"),
     [
         ("projectile_A_canon240.mp4", 240.0),
-        ("projectile_B_canon240.mp4", 240.0),
-        ("balltoss_480p30.mov", 29.97),
+        pytest.param("projectile_B_canon240.mp4", 240.0, marks=pytest.mark.slow),
+        pytest.param("balltoss_480p30.mov", 29.97, marks=pytest.mark.slow),
     ],
 )
 def test_real_balls_are_followed_without_a_click(file: str, fps: float) -> None:

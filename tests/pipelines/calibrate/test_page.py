@@ -157,6 +157,7 @@ def tab_to(page: Any, selector: str) -> None:
     raise AssertionError(f"Tab never reaches {selector}")
 
 
+@pytest.mark.slow
 def test_the_keyboard_alone_is_enough(browser: Any, still_clip: Path, tmp_path: Path) -> None:
     out = tmp_path / "setup.toml"
     with wizard(still_clip, out) as running:
@@ -246,6 +247,7 @@ def test_a_click_while_a_step_is_drawn_anew_is_not_lost(browser: Any) -> None:
     assert page.evaluate(HOLD) is False
 
 
+@pytest.mark.slow
 def test_reloading_loses_nothing_and_a_second_tab_is_refused(
     browser: Any, still_clip: Path, tmp_path: Path
 ) -> None:

@@ -81,6 +81,7 @@ def test_laws_that_compete_give_their_mean_and_the_doubt_between_them(tmp_path: 
     assert read.std_at(3.0) > max(one.std_at(3.0) for one in read.laws)
 
 
+@pytest.mark.slow
 def test_a_plan_from_a_campaigns_law_is_as_wide_as_the_campaign_says(tmp_path: Path) -> None:
     path = tmp_path / "cor.toml"
     setup = tmp_path / "lab.toml"

@@ -24,7 +24,9 @@ def lead(point_px: np.ndarray, angle: float) -> float:
     return float((point_px - np.array(PIVOT_PX)) @ [np.cos(angle), -np.sin(angle)])
 
 
-@pytest.mark.parametrize(("shadow", "noise"), [(0.0, 1.5), (4.0, 1.5), (0.0, 4.0)])
+@pytest.mark.parametrize(
+    ("shadow", "noise"), [(0.0, 1.5), (4.0, 1.5), pytest.param(0.0, 4.0, marks=pytest.mark.slow)]
+)
 def test_a_face_seen_as_a_strip_is_met_in_its_middle(shadow: float, noise: float) -> None:
     face, angle = seen_face(strip=3.0, shadow=shadow, noise=noise)
     assert face.middle_px is not None
@@ -33,7 +35,7 @@ def test_a_face_seen_as_a_strip_is_met_in_its_middle(shadow: float, noise: float
     assert 0.02 < face.middle_std_px < 0.3
 
 
-@pytest.mark.parametrize("shadow", [0.0, 4.0])
+@pytest.mark.parametrize("shadow", [0.0, pytest.param(4.0, marks=pytest.mark.slow)])
 def test_a_mass_of_one_shade_has_an_edge_alone(shadow: float) -> None:
     face, angle = seen_face(shadow=shadow)
     assert lead(face.edge_px, angle) == pytest.approx(HALF_PX, abs=0.2)
