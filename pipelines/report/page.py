@@ -66,9 +66,12 @@ def report_html(report: ReportInput) -> str:
         for panel in panels_of(report)
     ]
     still = None if report.still_png is None else _data_uri("image/png", report.still_png)
+    rows = [_row(quantity) for quantity in report.quantities]
+    shared = _shared_reasons(rows)
     return environment.from_string(source).render(
         report=report,
-        rows=[_row(quantity) for quantity in report.quantities],
+        rows=[row for row in rows if row.reason not in shared],
+        shared_reasons=shared,
         plots=plots,
         still=still,
     )
@@ -90,6 +93,15 @@ def _row(quantity: Quantity) -> _Row:
             relative = f"{100 * quantity.std / abs(quantity.value):.2g} %"
     budget = tuple(_budget_line(line, quantity.std) for line in _largest_first(quantity.budget))
     return _Row(label, value, std or "", interval, unit, "", relative, budget)
+
+
+def _shared_reasons(rows: list[_Row]) -> dict[str, list[str]]:
+    """Labels by the reason that several have in common: told once, below what is measured."""
+    labels: dict[str, list[str]] = {}
+    for row in rows:
+        if row.reason:
+            labels.setdefault(row.reason, []).append(row.label)
+    return {reason: named for reason, named in labels.items() if len(named) > 1}
 
 
 def _largest_first(budget: tuple[Contribution, ...]) -> list[Contribution]:

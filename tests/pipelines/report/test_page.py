@@ -34,6 +34,20 @@ def test_results_with_uncertainty_unit_and_interval(page):
     assert "not measured: the ball leaves the frame at 0.31 s" in text
 
 
+def test_a_reason_that_several_share_is_told_once_with_all_their_names():
+    shared = "it needs a swing, and what is seen is a <strike>"
+    names = ("swing_period", "swing_damping")
+    missing = tuple(Quantity.missing(name, "s", shared) for name in names)
+    alone = Quantity.missing("landing_distance", "m", "the ball leaves the frame")
+    page = report_html(ReportInput("clip", (), (*missing, alone)))
+    text = text_of(page)
+    assert text.count("it needs a swing") == 1
+    for item in missing:
+        assert quantity_label(item.name) in text.split("Not measured:")[1]
+    assert "not measured: the ball leaves the frame" in text
+    assert "<strike>" not in page
+
+
 def test_budget_is_ranked_and_its_shares_add_up(page):
     budget = re.search(r"<summary><b>ball speed at release.*?</details>", page, re.DOTALL).group(0)
     sources = re.findall(r"<tr><td>(.*?)</td>", budget)
