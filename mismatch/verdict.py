@@ -18,7 +18,7 @@ from mismatch.fitting.hypotheses import POOR_FIT, Hypothesis, is_known
 from mismatch.fitting.prepare import Prepared
 from mismatch.fitting.scan import heterogeneity, trial_pulls
 from mismatch.model.forward import Forward
-from mismatch.records.sanity import fall_in_g
+from mismatch.records.sanity import fall_in_g, keeps_time
 from physics.domain import FloatArray
 from physics.effects import EffectId, Level
 
@@ -421,6 +421,10 @@ class Doubt(Enum):
     UNSTEADY = "its strength differs from trial to trial by more than chance and half of itself"
     EACH_ITS_OWN = "each trial has values of its own, which take up a part of any misfit"
     UNPROVED = "no trial is kept out of the fit to prove it on"
+    KEEPS_TIME = (
+        "wide swings take no longer than small ones: so it is with a spring, a torsion wire or a"
+        " cycloid, and with angles that are in degrees where phi_rad says radians"
+    )
     UNKNOWN_CALIBRATION = "it is no larger than what a calibration that nobody knows may leave open"
     UNLIKELY = "it is less likely than all other answers together"
     NOISE = "the noise that is needed is as large as the motion itself, so nothing can be said"
@@ -480,6 +484,8 @@ def pass_gate(
             return Passed("unexplained", doubts=(Doubt.CARRIED,))
         return Passed(kind)
     doubts = [] if kept is not None else [Doubt.UNPROVED]
+    if keeps_time(forward):
+        doubts.append(Doubt.KEEPS_TIME)
     proved = kept is None or kept.proves
     if _noise_swallows(forward):
         doubts.append(Doubt.NOISE)

@@ -32,7 +32,7 @@ from physics.domain import FloatArray, Number
 from physics.effects import CATALOGUE, Values
 from physics.effects.measurement import DroppedFrames
 
-__all__ = ["dropped_in_each", "fall_in_g", "refuse_nonsense", "without_odd_trials"]
+__all__ = ["dropped_in_each", "fall_in_g", "keeps_time", "refuse_nonsense", "without_odd_trials"]
 
 FAR_OFF = 30.0
 
@@ -146,7 +146,6 @@ def _refuse_swing(forward: Forward) -> None:
             f"the pendulum swings {widest:.3g} rad to each side and comes back",
             hint="phi_rad is in radians; are these degrees?",
         )
-    _refuse_degrees(forward)
     period = 2.0 * np.pi / float(np.median([one.rate for one in seen]))
     expected = 2.0 * np.pi / forward.setup_rate
     if forward.baseline.pendulum is not None and not 1 / PACE < period / expected < PACE:
@@ -172,18 +171,16 @@ def _refuse_mixed(seen: Sequence[SwingSeen]) -> None:
         )
 
 
-def _refuse_degrees(forward: Forward) -> None:
-    """Wide swings take longer than small ones; if they keep time, they are smaller than written."""
+def keeps_time(forward: Forward) -> bool:
+    """Whether wide free swings take no longer than small ones, as no pendulum's do.
+
+    A spring's, a torsion wire's and a cycloid's do; so do small swings in degrees for radians.
+    """
     pieces = [s for s in seen_in_halves(forward.records) if s.half_swings > 2]
-    if len(pieces) < 3:
-        return
+    if forward.mode != "swing" or len(pieces) < 3:
+        return False
     paces, rates = (np.log([getattr(p, name) for p in pieces]) for name in ("pace", "rate"))
-    if float(rates.std()) > KEPT and float(paces.std()) < KEEPS_TIME * float(rates.std()):
-        widest = max(p.amplitude for p in pieces)
-        raise UsageError(
-            f"swings of up to {widest:.3g} rad take no longer than small ones, as no pendulum's do",
-            hint="phi_rad is in radians; are these degrees?",
-        )
+    return float(rates.std()) > KEPT and float(paces.std()) < KEEPS_TIME * float(rates.std())
 
 
 def _refuse_wider_than_released(forward: Forward) -> None:

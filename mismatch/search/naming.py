@@ -530,10 +530,12 @@ def _grow(
     threshold: float,
 ) -> list[Hypothesis]:
     """Sets one larger than the best ones so far."""
-    # A law without a name is for what nothing else explains, never for the rest of it.
+    # A law without a name is for what nothing else explains, never for the rest of it; but every
+    # free swing has losses, whatever else moves it.
+    swinging = forward.mode == "swing"
     seeds = [
         h for h in _sorted(tried)
-        if len(h.members) == size - 1 and h.allowed and not h.has_unnamed
+        if len(h.members) == size - 1 and h.allowed and (swinging or not h.has_unnamed)
     ]  # fmt: skip
     if not seeds:
         return []
@@ -544,7 +546,9 @@ def _grow(
         if seed.penalised_gain < least:
             continue
         more = _with_jumps(forward, seed.fit, effects)
-        pool = candidates_for(forward, seed.fit.model, more, unnamed=False)
+        pool = candidates_for(
+            forward, seed.fit.model, more, unnamed=swinging and not seed.has_unnamed
+        )
         keys = {member.key for member in seed.members}
         ids = {member.id for member in seed.members} - {"unnamed"}
         pool = tuple(c for c in pool if c.key not in keys and c.id not in ids)

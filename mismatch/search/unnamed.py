@@ -43,10 +43,13 @@ __all__ = [
     "NearFloor",
     "Notch",
     "PeriodicForce",
+    "PlacedBrake",
     "Pull",
+    "RestoringTorque",
     "SmoothCurve",
     "SpeedPower",
     "TorqueField",
+    "Well",
     "smooth_fields",
     "unnamed_laws",
 ]
@@ -293,6 +296,69 @@ class Notch(Effect):
 
 
 @dataclass(frozen=True)
+class Well(Notch):
+    """A torque towards an angle, or away from it, within a short reach: a magnet under the bob."""
+
+    statement: str = "A torque towards one angle of the swing, within a short reach of it."
+    law: str = r"\tau = \tau_0\,q\,e^{-q^2/2},\quad q = (\varphi_0 - \varphi)/w"
+
+    def torque(self, values: Values, swing: SwingState) -> Number:
+        """Derivative of a Gaussian in the angle."""
+        apart = (values["place"] - swing.phi) / values["reach"]
+        return values["strength"] * apart * np.exp(-0.5 * np.square(apart))
+
+
+@dataclass(frozen=True)
+class PlacedBrake(Notch):
+    """Damping near one angle alone: eddy currents between the poles of a magnet."""
+
+    statement: str = "The swing is braked near one angle, in proportion to its rate there."
+    law: str = r"\tau = -c\,\dot\varphi\,e^{-(\varphi - \varphi_0)^2/2w^2}"
+    parameters: tuple[Parameter, ...] = (
+        Parameter(
+            "strength", "N m s", 0.1, 0.0, 300.0, meaning="torque per rate, where it is most",
+            in_units_of=Size.PENDULUM_TORQUE,
+        ),
+        *Notch().parameters[1:],
+    )  # fmt: skip
+
+    def torque(self, values: Values, swing: SwingState) -> Number:
+        """Viscous, times a Gaussian in the angle."""
+        apart = (swing.phi - values["place"]) / values["reach"]
+        return -values["strength"] * swing.omega * np.exp(-0.5 * np.square(apart))
+
+
+@dataclass(frozen=True)
+class RestoringTorque(Effect):
+    """A restoring torque that wide swings feel otherwise than gravity's, small ones alike.
+
+    Where it makes up for all that the sine falls short of the angle, swings of any width keep one
+    period: a torsion wire, a spring, a cycloid.
+    """
+
+    id: str = "unnamed"
+    statement: str = "Wide swings are drawn back otherwise than by gravity alone."
+    law: str = r"\tau = -k\,(\varphi - \sin\varphi)"
+    source: str = SOURCE
+    phase: Phase = "swing"
+    parameters: tuple[Parameter, ...] = (
+        Parameter(
+            "strength", "N m", 1.0, -300.0, 300.0, meaning="torque beyond the sine's",
+            in_units_of=Size.PENDULUM_TORQUE,
+        ),
+    )  # fmt: skip
+    form: str = "angle"
+    separating: str = "the same swings by hand, with a spring balance"
+    looseness: float = 0.2
+    coordinate: Coordinate = Coordinate.ANGLE
+    sharp: bool = False
+
+    def torque(self, values: Values, swing: SwingState) -> Number:
+        """In proportion to what the sine leaves of the angle."""
+        return -values["strength"] * (swing.phi - np.sin(swing.phi))
+
+
+@dataclass(frozen=True)
 class Ageing(Effect):
     """Something that drifts from trial to trial."""
 
@@ -338,7 +404,8 @@ def unnamed_laws(mode: str) -> tuple[Effect, ...]:
     )
     if mode == "impact":
         return (*flight, Notch(), Ageing(), Ageing(form="launch angle"))
-    return flight if mode == "flight" else (Notch(),)
+    swing: tuple[Effect, ...] = (Notch(), Well(), PlacedBrake(), RestoringTorque())
+    return flight if mode == "flight" else swing
 
 
 KNOTS = 9
