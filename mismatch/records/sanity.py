@@ -11,6 +11,7 @@ instant in turn, therefore scores all instants of a trial at once.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import Literal
 
 import numpy as np
 
@@ -156,12 +157,12 @@ def _refuse_swing(forward: Forward) -> None:
             " without [pendulum] the period is taken from the record.",
         )
     if forward.baseline.pendulum is not None:
-        _refuse_mixed(seen)
+        _refuse_mixed(seen, "pace" if keeps_time(forward) else "rate")
 
 
-def _refuse_mixed(seen: Sequence[SwingSeen]) -> None:
+def _refuse_mixed(seen: Sequence[SwingSeen], by: Literal["pace", "rate"]) -> None:
     """One setup describes one pendulum: its records keep one pace."""
-    rates = np.array([one.rate for one in seen])
+    rates = np.array([one.pace if by == "pace" else one.rate for one in seen])
     slow, fast = 2.0 * np.pi / rates.min(), 2.0 * np.pi / rates.max()
     if slow > MIXED * fast:
         raise UsageError(

@@ -547,7 +547,7 @@ def _grow(
             continue
         more = _with_jumps(forward, seed.fit, effects)
         pool = candidates_for(
-            forward, seed.fit.model, more, unnamed=swinging and not seed.has_unnamed
+            forward, seed.fit.model, more, unnamed=swinging and number == 0 and not seed.has_unnamed
         )
         keys = {member.key for member in seed.members}
         ids = {member.id for member in seed.members} - {"unnamed"}

@@ -45,3 +45,30 @@ def test_millions_of_rows_are_thinned_and_said_to_be(folder):
     campaign = load_campaign(None, folder / "long.csv", load_setup(folder / "setup.toml"))
     assert campaign.trials[0].pendulum_time.size <= 8000
     assert any("thinned" in note for note in campaign.notes)
+
+
+def test_a_spring_that_keeps_time_is_no_pendulum_and_may_be_in_degrees(tmp_path):
+    inertia, rate, damping = 0.4 * 0.5**2, np.sqrt(9.80665 / 0.5), 0.06
+    time, parts = np.arange(0.0, 5.0, 1.0 / 30.0), []
+    rng = np.random.default_rng(4)
+    for trial, width in enumerate((1.1, -0.7, 0.9, 0.35)):
+        # the damped harmonic oscillator, in closed form
+        turning = np.sqrt(rate**2 - 0.25 * damping**2)
+        angle = width * np.exp(-0.5 * damping * time) * np.cos(turning * time + 0.3 * trial)
+        angle = angle + rng.normal(0.0, 0.0012, time.size)
+        parts.append(pd.DataFrame({"trial": trial, "t_s": time, "phi_rad": angle}))
+    pd.concat(parts).to_csv(tmp_path / "spring.csv", index=False)
+    (tmp_path / "setup.toml").write_text(
+        '[pendulum]\nlength = "0.5 m"\ncom = "0.5 m"\nmass = "0.4 kg"\n'
+        f'inertia = "{inertia} kg m^2"\n'
+    )
+    verdict = explain_files_in_full(
+        None, tmp_path / "spring.csv", tmp_path / "setup.toml"
+    ).verdict
+    found = {effect.id: effect.parameters[0] for effect in verdict.effects}
+    assert verdict.verdict == "ambiguous"
+    assert set(found) == {"unnamed", "viscous_damping"}
+    assert found["unnamed"].value == pytest.approx(0.4 * 9.80665 * 0.5, rel=0.01)
+    assert found["viscous_damping"].value == pytest.approx(damping * inertia, rel=0.02)
+    assert all(effect.probability < 0.5 for effect in verdict.effects)
+    assert "degrees" in verdict.remainder.statement

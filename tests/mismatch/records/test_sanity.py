@@ -7,7 +7,7 @@ from scipy.special import ellipk
 from metrology import UsageError
 from mismatch.model.forward import Forward
 from mismatch.records.records import Baseline, CampaignRecords, Trial, lay_out
-from mismatch.records.sanity import refuse_nonsense
+from mismatch.records.sanity import keeps_time, refuse_nonsense
 from physics.bodies import PAPER_PENDULUM
 
 RATE = np.sqrt(
@@ -42,11 +42,21 @@ def test_a_pendulum_that_keeps_its_pace_passes():
 
 
 @pytest.mark.parametrize("degrees", [0.5, 1.0, 1.5])
-def test_small_angles_in_degrees_are_noticed_by_their_pace(degrees):
+def test_small_angles_in_degrees_keep_time_as_a_spring_does(degrees):
     amplitudes = np.radians(degrees) * np.array([1.0, 0.6, 0.3, 0.8])
     swings = Swings(amplitudes, written=180.0 / np.pi)
-    with pytest.raises(UsageError, match="take no longer than small ones"):
-        refuse_nonsense(None, swings)
+    assert keeps_time(swings.forward)
+    refuse_nonsense(CampaignRecords((Trial("1", *(np.zeros(0),) * 4),)), swings)
+
+
+def test_a_pendulum_in_radians_does_not_keep_time():
+    assert not keeps_time(Swings([0.2, 0.7, 1.1, 0.4]).forward)
+
+
+def test_wide_and_small_swings_of_one_spring_are_of_one_pendulum():
+    # written 57 times as wide as they were, their pace is that of small swings
+    amplitudes = np.radians([1.5, 0.2, 1.5, 0.2])
+    refuse_nonsense(None, Swings(amplitudes, written=180.0 / np.pi))
 
 
 def test_trials_of_two_pendulums_are_noticed():
