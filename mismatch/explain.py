@@ -29,7 +29,7 @@ from mismatch.search.locate import (
     remainder_of,
     where_it_is_largest,
 )
-from mismatch.search.naming import WEIGHT_SCALE, Naming, name_effects
+from mismatch.search.naming import WEIGHT_SCALE, Family, Naming, name_effects
 from mismatch.search.unnamed import SmoothCurve
 from mismatch.verdict import (
     Alternative,
@@ -327,12 +327,19 @@ def _weights(naming: Naming) -> dict[tuple[str, ...], float]:
     """Relative weight of every set of laws that was fitted, all its forms together."""
     answer = naming.best
     mine = None if answer is None else naming.families.get(tuple(sorted(answer.ids)))
-    top = max((one.penalised_gain for one in naming.families.values()), default=0.0)
-    top = top if mine is None else mine.penalised_gain
-    scale = WEIGHT_SCALE * (1.0 if answer is None else answer.reduced_chi2)
-    # What gains more was set aside for its size; it is as good as the answer, not better.
+    excess = 1.0 if answer is None else answer.reduced_chi2
+
+    def height(one: Family) -> float:
+        # Where no law fits to the noise the data tell less, but what is rare is as rare as ever.
+        return (one.penalised_gain + one.best.rarity) / excess - one.best.rarity
+
+    heights = {ids: height(one) for ids, one in naming.families.items()}
+    top = max(heights.values(), default=0.0) if mine is None else height(mine)
+    # What gains more was set aside for its size; it is as good as the answer, not better, but for
+    # what it pays for being rare.
+    rare = 0.0 if mine is None else mine.best.rarity
     return {
-        ids: float(np.exp(min(one.penalised_gain - top, 0.0) / scale))
+        ids: float(np.exp(min(heights[ids] - top, rare - one.best.rarity, 0.0) / WEIGHT_SCALE))
         for ids, one in naming.families.items()
     }
 

@@ -390,6 +390,11 @@ class Hypothesis:
         )
 
     @property
+    def rarity(self) -> float:
+        """What its laws pay for being rare: odds that no misfit makes more even."""
+        return sum(member.rarity for member in self.members)
+
+    @property
     def prior_penalty(self) -> float:
         """What the fitted strengths cost by their priors (chi-square units at no misfit)."""
         added = [member.effect for member in self.members]

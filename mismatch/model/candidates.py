@@ -96,11 +96,16 @@ class Candidate:
         """
         strengths = max(sum(not p.is_held for p in self.effect.strengths), 1)
         looks = sum(max(1.5, 2.0 * np.log(len(p.grid)) - 1.5) for p in self.effect.shapes)
-        rare = UNCATALOGUED if self.id == EffectId.UNNAMED else 0.0
         if self.effect.level is not Level.CAMPAIGN:
             # What own values cost stands in the evidence; each scatter was chosen among many.
             strengths += strengths
-        return float(2.0 * (strengths - 1) + looks + rare + getattr(self.effect, "looks", 0.0))
+        looks += getattr(self.effect, "looks", 0.0)
+        return float(2.0 * (strengths - 1) + looks + self.rarity)
+
+    @property
+    def rarity(self) -> float:
+        """What it pays for being rare, whatever the data (chi-square units)."""
+        return UNCATALOGUED if self.id == EffectId.UNNAMED else 0.0
 
 
 def start_values(candidate: Candidate, model: Model) -> dict[str, float]:

@@ -387,6 +387,11 @@ def name_effects(
         larger = _best_allowed(supported)
         if larger is None:
             break
+        smaller = _without_each(forward, base, larger) if swinging else []
+        tried.extend(smaller)
+        best = _best_allowed([best, *smaller]) or best
+        if not _goes_first(forward, larger, best, tried, threshold * inflation):
+            break
         simpler = _simpler_forms(forward, base, effects, larger)
         tried.extend(simpler)
         best = _best_allowed([larger, *simpler]) or larger
@@ -586,6 +591,25 @@ def _grow(
                 continue
             grown[law] = _extended(forward, base, seed, pool[index], values)
     return list(grown.values())
+
+
+def _without_each(forward: Forward, base: Fit, found: Hypothesis) -> list[Hypothesis]:
+    """The set without each of its laws in turn, fitted on from where the larger one ended.
+
+    A law of several strengths or shapes may have ended elsewhere when it was fitted alone; what
+    seems to need a fellow then only needed another start.
+    """
+    members, strengths = _as_fitted(found)
+    smaller = []
+    for place in range(len(members)):
+        kept = [k for k in range(len(members)) if k != place]
+        smaller.append(
+            fit_hypothesis(
+                forward, base, [members[k] for k in kept], [strengths[k] for k in kept],
+                start=found.fit,
+            )
+        )  # fmt: skip
+    return smaller
 
 
 def _simpler_forms(

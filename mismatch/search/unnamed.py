@@ -301,6 +301,11 @@ class Well(Notch):
 
     statement: str = "A torque towards one angle of the swing, within a short reach of it."
     law: str = r"\tau = \tau_0\,q\,e^{-q^2/2},\quad q = (\varphi_0 - \varphi)/w"
+    parameters: tuple[Parameter, ...] = (
+        Notch().parameters[0],
+        Parameter("place", "rad", 0.1, -0.6, 0.6, grid=(-0.4, -0.2, -0.1, 0.0, 0.1, 0.2, 0.4)),
+        Notch().parameters[2],
+    )
 
     def torque(self, values: Values, swing: SwingState) -> Number:
         """Derivative of a Gaussian in the angle."""
@@ -310,16 +315,20 @@ class Well(Notch):
 
 @dataclass(frozen=True)
 class PlacedBrake(Notch):
-    """Damping near one angle alone: eddy currents between the poles of a magnet."""
+    """Damping near the lowest point alone: eddy currents between the poles of a magnet.
 
-    statement: str = "The swing is braked near one angle, in proportion to its rate there."
+    Far from it, where swings of one size all turn back, it would pass for any loss at all.
+    """
+
+    statement: str = "The swing is braked near its lowest point, in proportion to its rate there."
     law: str = r"\tau = -c\,\dot\varphi\,e^{-(\varphi - \varphi_0)^2/2w^2}"
     parameters: tuple[Parameter, ...] = (
         Parameter(
             "strength", "N m s", 0.1, 0.0, 300.0, meaning="torque per rate, where it is most",
             in_units_of=Size.PENDULUM_TORQUE,
         ),
-        *Notch().parameters[1:],
+        Parameter("place", "rad", 0.05, -0.25, 0.25, grid=(-0.1, 0.0, 0.1)),
+        Parameter("reach", "rad", 0.03, 0.005, 0.3, grid=(0.03, 0.1)),
     )  # fmt: skip
 
     def torque(self, values: Values, swing: SwingState) -> Number:

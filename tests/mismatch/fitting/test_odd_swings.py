@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.integrate import solve_ivp
 
 from bench.real.made import STRING, write_swings
 from metrology import UsageError
@@ -47,6 +48,35 @@ def test_millions_of_rows_are_thinned_and_said_to_be(folder):
     assert any("thinned" in note for note in campaign.notes)
 
 
+def test_a_brake_under_the_bob_is_no_bearing_and_brings_no_second_name(tmp_path):
+    inertia, place = 0.4 * 0.5**2, 0.12
+    time, parts = np.arange(0.0, 5.0, 1.0 / 40.0), []
+    rng = np.random.default_rng(7)
+
+    def rates(_, state):
+        brake = 0.5 * np.exp(-0.5 * (state[0] / place) ** 2)
+        return [state[1], -9.80665 / 0.5 * np.sin(state[0]) - brake * state[1]]
+
+    for trial, width in enumerate((0.7, -0.5, 0.4)):
+        path = solve_ivp(rates, (0.0, 5.0), [width, 0.0], "LSODA", time, rtol=1e-9, atol=1e-10)
+        angle = path.y[0] + rng.normal(0.0, 0.001, time.size)
+        parts.append(pd.DataFrame({"trial": trial, "t_s": time, "phi_rad": angle}))
+    pd.concat(parts).to_csv(tmp_path / "brake.csv", index=False)
+    _write_setup(tmp_path, inertia)
+    verdict = explain_files_in_full(None, tmp_path / "brake.csv", tmp_path / "setup.toml").verdict
+    (found,) = verdict.effects
+    assert found.id == "unnamed"
+    assert found.parameters[0].value == pytest.approx(0.5 * inertia, rel=0.03)
+    assert found.parameters[2].value == pytest.approx(place, rel=0.05)
+
+
+def _write_setup(folder, inertia):
+    (folder / "setup.toml").write_text(
+        '[pendulum]\nlength = "0.5 m"\ncom = "0.5 m"\nmass = "0.4 kg"\n'
+        f'inertia = "{inertia} kg m^2"\n'
+    )
+
+
 def test_a_spring_that_keeps_time_is_no_pendulum_and_may_be_in_degrees(tmp_path):
     inertia, rate, damping = 0.4 * 0.5**2, np.sqrt(9.80665 / 0.5), 0.06
     time, parts = np.arange(0.0, 5.0, 1.0 / 30.0), []
@@ -58,13 +88,8 @@ def test_a_spring_that_keeps_time_is_no_pendulum_and_may_be_in_degrees(tmp_path)
         angle = angle + rng.normal(0.0, 0.0012, time.size)
         parts.append(pd.DataFrame({"trial": trial, "t_s": time, "phi_rad": angle}))
     pd.concat(parts).to_csv(tmp_path / "spring.csv", index=False)
-    (tmp_path / "setup.toml").write_text(
-        '[pendulum]\nlength = "0.5 m"\ncom = "0.5 m"\nmass = "0.4 kg"\n'
-        f'inertia = "{inertia} kg m^2"\n'
-    )
-    verdict = explain_files_in_full(
-        None, tmp_path / "spring.csv", tmp_path / "setup.toml"
-    ).verdict
+    _write_setup(tmp_path, inertia)
+    verdict = explain_files_in_full(None, tmp_path / "spring.csv", tmp_path / "setup.toml").verdict
     found = {effect.id: effect.parameters[0] for effect in verdict.effects}
     assert verdict.verdict == "ambiguous"
     assert set(found) == {"unnamed", "viscous_damping"}
