@@ -40,6 +40,7 @@ LONG = 20_000
 SEGMENT = 600
 GRAIN = 0.5
 """Gray levels: what a bright, well lit picture has; coarser grain, coded, counts as motion."""
+SINGLE = ("contact-time", "launch", "landing", "cor")
 VISION = "from pipelines.cli import app; app()"
 FOLLOW = "from vision.clip.clip import ClipReader; from vision.following import follow; "
 FOLLOW += "import sys; follow(ClipReader.open(sys.argv[1]), 600.0)"
@@ -146,6 +147,14 @@ def rows(lens: Path | None) -> list[Row]:
             measured("jokku_120"),
             earlier=False,
             targets="1.2 | 0.8",
+        ),
+        *(Row(f"{one} alone, 640×360", VISION, measured("jokku_120", one)) for one in SINGLE),
+        Row(
+            "cor after contact-time",
+            VISION,
+            measured("jokku_120", "cor"),
+            measured("jokku_120", "contact-time"),
+            earlier=False,
         ),
         Row("vision --help", VISION, ("--help",), targets="0.4 | 0.25"),
         Row("a mistyped command", VISION, ("mesure",), targets="0.4 | 0.25"),

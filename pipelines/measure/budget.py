@@ -7,9 +7,10 @@ fit has no smooth optimum; it remains as the check.
 What follows from a fitted impact: speeds, angle, landing, restitution (Eqs 2, 7-10, 17, 18).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import cached_property
 
 import numpy as np
 import scipy
@@ -105,12 +106,16 @@ class _DrawnParts:
     landing_x: float | None
 
 
-def derived_values(impact: Impact, inputs: Inputs) -> FloatArray:
-    """Values in the order of `DERIVED`; NaN where a part is missing."""
-    return _evaluate(impact, inputs, _Shift())
+def derived_values(
+    impact: Impact, inputs: Inputs, names: Container[str] = frozenset(DERIVED)
+) -> FloatArray:
+    """Values in the order of `DERIVED`; NaN where a part is missing, or a name is not asked for."""
+    return _evaluate(impact, inputs, _Shift(), names)
 
 
-def random_covariance(impact: Impact, inputs: Inputs) -> FloatArray:
+def random_covariance(
+    impact: Impact, inputs: Inputs, names: Container[str] = frozenset(DERIVED)
+) -> FloatArray:
     """Covariance of `derived_values` from the noise of the tracks, by finite differences."""
     total = np.zeros((len(DERIVED), len(DERIVED)))
     for shift, covariance in _blocks(impact):
@@ -119,8 +124,8 @@ def random_covariance(impact: Impact, inputs: Inputs) -> FloatArray:
             if value <= 0:
                 continue
             step = np.sqrt(value) * vector
-            ahead = _evaluate(impact, inputs, shift(step))
-            behind = _evaluate(impact, inputs, shift(-step))
+            ahead = _evaluate(impact, inputs, shift(step), names)
+            behind = _evaluate(impact, inputs, shift(-step), names)
             slope = 0.5 * (ahead - behind)
             total += np.outer(slope, slope)
     free = impact.free_flight.fitted.covariance[6, 6]
@@ -181,104 +186,219 @@ def _moved_parts(swing: SwingFit, step: FloatArray | None) -> SwingFit:
     return replace(swing, fitted=replace(swing.fitted, values=swing.fitted.values + step))
 
 
-def _evaluate(impact: Impact, inputs: Inputs, shift: _Shift) -> FloatArray:
-    parts = _shifted(impact, shift)
-    flight, view, rest = parts.flight, parts.view, parts.rest
-    out = dict.fromkeys(DERIVED, np.nan)
-    release = flight.reference_s
-    if view is not None and impact.contact is not None:
-        middle = 0.5 * (impact.contact.onset_s + impact.contact.release_s)
-        onset, release = touch_times(view, parts.face_offset, middle)
-        out["contact_start"], out["contact_end"] = onset, release
-        out["contact_time"] = release - onset
-    state = flight.states(np.array([release]))[0]
-    out["ball_speed"] = float(np.hypot(*state[2:]))
-    out["launch_angle"] = float(np.degrees(np.arctan2(state[3], state[2])))
-    if inputs.fall is not None:
-        landed = flight.falls_to(float(rest[1]) - inputs.fall)
-        if landed is not None:
-            at = flight.states(np.array([landed]))[0]
-            out["landing_time"] = landed
-            out["landing_distance"] = float(at[0] - rest[0])
-            out["landing_height"] = float(at[1])
-        if parts.landing_x is not None:
-            out["landing_distance_seen"] = parts.landing_x - float(rest[0])
-    out["gravity"] = float(impact.free_flight.fitted.values[6])
-    out["ball_speed_per_frame"] = speed_per_frame(impact.tracks, impact.flight)[0]
-    mass = None if inputs.ball is None else inputs.ball.mass
-    if mass is not None:
-        out["external_impulse"] = mass * out["ball_speed"]
-    if view is not None and impact.contact is not None:
-        _add_restitution(out, view, flight, rest, (out["contact_start"], release), inputs)
-    return np.array([out[name] for name in DERIVED])
+class _Strike:
+    """What follows from one draw of everything fitted; each part is worked out when asked for.
 
+    A value asks for what it needs, that for what it needs in turn, and nothing else is done.
+    """
 
-def _add_restitution(
-    out: dict[str, float],
-    view: ImpactView,
-    flight: FlightFit,
-    rest: FloatArray,
-    contact: tuple[float, float],
-    inputs: Inputs,
-) -> None:
-    onset, release = contact
-    phi_before, omega_before = view.before.state(onset)
-    phi_after, omega_after = view.after.state(release)
-    omega_after *= inputs.after_share
-    share = inputs.arm_share
-    arm = share * arm_along_bar(rest - view.pivot, phi_before)
-    body = inputs.pendulum
-    out["pendulum_speed_before"] = omega_before * arm
-    out["pendulum_speed_after"] = omega_after * arm
-    # a misplaced pivot puts angles off by the ratio of the arms, speeds it leaves alone
-    true_rate = arm / body.length
-    spent = (omega_before**2 - omega_after**2) * true_rate**2
-    out["energy_loss"] = 0.5 * body.inertia * spent
-    state = flight.states(np.array([release]))[0]
-    out["cor_speeds"] = _cor(state, omega_after, omega_before, phi_after, view, arm, share)
-    mass = None if inputs.ball is None else inputs.ball.mass
-    if mass is None:
-        return
-    slowed = out["pendulum_speed_before"], out["pendulum_speed_after"]
-    out["ball_speed_eq7"] = speed_by_pendulum(body, mass, *slowed)
-    out["eq7_by_gravity"] = gravity_share(
-        body, mass, 0.5 * (phi_before + phi_after), arm, (inputs.gravity, release - onset)
-    )
+    def __init__(self, impact: Impact, inputs: Inputs, shift: _Shift) -> None:
+        self.impact = impact
+        self.inputs = inputs
+        self.parts = _shifted(impact, shift)
 
-    def turned(launched: FloatArray) -> float:
-        reach = (launched[:2] - view.pivot) / true_rate
-        carried = mass * (reach[0] * launched[3] - reach[1] * launched[2])
-        middle = 0.5 * (phi_before + phi_after)
-        weight = body.mass * body.com * np.sin(middle) + mass * 0.5 * (
-            reach[0] + (rest[0] - view.pivot[0]) / true_rate
+    @cached_property
+    def contact(self) -> tuple[float, float] | None:
+        """Onset and release, s; None where no contact is seen."""
+        view, contact = self.parts.view, self.impact.contact
+        if view is None or contact is None:
+            return None
+        return touch_times(
+            view, self.parts.face_offset, 0.5 * (contact.onset_s + contact.release_s)
         )
-        lost = inputs.gravity * weight * (release - onset)
-        return float(omega_before - (carried + lost) / (body.inertia * true_rate))
 
-    out["cor_launch"] = _cor(state, turned(state), omega_before, phi_after, view, arm, share)
-    distance = out["landing_distance_seen"]
-    if np.isfinite(distance) and inputs.fall is not None:
-        launched = _launch_that_reaches(flight, state, rest, distance, inputs)
-        if launched is not None:
-            out["cor_range"] = _cor(
-                launched, turned(launched), omega_before, phi_after, view, arm, share
-            )
+    @cached_property
+    def release_s(self) -> float:
+        return self.parts.flight.reference_s if self.contact is None else self.contact[1]
+
+    @cached_property
+    def state(self) -> FloatArray:
+        """Place and velocity of the ball at release, (4,)."""
+        return np.asarray(self.parts.flight.states(np.array([self.release_s]))[0])
+
+    @cached_property
+    def landing(self) -> tuple[float, FloatArray] | None:
+        """When and in which state (4,) the ball lands; None where it does not."""
+        fall = self.inputs.fall
+        if fall is None:
+            return None
+        landed = self.parts.flight.falls_to(float(self.parts.rest[1]) - fall)
+        if landed is None:
+            return None
+        return landed, self.parts.flight.states(np.array([landed]))[0]
+
+    @cached_property
+    def distance_seen(self) -> float:
+        """Where it is seen to touch down, from its rest, m; NaN where it is not."""
+        if self.inputs.fall is None or self.parts.landing_x is None:
+            return np.nan
+        return self.parts.landing_x - float(self.parts.rest[0])
+
+    @cached_property
+    def swung(self) -> "_Swung | None":
+        if self.parts.view is None or self.contact is None:
+            return None
+        return _Swung.of(self.parts.view, self.parts.rest, self.contact, self.inputs)
+
+    @cached_property
+    def per_frame(self) -> float:
+        return speed_per_frame(self.impact.tracks, self.impact.flight)[0]
+
+    @cached_property
+    def ball_mass(self) -> float | None:
+        return None if self.inputs.ball is None else self.inputs.ball.mass
+
+    def of_contact(self, value: Callable[[float, float], float]) -> float:
+        """A value of onset and release, NaN where there is no contact."""
+        return np.nan if self.contact is None else value(*self.contact)
+
+    def of_landing(self, value: Callable[[float, FloatArray], float]) -> float:
+        """A value of when and how the ball lands, NaN where it does not."""
+        return np.nan if self.landing is None else value(*self.landing)
+
+    def of_swings(self, value: "Callable[[_Swung], float]") -> float:
+        """A value of the swings, NaN where they are not seen."""
+        return np.nan if self.swung is None else value(self.swung)
+
+    def of_masses(self, value: "Callable[[_Swung, float], float]") -> float:
+        """A value of the swings and the ball's mass, NaN where either is missing."""
+        if self.swung is None or self.ball_mass is None:
+            return np.nan
+        return value(self.swung, self.ball_mass)
+
+    def eq7(self, swung: "_Swung", mass: float) -> float:
+        return speed_by_pendulum(self.inputs.pendulum, mass, swung.speed_before, swung.speed_after)
+
+    def eq7_by_gravity(self, swung: "_Swung", mass: float) -> float:
+        middle, pull = swung.middle, (self.inputs.gravity, swung.lasting)
+        return gravity_share(self.inputs.pendulum, mass, middle, swung.arm, pull)
+
+    def cor_range(self, swung: "_Swung", mass: float) -> float:
+        if not np.isfinite(self.distance_seen):
+            return np.nan
+        launched = _launch_that_reaches(
+            self.parts.flight, self.state, self.parts.rest, self.distance_seen, self.inputs
+        )
+        return np.nan if launched is None else swung.cor_of(launched, mass)
 
 
-def _cor(
-    state: FloatArray,
-    omega_after: float,
-    omega_before: float,
-    phi: float,
-    view: ImpactView,
-    arm: float,
-    share: float,
-) -> float:
-    """Parting over approach speed along the face's normal (Eq. 2), at the point of contact."""
-    normal = np.array([np.cos(phi), np.sin(phi)])
-    reach = share * arm_along_bar(state[:2] - view.pivot, phi)
-    parting = float(state[2:] @ normal) - omega_after * reach
-    return float(parting / (omega_before * arm))
+@dataclass(frozen=True)
+class _Swung:
+    """The pendulum on both sides of a contact.
+
+    Attributes
+    ----------
+    view : ImpactView
+    rest : (2,) array
+        Of the ball, m.
+    inputs : Inputs
+    phi_before, phi_after : float
+        Angle at onset and release, rad.
+    omega_before, omega_after : float
+        Rate there, rad/s.
+    arm : float
+        Pivot to the point of contact along the bar, m.
+    lasting : float
+        Of the contact, s.
+    """
+
+    view: ImpactView
+    rest: FloatArray
+    inputs: Inputs
+    phi_before: float
+    phi_after: float
+    omega_before: float
+    omega_after: float
+    arm: float
+    lasting: float
+
+    @classmethod
+    def of(
+        cls, view: ImpactView, rest: FloatArray, contact: tuple[float, float], inputs: Inputs
+    ) -> "_Swung":
+        onset, release = contact
+        phi_before, omega_before = view.before.state(onset)
+        phi_after, omega_after = view.after.state(release)
+        omega_after *= inputs.after_share
+        arm = inputs.arm_share * arm_along_bar(rest - view.pivot, phi_before)
+        lasting = release - onset
+        return cls(
+            view, rest, inputs, phi_before, phi_after, omega_before, omega_after, arm, lasting
+        )
+
+    @property
+    def middle(self) -> float:
+        """Angle in the middle of the contact, rad."""
+        return 0.5 * (self.phi_before + self.phi_after)
+
+    @property
+    def speed_before(self) -> float:
+        return self.omega_before * self.arm
+
+    @property
+    def speed_after(self) -> float:
+        return self.omega_after * self.arm
+
+    @property
+    def true_rate(self) -> float:
+        # a misplaced pivot puts angles off by the ratio of the arms, speeds it leaves alone
+        return self.arm / self.inputs.pendulum.length
+
+    @property
+    def energy_loss(self) -> float:
+        spent = (self.omega_before**2 - self.omega_after**2) * self.true_rate**2
+        return 0.5 * self.inputs.pendulum.inertia * spent
+
+    def cor(self, state: FloatArray, omega_after: float) -> float:
+        """Parting over approach speed along the face's normal (Eq. 2), at the point of contact."""
+        share, phi = self.inputs.arm_share, self.phi_after
+        normal = np.array([np.cos(phi), np.sin(phi)])
+        reach = share * arm_along_bar(state[:2] - self.view.pivot, phi)
+        parting = float(state[2:] @ normal) - omega_after * reach
+        return float(parting / (self.omega_before * self.arm))
+
+    def cor_of(self, launched: FloatArray, mass: float) -> float:
+        """The same where the ball's momentum tells how the pendulum goes on (Eqs 8-10)."""
+        body, pivot = self.inputs.pendulum, self.view.pivot
+        reach = (launched[:2] - pivot) / self.true_rate
+        carried = mass * (reach[0] * launched[3] - reach[1] * launched[2])
+        weight = body.mass * body.com * np.sin(self.middle) + mass * 0.5 * (
+            reach[0] + (self.rest[0] - pivot[0]) / self.true_rate
+        )
+        lost = self.inputs.gravity * weight * self.lasting
+        turned = float(self.omega_before - (carried + lost) / (body.inertia * self.true_rate))
+        return self.cor(launched, turned)
+
+
+_VALUES: dict[str, Callable[[_Strike], float]] = {
+    "contact_time": lambda s: s.of_contact(lambda onset, release: release - onset),
+    "contact_start": lambda s: s.of_contact(lambda onset, _: onset),
+    "contact_end": lambda s: s.of_contact(lambda _, release: release),
+    "pendulum_speed_before": lambda s: s.of_swings(lambda w: w.speed_before),
+    "pendulum_speed_after": lambda s: s.of_swings(lambda w: w.speed_after),
+    "ball_speed": lambda s: float(np.hypot(*s.state[2:])),
+    "launch_angle": lambda s: float(np.degrees(np.arctan2(s.state[3], s.state[2]))),
+    "landing_distance": lambda s: s.of_landing(lambda _, there: float(there[0] - s.parts.rest[0])),
+    "landing_time": lambda s: s.of_landing(lambda landed, _: landed),
+    "cor_speeds": lambda s: s.of_swings(lambda w: w.cor(s.state, w.omega_after)),
+    "cor_launch": lambda s: s.of_masses(lambda w, mass: w.cor_of(s.state, mass)),
+    "cor_range": lambda s: s.of_masses(s.cor_range),
+    "external_impulse": lambda s: (
+        np.nan if s.ball_mass is None else s.ball_mass * float(np.hypot(*s.state[2:]))
+    ),
+    "energy_loss": lambda s: s.of_swings(lambda w: w.energy_loss),
+    "gravity": lambda s: float(s.impact.free_flight.fitted.values[6]),
+    "landing_height": lambda s: s.of_landing(lambda _, there: float(there[1])),
+    "landing_distance_seen": lambda s: s.distance_seen,
+    "ball_speed_per_frame": lambda s: s.per_frame,
+    "ball_speed_eq7": lambda s: s.of_masses(s.eq7),
+    "eq7_by_gravity": lambda s: s.of_masses(s.eq7_by_gravity),
+}
+
+
+def _evaluate(impact: Impact, inputs: Inputs, shift: _Shift, names: Container[str]) -> FloatArray:
+    strike = _Strike(impact, inputs, shift)
+    return np.array([_VALUES[name](strike) if name in names else np.nan for name in DERIVED])
 
 
 def _launch_that_reaches(
@@ -350,12 +470,22 @@ class ClipConditions:
     slant_rad: float = 0.0
     metres_per_px: tuple[float, float] | None = None
 
+    def places_as(self, other: "ClipConditions") -> bool:
+        """Whether pixels and frames come to the same metres and seconds as under other ones."""
+        return (
+            self.calibration is other.calibration
+            and self.rate is other.rate
+            and (self.scale, self.roll_rad, self.slant_rad, self.metres_per_px)
+            == (other.scale, other.roll_rad, other.slant_rad, other.metres_per_px)
+        )
+
 
 def values_after_move(
     impact: Impact,
     tracks: MetricTracks,
     inputs: Inputs,
     propagation: Propagation = Propagation.RESPONSE,
+    names: Container[str] = frozenset(DERIVED),
 ) -> FloatArray:
     """Derived values after inputs moved a little.
 
@@ -368,20 +498,22 @@ def values_after_move(
     inputs : Inputs
         After the move.
     propagation : Propagation
+    names : container of str
+        Which of them are wanted.
 
     Returns
     -------
     (Q,) array
-        In the order of `DERIVED`; NaN where nothing can be told.
+        In the order of `DERIVED`; NaN where nothing can be told or is wanted.
     """
     try:
         if propagation is Propagation.RESPONSE:
-            return derived_values(moved_impact(impact, tracks, inputs), inputs)
+            return derived_values(moved_impact(impact, tracks, inputs), inputs, names)
         times = None
         if impact.contact is not None:
             share = float(tracks.ball_time_s[-1] / impact.tracks.ball_time_s[-1])
             times = (impact.contact.onset_s * share, impact.contact.release_s * share)
-        return derived_values(find_impact(tracks, inputs, times), inputs)
+        return derived_values(find_impact(tracks, inputs, times), inputs, names)
     except MeasurementError:
         return np.full(len(DERIVED), np.nan)
 

@@ -2,13 +2,13 @@
 
 What was measured before, found again where nothing that it follows from has changed.
 
-Two stages are kept: what was followed hangs on the clip, its rate and the points that somebody
-shows; the measurement on all that was said besides.
+Three stages are kept: what was followed hangs on the clip, its rate and the points that somebody
+shows; the fits on all that was said besides; the measurement on what of it was asked for.
 """
 
 import functools
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -29,7 +29,7 @@ from pipelines.measure.budget import (
     values_after_move,
 )
 from pipelines.measure.checks.gravity import seen_fall
-from pipelines.measure.fits.impact import find_impact, struck_again
+from pipelines.measure.fits.impact import Impact, find_impact, struck_again
 from pipelines.measure.inputs import Inputs, gather_inputs
 from pipelines.measure.measurement import ClipMeasurement
 from pipelines.measure.metres import (
@@ -48,7 +48,7 @@ from pipelines.measure.motions.measured import (
     motion_quantities,
     rate_by_fall,
 )
-from pipelines.measure.results import Evaluated, NoScale, Results, results_of
+from pipelines.measure.results import Evaluated, NoScale, Results, needed, results_of
 from pipelines.setup.file import Setup
 from vision.clip.clip import ClipReader
 from vision.clip.footage import CaptureRate, RateSource, choose_capture_rate
@@ -57,12 +57,16 @@ from vision.following import follow
 from vision.tracks import MotionKind, Tracks
 
 __all__ = [
+    "FittedClip",
     "FollowedClip",
     "Found",
     "MeasureOptions",
+    "fit_tracks",
+    "fitted_once",
     "measure_clip",
     "measure_tracks",
     "measurement_of",
+    "quantities_of",
     "remembered",
     "watched",
 ]
@@ -91,17 +95,25 @@ def remembered(measure: _Measure) -> _Measure:
         kept = Cache.of_user(wanted=options is not None and options.cache)
         if kept.folder is None or options is None or not os.path.exists(path):
             return measure(path, options, progress)
-        lens = options.setup.camera.lens
-        lens_digest = clip_digest(lens) if lens is not None and lens.is_file() else None
-        key = kept.key("measurement", clip_digest(path), lens_digest, options)
-        found = kept.get(key)
-        if isinstance(found, ClipMeasurement):
-            return replace(found, info=replace(found.info, path=path))
+        followed_from = (clip_digest(path), _lens_digest(options))
+        keys = [
+            kept.key("measurement", *followed_from, replace(options, wanted=wanted))
+            for wanted in dict.fromkeys((None, options.wanted))
+        ]
+        for key in keys:
+            found = kept.get(key)
+            if isinstance(found, ClipMeasurement):
+                return replace(found, info=replace(found.info, path=path))
         made = measure(path, options, progress)
-        kept.put(key, made)
+        kept.put(keys[-1], made)
         return made
 
     return measured
+
+
+def _lens_digest(options: "MeasureOptions") -> str | None:
+    lens = options.setup.camera.lens
+    return clip_digest(lens) if lens is not None and lens.is_file() else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +176,8 @@ class MeasureOptions:
     """What the user said on the command line.
 
     `scale_m_per_px` is a scale in the plane of motion with its standard uncertainty, m/px: who
-    knows it needs no wall, and the wall is not calibrated.
+    knows it needs no wall, and the wall is not calibrated. `wanted` names the quantities that are
+    evaluated, with all that their uncertainties and the checks on them need; None: all.
     """
 
     setup: Setup = field(default_factory=Setup)
@@ -177,6 +190,7 @@ class MeasureOptions:
     budget: Propagation = Propagation.RESPONSE
     scale_m_per_px: tuple[float, float] | None = None
     cache: bool = False
+    wanted: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,6 +219,30 @@ class FollowedClip:
     def seconds(self, fps: float) -> FloatArray:
         """Times of all frames at a rate, s."""
         return self.clock / fps
+
+
+@dataclass(frozen=True, eq=False)
+class FittedClip:
+    """What every quantity of a clip is told from: the motion in metres and seconds, and its fits.
+
+    Attributes
+    ----------
+    followed : FollowedClip
+        On the clock that was settled on.
+    wall : WallScene
+    scene : ClipConditions
+    metric : MetricTracks or None
+    impact : Impact or None
+    refusal : str
+        Why there is no impact.
+    """
+
+    followed: FollowedClip
+    wall: "WallScene"
+    scene: ClipConditions
+    metric: MetricTracks | None = None
+    impact: Impact | None = None
+    refusal: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,7 +319,8 @@ def measure_clip(
 
     seen = watched(clip, rate.fps, options, follow_it)
     followed = FollowedClip(seen.tracks, seen.clock, rate, inputs, options.scale_m_per_px)
-    found = measure_tracks(followed, tell, options.budget)
+    fitted = fitted_once(clip, options, lambda: fit_tracks(followed, tell))
+    found = quantities_of(fitted, tell, options.budget, options.wanted)
     return measurement_of(seen.info, followed, found, seen.warnings)
 
 
@@ -330,11 +369,51 @@ def measure_tracks(
     propagation : Propagation
         How the systematic budget is propagated.
     """
+    return quantities_of(fit_tracks(followed, progress), progress, propagation)
+
+
+def fitted_once(
+    clip: ClipReader, options: MeasureOptions, fit: Callable[[], FittedClip]
+) -> FittedClip:
+    """Fit what was followed, or take up the fits that another question about the clip asked for.
+
+    Parameters
+    ----------
+    clip : ClipReader
+    options : MeasureOptions
+        What is asked for does not matter to the fits.
+    fit : callable
+        Does them.
+    """
+    kept = Cache.of_user(wanted=options.cache)
+    asked = replace(options, wanted=None, budget=Propagation.RESPONSE)
+    key = kept.key("fits", clip.info.sha256, _lens_digest(options), asked)
+    found = kept.get(key)
+    if isinstance(found, FittedClip):
+        return found
+    made = fit()
+    if options.wanted is not None:
+        # a whole measurement is kept itself, and leaves no question
+        kept.put(key, made)
+    return made
+
+
+def fit_tracks(
+    followed: FollowedClip, progress: Callable[[str, float], None] | None = None
+) -> FittedClip:
+    """Calibrate, settle the clock, fit the motion: all that comes before any single quantity.
+
+    Parameters
+    ----------
+    followed : FollowedClip
+    progress : callable, optional
+        Called with the step's name and the part of it that is done.
+    """
     tell = progress or (lambda _step, _part: None)
     inputs, rate = followed.inputs, followed.rate
     tracks = _timed(followed.tracks, followed.seconds(rate.fps))
     tell("calibrating", 0.0)
-    wall = _Wall(refusal=NoScale(_SCALE_GIVEN))
+    wall = WallScene(refusal=NoScale(_SCALE_GIVEN))
     if followed.scale_m_per_px is None:
         wall = _calibrated(tracks, inputs)
     if not rate.known:
@@ -345,20 +424,52 @@ def measure_tracks(
     wall = _weighed(wall, followed, scene)
     scene = replace(scene, calibration=wall.calibration)
     tell("calibrating", 1.0)
-    evaluated = _evaluate(scene, followed, tell, propagation)
+    fitted = FittedClip(followed, wall, scene)
+    if tracks.motion.kind in _NOT_STRUCK:
+        seen = f"what is seen is a {tracks.motion.kind.value}, not a strike"
+        return replace(fitted, refusal=seen)
+    try:
+        metric = _in_metres(scene, followed.seconds(scene.rate.fps), tracks)
+        return replace(fitted, metric=metric, impact=find_impact(metric, scene.inputs))
+    except MeasurementError as problem:
+        return replace(fitted, refusal=problem.in_one_line)
+
+
+def quantities_of(
+    fitted: FittedClip,
+    progress: Callable[[str, float], None] | None = None,
+    propagation: Propagation = Propagation.RESPONSE,
+    wanted: Collection[str] | None = None,
+) -> Found:
+    """What is told of a fitted clip: quantities with their budgets, checks, warnings.
+
+    Parameters
+    ----------
+    fitted : FittedClip
+    progress : callable, optional
+        Called with the step's name and the part of it that is done.
+    propagation : Propagation
+        How the systematic budget is propagated.
+    wanted : collection of str, optional
+        Names of the quantities asked for: what only others need is left alone.
+    """
+    tell = progress or (lambda _step, _part: None)
+    followed, wall, scene = fitted.followed, fitted.wall, fitted.scene
+    tracks = followed.tracks
+    evaluated = _evaluate(fitted, tell, propagation, needed(wanted))
     motion = motion_quantities(tracks, _motion_scene(scene, followed, wall))
-    results = results_of(evaluated, tracks, wall.refusal, motion)
-    warnings = [] if rate.notice is None else [rate.notice]
+    results = results_of(evaluated, tracks, wall.refusal, motion, wanted)
+    warnings = [] if scene.rate.notice is None else [scene.rate.notice]
     warnings += tracks.warnings
     if tracks.motion.kind not in _NOT_STRUCK:
-        warnings += inputs.assumed
+        warnings += scene.inputs.assumed
     if wall.calibration is not None:
         warnings += wall.calibration.warnings
     else:
         warnings.append(f"no calibration from the wall: {wall.refusal.reason}")
     warnings += results.warnings
     warnings += _left_again(evaluated)
-    return Found(results, rate, evaluated, wall.calibration, wall.grid, tuple(warnings))
+    return Found(results, scene.rate, evaluated, wall.calibration, wall.grid, tuple(warnings))
 
 
 def _left_again(evaluated: Evaluated) -> list[str]:
@@ -387,7 +498,7 @@ def _timed(tracks: Tracks, time_s: FloatArray) -> Tracks:
     return replace(tracks, ball=ball, others=others, pendulum=pendulum)
 
 
-def _rate_by_fall(followed: FollowedClip, wall: "_Wall") -> CaptureRate:
+def _rate_by_fall(followed: FollowedClip, wall: "WallScene") -> CaptureRate:
     """The rate at which the flight in view falls as gravity has it; as assumed where none does."""
     rate, inputs = followed.rate, followed.inputs
     scene = ClipConditions(inputs, rate, wall.calibration, metres_per_px=followed.scale_m_per_px)
@@ -413,7 +524,7 @@ _SCALE_GIVEN = "the scale of the plane of motion was given, and nothing says whe
 _FALLING = (MotionKind.STRIKE, MotionKind.FLIGHT, MotionKind.DROP)
 
 
-def _motion_scene(scene: ClipConditions, followed: FollowedClip, wall: "_Wall") -> MotionScene:
+def _motion_scene(scene: ClipConditions, followed: FollowedClip, wall: "WallScene") -> MotionScene:
     """What turns pixels and frames of a motion that is no strike into metres and seconds."""
     calibration = wall.calibration
     mapping: Mapping | None = None
@@ -447,7 +558,7 @@ def _motion_scene(scene: ClipConditions, followed: FollowedClip, wall: "_Wall") 
     )
 
 
-def _plane_scale(scene: ClipConditions, tracks: Tracks, wall: "_Wall") -> PlaneScale | None:
+def _plane_scale(scene: ClipConditions, tracks: Tracks, wall: "WallScene") -> PlaneScale | None:
     """Scale in the plane of motion, where no calibration tells it."""
     if scene.metres_per_px is not None:
         per_px, std = scene.metres_per_px
@@ -465,7 +576,7 @@ def _plane_scale(scene: ClipConditions, tracks: Tracks, wall: "_Wall") -> PlaneS
 
 
 @dataclass(frozen=True)
-class _Wall:
+class WallScene:
     """What the wall gave: a calibrated scene, or why there is none."""
 
     solved: Solved | None = None
@@ -480,17 +591,17 @@ class _Wall:
         return None if self.solved is None else self.solved.grid
 
 
-def _calibrated(tracks: Tracks, inputs: Inputs) -> _Wall:
+def _calibrated(tracks: Tracks, inputs: Inputs) -> WallScene:
     try:
-        return _Wall(calibrate_clip(tracks, inputs))
+        return WallScene(calibrate_clip(tracks, inputs))
     except ContradictionError as problem:
         text = f"{problem.message}; {_sizes(inputs)}"
-        return _Wall(refusal=NoScale(text, contradicts=True))
+        return WallScene(refusal=NoScale(text, contradicts=True))
     except CalibrationError as problem:
-        return _Wall(refusal=NoScale(problem.in_one_line))
+        return WallScene(refusal=NoScale(problem.in_one_line))
 
 
-def _weighed(wall: _Wall, followed: FollowedClip, scene: ClipConditions) -> _Wall:
+def _weighed(wall: WallScene, followed: FollowedClip, scene: ClipConditions) -> WallScene:
     """The wall with the free fall weighed in, where nothing is taped and a clock is known.
 
     A fall that contradicts the rest is left to the self-check by gravity.
@@ -523,38 +634,37 @@ _NOT_STRUCK = (MotionKind.SWING, MotionKind.COLLISION, MotionKind.DROP)
 
 
 def _evaluate(
-    scene: ClipConditions,
-    followed: FollowedClip,
+    fitted: FittedClip,
     tell: Callable[[str, float], None],
     propagation: Propagation,
+    names: frozenset[str],
 ) -> Evaluated:
-    tracks = followed.tracks
-    nothing = Evaluated(scene, None, None, np.zeros(0), np.zeros((0, 0)), {}, "")
-    if tracks.motion.kind in _NOT_STRUCK:
-        seen = f"what is seen is a {tracks.motion.kind.value}, not a strike"
-        return replace(nothing, refusal=seen)
-    try:
-        metric = _in_metres(scene, followed.seconds(scene.rate.fps), tracks)
-        impact = find_impact(metric, scene.inputs)
-    except MeasurementError as problem:
-        return replace(nothing, refusal=problem.in_one_line)
+    followed, scene = fitted.followed, fitted.scene
+    metric, impact = fitted.metric, fitted.impact
+    if metric is None or impact is None:
+        return Evaluated(
+            scene, None, None, np.zeros(0), np.zeros((0, 0)), {}, fitted.refusal, names
+        )
     steps = 0
 
     def values(moved: ClipConditions) -> FloatArray:
         nonlocal steps
         steps += 1
         tell("propagating uncertainty", min(1.0, steps / 30))
-        again = _in_metres(moved, followed.seconds(moved.rate.fps), tracks)
-        return values_after_move(impact, again, moved.inputs, propagation)
+        again = metric
+        if not moved.places_as(scene):
+            again = _in_metres(moved, followed.seconds(moved.rate.fps), followed.tracks)
+        return values_after_move(impact, again, moved.inputs, propagation, names)
 
     return Evaluated(
         scene,
         metric,
         impact,
-        derived_values(impact, scene.inputs),
-        random_covariance(impact, scene.inputs),
-        systematic_budget(scene, values, _scale_std(scene, tracks)),
+        derived_values(impact, scene.inputs, names),
+        random_covariance(impact, scene.inputs, names),
+        systematic_budget(scene, values, _scale_std(scene, followed.tracks)),
         "",
+        names,
     )
 
 

@@ -3,7 +3,7 @@
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any
@@ -186,6 +186,8 @@ def _make(names: tuple[str, ...], needed: str, summary: str, example: str):  # t
         if missing is not None and not wanted.quiet:
             # what else the clip shows is told all the same, but whoever waits for this one need not
             screen(errors=True).print(f"warning: {unmeasurable}: {missing}", soft_wrap=True)
+        if not wanted.pictures:
+            options = replace(options, wanted=names)
         measured = _one(clip, options, wanted, names)
         quantity = measured.quantity(needed)
         if not quantity.known:

@@ -260,6 +260,11 @@ class WantedFiles:
         }
         return {option: path for option, path in named.items() if path is not None}
 
+    @property
+    def pictures(self) -> bool:
+        """Whether any of them shows more of the clip than the quantities that were asked for."""
+        return not (self.overlay is None and self.plot is None and self.report is None)
+
     def require_kinds(self) -> None:
         """Refuse an overlay or a plot whose name does not say what kind of file it is.
 

@@ -1,7 +1,7 @@
 """Evaluated chain to the quantities of the contract, each with its budget or its reason."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,12 +43,14 @@ __all__ = [
     "NoScale",
     "Results",
     "missing_input",
+    "needed",
     "reading_on_wall",
     "results_of",
 ]
 
 FloatArray = NDArray[np.float64]
 
+NOT_ASKED = "it was not asked for"
 _UNDETERMINED = "it could not be determined from this clip"
 _PIXELS = frozenset(name.value for name in QuantityName if name.value not in QUANTITY_UNITS)
 _NEEDS_METRES = {"m", "m/s", "N s", "J"}
@@ -75,7 +77,41 @@ NO_CLOCK = (
     "the camera's rate is not known, and no free fall with a known scale tells it:"
     " give it with --fps RATE or capture_fps in the setup file"
 )
+_OF_GEOMETRY = ("ball_plane_offset", "camera_distance", "landing_distance_on_wall")
 _LANDING = ("landing_distance", "landing_time", "landing_distance_on_wall", "cor_range")
+
+
+_CHECKED = frozenset(
+    {
+        *("contact_time", "contact_start", "contact_end", "gravity"),
+        *("ball_speed", *OTHER_SPEEDS, "eq7_by_gravity"),
+    }
+)
+"""Derived values that the checks compare which may widen or withhold any quantity of a strike."""
+
+_TOLD_FROM: dict[str, frozenset[str]] = {
+    QuantityName.LANDING_DISTANCE: frozenset({"landing_time"}),
+    QuantityName.LANDING_DISTANCE_ON_WALL: frozenset(
+        {"landing_distance", "landing_height", "landing_time"}
+    ),
+    # the estimates of one coefficient are held against each other
+    **dict.fromkeys(COR, frozenset({*ESTIMATES, "landing_time", "landing_distance_seen"})),
+}
+"""Derived values that a quantity needs beside the one of its own name."""
+
+
+def needed(wanted: Collection[str] | None) -> frozenset[str]:
+    """The derived values from which quantities are told, and what may put them in doubt.
+
+    Parameters
+    ----------
+    wanted : collection of str or None
+        Names of quantities; None for all.
+    """
+    if wanted is None:
+        return frozenset(DERIVED)
+    told = _CHECKED.union(*(_TOLD_FROM.get(name, frozenset()) for name in wanted))
+    return (told | frozenset(wanted)) & frozenset(DERIVED)
 
 
 @dataclass(frozen=True)
@@ -95,6 +131,8 @@ class Evaluated:
         Source to (Q,) contributions.
     refusal : str
         Why there is no impact.
+    names : frozenset of str
+        Which of the values were evaluated; the others are NaN.
     """
 
     scene: ClipConditions
@@ -104,6 +142,7 @@ class Evaluated:
     random: FloatArray
     systematic: dict[UncertaintySource, FloatArray]
     refusal: str
+    names: frozenset[str] = frozenset(DERIVED)
 
 
 @dataclass(frozen=True)
@@ -138,10 +177,12 @@ def results_of(
     tracks: Tracks,
     no_grid: NoScale,
     motion: MotionResults | None = None,
+    wanted: Collection[str] | None = None,
 ) -> Results:
     """Quantities in the contract's order, what stands beside them, checks and warnings.
 
-    `motion` holds what was measured of a motion that is no strike.
+    `motion` holds what was measured of a motion that is no strike; `wanted` names the quantities
+    that are asked for, None all: what only others need is not evaluated, and they say so.
     """
     reasons = _reasons(evaluated, no_grid)
     found: dict[str, Quantity] = {}
@@ -149,8 +190,10 @@ def results_of(
         found[name] = _quantity(evaluated, index, name, unit, reasons)
     found["contact_frames"] = _contact_frames(evaluated, tracks, reasons)
     found |= _met_by_another(evaluated, tracks)
-    found |= _geometry(evaluated, found, no_grid.reason, motion)
-    found["backswing_angle"] = _backswing(evaluated)
+    if _asked(wanted, _OF_GEOMETRY):
+        found |= _geometry(evaluated, found, no_grid.reason, motion)
+    if _asked(wanted, {QuantityName.BACKSWING_ANGLE}):
+        found["backswing_angle"] = _backswing(evaluated)
     cor, agreement = fused_cor(evaluated.values, evaluated.random, evaluated.systematic, found)
     found["cor"] = cor
     gravity, by_gravity = gravity_check(found["gravity"], evaluated.scene)
@@ -167,7 +210,7 @@ def results_of(
     motion = motion or MotionResults()
     checks += motion.checks
     gravity = motion.gravity or gravity
-    found = _of_this_motion(found | motion.quantities, tracks)
+    found = _of_this_motion(found | motion.quantities, tracks, wanted)
     return Results(
         tuple(found.values()),
         other_speeds,
@@ -177,13 +220,21 @@ def results_of(
     )
 
 
-def _of_this_motion(found: dict[str, Quantity], tracks: Tracks) -> dict[str, Quantity]:
-    """In the contract's order; what belongs to another motion says so."""
+def _asked(wanted: Collection[str] | None, names: Collection[str]) -> bool:
+    return wanted is None or any(name in wanted for name in names)
+
+
+def _of_this_motion(
+    found: dict[str, Quantity], tracks: Tracks, wanted: Collection[str] | None
+) -> dict[str, Quantity]:
+    """In the contract's order; what belongs to another motion, or to no question, says so."""
     kind = tracks.motion.kind
     out: dict[str, Quantity] = {}
     for name, unit in QUANTITY_UNITS.items():
         item = found.get(name)
-        if item is None or (kind not in kinds_of(name) and not item.known):
+        if not _asked(wanted, {name}):
+            item = Quantity.missing(name, unit, NOT_ASKED)
+        elif item is None or (kind not in kinds_of(name) and not item.known):
             wanted = " or a ".join(str(one.value) for one in kinds_of(name))
             seen = f"what is seen is a {kind.value}"
             if kind is MotionKind.NONE:
@@ -274,6 +325,8 @@ def _quantity(
 ) -> Quantity:
     if name in reasons:
         return Quantity.missing(name, unit, reasons[name])
+    if name not in evaluated.names:
+        return Quantity.missing(name, unit, NOT_ASKED)
     if evaluated.impact is None or not np.isfinite(evaluated.values[index]):
         return Quantity.missing(name, unit, evaluated.refusal or _unknown(evaluated, name))
     noise = math.sqrt(max(float(evaluated.random[index, index]), 0.0))

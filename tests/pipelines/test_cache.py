@@ -12,7 +12,13 @@ import pytest
 from metrology import Quantity
 from pipelines import cache as module
 from pipelines.cache import Cache, clip_digest
-from pipelines.measure.chain import MeasureOptions, remembered, watched
+from pipelines.measure.chain import (
+    FittedClip,
+    MeasureOptions,
+    fitted_once,
+    remembered,
+    watched,
+)
 from pipelines.measure.measurement import ClipMeasurement
 from pipelines.setup.file import CameraSetup, Setup
 from vision.clip.footage import CaptureRate, RateSource
@@ -99,6 +105,17 @@ def test_a_folder_of_pictures_is_known_by_names_and_contents(tmp_path: Path) -> 
     assert clip_digest(tmp_path) != before
 
 
+def empty_measurement(path: Path) -> ClipMeasurement:
+    info = ClipInfo(path, "", 8, 6, 2, "h264", 30.0, True, 1.0, 0, "progressive", 8, None, False)
+    empty = {field.name: None for field in fields(ClipMeasurement) if field.default is MISSING} | {
+        "info": info,
+        "rate": CaptureRate(600.0, 0.0, RateSource.OPTION, None),
+        "quantities": (),
+        "gravity": Quantity.missing("gravity_check", "m/s^2", "no flight"),
+    }
+    return ClipMeasurement(**empty)  # type: ignore[arg-type]
+
+
 def test_a_clip_is_measured_once_for_all_that_is_said_alike(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -111,20 +128,7 @@ def test_a_clip_is_measured_once_for_all_that_is_said_alike(
 
     def measure(path: Path, options: MeasureOptions, progress: object) -> ClipMeasurement:
         asked.append(options)
-        info = ClipInfo(
-            path, "", 8, 6, 2, "h264", 30.0, True, 1.0, 0, "progressive", 8, None, False
-        )
-        rate = CaptureRate(600.0, 0.0, RateSource.OPTION, None)
-        gravity = Quantity.missing("gravity_check", "m/s^2", "no flight")
-        empty = {
-            field.name: None for field in fields(ClipMeasurement) if field.default is MISSING
-        } | {
-            "info": info,
-            "rate": rate,
-            "quantities": (),
-            "gravity": gravity,
-        }
-        return ClipMeasurement(**empty)  # type: ignore[arg-type]
+        return empty_measurement(path)
 
     measured = remembered(measure)
     options = MeasureOptions(setup=Setup(camera=CameraSetup(lens=lens)), ball="jokku", cache=True)
@@ -139,6 +143,48 @@ def test_a_clip_is_measured_once_for_all_that_is_said_alike(
     measured(moved, options, None)
     measured(moved, replace(options, cache=False), None)
     assert len(asked) == 5
+
+
+def test_a_question_is_answered_by_the_whole_measurement_where_there_is_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(module.FOLDER_VARIABLE, str(tmp_path / "kept"))
+    clip = tmp_path / "a.mp4"
+    clip.write_bytes(b"one")
+    asked: list[tuple[str, ...] | None] = []
+
+    def measure(path: Path, options: MeasureOptions, progress: object) -> ClipMeasurement:
+        asked.append(options.wanted)
+        return empty_measurement(path)
+
+    measured = remembered(measure)
+    contact, cor = ("contact_time",), ("cor",)
+    for wanted in (contact, contact, None, cor, contact, None):
+        measured(clip, MeasureOptions(cache=True, wanted=wanted), None)
+    assert asked == [contact, None]
+
+
+def test_two_questions_about_a_clip_share_its_fits(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(module.FOLDER_VARIABLE, str(tmp_path))
+    done: list[FittedClip] = []
+
+    class Info:
+        sha256 = "ab"
+
+    class Clip:
+        info = Info()
+
+    def fit() -> FittedClip:
+        done.append(FittedClip(None, None, None))  # type: ignore[arg-type]
+        return done[-1]
+
+    clip: object = Clip()
+    options = MeasureOptions(cache=True)
+    for wanted, ball in ((("contact_time",), None), (("cor",), None), (("cor",), "jokku")):
+        fitted_once(clip, replace(options, wanted=wanted, ball=ball), fit)  # type: ignore[arg-type]
+    assert len(done) == 2
 
 
 def test_a_clip_is_followed_once_whatever_is_said_of_the_scene(
