@@ -173,7 +173,7 @@ class Ledger:
             self._add_missing_columns()
             self._base.executescript(_TABLES)
             self._base.execute(f"PRAGMA user_version={_LAYOUT}")
-        except sqlite3.Error as problem:
+        except (sqlite3.Error, UnicodeDecodeError) as problem:
             raise UsageError(
                 f"can't use {path} as ledger: {problem}",
                 hint="Give a folder that you may write to, on a disk with room.",
@@ -223,6 +223,16 @@ class Ledger:
                 hint="What is done is kept. Make room on the disk (or leave the folder writable)"
                 " and give the same command again.",
             ) from problem
+        except sqlite3.DatabaseError as problem:
+            raise _damaged(problem) from problem
+
+    @contextmanager
+    def _reading(self) -> Iterator[sqlite3.Connection]:
+        """Whatever a damaged file holds in place of a row is told in words."""
+        try:
+            yield self._base
+        except (sqlite3.Error, ValueError, TypeError) as problem:
+            raise _damaged(problem) from problem
 
     def plan(self, orders: Sequence[WorkOrder], *, retry_failed: bool) -> dict[str, str]:
         """Enter what is to be done, keep what was done with the same inputs.
@@ -351,33 +361,62 @@ class Ledger:
                 raise UsageError(f"there is no clip {clip!r} in this campaign")
 
     def points(self) -> dict[str, str]:
-        """Where somebody pointed at the ball, by clip."""
-        rows = self._base.execute("SELECT clip, ball_at FROM clips WHERE ball_at IS NOT NULL")
-        return {row["clip"]: row["ball_at"] for row in rows}
+        """Where somebody pointed at the ball, by clip.
+
+        Raises
+        ------
+        UsageError
+            If the ledger is damaged, as from `entries`, `waiting` and `counts`.
+        """
+        with self._reading() as base:
+            rows = base.execute("SELECT clip, ball_at FROM clips WHERE ball_at IS NOT NULL")
+            return {row["clip"]: row["ball_at"] for row in rows}
 
     def entries(self) -> Iterator[Entry]:
         """All rows in the order they were entered, read one at a time."""
-        for row in self._base.execute("SELECT * FROM clips ORDER BY rowid"):
-            yield Entry(
-                WorkOrder(row["clip"], row["path"], row["sha256"], row["options"], row["version"]),
-                State(row["state"]),
-                int(row["attempts"]),
-                row["seconds"],
-                row["error"],
-                row["excluded"],
-                None if row["document"] is None else json.loads(row["document"]),
-            )
+        with self._reading() as base:
+            rows = base.execute("SELECT * FROM clips ORDER BY rowid")
+        while True:
+            with self._reading():
+                row = rows.fetchone()
+                entry = None if row is None else _entry(row)
+            if entry is None:
+                return
+            # outside: what the reader of the rows raises is no fault of the ledger
+            yield entry
 
     def waiting(self) -> list[str]:
         """Names of the clips still to be measured."""
-        rows = self._base.execute("SELECT clip FROM clips WHERE state='waiting' ORDER BY rowid")
-        return [row["clip"] for row in rows]
+        with self._reading() as base:
+            rows = base.execute("SELECT clip FROM clips WHERE state='waiting' ORDER BY rowid")
+            return [row["clip"] for row in rows]
 
     def counts(self) -> dict[State, int]:
         """How many clips are in each state."""
-        rows = self._base.execute("SELECT state, COUNT(*) AS number FROM clips GROUP BY state")
-        found = {State(row["state"]): int(row["number"]) for row in rows}
+        with self._reading() as base:
+            rows = base.execute("SELECT state, COUNT(*) AS number FROM clips GROUP BY state")
+            found = {State(row["state"]): int(row["number"]) for row in rows}
         return {state: found.get(state, 0) for state in State}
+
+
+def _entry(row: sqlite3.Row) -> Entry:
+    return Entry(
+        WorkOrder(row["clip"], row["path"], row["sha256"], row["options"], row["version"]),
+        State(row["state"]),
+        int(row["attempts"]),
+        row["seconds"],
+        row["error"],
+        row["excluded"],
+        None if row["document"] is None else json.loads(row["document"]),
+    )
+
+
+def _damaged(problem: Exception) -> UsageError:
+    return UsageError(
+        f"the ledger of this campaign is damaged: {problem}",
+        hint="Put a copy of ledger.sqlite in its place, or give another folder with --out:"
+        " the clips are measured again then.",
+    )
 
 
 @contextmanager

@@ -379,11 +379,20 @@ class VideoFile:
         try:
             # An absolute name is never taken for a protocol; a playlist must not reach the network.
             name = str(self.path.resolve())
-            container = av.open(name, options={"protocol_whitelist": "file"})
+            # tags in another encoding are no reason not to look at the pictures
+            container = av.open(
+                name, options={"protocol_whitelist": "file"}, metadata_errors="replace"
+            )
         except FFmpegError as problem:
             raise _unreadable(self.path, problem) from problem
         try:
             stream = _moving_pictures(container)
+            if stream is None and any(not one.codec_context for one in container.streams.video):
+                raise ClipError(
+                    f"{self.path} holds pictures in a form that no decoder here knows",
+                    hint="Copy it from the camera once more; where that does not help, have the"
+                    " camera's own program export it as MP4.",
+                )
             if stream is None:
                 raise ClipError(
                     f"{self.path} holds {_contents(container)} and no video",
@@ -401,11 +410,12 @@ def _declared_duration(container: Any, stream: Any) -> float | None:
 
 
 def _moving_pictures(container: Any) -> Any | None:
-    """The video stream with the largest pictures, cover art aside."""
+    """The video stream with the largest pictures that can be decoded, cover art aside."""
     streams = [
         stream
         for stream in container.streams.video
-        if not stream.disposition & Disposition.attached_pic
+        # without a decoder there is no codec context, and no size
+        if stream.codec_context and not stream.disposition & Disposition.attached_pic
     ]
     return max(streams, key=lambda stream: stream.width * stream.height, default=None)
 

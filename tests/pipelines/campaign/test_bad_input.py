@@ -1,6 +1,8 @@
 """What goes wrong around a campaign is named, and the rest goes on."""
 
+import json
 import os
+import sqlite3
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +11,7 @@ import pytest
 
 from metrology import UsageError
 from pipelines.campaign.conduct import CampaignOptions, conduct
-from pipelines.campaign.ledger import Ledger, State
+from pipelines.campaign.ledger import AttemptOutcome, Ledger, State, WorkOrder
 from pipelines.campaign.run import find_clips
 from pipelines.campaign.worker import Request, answer
 
@@ -62,6 +64,39 @@ def test_a_damaged_ledger_is_refused_in_words(damage: bytes, tmp_path: Path) -> 
     (tmp_path / "ledger.sqlite").write_bytes(damage)
     with pytest.raises(UsageError, match="ledger"):
         Ledger(tmp_path)
+
+
+def _with_two_clips(folder: Path) -> None:
+    with Ledger(folder) as ledger:
+        orders = [WorkOrder(name, name, "0", "0", "1") for name in ("a.mp4", "b.mp4")]
+        ledger.plan(orders, retry_failed=False)
+        ledger.finish([AttemptOutcome("a.mp4", State.DONE, 1.0, json.dumps({"quantities": {}}))])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "document='{\"quantities'",
+        "state='gone'",
+        "attempts='often'",
+        "document=CAST(x'ff7b' AS TEXT)",
+    ],
+)
+def test_a_row_that_can_not_be_one_is_told_as_a_damaged_ledger(change: str, tmp_path: Path) -> None:
+    _with_two_clips(tmp_path)
+    with sqlite3.connect(tmp_path / "ledger.sqlite") as base:
+        base.execute("PRAGMA ignore_check_constraints=ON")
+        base.execute(f"UPDATE clips SET {change} WHERE clip='a.mp4'")
+    base.close()
+    with Ledger(tmp_path) as ledger, pytest.raises(UsageError, match="damaged") as refusal:
+        _ = [*ledger.entries(), ledger.counts()]
+    assert "--out" in str(refusal.value.hint)
+
+
+def test_what_the_reader_of_the_rows_raises_is_its_own(tmp_path: Path) -> None:
+    _with_two_clips(tmp_path)
+    with Ledger(tmp_path) as ledger, pytest.raises(ValueError, match="mine"):
+        _ = [float("mine") for _ in ledger.entries()]
 
 
 def test_on_a_full_disk_nothing_is_lost(tmp_path: Path) -> None:

@@ -42,6 +42,23 @@ def test_sound_without_pictures(tmp_path):
     assert "audio and no video" in refusal(write_sound(tmp_path / "tone.mp4"))
 
 
+def test_pictures_that_no_decoder_knows(tmp_path):
+    path = write_clip(tmp_path / "a.mp4", moving_disc(8))
+    raw = path.read_bytes()
+    assert raw.count(b"avc1") == 2
+    head, _, rest = raw.rpartition(b"avc1")
+    path.write_bytes(head + b"zzzz" + rest)
+    assert "no decoder here knows" in refusal(path)
+
+
+def test_tags_in_another_encoding_hide_no_picture(tmp_path):
+    path = write_clip(tmp_path / "a.mp4", moving_disc(8))
+    raw = path.read_bytes()
+    assert b"VideoHandler" in raw
+    path.write_bytes(raw.replace(b"VideoHandler", b"Vid\x92oHandler"))
+    assert ClipReader.open(path).info.frames == 8
+
+
 def test_single_frame(tmp_path):
     assert "nothing moves" in refusal(write_clip(tmp_path / "one.mp4", moving_disc(1)))
     cv2.imwrite(str(tmp_path / "photo.png"), scene(20, 20))
