@@ -7,11 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from metrology import TooLittleDataError, UsageError
-from mismatch.fitting.fit import Fit, spread_laws
-from mismatch.fitting.hypotheses import LOOSE_LAWS, POOR_FIT, Hypothesis
-from mismatch.fitting.prepare import Prepared, prepare
-from mismatch.fitting.scan import own_values, robust_spread, scan
-from mismatch.model.candidates import (
+from mismatch.candidates import (
     Candidate,
     candidates_for,
     refuse_unusable,
@@ -19,9 +15,13 @@ from mismatch.model.candidates import (
     steps_of,
     within_patience,
 )
-from mismatch.model.forward import OUTSIDE, Forward
+from mismatch.fitting.fit import Fit, spread_laws
+from mismatch.fitting.hypotheses import LOOSE_LAWS, POOR_FIT, Hypothesis
+from mismatch.fitting.prepare import Prepared, prepare
+from mismatch.fitting.scan import own_values, robust_spread, scan
+from mismatch.forward import OUTSIDE, Forward
 from mismatch.records.records import Baseline, CampaignRecords
-from mismatch.records.sanity import refuse_nonsense, without_odd_trials
+from mismatch.sanity import refuse_nonsense, without_odd_trials
 from mismatch.search.locate import (
     locate,
     noise_notes,

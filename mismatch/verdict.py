@@ -17,8 +17,8 @@ from mismatch.fitting.fit import Fit, Free, fit_model, free_parameters
 from mismatch.fitting.hypotheses import POOR_FIT, Hypothesis, is_known
 from mismatch.fitting.prepare import Prepared
 from mismatch.fitting.scan import heterogeneity, trial_pulls
-from mismatch.model.forward import Forward
-from mismatch.records.sanity import fall_in_g, keeps_time
+from mismatch.forward import Forward
+from mismatch.sanity import fall_in_g, keeps_time
 from physics.domain import FloatArray
 from physics.effects import EffectId, Level
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology import UsageError, written_whole
-from sample_videos.renderer.film import Film
+from sample_videos.film import Film
 from sample_videos.scene import Encoding, Scene
 from sample_videos.shot import SceneMotion, Shot
 from sample_videos.truth import Truth, film_truth, write_truth

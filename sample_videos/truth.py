@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from calib.camera import Camera
 from metrology import write_text_whole
 from physics.bodies import lost_by_pendulum
-from sample_videos.renderer.bodies import pivot, rest_centre, swing_rotation
-from sample_videos.renderer.film import Film
+from sample_videos.bodies import pivot, rest_centre, swing_rotation
+from sample_videos.film import Film
 from sample_videos.scene import Scene
 from sample_videos.shot import Shot
 

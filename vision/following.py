@@ -20,7 +20,7 @@ from vision.ball.choice import (
     untangled,
 )
 from vision.ball.circles import Circles, find_circles
-from vision.ball.outline.refine import refine_ball
+from vision.ball.refine import refine_ball
 from vision.ball.rest import Rest, find_rest
 from vision.clip.footage import Footage
 from vision.motion import motion_of

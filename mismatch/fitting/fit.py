@@ -23,7 +23,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from mismatch.model.forward import NUISANCES, Forward, Model, batch_terms
+from mismatch.forward import NUISANCES, Forward, Model, batch_terms
 from mismatch.records.records import Records
 from physics.domain import FloatArray
 from physics.effects import Effect, Level, Parameter

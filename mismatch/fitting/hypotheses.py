@@ -16,6 +16,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.polynomial import legendre
 
+from mismatch.candidates import Candidate, start_values
 from mismatch.fitting.fit import Ending, Fit, free_parameters
 from mismatch.fitting.scan import (
     Scan,
@@ -25,8 +26,7 @@ from mismatch.fitting.scan import (
     scan,
     with_own_strengths,
 )
-from mismatch.model.candidates import Candidate, start_values
-from mismatch.model.forward import Forward, Model
+from mismatch.forward import Forward, Model
 from physics.domain import FloatArray, Number, Vector
 from physics.effects import (
     CATALOGUE,

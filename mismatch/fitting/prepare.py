@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from metrology import TooLittleDataError
 from mismatch.fitting.fit import PIECE_STEPS, Fit, fit_model, seen_swings
-from mismatch.model.forward import Forward, Mode, Model
+from mismatch.forward import Forward, Mode, Model
 from mismatch.records.records import (
     Baseline,
     CampaignRecords,

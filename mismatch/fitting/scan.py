@@ -19,6 +19,7 @@ from functools import cached_property
 import numpy as np
 from scipy.special import chdtrc
 
+from mismatch.candidates import Candidate, start_values, steps_of
 from mismatch.fitting.fit import (
     Fit,
     Free,
@@ -31,8 +32,7 @@ from mismatch.fitting.fit import (
     priors,
     reduce,
 )
-from mismatch.model.candidates import Candidate, start_values, steps_of
-from mismatch.model.forward import NUISANCES, Forward, Model, OwnStrength
+from mismatch.forward import NUISANCES, Forward, Model, OwnStrength
 from physics.domain import FloatArray
 from physics.effects import Effect, Level
 

@@ -10,7 +10,7 @@ import numpy as np
 from mismatch.fitting.fit import Fit, fit_model, spread_laws
 from mismatch.fitting.hypotheses import Hypothesis
 from mismatch.fitting.prepare import Prepared
-from mismatch.model.forward import Forward
+from mismatch.forward import Forward
 from mismatch.records.records import CampaignRecords, whiteness
 from mismatch.verdict import Location, Remainder
 from physics.domain import FloatArray

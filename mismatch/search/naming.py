@@ -13,6 +13,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from mismatch.candidates import Candidate, candidates_for
 from mismatch.fitting.fit import Fit
 from mismatch.fitting.hypotheses import (
     POOR_FIT,
@@ -27,9 +28,8 @@ from mismatch.fitting.hypotheses import (
     told_apart,
 )
 from mismatch.fitting.scan import Scan, robust_spread, scan
-from mismatch.model.candidates import Candidate, candidates_for
-from mismatch.model.forward import Forward
-from mismatch.records.sanity import dropped_in_each
+from mismatch.forward import Forward
+from mismatch.sanity import dropped_in_each
 from physics.domain import FloatArray, Number, Vector
 from physics.effects import (
     Effect,

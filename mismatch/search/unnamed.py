@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mismatch.model.forward import Forward
+from mismatch.forward import Forward
 from physics.domain import FloatArray, Number, Vector
 from physics.effects import (
     Contact,

@@ -12,9 +12,8 @@ from scipy.special import gammaincc
 
 from metrology import TooLittleDataError, UsageError
 from mismatch.fitting.prepare import baseline_model
-from mismatch.model.forward import Model
+from mismatch.forward import Model
 from mismatch.records.records import Baseline
-from mismatch.table.search import Answer, Posterior, Search, search, table_held_out, unstated
 from mismatch.table.table import (
     CHANNELS,
     LEAST_TRIALS,
@@ -24,6 +23,7 @@ from mismatch.table.table import (
     table_candidates,
     table_forward,
 )
+from mismatch.trial_table import Answer, Posterior, Search, search, table_held_out, unstated
 from mismatch.verdict import (
     DOUBTED,
     Alternative,

@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology import SetupError, TooLittleDataError, UsageError
-from mismatch.model.candidates import Candidate, start_values
-from mismatch.model.forward import BatchTerm, Forward, Model, batch_terms
+from mismatch.candidates import Candidate, start_values
+from mismatch.forward import BatchTerm, Forward, Model, batch_terms
 from mismatch.records.records import Baseline, Records
-from mismatch.records.sanity import FARTHEST
+from mismatch.sanity import FARTHEST
 from physics.domain import FloatArray, Vector
 from physics.effects import CameraView, Contact, Effect, EffectId, Outcome, Parameter, Values
 from physics.effects.impact import VelocityDependentCor, change_restitution

@@ -56,8 +56,8 @@ from pipelines.measure.budget import (
     systematic_budget,
     values_after_move,
 )
-from pipelines.measure.checks.gravity import seen_fall
-from pipelines.measure.fits.impact import find_impact
+from pipelines.measure.gravity import seen_fall
+from pipelines.measure.impact import find_impact
 from pipelines.measure.inputs import gather_inputs
 from pipelines.measure.metres import CameraMapping, scene_evidence, tracks_in_metres
 from pipelines.measure.results import Evaluated, NoScale, results_of
@@ -70,7 +70,7 @@ from pipelines.model.options import (
 from pipelines.options import NamedBallOption, NoTableOption, ResultsJsonOption
 from pipelines.setup.file import BallSetup, CameraSetup, Setup, WallSetup
 from pipelines.terminal import screen
-from sample_videos.renderer.bodies import pivot, swing_rotation
+from sample_videos.bodies import pivot, swing_rotation
 from sample_videos.scene import Scene, Sensor
 from sample_videos.shot import Shot, default_scene, staged
 from vision.clip.footage import CaptureRate, RateSource, nominal_rate_std

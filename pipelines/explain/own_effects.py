@@ -25,7 +25,7 @@ import typer
 from typer.core import TyperGroup
 
 from metrology import UsageError
-from mismatch.model.candidates import refuse_unusable
+from mismatch.candidates import refuse_unusable
 from physics.effects import Effect
 from physics.effects.base import CameraView, Contact, FlightState, Outcome, Phase, SwingState
 

@@ -25,14 +25,14 @@ from numpy.typing import NDArray
 
 from metrology import write_text_whole, written_whole
 from mismatch import EngineVerdict, Explained
+from mismatch.candidates import Candidate
 from mismatch.fitting.fit import Fit, spread_laws
-from mismatch.model.candidates import Candidate
-from mismatch.model.forward import Forward
+from mismatch.forward import Forward
 from mismatch.search.locate import flight_state, swing_state
 from mismatch.search.naming import missing_force
 from mismatch.search.unnamed import Drift
 from mismatch.table.explain import TableExplained
-from mismatch.table.search import Answer
+from mismatch.trial_table import Answer
 from mismatch.verdict import NamedEffect
 from physics.domain import FloatArray, Vector
 from physics.effects import Coordinate, Effect, EffectId, FlightState, Values

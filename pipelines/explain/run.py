@@ -16,6 +16,7 @@ from mismatch.table.explain import TableExplained, explain_table
 from mismatch.table.table import CHANNELS, TrialTable
 from physics.domain import FloatArray
 from physics.effects import Effect
+from pipelines.explain.campaign import baseline_for_balls, baseline_from_setup, load_campaign
 from pipelines.explain.clips import (
     ClipCampaign,
     campaign_from_clips,
@@ -23,7 +24,6 @@ from pipelines.explain.clips import (
     with_rig,
     within_calibration,
 )
-from pipelines.explain.io import baseline_for_balls, baseline_from_setup, load_campaign
 from pipelines.explain.own_effects import check_effect, load_effects, under_guard
 from pipelines.explain.tabular import TableLike, name_of, numbers_of, read_sheet
 from pipelines.setup.file import Setup, load_setup

@@ -25,7 +25,7 @@ from pipelines.interop.external import (
     Program,
     as_track_table,
 )
-from pipelines.interop.kinovea import kinovea_annotations, read_kva
+from pipelines.interop.projects import kinovea_annotations, read_kva
 from pipelines.interop.tables import (
     HDF5_SUFFIXES,
     TABLE_SUFFIXES,

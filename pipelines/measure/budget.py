@@ -26,8 +26,8 @@ from pipelines.measure.checks.consequences import (
     speed_per_frame,
 )
 from pipelines.measure.fits.contact_fit import ImpactView, arm_along_bar, touch_times
-from pipelines.measure.fits.flight_fit import FlightFit, SwingFit
-from pipelines.measure.fits.impact import Impact, find_impact, moved_impact
+from pipelines.measure.flight_fit import FlightFit, SwingFit
+from pipelines.measure.impact import Impact, find_impact, moved_impact
 from pipelines.measure.inputs import Inputs
 from pipelines.measure.metres import MetricTracks
 from vision.clip.footage import CaptureRate

@@ -28,8 +28,8 @@ from pipelines.measure.budget import (
     systematic_budget,
     values_after_move,
 )
-from pipelines.measure.checks.gravity import seen_fall
-from pipelines.measure.fits.impact import Impact, find_impact, struck_again
+from pipelines.measure.gravity import seen_fall
+from pipelines.measure.impact import Impact, find_impact, struck_again
 from pipelines.measure.inputs import Inputs, gather_inputs
 from pipelines.measure.measurement import ClipMeasurement
 from pipelines.measure.metres import (

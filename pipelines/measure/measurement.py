@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from calib.calibration import Calibration
 from calib.grid.grid import WallGrid
 from metrology import Quantity
-from pipelines.measure.fits.impact import Impact
+from pipelines.measure.impact import Impact
 from pipelines.measure.inputs import QUANTITY_UNITS
 from pipelines.report import Check
 from pipelines.setup.rig import RigNumber

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from metrology.quantity import format_quantity
 from pipelines.measure.files import software_version
 from pipelines.measure.fits.contact_fit import arm_along_bar, gap_after, gap_before
-from pipelines.measure.fits.impact import Impact
+from pipelines.measure.impact import Impact
 from pipelines.measure.measurement import ClipMeasurement
 from pipelines.report import (
     Curve,

@@ -25,13 +25,13 @@ from pipelines.measure.checks.consequences import (
     doubted,
     speeds_agree,
 )
-from pipelines.measure.checks.gravity import (
+from pipelines.measure.gravity import (
     ESTIMATES,
     contradicts_gravity,
     fused_cor,
     gravity_check,
 )
-from pipelines.measure.fits.impact import UNSEEN_HALF_CONTACT_STD_S, Impact, disc_contact
+from pipelines.measure.impact import UNSEEN_HALF_CONTACT_STD_S, Impact, disc_contact
 from pipelines.measure.inputs import QUANTITY_UNITS, Inputs, QuantityName, kinds_of
 from pipelines.measure.metres import RADIUS_STD_PX, MetricTracks
 from pipelines.measure.motions.measured import MotionResults

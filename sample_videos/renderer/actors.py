@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera
-from sample_videos.renderer.bodies import (
+from sample_videos.bodies import (
     PixelGrid,
     Solid,
     Window,
@@ -20,7 +20,8 @@ from sample_videos.renderer.bodies import (
     quadric_coverage,
     shade_behind,
 )
-from sample_videos.renderer.stage import (
+from sample_videos.scene import BallLook, Lamp, Scene
+from sample_videos.stage import (
     ball_reflectance,
     closed_sky,
     face_lights,
@@ -29,7 +30,6 @@ from sample_videos.renderer.stage import (
     sphere_shade,
     window_of,
 )
-from sample_videos.scene import BallLook, Lamp, Scene
 
 __all__ = ["Actor", "BallPose", "RoundActor", "SolidActor"]
 

@@ -5,9 +5,9 @@ import pytest
 
 from bench.concealed.calibration import Claim, Trusts, trusts_of
 from bench.concealed.contest.exact_evidence import weighed
+from mismatch.candidates import Candidate
 from mismatch.explain import CATALOGUE_TRUST, GROUP_TRUST
 from mismatch.fitting.scan import Scan
-from mismatch.model.candidates import Candidate
 from physics.effects import CATALOGUE
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mismatch.model.forward import Forward, Model
+from mismatch.forward import Forward, Model
 from mismatch.records.records import (
     BallModel,
     Baseline,

@@ -10,7 +10,7 @@ from metrology import TooLittleDataError, UsageError
 from mismatch import CampaignRecords, Options, Trial, explain
 from mismatch.fitting.prepare import prepare
 from mismatch.records.records import Baseline
-from mismatch.records.sanity import without_odd_trials
+from mismatch.sanity import without_odd_trials
 from physics.bodies import GRAVITY, PAPER_PENDULUM
 from physics.effects import CATALOGUE, Effect, Parameter
 from tests.mismatch.synthetic import struck_campaign, thrown_campaign

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from metrology import UsageError
+from mismatch.candidates import MOST_SHAPES, candidates_for, refuse_unusable, within_patience
 from mismatch.fitting.prepare import prepare
-from mismatch.model.candidates import MOST_SHAPES, candidates_for, refuse_unusable, within_patience
 from physics.effects import Effect, Extent, Parameter
 from tests.mismatch.synthetic import thrown_campaign
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from mismatch.candidates import candidates_for
 from mismatch.fitting.hypotheses import fit_hypothesis
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import heterogeneity, scan
-from mismatch.model.candidates import candidates_for
 from mismatch.verdict import Doubt, pass_gate
 from physics.effects import CATALOGUE
 from physics.effects.flight import Magnus

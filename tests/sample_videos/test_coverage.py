@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calib.camera import Camera, Lens
-from sample_videos.renderer.bodies import (
+from sample_videos.bodies import (
     PixelGrid,
     Window,
     box,
@@ -14,7 +14,7 @@ from sample_videos.renderer.bodies import (
     quadric_coverage,
     shade_behind,
 )
-from sample_videos.renderer.stage import into_camera
+from sample_videos.stage import into_camera
 
 
 def camera(k1: float = 0.0) -> Camera:

@@ -29,7 +29,7 @@ from sample_videos import (
     render_frames,
     strike,
 )
-from sample_videos.renderer.film import Film
+from sample_videos.film import Film
 from sample_videos.shot import LOOKS, Physics
 from sample_videos.truth import film_truth
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.ball.choice import BallPath
-from vision.ball.outline.edges import Cutouts, CutPlaces, EdgeProfile, cut_out, ring_widths
+from vision.ball.edges import Cutouts, CutPlaces, EdgeProfile, cut_out, ring_widths
 from vision.ball.outline.outline import (
     FitRules,
     OutlineFits,

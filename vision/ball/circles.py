@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology.compiled import compiled
-from vision.ball.outline.edges import EdgePoints, edge_points, places
+from vision.ball.edges import EdgePoints, edge_points, places
 
 __all__ = ["Circles", "find_circles"]
 

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from vision.ball.ball import BallFits
-from vision.ball.outline.edges import TYPICAL_GAMMA, Hides
+from vision.ball.edges import TYPICAL_GAMMA, Hides
 from vision.ball.rest import Rest
 from vision.pendulum.arc import Arc, Patch, Pose, sampled
 from vision.scene.scene import FilmedScene

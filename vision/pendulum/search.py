@@ -19,7 +19,7 @@ import scipy
 from numpy.typing import NDArray
 
 from vision.ball.ball import BallFits
-from vision.ball.outline.edges import TYPICAL_GAMMA
+from vision.ball.edges import TYPICAL_GAMMA
 from vision.ball.rest import Rest
 from vision.pendulum.arc import ImagedSwing
 from vision.pendulum.face import MassPoses, Striking, find_face, find_mass

@@ -19,12 +19,12 @@ from scipy.special import logsumexp
 from bench.concealed.campaign import Key
 from bench.concealed.foreign import convert_all
 from bench.concealed.foreign_keys import foreign_key
+from mismatch.candidates import candidates_for
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import Scan, scan
-from mismatch.model.candidates import candidates_for
 from physics.domain import FloatArray
 from physics.effects import CATALOGUE
-from pipelines.explain.io import baseline_from_setup, load_campaign
+from pipelines.explain.campaign import baseline_from_setup, load_campaign
 from pipelines.setup.file import load_setup
 
 SIZE_PRIOR = (0.5, 0.4, 0.1)

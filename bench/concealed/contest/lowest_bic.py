@@ -12,11 +12,11 @@ import numpy as np
 
 from bench.concealed.contest.answer import Answer, Named
 from metrology import ImpactVisionError
+from mismatch.candidates import candidates_for
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import Scan, scan
-from mismatch.model.candidates import candidates_for
 from physics.effects import CATALOGUE
-from pipelines.explain.io import baseline_from_setup, load_campaign
+from pipelines.explain.campaign import baseline_from_setup, load_campaign
 from pipelines.setup.file import load_setup
 
 __all__ = ["lowest_bic"]

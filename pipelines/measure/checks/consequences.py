@@ -14,7 +14,7 @@ from scipy.special import ndtr
 
 from metrology import Contribution, Quantity, UncertaintySource
 from physics.bodies import Pendulum
-from pipelines.measure.fits.flight_fit import SLOW_OVER_RANDOM, FlightFit
+from pipelines.measure.flight_fit import SLOW_OVER_RANDOM, FlightFit
 from pipelines.measure.inputs import QuantityName
 from pipelines.measure.metres import MetricTracks
 from pipelines.report import Check, CheckKind, CheckOutcome

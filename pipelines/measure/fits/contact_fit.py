@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from metrology import NotFoundError
 from physics.contact import damping_for_cor
-from pipelines.measure.fits.flight_fit import FlightFit, SwingFit, slow_error_whitening
+from pipelines.measure.flight_fit import FlightFit, SwingFit, slow_error_whitening
 
 __all__ = [
     "ContactFit",

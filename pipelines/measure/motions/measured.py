@@ -30,8 +30,8 @@ from metrology import (
 )
 from metrology.least_squares import Fitted, fit
 from pipelines.measure.checks.consequences import WITHHELD_BEYOND, Contradiction, doubted
-from pipelines.measure.fits.flight_fit import slow_error_whitening
-from pipelines.measure.fits.impact import disc_contact
+from pipelines.measure.flight_fit import slow_error_whitening
+from pipelines.measure.impact import disc_contact
 from pipelines.measure.inputs import QuantityName, in_pixels
 from pipelines.report import Check, CheckKind, CheckOutcome
 from vision.tracks import MotionKind, Track, Tracks

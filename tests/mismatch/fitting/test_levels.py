@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from mismatch.candidates import candidates_for
 from mismatch.fitting.hypotheses import EXPECTED, Hypothesis, fit_hypothesis
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import own_values, scatter_evidence
-from mismatch.model.candidates import candidates_for
-from mismatch.model.forward import Forward, Model, OwnStrength
+from mismatch.forward import Forward, Model, OwnStrength
 from mismatch.records.records import BallModel, Baseline, CampaignRecords, Trial
 from mismatch.verdict import Doubt, pass_gate
 from physics.effects import CATALOGUE, Effect, Level

@@ -7,8 +7,8 @@ from scipy.integrate import solve_ivp
 
 from bench.real.made import STRING, write_swings
 from metrology import UsageError
+from pipelines.explain.campaign import load_campaign
 from pipelines.explain.command import explain_files_in_full
-from pipelines.explain.io import load_campaign
 from pipelines.setup.file import load_setup
 
 

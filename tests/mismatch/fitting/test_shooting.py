@@ -9,7 +9,7 @@ from bench.real.made import CART, STRING, write_swings
 from mismatch.fitting.fit import Ending, fit_model, free_parameters, seen_swings
 from mismatch.fitting.prepare import Prepared, prepare
 from physics.effects import CATALOGUE
-from pipelines.explain.io import baseline_from_setup, load_campaign
+from pipelines.explain.campaign import baseline_from_setup, load_campaign
 from pipelines.setup.file import load_setup
 
 LOSSES = ("bearing_friction", "viscous_damping", "pendulum_drag")

@@ -5,7 +5,7 @@ import pytest
 
 from metrology import UsageError
 from mismatch.records.records import CampaignRecords, Trial
-from mismatch.records.sanity import without_odd_trials
+from mismatch.sanity import without_odd_trials
 
 TIME = np.arange(60) / 120.0
 NONE = np.zeros(0)

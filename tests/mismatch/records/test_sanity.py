@@ -5,9 +5,9 @@ import pytest
 from scipy.special import ellipk
 
 from metrology import UsageError
-from mismatch.model.forward import Forward
+from mismatch.forward import Forward
 from mismatch.records.records import Baseline, CampaignRecords, Trial, lay_out
-from mismatch.records.sanity import keeps_time, refuse_nonsense
+from mismatch.sanity import keeps_time, refuse_nonsense
 from physics.bodies import PAPER_PENDULUM
 
 RATE = np.sqrt(

@@ -5,7 +5,7 @@ import pytest
 
 from mismatch.fitting.prepare import prepare
 from mismatch.records.records import SIGNIFICANT, fit_spectrum, shared_deviance
-from mismatch.records.sanity import dropped_in_each
+from mismatch.sanity import dropped_in_each
 from tests.mismatch.synthetic import struck_campaign
 
 

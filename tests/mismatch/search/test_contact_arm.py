@@ -3,11 +3,11 @@
 import json
 
 from bench.concealed.foreign import convert
+from mismatch.candidates import candidates_for
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import scan
-from mismatch.model.candidates import candidates_for
 from physics.effects import CATALOGUE
-from pipelines.explain.io import baseline_from_setup, load_campaign
+from pipelines.explain.campaign import baseline_from_setup, load_campaign
 from pipelines.setup.file import load_setup
 from tests.shared_data import shared_folder
 

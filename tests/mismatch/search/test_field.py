@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mismatch import explain
+from mismatch.candidates import candidates_for
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import scan
-from mismatch.model.candidates import candidates_for
 from mismatch.search.unnamed import KNOTS, Drift, Field, SmoothCurve, TorqueField
 from physics.effects import Coordinate, Effect, FlightState, Parameter
 from physics.effects.impact import change_restitution

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from mismatch.candidates import Candidate
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import scan
-from mismatch.model.candidates import Candidate
-from mismatch.model.forward import Model, batch_terms
+from mismatch.forward import Model, batch_terms
 from mismatch.search.naming import missing_force
 from physics.effects import CATALOGUE, Effect, Parameter
 from tests.mismatch.synthetic import struck_campaign

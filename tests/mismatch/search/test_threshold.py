@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from mismatch.candidates import candidates_for
 from mismatch.explain import explain
 from mismatch.fitting.hypotheses import null_threshold
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import scan
-from mismatch.model.candidates import candidates_for
 from mismatch.records.records import BallModel, Baseline, CampaignRecords, Trial
-from mismatch.records.sanity import dropped_in_each
+from mismatch.sanity import dropped_in_each
 from mismatch.search.naming import name_effects
 from physics.effects import CATALOGUE
 from tests.mismatch.synthetic import struck_campaign

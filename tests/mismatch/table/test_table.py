@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from metrology import SetupError, TooLittleDataError, UsageError
-from mismatch.model.forward import Model
+from mismatch.forward import Model
 from mismatch.table.explain import explain_table
 from mismatch.table.table import TrialTable, table_forward
 from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT
 from physics.effects import CATALOGUE
 from physics.forward import Experiment, time_resolved_landing
 from physics.restitution import ConstantCor
-from pipelines.explain.io import baseline_for_balls
+from pipelines.explain.campaign import baseline_for_balls
 from pipelines.paper import printed
 from pipelines.paper.audit import constant_law, measured_speeds
 from pipelines.setup.file import read_setup

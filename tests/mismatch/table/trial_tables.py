@@ -12,7 +12,7 @@ from physics.domain import FloatArray
 from physics.flight import land_many
 from physics.forward import Experiment, ball_state
 from physics.swing import frictionless_speed
-from pipelines.explain.io import baseline_for_balls
+from pipelines.explain.campaign import baseline_for_balls
 from pipelines.setup.file import read_setup
 
 SETUP = """

@@ -32,7 +32,7 @@ from pipelines.calibrate.wizard.answers import (
     point_from,
     rate_from,
 )
-from pipelines.calibrate.wizard.page.drawing import (
+from pipelines.calibrate.wizard.drawing import (
     grid_lines,
     handles,
     marks,

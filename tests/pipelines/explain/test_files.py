@@ -9,8 +9,8 @@ import typer
 from typer.testing import CliRunner
 
 from metrology import TooLittleDataError, UsageError
+from pipelines.explain.campaign import load_campaign
 from pipelines.explain.command import explain_command
-from pipelines.explain.io import load_campaign
 from pipelines.explain.run import explain_files
 from pipelines.setup.file import read_setup
 from tests.mismatch.synthetic import thrown_campaign
@@ -175,8 +175,8 @@ def test_a_clock_that_stands_still_is_refused(tmp_path):
 
 
 def test_a_campaign_of_any_size_is_thinned_to_what_can_be_fitted(tmp_path, monkeypatch):
-    monkeypatch.setattr("pipelines.explain.io.MOST_SAMPLES", 100)
-    monkeypatch.setattr("pipelines.explain.io.MOST_TRIALS", 5)
+    monkeypatch.setattr("pipelines.explain.campaign.MOST_SAMPLES", 100)
+    monkeypatch.setattr("pipelines.explain.campaign.MOST_TRIALS", 5)
     ball = tmp_path / "ball.csv"
     rows = [f"{trial},{k / 10},{k}" for trial in range(10) for k in range(60)]
     ball.write_text("trial,t_s,x_m\n" + "\n".join(rows) + "\n")

@@ -5,7 +5,7 @@ import json
 import pytest
 from typer.testing import CliRunner
 
-from mismatch.model.forward import Model
+from mismatch.forward import Model
 from mismatch.table.explain import explain_table
 from physics.effects import CATALOGUE
 from pipelines.cli import app

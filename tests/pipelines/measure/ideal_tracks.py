@@ -8,7 +8,7 @@ import numpy as np
 from physics.bodies import BALLS
 from pipelines.measure.metres import MetricTracks
 from sample_videos import Scene, Shot, default_scene, staged
-from sample_videos.renderer.bodies import pivot
+from sample_videos.bodies import pivot
 
 __all__ = ["Noise", "ideal_tracks", "known_stroke"]
 

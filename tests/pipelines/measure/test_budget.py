@@ -18,7 +18,7 @@ from pipelines.measure.budget import (
     systematic_budget,
     values_after_move,
 )
-from pipelines.measure.fits.impact import find_impact
+from pipelines.measure.impact import find_impact
 from pipelines.measure.inputs import gather_inputs
 from pipelines.measure.metres import BallScale
 from pipelines.setup.file import Setup

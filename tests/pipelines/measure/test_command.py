@@ -17,7 +17,7 @@ from pipelines.cli import app
 from pipelines.measure.budget import Propagation
 from pipelines.measure.chain import MeasureOptions
 from pipelines.measure.checks.consequences import LEAST_POWER
-from pipelines.measure.fits.impact import disc_contact
+from pipelines.measure.impact import disc_contact
 from pipelines.measure.measurement import ClipMeasurement
 from pipelines.setup.file import read_setup
 from tests.shared_data import shared_folder

@@ -14,7 +14,7 @@ from pipelines.measure.fits.contact_fit import (
     gap_before,
     touch_times,
 )
-from pipelines.measure.fits.impact import find_impact
+from pipelines.measure.impact import find_impact
 from pipelines.measure.inputs import gather_inputs
 from pipelines.setup.file import Setup
 from tests.pipelines.measure.ideal_tracks import Noise, ideal_tracks, known_stroke

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from metrology import NoFitError, TooLittleDataError
 from metrology.least_squares import fit
-from pipelines.measure.fits.flight_fit import FlightPriors, fit_flight, fit_swing
+from pipelines.measure.flight_fit import FlightPriors, fit_flight, fit_swing
 
 FloatArray = NDArray[np.float64]
 

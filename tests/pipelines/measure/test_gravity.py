@@ -2,7 +2,7 @@
 
 import pytest
 
-from pipelines.measure.checks.gravity import contradicts_gravity
+from pipelines.measure.gravity import contradicts_gravity
 
 G = 9.81
 

@@ -8,8 +8,8 @@ import pytest
 from metrology import NotFoundError
 from pipelines.measure.budget import DERIVED, derived_values, random_covariance
 from pipelines.measure.fits.contact_fit import fit_contact
-from pipelines.measure.fits.flight_fit import flight_end
-from pipelines.measure.fits.impact import (
+from pipelines.measure.flight_fit import flight_end
+from pipelines.measure.impact import (
     NEAR_SHARE,
     STEEL,
     departure,

@@ -7,7 +7,7 @@ import numpy as np
 
 from metrology import Contribution, Quantity, UncertaintySource
 from pipelines.measure.budget import DERIVED, systematic_budget
-from pipelines.measure.fits.impact import find_impact
+from pipelines.measure.impact import find_impact
 from pipelines.measure.inputs import gather_inputs
 from pipelines.measure.results import Evaluated, reading_on_wall
 from pipelines.setup.file import Setup

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from tests.vision.ball.painted import GAMMA, exposed, wall, with_ball
-from vision.ball.outline.edges import Cutouts, EdgeProfile
+from vision.ball.edges import Cutouts, EdgeProfile
 from vision.ball.outline.outline import (
     FitRules,
     OutlineFits,

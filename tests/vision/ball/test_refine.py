@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from vision.ball.outline.refine import _evenly, _lowest, _Refiner, _unrest
+from vision.ball.refine import _evenly, _lowest, _Refiner, _unrest
 
 FRAMES = 20
 

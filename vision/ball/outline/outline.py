@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from metrology.compiled import compiled
 from vision.ball.circles import find_circles
-from vision.ball.outline.edges import Cutouts, EdgeProfile
+from vision.ball.edges import Cutouts, EdgeProfile
 from vision.scene.scene import FilmedScene, Window
 from vision.workers import side_by_side
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from metrology import UncertaintySource
 from pipelines.calibrate.wizard.answers import STEPS
-from pipelines.calibrate.wizard.page.drawing import (
+from pipelines.calibrate.wizard.drawing import (
     STYLE,
     Places,
     grid_lines,

@@ -28,7 +28,7 @@ from pipelines.calibrate.wizard.answers import (
     pitch_from,
     rate_from,
 )
-from pipelines.calibrate.wizard.page.drawing import (
+from pipelines.calibrate.wizard.drawing import (
     LABELS,
     RAMP,
     Place,

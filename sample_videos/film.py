@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.camera import Camera, Lens, rotation_matrix
-from sample_videos.renderer.actors import Actor, BallPose, RoundActor, SolidActor
-from sample_videos.renderer.bodies import (
+from sample_videos.bodies import (
     PixelGrid,
     Solid,
     Window,
@@ -25,9 +24,10 @@ from sample_videos.renderer.bodies import (
     scale_solids,
     swing_rotation,
 )
-from sample_videos.renderer.stage import Panorama, Stage, build_stage, window_of
+from sample_videos.renderer.actors import Actor, BallPose, RoundActor, SolidActor
 from sample_videos.scene import BallLook, Lamp, Lighting, LooseBall, Scene, Sensor
 from sample_videos.shot import SceneMotion
+from sample_videos.stage import Panorama, Stage, build_stage, window_of
 
 __all__ = ["Film"]
 

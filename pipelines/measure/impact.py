@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from metrology import MeasurementError, NotFoundError
 from physics.contact import contact_time_bound
 from pipelines.measure.fits.contact_fit import ContactFit, ImpactView, face_speeds, fit_contact
-from pipelines.measure.fits.flight_fit import (
+from pipelines.measure.flight_fit import (
     LONGEST_CONTACT_S,
     FlightFit,
     FlightPriors,

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr, logsumexp
 
-from mismatch.model.candidates import Candidate, start_values
-from mismatch.model.forward import Model
+from mismatch.candidates import Candidate, start_values
+from mismatch.forward import Model
 from mismatch.records.records import Scatter
 from mismatch.table.table import (
     LEAST_TRIALS,

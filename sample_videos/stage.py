@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from calib.camera import Camera, Lens
-from sample_videos.renderer.bodies import (
+from sample_videos.bodies import (
     PixelGrid,
     Solid,
     Window,

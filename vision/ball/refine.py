@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.ball.ball import SMALL_RADIUS, BallFits, trusted_rows
-from vision.ball.outline.edges import Cutouts, CutPlaces, EdgeProfile, Hides, cut_out, ring_widths
+from vision.ball.edges import Cutouts, CutPlaces, EdgeProfile, Hides, cut_out, ring_widths
 from vision.ball.outline.outline import (
     FitRules,
     OutlineFits,

@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 
 from metrology import UsageError
-from mismatch.model.forward import Forward, Model
+from mismatch.forward import Forward, Model
 from mismatch.search.unnamed import Bump, Magnet, smooth_fields, unnamed_laws
 from physics.effects import (
     CATALOGUE,
