@@ -13,7 +13,7 @@ import numpy as np
 
 from calib.calibration import BallOutlines, Evidence, FreeFall, Known
 from calib.camera import Camera, Lens
-from calib.grid.grid import WallGrid, find_wall_grid
+from calib.grid import WallGrid, find_wall_grid
 from calib.lens import Board, calibrate_lens, find_board
 from calib.solve import calibrate
 from metrology import CalibrationError

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from calib.calibration import Calibration, Evidence
 from calib.camera import Camera
-from calib.grid.grid import find_wall_grid
+from calib.grid import find_wall_grid
 from calib.solve import PRINCIPAL_STD, calibrate
 from metrology import CalibrationError
 from tests.calib.synthetic import rendered, some_camera

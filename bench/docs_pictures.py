@@ -18,11 +18,11 @@ from PIL import Image
 
 from metrology.quantity import format_quantity
 from pipelines.measure.chain import MeasureOptions, measure_clip
-from pipelines.measure.pictures import overlay_marks, report_input
+from pipelines.measure.files import overlay_marks, report_input
 from pipelines.report.plots import STYLE, panels_of, write_plot
 from pipelines.setup.file import load_setup
 from vision.clip.clip import ClipReader
-from vision.overlay.overlay import overlay_still
+from vision.overlay import overlay_still
 
 ROOT = Path(__file__).parents[1]
 CLIP = ROOT / "sample_videos" / "clips" / "basketball_60.mp4"

@@ -17,8 +17,7 @@ from physics.bodies import JOKKU, PAPER_PENDULUM, PAPER_SUPPORT
 from physics.contact import contact_outcomes
 from physics.effects import Term, effect_named
 from physics.flight import fly, land_many
-from physics.forward import Experiment
-from physics.inversion import RangeInputs, monte_carlo_cor
+from physics.forward import Experiment, RangeInputs, monte_carlo_cor
 
 MODEL = Experiment(JOKKU).flight.with_terms(Term(effect_named("magnus"), {"spin": -20.0}))
 START = np.array([0.0, 0.42, 0.0, 6.2, 1.3, 0.1])

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from calib.camera import Camera, Lens
-from calib.grid.grid import WallGrid
-from calib.grid.spectrum import GridMap
+from calib.grid import GridMap, WallGrid
 from calib.lens import LensPrior
 from metrology import CalibrationError
 
@@ -34,9 +33,9 @@ BALL_ERROR_PX, MASS_ERROR_PX, CROSSING_ERROR_PX = 0.05, 0.15, 0.3
 HIDDEN_SHARE = 0.3
 """Share of the wall that pendulum, stand and ball hide: supposed, as in the rendered scenes."""
 LEAST_CROSSINGS = 12
-"""Crossings, as `calib.grid.grid.LEAST_NODES` asks for."""
+"""Crossings, as `calib.grid.LEAST_NODES` asks for."""
 LEAST_PITCH_PX = 3.0
-"""px: above the 2.5 px where lines may fold over (`calib.grid.grid.LEAST_PERIOD`), below what the
+"""px: above the 2.5 px where lines may fold over (`calib.grid.LEAST_PERIOD`), below what the
 search is sure to find."""
 FULL_WELL, READ_NOISE, GAMMA, WALL_SHARE = 9000.0, 18.0, 2.2, 0.66
 """Electrons of a small sensor's pixel, and where a well exposed wall lies on its scale."""

@@ -33,7 +33,7 @@ from calib.calibration import (
     plausible,
 )
 from calib.camera import Lens
-from calib.grid.grid import WallGrid
+from calib.grid import WallGrid
 from calib.lens import LensPrior
 from metrology import CalibrationError, UncertaintySource
 

@@ -1,19 +1,26 @@
-"""The door to compiled loops: numba, kept on disk, free of the interpreter's lock.
+"""What makes loops quick: a compiler behind a door, and work shared out to the processor's cores.
 
-Loading the compiler takes a quarter of a second, so it is loaded when the first loop runs. A loop
-is compiled at its first use after an install and read from disk from then on. What that first use
-costs is kept low: a loop that only others call is compiled as a part of them, without a way in from
-Python, once for each type of its arguments; and code is optimised as far as makes it run faster,
-which for loops over some tens of pixels is not far.
+Compiled loops are numba's, kept on disk, free of the interpreter's lock. Loading the compiler takes
+a quarter of a second, so it is loaded when the first loop runs. A loop is compiled at its first use
+after an install and read from disk from then on. What that first use costs is kept low: a loop that
+only others call is compiled as a part of them, without a way in from Python, once for each type of
+its arguments; and code is optimised as far as makes it run faster, which for loops over some tens
+of pixels is not far.
 """
 
-from collections.abc import Callable, Iterator
+import os
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cached_property, update_wrapper
 from threading import RLock
 from typing import Any, TypeVar, cast
 
-__all__ = ["compiled"]
+__all__ = [
+    "compiled",
+    "side_by_side",
+]
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
@@ -96,3 +103,40 @@ def _lightly_optimised() -> Iterator[None]:
         yield
     finally:
         config.OPT, config.LOOP_VECTORIZE = level, vectors
+
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+_MOST_WORKERS = 4
+"""Processes at most: a clip gives no work to more."""
+_AHEAD = 2
+
+
+def side_by_side(work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
+    """Do the same work on many things, a few at a time.
+
+    Parameters
+    ----------
+    work : callable
+        What to do with one of them; it must not change what the others use.
+    items : iterable
+        The things; only as many are taken ahead as keep the workers busy.
+
+    Yields
+    ------
+    Result
+        In the order of the items.
+    """
+    count = min(_MOST_WORKERS, os.cpu_count() or 1)
+    if count == 1:
+        yield from map(work, items)
+        return
+    waiting: deque[Future[Result]] = deque()
+    with ThreadPoolExecutor(count) as pool:
+        for item in items:
+            waiting.append(pool.submit(work, item))
+            if len(waiting) > count * _AHEAD:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()

@@ -1,7 +1,7 @@
 """Where simulation and recording differ, what was left out, and how the new model does."""
 
 from mismatch.explain import Explained, Options, explain, explain_in_full
-from mismatch.records.records import (
+from mismatch.records import (
     BallModel,
     Baseline,
     CampaignRecords,

@@ -20,7 +20,7 @@ from mismatch.fitting.hypotheses import LOOSE_LAWS, POOR_FIT, Hypothesis
 from mismatch.fitting.prepare import Prepared, prepare
 from mismatch.fitting.scan import own_values, robust_spread, scan
 from mismatch.forward import OUTSIDE, Forward
-from mismatch.records.records import Baseline, CampaignRecords
+from mismatch.records import Baseline, CampaignRecords
 from mismatch.sanity import refuse_nonsense, without_odd_trials
 from mismatch.search.locate import (
     locate,

@@ -12,7 +12,7 @@ from typing import Literal, TypeAlias, TypeVar
 
 import numpy as np
 
-from mismatch.records.records import COLUMNS, Baseline, Records
+from mismatch.records import COLUMNS, Baseline, Records
 from physics.domain import FloatArray
 from physics.effects import (
     CameraView,

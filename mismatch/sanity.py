@@ -28,7 +28,7 @@ from mismatch.fitting.fit import (
 from mismatch.fitting.hypotheses import POOR_FIT
 from mismatch.fitting.prepare import Prepared, prepare
 from mismatch.forward import OUTSIDE, Forward
-from mismatch.records.records import CampaignRecords, Trial
+from mismatch.records import CampaignRecords, Trial
 from physics.domain import FloatArray, Number
 from physics.effects import CATALOGUE, Values
 from physics.effects.measurement import DroppedFrames

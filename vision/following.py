@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology import NotFoundError
+from metrology.compiled import side_by_side
 from vision.ball.ball import BallFits, follow_ball
 from vision.ball.choice import (
     BallPath,
@@ -21,13 +22,20 @@ from vision.ball.choice import (
 )
 from vision.ball.circles import Circles, find_circles
 from vision.ball.refine import refine_ball
-from vision.ball.rest import Rest, find_rest
 from vision.clip.footage import Footage
 from vision.motion import motion_of
 from vision.pendulum.search import Striker, find_striker, pendulum_track
-from vision.scene.scene import FilmedScene
-from vision.tracks import FollowedObject, MotionKind, MotionModel, PendulumTrack, Track, Tracks
-from vision.workers import side_by_side
+from vision.scene import FilmedScene
+from vision.tracks import (
+    FollowedObject,
+    MotionKind,
+    MotionModel,
+    PendulumTrack,
+    Rest,
+    Track,
+    Tracks,
+    find_rest,
+)
 
 if TYPE_CHECKING:
     from vision.clip.clip import ClipReader

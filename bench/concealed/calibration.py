@@ -13,7 +13,7 @@ from bench.concealed.score import Judgement
 from bench.concealed.statistics import Proportion, brier_score, calibration_error, wilson
 from metrology import written_whole
 from mismatch.explain import CATALOGUE_TRUST, GROUP_TRUST
-from pipelines.figures import Picture
+from pipelines.report.plots import Picture
 
 __all__ = [
     "Claim",

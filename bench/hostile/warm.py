@@ -19,7 +19,7 @@ def load_commands() -> None:
         "openpyxl",
         "pint",
         "scipy.optimize",
-        "pipelines.explain.run",
+        "pipelines.explain.campaign",
         "pipelines.api.explained",
         "pipelines.campaign.conduct",
         "pipelines.measure.chain",

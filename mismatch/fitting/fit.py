@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mismatch.forward import NUISANCES, Forward, Model, batch_terms
-from mismatch.records.records import Records
+from mismatch.records import Records
 from physics.domain import FloatArray
 from physics.effects import Effect, Level, Parameter
 from physics.integrator import Trajectory, integrate

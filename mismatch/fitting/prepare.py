@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from metrology import TooLittleDataError
 from mismatch.fitting.fit import PIECE_STEPS, Fit, fit_model, seen_swings
 from mismatch.forward import Forward, Mode, Model
-from mismatch.records.records import (
+from mismatch.records import (
     Baseline,
     CampaignRecords,
     Noise,

@@ -11,7 +11,7 @@ from mismatch.fitting.fit import Fit, fit_model, spread_laws
 from mismatch.fitting.hypotheses import Hypothesis
 from mismatch.fitting.prepare import Prepared
 from mismatch.forward import Forward
-from mismatch.records.records import CampaignRecords, whiteness
+from mismatch.records import CampaignRecords, whiteness
 from mismatch.verdict import Location, Remainder
 from physics.domain import FloatArray
 from physics.effects import Effect, EffectId, FlightState, SwingState, Values

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any, cast
 from metrology import UsageError
 from mismatch import EngineVerdict as Answer
 from mismatch import Explained
-from mismatch.table.explain import TableExplained
+from mismatch.trial_table import TableExplained
 from physics.effects import Effect
 from pipelines.api.quantities import SetupLike, setup_from
+from pipelines.explain.campaign import explain_files_in_full, explain_table_file
 from pipelines.explain.report import figure_of, verdict_html, write_explain_report
-from pipelines.explain.run import explain_files_in_full, explain_table_file
 from pipelines.explain.tabular import TableLike
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from pipelines.figures import Picture
+    from pipelines.report.plots import Picture
 
 __all__ = ["Verdict", "explain"]
 

@@ -32,13 +32,17 @@ from pipelines.calibrate.command import find_unattended, session_of
 from pipelines.calibrate.wizard.session import Session, setup_text
 from pipelines.measure import measurement as chain
 from pipelines.measure.chain import measure_clip
-from pipelines.measure.files import harmless, measurement_as_dict, measurement_as_row
-from pipelines.measure.pictures import overlay_marks, report_input
-from pipelines.measure.track_table import track_covariance, tracks_as_frame
+from pipelines.measure.files import (
+    harmless,
+    measurement_as_dict,
+    measurement_as_row,
+    overlay_marks,
+    report_input,
+)
+from pipelines.measure.measurement import track_covariance, tracks_as_frame
 from pipelines.model.options import angle_of
 from pipelines.render import NOISE, RenderOptions, parse_size, planned_scene
-from pipelines.report.notebook import results_html
-from pipelines.report.page import write_report
+from pipelines.report.page import results_html, write_report
 from pipelines.report.plots import plots_figure
 from pipelines.setup.file import Setup, read_setup
 from sample_videos import Truth, render_clip
@@ -46,7 +50,7 @@ from vision.clip.clip import ClipReader
 from vision.clip.clip import ClipReader as Recording
 from vision.clip.footage import choose_capture_rate
 from vision.clip.picture import ClipInfo, GrayImage
-from vision.overlay.overlay import write_overlay
+from vision.overlay import write_overlay
 from vision.tracks import Motion
 
 if TYPE_CHECKING:
@@ -54,7 +58,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-    from pipelines.figures import Picture
+    from pipelines.report.plots import Picture
 
 __all__ = ["CalibratedClip", "Clip", "Measurement", "calibrate", "measure", "render"]
 

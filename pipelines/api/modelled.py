@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from metrology import Quantity, measurands, read_number
 from physics.air import PAPER_AIR, SUBCRITICAL_DRAG
 from physics.bodies import GRAVITY
-from physics.inversion import RangeInputs, cor_from_range
+from physics.forward import RangeInputs, cor_from_range
 from pipelines.api.quantities import (
     Given,
     Quantities,
@@ -20,16 +20,15 @@ from pipelines.api.quantities import (
     setup_from,
 )
 from pipelines.model.options import added_effects, angle_of, asked, scatter_of
-from pipelines.model.plan import plan as plan_strike
-from pipelines.model.plan import planned_figure
-from pipelines.model.simulate import flights_figure
+from pipelines.model.simulate import flights_figure, planned_figure
+from pipelines.model.simulate import plan as plan_strike
 from pipelines.model.simulate import simulate as simulate_strike
-from pipelines.report.notebook import results_html
+from pipelines.report.page import results_html
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from pipelines.figures import Picture
+    from pipelines.report.plots import Picture
 
 __all__ = ["ModelResult", "cor", "plan", "simulate"]
 

@@ -23,7 +23,7 @@ from pipelines.measure.budget import Propagation
 from pipelines.measure.chain import MeasureOptions
 from pipelines.measure.files import column_of, harmless
 from pipelines.report.inputs import quantity_label, quantity_text
-from pipelines.report.notebook import results_html
+from pipelines.report.page import results_html
 from pipelines.setup.file import Setup, load_setup
 
 if TYPE_CHECKING:

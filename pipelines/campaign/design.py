@@ -27,7 +27,7 @@ from physics.swing import frictionless_speed
 from pipelines.campaign.ledger import Ledger
 from pipelines.campaign.results import ClipResult, clip_results
 from pipelines.model.options import asked, scatter_of, setup_or_default
-from pipelines.model.plan import plan_command
+from pipelines.model.simulate import plan_command
 from pipelines.options import CorLawOption, NamedBallOption, SetupFileOption
 from pipelines.setup.rig import Rig, rig_of
 from pipelines.terminal import DefaultCommandGroup, screen

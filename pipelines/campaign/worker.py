@@ -201,11 +201,10 @@ def _measured(request: Request) -> dict[str, Any]:
     from metrology.files import written_whole
     from pipelines.api.quantities import measure_options
     from pipelines.measure.chain import measure_clip
-    from pipelines.measure.files import measurement_as_dict
-    from pipelines.measure.pictures import overlay_marks
-    from pipelines.measure.track_table import tracks_as_csv
+    from pipelines.measure.files import measurement_as_dict, overlay_marks
+    from pipelines.measure.measurement import tracks_as_csv
     from vision.clip.clip import ClipReader
-    from vision.overlay.overlay import overlay_still
+    from vision.overlay import overlay_still
 
     options = measure_options(
         request.setup, request.fps, request.ball, request.wall_grid, request.ball_at

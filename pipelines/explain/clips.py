@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from metrology import ClipError, Defaults, MeasurementError, NotFoundError, UsageError
 from mismatch import EngineVerdict
-from mismatch.records.records import CampaignRecords, Trial
+from mismatch.records import CampaignRecords, Trial
 from mismatch.verdict import DOUBTED, Doubt, NamedEffect
 from physics.bodies import GRAVITY, PAPER_PENDULUM, PAPER_SUPPORT, Pendulum
 from pipelines.explain.tabular import numbers_of, read_sheet

@@ -14,10 +14,10 @@ import typer
 
 from metrology import UsageError, write_text_whole
 from mismatch import Explained
-from mismatch.table.explain import TableExplained
+from mismatch.trial_table import TableExplained
 from physics.effects import CATALOGUE, Effect
 from pipelines.doors import FileRole
-from pipelines.explain.run import (
+from pipelines.explain.campaign import (
     explain_clips,
     explain_files_in_full,
     explain_table_file,

@@ -31,12 +31,11 @@ from mismatch.forward import Forward
 from mismatch.search.locate import flight_state, swing_state
 from mismatch.search.naming import missing_force
 from mismatch.search.unnamed import Drift
-from mismatch.table.explain import TableExplained
-from mismatch.trial_table import Answer
+from mismatch.trial_table import Answer, TableExplained
 from mismatch.verdict import NamedEffect
 from physics.domain import FloatArray, Vector
 from physics.effects import Coordinate, Effect, EffectId, FlightState, Values
-from pipelines.figures import Picture
+from pipelines.report.plots import Picture
 
 __all__ = [
     "draw_explained",

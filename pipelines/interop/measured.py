@@ -25,7 +25,7 @@ from pipelines.interop.external import (
     Program,
     as_track_table,
 )
-from pipelines.interop.projects import kinovea_annotations, read_kva
+from pipelines.interop.projects import kinovea_annotations, read_kva, read_trk, tracker_project
 from pipelines.interop.tables import (
     HDF5_SUFFIXES,
     TABLE_SUFFIXES,
@@ -35,7 +35,6 @@ from pipelines.interop.tables import (
     keep_columns,
     read_table_of_tracks,
 )
-from pipelines.interop.tracker import read_trk, tracker_project
 from pipelines.measure.chain import (
     FollowedClip,
     MeasureOptions,
@@ -43,18 +42,16 @@ from pipelines.measure.chain import (
     measurement_of,
 )
 from pipelines.measure.inputs import Inputs, gather_inputs
-from pipelines.measure.measurement import ClipMeasurement
+from pipelines.measure.measurement import ClipMeasurement, tracks_as_frame
 from pipelines.measure.metres import centre_of_arc
-from pipelines.measure.track_table import tracks_as_frame
 from pipelines.setup.file import load_setup
 from pipelines.terminal import screen
-from vision.ball.rest import find_rest
 from vision.clip.clip import ClipReader
 from vision.clip.footage import choose_capture_rate
 from vision.clip.picture import ClipInfo
 from vision.motion import motion_of
-from vision.scene.background import estimate_background
-from vision.tracks import Face, MotionKind, PendulumTrack, Track, Tracks
+from vision.scene import estimate_background
+from vision.tracks import Face, MotionKind, PendulumTrack, Track, Tracks, find_rest
 from vision.tracks import FollowedObject as FollowedObject
 
 __all__ = [

@@ -28,7 +28,7 @@ from pipelines.interop.external import (
     Program,
     read_bytes,
 )
-from pipelines.interop.tracker import CORNER_PX
+from pipelines.interop.projects import CORNER_PX
 from pipelines.terminal import screen
 
 __all__ = [

@@ -19,15 +19,21 @@ from numpy.typing import NDArray
 from calib.calibration import Calibration
 from metrology import Contribution, Defaults, MeasurementError, UncertaintySource
 from physics.bodies import Pendulum
-from pipelines.measure.checks.consequences import (
+from pipelines.measure.checks import (
     OTHER_SPEEDS,
     gravity_share,
     speed_by_pendulum,
     speed_per_frame,
 )
-from pipelines.measure.fits.contact_fit import ImpactView, arm_along_bar, touch_times
 from pipelines.measure.flight_fit import FlightFit, SwingFit
-from pipelines.measure.impact import Impact, find_impact, moved_impact
+from pipelines.measure.impact import (
+    Impact,
+    ImpactView,
+    arm_along_bar,
+    find_impact,
+    moved_impact,
+    touch_times,
+)
 from pipelines.measure.inputs import Inputs
 from pipelines.measure.metres import MetricTracks
 from vision.clip.footage import CaptureRate

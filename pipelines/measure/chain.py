@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.calibration import Calibration, ContradictionError
-from calib.grid.grid import WallGrid
+from calib.grid import WallGrid
 from calib.solve import FOCAL_OVER_WIDTH, Solved
 from metrology import CalibrationError, MeasurementError, UncertaintySource
 from pipelines.cache import Cache, clip_digest
@@ -40,7 +40,7 @@ from pipelines.measure.metres import (
     calibrate_clip,
     tracks_in_metres,
 )
-from pipelines.measure.motions.measured import (
+from pipelines.measure.motions import (
     Mapping,
     MotionScene,
     PlaneScale,

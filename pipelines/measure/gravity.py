@@ -14,7 +14,7 @@ from calib.calibration import Known
 from calib.solve import SeenFall
 from metrology import Contribution, MeasurementError, Quantity, UncertaintySource
 from pipelines.measure.budget import DERIVED, ClipConditions
-from pipelines.measure.checks.consequences import LEAST_POWER
+from pipelines.measure.checks import LEAST_POWER
 from pipelines.measure.impact import find_impact
 from pipelines.measure.metres import CameraMapping, tracks_in_metres
 from pipelines.report import Check, CheckKind, CheckOutcome

@@ -1,19 +1,35 @@
-"""The result of one clip: quantities, checks and warnings, and what the pictures are drawn from."""
+"""The result of one clip: quantities, checks and warnings, and what the pictures are drawn from.
 
+Tracks as a table: pixels, and metres and angles where a scale is known.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
 
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
 from calib.calibration import Calibration
-from calib.grid.grid import WallGrid
-from metrology import Quantity
+from calib.grid import WallGrid
+from metrology import NotFoundError, Quantity
 from pipelines.measure.impact import Impact
 from pipelines.measure.inputs import QUANTITY_UNITS
+from pipelines.measure.metres import CameraMapping, MetricTracks
 from pipelines.report import Check
 from pipelines.setup.rig import RigNumber
 from vision.clip.footage import CaptureRate
 from vision.clip.picture import ClipInfo
-from vision.tracks import Motion, Tracks
+from vision.tracks import Motion, Track, Tracks
 
-__all__ = ["QUANTITY_UNITS", "ClipMeasurement"]
+__all__ = [
+    "QUANTITY_UNITS",
+    "TRACK_COLUMNS",
+    "ClipMeasurement",
+    "track_covariance",
+    "tracks_as_csv",
+    "tracks_as_frame",
+]
 
 
 @dataclass(frozen=True)
@@ -65,3 +81,141 @@ class ClipMeasurement:
     def quantity(self, name: str) -> Quantity:
         """The quantity of that name."""
         return next(item for item in self.quantities if item.name == name)
+
+
+BALL, PENDULUM = "ball", "pendulum"
+
+"""Objects of a track table, as its files spell them."""
+
+FloatArray = NDArray[np.float64]
+
+Metric = tuple[FloatArray, FloatArray]
+
+"""Positions (N, 2), x right along the wall and y up, m; and their covariances (N, 2, 2), m²."""
+
+TRACK_COLUMNS = (
+    "frame", "t_s", "object", "x_px", "y_px", "x_px_std", "y_px_std",
+    "x_m", "y_m", "x_m_std", "y_m_std", "radius_px", "phi_rad", "phi_rad_std",
+)  # fmt: skip
+
+_HALF_PX = 0.5
+
+
+def tracks_as_frame(measured: ClipMeasurement) -> pd.DataFrame:
+    """All tracks, one row per object and frame; the columns are `TRACK_COLUMNS`.
+
+    `x_m` is to the right along the wall, `y_m` up; `phi_rad` is 0 at the lowest point of the
+    swing, positive towards the ball. Empty where no scale, or no angle, is known. A row's standard
+    uncertainties are noise and slow errors along the track; what all rows of a clip share (scale,
+    where the pivot is: up to a degree or so of the angle) is in the budgets of the quantities.
+    """
+    parts = []
+    for name, track in _objects(measured).items():
+        part = _rows(name, track, _in_metres(measured, name, track))
+        if name == PENDULUM:
+            part["phi_rad"], part["phi_rad_std"] = _angles(measured)
+        parts.append(part)
+    kept = [part for part in parts if len(part)] or parts[:1]
+    table = pd.concat(kept, ignore_index=True).reindex(columns=list(TRACK_COLUMNS))
+    return table.astype({"phi_rad": float, "phi_rad_std": float})
+
+
+def tracks_as_csv(measured: ClipMeasurement) -> str:
+    """Track CSV of the contract."""
+    # eight digits: a hundredth of a pixel of a 4K picture, and more than any track is good for
+    return tracks_as_frame(measured).to_csv(index=False, lineterminator="\n", float_format="%.8g")
+
+
+def track_covariance(measured: ClipMeasurement, name: str, *, metres: bool = True) -> FloatArray:
+    """Covariances (N, 2, 2) of an object's rows in `tracks_as_frame`, m² or px².
+
+    Raises
+    ------
+    NotFoundError
+        If there is no such object, or no scale for metres.
+    """
+    objects = _objects(measured)
+    if name not in objects:
+        raise NotFoundError(
+            f"there is no track of {name}", hint=f"There are: {', '.join(objects)}."
+        )
+    if not metres:
+        return objects[name].covariance_px2
+    metric = _in_metres(measured, name, objects[name])
+    if metric is None:
+        raise NotFoundError(
+            f"no scale is known for {name}", hint="Its covariance in px² is there: metres=False."
+        )
+    return metric[1]
+
+
+def _objects(measured: ClipMeasurement) -> dict[str, Track]:
+    tracks = measured.tracks
+    named = {BALL: tracks.ball}
+    if tracks.pendulum is not None:
+        named[PENDULUM] = tracks.pendulum.track
+    return named | {f"ball_{k}": other.track for k, other in enumerate(tracks.others, start=2)}
+
+
+def _in_metres(measured: ClipMeasurement, name: str, track: Track) -> Metric | None:
+    """Positions and covariances, through the camera or by the ball's own size."""
+    ballistic = name != PENDULUM
+    if measured.calibration is not None:
+        mapping = CameraMapping(measured.calibration)
+        if ballistic:
+            return mapping.ball(track.centre_px, track.covariance_px2)
+        return mapping.point(track.centre_px), _carried(mapping.point, track)
+    metric = _scaled_by_the_ball(measured)
+    if metric is None or name != BALL:
+        return None
+    flip = np.array([metric.direction, 1.0])
+    return metric.ball_m * flip, metric.ball_cov_m2 * np.outer(flip, flip)
+
+
+def _carried(point: Callable[[FloatArray], FloatArray], track: Track) -> FloatArray:
+    """Covariances carried from pixels to metres by the local scale."""
+    steps = _HALF_PX * np.eye(2)
+    slope = np.stack(
+        [point(track.centre_px + step) - point(track.centre_px - step) for step in steps], axis=-1
+    )
+    return np.asarray(slope @ track.covariance_px2 @ np.swapaxes(slope, -1, -2))
+
+
+def _scaled_by_the_ball(measured: ClipMeasurement) -> MetricTracks | None:
+    """Metric tracks of a clip without a wall grid; None where nothing gave a scale."""
+    if measured.impact is None or not measured.quantity("ball_speed").known:
+        return None
+    return measured.impact.tracks
+
+
+def _angles(measured: ClipMeasurement) -> tuple[FloatArray, FloatArray]:
+    """The pendulum's angle and its standard uncertainty, rad."""
+    pendulum = measured.tracks.pendulum
+    assert pendulum is not None
+    if measured.impact is not None and len(measured.impact.tracks.swing_rad):
+        metric = measured.impact.tracks
+        return metric.swing_rad, metric.swing_std_rad
+    return pendulum.angle_rad, pendulum.angle_std_rad
+
+
+def _rows(name: str, track: Track, metric: Metric | None) -> pd.DataFrame:
+    std = np.sqrt(np.diagonal(track.covariance_px2, axis1=1, axis2=2))
+    position = std_m = np.full((len(track), 2), np.nan)
+    if metric is not None:
+        position, std_m = metric[0], np.sqrt(np.diagonal(metric[1], axis1=1, axis2=2))
+    return pd.DataFrame(
+        {
+            "frame": track.frame,
+            "t_s": track.time_s,
+            "object": name,
+            "x_px": track.centre_px[:, 0],
+            "y_px": track.centre_px[:, 1],
+            "x_px_std": std[:, 0],
+            "y_px_std": std[:, 1],
+            "x_m": position[:, 0],
+            "y_m": position[:, 1],
+            "x_m_std": std_m[:, 0],
+            "y_m_std": std_m[:, 1],
+            "radius_px": track.radius_px,
+        }
+    )

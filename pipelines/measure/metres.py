@@ -12,7 +12,7 @@ import scipy
 from numpy.typing import NDArray
 
 from calib.calibration import BallOutlines, Calibration, Evidence, Known
-from calib.grid.grid import find_wall_grid
+from calib.grid import find_wall_grid
 from calib.lens import LensPrior, read_lens
 from calib.solve import Solved, solve
 from metrology import NotFoundError

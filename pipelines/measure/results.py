@@ -12,15 +12,16 @@ from scipy.special import ndtr, ndtri
 from calib.calibration import Calibration
 from metrology import Contribution, Quantity, UncertaintySource
 from pipelines.measure.budget import DERIVED, ClipConditions, merged
-from pipelines.measure.checks.ball_size import BallSize, ball_size
-from pipelines.measure.checks.consequences import (
+from pipelines.measure.checks import (
     COR,
     FLIGHT,
     OTHER_SPEEDS,
     PENDULUM,
     RATE_AND_SCALE,
+    BallSize,
     Contradiction,
     SpeedsAgree,
+    ball_size,
     contact_doubted,
     doubted,
     speeds_agree,
@@ -34,7 +35,7 @@ from pipelines.measure.gravity import (
 from pipelines.measure.impact import UNSEEN_HALF_CONTACT_STD_S, Impact, disc_contact
 from pipelines.measure.inputs import QUANTITY_UNITS, Inputs, QuantityName, kinds_of
 from pipelines.measure.metres import RADIUS_STD_PX, MetricTracks
-from pipelines.measure.motions.measured import MotionResults
+from pipelines.measure.motions import MotionResults
 from pipelines.report import Check, CheckKind, CheckOutcome
 from vision.tracks import MotionKind, Tracks
 

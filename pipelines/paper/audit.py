@@ -5,13 +5,18 @@ The paper's four conclusions on Eq. 17, and its speeds against a frictionless sw
 Table 5: which unsaid things could explain its 16 simulated distances, and which could not.
 
 Impact speeds that the paper measured but does not print, and its Eqs 26 and 27.
+
+What the paper prints: Tables 2 to 10, digit by digit (the number of digits matters).
+
+One cell of the audit: print, ours, difference, verdict and why.
 """
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cache, partial
 from pathlib import Path
+from typing import Literal, TypeAlias
 
 import numpy as np
 from scipy.optimize import brentq, least_squares
@@ -19,42 +24,236 @@ from scipy.optimize import brentq, least_squares
 from physics.air import PAPER_AIR, moist_air_density, moist_air_viscosity
 from physics.bodies import BALLS, PAPER_PENDULUM, PAPER_SUPPORT, Ball
 from physics.contact import ContactOutcome, contact_outcomes, external_impulse
-from physics.cor_fit import CorFit, compare_cor_fits
 from physics.domain import FloatArray
 from physics.flight import land_many
 from physics.forward import (
     Experiment,
+    RangeInputs,
     ball_state,
+    cor_from_range,
     impulsive_launch,
     numerical_landing,
     paper_impact,
+    sensitivities,
     speed_for_distance,
 )
-from physics.inversion import RangeInputs, cor_from_range, sensitivities
-from physics.restitution import ConstantCor, CorLaw, ExponentialCor
+from physics.restitution import ConstantCor, CorFit, CorLaw, ExponentialCor, compare_cor_fits
 from physics.swing import backswing_for_speed, frictionless_speed
 from pipelines.model.simulate import BLUE, ORANGE, saved_figure
-from pipelines.paper import printed
-from pipelines.paper.printed import TABLE_6, Cell, half_digit, judged
 
 __all__ = [
     "ALLOWANCE",
+    "BACKSWINGS_DEG",
     "EFFECTIVE_MASS",
+    "TABLE_5",
+    "TABLE_5_PERCENT",
+    "TABLE_6",
+    "TABLE_7",
+    "TABLE_8",
+    "TABLE_9",
+    "TABLE_10",
+    "TABLE_10_PERCENT",
+    "WANTED_DISTANCES",
+    "WANTED_IMPULSES",
+    "Cell",
     "Explanation",
+    "Verdict",
+    "as_rows",
     "audit",
     "backswing_by_rational",
     "conclusions",
     "constant_law",
     "contact_candidate",
     "draw_sensitivities",
+    "half_digit",
     "implied_fits",
     "investigate",
+    "judged",
     "law_of",
     "measured_speeds",
     "speed_by_rational",
     "speed_for",
     "swing_checks",
 ]
+
+BACKSWINGS_DEG = (30, 60, 90, 120)
+
+"""deg: the settings of Tables 5 to 8."""
+
+TABLE_5 = {
+    "jokku": {
+        "variable": ("0.5148", "1.198", "1.808", "2.341"),
+        "constant": ("0.5234", "1.236", "1.881", "2.481"),
+        "experiment": ("0.5181", "1.1893", "1.7932", "2.3603"),
+    },
+    "basketball": {
+        "variable": ("0.5701", "1.339", "2.063", "2.732"),
+        "constant": ("0.5764", "1.375", "2.139", "2.861"),
+        "experiment": ("0.5688", "1.3354", "2.0716", "2.7500"),
+    },
+}
+
+TABLE_5_PERCENT = {
+    "jokku": {
+        "variable": ("-0.6409", "0.7348", "0.8235", "-0.8196"),
+        "constant": ("1.0189", "3.9300", "4.8943", "5.1118"),
+    },
+    "basketball": {
+        "variable": ("0.2219", "0.2731", "-0.4149", "-0.6555"),
+        "constant": ("1.3294", "2.9690", "3.2538", "4.0353"),
+    },
+}
+
+TABLE_6 = {
+    "jokku": {
+        "variable": ("0.6510", "1.3197", "1.8267", "2.2155"),
+        "constant": ("0.6614", "1.3574", "1.8926", "2.3059"),
+    },
+    "basketball": {
+        "variable": ("1.0771", "2.2774", "3.1908", "3.8927"),
+        "constant": ("1.0896", "2.3280", "3.2826", "4.0213"),
+    },
+}
+
+WANTED_IMPULSES = {"jokku": (1.0, 1.4, 1.8, 2.2), "basketball": (1.5, 2.5, 3.5, 3.8)}
+
+"""N s: the columns of Table 7."""
+
+TABLE_7 = {
+    "jokku": {
+        "variable": ("1.740", "2.449", "3.166", "3.888"),
+        "constant": ("1.698", "2.378", "3.057", "3.736"),
+    },
+    "basketball": {
+        "variable": ("1.451", "2.436", "3.432", "3.732"),
+        "constant": ("1.427", "2.370", "3.329", "3.614"),
+    },
+}
+
+TABLE_8 = {
+    "jokku": {
+        "variable": ("45.78", "64.73", "88.58", "118.95"),
+        "constant": ("44.73", "62.35", "84.94", "112.47"),
+    },
+    "basketball": {
+        "variable": ("40.76", "67.31", "103.38", "116.19"),
+        "constant": ("40.14", "65.39", "99.00", "111.17"),
+    },
+}
+
+WANTED_DISTANCES = {
+    "jokku": (1.0, 1.4, 1.8, 2.2, 2.5),
+    "basketball": (1.0, 1.4, 1.8, 2.2, 2.8),
+}
+
+"""m: the columns of Table 9."""
+
+TABLE_9 = {
+    "jokku": ("52.64", "69.16", "89.36", "111.62", "129.81"),
+    "basketball": ("49.01", "65.05", "81.88", "99.61", "128.90"),
+}
+
+TABLE_10 = {
+    "jokku": ("1.0024", "1.4055", "1.8068", "2.2082", "2.5183"),
+    "basketball": ("1.0029", "1.4067", "1.8076", "2.2096", "2.8178"),
+}
+
+TABLE_10_PERCENT = {
+    "jokku": ("0.2432", "0.3569", "0.3765", "0.3704", "0.7319"),
+    "basketball": ("0.2852", "0.4765", "0.4247", "0.4376", "0.6362"),
+}
+
+Verdict: TypeAlias = Literal[
+    "reproduced",
+    "rounding",
+    "slip in print",
+    "not reproducible from what is printed",
+]
+
+_BEYOND: Verdict = "not reproducible from what is printed"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A printed number beside ours.
+
+    Attributes
+    ----------
+    table : int
+    row, column : str
+    printed, ours, difference : float
+        In the table's unit; the difference is ours minus print.
+    verdict : Verdict
+    note : str
+    """
+
+    table: int
+    row: str
+    column: str
+    printed: float
+    ours: float
+    difference: float
+    verdict: Verdict
+    note: str
+
+
+def half_digit(text: str) -> float:
+    """Half a unit of the last printed digit."""
+    _, _, decimals = text.partition(".")
+    return float(0.5 * 10.0 ** -len(decimals))
+
+
+def judged(
+    table: int,
+    row: str,
+    column: str,
+    printed: str,
+    ours: float,
+    *,
+    input_rounding: float = 0.0,
+    beyond: Verdict = _BEYOND,
+    note: str = "",
+    within: str = "",
+) -> Cell:
+    """Judge a cell.
+
+    Parameters
+    ----------
+    table, row, column
+        Where it is.
+    printed : str
+        The digits as printed.
+    ours : float
+        Recomputed.
+    input_rounding : float
+        How far the printed inputs' own rounding can shift `ours`.
+    beyond : Verdict
+        Verdict where neither rounding explains the difference.
+    note, within : str
+        Why, where it is not explained; and what to say where it is.
+    """
+    difference = ours - float(printed)
+    half = half_digit(printed)
+    verdict: Verdict
+    if abs(difference) <= half * (1.0 + 1e-9):
+        verdict, said = "reproduced", within
+    elif abs(difference) <= half + input_rounding:
+        verdict, said = "rounding", within or "within what the rounding of its inputs allows"
+    else:
+        verdict, said = beyond, note
+    return Cell(table, row, column, float(printed), ours, difference, verdict, said)
+
+
+def as_rows(cells: tuple[Cell, ...]) -> list[dict[str, object]]:
+    """The contract's JSON rows."""
+    rows = []
+    for cell in cells:
+        row = asdict(cell)
+        row["print"] = row.pop("printed")
+        keys = ("table", "row", "column", "print", "ours", "difference", "verdict", "note")
+        rows.append({key: row[key] for key in keys})
+    return rows
+
 
 EFFECTIVE_MASS = PAPER_PENDULUM.mass_at_contact
 
@@ -194,7 +393,7 @@ def _case(name: str, in_time: bool, data: str) -> _Case:
     rows = []
     for kind in KINDS if data == "simulated" else ("variable",):
         row = kind if data == "simulated" else "experiment"
-        target = np.array([float(text) for text in printed.TABLE_5[name][row]])
+        target = np.array([float(text) for text in TABLE_5[name][row]])
         rows.append((_launched(name, in_time, kind), target))
     return _Case(Experiment(BALLS[name]), tuple(rows))
 
@@ -423,7 +622,7 @@ def _table_3() -> Iterator[Cell]:
 
 
 def _columns(name: str) -> list[str]:
-    return [f"{angle} deg" for angle in printed.BACKSWINGS_DEG]
+    return [f"{angle} deg" for angle in BACKSWINGS_DEG]
 
 
 def _simulated(name: str, kind: str, speeds: FloatArray) -> FloatArray:
@@ -448,7 +647,7 @@ def _table_5() -> Iterator[Cell]:
                     5,
                     f"{name} {kind}",
                     column,
-                    printed.TABLE_5[name][kind][i],
+                    TABLE_5[name][kind][i],
                     float(ours[i]),
                     input_rounding=float(slope[i]) * 1e-4,
                     note=note,
@@ -457,10 +656,10 @@ def _table_5() -> Iterator[Cell]:
 
 def _table_5_percent() -> Iterator[Cell]:
     for name in BALLS:
-        measured = printed.TABLE_5[name]["experiment"]
+        measured = TABLE_5[name]["experiment"]
         for kind in KINDS:
             for i, column in enumerate(_columns(name)):
-                text, against = printed.TABLE_5[name][kind][i], measured[i]
+                text, against = TABLE_5[name][kind][i], measured[i]
                 yield _percent(5, f"{name} {kind}, %", column, text, against, name, kind, i)
 
 
@@ -473,7 +672,7 @@ def _percent(
         table,
         row,
         column,
-        printed.TABLE_5_PERCENT[name][kind][i],
+        TABLE_5_PERCENT[name][kind][i],
         100.0 * (simulated - measured) / measured,
         input_rounding=allowed,
         note="the two printed distances give another percentage",
@@ -491,7 +690,7 @@ def _table_6() -> Iterator[Cell]:
         speeds = measured_speeds(name)
         for kind in KINDS:
             for i, column in enumerate(_columns(name)):
-                text = printed.TABLE_6[name][kind][i]
+                text = TABLE_6[name][kind][i]
                 speed = float(speeds[i])
                 slope = (_impulse(name, kind, speed + 1e-4) - _impulse(name, kind, speed)) / 1e-4
                 yield judged(
@@ -509,14 +708,14 @@ def _table_6() -> Iterator[Cell]:
 def _table_6_rational() -> Iterator[Cell]:
     for name in BALLS:
         for kind in KINDS:
-            for i, angle in enumerate(printed.BACKSWINGS_DEG):
+            for i, angle in enumerate(BACKSWINGS_DEG):
                 speed = speed_by_rational(name, angle)
                 bound = abs(_impulse(name, kind, speed) / speed) * _rational_rounding(name, angle)
                 yield judged(
                     6,
                     f"{name} {kind}, speed by Eq. {EQUATION[name]}",
                     f"{angle} deg",
-                    printed.TABLE_6[name][kind][i],
+                    TABLE_6[name][kind][i],
                     _impulse(name, kind, speed),
                     input_rounding=bound,
                     note=f"the printed fit gives {speed:.4f} m/s, the table implies"
@@ -537,8 +736,8 @@ def _rational_rounding(name: str, angle: float) -> float:
 def _table_7() -> Iterator[Cell]:
     for name, ball in BALLS.items():
         for kind in KINDS:
-            for i, impulse in enumerate(printed.WANTED_IMPULSES[name]):
-                text = printed.TABLE_7[name][kind][i]
+            for i, impulse in enumerate(WANTED_IMPULSES[name]):
+                text = TABLE_7[name][kind][i]
                 ours = speed_for(ball, law_of(ball, kind), impulse)
                 slip = (name, kind, impulse) in SLIPS
                 yield judged(
@@ -559,7 +758,7 @@ def _table_7() -> Iterator[Cell]:
 def _table_8() -> Iterator[Cell]:
     for name, ball in BALLS.items():
         for kind in KINDS:
-            for i, impulse in enumerate(printed.WANTED_IMPULSES[name]):
+            for i, impulse in enumerate(WANTED_IMPULSES[name]):
                 speed = speed_for(ball, law_of(ball, kind), impulse)
                 angle = backswing_by_rational(name, speed)
                 slope = (speed_by_rational(name, angle + 0.1) - speed) / 0.1
@@ -567,7 +766,7 @@ def _table_8() -> Iterator[Cell]:
                     8,
                     f"{name} {kind}",
                     f"{impulse} N s",
-                    printed.TABLE_8[name][kind][i],
+                    TABLE_8[name][kind][i],
                     angle,
                     input_rounding=_rational_rounding(name, angle) / slope,
                     note="Eqs 9, 24 to 27 as printed; the fit of speed by back-swing was another",
@@ -577,13 +776,13 @@ def _table_8() -> Iterator[Cell]:
 def _table_9() -> Iterator[Cell]:
     for name, ball in BALLS.items():
         law = partial(_simulated, name, "variable")
-        for i, distance in enumerate(printed.WANTED_DISTANCES[name]):
+        for i, distance in enumerate(WANTED_DISTANCES[name]):
             speed = speed_for_distance(distance, law, 0.3, 12.0)
             yield judged(
                 9,
                 ball.name,
                 f"{distance} m",
-                printed.TABLE_9[name][i],
+                TABLE_9[name][i],
                 backswing_by_rational(name, speed),
                 note="rests on the simulation of Table 5 and on Eqs 26, 27, neither of which the"
                 " printed numbers reproduce",
@@ -592,13 +791,13 @@ def _table_9() -> Iterator[Cell]:
 
 def _table_10() -> Iterator[Cell]:
     for name in BALLS:
-        for i, distance in enumerate(printed.WANTED_DISTANCES[name]):
-            text = printed.TABLE_10[name][i]
+        for i, distance in enumerate(WANTED_DISTANCES[name]):
+            text = TABLE_10[name][i]
             yield judged(
                 10,
                 f"{name}, %",
                 f"{distance} m",
-                printed.TABLE_10_PERCENT[name][i],
+                TABLE_10_PERCENT[name][i],
                 100.0 * (float(text) - distance) / distance,
                 input_rounding=100.0 * half_digit(text) / distance,
                 beyond="slip in print",
@@ -673,7 +872,7 @@ def _point(name: str, index: int = 2) -> RangeInputs:
         ball,
         PAPER_SUPPORT,
         PAPER_AIR,
-        distance=float(printed.TABLE_5[name]["experiment"][index]),
+        distance=float(TABLE_5[name]["experiment"][index]),
         impact_speed=speed,
         contact_time=float(ball.contact_time(speed)),
         drag_coefficient=0.47,
@@ -711,7 +910,7 @@ def swing_checks() -> tuple[SwingCheck, ...]:
     """All measured speeds against the frictionless swing from the printed back-swing angle."""
     found = []
     for name, ball in BALLS.items():
-        for angle, speed in zip(printed.BACKSWINGS_DEG, measured_speeds(name), strict=True):
+        for angle, speed in zip(BACKSWINGS_DEG, measured_speeds(name), strict=True):
             limit = float(
                 frictionless_speed(PAPER_PENDULUM, math.radians(angle), ball.launch_angle)
             )
@@ -730,7 +929,7 @@ def implied_fits(name: str) -> tuple[CorFit, ...]:
     """
     ball, speeds = BALLS[name], measured_speeds(name)
     share = EFFECTIVE_MASS * ball.mass / (EFFECTIVE_MASS + ball.mass) * speeds
-    impulse = np.array([float(text) for text in printed.TABLE_6[name]["variable"]])
+    impulse = np.array([float(text) for text in TABLE_6[name]["variable"]])
     std = np.asarray(1e-4 / math.sqrt(12.0) / share)
     return compare_cor_fits(speeds, np.asarray(impulse / share - 1.0), std)
 

@@ -1,4 +1,7 @@
-"""Plots of one measurement: gap around contact, speeds, path on the wall, residuals."""
+"""Plots of one measurement: gap around contact, speeds, path on the wall, residuals.
+
+Figures that show themselves in a notebook and are written whole.
+"""
 
 import io
 from collections.abc import Callable
@@ -8,12 +11,54 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
-from metrology import UsageError
-from pipelines.figures import Picture, save_figure
+from metrology import UsageError, written_whole
 from pipelines.report.inputs import GapRecord, Moment, PathRecord, ReportInput, SpeedRecord
 
-__all__ = ["Panel", "panel_svg", "panels_of", "plots_figure", "write_plot"]
+__all__ = [
+    "Panel",
+    "Picture",
+    "panel_svg",
+    "panels_of",
+    "plots_figure",
+    "save_figure",
+    "write_plot",
+]
+
+_SUFFIXES = (".png", ".svg")
+
+
+class Picture(Figure):
+    """A matplotlib figure that a notebook shows without `pyplot`."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        FigureCanvasAgg(self)
+
+    def _repr_png_(self) -> bytes:
+        buffer = io.BytesIO()
+        self.savefig(buffer, format="png")
+        return buffer.getvalue()
+
+
+def save_figure(figure: Figure, path: Path, hint: str | None = None) -> None:
+    """Write a figure as .png or .svg, whole or not at all.
+
+    Raises
+    ------
+    UsageError
+        For another kind of file, or a folder that can't be written to.
+    """
+    kind = path.suffix.lower()
+    if kind not in _SUFFIXES:
+        raise UsageError(f"a plot is a .png or .svg file, not {path.name}", hint=hint)
+    # without a date the same figure is the same file
+    metadata: dict[str, Any] = {"Date": None} if kind == ".svg" else {}
+    with written_whole(path) as temporary:
+        figure.savefig(temporary, metadata=metadata)
+
 
 # Told apart with any colour vision (Okabe and Ito 2008).
 BLUE, ORANGE, GREEN, PINK, GRAY = "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#555555"

@@ -12,7 +12,7 @@ from nicegui import ui
 
 from metrology import UsageError
 from pipelines.calibrate.wizard.drawing import encoded
-from pipelines.calibrate.wizard.page.page import FIRST_URL, PICTURE_URL, WizardPage
+from pipelines.calibrate.wizard.page import FIRST_URL, PICTURE_URL, WizardPage
 from pipelines.calibrate.wizard.session import Session
 from pipelines.web.guard import Guard, Jobs
 

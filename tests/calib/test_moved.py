@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calib.camera import Camera, Lens
-from calib.grid.grid import find_wall_grid
+from calib.grid import find_wall_grid
 from calib.solve import camera_movement
 from metrology import CalibrationError
 from tests.calib.synthetic import rendered

@@ -8,8 +8,7 @@ import pytest
 
 from calib.calibration import PARAMETERS, BallOutlines, Calibration, Evidence, FreeFall, Known
 from calib.camera import Camera, Lens
-from calib.grid.grid import WallGrid
-from calib.grid.spectrum import GridMap
+from calib.grid import GridMap, WallGrid
 from calib.solve import LensPrior, calibrate
 from metrology import CalibrationError
 

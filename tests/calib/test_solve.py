@@ -7,8 +7,7 @@ import pytest
 
 from calib.calibration import BallOutlines, Calibration, Evidence, Known
 from calib.camera import Camera, Lens
-from calib.grid.grid import WallGrid
-from calib.grid.spectrum import GridMap
+from calib.grid import GridMap, WallGrid
 from calib.solve import LensPrior, SeenFall, Solved, solve
 from metrology import CalibrationError, UncertaintySource
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from calib.time_base import rate_from_blinking, rate_from_fall
 from metrology import CalibrationError
+from vision.clip.footage import rate_from_blinking, rate_from_fall
 
 
 def blinking(fps: float, hz: float, seed: int, noise: float = 8.0) -> np.ndarray:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from mismatch.forward import Forward, Model
-from mismatch.records.records import (
+from mismatch.records import (
     BallModel,
     Baseline,
     CampaignRecords,

@@ -9,7 +9,7 @@ from scipy.special import ellipj, ellipk
 from metrology import TooLittleDataError, UsageError
 from mismatch import CampaignRecords, Options, Trial, explain
 from mismatch.fitting.prepare import prepare
-from mismatch.records.records import Baseline
+from mismatch.records import Baseline
 from mismatch.sanity import without_odd_trials
 from physics.bodies import GRAVITY, PAPER_PENDULUM
 from physics.effects import CATALOGUE, Effect, Parameter

@@ -14,18 +14,19 @@ from metrology import UsageError
 from physics.bodies import BALLS
 from pipelines.paper import audit, draw_figures, paper_command
 from pipelines.paper.audit import (
+    TABLE_6,
+    Cell,
     Explanation,
     conclusions,
     investigate,
+    judged,
     law_of,
     measured_speeds,
     speed_by_rational,
     speed_for,
     swing_checks,
 )
-from pipelines.paper.command import filled, sections
-from pipelines.paper.figures import FIGURES
-from pipelines.paper.printed import TABLE_6, Cell, judged
+from pipelines.paper.command import FIGURES, filled, sections
 
 app = typer.Typer(pretty_exceptions_enable=False)
 app.command()(paper_command)

@@ -3,7 +3,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from vision.workers import side_by_side
+from metrology.compiled import side_by_side
 
 
 def test_results_come_in_the_order_of_the_items() -> None:

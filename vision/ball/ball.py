@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from vision.ball.choice import BallPath
 from vision.ball.edges import Cutouts, CutPlaces, EdgeProfile, cut_out, ring_widths
-from vision.ball.outline.outline import (
+from vision.ball.outline import (
     FitRules,
     OutlineFits,
     Start,
@@ -27,7 +27,7 @@ from vision.ball.outline.outline import (
 )
 from vision.ball.streaks import Sweep, swept_outlines
 from vision.motion import lawful_stretch
-from vision.scene.scene import FilmedScene
+from vision.scene import FilmedScene
 
 __all__ = [
     "SMALL_RADIUS",

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from metrology.compiled import compiled
 from vision.ball.circles import Circles
 from vision.motion import lawful_stretch
-from vision.scene.scene import FilmedScene
+from vision.scene import FilmedScene
 from vision.tracks import MotionModel
 
 __all__ = [
@@ -904,7 +904,7 @@ _STOOD_THERE = 0.2
 of what a ghost shows where a patchwork of thing and wall was taken for the scene, supposed."""
 
 _UNLIKE, _LIKE = 6.0, 3.0
-"""Standard deviations of noise, unlike and like: see `vision.scene.background`."""
+"""Standard deviations of noise, unlike and like: see `vision.scene`."""
 
 
 def lay_before(scene: FilmedScene, frame: IntArray, centre: FloatArray, radius: float) -> bool:

@@ -22,7 +22,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.scene.scene import FilmedScene, Window
+from vision.scene import FilmedScene, Window
 
 __all__ = [
     "TYPICAL_GAMMA",

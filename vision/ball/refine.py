@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from vision.ball.ball import SMALL_RADIUS, BallFits, trusted_rows
 from vision.ball.edges import Cutouts, CutPlaces, EdgeProfile, Hides, cut_out, ring_widths
-from vision.ball.outline.outline import (
+from vision.ball.outline import (
     FitRules,
     OutlineFits,
     Start,
@@ -16,7 +16,7 @@ from vision.ball.outline.outline import (
     joined,
     nothing_found,
 )
-from vision.scene.scene import FilmedScene
+from vision.scene import FilmedScene
 
 __all__ = ["Optics", "refine_ball"]
 

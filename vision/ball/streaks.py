@@ -18,8 +18,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.ball.outline.outline import OutlineFits, nothing_found
-from vision.scene.scene import FilmedScene, Window
+from vision.ball.outline import OutlineFits, nothing_found
+from vision.scene import FilmedScene, Window
 
 __all__ = ["Sweep", "Swept", "fit_sweep", "swept_outlines"]
 

@@ -26,10 +26,9 @@ from scipy.special import ndtr
 
 from vision.ball.ball import BallFits
 from vision.ball.edges import TYPICAL_GAMMA, Hides
-from vision.ball.rest import Rest
 from vision.pendulum.arc import Arc, Patch, Pose, sampled
-from vision.scene.scene import FilmedScene
-from vision.tracks import Face
+from vision.scene import FilmedScene
+from vision.tracks import Face, Rest
 
 __all__ = [
     "MassCandidate",
@@ -165,7 +164,7 @@ def find_mass(
     radius : float
         Ball radius, px.
     before : (H, W) float32 array
-        The scene before the strike (`vision.scene.scene.scene_before_strike`).
+        The scene before the strike (`vision.scene.scene_before_strike`).
     at : tuple of float, optional
         A point on the mass just before contact, px, where the user gave one.
 

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.ball.ball import BallFits
-from vision.ball.rest import Rest
 from vision.pendulum.arc import Arc, ImagedSwing, Patch, Pose, fit_arc, fit_imaged_swing, register
 from vision.pendulum.face import MassCandidate, MassPoses, Striking, striking
 from vision.pendulum.layer import (
@@ -26,7 +25,8 @@ from vision.pendulum.layer import (
     locate_along,
     registration_step,
 )
-from vision.scene.scene import FilmedScene
+from vision.scene import FilmedScene
+from vision.tracks import Rest
 
 __all__ = ["Follower", "Swinging", "follow_on", "follow_piece"]
 

@@ -20,12 +20,11 @@ from numpy.typing import NDArray
 
 from vision.ball.ball import BallFits
 from vision.ball.edges import TYPICAL_GAMMA
-from vision.ball.rest import Rest
 from vision.pendulum.arc import ImagedSwing
 from vision.pendulum.face import MassPoses, Striking, find_face, find_mass
 from vision.pendulum.pendulum import Follower, Swinging, follow_on, follow_piece
-from vision.scene.scene import FilmedScene, scene_before_strike
-from vision.tracks import Face, PendulumTrack, Track
+from vision.scene import FilmedScene, scene_before_strike
+from vision.tracks import Face, PendulumTrack, Rest, Track
 
 __all__ = ["Striker", "find_striker", "pendulum_track"]
 

@@ -20,8 +20,8 @@ from bench.concealed.filmed.scenes import FILMED, Filmed, Take, setup_text, take
 from bench.concealed.filmed.section import section
 from bench.concealed.run import Stop, run_until
 from metrology import ImpactVisionError, write_text_whole, written_whole
+from pipelines.explain.campaign import explain_campaign
 from pipelines.explain.clips import campaign_from_clips, clip_facts, with_rig
-from pipelines.explain.run import explain_campaign
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.measure.measurement import ClipMeasurement
 from pipelines.setup.file import load_setup

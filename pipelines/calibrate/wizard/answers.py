@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.calibration import Known
-from calib.grid.grid import WallGrid
+from calib.grid import WallGrid
 from calib.lens import Board, LensPrior, calibrate_lens, find_board, lens_toml, read_lens
 from metrology import (
     ClipError,

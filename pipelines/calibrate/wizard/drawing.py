@@ -16,8 +16,7 @@ from nicegui import ui
 from numpy.typing import NDArray
 
 from calib.calibration import Calibration
-from calib.grid.grid import WallGrid
-from calib.grid.spectrum import pixel_grid
+from calib.grid import WallGrid, pixel_grid
 from pipelines.calibrate.wizard.answers import Answers
 from pipelines.calibrate.wizard.session import Session, starting_corners
 from pipelines.web.guard import Jobs

@@ -25,8 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.calibration import BallOutlines, Calibration, Evidence, FreeFall, Known
-from calib.grid.grid import WallGrid, find_wall_grid
-from calib.grid.spectrum import GridMap, refitted
+from calib.grid import GridMap, WallGrid, find_wall_grid, refitted
 from calib.lens import FLOOR, NAMES
 from calib.solve import solve
 from metrology import (

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from calib.camera import Camera, Lens
-from calib.grid.grid import WallGrid, find_wall_grid, ranked
-from calib.grid.spectrum import GridMap, MapSupport
+from calib.grid import GridMap, MapSupport, WallGrid, find_wall_grid, ranked
 from metrology import CalibrationError
 from tests.calib.synthetic import line_grid, rendered, some_camera
 from tests.shared_data import shared_folder

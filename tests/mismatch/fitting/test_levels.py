@@ -11,7 +11,7 @@ from mismatch.fitting.hypotheses import EXPECTED, Hypothesis, fit_hypothesis
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import own_values, scatter_evidence
 from mismatch.forward import Forward, Model, OwnStrength
-from mismatch.records.records import BallModel, Baseline, CampaignRecords, Trial
+from mismatch.records import BallModel, Baseline, CampaignRecords, Trial
 from mismatch.verdict import Doubt, pass_gate
 from physics.effects import CATALOGUE, Effect, Level
 from physics.effects.base import Form

@@ -8,7 +8,7 @@ import pytest
 from mismatch.fitting.fit import Linearised, priors, reduce, solve
 from mismatch.fitting.scan import marginal_by_trial, price, scatter_evidence
 from mismatch.forward import Model
-from mismatch.records.records import Scatter
+from mismatch.records import Scatter
 
 TRIALS, ROWS, OWN, SHARED = 5, 9, 2, 3
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from metrology import UsageError
-from mismatch.records.records import CampaignRecords, Trial
+from mismatch.records import CampaignRecords, Trial
 from mismatch.sanity import without_odd_trials
 
 TIME = np.arange(60) / 120.0

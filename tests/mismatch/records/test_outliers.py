@@ -6,7 +6,7 @@ import numpy as np
 
 from mismatch.explain import explain
 from mismatch.fitting.prepare import prepare
-from mismatch.records.records import CampaignRecords
+from mismatch.records import CampaignRecords
 from tests.mismatch.synthetic import struck_campaign
 
 

@@ -6,7 +6,7 @@ from scipy.special import ellipk
 
 from metrology import UsageError
 from mismatch.forward import Forward
-from mismatch.records.records import Baseline, CampaignRecords, Trial, lay_out
+from mismatch.records import Baseline, CampaignRecords, Trial, lay_out
 from mismatch.sanity import keeps_time, refuse_nonsense
 from physics.bodies import PAPER_PENDULUM
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mismatch.fitting.prepare import prepare
-from mismatch.records.records import SIGNIFICANT, fit_spectrum, shared_deviance
+from mismatch.records import SIGNIFICANT, fit_spectrum, shared_deviance
 from mismatch.sanity import dropped_in_each
 from tests.mismatch.synthetic import struck_campaign
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mismatch.explain import explain
-from mismatch.records.records import CampaignRecords
+from mismatch.records import CampaignRecords
 from tests.mismatch.synthetic import struck_campaign
 
 

@@ -8,7 +8,7 @@ from mismatch.explain import explain
 from mismatch.fitting.hypotheses import null_threshold
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import scan
-from mismatch.records.records import BallModel, Baseline, CampaignRecords, Trial
+from mismatch.records import BallModel, Baseline, CampaignRecords, Trial
 from mismatch.sanity import dropped_in_each
 from mismatch.search.naming import name_effects
 from physics.effects import CATALOGUE

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from metrology import UsageError
-from mismatch.table.table import TrialTable
+from mismatch.trial_table import TrialTable
 
 
 def _table(values: float, std: float) -> TrialTable:

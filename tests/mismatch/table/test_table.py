@@ -7,15 +7,13 @@ import pytest
 
 from metrology import SetupError, TooLittleDataError, UsageError
 from mismatch.forward import Model
-from mismatch.table.explain import explain_table
-from mismatch.table.table import TrialTable, table_forward
+from mismatch.trial_table import TrialTable, explain_table, table_forward
 from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT
 from physics.effects import CATALOGUE
 from physics.forward import Experiment, time_resolved_landing
 from physics.restitution import ConstantCor
 from pipelines.explain.campaign import baseline_for_balls
-from pipelines.paper import printed
-from pipelines.paper.audit import constant_law, measured_speeds
+from pipelines.paper.audit import BACKSWINGS_DEG, TABLE_5, constant_law, measured_speeds
 from pipelines.setup.file import read_setup
 from tests.mismatch.table.trial_tables import BALLS, SETUP, lab, simulated_table
 
@@ -77,8 +75,8 @@ def _table_5(kind: str) -> TrialTable:
     names = [ball for ball in BALLS for _ in range(4)]
     values = np.full((8, 3), np.nan)
     values[:, 0] = np.concatenate([measured_speeds(ball) for ball in BALLS])
-    values[:, 2] = [float(text) for ball in BALLS for text in printed.TABLE_5[ball][kind]]
-    angle = np.deg2rad(np.tile(printed.BACKSWINGS_DEG, 2))
+    values[:, 2] = [float(text) for ball in BALLS for text in TABLE_5[ball][kind]]
+    angle = np.deg2rad(np.tile(BACKSWINGS_DEG, 2))
     return TrialTable(
         tuple(str(k) for k in range(1, 9)), tuple(names), values, np.full((8, 3), np.nan), angle
     )

@@ -4,8 +4,8 @@ from functools import cache
 
 import numpy as np
 
-from mismatch.records.records import Baseline
-from mismatch.table.table import TrialTable
+from mismatch.records import Baseline
+from mismatch.trial_table import TrialTable
 from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT, Ball
 from physics.contact import contact_outcomes
 from physics.domain import FloatArray

@@ -3,8 +3,7 @@ import pytest
 
 from metrology import DomainError, TooLittleDataError
 from physics.bodies import JOKKU
-from physics.cor_fit import compare_cor_fits, fit_cor
-from physics.restitution import ConstantCor, PowerLawCor
+from physics.restitution import ConstantCor, PowerLawCor, compare_cor_fits, fit_cor
 
 SPEEDS = np.linspace(0.5, 6.0, 12)
 

@@ -10,7 +10,7 @@ from physics.air import PAPER_AIR
 from physics.bodies import BALLS, BASKETBALL, JOKKU, PAPER_PENDULUM, PAPER_SUPPORT
 from physics.contact import impact
 from physics.flight import Launch, land
-from physics.inversion import (
+from physics.forward import (
     RangeInputs,
     cor_from_range,
     impact_speed_from_range,

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-import pipelines.batch as batch
+import pipelines.measure.commands as batch
 from metrology import UsageError
-from pipelines.batch import Done, Folder, Job, files_of, measure_all
 from pipelines.cli import app
 from pipelines.measure.chain import MeasureOptions
+from pipelines.measure.commands import Done, Folder, Job, files_of, measure_all
 from pipelines.measure.files import WantedFiles
 
 

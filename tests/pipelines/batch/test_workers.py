@@ -7,7 +7,7 @@ import time
 import pytest
 
 from metrology import UsageError
-from pipelines.batch import WorkerDied, run_tasks
+from pipelines.measure.commands import WorkerDied, run_tasks
 
 
 def _work(task: str) -> str:

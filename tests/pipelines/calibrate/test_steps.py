@@ -11,10 +11,11 @@ import pytest
 
 from calib.calibration import Known
 from calib.camera import Camera, Lens
-from calib.grid.grid import WallGrid
+from calib.grid import WallGrid
 from calib.lens import FLOOR, Board, LensPrior, read_lens
 from calib.solve import camera_movement
 from metrology import CalibrationError, ClipError, SetupError, UsageError
+from pipelines.calibrate.command import Dialogue, ask_all
 from pipelines.calibrate.wizard.answers import (
     Answers,
     BallKind,
@@ -52,7 +53,6 @@ from pipelines.calibrate.wizard.session import (
     with_corners,
     with_grid,
 )
-from pipelines.calibrate.wizard.terminal import Dialogue, ask_all
 from pipelines.web.guard import Jobs
 from tests.calib.synthetic import rendered
 

@@ -9,9 +9,8 @@ import typer
 from typer.testing import CliRunner
 
 from metrology import TooLittleDataError, UsageError
-from pipelines.explain.campaign import load_campaign
+from pipelines.explain.campaign import explain_files, load_campaign
 from pipelines.explain.command import explain_command
-from pipelines.explain.run import explain_files
 from pipelines.setup.file import read_setup
 from tests.mismatch.synthetic import thrown_campaign
 

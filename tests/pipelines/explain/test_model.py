@@ -6,7 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from mismatch.forward import Model
-from mismatch.table.explain import explain_table
+from mismatch.trial_table import explain_table
 from physics.effects import CATALOGUE
 from pipelines.cli import app
 from pipelines.explain.command import improved_setup

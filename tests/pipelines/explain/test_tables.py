@@ -8,8 +8,8 @@ import typer
 from typer.testing import CliRunner
 
 from metrology import UsageError
+from pipelines.explain.campaign import is_trial_table, load_trial_table
 from pipelines.explain.command import explain_command
-from pipelines.explain.run import is_trial_table, load_trial_table
 from pipelines.setup.file import load_setup
 from tests.mismatch.table.trial_tables import SETUP, simulated_table
 

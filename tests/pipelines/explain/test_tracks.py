@@ -6,8 +6,8 @@ import pytest
 
 from metrology import UsageError
 from mismatch.verdict import DOUBTED, UNPROVED, Doubt
+from pipelines.explain.campaign import explain_files
 from pipelines.explain.clips import flight_rows, is_track_table, swing_rows
-from pipelines.explain.run import explain_files
 from pipelines.setup.file import read_setup
 
 TOUCH, RELEASE, PUSHED, LANDS = 0.1, 0.115, 0.04, 0.5

@@ -16,7 +16,7 @@ from metrology import ClipError, SetupError, UnitError, parse_quantity, parse_wi
 from pipelines.cli import app
 from pipelines.measure.budget import Propagation
 from pipelines.measure.chain import MeasureOptions
-from pipelines.measure.checks.consequences import LEAST_POWER
+from pipelines.measure.checks import LEAST_POWER
 from pipelines.measure.impact import disc_contact
 from pipelines.measure.measurement import ClipMeasurement
 from pipelines.setup.file import read_setup

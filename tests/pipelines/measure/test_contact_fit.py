@@ -6,15 +6,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pipelines.measure.fits.contact_fit import (
+from pipelines.measure.impact import (
     ImpactView,
     contact_pulse,
+    find_impact,
     fit_contact,
     gap_after,
     gap_before,
     touch_times,
 )
-from pipelines.measure.impact import find_impact
 from pipelines.measure.inputs import gather_inputs
 from pipelines.setup.file import Setup
 from tests.pipelines.measure.ideal_tracks import Noise, ideal_tracks, known_stroke

@@ -7,13 +7,13 @@ import pytest
 
 from metrology import NotFoundError
 from pipelines.measure.budget import DERIVED, derived_values, random_covariance
-from pipelines.measure.fits.contact_fit import fit_contact
 from pipelines.measure.flight_fit import flight_end
 from pipelines.measure.impact import (
     NEAR_SHARE,
     STEEL,
     departure,
     find_impact,
+    fit_contact,
     struck_again,
 )
 from pipelines.measure.inputs import gather_inputs

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from calib.calibration import Calibration
-from calib.grid.grid import WallGrid
+from calib.grid import WallGrid
 from calib.lens import LensPrior
 from calib.planning import planned_grid
 from calib.solve import calibrate

@@ -5,8 +5,8 @@ import pytest
 from metrology import Contribution, Quantity
 from physics.bodies import JOKKU, PAPER_PENDULUM, PAPER_SUPPORT
 from physics.contact import simulate_contact
-from pipelines.measure.checks.ball_size import ball_size
-from pipelines.measure.checks.consequences import (
+from pipelines.measure.checks import (
+    ball_size,
     contact_doubted,
     doubted,
     gravity_share,

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.grid.grid import WallGrid
+from calib.grid import WallGrid
 from calib.planning import planned_grid
 from pipelines.calibrate.plan import Filming, film_scene, planned_setup, planned_tracks
 from pipelines.measure import metres

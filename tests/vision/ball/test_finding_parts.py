@@ -6,10 +6,16 @@ import pytest
 from tests.vision.ball.painted import exposed, wall, with_ball
 from vision.ball.choice import BallPath, link_circles, untangled
 from vision.ball.circles import Circles, find_circles
-from vision.ball.rest import find_rest
 from vision.pendulum.arc import fit_arc
-from vision.scene.background import brightness, densest, estimate_background, sorted_stack
-from vision.scene.scene import Aligner, warp_to_scene
+from vision.scene import (
+    Aligner,
+    brightness,
+    densest,
+    estimate_background,
+    sorted_stack,
+    warp_to_scene,
+)
+from vision.tracks import find_rest
 
 
 def _film(places: list[tuple[float, float]], flicker: float = 0.0) -> list[np.ndarray]:

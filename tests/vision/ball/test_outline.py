@@ -3,7 +3,7 @@ import pytest
 
 from tests.vision.ball.painted import GAMMA, exposed, wall, with_ball
 from vision.ball.edges import Cutouts, EdgeProfile
-from vision.ball.outline.outline import (
+from vision.ball.outline import (
     FitRules,
     OutlineFits,
     Start,

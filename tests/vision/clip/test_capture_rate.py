@@ -6,9 +6,8 @@ import pytest
 
 from metrology import UsageError
 from tests.vision.clip.written_clips import moving_disc, write_clip
-from vision.clip.clip import ClipReader
+from vision.clip.clip import ClipReader, capture_fps_in_tags
 from vision.clip.footage import choose_capture_rate
-from vision.clip.video_file import capture_fps_in_tags
 
 
 @pytest.fixture

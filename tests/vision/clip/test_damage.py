@@ -8,8 +8,7 @@ import pytest
 
 from metrology import ClipError
 from tests.vision.clip.written_clips import moving_disc, scene, write_clip, write_sound
-from vision.clip.clip import ClipReader
-from vision.clip.video_file import VideoFile
+from vision.clip.clip import ClipReader, VideoFile
 
 KEYS_OFTEN = {"g": "5", "crf": "10", "bf": "0"}
 

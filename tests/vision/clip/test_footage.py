@@ -7,7 +7,7 @@ import pytest
 from vision.clip import footage
 from vision.clip.footage import Footage
 from vision.clip.picture import Frame
-from vision.scene.scene import FilmedScene
+from vision.scene import FilmedScene
 
 
 class LongClip:

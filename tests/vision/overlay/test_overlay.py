@@ -7,7 +7,7 @@ import pytest
 from metrology import ClipError, UsageError
 from tests.vision.clip.written_clips import HEIGHT, WIDTH, moving_disc, write_clip
 from vision.clip.clip import ClipReader
-from vision.overlay.overlay import OverlayMarks, overlay_still, png_bytes, write_overlay
+from vision.overlay import OverlayMarks, overlay_still, png_bytes, write_overlay
 from vision.tracks import Face, PendulumTrack, Track, Tracks
 
 BALL, PENDULUM, CONTACT, GRID = (0, 159, 230), (233, 180, 86), (0, 94, 213), (115, 158, 0)

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from tests.vision.ball.painted import PaintedClip, exposed, wall
 from vision.ball.ball import BallFits
-from vision.ball.outline.outline import nothing_found
-from vision.ball.rest import Rest
+from vision.ball.outline import nothing_found
 from vision.clip.footage import Footage
-from vision.scene.scene import FilmedScene
+from vision.scene import FilmedScene
+from vision.tracks import Rest
 
 FloatArray = NDArray[np.float64]
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from vision.ball.ball import BallFits
-from vision.ball.outline.outline import nothing_found
-from vision.ball.rest import Rest
+from vision.ball.outline import nothing_found
 from vision.pendulum.arc import Arc, Patch, Pose
 from vision.pendulum.face import MassPoses, Striking, restitution_px, striking
+from vision.tracks import Rest
 
 REST = Rest(0, 30, np.array([100.0, 200.0]), np.array([1.0, 0.0]), 1.5)
 PIVOT, ARM = np.array([90.0, 100.0]), 100.0

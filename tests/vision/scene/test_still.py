@@ -3,9 +3,9 @@
 import numpy as np
 
 from tests.vision.ball.painted import exposed, struck_ball, wall
-from vision.ball.rest import Rest
 from vision.clip.footage import Footage
-from vision.scene.scene import FilmedScene, scene_before_strike
+from vision.scene import FilmedScene, scene_before_strike
+from vision.tracks import Rest
 
 
 def test_a_thick_mass_that_hardly_moves_before_the_strike_is_no_part_of_the_scene() -> None:

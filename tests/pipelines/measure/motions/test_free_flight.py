@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.stats import binom
 
 from metrology import MeasurementError, TooLittleDataError
-from pipelines.measure.motions.measured import (
+from pipelines.measure.motions import (
     FlightFrames,
     FreeFlightPriors,
     fit_free_flight,

@@ -10,7 +10,7 @@ from scipy.special import ellipk
 from scipy.stats import binom
 
 from metrology import NotFoundError, TooLittleDataError
-from pipelines.measure.motions.measured import fit_collision, fit_free_swing
+from pipelines.measure.motions import fit_collision, fit_free_swing
 from vision.tracks import Track
 
 FloatArray = NDArray[np.float64]

@@ -5,6 +5,8 @@ Text on images, with the signs that uncertainties need (± ° ²), which OpenCV'
 What an overlay shows beside the tracks, as plain arrays and lines of text.
 
 One frame of the overlay: the picture enlarged, what was found in it, numbers below.
+
+The overlay video: every frame with what was found in it.
 """
 
 from collections.abc import Callable
@@ -23,10 +25,19 @@ from PIL import Image, ImageDraw, ImageFont
 
 from metrology import UsageError, written_whole
 from vision.clip.clip import ClipReader
-from vision.overlay import OVERLAY_SUFFIXES
 from vision.tracks import PendulumTrack, Track, Tracks
 
-__all__ = ["OVERLAY_SUFFIXES", "OverlayMarks", "overlay_still", "png_bytes", "write_overlay"]
+__all__ = [
+    "OVERLAY_SUFFIXES",
+    "OverlayMarks",
+    "overlay_still",
+    "png_bytes",
+    "write_overlay",
+]
+
+OVERLAY_SUFFIXES = (".mp4", ".mov", ".mkv")
+"""Kinds of file an overlay can be."""
+
 
 Colour = tuple[int, int, int]
 

@@ -30,11 +30,10 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from metrology.compiled import compiled
+from metrology.compiled import compiled, side_by_side
 from vision.ball.circles import find_circles
 from vision.ball.edges import Cutouts, EdgeProfile
-from vision.scene.scene import FilmedScene, Window
-from vision.workers import side_by_side
+from vision.scene import FilmedScene, Window
 
 __all__ = [
     "FitRules",

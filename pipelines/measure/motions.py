@@ -29,7 +29,7 @@ from metrology import (
     UncertaintySource,
 )
 from metrology.least_squares import Fitted, fit
-from pipelines.measure.checks.consequences import WITHHELD_BEYOND, Contradiction, doubted
+from pipelines.measure.checks import WITHHELD_BEYOND, Contradiction, doubted
 from pipelines.measure.flight_fit import slow_error_whitening
 from pipelines.measure.impact import disc_contact
 from pipelines.measure.inputs import QuantityName, in_pixels

@@ -1,1 +1,0 @@
-"""The wall grid: found by itself, at sub-pixel precision."""

@@ -1,1 +1,0 @@
-"""The forward model of all trials, with any set of effects."""

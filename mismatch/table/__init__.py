@@ -1,1 +1,0 @@
-"""Tables with a few numbers per trial."""

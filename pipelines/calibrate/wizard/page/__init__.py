@@ -1,1 +1,0 @@
-"""The wizard as a page in the browser."""

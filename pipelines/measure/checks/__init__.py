@@ -1,1 +1,0 @@
-"""What a measurement is held against, and what follows where it does not hold."""

@@ -1,1 +1,0 @@
-"""Fits of swing, contact and flight, and the checks beside them."""

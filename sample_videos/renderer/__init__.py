@@ -1,1 +1,0 @@
-"""The scene renderer: stage, light, bodies and sensor to pictures."""

@@ -1,1 +1,0 @@
-"""The sub-pixel outline of a ball against the known background."""
