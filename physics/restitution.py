@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Protocol, cast
 
-import lmfit
 import numpy as np
 from scipy.special import stdtrit
 
@@ -509,6 +508,8 @@ def _least_squares(
 ) -> Any:
     if len(x) < len(start):
         raise TooLittleDataError(f"{len(x)} points can't determine {len(start)} parameters")
+    import lmfit  # with pandas and matplotlib: a second that laws alone need not cost
+
     model = lmfit.Model(function)
     parameters = model.make_params(**start)
     return model.fit(

@@ -17,7 +17,6 @@ from pathlib import Path
 
 import av
 import cv2
-import matplotlib
 import numpy as np
 from av.error import FFmpegError
 from numpy.typing import NDArray
@@ -44,6 +43,8 @@ Colour = tuple[int, int, int]
 
 @cache
 def _font(size: int) -> ImageFont.FreeTypeFont:
+    import matplotlib
+
     # DejaVu Sans comes with matplotlib, so that text looks the same on every machine.
     path = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
     return ImageFont.truetype(str(path), size)

@@ -5,9 +5,9 @@ Tracks as a table: pixels, and metres and angles where a scale is known.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from calib.calibration import Calibration
@@ -21,6 +21,9 @@ from pipelines.setup.rig import RigNumber
 from vision.clip.footage import CaptureRate
 from vision.clip.picture import ClipInfo
 from vision.tracks import Motion, Track, Tracks
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = [
     "QUANTITY_UNITS",
@@ -101,7 +104,7 @@ TRACK_COLUMNS = (
 _HALF_PX = 0.5
 
 
-def tracks_as_frame(measured: ClipMeasurement) -> pd.DataFrame:
+def tracks_as_frame(measured: ClipMeasurement) -> "pd.DataFrame":
     """All tracks, one row per object and frame; the columns are `TRACK_COLUMNS`.
 
     `x_m` is to the right along the wall, `y_m` up; `phi_rad` is 0 at the lowest point of the
@@ -109,6 +112,8 @@ def tracks_as_frame(measured: ClipMeasurement) -> pd.DataFrame:
     uncertainties are noise and slow errors along the track; what all rows of a clip share (scale,
     where the pivot is: up to a degree or so of the angle) is in the budgets of the quantities.
     """
+    import pandas as pd
+
     parts = []
     for name, track in _objects(measured).items():
         part = _rows(name, track, _in_metres(measured, name, track))
@@ -198,7 +203,9 @@ def _angles(measured: ClipMeasurement) -> tuple[FloatArray, FloatArray]:
     return pendulum.angle_rad, pendulum.angle_std_rad
 
 
-def _rows(name: str, track: Track, metric: Metric | None) -> pd.DataFrame:
+def _rows(name: str, track: Track, metric: Metric | None) -> "pd.DataFrame":
+    import pandas as pd
+
     std = np.sqrt(np.diagonal(track.covariance_px2, axis1=1, axis2=2))
     position = std_m = np.full((len(track), 2), np.nan)
     if metric is not None:
