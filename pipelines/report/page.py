@@ -16,7 +16,6 @@ from PIL import Image
 from metrology import Contribution, Quantity, write_text_whole
 from metrology.quantity import format_pair, format_unit
 from pipelines.report.inputs import ReportInput, quantity_label, quantity_text
-from pipelines.report.plots import panel_svg, panels_of
 
 __all__ = [
     "report_html",
@@ -113,6 +112,8 @@ def report_html(report: ReportInput) -> str:
     str
         HTML with its pictures inside.
     """
+    from pipelines.report.plots import panel_svg, panels_of
+
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
