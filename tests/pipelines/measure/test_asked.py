@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib.grid.grid import WallGrid
+from calib.grid import WallGrid
 from calib.planning import planned_grid
 from metrology import Quantity
 from pipelines.calibrate.plan import Filming, film_scene, planned_setup, planned_tracks
@@ -19,7 +19,7 @@ from pipelines.measure.chain import (
     quantities_of,
 )
 from pipelines.measure.commands import CONTACT, COR, LANDING, LAUNCH
-from pipelines.measure.fits.flight_fit import FlightFit
+from pipelines.measure.flight_fit import FlightFit
 from pipelines.measure.inputs import gather_inputs
 from pipelines.measure.results import NOT_ASKED, needed
 from vision.clip.footage import CaptureRate, RateSource
