@@ -91,7 +91,7 @@ def _read_book(path: Path) -> object:
 
 
 def _read_samples(path: Path) -> object:
-    from pipelines.explain.io import load_campaign
+    from pipelines.explain.campaign import load_campaign
     from pipelines.setup.file import read_setup
 
     return load_campaign(path, None, read_setup(SETUP))
