@@ -1,6 +1,7 @@
 """From a clip to tracks without a click: static scene, what moved before it, ball, pendulum."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -112,8 +113,14 @@ def follow(
     _tell(progress, 0.6)
     rest = find_rest(rough.frame, rough.centre, float(np.median(rough.radius)))
     striker = None
-    if rest is not None and not choice.struck:
+    if rest is not None:
         striker = find_striker(scene, rest, rough, mass_at)
+    if choice.struck and striker is not None:
+        # a ball that came to the one that lay still may only pass by; what swings struck it
+        if mass_at is not None or striker.surely_struck:
+            choice = replace(choice, struck=False)
+        else:
+            striker = None
     _tell(progress, 0.8)
     fits = refine_ball(scene, rough, None if striker is None else striker.mass.hides)
     _tell(progress, 1.0)

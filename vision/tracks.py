@@ -287,6 +287,10 @@ _FEWEST = 3
 """Frames: a median of fewer does not leave out one that is wrong."""
 
 
+_SLOWEST_PX, _LONGEST = 1e-3, 500
+"""px per frame, and frames: below and beyond, a flight tells no time."""
+
+
 @dataclass(frozen=True)
 class Rest:
     """The ball lying still.
@@ -308,6 +312,14 @@ class Rest:
     centre_px: FloatArray
     direction: FloatArray
     speed_px: float
+
+    def frames_along(self, way_px: float, least: int = 1) -> int:
+        """In how many frames, at least so many, the ball flies a way.
+
+        A stretch of time that is told by how fast things go is the same stretch at any frame rate.
+        """
+        frames = way_px / max(self.speed_px, _SLOWEST_PX)
+        return max(least, round(min(frames, _LONGEST)))
 
 
 def find_rest(frame: IntArray, centre: FloatArray, radius: float) -> Rest | None:

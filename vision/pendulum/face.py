@@ -106,10 +106,10 @@ BoolArray = NDArray[np.bool_]
 
 FloatImage = NDArray[np.float32]
 
-_LOOK_BACK = 40
+_LOOK_BACK, _LEAST_LOOKS = 3.0, 12
 
-"""Frames before the strike that are looked at for a mass, supposed: it swings through some of its
-own widths in them."""
+"""Ball's radii of flight, and frames at least, that are looked at for a mass before the strike,
+supposed: it swings through some of its own widths in them."""
 
 _LOWEST_SIGMA = 5.0
 
@@ -177,7 +177,9 @@ def find_mass(
     best: dict[int, MassCandidate] = {}
     free = max(3.0, 0.1 * radius)
     # Late enough to be near the ball, early enough to be seen free of it.
-    for index in range(rest.last - 1, max(rest.last - _LOOK_BACK, -1), -2):
+    back = rest.frames_along(_LOOK_BACK * radius, _LEAST_LOOKS)
+    step = -2 if back >= 2 * _LEAST_LOOKS else -1
+    for index in range(rest.last - 1, max(rest.last - back, -1), step):
         for level, found in _pieces(scene, index, rest, radius, before, at):
             if level not in best or best[level].gap_px < min(found.gap_px, free):
                 best[level] = found
@@ -297,10 +299,11 @@ def _disc(radius: int) -> NDArray[np.uint8]:
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)), dtype=np.uint8)
 
 
-_BEFORE, _GAP, _AFTER = 10, 8, 14
+_BEFORE, _GAP, _AFTER = 0.75, 0.6, 1.1
 
-"""Frames before the strike, between, and after it over which speeds are compared: the gap is longer
-than any contact at usual rates, supposed."""
+"""Ball's radii of flight before the strike, between, and after it over which speeds are compared: a
+ball stays in touch for less than a third of its radius, and the mass is seen again after twice
+that."""
 
 _FEWEST_PLACES = 4
 
@@ -350,10 +353,13 @@ def restitution_px(mass: MassPoses, ball: BallFits, rest: Rest) -> float | None:
     lever = rest.centre_px - centre
     # what an angle from +x towards +y moves along the ball's departure, at the ball
     along = float(-lever[1] * rest.direction[0] + lever[0] * rest.direction[1])
-    late = rest.last + _GAP
-    coming = _slope(mass.frame, angle, rest.last - _BEFORE, rest.last)
-    going = _slope(mass.frame, angle, late, late + _AFTER)
-    flying = _slope(ball.frame, ball.centre @ rest.direction, late, late + _AFTER)
+    radius = float(np.median(ball.radius))
+    late = rest.last + rest.frames_along(_GAP * radius)
+    least = _FEWEST_PLACES
+    before, after = (rest.frames_along(way * radius, least) for way in (_BEFORE, _AFTER))
+    coming = _slope(mass.frame, angle, rest.last - before, rest.last)
+    going = _slope(mass.frame, angle, late, late + after)
+    flying = _slope(ball.frame, ball.centre @ rest.direction, late, late + after)
     if coming is None or going is None or flying is None or coming * along <= 0.0:
         return None
     return (flying - going * along) / (coming * along)

@@ -23,6 +23,7 @@ from vision.pendulum.layer import (
     bundle,
     learnt_look,
     locate_along,
+    own_part,
     registration_step,
 )
 from vision.scene import FilmedScene
@@ -38,11 +39,13 @@ _LOST_AFTER = 4
 _FEWEST = 6
 """Poses: fewer tell no circle from a line."""
 
-_TRIAL_FRAMES = 14
-"""Frames of a trial: enough for a mass to move by its own size, supposed."""
+_TRIAL_WAY, _TRIAL_FRAMES = 1.1, 8
+"""Ball's radii of flight, and frames at least, of a trial: enough for a mass to move by its own
+size, supposed."""
 
-_MOST_FRAMES = 60
-"""Frames from which the pivot is found first, supposed: the swing is followed on from there."""
+_MOST_WAY, _MOST_FRAMES = 4.6, 16
+"""Ball's radii of flight, and frames at least, from which the pivot is found first, supposed: the
+swing is followed on from there."""
 
 _LEAST_ADVANCE_PX = 1.0
 
@@ -72,13 +75,13 @@ class FreeTracker:
         start = Pose(piece.anchor, 0.0, np.zeros((3, 3)), 1.0, 1.0)
         own = self._locate(piece.patch, piece.frame, start, 0.01)
         poses = {piece.frame: own if own is not None else start}
-        self._extend(piece.patch, poses, -1, _TRIAL_FRAMES)
+        self._extend(piece.patch, poses, -1, self._follower.frames(_TRIAL_WAY, _TRIAL_FRAMES))
         if len(poses) < _FEWEST:
             return {}
         steps = np.array([poses[index].anchor for index in sorted(poses)])
         if float((steps[-1] - steps[0]) @ rest.direction) < _LEAST_ADVANCE_PX:
             return {}
-        self._extend(piece.patch, poses, -1, _MOST_FRAMES)
+        self._extend(piece.patch, poses, -1, self._follower.frames(_MOST_WAY, _MOST_FRAMES))
         self._extend(piece.patch, poses, 1, rest.last - piece.frame)
         return poses
 
@@ -169,9 +172,8 @@ _LEAST_LOST, _MOST_LOST = 6, 40
 """Frames, at least and most, for which the mass may be hidden: as long as it needs to pass behind
 the ball."""
 
-_SHADOW_LEAVES = 30
-"""Frames after the strike within which the shadow of the ball has left the wall behind the mass,
-supposed."""
+_SHADOW_LEAVES = 2.3
+"""Ball's radii of flight within which its shadow has left the wall behind the mass, supposed."""
 
 _BALL_MARGIN_PX = 1.5
 """px around the ball's outline that its blur may reach: a point spread is about a pixel wide."""
@@ -194,10 +196,20 @@ _STRAY_PX, _LEFT_PX, _STRAY_RAD, _NO_TURN = 0.5, 5.0, 0.02, 1e-4
 _USUAL_RESIDUAL = 1.5
 """Factor: a misfit that is this much over the usual is looked into, supposed."""
 
-# Frames before and after the ball was last seen at rest in which rivals are compared.
-_BEFORE, _TRIAL, _EVERY = 30, 24, 3
-"""Frames before and after the ball was last seen at rest, and steps of them, in which rivals are
-compared; supposed."""
+_BEFORE, _TRIAL, _COMPARED = 2.3, 1.8, 18
+"""Ball's radii of flight before and after it was last seen at rest, and how many frames of them, in
+which rivals are compared; supposed."""
+
+_ASTRAY_RAD, _ASTRAY_NOISES = 0.036, 5.0
+"""How far off its arc a body may seem turned: three times what a thick body that shows more of one
+side feigns, rad; or so many times the scatter from frame to frame."""
+
+_LAST_WAY = 3.0
+"""Ball's radii of flight before it was last seen at rest in which a swing turns nearly evenly: a
+free swing's rate changes by a few per cent in them, and its change is even."""
+
+_FEWEST_STRAYING = 8
+"""Frames: a parabola has three unknowns, and what strays from it needs some more."""
 
 # Looks that fit nearly alike leave it to the turns: more than this part of the arm's turn is one.
 _ALIKE, _HALF_TURNED = 0.01, 0.6
@@ -217,12 +229,16 @@ class Swinging:
         Whether its motion agrees with having struck the ball.
     gain : float
         Log-likelihood that it adds around the strike over scenes without it.
+    scatter_px : float
+        How far its places on the way to the ball stray from a turn that speeds up evenly, px; ∞
+        where it is seen in too few frames to tell.
     """
 
     mass: MassPoses
     swing: ImagedSwing
     striking: Striking
     gain: float
+    scatter_px: float
 
 
 class Follower:
@@ -244,6 +260,10 @@ class Follower:
         self.scene, self.rest, self.ball, self.before = scene, rest, ball, before
         self.radius = float(np.median(ball.radius))
 
+    def frames(self, radii: float, least: int = 1) -> int:
+        """In how many frames, at least so many, the ball flies so many of its radii."""
+        return self.rest.frames_along(radii * self.radius, least)
+
     def hidden(self, index: int) -> tuple[float, float, float] | None:
         """The disc in which the ball may be in front."""
         frames = self.ball.frame
@@ -260,7 +280,8 @@ class Follower:
         """A picture before each scene that may lie behind: the ball's shadow leaves late."""
         picture = self.scene.picture(index)
         gain = self.scene.views[index].gain
-        behind = [self.before] if index <= self.rest.last + _SHADOW_LEAVES else []
+        left = self.rest.last + self.frames(_SHADOW_LEAVES)
+        behind = [self.before] if index <= left else []
         if index > self.rest.last:
             behind.append(self.scene.background.image)
         for image in behind:
@@ -301,7 +322,7 @@ def follow_piece(follower: Follower, piece: MassCandidate) -> Swinging | None:
         walk.look(frame, float(angle), 0.0)
     if len(walk.known) < _FEWEST:
         return None
-    walk.go(1, follower.rest.last + _TRIAL)
+    walk.go(1, follower.rest.last + follower.frames(_TRIAL, _FEWEST))
     return walk.swinging()
 
 
@@ -311,6 +332,7 @@ def follow_on(follower: Follower, found: Swinging) -> Swinging:
     walk.known.update(zip(found.mass.frame.tolist(), found.mass.poses, strict=True))
     walk.go(-1, -1)
     walk.go(1, follower.scene.count)
+    walk.forget_beyond(found.mass.frame, found.swing)
     return walk.swinging()
 
 
@@ -388,6 +410,36 @@ class _Walk:
                 return
             index += direction
 
+    def forget_beyond(self, sure: NDArray[np.int64], swing: ImagedSwing) -> None:
+        """Forget the ends of the way on which it no longer turns as the arc does.
+
+        A rigid body turns by the angle that it goes round its pivot; where it does not, something
+        that it passes is followed instead.
+
+        Parameters
+        ----------
+        sure : (N,) int array
+            Frames from which the arc was found.
+        swing : ImagedSwing
+            That arc.
+        """
+        order = np.array(sorted(self.known), dtype=np.int64)
+        if not swing.turns or len(order) < 3:
+            return
+        angle = np.unwrap(swing.angle_of(np.array([self.known[int(k)].anchor for k in order])))
+        left = np.array([self.known[int(k)].turn for k in order]) - angle
+        within = (order >= sure[0]) & (order <= sure[-1])
+        zero, noise = np.median(left[within]), 1.4826 * np.median(np.abs(np.diff(left[within])))
+        astray = np.abs(left - zero) > max(_ASTRAY_RAD, _ASTRAY_NOISES * noise)
+        # one frame alone is noise
+        astray[1:-1] &= astray[:-2] | astray[2:]
+        last = order[astray & (order > sure[-1])]
+        first = order[astray & (order < sure[0])]
+        for index in order:
+            gone = (len(last) and index >= last[0]) or (len(first) and index <= first[-1])
+            if gone and not sure[0] <= index <= sure[-1]:
+                del self.known[int(index)]
+
     def _rate(self, direction: int) -> tuple[int, float]:
         """The last known frame, and the rate there in rad per frame gone."""
         order = sorted(self.known, reverse=direction < 0)[-_KNOWN:]
@@ -402,7 +454,8 @@ class _Walk:
         follower = self._follower
         order = np.array(sorted(self.known), dtype=np.int64)
         poses = tuple(self.known[int(frame)] for frame in order)
-        swing = fit_imaged_swing(self.swing, poses)
+        size = float(np.sqrt(self._patch.opacity.sum()))
+        swing = fit_imaged_swing(self.swing, poses, size)
         points = np.array([pose.anchor for pose in poses])
         angle = swing.angle_of(points)
         arm = float(np.hypot(*(swing.centre_px - swing.pivot_px)))
@@ -412,13 +465,19 @@ class _Walk:
         scatter = 1.4826 * float(np.median(off))
         arc = Arc(swing.pivot_px, arm, np.eye(3), scatter, float(np.ptp(np.unwrap(angle))))
         mass = MassPoses(order, poses, self._patch, arc, self._reference)
-        return Swinging(mass, swing, striking(mass, follower.ball, follower.rest), self._gain())
+        last = follower.rest.last
+        near = follower.frames(_LAST_WAY, _FEWEST_STRAYING)
+        coming = (order <= last) & (order > last - near)
+        strays = _strays(order[coming], np.unwrap(angle)[coming]) * arm
+        strikes = striking(mass, follower.ball, follower.rest)
+        return Swinging(mass, swing, strikes, self._gain(), strays)
 
     def _gain(self) -> float:
         """What the body explains around the strike; frames in which it was lost count nothing."""
         last = self._follower.rest.last
+        first, end = last - self._follower.frames(_BEFORE), last + self._follower.frames(_TRIAL)
         total = 0.0
-        for index in range(last - _BEFORE, last + _TRIAL, _EVERY):
+        for index in range(first, end, max(1, (end - first) // _COMPARED)):
             if index not in self.known:
                 continue
             pose = self.known[index]
@@ -431,6 +490,15 @@ class _Walk:
             ]
             total += min((one.gain_of_it for one in held), default=0.0)
         return total
+
+
+def _strays(frame: NDArray[np.int64], angle: FloatArray) -> float:
+    """Root mean square of what is left of angles after a parabola over the frames, rad."""
+    if len(frame) < _FEWEST_STRAYING:
+        return float("inf")
+    at = frame - frame.mean()
+    left = angle - np.polyval(np.polyfit(at, angle, 2), at)
+    return float(np.sqrt((left**2).sum() / (len(frame) - 3)))
 
 
 def _likelier(fitted: list[tuple[Patch, Bundle]], free: dict[int, Pose]) -> tuple[Patch, Bundle]:
@@ -471,6 +539,7 @@ def _fitted(
     found = bundle(patch, swing, glimpses, angles, aslant=False)
     if found is None:
         return None
+    patch = own_part(patch, found.swing, glimpses, found.angles)
     patch = learnt_look(patch, found.swing, glimpses, found.angles)
     again = bundle(patch, found.swing, glimpses, found.angles)
     return None if again is None else (patch, again)

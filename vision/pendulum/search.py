@@ -26,7 +26,7 @@ from vision.pendulum.pendulum import Follower, Swinging, follow_on, follow_piece
 from vision.scene import FilmedScene, scene_before_strike
 from vision.tracks import Face, PendulumTrack, Rest, Track
 
-__all__ = ["Striker", "find_striker", "pendulum_track"]
+__all__ = ["Striker", "another_body", "find_striker", "pendulum_track", "steadiest"]
 
 FloatArray = NDArray[np.float64]
 
@@ -63,6 +63,9 @@ does at 0.018)."""
 
 # px: an unknown transfer curve and the limb's shading move the edge at half light by so much.
 _LEAST_STD_PX = 0.2
+
+# Of the size of what was followed: a rim far smaller or larger is that of something else.
+_LEAST_BOB, _MOST_BOB = 0.3, 2.0
 
 # A square's rim strays from a circle by 0.12 of its radius.
 _ROUND_SHARE = 0.06
@@ -119,6 +122,8 @@ def find_bob_face(
         if len(rim) < _FEWEST_RIM_POINTS:
             return None
         centre, circle, std, left = _circle(rim, circle)
+        if not _LEAST_BOB * size < circle < _MOST_BOB * size:
+            return None
     if left > _ROUND_SHARE * circle:
         return None
     frame = int(clear[-1])
@@ -228,6 +233,13 @@ _SAME_RATE = 0.05
 """Relative: two turns that differ by less are one, since a rate is known to a few per cent over a
 trial."""
 
+_NESTED, _SOLID = 0.5, 0.5
+"""Of the smaller of two pieces: what lies on the other where they are one thing; and the opacity
+from which a pixel counts as covered."""
+
+_BENDS = 4.0
+"""Times the scatter about an arc that its middle lies off the chord: less is a straight way."""
+
 # A rival that explains less than this part of what the best one does is no rival.
 _RIVAL = 0.3
 
@@ -248,6 +260,8 @@ class Striker:
         Why it is taken for the striker, in whole sentences.
     doubt : float
         0 where nothing else comes into question, towards 1 where another thing explains as much.
+    striking : Striking
+        Whether its speeds agree with the ball's.
     """
 
     mass: MassPoses
@@ -255,6 +269,18 @@ class Striker:
     face: Face
     reasons: tuple[str, ...]
     doubt: float
+    striking: Striking
+
+    @property
+    def surely_struck(self) -> bool:
+        """Whether it swings on an arc that bends, and its speeds agree with the blow.
+
+        What rolls or slides goes straight.
+        """
+        way = self.mass.arc.span_rad * self.mass.arc.radius_px
+        sagitta = way**2 / (8.0 * self.mass.arc.radius_px)
+        bends = sagitta > max(1.0, _BENDS * self.mass.arc.scatter_px)
+        return self.striking is Striking.AGREES and bends
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -298,8 +324,10 @@ def find_striker(
     followed = [one for piece in pieces if (one := follow_piece(follower, piece)) is not None]
     if not followed:
         return None
-    best = min(followed, key=lambda one: (one.striking, -one.gain))
-    rivals = [one.gain for one in followed if one.striking <= best.striking and _other(one, best)]
+    best = steadiest(followed)
+    rivals = [
+        one.gain for one in followed if one.striking <= best.striking and another_body(one, best)
+    ]
     best = follow_on(follower, best)
     face: Face | None = None
     if not best.swing.turns:
@@ -309,11 +337,30 @@ def find_striker(
     if face is None:
         face = find_face(scene, best.mass, rest, radius, before)
     doubt = max(rivals, default=0.0) / max(best.gain, 1e-9)
-    return Striker(best.mass, best.swing, face, _reasons(best), doubt if doubt > _RIVAL else 0.0)
+    doubt = doubt if doubt > _RIVAL else 0.0
+    return Striker(best.mass, best.swing, face, _reasons(best), doubt, best.striking)
 
 
-def _other(one: Swinging, best: Swinging) -> bool:
-    """Whether two followed pieces are different bodies: another pivot, or another rate."""
+def steadiest(followed: list[Swinging]) -> Swinging:
+    """Of the pieces that agree best with the strike and explain much, the one that swings evenly.
+
+    A piece that holds a mass together with its shadow explains more of what moved than the mass
+    alone, but no one rigid thing turns as both do: what is registered slides from one to the other.
+    """
+    agreeing = min(one.striking for one in followed)
+    likely = [one for one in followed if one.striking == agreeing]
+    most = max(one.gain for one in likely)
+    likely = [one for one in likely if one.gain >= _RIVAL * most]
+    return min(likely, key=lambda one: (one.scatter_px / len(one.mass.frame) ** 0.5, -one.gain))
+
+
+def another_body(one: Swinging, best: Swinging) -> bool:
+    """Whether two followed pieces are different bodies: elsewhere, and another pivot or rate.
+
+    A piece of a body, or the body with its shadow, strays from its arc and is still no other thing.
+    """
+    if _shared_area(one.mass, best.mass) > _NESTED:
+        return False
     arm = float(np.hypot(*(best.swing.centre_px - best.swing.pivot_px)))
     apart = float(np.hypot(*(one.swing.pivot_px - best.swing.pivot_px)))
     if apart > _SAME_PIVOT * arm:
@@ -326,6 +373,27 @@ def _other(one: Swinging, best: Swinging) -> bool:
         for each in (one, best)
     ]
     return abs(turned[0] - turned[1]) > _SAME_RATE * max(turned)
+
+
+def _shared_area(one: MassPoses, other: MassPoses) -> float:
+    """Part of the smaller of two pieces that lies on the other, in a frame that shows both."""
+    common = np.intersect1d(one.frame, other.frame)
+    if len(common) == 0:
+        return 0.0
+    index = int(common[len(common) // 2])
+    ours, theirs = (_covered(mass, index) for mass in (one, other))
+    return len(ours & theirs) / max(min(len(ours), len(theirs)), 1)
+
+
+def _covered(mass: MassPoses, index: int) -> set[tuple[int, int]]:
+    """Pixels that a piece covers in a frame."""
+    pose = mass.poses[int(np.searchsorted(mass.frame, index))]
+    solid = mass.patch.opacity > _SOLID
+    x, y = mass.patch.x[solid], mass.patch.y[solid]
+    cosine, sine = np.cos(pose.turn), np.sin(pose.turn)
+    column = np.rint(pose.anchor[0] + cosine * x - sine * y).astype(np.int64)
+    row = np.rint(pose.anchor[1] + sine * x + cosine * y).astype(np.int64)
+    return set(zip(column.tolist(), row.tolist(), strict=True))
 
 
 def _reasons(best: Swinging) -> tuple[str, ...]:

@@ -46,13 +46,13 @@ class Filmed:
     middle: FloatArray
 
 
-def filmed(make: Make, *, mirrored: bool = False, frames: int = 54) -> Filmed:
-    """Paint and hand on a strike at frame 30."""
+def filmed(make: Make, *, mirrored: bool = False, frames: int = 54, every: int = 1) -> Filmed:
+    """Paint and hand on a strike at frame 30, or what a slower camera keeps of it."""
     view = np.array([[1.0, make.view[0]], [0.0, make.view[1]]])
     pivot = np.array(make.pivot)
     reach = np.array([make.half[0] + RADIUS, make.arm])
     rest = pivot + view @ reach
-    time = np.arange(frames) - float(STRIKE)
+    time = np.arange(0, frames, every) - float(STRIKE)
     angle = np.where(time < 0, make.rate, 0.75 * make.rate) * time
     speed = make.rate * make.arm * 1.45
     flown = np.maximum(time, 0.0)
@@ -61,7 +61,7 @@ def filmed(make: Make, *, mirrored: bool = False, frames: int = 54) -> Filmed:
     middle = pivot + make.arm * arms @ view.T
     scene = wall(HEIGHT, WIDTH)
     pictures = []
-    for index in range(frames):
+    for index in range(len(time)):
         swung = float(angle[index]) if make.swings else -0.5
         light = _with_mass(scene, make, view, swung)
         light = _with_ball(light, centre[index])
@@ -69,15 +69,15 @@ def filmed(make: Make, *, mirrored: bool = False, frames: int = 54) -> Filmed:
         pictures.append(picture[:, ::-1].copy() if mirrored else picture)
     if mirrored:
         centre[:, 0], middle[:, 0] = WIDTH - 1 - centre[:, 0], WIDTH - 1 - middle[:, 0]
-    fits = nothing_found(frames)
+    fits = nothing_found(len(time))
     fits.centre[:] = centre
     fits.radius[:] = RADIUS
     way = centre[-1] - centre[0]
-    last = STRIKE + 1
+    last = (STRIKE + 1) // every
     length = float(np.hypot(*way))
-    going = Rest(0, last, centre[0], way / length, length / (frames - STRIKE))
+    going = Rest(0, last, centre[0], way / length, every * length / (frames - STRIKE))
     footage = Footage(PaintedClip(pictures))  # type: ignore[arg-type]
-    return Filmed(FilmedScene(footage), going, BallFits(np.arange(frames), fits), angle, middle)
+    return Filmed(FilmedScene(footage), going, BallFits(np.arange(len(time)), fits), angle, middle)
 
 
 def _with_mass(light: FloatArray, make: Make, view: FloatArray, angle: float) -> FloatArray:

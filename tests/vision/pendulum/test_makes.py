@@ -5,6 +5,7 @@ import pytest
 
 from tests.vision.pendulum.swinging import STRIKE, Filmed, Make, filmed
 from vision.pendulum.arc import sampled
+from vision.pendulum.face import restitution_px
 from vision.pendulum.search import Striker, find_striker
 
 ROUND = Make(half=(6.0, 6.0), round=True, rod=0.7, light=0.3)
@@ -74,6 +75,16 @@ def test_the_pivot_is_where_all_turns_about() -> None:
 def test_nothing_that_swings_is_no_striker() -> None:
     film = filmed(Make(swings=False))
     assert find_striker(film.scene, film.rest, film.ball) is None
+
+
+def test_a_camera_half_as_fast_sees_the_same_swing() -> None:
+    film, slow = filmed(Make(), frames=64), filmed(Make(), frames=64, every=2)
+    usual, other = struck(film), struck(slow)
+    assert other.swing.pivot_px == pytest.approx(usual.swing.pivot_px, abs=2.5)
+    assert off_px(slow, other) < 0.3
+    assert [restitution_px(one.mass, clip.ball, clip.rest) for one, clip in (
+        (usual, film), (other, slow)
+    )] == pytest.approx([0.7, 0.7], abs=0.06)  # fmt: skip
 
 
 def test_a_close_up_has_more_points_than_fit_in_a_row_of_opencv() -> None:

@@ -1,5 +1,7 @@
 """Whether what was followed can have struck the ball."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -24,12 +26,13 @@ def swung(before: float, after: float, *, until: int = 60) -> MassPoses:
     return MassPoses(frame, poses, patch, Arc(PIVOT, ARM, np.eye(3), 0.1, 1.0), 0)
 
 
-def flown(speed: float) -> BallFits:
-    frame = np.arange(60)
-    fits = nothing_found(60)
+def flown(speed: float, every: int = 1) -> BallFits:
+    frame = np.arange(0, 60, every)
+    fits = nothing_found(len(frame))
     fits.centre[:, 0] = REST.centre_px[0] + np.maximum(frame - 31, 0) * speed
     fits.centre[:, 1] = REST.centre_px[1]
-    return BallFits(frame, fits)
+    fits.radius[:] = 19.0
+    return BallFits(np.arange(len(frame)), fits)
 
 
 def test_restitution_is_the_speed_of_parting_over_that_of_approach() -> None:
@@ -43,3 +46,11 @@ def test_a_shadow_that_comes_too_slowly_did_not_strike() -> None:
 
 def test_what_is_lost_at_the_ball_is_not_judged() -> None:
     assert striking(swung(1.0, 0.8, until=33), flown(1.5), REST) is Striking.UNKNOWN
+
+
+@pytest.mark.parametrize("every", [2, 3])
+def test_a_slower_camera_judges_alike(every: int) -> None:
+    mass = swung(1.0, 0.8, until=60)
+    slow = replace(mass, frame=np.arange(len(mass.frame[::every])), poses=mass.poses[::every])
+    rest = replace(REST, last=REST.last // every, speed_px=REST.speed_px * every)
+    assert restitution_px(slow, flown(1.5, every), rest) == pytest.approx(0.7, abs=0.05)

@@ -1,0 +1,119 @@
+"""Which piece of what moved is the mass, and which frames of its way are its own."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from vision.pendulum.arc import Arc, ImagedSwing, Patch, Pose, fit_imaged_swing
+from vision.pendulum.face import MassPoses, Striking
+from vision.pendulum.layer import Glimpse, own_part
+from vision.pendulum.pendulum import Swinging
+from vision.pendulum.search import Striker, another_body, steadiest
+from vision.tracks import Face
+
+FloatArray = NDArray[np.float64]
+PIVOT, ARM = np.array([60.0, -20.0]), 80.0
+HEIGHT, WIDTH = 90, 130
+BODY, SHADOW = 8, 12
+NO_COVARIANCE = np.diag([1e-2, 1e-2, 1e-4])
+
+
+def swing(start: float = -0.35) -> ImagedSwing:
+    middle = PIVOT + ARM * np.array([np.sin(start), np.cos(start)])
+    return ImagedSwing(PIVOT, 0.0, 1.0, middle, turns=True)
+
+
+def glimpses(angles: FloatArray) -> list[Glimpse]:
+    """A dark square that swings before tiles, with its shadow to the left of it."""
+    rng = np.random.default_rng(3)
+    tiles = np.kron(rng.uniform(110.0, 220.0, (15, 22)), np.ones((6, 6)))[:HEIGHT, :WIDTH]
+    rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
+    film = []
+    for index, angle in enumerate(angles):
+        here = swing()
+        middle, turning = here.middle(float(angle)), here.turning(float(angle))
+        own = np.stack([columns - middle[0], rows - middle[1]], axis=-1) @ turning
+        body = (np.abs(own) < BODY).all(axis=-1)
+        shade = (np.abs(own + np.array([BODY + SHADOW / 2, 0.0])) < [SHADOW / 2 + 1, BODY]).all(
+            axis=-1
+        )
+        shown = np.where(body, 50.0, np.where(shade, 0.6 * tiles, tiles))
+        noisy = shown + rng.normal(0.0, 1.5, shown.shape)
+        picture, behind = noisy.astype(np.float32), tiles.astype(np.float32)
+        film.append(Glimpse(index, picture, behind, 1.0, 1.5, None))
+    return film
+
+
+def test_the_shadow_that_goes_along_is_left_out_of_the_piece() -> None:
+    rows, columns = np.mgrid[-10:11, -20:11].astype(float)
+    x, y = columns.ravel(), rows.ravel()
+    piece = Patch(x, y, np.full(len(x), 90.0), np.ones(len(x)))
+    angles = np.linspace(0.0, 0.5, 12)
+    own = own_part(piece, swing(), glimpses(angles), angles)
+    inside = (np.abs(x) < BODY - 1) & (np.abs(y) < BODY - 1)
+    kept = {(float(u), float(v)) for u, v in zip(own.x, own.y, strict=True)}
+    assert kept >= {(float(u), float(v)) for u, v in zip(x[inside], y[inside], strict=True)}
+    assert np.mean(own.x < -BODY - 3) < 0.05
+
+
+def on_the_arc(count: int, rate: float) -> list[Pose]:
+    here = swing()
+    return [Pose(here.middle(rate * k), rate * k, NO_COVARIANCE, 1.0, 1.0) for k in range(count)]
+
+
+def test_a_stretch_in_which_something_else_was_followed_does_not_pull_the_pivot() -> None:
+    poses = on_the_arc(120, 0.006)
+    for k in range(90, 120):
+        poses[k] = replace(
+            poses[k], anchor=poses[k].anchor + 0.05 * (k - 90), turn=poses[k].turn + 0.09
+        )
+    start = replace(swing(), pivot_px=PIVOT + np.array([2.0, 3.0]))
+    assert fit_imaged_swing(start, poses, 16.0).pivot_px == pytest.approx(PIVOT, abs=1.0)
+
+
+def followed(scatter_px: float, gain: float, striking: Striking = Striking.AGREES) -> Swinging:
+    poses = tuple(on_the_arc(40, 0.01))
+    patch = Patch(np.zeros(1), np.zeros(1), np.zeros(1), np.ones(1))
+    mass = MassPoses(np.arange(40), poses, patch, Arc(PIVOT, ARM, np.eye(3), 0.1, 1.0), 0)
+    return Swinging(mass, swing(), striking, gain, scatter_px)
+
+
+def test_of_nested_pieces_the_one_that_swings_evenly_is_taken() -> None:
+    mass, with_shadow = followed(0.06, 4e4), followed(0.13, 1e5)
+    assert steadiest([with_shadow, mass]) is mass
+
+
+def test_what_explains_next_to_nothing_is_not_taken_however_evenly_it_moves() -> None:
+    mass, speck = followed(0.06, 4e4), followed(0.01, 1e3)
+    assert steadiest([mass, speck]) is mass
+
+
+def test_what_contradicts_the_strike_is_not_taken_however_evenly_it_moves() -> None:
+    mass, shadow = followed(0.06, 4e4), followed(0.01, 9e4, Striking.CONTRADICTS)
+    assert steadiest([shadow, mass]) is mass
+
+
+def at(offset: FloatArray, pivot: FloatArray) -> Swinging:
+    """A square piece that lies so far from where another does, and turns about that pivot."""
+    rows, columns = np.mgrid[-6:7, -6:7].astype(float)
+    patch = Patch(columns.ravel(), rows.ravel(), np.zeros(169), np.ones(169))
+    one = followed(0.1, 1e4)
+    poses = tuple(replace(pose, anchor=pose.anchor + offset) for pose in one.mass.poses)
+    swung = replace(one.swing, pivot_px=pivot)
+    return replace(one, mass=replace(one.mass, patch=patch, poses=poses), swing=swung)
+
+
+def test_a_body_with_its_shadow_is_no_second_thing_however_its_arc_strays() -> None:
+    mass = at(np.zeros(2), PIVOT)
+    assert not another_body(at(np.array([3.0, 1.0]), PIVOT + np.array([0.0, 40.0])), mass)
+    assert another_body(at(np.array([40.0, 0.0]), PIVOT + np.array([0.0, 40.0])), mass)
+
+
+@pytest.mark.parametrize(("radius", "swings"), [(ARM, True), (5e4, False)])
+def test_what_goes_straight_did_not_swing_into_the_ball(radius: float, swings: bool) -> None:
+    one = followed(0.1, 1e4)
+    mass = replace(one.mass, arc=Arc(PIVOT, radius, np.eye(3), 0.1, 40.0 / radius))
+    face = Face(0, np.zeros(2), 0.1)
+    assert Striker(mass, one.swing, face, (), 0.0, Striking.AGREES).surely_struck is swings
