@@ -16,7 +16,7 @@ behind its edge pull nothing. Shift and turn are fitted by Gauss–Newton on thi
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import cv2
@@ -459,9 +459,7 @@ def _swing_through(
             left.append((turned - np.median(turned)) / _TURN_STD)
         return np.concatenate(left)
 
-    def loss(square: Any) -> Any:
-        return _shared_loss(np.asarray(square), len(stds) + 1, share)
-
+    loss: Any = partial(_shared_loss, priors=len(stds) + 1, share=share)
     found = scipy.optimize.least_squares(residuals, np.zeros(6), loss=loss, max_nfev=60)
     finite = bool(np.all(np.isfinite(found.x)))
     return _Through(swing_of(found.x) if finite else start, float(found.cost) if finite else np.inf)
