@@ -14,7 +14,6 @@ arc, leaves a free registration adrift; one pivot for all pictures holds it.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,7 +28,6 @@ __all__ = [
     "bundle",
     "learnt_look",
     "locate_along",
-    "own_part",
     "registration_step",
 ]
 
@@ -462,97 +460,3 @@ def learnt_look(
     enough = weight >= max(3.0, 0.25 * len(glimpses))
     look = np.where(enough, total / np.maximum(weight, 1.0), patch.look)
     return replace(patch, look=look)
-
-
-_UNSTEADY, _STEADIEST = 4.0, 0.2
-
-"""Times as much as the steadiest fifth of a piece that its own points may come and go, supposed:
-sides that turn to the lamps do, and a shadow that slides over a wall does more."""
-
-_COMES_AND_GOES = (0.05, 0.3)
-
-"""Of what a point differs from the scene, what may come and go at least and at most."""
-
-_MOST_LEFT_OUT = 0.8
-
-"""Part of a piece that may be left out: of what remains, a fifth, a body can still be told."""
-
-
-def own_part(
-    patch: Patch, swing: ImagedSwing, glimpses: Sequence[Glimpse], angles: FloatArray
-) -> Patch:
-    """Leave out of a piece what is not its own: a shadow goes along with what casts it.
-
-    A point of a body looks alike before every part of the scene. Where only a shadow lies, the
-    scene shows through, and another body that goes along for a while slides across.
-
-    Parameters
-    ----------
-    patch : Patch
-        The piece about its middle.
-    swing : ImagedSwing
-        Its arc.
-    glimpses : sequence of Glimpse
-        The pictures.
-    angles : (K,) array
-        Where it was in each, rad; NaN where it was not.
-
-    Returns
-    -------
-    Patch
-        The points whose look stays, of those the ones that hang together; the whole piece where
-        hardly any are.
-    """
-    if not np.any(patch.opacity > 0.5):
-        return patch
-    shown, scene, free = _passing(patch, swing, glimpses, angles)
-    count = np.maximum(free.sum(axis=0), 1)
-    look = (free * shown).sum(axis=0) / count
-    noise = float(np.mean([np.mean(glimpse.noise) for glimpse in glimpses]))
-    left = (free * (shown - look) ** 2).sum(axis=0) / np.maximum(count - 1, 1) - noise**2
-    there = (free * (shown - scene) ** 2).sum(axis=0) / count
-    goes = np.sqrt(np.maximum(left, 0.0) / np.maximum(there, 1e-9))
-    limit = _UNSTEADY * float(np.quantile(goes[patch.opacity > 0.5], _STEADIEST))
-    kept = _together(patch, goes < np.clip(limit, *_COMES_AND_GOES))
-    opaque = float(patch.opacity.sum())
-    if float(patch.opacity[kept].sum()) < (1.0 - _MOST_LEFT_OUT) * opaque or kept.all():
-        return patch
-    return Patch(patch.x[kept], patch.y[kept], patch.look[kept], patch.opacity[kept])
-
-
-def _passing(
-    patch: Patch, swing: ImagedSwing, glimpses: Sequence[Glimpse], angles: FloatArray
-) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-    """What each point shows in each picture, the scene there, and whether it is free, (K, n)."""
-    shown, scene = np.zeros((2, len(glimpses), len(patch.x)))
-    free = np.zeros(shown.shape, dtype=bool)
-    offsets = np.column_stack([patch.x, patch.y])
-    for place, (glimpse, angle) in enumerate(zip(glimpses, angles, strict=True)):
-        if not np.isfinite(angle):
-            continue
-        spot = offsets @ swing.spread(float(angle)).T + swing.middle(float(angle))
-        height, width = glimpse.picture.shape
-        free[place] = ((spot > 1) & (spot < [width - 2, height - 2])).all(axis=1)
-        if glimpse.hidden is not None:
-            x, y, radius = glimpse.hidden
-            free[place] &= (spot[:, 0] - x) ** 2 + (spot[:, 1] - y) ** 2 > radius**2
-        shown[place] = sampled(glimpse.picture, spot[:, 0], spot[:, 1]) / glimpse.gain
-        scene[place] = sampled(glimpse.behind, spot[:, 0], spot[:, 1])
-    return shown, scene, free
-
-
-def _together(patch: Patch, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The largest part of the kept points that hangs together, with its holes and its rim."""
-    columns = np.rint(patch.x - patch.x.min()).astype(np.int64) + 3
-    rows = np.rint(patch.y - patch.y.min()).astype(np.int64) + 3
-    member = np.zeros((rows.max() + 4, columns.max() + 4), dtype=np.uint8)
-    member[rows, columns] = kept
-    member = cv2.morphologyEx(member, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-    count, labels = cv2.connectedComponents(member, connectivity=4)
-    if count < 2:
-        return np.zeros(len(kept), dtype=bool)
-    weight = np.bincount(labels[rows, columns], weights=patch.opacity, minlength=count)
-    weight[0] = 0.0
-    largest = (labels == int(np.argmax(weight))).astype(np.uint8)
-    rim = cv2.dilate(largest, np.ones((3, 3), np.uint8))
-    return np.asarray(rim[rows, columns] > 0)

@@ -23,7 +23,6 @@ from vision.pendulum.layer import (
     bundle,
     learnt_look,
     locate_along,
-    own_part,
     registration_step,
 )
 from vision.scene import FilmedScene
@@ -539,7 +538,6 @@ def _fitted(
     found = bundle(patch, swing, glimpses, angles, aslant=False)
     if found is None:
         return None
-    patch = own_part(patch, found.swing, glimpses, found.angles)
     patch = learnt_look(patch, found.swing, glimpses, found.angles)
     again = bundle(patch, found.swing, glimpses, found.angles)
     return None if again is None else (patch, again)

@@ -8,54 +8,18 @@ from numpy.typing import NDArray
 
 from vision.pendulum.arc import Arc, ImagedSwing, Patch, Pose, fit_imaged_swing
 from vision.pendulum.face import MassPoses, Striking
-from vision.pendulum.layer import Glimpse, own_part
 from vision.pendulum.pendulum import Swinging
 from vision.pendulum.search import Striker, another_body, steadiest
 from vision.tracks import Face
 
 FloatArray = NDArray[np.float64]
 PIVOT, ARM = np.array([60.0, -20.0]), 80.0
-HEIGHT, WIDTH = 90, 130
-BODY, SHADOW = 8, 12
 NO_COVARIANCE = np.diag([1e-2, 1e-2, 1e-4])
 
 
 def swing(start: float = -0.35) -> ImagedSwing:
     middle = PIVOT + ARM * np.array([np.sin(start), np.cos(start)])
     return ImagedSwing(PIVOT, 0.0, 1.0, middle, turns=True)
-
-
-def glimpses(angles: FloatArray) -> list[Glimpse]:
-    """A dark square that swings before tiles, with its shadow to the left of it."""
-    rng = np.random.default_rng(3)
-    tiles = np.kron(rng.uniform(110.0, 220.0, (15, 22)), np.ones((6, 6)))[:HEIGHT, :WIDTH]
-    rows, columns = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
-    film = []
-    for index, angle in enumerate(angles):
-        here = swing()
-        middle, turning = here.middle(float(angle)), here.turning(float(angle))
-        own = np.stack([columns - middle[0], rows - middle[1]], axis=-1) @ turning
-        body = (np.abs(own) < BODY).all(axis=-1)
-        shade = (np.abs(own + np.array([BODY + SHADOW / 2, 0.0])) < [SHADOW / 2 + 1, BODY]).all(
-            axis=-1
-        )
-        shown = np.where(body, 50.0, np.where(shade, 0.6 * tiles, tiles))
-        noisy = shown + rng.normal(0.0, 1.5, shown.shape)
-        picture, behind = noisy.astype(np.float32), tiles.astype(np.float32)
-        film.append(Glimpse(index, picture, behind, 1.0, 1.5, None))
-    return film
-
-
-def test_the_shadow_that_goes_along_is_left_out_of_the_piece() -> None:
-    rows, columns = np.mgrid[-10:11, -20:11].astype(float)
-    x, y = columns.ravel(), rows.ravel()
-    piece = Patch(x, y, np.full(len(x), 90.0), np.ones(len(x)))
-    angles = np.linspace(0.0, 0.5, 12)
-    own = own_part(piece, swing(), glimpses(angles), angles)
-    inside = (np.abs(x) < BODY - 1) & (np.abs(y) < BODY - 1)
-    kept = {(float(u), float(v)) for u, v in zip(own.x, own.y, strict=True)}
-    assert kept >= {(float(u), float(v)) for u, v in zip(x[inside], y[inside], strict=True)}
-    assert np.mean(own.x < -BODY - 3) < 0.05
 
 
 def on_the_arc(count: int, rate: float) -> list[Pose]:
