@@ -62,7 +62,7 @@ _COMMANDS = {
         "Coefficient of restitution estimated three ways, with their agreement.",
     ),
     "simulate": _Command(
-        "pipelines.model.simulate", "simulate_command", "Simulate a strike and the flight after it."
+        "pipelines.model", "simulate_command", "Simulate a strike and the flight after it."
     ),
     "plan": _Command(
         "pipelines.campaign.design",

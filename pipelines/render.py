@@ -12,8 +12,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from calib.camera import Camera, rotation_matrix
 from metrology import UsageError, measurands, parse_quantity, read_number
 from physics.bodies import PAPER_PENDULUM, PAPER_SUPPORT
-from pipelines.doors import FileRole
-from pipelines.model.options import (
+from pipelines.doors import EffectOption, FileRole, NamedBallOption, SetupFileOption
+from pipelines.model import (
     added_effects,
     angle_of,
     choose_ball,
@@ -21,7 +21,6 @@ from pipelines.model.options import (
     setup_or_default,
     start_angle,
 )
-from pipelines.options import EffectOption, NamedBallOption, SetupFileOption
 from pipelines.setup.file import Setup
 from pipelines.terminal import screen
 from sample_videos import Encoding, Physics, Scene, Shake, Shot, Truth, render_clip, strike

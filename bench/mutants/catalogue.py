@@ -110,7 +110,7 @@ MUTANTS = (
     Mutant("a clock that was set back is sorted", "pipelines/explain/campaign.py",
            "later[0] < earlier[1]", "later[0] < earlier[0]",
            "tests/pipelines/explain/test_files.py"),
-    Mutant("a foreign page may act", "pipelines/web/guard.py",
+    Mutant("a foreign page may act", "pipelines/web.py",
            "if not hmac.compare_digest(given[0].encode(), self._token.encode()):",
            "if not given:", "tests/pipelines/web/test_guard.py"),
     Mutant("a law's covariance need not be one", "pipelines/setup/cor_file.py",
@@ -155,7 +155,7 @@ MUTANTS = (
     Mutant("outlines of another size are averaged", "vision/ball/refine.py",
            "near = np.abs(rough.radius / radius - 1.0) < 0.1",
            "near = np.abs(rough.radius / radius - 1.0) > 0.1", "tests/vision/ball/test_refine.py"),
-    Mutant("the setup's uncertainties are forgotten", "pipelines/model/options.py",
+    Mutant("the setup's uncertainties are forgotten", "pipelines/model.py",
            "known.std_from is Origin.SETUP", "known.std_from is Origin.PRESET",
            "tests/pipelines/setup/test_reach.py"),
 )  # fmt: skip

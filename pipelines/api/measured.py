@@ -40,7 +40,7 @@ from pipelines.measure.files import (
     report_input,
 )
 from pipelines.measure.measurement import track_covariance, tracks_as_frame
-from pipelines.model.options import angle_of
+from pipelines.model import angle_of
 from pipelines.render import NOISE, RenderOptions, parse_size, planned_scene
 from pipelines.report.page import results_html, write_report
 from pipelines.report.plots import plots_figure

@@ -19,10 +19,16 @@ from pipelines.api.quantities import (
     as_row,
     setup_from,
 )
-from pipelines.model.options import added_effects, angle_of, asked, scatter_of
-from pipelines.model.simulate import flights_figure, planned_figure
-from pipelines.model.simulate import plan as plan_strike
-from pipelines.model.simulate import simulate as simulate_strike
+from pipelines.model import (
+    added_effects,
+    angle_of,
+    asked,
+    flights_figure,
+    planned_figure,
+    scatter_of,
+)
+from pipelines.model import plan as plan_strike
+from pipelines.model import simulate as simulate_strike
 from pipelines.report.page import results_html
 
 if TYPE_CHECKING:

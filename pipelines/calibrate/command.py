@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import cv2
 import numpy as np
@@ -52,10 +52,12 @@ from pipelines.calibrate.wizard.session import Session, lens_for, read_view, wit
 from pipelines.doors import FileRole
 from pipelines.setup.file import load_setup, read_setup
 from pipelines.terminal import DefaultCommandGroup
-from pipelines.web.guard import Jobs
 from vision.clip.clip import ClipReader
 from vision.clip.footage import choose_capture_rate, rate_from_blinking
 from vision.clip.picture import decoded_image
+
+if TYPE_CHECKING:
+    from pipelines.web import Jobs
 
 __all__ = [
     "CALIBRATE_COMMANDS",
@@ -477,7 +479,8 @@ def _write(session: Session) -> None:
 
 def _in_browser(session: Session, browser: bool, port: int) -> None:
     # NiceGUI takes a second to import, which no other command shall wait for
-    from pipelines.web.serving import serve
+    from pipelines.calibrate.wizard.page import serve
+    from pipelines.web import Jobs
 
     jobs = Jobs()
     jobs.submit("looking for the wall grid", session.find_grid)
@@ -510,7 +513,7 @@ def _in_browser(session: Session, browser: bool, port: int) -> None:
     _leave(jobs, 0)
 
 
-def _leave(jobs: Jobs, code: int) -> None:
+def _leave(jobs: "Jobs", code: int) -> None:
     """End at once if something is still being worked out.
 
     Native code that goes on while the interpreter is taken down takes it down hard.

@@ -28,16 +28,17 @@ from rich.table import Table
 from calib.calibration import Calibration
 from calib.camera import Lens
 from calib.lens import LensPrior, read_lens
-from calib.planning import (
+from calib.solve import (
     BALL_ERROR_PX,
     MASS_ERROR_PX,
     PictureNoise,
+    SeenFall,
     board_lens,
     edge_std,
     lens_of_view,
     planned_grid,
+    solve,
 )
-from calib.solve import SeenFall, solve
 from metrology import (
     Defaults,
     MeasurementError,
@@ -49,6 +50,7 @@ from metrology import (
     write_text_whole,
 )
 from physics.bodies import JOKKU, PAPER_PENDULUM, PAPER_SUPPORT, Ball, Pendulum, Support
+from pipelines.doors import NamedBallOption, NoTableOption, ResultsJsonOption
 from pipelines.measure.budget import ClipConditions as Known
 from pipelines.measure.budget import (
     derived_values,
@@ -61,13 +63,12 @@ from pipelines.measure.impact import find_impact
 from pipelines.measure.inputs import gather_inputs
 from pipelines.measure.metres import CameraMapping, scene_evidence, tracks_in_metres
 from pipelines.measure.results import Evaluated, NoScale, results_of
-from pipelines.model.options import (
+from pipelines.model import (
     angle_of,
     choose_ball,
     quantities_as_json,
     setup_or_default,
 )
-from pipelines.options import NamedBallOption, NoTableOption, ResultsJsonOption
 from pipelines.setup.file import BallSetup, CameraSetup, Setup, WallSetup
 from pipelines.terminal import screen
 from sample_videos.bodies import pivot, swing_rotation

@@ -41,7 +41,7 @@ from physics.bodies import Ball, lost_by_pendulum, lost_by_pendulum_approximate
 from physics.contact import external_impulse
 from physics.forward import Experiment, closed_form_landing, impulsive_launch, numerical_landing
 from pipelines.campaign.results import SENSORS, ClipResult, SensorColumn
-from pipelines.model.options import choose_ball, experiment_of
+from pipelines.model import choose_ball, experiment_of
 from pipelines.setup.cor_file import PARAMETERS, LawKind
 from pipelines.setup.file import Setup
 

@@ -13,7 +13,7 @@ from pipelines.campaign.conduct import Campaign, CampaignOptions, conduct
 from pipelines.campaign.ledger import AttemptOutcome, Ledger, State
 from pipelines.campaign.run import Progress as RunProgress
 from pipelines.campaign.run import stop_on_signals
-from pipelines.options import FpsOption, GridOption, SetupOption
+from pipelines.doors import FpsOption, GridOption, SetupOption
 from pipelines.terminal import DefaultCommandGroup, screen
 
 __all__ = [

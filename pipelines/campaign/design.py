@@ -26,9 +26,8 @@ from physics.restitution import ConstantCor, CorLaw, ExponentialCor
 from physics.swing import frictionless_speed
 from pipelines.campaign.ledger import Ledger
 from pipelines.campaign.results import ClipResult, clip_results
-from pipelines.model.options import asked, scatter_of, setup_or_default
-from pipelines.model.simulate import plan_command
-from pipelines.options import CorLawOption, NamedBallOption, SetupFileOption
+from pipelines.doors import CorLawOption, NamedBallOption, SetupFileOption
+from pipelines.model import asked, plan_command, scatter_of, setup_or_default
 from pipelines.setup.rig import Rig, rig_of
 from pipelines.terminal import DefaultCommandGroup, screen
 

@@ -14,7 +14,7 @@ from starlette.websockets import WebSocketDisconnect
 
 from metrology import UsageError
 from pipelines.campaign.ledger import Entry, Ledger, State
-from pipelines.web.serving import serve_app
+from pipelines.web import serve_app
 
 __all__ = ["WatchPage", "watch_app", "watched"]
 

@@ -16,7 +16,7 @@ from metrology import UsageError, write_text_whole
 from mismatch import Explained
 from mismatch.trial_table import TableExplained
 from physics.effects import CATALOGUE, Effect
-from pipelines.doors import FileRole
+from pipelines.doors import CorLawOption, FileRole, SetupOption
 from pipelines.explain.campaign import (
     explain_clips,
     explain_files_in_full,
@@ -25,7 +25,6 @@ from pipelines.explain.campaign import (
 )
 from pipelines.interop.measured import PROJECT_SUFFIXES, made_elsewhere
 from pipelines.interop.tables import TABLE_SUFFIXES, parse_columns
-from pipelines.options import CorLawOption, SetupOption
 from pipelines.setup.cor_file import read_cor_file, with_laws
 from pipelines.setup.file import load_setup
 

@@ -34,22 +34,7 @@ from metrology import (
 )
 from metrology.quantity import format_quantity
 from pipelines.api.quantities import measure_options
-from pipelines.doors import refuse_clashes
-from pipelines.measure.budget import Propagation
-from pipelines.measure.chain import MeasureOptions, measure_clip
-from pipelines.measure.files import (
-    WantedFiles,
-    harmless,
-    measurement_as_json,
-    measurement_as_row,
-    measurements_as_csv,
-    results_table,
-    software_version,
-)
-from pipelines.measure.inputs import QuantityName, gather_inputs, kinds_of
-from pipelines.measure.measurement import QUANTITY_UNITS, ClipMeasurement
-from pipelines.measure.results import missing_input
-from pipelines.options import (
+from pipelines.doors import (
     BallAtOption,
     BallOption,
     ClipArgument,
@@ -71,7 +56,22 @@ from pipelines.options import (
     ScaleOption,
     SetupOption,
     TracksOption,
+    refuse_clashes,
 )
+from pipelines.measure.budget import Propagation
+from pipelines.measure.chain import MeasureOptions, measure_clip
+from pipelines.measure.files import (
+    WantedFiles,
+    harmless,
+    measurement_as_json,
+    measurement_as_row,
+    measurements_as_csv,
+    results_table,
+    software_version,
+)
+from pipelines.measure.inputs import QuantityName, gather_inputs, kinds_of
+from pipelines.measure.measurement import QUANTITY_UNITS, ClipMeasurement
+from pipelines.measure.results import missing_input
 from pipelines.report.inputs import quantity_label, quantity_text
 from pipelines.setup.file import load_setup
 from pipelines.terminal import screen

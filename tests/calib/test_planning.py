@@ -5,8 +5,7 @@ import pytest
 
 from calib.calibration import Evidence, Known
 from calib.camera import Camera, Lens
-from calib.planning import PictureNoise, board_lens, edge_std, lens_of_view, planned_grid
-from calib.solve import calibrate
+from calib.solve import PictureNoise, board_lens, calibrate, edge_std, lens_of_view, planned_grid
 from metrology import CalibrationError
 
 

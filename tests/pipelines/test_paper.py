@@ -12,21 +12,25 @@ from typer.testing import CliRunner
 
 from metrology import UsageError
 from physics.bodies import BALLS
-from pipelines.paper import audit, draw_figures, paper_command
-from pipelines.paper.audit import (
+from pipelines.paper import (
+    FIGURES,
     TABLE_6,
     Cell,
     Explanation,
+    audit,
     conclusions,
+    draw_figures,
+    filled,
     investigate,
     judged,
     law_of,
     measured_speeds,
+    paper_command,
+    sections,
     speed_by_rational,
     speed_for,
     swing_checks,
 )
-from pipelines.paper.command import FIGURES, filled, sections
 
 app = typer.Typer(pretty_exceptions_enable=False)
 app.command()(paper_command)
@@ -119,7 +123,7 @@ def test_no_candidate_for_table_5_fits_with_believable_values(
 
 def test_a_candidate_that_is_the_truth_would_be_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """The search finds an origin that was put into made-up distances, and allows it."""
-    audit = import_module("pipelines.paper.audit")
+    audit = import_module("pipelines.paper")
 
     made: dict[str, dict[str, tuple[str, ...]]] = {}
     for name in BALLS:

@@ -7,7 +7,7 @@ from rich.table import Table
 
 import pipelines
 from metrology import Contribution, Quantity
-from pipelines.model.options import send_out
+from pipelines.model import send_out
 from pipelines.terminal import screen
 
 

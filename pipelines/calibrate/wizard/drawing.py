@@ -19,7 +19,7 @@ from calib.calibration import Calibration
 from calib.grid import WallGrid, pixel_grid
 from pipelines.calibrate.wizard.answers import Answers
 from pipelines.calibrate.wizard.session import Session, starting_corners
-from pipelines.web.guard import Jobs
+from pipelines.web import Jobs
 
 __all__ = [
     "LABELS",

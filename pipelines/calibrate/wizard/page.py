@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from fastapi import FastAPI, Request, Response
 from nicegui import ui
 from nicegui.events import GenericEventArguments, MouseEventArguments
 from numpy.typing import NDArray
@@ -38,6 +39,7 @@ from pipelines.calibrate.wizard.drawing import (
     Place,
     PlaceRow,
     Places,
+    encoded,
     field,
     grid_lines,
     handles,
@@ -49,11 +51,12 @@ from pipelines.calibrate.wizard.drawing import (
     shaded_map,
 )
 from pipelines.calibrate.wizard.session import Session, verdict, with_ball, with_corners, with_grid
-from pipelines.web.guard import HOLD, RELEASE, SCRIPT, Jobs
+from pipelines.web import GRACE_S, HOLD, RELEASE, SCRIPT, Jobs, serve_app
 
 __all__ = [
     "PANELS",
     "WizardPage",
+    "serve",
 ]
 
 LINES_SHOWN, CHANGES_SHOWN = 5, 5
@@ -868,3 +871,48 @@ PANELS: tuple[Callable[["WizardPage"], None], ...] = (
 )
 
 """Each draws the panel of one step."""
+
+
+def serve(
+    session: Session,
+    jobs: Jobs,
+    opened: Callable[[str], None],
+    *,
+    port: int = 0,
+    grace_s: float = GRACE_S,
+) -> None:
+    """Serve the page until its window is closed or the program is interrupted.
+
+    Parameters
+    ----------
+    session : Session
+    jobs : Jobs
+    opened : callable
+        Called with the address once it answers.
+    port : int
+        0 for one that is free.
+    grace_s : float
+        How long the page may be closed before the program ends, s.
+
+    Raises
+    ------
+    UsageError
+        If the port is taken.
+    KeyboardInterrupt
+        If the user interrupts.
+    """
+    app = FastAPI(openapi_url=None)
+    stop: list[Callable[[], None]] = []
+    scene = session.answers.scene
+    pictures = {PICTURE_URL: encoded(scene.picture), FIRST_URL: encoded(scene.first)}
+
+    def picture(request: Request) -> Response:
+        return Response(pictures[request.url.path], media_type="image/png")
+
+    def root() -> None:
+        WizardPage(session, jobs, lambda: stop[0]()).build()
+
+    for url in pictures:
+        app.add_api_route(url, picture)
+    ui.run_with(app, root=root, title="Calibration", show_welcome_message=False)
+    serve_app(app, opened, port=port, grace_s=grace_s, stopper=stop.append)

@@ -13,7 +13,7 @@ from physics.effects import CATALOGUE
 from physics.forward import Experiment, time_resolved_landing
 from physics.restitution import ConstantCor
 from pipelines.explain.campaign import baseline_for_balls
-from pipelines.paper.audit import BACKSWINGS_DEG, TABLE_5, constant_law, measured_speeds
+from pipelines.paper import BACKSWINGS_DEG, TABLE_5, constant_law, measured_speeds
 from pipelines.setup.file import read_setup
 from tests.mismatch.table.trial_tables import BALLS, SETUP, lab, simulated_table
 

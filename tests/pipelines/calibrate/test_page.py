@@ -13,7 +13,7 @@ import pytest
 from calib.camera import Camera, Lens
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.setup.file import load_setup
-from pipelines.web.guard import HOLD, RELEASE, SCRIPT
+from pipelines.web import HOLD, RELEASE, SCRIPT
 from tests.calib.synthetic import rendered
 from tests.pipelines.calibrate.wizard_page import (
     CLIP,

@@ -53,7 +53,7 @@ from pipelines.calibrate.wizard.session import (
     with_corners,
     with_grid,
 )
-from pipelines.web.guard import Jobs
+from pipelines.web import Jobs
 from tests.calib.synthetic import rendered
 
 SIZE = (320, 180)

@@ -9,8 +9,7 @@ import pytest
 from calib.calibration import Calibration
 from calib.grid import WallGrid
 from calib.lens import LensPrior
-from calib.planning import planned_grid
-from calib.solve import calibrate
+from calib.solve import calibrate, planned_grid
 from metrology import SetupError
 from pipelines.calibrate.plan import Filming, film_scene, planned_setup, planned_tracks
 from pipelines.measure import metres

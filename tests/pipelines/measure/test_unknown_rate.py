@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from calib.grid import WallGrid
-from calib.planning import planned_grid
+from calib.solve import planned_grid
 from pipelines.calibrate.plan import Filming, film_scene, planned_setup, planned_tracks
 from pipelines.measure import metres
 from pipelines.measure.chain import FollowedClip, Found, measure_tracks

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 from metrology import DomainError, UsageError
 from physics.bodies import BASKETBALL, JOKKU
 from physics.forward import Experiment
-from pipelines.model.simulate import plan, plan_command, simulate
+from pipelines.model import plan, plan_command, simulate
 
 app = typer.Typer(pretty_exceptions_enable=False)
 app.command()(plan_command)

@@ -14,8 +14,7 @@ from physics.bodies import BASKETBALL, JOKKU
 from physics.forward import Experiment, impulsive_launch, numerical_landing
 from physics.restitution import ConstantCor
 from physics.swing import frictionless_speed
-from pipelines.model.options import parse_effect
-from pipelines.model.simulate import simulate, simulate_command
+from pipelines.model import parse_effect, simulate, simulate_command
 
 app = typer.Typer(pretty_exceptions_enable=False)
 app.command()(simulate_command)

@@ -7,8 +7,7 @@ import pytest
 from metrology import Quantity
 from pipelines.calibrate import plan as foresight
 from pipelines.calibrate.plan import Filming, film_scene
-from pipelines.model.options import asked, scatter_of
-from pipelines.model.simulate import simulate
+from pipelines.model import asked, scatter_of, simulate
 from pipelines.setup.file import Setup
 
 FILMING = Filming(width=432, height=240)

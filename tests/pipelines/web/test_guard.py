@@ -11,7 +11,7 @@ from starlette.testclient import TestClient
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from metrology import UsageError
-from pipelines.web.guard import Guard
+from pipelines.web import Guard
 
 HOME = "http://127.0.0.1:8123"
 SOCKET = "ws://127.0.0.1:8123/ws"
@@ -162,7 +162,7 @@ def test_a_window_that_says_it_goes_lets_the_next_one_in_once() -> None:
 
 def test_the_house_is_empty_only_after_somebody_was_there(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [100.0]
-    monkeypatch.setattr("pipelines.web.guard.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("pipelines.web.time.monotonic", lambda: now[0])
     guard = Guard(Starlette(), 8123, reload_s=0.0)
     now[0] = 500.0
     assert guard.empty_for() == 0.0

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from pipelines.web.guard import SCRIPT
+from pipelines.web import SCRIPT
 from tests.pipelines.calibrate.wizard_page import chromium
 
 DRAWN = '<div id="step"><input data-test="tape" data-told="" value=""></div>'

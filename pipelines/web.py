@@ -8,23 +8,31 @@ sites); one window at a time.
 What runs in the browser: it lets no click be lost while a step is drawn anew.
 
 Work behind the page: one piece after another, so that the page never waits and never races.
+
+Serving a page on 127.0.0.1 until its window is closed.
 """
 
 import asyncio
 import hmac
 import secrets
+import signal
+import socket
 import time
 from collections import deque
 from collections.abc import Awaitable, Callable, Iterable, MutableMapping
 from html import escape
 from http.cookies import CookieError, SimpleCookie
 from threading import Lock, Thread
+from types import FrameType
 from typing import Any
 from urllib.parse import parse_qs
 
+import uvicorn
+from fastapi import FastAPI
+
 from metrology import ImpactVisionError, UsageError
 
-__all__ = ["HOLD", "RELEASE", "SCRIPT", "Guard", "Jobs"]
+__all__ = ["GRACE_S", "HOLD", "RELEASE", "SCRIPT", "Guard", "Jobs", "serve_app"]
 
 LEAVING_PATH = "/leaving"
 
@@ -414,3 +422,104 @@ class Jobs:
                 return None
             self._now, job = self._waiting.popleft()
             return job
+
+
+GRACE_S = 8.0
+"""s that nobody may look before the program ends: a reload on a slow machine takes less."""
+LOOK_EVERY_S = 0.5
+
+
+def serve_app(
+    app: FastAPI,
+    opened: Callable[[str], None],
+    *,
+    port: int = 0,
+    grace_s: float = GRACE_S,
+    stopper: Callable[[Callable[[], None]], None] = lambda stop: None,
+    what: str = "calibration",
+    command: str = "vision calibrate",
+) -> None:
+    """Serve a page behind the guard until its window is closed or the program is interrupted.
+
+    Parameters
+    ----------
+    app : FastAPI
+    opened : callable
+        Called with the address once it answers.
+    port : int
+        0 for one that is free.
+    grace_s : float
+        How long the page may be closed before this returns, s.
+    stopper : callable
+        Is given what ends the page.
+    what, command : str
+        What the page is, and what starts it, for who is refused.
+
+    Raises
+    ------
+    UsageError
+        If the port is taken.
+    KeyboardInterrupt
+        If the user interrupts.
+    """
+    door = _listening(port)
+    guard = Guard(app, door.getsockname()[1], what=what, command=command)
+    config = uvicorn.Config(
+        guard,
+        lifespan="on",
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        timeout_graceful_shutdown=1,
+    )
+    server = _Server(config)
+    stopper(lambda: _stop(server))
+    asyncio.run(_until_left(server, guard, door, opened, grace_s))
+    if server.interrupted:
+        raise KeyboardInterrupt
+
+
+class _Server(uvicorn.Server):
+    """Remembers an interrupt: raised again, it is lost where the shell has it ignored."""
+
+    interrupted = False
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        self.interrupted = self.interrupted or sig == signal.SIGINT
+        super().handle_exit(sig, frame)
+
+
+def _listening(port: int) -> socket.socket:
+    door = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    try:
+        door.bind(("127.0.0.1", port))
+    except OSError as problem:
+        door.close()
+        raise UsageError(
+            f"port {port} can't be had: {problem.strerror}", hint="Leave --port out."
+        ) from problem
+    door.listen()
+    return door
+
+
+def _stop(server: uvicorn.Server) -> None:
+    server.should_exit = True
+
+
+async def _until_left(
+    server: uvicorn.Server,
+    guard: Guard,
+    door: socket.socket,
+    opened: Callable[[str], None],
+    grace_s: float,
+) -> None:
+    serving = asyncio.create_task(server.serve(sockets=[door]))
+    while not server.started and not serving.done():
+        await asyncio.sleep(0.02)
+    if not serving.done():
+        opened(guard.address)
+    while not serving.done():
+        await asyncio.wait({serving}, timeout=LOOK_EVERY_S)
+        if guard.empty_for() > grace_s:
+            _stop(server)
+    await serving

@@ -1,1 +1,0 @@
-"""`vision simulate` and `vision plan`: the forward model and its inversion."""

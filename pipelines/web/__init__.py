@@ -1,1 +1,0 @@
-"""Local pages: who may come in, how they are served, and work behind them."""
