@@ -135,7 +135,7 @@ def test_a_candidate_that_is_the_truth_would_be_found(monkeypatch: pytest.Monkey
             kind: tuple(f"{x:.4f}" for x in row)
             for kind, row in zip(("variable", "constant"), rows, strict=True)
         }
-    monkeypatch.setattr(audit.printed, "TABLE_5", made)
+    monkeypatch.setattr(audit, "TABLE_5", made)
     found = audit._fit("origin of x", False, ("origin",), "simulated")
     assert found.allowed
     assert found.physical
