@@ -89,6 +89,7 @@ def test_time_and_length_of_free_flights_are_one_group_with_a_measurement():
     assert verdict.next_measurement
 
 
+@pytest.mark.slow
 def test_a_users_effect_takes_part():
     class Tug(Effect):
         def force(self, values, flight):

@@ -54,7 +54,11 @@ def test_bad_usage_ends_with_2(command: str) -> None:
 
 @pytest.mark.parametrize(
     "command",
-    ["simulate --backswing 60deg --ball jokku", "plan --distance 2m --ball jokku", "paper"],
+    [
+        "simulate --backswing 60deg --ball jokku",
+        "plan --distance 2m --ball jokku",
+        pytest.param("paper", marks=pytest.mark.slow),
+    ],
 )
 def test_json_to_stdout_is_alone_there(command: str) -> None:
     result = CliRunner().invoke(app, [*command.split(), "--json", "-"])

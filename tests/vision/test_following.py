@@ -123,6 +123,7 @@ def test_real_balls_are_followed_without_a_click(file: str, fps: float) -> None:
     assert _rms(tracks.ball, _truth(file.split(".")[0])) < 1.0
 
 
+@pytest.mark.slow
 def test_both_real_pucks_are_followed_and_the_struck_one_is_told() -> None:
     name = "puck_collision_A_canon240"
     tracks = follow(ClipReader.open(shared_folder("clips") / f"{name}.mp4"), 240.0)
@@ -131,6 +132,7 @@ def test_both_real_pucks_are_followed_and_the_struck_one_is_told() -> None:
     assert any("struck" in warning for warning in tracks.warnings)
 
 
+@pytest.mark.slow
 def test_still_frames_before_and_after_change_nothing() -> None:
     clip, _, _ = struck_ball(70)
     first, last = clip.pictures[0].astype(float), clip.pictures[-1].astype(float)

@@ -11,7 +11,7 @@ from tests.mismatch.synthetic import struck_campaign
 @pytest.mark.parametrize("length", [pytest.param(0.04, marks=pytest.mark.slow), 0.09])
 def test_a_gust_starts_and_ends_when_it_blows(length):
     blown = {"strength": 0.8, "middle": 0.15, "duration": length}
-    verdict = explain(*struck_campaign((Gust(), blown), seed=8))
+    verdict = explain(*struck_campaign((Gust(), blown), seed=8, trials=5))
     assert {effect.id for effect in verdict.effects} == {"unnamed"}
     where = verdict.location
     assert where is not None

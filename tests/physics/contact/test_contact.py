@@ -42,7 +42,7 @@ FIELDS = (
 )
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.1])
+@pytest.mark.parametrize("friction", [pytest.param(0.0, marks=pytest.mark.slow), 0.1])
 @pytest.mark.parametrize("name", list(BALLS))
 def test_adaptive_and_fixed_step_solvers_agree(name: str, friction: float) -> None:
     ball = BALLS[name]

@@ -55,6 +55,7 @@ def test_a_wall_is_described(wall_clip: Path) -> None:
     assert "focal length 3" in said.output
 
 
+@pytest.mark.slow
 def test_a_camera_that_stayed_is_said_to(wall_clip: Path) -> None:
     said = run.invoke(app, ["check", str(wall_clip), "--against", str(wall_clip)])
     assert "has not moved" in said.output

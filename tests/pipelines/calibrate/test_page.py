@@ -193,6 +193,7 @@ def test_the_keyboard_alone_is_enough(browser: Any, still_clip: Path, tmp_path: 
     assert load_setup(out).ball is not None
 
 
+@pytest.mark.slow
 def test_what_goes_wrong_is_said_on_the_page_and_corners_stay_where_they_are_dragged(
     browser: Any, still_clip: Path, tmp_path: Path
 ) -> None:

@@ -167,6 +167,7 @@ def test_without_a_pendulum_the_flight_is_measured_and_the_contact_is_not(
     assert any("--mass-at" in warning for warning in warnings)
 
 
+@pytest.mark.slow
 def test_a_ball_that_leaves_the_picture_is_not_followed_further(
     frames: Frames, played: tuple[Scene, Shot], tmp_path: Path
 ) -> None:
@@ -199,7 +200,8 @@ def test_a_wall_without_a_grid_gives_no_landing(played: tuple[Scene, Shot], tmp_
     assert "wall's grid is needed" in result.output
 
 
-@pytest.mark.parametrize("pitch", [pytest.param("40mm", marks=pytest.mark.slow), "60mm"])
+@pytest.mark.slow
+@pytest.mark.parametrize("pitch", ["40mm", "60mm"])
 def test_a_pitch_that_contradicts_tape_and_ball_is_not_believed(
     pitch: str, whole: Path, taped: Path
 ) -> None:
@@ -216,6 +218,7 @@ def test_a_pitch_that_puts_the_ball_behind_the_wall_is_not_believed(whole: Path)
     assert "--wall-grid" in result.output
 
 
+@pytest.mark.slow
 def test_a_bumped_camera_is_told_and_corrected(
     frames: Frames, played: tuple[Scene, Shot], tmp_path: Path, taped: Path
 ) -> None:
@@ -241,6 +244,7 @@ def test_at_30_fps_the_contact_is_not_measured_and_the_rest_is_honest(
     assert holds(quantities["landing_distance"], float(shot.flight.landing_position[0]))
 
 
+@pytest.mark.slow
 def test_a_fast_clip_declared_as_30_fps_is_told_by_its_fall(whole: Path) -> None:
     result = run("contact-time", whole, "--ball", "basketball", fps=30.0)
     assert result.exit_code == 4

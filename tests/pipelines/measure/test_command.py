@@ -208,8 +208,14 @@ def test_files_that_cannot_be_written_are_told_before_anything_is_measured(
 
 @pytest.mark.parametrize(
     "options",
-    [["--fps", "30"], ["--wall-grid", "100mm", "--setup", str(CLIPS / "basketball_60.toml")]],
-    ids=["wrong rate", "wrong pitch"],
+    [
+        pytest.param(["--fps", "30"], id="wrong rate"),
+        pytest.param(
+            ["--wall-grid", "100mm", "--setup", str(CLIPS / "basketball_60.toml")],
+            marks=pytest.mark.slow,
+            id="wrong pitch",
+        ),
+    ],
 )
 def test_what_gravity_contradicts_is_withheld(options: list[str]) -> None:
     clip = str(CLIPS / "basketball_60.mp4")

@@ -15,7 +15,9 @@ app.command()(plan_command)
 runner = CliRunner()
 
 
-@pytest.mark.parametrize(("ball", "distance"), [(JOKKU, 1.8), (BASKETBALL, 2.2)])
+@pytest.mark.parametrize(
+    ("ball", "distance"), [(JOKKU, 1.8), pytest.param(BASKETBALL, 2.2, marks=pytest.mark.slow)]
+)
 def test_simulating_the_plan_lands_where_it_was_wanted(ball: type(JOKKU), distance: float) -> None:
     experiment = Experiment(ball)
     planned = plan(experiment, distance)

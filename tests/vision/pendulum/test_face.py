@@ -25,7 +25,12 @@ def lead(point_px: np.ndarray, angle: float) -> float:
 
 
 @pytest.mark.parametrize(
-    ("shadow", "noise"), [(0.0, 1.5), (4.0, 1.5), pytest.param(0.0, 4.0, marks=pytest.mark.slow)]
+    ("shadow", "noise"),
+    [
+        pytest.param(0.0, 1.5, marks=pytest.mark.slow),
+        (4.0, 1.5),
+        pytest.param(0.0, 4.0, marks=pytest.mark.slow),
+    ],
 )
 def test_a_face_seen_as_a_strip_is_met_in_its_middle(shadow: float, noise: float) -> None:
     face, angle = seen_face(strip=3.0, shadow=shadow, noise=noise)
