@@ -27,16 +27,19 @@ FloatArray = NDArray[np.float64]
 COVERAGE = 1.96
 FAR, FURTHEST = 3.0, 4.0
 SPEED_WIDTH = 640
+ZERO_FRAMES = 40
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one clip."""
+    """What came of one clip; `zero` is what the pendulum's angles are off by together, and the std
+    they state for it, °."""
 
     case: Case
     measurement: ClipMeasurement
     centre_rms_px: float
     speed_ratio: float
+    zero: tuple[float, float]
 
     def error(self, name: str) -> float | None:
         """Measured minus true; None where there is no value."""
@@ -66,6 +69,19 @@ def centre_rms(measurement: ClipMeasurement, true_px: FloatArray) -> float:
     return float(np.sqrt(np.mean(known**2))) if len(known) else math.nan
 
 
+def zero_error(measurement: ClipMeasurement, true_rad: FloatArray) -> tuple[float, float]:
+    """What all angles of the pendulum are off by near the strike, and the std stated, °."""
+    pendulum, impact = measurement.tracks.pendulum, measurement.impact
+    if pendulum is None or impact is None or measurement.tracks.rest_frames is None:
+        return math.nan, math.nan
+    frame, last = pendulum.track.frame, measurement.tracks.rest_frames[1]
+    near = np.abs(frame - last) < ZERO_FRAMES
+    if not near.any():
+        return math.nan, math.nan
+    off = float(np.mean(impact.tracks.swing_rad[near] - true_rad[frame[near]]))
+    return math.degrees(off), math.degrees(pendulum.zero_std_rad)
+
+
 def measured(case: Case) -> Outcome:
     """Measure one clip, and decode it once more without doing anything else."""
     start = time.perf_counter()
@@ -75,7 +91,8 @@ def measured(case: Case) -> Outcome:
         pass
     decoding = time.perf_counter() - middle
     rms = centre_rms(measurement, case.centre_px)
-    return Outcome(case, measurement, rms, decoding / (middle - start))
+    zero = zero_error(measurement, case.phi_rad)
+    return Outcome(case, measurement, rms, decoding / (middle - start), zero)
 
 
 def table(outcome: Outcome) -> str:
@@ -364,6 +381,10 @@ def overview(outcomes: list[Outcome]) -> str:
         ("contact time given", with_value(outcomes, "contact_time"), "", ""),
         ("speed given", with_value(outcomes, "ball_speed"), "", ""),
     ]
+    off, stated = np.array([one.zero for one in outcomes if math.isfinite(one.zero[0])]).T
+    share = float(np.sqrt(np.mean((off / stated) ** 2)))
+    words = f"{float(np.sqrt(np.mean(off**2))):.2f}°, {share:.1f} of what is stated"
+    rows.append(("zero of the pendulum's angle, RMS", words, "", ""))
     table_ = "\n".join(f"| {' | '.join(cells)} |" for cells in rows)
     return "\n".join(
         [

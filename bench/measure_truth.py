@@ -19,7 +19,10 @@ GOOD_LIGHT = 0.9
 
 @dataclass(frozen=True)
 class Case:
-    """A clip with its truth: quantities, centre of the ball in flight, and how it was filmed."""
+    """A clip with its truth: quantities, centre of the ball in flight, and how it was filmed.
+
+    `phi_rad` is the pendulum's true angle in every frame.
+    """
 
     name: str
     path: Path
@@ -28,6 +31,7 @@ class Case:
     truth: dict[str, float]
     centre_px: FloatArray
     good: bool
+    phi_rad: FloatArray
 
 
 def cases(*folders: Path) -> list[Case]:
@@ -66,6 +70,7 @@ def ray_traced(folder: Path) -> Case:
             (truth["camera"]["W"], truth["camera"]["H"]),
         ),
         good=truth["camera"]["W"] >= LEAST_WIDTH and truth["sensor"]["light"] >= GOOD_LIGHT,
+        phi_rad=np.array(rows["phi_rad"], dtype=np.float64),
     )
 
 
@@ -118,6 +123,7 @@ def shipped(truth_path: Path) -> Case:
             (camera["width"], camera["height"]),
         ),
         good=camera["width"] >= LEAST_WIDTH,
+        phi_rad=np.array(rows["phi_rad"], dtype=np.float64),
     )
 
 

@@ -36,6 +36,7 @@ class UncertaintySource(StrEnum):
     PENDULUM_MASS = "mass of the pendulum"
     CENTRE_OF_MASS = "pivot to centre of mass"
     PENDULUM_ARM = "depth of the mass' visible side"
+    PENDULUM_ZERO = "zero of the pendulum's angle"
     PENDULUM_RINGING = "pendulum just after contact"
     SUPPORT_HEIGHT = "height of the support"
     BALL_MASS = "mass of the ball"

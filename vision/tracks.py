@@ -203,6 +203,9 @@ class PendulumTrack:
         Distance from the pivot to the mass centre, px.
     face : Face
         The striking face.
+    zero_std_rad : float
+        Standard uncertainty of what all angles are off by together, rad: where the pivot is taken
+        to be, and how far the point that is followed lies beside the arm.
     """
 
     track: Track
@@ -212,6 +215,7 @@ class PendulumTrack:
     pivot_covariance_px2: FloatArray
     arm_px: float
     face: Face
+    zero_std_rad: float = 0.0
 
 
 @dataclass(frozen=True)

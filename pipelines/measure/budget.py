@@ -466,6 +466,8 @@ class ClipConditions:
         How far the camera is turned about its axis, and about the vertical, where there is none.
     metres_per_px : (2,) tuple of float or None
         Scale in the plane of motion that somebody gives, with its standard uncertainty.
+    zero_rad, zero_std_rad : float
+        Added to all angles of the pendulum, and how well that is known.
     """
 
     inputs: Inputs
@@ -475,14 +477,16 @@ class ClipConditions:
     roll_rad: float = 0.0
     slant_rad: float = 0.0
     metres_per_px: tuple[float, float] | None = None
+    zero_rad: float = 0.0
+    zero_std_rad: float = 0.0
 
     def places_as(self, other: "ClipConditions") -> bool:
         """Whether pixels and frames come to the same metres and seconds as under other ones."""
         return (
             self.calibration is other.calibration
             and self.rate is other.rate
-            and (self.scale, self.roll_rad, self.slant_rad, self.metres_per_px)
-            == (other.scale, other.roll_rad, other.slant_rad, other.metres_per_px)
+            and (self.scale, self.roll_rad, self.slant_rad, self.metres_per_px, self.zero_rad)
+            == (other.scale, other.roll_rad, other.slant_rad, other.metres_per_px, other.zero_rad)
         )
 
 
@@ -600,6 +604,9 @@ def _moved(
     ]
     nearer = replace(inputs, arm_share=inputs.arm_share * (1 + Defaults.VISIBLE_DEPTH.std))
     moved.append((UncertaintySource.PENDULUM_ARM, replace(scene, inputs=nearer)))
+    if scene.zero_std_rad > 0.0:
+        turned = replace(scene, zero_rad=scene.zero_rad + scene.zero_std_rad)
+        moved.append((UncertaintySource.PENDULUM_ZERO, turned))
     ringing = replace(inputs, after_share=inputs.after_share * (1 + Defaults.RINGING.std))
     moved.append((UncertaintySource.PENDULUM_RINGING, replace(scene, inputs=ringing)))
     if inputs.fall is not None and rig.support_height is not None:

@@ -420,7 +420,7 @@ def fit_tracks(
         rate = _rate_by_fall(replace(followed, tracks=tracks), wall)
         tracks = _timed(tracks, followed.seconds(rate.fps))
     followed = replace(followed, tracks=tracks, rate=rate)
-    scene = ClipConditions(inputs, rate, wall.calibration, metres_per_px=followed.scale_m_per_px)
+    scene = _conditions(followed, wall)
     wall = _weighed(wall, followed, scene)
     scene = replace(scene, calibration=wall.calibration)
     tell("calibrating", 1.0)
@@ -498,10 +498,22 @@ def _timed(tracks: Tracks, time_s: FloatArray) -> Tracks:
     return replace(tracks, ball=ball, others=others, pendulum=pendulum)
 
 
+def _conditions(followed: FollowedClip, wall: "WallScene") -> ClipConditions:
+    """What may be off for the whole clip, at its best estimate."""
+    pendulum = followed.tracks.pendulum
+    return ClipConditions(
+        followed.inputs,
+        followed.rate,
+        wall.calibration,
+        metres_per_px=followed.scale_m_per_px,
+        zero_std_rad=0.0 if pendulum is None else pendulum.zero_std_rad,
+    )
+
+
 def _rate_by_fall(followed: FollowedClip, wall: "WallScene") -> CaptureRate:
     """The rate at which the flight in view falls as gravity has it; as assumed where none does."""
-    rate, inputs = followed.rate, followed.inputs
-    scene = ClipConditions(inputs, rate, wall.calibration, metres_per_px=followed.scale_m_per_px)
+    rate = followed.rate
+    scene = _conditions(followed, wall)
     moving = _motion_scene(scene, followed, wall)
     if not moving.metric or followed.tracks.motion.kind not in _FALLING:
         return rate
@@ -670,7 +682,7 @@ def _evaluate(
 
 def _in_metres(scene: ClipConditions, times: FloatArray, tracks: Tracks) -> MetricTracks:
     if scene.calibration is not None:
-        return tracks_in_metres(tracks, CameraMapping(scene.calibration), times)
+        return tracks_in_metres(tracks, CameraMapping(scene.calibration), times, scene.zero_rad)
     ball = tracks.ball
     diameter = 1.0 if scene.inputs.ball is None else scene.inputs.ball.diameter
     still = slice(None)
@@ -690,7 +702,7 @@ def _in_metres(scene: ClipConditions, times: FloatArray, tracks: Tracks) -> Metr
         scene.roll_rad,
         float(np.tan(scene.slant_rad)) / (FOCAL_OVER_WIDTH * tracks.background.shape[1]),
     )
-    return tracks_in_metres(tracks, scale, times)
+    return tracks_in_metres(tracks, scale, times, scene.zero_rad)
 
 
 def _scale_std(scene: ClipConditions, tracks: Tracks) -> float:

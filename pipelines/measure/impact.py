@@ -534,10 +534,12 @@ SLANT_STD, _TELLING_SLANT = 0.03, 0.1
 """Slope of the line of sight to the face: how far it is unsure, and from where on the face is
 plainly seen, three times that."""
 
-NEAR_SHARE = 0.6
+NEAR_SHARE = 1.0 / 3.0
 
 """Of half the thickness of a mass that the plane in which it is followed is in front of its middle:
-most of what is seen of it are the edges of its near side."""
+of the three upright edges of a block seen aslant two are on its near side and one on its far side.
+The speed before the strike is then right in the mean over clips of two renderers; with 0.6, as if
+the near side alone were seen, it is half a per cent low."""
 
 STRUCK_OFF_CENTRE_M = 0.002
 

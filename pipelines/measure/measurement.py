@@ -98,7 +98,7 @@ Metric = tuple[FloatArray, FloatArray]
 
 TRACK_COLUMNS = (
     "frame", "t_s", "object", "x_px", "y_px", "x_px_std", "y_px_std",
-    "x_m", "y_m", "x_m_std", "y_m_std", "radius_px", "phi_rad", "phi_rad_std",
+    "x_m", "y_m", "x_m_std", "y_m_std", "radius_px", "phi_rad", "phi_rad_std", "phi_zero_std",
 )  # fmt: skip
 
 _HALF_PX = 0.5
@@ -110,7 +110,8 @@ def tracks_as_frame(measured: ClipMeasurement) -> "pd.DataFrame":
     `x_m` is to the right along the wall, `y_m` up; `phi_rad` is 0 at the lowest point of the
     swing, positive towards the ball. Empty where no scale, or no angle, is known. A row's standard
     uncertainties are noise and slow errors along the track; what all rows of a clip share (scale,
-    where the pivot is: up to a degree or so of the angle) is in the budgets of the quantities.
+    where the ball plane lies) is in the budgets of the quantities; `phi_zero_std` is what all
+    angles of the clip are off by together.
     """
     import pandas as pd
 
@@ -119,10 +120,12 @@ def tracks_as_frame(measured: ClipMeasurement) -> "pd.DataFrame":
         part = _rows(name, track, _in_metres(measured, name, track))
         if name == PENDULUM:
             part["phi_rad"], part["phi_rad_std"] = _angles(measured)
+            assert measured.tracks.pendulum is not None
+            part["phi_zero_std"] = measured.tracks.pendulum.zero_std_rad
         parts.append(part)
     kept = [part for part in parts if len(part)] or parts[:1]
     table = pd.concat(kept, ignore_index=True).reindex(columns=list(TRACK_COLUMNS))
-    return table.astype({"phi_rad": float, "phi_rad_std": float})
+    return table.astype(dict.fromkeys(("phi_rad", "phi_rad_std", "phi_zero_std"), float))
 
 
 def tracks_as_csv(measured: ClipMeasurement) -> str:

@@ -193,7 +193,9 @@ def flight_direction(tracks: Tracks) -> float:
     return 1.0 if x[-1] >= x[0] else -1.0
 
 
-def tracks_in_metres(tracks: Tracks, mapping: PlaneMapping, time_s: FloatArray) -> MetricTracks:
+def tracks_in_metres(
+    tracks: Tracks, mapping: PlaneMapping, time_s: FloatArray, zero_rad: float = 0.0
+) -> MetricTracks:
     """Map tracks into the ball plane.
 
     Parameters
@@ -204,6 +206,8 @@ def tracks_in_metres(tracks: Tracks, mapping: PlaneMapping, time_s: FloatArray) 
         Pixels to metres.
     time_s : (F,) array
         Mid-exposure time of every frame of the clip, s.
+    zero_rad : float
+        Added to all angles of the pendulum, rad.
 
     Raises
     ------
@@ -232,7 +236,7 @@ def tracks_in_metres(tracks: Tracks, mapping: PlaneMapping, time_s: FloatArray) 
         )
     std = np.sqrt(np.diagonal(covariance[still], axis1=1, axis2=2)).mean(axis=0)
     scatter = position[still].std(axis=0) if still.sum() > 3 else std
-    swing = _swing(tracks.pendulum, mapping, direction)
+    swing = _swing(tracks.pendulum, mapping, direction, zero_rad)
     pendulum = tracks.pendulum
     rest = np.median(position[still], axis=0)
     radius = _apparent_radius(tracks, mapping)
@@ -297,7 +301,7 @@ class _SwingInMetres:
 
 
 def _swing(
-    pendulum: PendulumTrack | None, mapping: PlaneMapping, direction: float
+    pendulum: PendulumTrack | None, mapping: PlaneMapping, direction: float, zero_rad: float
 ) -> _SwingInMetres:
     if pendulum is None:
         return _SwingInMetres(None, np.zeros(0), np.zeros(0), (0.0, 1.0), (0.0, math.inf))
@@ -308,7 +312,7 @@ def _swing(
         # a lens that bends lines bends the arc: its centre has to be found in metres
         pivot = centre_of_arc(mass)
     arm = mass - pivot
-    angle = np.arctan2(arm[:, 0], -arm[:, 1])
+    angle = np.arctan2(arm[:, 0], -arm[:, 1]) + zero_rad
     scale = float(np.median(np.hypot(*arm.T))) / pendulum.arm_px
     face = pendulum.face
     phi = float(angle[np.argmin(np.abs(pendulum.track.frame - face.frame))])

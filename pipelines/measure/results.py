@@ -580,11 +580,15 @@ def _backswing(evaluated: Evaluated) -> Quantity:
             " there does: it was let go elsewhere, or frames are missing",
         )
     std = math.degrees(float(np.median(metric.swing_std_rad[first])))
+    zero = math.degrees(evaluated.scene.zero_std_rad)
     return Quantity.measured(
         "backswing_angle",
         -math.degrees(start),
         "deg",
-        (Contribution(UncertaintySource.TRACK_NOISE, std),),
+        (
+            Contribution(UncertaintySource.PENDULUM_ZERO, zero),
+            Contribution(UncertaintySource.TRACK_NOISE, std),
+        ),
     )
 
 

@@ -20,10 +20,11 @@ from pipelines.measure.budget import (
 )
 from pipelines.measure.impact import find_impact
 from pipelines.measure.inputs import gather_inputs
-from pipelines.measure.metres import BallScale
+from pipelines.measure.metres import BallScale, MetricTracks, tracks_in_metres
 from pipelines.setup.file import Setup
 from tests.pipelines.measure.ideal_tracks import Noise, ideal_tracks, known_stroke
 from vision.clip.footage import CaptureRate
+from vision.tracks import Face, PendulumTrack, Track, Tracks
 
 DISTANCE, FOCAL = PARAMETERS.index("log_distance"), PARAMETERS.index("log_focal")
 
@@ -157,3 +158,57 @@ def test_linear_response_agrees_with_fits_done_anew(moved: str) -> None:
     # a flight this short tells gravity from drag barely, and far from linearly
     share = np.where(np.array(list(DERIVED)) == "gravity", 0.05, 0.02)
     assert (np.abs(response - refit)[known] < (share * refit)[known]).all()
+
+
+def a_swing(zero_std: float = 0.01) -> Tracks:
+    """A ball that lies still and then flies, and a mass on an arc about (100, 20) px."""
+    frame = np.arange(60)
+    flying = np.maximum(frame - 30, 0)
+    ball = Track(
+        frame=frame,
+        time_s=frame / 600.0,
+        centre_px=np.column_stack([140.0 + 3.0 * flying, 120.0 - 1.0 * flying]),
+        covariance_px2=np.tile(0.01 * np.eye(2), (60, 1, 1)),
+        bound_px2=np.tile(0.01 * np.eye(2), (60, 1, 1)),
+        radius_px=np.full(60, 20.0),
+        radius_std_px=np.full(60, 0.1),
+        quality=np.ones(60),
+    )
+    angle = 0.02 * (frame - 30.0)
+    centre = np.array([100.0, 20.0]) + 100.0 * np.column_stack([np.sin(angle), np.cos(angle)])
+    face = Face(25, centre[25] + np.array([12.0, 3.0]), 0.1)
+    swing = PendulumTrack(
+        replace(ball, centre_px=centre), angle, np.full(60, 1e-3), np.array([100.0, 20.0]),
+        np.eye(2), 100.0, face, zero_std,
+    )  # fmt: skip
+    return Tracks(ball, swing, np.zeros((200, 400)), (0, 29))
+
+
+def test_turning_the_zero_of_the_angles_leaves_the_face_where_it_is_seen() -> None:
+    tracks, scale = a_swing(), BallScale(1e-3, np.array([140.0, 120.0]), np.zeros(2), 0.0, 0.0)
+    times = np.arange(60) / 600.0
+    usual, turned = (tracks_in_metres(tracks, scale, times, zero) for zero in (0.0, 0.01))
+    assert turned.swing_rad - usual.swing_rad == pytest.approx(np.full(60, 0.01))
+
+    def face(metric: MetricTracks) -> float:
+        """Where the line of the face meets the height of what was seen of it, m."""
+        phi = metric.swing_rad[25]
+        assert metric.pivot_m is not None
+        seen = np.array([100.0 + 100.0 * np.sin(-0.1) + 12.0, 20.0 + 100.0 * np.cos(0.1) + 3.0])
+        at = scale.point(seen) * [metric.direction, 1.0] - metric.pivot_m
+        return float(metric.edge_offset_m - at @ [np.cos(phi), np.sin(phi)])
+
+    assert face(usual) == pytest.approx(0.0, abs=1e-9)
+    assert face(turned) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_zero_of_the_angles_is_a_source_of_the_back_swing() -> None:
+    scene = replace(a_scene(a_calibration(0.4, 0.001)), zero_std_rad=0.01)
+
+    def first_angle(moved: ClipConditions) -> NDArray[np.float64]:
+        scale = BallScale(1e-3, np.array([140.0, 120.0]), np.zeros(2), 0.0, 0.0)
+        metric = tracks_in_metres(a_swing(), scale, np.arange(60) / 600.0, moved.zero_rad)
+        return np.array([metric.swing_rad[0]])
+
+    table = systematic_budget(scene, first_angle, np.inf)
+    assert table[UncertaintySource.PENDULUM_ZERO][0] == pytest.approx(0.01)

@@ -27,7 +27,7 @@ from vision.following import follow
 CLIPS = Path(sample_videos.__file__).parent / "clips"
 TRACK_COLUMNS = (
     "frame,t_s,object,x_px,y_px,x_px_std,y_px_std,x_m,y_m,x_m_std,y_m_std,radius_px,"
-    "phi_rad,phi_rad_std"
+    "phi_rad,phi_rad_std,phi_zero_std"
 )
 
 
