@@ -8,6 +8,7 @@ What is known about a scene besides its grid: taped distances, the ball's size, 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -137,14 +138,14 @@ class Calibration:
     chi2_per_dof: float = 1.0
     warnings: tuple[str, ...] = ()
 
-    @property
+    @cached_property
     def covariance(self) -> FloatArray:
         """Covariance of `vector`, (P, P)."""
         return np.asarray(
             sum((s.covariance for s in self.sources), np.zeros((len(PARAMETERS), len(PARAMETERS))))
         )
 
-    @property
+    @cached_property
     def parameters(self) -> Parameters:
         """The numbers of `vector` by name."""
         return Parameters.of(self.vector)
@@ -165,7 +166,7 @@ class Calibration:
         depth = self.parameters.ball_plane_offset
         return depth[:, np.newaxis] if self.vector.ndim > 1 else depth
 
-    @property
+    @cached_property
     def grid_camera(self) -> Camera:
         """The camera in the frame of the grid."""
         stacked = self.vector.ndim > 1
@@ -184,7 +185,7 @@ class Calibration:
         turn = rotation_matrix(self.vector[..., :3])
         return Camera(lens, turn @ self.orientation, position)
 
-    @property
+    @cached_property
     def origin(self) -> FloatArray:
         """World coordinates of the grid's origin, (2,), m; (K, 1, 2) of a stack."""
         if self.rest_px is None or self.rest_xy is None:
@@ -192,7 +193,7 @@ class Calibration:
         rest = self.rest_px if self.vector.ndim == 1 else self.rest_px[np.newaxis]
         return np.asarray(self.rest_xy - self._on_ball_plane(self.grid_camera, rest))
 
-    @property
+    @cached_property
     def camera(self) -> Camera:
         """The camera in the world."""
         seen = self.grid_camera

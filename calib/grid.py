@@ -16,6 +16,7 @@ by its phase how far off the map is, everywhere at once; the map is then fitted 
 """
 
 from dataclasses import dataclass, field, replace
+from functools import cache
 from math import gcd
 from typing import Self
 
@@ -210,20 +211,43 @@ def _window_seeds(flat: FloatArray, window: int) -> list[list[Seed]]:
 
 @dataclass(frozen=True)
 class _Waves:
-    """Wave vectors of a window's spectrum (2 W, W + 1): lengths, twice their angles, their side."""
+    """Wave vectors of a window's spectrum (2 W, W + 1): lengths, twice their angles, their side.
+
+    Attributes
+    ----------
+    window : int
+        Side of the window, px.
+    radius : (2 W, W + 1) array
+        Cycles per px.
+    cosine, sine : (2 W, W + 1) arrays
+        Of twice the angle.
+    order, lengths : (M,) arrays
+        Flat places by increasing radius, and those radii.
+    """
 
     window: int
     radius: FloatArray
     cosine: FloatArray
     sine: FloatArray
+    order: NDArray[np.int64]
+    lengths: FloatArray
 
     @classmethod
+    @cache
     def of(cls, window: int) -> "_Waves":
         fx = np.fft.rfftfreq(2 * window)[np.newaxis, :]
         fy = np.fft.fftshift(np.fft.fftfreq(2 * window))[:, np.newaxis]
         twice = 2.0 * np.arctan2(fy, fx)
         radius = np.maximum(np.hypot(fx, fy), 1e-9)
-        return cls(window, radius, np.cos(twice), np.sin(twice))
+        order = np.argsort(radius, axis=None)
+        lengths = radius.ravel()[order]
+        return cls(window, radius, np.cos(twice), np.sin(twice), order, lengths)
+
+    def alike(self, place: tuple[int, int]) -> NDArray[np.int64]:
+        """Flat places of all waves about as long as one."""
+        ratio, length = np.exp(ALIKE), self.radius[place]
+        first = np.searchsorted(self.lengths, length / ratio, side="right")
+        return self.order[first : np.searchsorted(self.lengths, length * ratio, side="left")]
 
 
 def _powers(patches: FloatArray) -> FloatArray:
@@ -258,21 +282,20 @@ def _seeds(
         here = power[index]
         places = [(int(row), int(column)) for row, column in rows[[first[index], second[index]]]]
         vectors = np.array([_refined(here, place, 2 * waves.window) for place in places])
-        strengths = [_above_its_kind(here, waves.radius, place) for place in places]
+        strengths = [_above_its_kind(here, waves, place) for place in places]
         centre = corner + (waves.window - 1) / 2.0
         seeds.append(Seed(centre, vectors, waves.window, min(strengths), strengths[0]))
     return seeds
 
 
-def _above_its_kind(power: FloatArray, radius: FloatArray, place: tuple[int, int]) -> float:
+def _above_its_kind(power: FloatArray, waves: _Waves, place: tuple[int, int]) -> float:
     """Power of a wave over the median of all waves about as long.
 
     Most textures are the stronger the longer the wave: what stands out of all waves need not stand
     out of its own kind.
     """
-    ratio = np.exp(ALIKE)
-    alike = (radius < radius[place] * ratio) & (radius > radius[place] / ratio)
-    return float(power[place] / max(float(np.median(power[alike])), 1e-300))
+    alike = power.ravel()[waves.alike(place)]
+    return float(power[place] / max(float(np.median(alike)), 1e-300))
 
 
 def _refined(power: FloatArray, place: tuple[int, int], size: int) -> FloatArray:

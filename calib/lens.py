@@ -41,6 +41,7 @@ from metrology import (
     write_text_whole,
     written_whole,
 )
+from metrology.least_squares import Downhill, descend, minimise
 
 __all__ = [
     "FLOOR",
@@ -332,6 +333,14 @@ class _Equations:
     noise: float
 
 
+@dataclass(frozen=True, eq=False)
+class _BoardStep:
+    """A step (L,) of lens and board, and the equations that it solves."""
+
+    equations: _Equations
+    step: FloatArray
+
+
 def _corners(views: Sequence[BoardView]) -> _Corners:
     every = np.concatenate([view.board_m for view in views])
     board, where = np.unique(np.round(every, DIGITS), axis=0, return_inverse=True)
@@ -356,19 +365,20 @@ def fit_boards(
     corners = _corners(views)
     fit = _opened(views, corners) if start is None else start
     fit = _measured(_with_model(fit, model), corners)
-    for _ in range(MOST_STEPS):
-        equations = _equations(fit, corners, fit.noise_px)
+
+    def looking(place: BoardFit) -> Downhill[_BoardStep]:
+        equations = _equations(place, corners, place.noise_px)
         step = np.asarray(np.linalg.solve(equations.reduced, equations.right), dtype=float)
-        for halving in range(8):
-            moved = _moved(fit, equations, step, 0.5**halving, corners)
-            cost = _cost(moved, corners, equations.noise)
-            if cost <= equations.cost:
-                break
-        else:
-            break
-        fit = moved
-        if equations.cost - cost < SETTLED * equations.cost:
-            break
+        return Downhill(equations.cost, _BoardStep(equations, step))
+
+    fit = descend(
+        fit,
+        looking,
+        lambda place, on, share: _moved(place, on.equations, on.step, share, corners),
+        lambda place, on: _cost(place, corners, on.equations.noise),
+        settled=lambda seen, reached: seen.cost - reached < SETTLED * seen.cost,
+        most_steps=MOST_STEPS,
+    )
     equations = _equations(fit, corners, fit.noise_px)
     size = len(fit.lens)
     shared = np.asarray(np.linalg.inv(equations.reduced), dtype=float)
@@ -389,13 +399,14 @@ def held_out_errors(fit: BoardFit, view: BoardView, pose: FloatArray) -> FloatAr
     """
     order = {tuple(key): place for key, place in zip(fit.board, fit.shape, strict=True)}
     points = np.array([order.get(tuple(key), key) for key in np.round(view.board_m, DIGITS)])
-    for _ in range(12):
-        seen, jacobian = _projected(points, pose, fit.lens)
-        pull = (view.points_px - seen).ravel()
-        step = np.linalg.lstsq(jacobian[:, :6], pull, rcond=None)[0]
-        pose = pose + step
-        if float(np.abs(jacobian[:, :6] @ step).max()) < 1e-4:
-            break
+
+    def missed(pose: FloatArray) -> FloatArray:
+        return (_projected(points, pose, fit.lens)[0] - view.points_px).ravel()
+
+    def slopes(pose: FloatArray) -> FloatArray:
+        return _projected(points, pose, fit.lens)[1][:, :6]
+
+    pose = minimise(missed, pose, slopes=slopes).values
     return _projected(points, pose, fit.lens)[0] - view.points_px
 
 

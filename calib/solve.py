@@ -43,6 +43,7 @@ from calib.camera import Camera, Lens
 from calib.grid import GridMap, WallGrid
 from calib.lens import LensPrior
 from metrology import CalibrationError, UncertaintySource
+from metrology.least_squares import Downhill, descend
 
 __all__ = [
     "BOARD_LENS_STD",
@@ -445,22 +446,26 @@ def _fall_residuals(c: Calibration, fall: FreeFall) -> FloatArray:
 def _fit(
     start: Calibration, blocks: dict[UncertaintySource, Residuals]
 ) -> tuple[Calibration, tuple[Source, ...]]:
-    """Gauss–Newton with step halving, and the share of each block in the covariance."""
+    """The scene of least cost, and the share of each block in its covariance."""
 
     def residuals(c: Calibration) -> FloatArray:
         return np.concatenate([block(c) for block in blocks.values()], axis=-1)
 
-    current, value = start, residuals(start)
-    for _ in range(MOST_STEPS):
-        jacobian = _jacobian(residuals, current)
+    def looking(c: Calibration) -> Downhill[FloatArray]:
+        value, jacobian = residuals(c), _jacobian(residuals, c)
         normal = jacobian.T @ jacobian
         step = np.asarray(-np.linalg.solve(normal, jacobian.T @ value), dtype=np.float64)
-        moved, there = _halved(residuals, current, step, float(value @ value))
+        return Downhill(float(value @ value), step, float(step @ normal @ step))
+
+    current = descend(
+        start,
+        looking,
+        lambda c, step, share: c.with_parameters(c.vector + share * step),
+        lambda c, _: float((value := residuals(c)) @ value),
         # The gain in chi² that was still to be had, against the unit that matters
-        settled = float(step @ normal @ step) < 1e-6
-        current, value = moved, there
-        if settled:
-            break
+        settled=lambda seen, _: seen.gain < 1e-6,
+        most_steps=MOST_STEPS,
+    )
     jacobian = _jacobian(residuals, current)
     scaled = jacobian * STEPS
     covariance = STEPS[:, np.newaxis] * np.linalg.inv(scaled.T @ scaled) * STEPS
@@ -479,20 +484,6 @@ def _jacobian(residuals: Residuals, at: Calibration) -> FloatArray:
     stack = at.with_parameters(np.concatenate([at.vector + moved, at.vector - moved]))
     ahead, behind = np.split(residuals(stack), 2)
     return np.asarray((ahead - behind).T / (2.0 * STEPS))
-
-
-def _halved(
-    residuals: Callable[[Calibration], FloatArray],
-    current: Calibration,
-    step: FloatArray,
-    before: float,
-) -> tuple[Calibration, FloatArray]:
-    for halving in range(8):
-        moved = current.with_parameters(current.vector + step / 2.0**halving)
-        there = residuals(moved)
-        if np.isfinite(there).all() and float(there @ there) <= before:
-            return moved, there
-    return current, residuals(current)
 
 
 def _alone(

@@ -2,19 +2,25 @@
 
 The one door for fits: the parameters are few, residuals are cheap in stacks, and what is wanted of
 an optimum, beside the parameters, is how it moves with everything that went into it.
+
+`fit` is for data with standard uncertainties, `minimise` for what has bounds or only a scale, and
+`descend` for what has a structure of its own (a scene, the views of a board). They share the loss.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from metrology.errors import NoFitError
 
-__all__ = ["Fitted", "Residuals", "fit", "moved_fit"]
+__all__ = ["Downhill", "Fitted", "Optimum", "Residuals", "descend", "fit", "minimise", "moved_fit"]
 
 FloatArray = NDArray[np.float64]
+State = TypeVar("State")
+Step = TypeVar("Step")
 Residuals = Callable[[FloatArray], FloatArray]
 """Parameters (P,) to standardised residuals (N,)."""
 
@@ -163,6 +169,149 @@ def moved_fit(
     curvature = weighed @ fitted.jacobian + fitted.prior_weight * fitted.precision
     step = np.linalg.lstsq(curvature, change, rcond=None)[0]
     return replace(fitted, values=values - step)
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """Parameters of least cost.
+
+    Attributes
+    ----------
+    values : (P,) array
+    residuals : (N,) array
+        There.
+    jacobian : (N, P) array
+        Of the residuals, each weighed by how much it still counts: its product with itself is the
+        curvature of the cost.
+    cost : float
+        Half the sum of the squares, those beyond the scale of the loss counted linearly.
+    """
+
+    values: FloatArray
+    residuals: FloatArray
+    jacobian: FloatArray
+    cost: float
+
+
+def minimise(
+    residuals: Residuals,
+    start: ArrayLike,
+    *,
+    soft_from: float = np.inf,
+    loss: Residuals | None = None,
+    slopes: Residuals | None = None,
+    low: ArrayLike = -np.inf,
+    high: ArrayLike = np.inf,
+    tolerance: float = 1e-8,
+    most_evaluations: int | None = None,
+) -> Optimum:
+    """Parameters within bounds that make residuals least, by scipy's trust regions.
+
+    Parameters
+    ----------
+    residuals : callable
+        (P,) parameters to (N,) residuals.
+    start : (P,) array
+        Where to start, within the bounds.
+    soft_from : float
+        Size from which a residual counts linearly (soft L1); none does by default.
+    loss : callable, optional
+        Another loss, goes before `soft_from`: squared residuals (N,) to what they cost and its
+        first two derivatives (3, N).
+    slopes : callable, optional
+        (P,) parameters to the Jacobian (N, P); else by forward differences.
+    low, high : (P,) arrays or floats
+        Bounds.
+    tolerance : float
+        Share of the cost, or of the parameters, below which a step no longer matters.
+    most_evaluations : int, optional
+        Of the residuals, the Jacobian's not counted.
+
+    Raises
+    ------
+    NoFitError
+        If the residuals are no numbers at the start.
+    """
+    # takes longer to load than most fits to do
+    from scipy.optimize import least_squares
+
+    usual = "soft_l1" if np.isfinite(soft_from) else "linear"
+    how: Any = usual if loss is None else loss
+    try:
+        found = least_squares(
+            residuals,
+            np.asarray(start, dtype=float),
+            jac="2-point" if slopes is None else slopes,
+            bounds=(np.asarray(low, dtype=float), np.asarray(high, dtype=float)),
+            loss=how,
+            f_scale=soft_from if np.isfinite(soft_from) else 1.0,
+            ftol=tolerance,
+            xtol=tolerance,
+            max_nfev=most_evaluations,
+        )
+    except ValueError as problem:
+        raise NoFitError("what was measured is not what this model can fit") from problem
+    jacobian = np.asarray(found.jac, dtype=float)
+    return Optimum(np.asarray(found.x), np.asarray(found.fun), jacobian, float(found.cost))
+
+
+@dataclass(frozen=True)
+class Downhill(Generic[Step]):
+    """A cost as it looks from one place.
+
+    Attributes
+    ----------
+    cost : float
+    step : object
+        The Gauss-Newton step.
+    gain : float
+        What it gains if the cost is a parabola; NaN where that is not told.
+    """
+
+    cost: float
+    step: Step
+    gain: float = np.nan
+
+
+def descend(
+    start: State,
+    looking: Callable[[State], Downhill[Step]],
+    moved: Callable[[State, Step, float], State],
+    cost: Callable[[State, Step], float],
+    *,
+    settled: Callable[[Downhill[Step], float], bool],
+    most_steps: int,
+    most_halvings: int = 8,
+) -> State:
+    """Gauss-Newton steps with halving, of whatever can be looked at and moved.
+
+    Parameters
+    ----------
+    start : object
+    looking : callable
+        The cost and the step at a place.
+    moved : callable
+        The place after so much of a step.
+    cost : callable
+        Of a place, with the weights that the step was looked for with; NaN is no way on.
+    settled : callable
+        Whether a step with its new cost was the last.
+    most_steps, most_halvings : int
+    """
+    place = start
+    for _ in range(most_steps):
+        seen = looking(place)
+        for halving in range(most_halvings):
+            there = moved(place, seen.step, 0.5**halving)
+            reached = cost(there, seen.step)
+            if reached <= seen.cost:
+                break
+        else:
+            return place
+        place = there
+        if settled(seen, reached):
+            return place
+    return place
 
 
 def _precision(std: ArrayLike | None, count: int) -> FloatArray:

@@ -24,9 +24,10 @@ import numpy as np
 import typer
 from matplotlib.axes import Axes
 from rich.table import Table
-from scipy.optimize import brentq, least_squares
+from scipy.optimize import brentq
 
 from metrology import UsageError, write_text_whole
+from metrology.least_squares import minimise
 from physics.air import (
     DRAG_CURVES,
     PAPER_AIR,
@@ -520,7 +521,7 @@ def _minimum(misses: Callable[[FloatArray], FloatArray], free: tuple[str, ...]) 
         [3.0 if key == "contact_time" else s for key, s in zip(free, start, strict=True)]
     )
     low = [0.0 if key in ("drag", "contact_time") else -np.inf for key in free]
-    return np.asarray(least_squares(misses, start, bounds=(low, np.inf), x_scale=1.0).x)
+    return minimise(misses, start, low=low).values
 
 
 def investigate(data: str = "simulated") -> tuple[Explanation, ...]:

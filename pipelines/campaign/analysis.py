@@ -31,12 +31,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
-from scipy.optimize import least_squares
 from scipy.special import logsumexp
 from scipy.stats import chi2
 from scipy.stats import t as student
 
 from metrology import TooLittleDataError, UsageError
+from metrology.least_squares import minimise
 from physics.bodies import Ball, lost_by_pendulum, lost_by_pendulum_approximate
 from physics.contact import external_impulse
 from physics.forward import Experiment, closed_form_landing, impulsive_launch, numerical_landing
@@ -390,12 +390,10 @@ def _along_curve(
     def away(values: FloatArray) -> FloatArray:
         return np.asarray(_evaluate_at(law, values, speeds) - mean)
 
-    near = least_squares(away, start, method="lm")
-    inverse: FloatArray = np.linalg.pinv(
-        np.asarray(near.jac, dtype=float), rcond=_SMALLEST_DIRECTION
-    )
+    near = minimise(away, start)
+    inverse: NDArray[np.floating] = np.linalg.pinv(near.jacobian, rcond=_SMALLEST_DIRECTION)
     covariance = inverse @ np.atleast_2d(np.cov(curves, rowvar=False)) @ inverse.T
-    return np.asarray(near.x), np.asarray(0.5 * (covariance + covariance.T))
+    return near.values, np.asarray(0.5 * (covariance + covariance.T))
 
 
 def _evaluate_at(law: LawKind, values: FloatArray, speeds: FloatArray) -> FloatArray:

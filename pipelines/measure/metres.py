@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from calib.calibration import BallOutlines, Calibration, Evidence, Known
@@ -16,6 +15,7 @@ from calib.grid import find_wall_grid
 from calib.lens import LensPrior, read_lens
 from calib.solve import Solved, solve
 from metrology import NotFoundError
+from metrology.least_squares import minimise
 from pipelines.measure.inputs import Inputs
 from vision.tracks import PendulumTrack, Track, Tracks
 
@@ -352,10 +352,8 @@ def centre_of_arc(points: FloatArray) -> FloatArray:
     def residuals(values: FloatArray) -> FloatArray:
         return np.asarray(np.hypot(*(near - values[:2]).T) - values[2])
 
-    best = scipy.optimize.least_squares(
-        residuals, [*start[:2], radius], loss="soft_l1", f_scale=1e-3
-    )
-    return np.asarray(best.x[:2] + middle)
+    best = minimise(residuals, [*start[:2], radius], soft_from=1e-3)
+    return np.asarray(best.values[:2] + middle)
 
 
 def calibrate_clip(tracks: Tracks, inputs: Inputs) -> Solved:

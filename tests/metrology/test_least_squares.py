@@ -1,10 +1,21 @@
 """The least-squares door: against closed forms, and responses against fits done anew."""
 
+import ast
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from metrology.least_squares import Residuals, fit, moved_fit
+from metrology import NoFitError
+from metrology.least_squares import (
+    Downhill,
+    Residuals,
+    descend,
+    fit,
+    minimise,
+    moved_fit,
+)
 
 FloatArray = NDArray[np.float64]
 TIME = np.linspace(0.0, 1.0, 60)
@@ -75,3 +86,76 @@ def test_residuals_that_come_or_go_are_refused() -> None:
     near = fit(decay(data_of(5)), [2.0, 1.5, 0.3], stacked=True)
     with pytest.raises(ValueError, match="anew"):
         moved_fit(near, lambda values: decay(data_of(5))(values)[1:])
+
+
+def test_outliers_bend_a_soft_minimum_little_and_a_plain_one_much() -> None:
+    data, start = data_of(4), [2.0, 1.5, 0.3]
+    data[10] += 1.0
+    plain = minimise(decay(data), start)
+    soft = minimise(decay(data), start, soft_from=2.5)
+    clean = minimise(decay(data_of(4)), start, soft_from=2.5)
+    assert (
+        np.abs(soft.values - clean.values).max() < 0.2 * np.abs(plain.values - clean.values).max()
+    )
+    np.testing.assert_allclose(soft.values, fit(decay(data), start).values, rtol=1e-4)
+    left = soft.residuals / 2.5
+    assert soft.cost == pytest.approx(2.5**2 * float((np.sqrt(1.0 + left**2) - 1.0).sum()))
+
+
+def test_a_minimum_stays_within_its_bounds() -> None:
+    found = minimise(decay(data_of(5)), [1.0, 1.0, 0.1], high=[np.inf, 1.2, np.inf])
+    assert found.values[1] == pytest.approx(1.2, abs=1e-3)
+    assert minimise(decay(data_of(5)), [1.0, 1.0, 0.1]).values[1] > 1.3
+
+
+def test_residuals_that_are_no_numbers_are_refused() -> None:
+    with pytest.raises(NoFitError):
+        minimise(lambda values: np.full(3, np.nan) + values[0], [1.0])
+
+
+def test_a_descent_halves_what_leaps_too_far_and_stops_where_nothing_gains() -> None:
+    """Newton's step for the root of the arc tangent leaps ever farther away from 1.4 on."""
+    looks: list[float] = []
+
+    def looking(x: float) -> Downhill[float]:
+        looks.append(x)
+        return Downhill(float(np.arctan(x)) ** 2, float(-np.arctan(x) * (1.0 + x * x)))
+
+    found = descend(
+        3.0,
+        looking,
+        lambda x, step, share: x + share * step,
+        lambda x, _: float(np.arctan(x)) ** 2,
+        settled=lambda seen, reached: seen.cost - reached < 1e-12,
+        most_steps=20,
+    )
+    assert abs(found) < 1e-6
+    assert 3 < len(looks) < 12
+    stuck = descend(
+        1.0,
+        looking,
+        lambda x, step, share: x - share * step,
+        lambda x, _: float(np.arctan(x)) ** 2,
+        settled=lambda *_: False,
+        most_steps=20,
+    )
+    assert stuck == 1.0
+
+
+def test_nobody_goes_round_the_door() -> None:
+    """Fits elsewhere call it; what scipy has for them is asked here alone."""
+    root = Path(__file__).parents[2]
+    solvers = {"least_squares", "leastsq", "curve_fit"}
+    round_it = []
+    for package in ("calib", "physics", "vision", "pipelines", "mismatch"):
+        for path in (root / package).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                module = getattr(node, "module", "") or ""
+                names = {
+                    one.name for one in getattr(node, "names", ()) if isinstance(one, ast.alias)
+                }
+                imported = module.startswith("scipy") and solvers & names
+                called = isinstance(node, ast.Attribute) and node.attr in solvers
+                if imported or called:
+                    round_it.append(f"{path.relative_to(root)}:{getattr(node, 'lineno', 0)}")
+    assert round_it == []

@@ -212,7 +212,16 @@ def _near_radius(frame: IntArray, radius: FloatArray) -> FloatArray:
     values = np.where(near, radius[rows], np.nan)
     few = near.sum(axis=1) < _FEWEST
     values[few] = radius[few, None]
-    return np.asarray(np.nanmedian(values, axis=1))
+    return _middle_of_known(values)
+
+
+def _middle_of_known(values: FloatArray, axis: int = 1) -> FloatArray:
+    """Median without NaN, NaN where all are: numpy's takes ten times as long over short rows."""
+    ordered = np.sort(values, axis=axis)  # NaN last
+    known = np.count_nonzero(~np.isnan(values), axis=axis, keepdims=True)
+    low, high = np.maximum(known - 1, 0) // 2, np.minimum(known // 2, values.shape[axis] - 1)
+    ends = [np.take_along_axis(ordered, place, axis) for place in (low, high)]
+    return np.asarray(0.5 * (ends[0] + ends[1])).squeeze(axis)
 
 
 def _neighbours(frame: IntArray, steps: IntArray) -> tuple[IntArray, BoolArray]:
@@ -243,7 +252,7 @@ def _expected_place(
     weight = near / stated
     known = np.where(near, stated, np.nan)
     known[enough < _FEWEST] = 1.0
-    typical = np.nanmedian(known, axis=1)
+    typical = _middle_of_known(known)
     for _ in range(_ROUNDS):
         weighted = design * weight[:, :, None]
         inverse = np.linalg.inv(np.einsum("nki,nkj->nij", weighted, design) + held)
@@ -251,7 +260,7 @@ def _expected_place(
         square = np.sum((centre[rows] - design @ fitted) ** 2, axis=2)
         left = np.where(near, square, np.nan)
         left[enough < _FEWEST] = 1.0
-        middle = np.nanmedian(left, axis=1)
+        middle = _middle_of_known(left)
         usual = np.maximum(middle, typical)[:, None]
         weight = near / (stated * (1.0 + square / (4.0 * usual)) ** 2)
     spread = inverse[:, 0, 0] * np.maximum(1.0, middle / (1.4 * typical))
@@ -667,7 +676,7 @@ def trusted_rows(found: BallFits) -> BallFits:
         found = found.at(~worst)
     expected = _expected(found)
     known = np.where(np.isfinite(expected.excess), expected.excess, np.nan)
-    local = _around(known, np.nanmedian) / _MEDIAN_EXCESS
+    local = _around(known, _middle_of_known) / _MEDIAN_EXCESS
     factor = np.clip(np.nan_to_num(local, nan=1.0), 1.0, _MOST_WIDENED)
     covariance = found.fits.covariance * factor[:, None, None]
     return replace(found, fits=replace(found.fits, covariance=covariance))
@@ -678,7 +687,7 @@ def _expected(found: BallFits) -> Expected:
     variance = 0.5 * np.trace(found.fits.covariance, axis1=1, axis2=2)
     near = expected_places(found.frame, found.centre, found.radius, variance)
     # Where all scatter, one that scatters alike belongs to them: what they state is too little.
-    usual = np.nan_to_num(_around(near.excess, np.nanmedian) / _MEDIAN_EXCESS, nan=1.0)
+    usual = np.nan_to_num(_around(near.excess, _middle_of_known) / _MEDIAN_EXCESS, nan=1.0)
     alone = near.off & ~(near.excess < _OFF_EXCESS * np.maximum(usual, 1.0))
     flight, off = off_flight(found.frame, found.centre, found.radius)
     return Expected(
@@ -852,8 +861,8 @@ def _plausible(found: BallFits, radius: float) -> BoolArray:
     known = (places >= 0) & (places < count)
     near = found.centre[np.clip(places, 0, count - 1)]
     near[~known] = np.nan
-    expected = np.nanmedian(near, axis=1)
-    span = np.nanmedian(np.abs(near - expected[:, None]), axis=1)
+    expected = _middle_of_known(near)
+    span = _middle_of_known(np.abs(near - expected[:, None]))
     near_by = np.abs(found.centre - expected) <= 3.0 * span + 0.3 * radius + 1.0
     return np.asarray(np.all(near_by, axis=1))
 

@@ -21,9 +21,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
+from metrology.least_squares import minimise
 from vision.compiled import CORRELATED_PIXELS, registered
 
 __all__ = [
@@ -358,8 +358,8 @@ def fit_arc(points: FloatArray, turns: FloatArray | None = None) -> Arc | None:
         return np.concatenate([radial, np.arctan2(np.sin(turned), np.cos(turned)) / turn_scatter])
 
     for _ in range(4):
-        solution = scipy.optimize.least_squares(residuals, state, loss="soft_l1", max_nfev=60)
-        state = solution.x
+        solution = minimise(residuals, state, soft_from=1.0, most_evaluations=60)
+        state = solution.values
         offset = points - state[:2]
         radial = np.hypot(offset[:, 0], offset[:, 1]) - state[2]
         scatter = max(1.4826 * float(np.median(np.abs(radial))), 0.01)
@@ -368,7 +368,7 @@ def fit_arc(points: FloatArray, turns: FloatArray | None = None) -> Arc | None:
             turn_scatter = max(1.4826 * float(np.median(np.abs(turned))), common)
     if not np.all(np.isfinite(state)) or state[2] > 1e5:
         return None
-    slopes = np.asarray(solution.jac, dtype=np.float64)
+    slopes = solution.jacobian
     covariance = np.asarray(np.linalg.pinv(slopes.T @ slopes)[:3, :3], dtype=np.float64)
     span = float(np.ptp(np.unwrap(_angles(points, state[:2]))))
     return Arc(state[:2], float(state[2]), covariance, scatter, span)
@@ -459,10 +459,10 @@ def _swing_through(
             left.append((turned - np.median(turned)) / _TURN_STD)
         return np.concatenate(left)
 
-    loss: Any = partial(_shared_loss, priors=len(stds) + 1, share=share)
-    found = scipy.optimize.least_squares(residuals, np.zeros(6), loss=loss, max_nfev=60)
-    finite = bool(np.all(np.isfinite(found.x)))
-    return _Through(swing_of(found.x) if finite else start, float(found.cost) if finite else np.inf)
+    loss = partial(_shared_loss, priors=len(stds) + 1, share=share)
+    found = minimise(residuals, np.zeros(6), loss=loss, most_evaluations=60)
+    finite = bool(np.all(np.isfinite(found.values)))
+    return _Through(swing_of(found.values) if finite else start, found.cost if finite else np.inf)
 
 
 def _shared_loss(square: FloatArray, priors: int, share: float) -> FloatArray:

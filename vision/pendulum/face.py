@@ -20,10 +20,10 @@ from enum import IntEnum
 
 import cv2
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from metrology.least_squares import minimise
 from vision.ball.ball import BallFits
 from vision.ball.edges import TYPICAL_GAMMA, Hides
 from vision.pendulum.arc import Arc, Patch, Pose, sampled
@@ -698,23 +698,21 @@ class _StripFit:
         most = [last, _MOST_TILT, _BLUR_PX[1], *[np.inf] * 3, last - first, np.inf, last - first]
         high = np.array(most)[: len(start)]
         scale = 1.4826 * float(np.median(np.abs(residuals(start)))) + 1e-3
-        found = scipy.optimize.least_squares(
+        found = minimise(
             residuals,
             start,
-            jac=slopes,
-            bounds=(low, high),
-            loss="soft_l1",
-            f_scale=scale,
-            ftol=_SETTLED,
-            xtol=_SETTLED,
+            slopes=slopes,
+            low=low,
+            high=high,
+            soft_from=scale,
+            tolerance=_SETTLED,
         )
-        left = residuals(found.x)
+        left, jacobian = found.residuals, found.jacobian
         cost = float(left @ left)
-        jacobian = np.asarray(found.jac, dtype=float)
         spread = cost / max(len(left) - len(start), 1) * _CORRELATED
         covariance = np.linalg.pinv(jacobian.T @ jacobian) * spread
         std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-        return cls(found.x, std, cost, len(left) / _CORRELATED - len(start))
+        return cls(found.values, std, cost, len(left) / _CORRELATED - len(start))
 
     def tells_more_than(self, simpler: "_StripFit") -> bool:
         """Whether two parameters more make it better than chance does."""

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
+from metrology.least_squares import minimise
 from vision.ball.ball import BallFits
 from vision.ball.edges import TYPICAL_GAMMA
 from vision.pendulum.arc import ImagedSwing
@@ -215,13 +215,13 @@ def _circle(rim: FloatArray, radius: float) -> tuple[FloatArray, float, float, f
         return np.asarray(np.hypot(*(rim - state[:2]).T) - state[2])
 
     start = [*np.median(rim, axis=0), radius]
-    found = scipy.optimize.least_squares(residuals, start, loss="soft_l1", f_scale=0.1)
-    left = 1.4826 * float(np.median(np.abs(residuals(found.x))))
-    slopes = np.asarray(found.jac, dtype=np.float64)
+    found = minimise(residuals, start, soft_from=0.1)
+    left = 1.4826 * float(np.median(np.abs(found.residuals)))
+    slopes = found.jacobian
     covariance = np.linalg.pinv(slopes.T @ slopes) * left**2
     # neighbouring rays share their errors
     std = float(np.sqrt(3.0 * (covariance[0, 0] + covariance[2, 2])))
-    return np.asarray(found.x[:2]), float(found.x[2]), std, left
+    return found.values[:2], float(found.values[2]), std, left
 
 
 Point = tuple[float, float] | tuple[float, float, int]
