@@ -69,8 +69,12 @@ PLAIN_UNITS: dict[str, dict[str, float]] = {
     "m/s": {"m/s": 1.0},
     "m/px": {"m/px": 1.0, "cm/px": 0.01, "mm/px": 0.001},
     "px/m": {"px/m": 1.0, "px/cm": 100.0, "px/mm": 1000.0},
-    "kg m^2": {"kg m^2": 1.0},
+    "kg*m^2": {"kg m^2": 1.0, "kg*m^2": 1.0, "g cm^2": 1e-7},
     "kg/m^3": {"kg/m^3": 1.0},
+    "rad": {"rad": 1.0, "mrad": 0.001, "deg": math.pi / 180.0, "°": math.pi / 180.0},
+    "Pa": {"Pa": 1.0, "hPa": 100.0, "kPa": 1000.0},
+    "Pa*s": {"Pa s": 1.0, "Pa*s": 1.0, "mPa s": 0.001},
+    "1": {"%": 0.01},
 }
 
 """What nearly everybody writes, by the unit wanted: factors known without a registry of all units,

@@ -705,12 +705,19 @@ def _stretches(time: FloatArray, rows: NDArray[np.int64], length: int) -> list[N
 
 
 def _projector(time: FloatArray, highest: int) -> FloatArray:
+    basis = _polynomials(time.tobytes(), highest)
+    return np.asarray(np.eye(time.size) - basis @ basis.T)
+
+
+@lru_cache(maxsize=8192)
+def _polynomials(times: bytes, highest: int) -> FloatArray:
+    """Orthonormal polynomials (N, D) at times that all channels of a record share."""
+    time = np.frombuffer(times)
     degree = 4 if time.size >= 16 else (3 if time.size >= 10 else 2)
     if highest > 4 and time.size >= 8:
         degree = highest
     u = (time - time.mean()) / max(np.ptp(time), 1e-12) * 2.0
-    basis, _ = np.linalg.qr(np.vander(u, degree + 1))
-    return np.asarray(np.eye(time.size) - basis @ basis.T)
+    return np.asarray(np.linalg.qr(np.vander(u, degree + 1))[0])
 
 
 def _channel(

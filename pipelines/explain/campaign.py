@@ -40,7 +40,7 @@ from pipelines.explain.clips import (
 )
 from pipelines.explain.own_effects import check_effect, load_effects, under_guard
 from pipelines.explain.tabular import Sheet, TableLike, name_of, numbers_of, read_sheet
-from pipelines.interop.measured import made_elsewhere, track_table
+from pipelines.interop.tables import made_elsewhere
 from pipelines.setup.file import BallSetup, Setup, load_setup
 
 __all__ = [
@@ -209,6 +209,9 @@ def _samples(
     """Rows of the ball, or where `phi_rad` is needed, of the pendulum; notes on reading them."""
     trial = source.stem if isinstance(source, Path) else "1"
     if isinstance(source, Path) and made_elsewhere(source, setup.columns):
+        # comes with the measuring chain
+        from pipelines.interop.measured import track_table
+
         source = track_table(source, setup.columns)
     sheet = read_sheet(source, UNITS, ("trial", "ball"))
     table = sheet.table

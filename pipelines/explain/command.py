@@ -23,8 +23,12 @@ from pipelines.explain.campaign import (
     explain_table_file,
     is_trial_table,
 )
-from pipelines.interop.measured import PROJECT_SUFFIXES, made_elsewhere
-from pipelines.interop.tables import TABLE_SUFFIXES, parse_columns
+from pipelines.interop.tables import (
+    PROJECT_SUFFIXES,
+    TABLE_SUFFIXES,
+    made_elsewhere,
+    parse_columns,
+)
 from pipelines.setup.cor_file import read_cor_file, with_laws
 from pipelines.setup.file import load_setup
 

@@ -27,11 +27,10 @@ from pipelines.interop.external import (
 )
 from pipelines.interop.projects import kinovea_annotations, read_kva, read_trk, tracker_project
 from pipelines.interop.tables import (
-    HDF5_SUFFIXES,
+    PROJECT_SUFFIXES,
     TABLE_SUFFIXES,
     ask_columns,
     header_of,
-    is_of_a_program,
     keep_columns,
     read_table_of_tracks,
 )
@@ -55,9 +54,7 @@ from vision.tracks import Face, MotionKind, PendulumTrack, Track, Tracks, find_r
 from vision.tracks import FollowedObject as FollowedObject
 
 __all__ = [
-    "PROJECT_SUFFIXES",
     "external_of",
-    "made_elsewhere",
     "measure_from_tracks",
     "read_tracks",
     "settled_columns",
@@ -129,28 +126,6 @@ def _plane(px: np.ndarray, metres: np.ndarray) -> PlaneOfMotion | None:
     # where x = y = 0 in metres
     origin = px.mean(axis=0) + plane.pixels(-metres.mean(axis=0)[np.newaxis])[0]
     return PlaneOfMotion(1.0 / per_px, 0.0, origin, turn)
-
-
-PROJECT_SUFFIXES = (".trk", ".trz", ".kva")
-
-"""Files of other programs that are no tables."""
-
-
-def made_elsewhere(path: Path, columns: Mapping[str, str]) -> bool:
-    """Whether a file is another program's, or a table whose columns somebody named.
-
-    Parameters
-    ----------
-    path : Path
-    columns : mapping of str to str
-        As `columns.parse_columns`.
-    """
-    suffix = path.suffix.lower()
-    if suffix in PROJECT_SUFFIXES or suffix in HDF5_SUFFIXES:
-        return True
-    if suffix not in TABLE_SUFFIXES or not path.is_file():
-        return False
-    return bool({"t", "frame", "x", "y"} & columns.keys()) or is_of_a_program(path)
 
 
 def settled_columns(path: Path, said: Mapping[str, str], setup: Path | None) -> dict[str, str]:

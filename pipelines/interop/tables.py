@@ -33,6 +33,7 @@ from pipelines.terminal import screen
 
 __all__ = [
     "HDF5_SUFFIXES",
+    "PROJECT_SUFFIXES",
     "TABLE_SUFFIXES",
     "ColumnUse",
     "ask_columns",
@@ -40,6 +41,7 @@ __all__ = [
     "header_of",
     "is_of_a_program",
     "keep_columns",
+    "made_elsewhere",
     "parse_columns",
     "read_table_of_tracks",
 ]
@@ -225,6 +227,8 @@ FloatArray = NDArray[np.float64]
 
 HDF5_SUFFIXES = (".h5", ".hdf5")
 
+PROJECT_SUFFIXES = (".trk", ".trz", ".kva")
+
 TABLE_SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".xlsx", *HDF5_SUFFIXES)
 
 LEAST_LIKELIHOOD = 0.6
@@ -301,6 +305,23 @@ def header_of(path: Path) -> list[str]:
 _HEAD_BYTES = 2**16
 
 """Bytes that are looked at to tell which program wrote a file: more than the longest header."""
+
+
+def made_elsewhere(path: Path, columns: Mapping[str, str]) -> bool:
+    """Whether a file is another program's, or a table whose columns somebody named.
+
+    Parameters
+    ----------
+    path : Path
+    columns : mapping of str to str
+        As `columns.parse_columns`.
+    """
+    suffix = path.suffix.lower()
+    if suffix in PROJECT_SUFFIXES or suffix in HDF5_SUFFIXES:
+        return True
+    if suffix not in TABLE_SUFFIXES or not path.is_file():
+        return False
+    return bool({"t", "frame", "x", "y"} & columns.keys()) or is_of_a_program(path)
 
 
 def is_of_a_program(path: Path) -> bool:

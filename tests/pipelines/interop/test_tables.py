@@ -5,8 +5,8 @@ import pytest
 
 from metrology import UsageError
 from pipelines.interop.external import Program
-from pipelines.interop.measured import made_elsewhere, read_tracks, settled_columns, track_table
-from pipelines.interop.tables import column_use, keep_columns, parse_columns
+from pipelines.interop.measured import read_tracks, settled_columns, track_table
+from pipelines.interop.tables import column_use, keep_columns, made_elsewhere, parse_columns
 from pipelines.setup.file import load_setup
 
 # as Kinovea 0.8 exports to Gnuplot on a French machine
