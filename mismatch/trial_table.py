@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaincc, log_ndtr, logsumexp
+from scipy.special import chdtri, gammaincc, log_ndtr, logsumexp
 
 from metrology import SetupError, TooLittleDataError, UsageError
 from mismatch.candidates import Candidate, start_values
@@ -1346,9 +1346,15 @@ READING_SHARE = 0.012
 SPEED_SHARE = 0.03
 """Relative, supposed: noise of impact speeds from which it is not taken for white."""
 
-FARTHEST_OFF = 3.0
-"""Factor by which trials may scatter beyond the uncertainties stated for them, supposed: what one
-forgets in a budget is about as large as what one counts."""
+STATED_FREEDOM = 2.6
+"""Degrees of freedom of the t distribution that errors over their stated uncertainties follow in 99
+measurements of five lifetimes (K. M. Hanson, "Lessons about likelihood functions from nuclear
+physics", AIP Conf. Proc. 954 (2007) 458, arXiv:0712.0021): stated uncertainties are wrong by a
+factor whose inverse square is a chi² of so many degrees over their number."""
+
+FARTHEST_OFF = math.sqrt(STATED_FREEDOM / float(chdtri(STATED_FREEDOM, 0.95)))
+"""Factor, 3.3, by which trials may scatter beyond the uncertainties stated for them: nineteen of
+twenty laboratories are wrong by less."""
 
 LEAST_P_VALUE = 1e-3
 """Probability of a chi² as large: one table in a thousand has it by chance."""

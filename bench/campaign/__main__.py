@@ -1,9 +1,9 @@
 """What a campaign must reach: a law that holds, nothing lost, scaling, memory.
 
-``python -m bench.campaign [--quick] [--filmed FOLDER]`` prints the table as markdown; with a folder
-that ``bench.campaign.filmed`` filled, what its clips say, too. Laws are judged on campaigns
-drawn from the paper's law with strikes, sessions and shared inputs that scatter; the scheduler with
-a crew that only waits as long as clips were measured to take, faster by a stated factor.
+``python -m bench.campaign [--quick] [--rows coverage kills scheduler] [--filmed FOLDER]`` prints
+the table as markdown; with a folder that ``bench.campaign.filmed`` filled, what its clips say, too.
+Laws are judged on campaigns drawn from the paper's law with strikes, sessions and shared inputs
+that scatter; the scheduler with a crew that only waits as long as clips were measured to take.
 """
 
 import argparse
@@ -15,7 +15,7 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from heapq import heappop, heappush
 from pathlib import Path
@@ -165,10 +165,19 @@ def kills(number: int) -> list[str]:
     return [f"| killed (−9) at {number} random moments: clips lost; done twice | 0; 0 | {said} |"]
 
 
+ROWS: dict[str, Callable[[argparse.Namespace], list[str]]] = {
+    "coverage": lambda given: coverage(10 if given.quick else 50, given.seed),
+    "kills": lambda given: kills(1 if given.quick else 30),
+    "scheduler": lambda given: scheduler(10_000 if given.quick else 100_000, 1000, given.seconds),
+}
+"""Parts that can be run one by one."""
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(prog="python -m bench.campaign", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a tenth of everything")
+    parser.add_argument("--rows", nargs="+", choices=[*ROWS], default=[*ROWS], help="only these")
     parser.add_argument("--seed", type=int, default=12)
     parser.add_argument(
         "--seconds", type=float, nargs="+", default=[3.0], help="measured times of clips"
@@ -176,14 +185,10 @@ def main() -> None:
     parser.add_argument("--filmed", type=Path, help="folder of bench.campaign.filmed, run before")
     given = parser.parse_args()
     os.environ.setdefault("OMP_NUM_THREADS", "1")
-    tenth = 10 if given.quick else 1
     print("| | at least | measured |\n|---|---|---|")
-    for line in coverage(50 if not given.quick else 10, given.seed):
-        print(line, flush=True)
-    for line in kills(1 if given.quick else 30):
-        print(line, flush=True)
-    for line in scheduler(100_000 // tenth, 1000, given.seconds):
-        print(line, flush=True)
+    for name in given.rows:
+        for line in ROWS[name](given):
+            print(line, flush=True)
     if given.filmed is not None:
         lab = Laboratory(given.filmed)
         for line in [*judged(lab, given.filmed / "campaign"), *scaling(lab)]:

@@ -50,6 +50,12 @@ def _page(data: bytes) -> object:
     return None
 
 
+def _pdf(data: bytes) -> object:
+    if not data.rstrip().endswith(b"%%EOF"):
+        raise ValueError("cut")
+    return None
+
+
 _READERS: dict[str, Callable[[bytes], object]] = {
     ".json": json.loads,
     ".csv": lambda data: pd.read_csv(io.BytesIO(data)),
@@ -62,6 +68,7 @@ _READERS: dict[str, Callable[[bytes], object]] = {
     ".html": _page,
     ".mp4": _clip,
     ".avi": _clip,
+    ".pdf": _pdf,
 }
 
 
@@ -134,6 +141,16 @@ COMMANDS = {
     "measure many": Writer(
         ("measure", "a.mp4", "--fps", "600", "--ball", "jokku", "--out", "many", "-j", "1",
          "--json", "o.json"), _sample, ("many",)),
+    "paper": Writer(
+        ("paper", "--quiet", "--json", "o.json", "--csv", "o.csv", "--figures", "figures"),
+        dict, ("o.json", "o.csv", "figures")),
+    # the page's Save ends in the same function
+    "calibrate": Writer(
+        ("calibrate", "a.mp4", "--yes", "--fps", "600", "--ball", "jokku", "--out", "setup.toml"),
+        _sample, ("setup.toml", "lens.toml")),
+    "calibrate board": Writer(("calibrate", "board", "--pdf", "o.pdf"), dict, ("o.pdf",)),
+    "calibrate plan": Writer(
+        ("calibrate", "plan", "--no-changes", "--quiet", "--json", "o.json"), dict, ("o.json",)),
 }  # fmt: skip
 
 
