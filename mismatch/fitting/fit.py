@@ -19,6 +19,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -750,6 +751,14 @@ LOST = 100.0
 
 """Misfit in one arc over that in pieces from which a law is out of step with the record."""
 
+STALLED = 1e-3
+
+"""Share of the cost below which a damped step says that damping, not the record, has ended it."""
+
+ALONG_BEND = (1.0, 0.5, 0.2, 0.05)
+
+"""Shares of a whole step that are tried along its bend."""
+
 UNFINISHED = 0.02
 
 """Share of its misfit that the last step of a fit took away, from which more would follow."""
@@ -929,32 +938,45 @@ def _fit_in_one(
         own_pull = np.where(kept, -nuisance * own_prior, 0.0)
         matrix, vector, inverse, cross = reduce(system, own_pull, pull)
         gradient = np.einsum("tmq,tm->tq", system.own, system.residual) + own_pull
-        improved = False
+
+        def at(own_move: FloatArray, move: FloatArray) -> tuple[float, Point, float, FloatArray]:
+            """Cost, place, chi-square and residuals after a step."""
+            place = (
+                nuisance + own_move, laws + move[:n_laws].reshape(laws.shape),
+                _stepped(model, free, move[n_laws:]),
+            )  # fmt: skip
+            off, left = _residuals(forward, *place)
+            return off + penalty(*place), place, off, left
+
+        best = cost
         for _ in range(8):
-            move = solve(matrix, vector, damping)
-            own_move = np.einsum(
-                "tqr,tr->tq", inverse, gradient - np.einsum("tqn,n->tq", cross, move)
-            )
-            trial_nu = nuisance + own_move * (1.0 / (1.0 + damping))
-            trial_laws = laws + move[:n_laws].reshape(laws.shape)
-            trial_model = _stepped(model, free, move[n_laws:])
-            new_chi2, new_residual = _residuals(forward, trial_nu, trial_laws, trial_model)
-            new_cost = new_chi2 + penalty(trial_nu, trial_laws, trial_model)
-            if new_cost < cost:
-                improved = True
+            own_move, move = _step(matrix, vector, inverse, cross, gradient, damping)
+            found = at(own_move / (1.0 + damping), move)
+            best = found[0]
+            if best < cost:
                 break
             damping = max(4.0 * damping, 0.05)
-        gained = cost - new_cost
-        if not improved:
+        if cost - best < STALLED * cost + 1e-3 and damping:
+            # Damping holds back above all what the records hardly tell: a turned face trades with
+            # the launch angle along a valley, which is followed along its bend.
+            whole = _step(matrix, vector, inverse, cross, gradient, 0.0)
+            bend = _bend(
+                forward, system, (matrix, inverse, cross), whole, (nuisance, laws, model, free)
+            )
+            for share in ALONG_BEND:
+                bent = at(*(share * (w + share * b) for w, b in zip(whole, bend, strict=True)))
+                if bent[0] < best:
+                    found, best, damping = bent, bent[0], 0.0
+                    break
+        gained = cost - best
+        if not gained > 0.0:
             ending = Ending.CONVERGED
             break
-        nuisance, laws, model = trial_nu, trial_laws, trial_model
-        chi2, residual, cost = new_chi2, new_residual, new_cost
+        cost, (nuisance, laws, model), chi2, residual = found
         damping *= 0.2
         if damping < 0.01:
             damping = 0.0
-        if gained < UNFINISHED * cost:
-            ending = Ending.CONVERGED
+        ending = Ending.CONVERGED if gained < UNFINISHED * cost else Ending.UNFINISHED
         if gained < 1e-3 + 1e-7 * cost:
             break
     covariance = inverse_of(matrix)[n_laws:, n_laws:]
@@ -962,6 +984,61 @@ def _fit_in_one(
         model, nuisance, laws, chi2, penalty(nuisance, laws, model), forward.records.count,
         forward.records.expected, tuple(free), covariance, residual, ending,
     )  # fmt: skip
+
+
+Point: TypeAlias = tuple[FloatArray, FloatArray, Model]
+
+"""Trial-to-trial values, laws' offsets, and the model."""
+
+Step: TypeAlias = tuple[FloatArray, FloatArray]
+
+"""Moves of the trials' own values (T, q), and of laws and shared parameters (n,)."""
+
+
+def _step(
+    matrix: FloatArray,
+    vector: FloatArray,
+    inverse: FloatArray,
+    cross: FloatArray,
+    gradient: FloatArray,
+    damping: float,
+) -> Step:
+    move = solve(matrix, vector, damping)
+    return np.einsum("tqr,tr->tq", inverse, gradient - np.einsum("tqn,n->tq", cross, move)), move
+
+
+PROBE = 0.1
+
+"""Share of a step at which the bend of its way is looked at."""
+
+
+def _bend(
+    forward: Forward,
+    system: Linearised,
+    normal: tuple[FloatArray, FloatArray, FloatArray],
+    step: Step,
+    point: tuple[FloatArray, FloatArray, Model, Sequence[Free]],
+) -> Step:
+    """What to add to a step, times its share, so that it keeps to its valley to second order.
+
+    Geodesic acceleration (Transtrum and Sethna, arXiv:1201.5885): one more prediction tells the
+    second derivative along the step. Nought where the probe runs off.
+    """
+    matrix, inverse, cross = normal
+    nuisance, laws, model, free = point
+    own, shared = step
+    _, probed = _residuals(
+        forward, nuisance + PROBE * own, laws + PROBE * shared[: laws.size].reshape(laws.shape),
+        _stepped(model, free, PROBE * shared[laws.size :]),
+    )  # fmt: skip
+    along = np.einsum("tmq,tq->tm", system.own, own) + system.shared @ shared
+    bent = (system.residual - PROBE * along - probed) / PROBE**2
+    if not np.isfinite(bent).all():
+        return np.zeros_like(own), np.zeros_like(shared)
+    pull = -np.einsum("tmq,tm->tq", system.own, bent)
+    vector = -np.einsum("tmn,tm->n", system.shared, bent)
+    vector = vector - np.einsum("tqn,tq->n", inverse @ cross, pull)
+    return _step(matrix, vector, inverse, cross, pull, 0.0)
 
 
 def _residuals(

@@ -325,6 +325,10 @@ CERTAIN_GAIN = 6.6
 
 """What the penalised gain of one effect with a sign exceeds by chance in half a per cent."""
 
+SLACK = 1.0
+
+"""Chi-square units by which rounding and unfinished steps may leave a fit above where it began."""
+
 EXPECTED = 6.0
 
 """Chi-square units, odds of one to twenty, against an answer that does without what nature always
@@ -494,20 +498,19 @@ def fit_hypothesis(
     rounds : int
         Most Gauss–Newton steps.
     """
-    model: Model = base.model
-    for member, values in zip(members, strengths, strict=True):
-        start_at = start_values(member, base.model)
-        for p, value in zip(member.effect.strengths, values, strict=True):
-            known = value if p.expected is None or p.is_held else p.expected
-            start_at[p.name] = float(np.clip(known, p.lower, p.upper))
-        model = model.having(member.effect, start_at)
-    model = model.order()
-    added: list[Effect] = [member.effect for member in members]
     origin = base if start is None else start
-    point = (origin.nuisance, origin.law_offsets)
-    model = with_own_strengths(model, added, origin.model)
-    free = (*kept_free(base, model), *free_parameters(model, added))
-    fit = fit_with_levels(forward, model, free, point, rounds=rounds)
+    added = [member.effect for member in members]
+    fit = _fitted_from(forward, base, members, strengths, origin, rounds)
+    if fit.objective > origin.objective + SLACK:
+        # It holds the model that it started about, so it can't fit worse: the linear look led
+        # astray, and small strengths are the surer start.
+        held = [effect for effect, _ in origin.model.entries]
+        small = [
+            values if any(member.effect is one for one in held) else _neutral_strengths(member)
+            for member, values in zip(members, strengths, strict=True)
+        ]
+        again = _fitted_from(forward, base, members, small, origin, rounds)
+        fit = min(fit, again, key=lambda one: one.objective)
     # In free swings the catalogue's laws are each other's errors of form: zeroth, first and second
     # power of the rate. Loose ones would pass for any sum of them.
     form = EXACT if forward.mode == "swing" else form_evidence(forward, fit, added)
@@ -518,8 +521,36 @@ def fit_hypothesis(
         - price_of_levels(forward, fit)
     )
     return Hypothesis(
-        tuple(members), fit, gain, form, _lacking(forward, model), _airless(forward, fit, added)
-    )
+        tuple(members), fit, gain, form, _lacking(forward, fit.model),
+        _airless(forward, fit, added),
+    )  # fmt: skip
+
+
+def _fitted_from(
+    forward: Forward,
+    base: Fit,
+    members: Sequence[Candidate],
+    strengths: Sequence[FloatArray],
+    origin: Fit,
+    rounds: int,
+) -> Fit:
+    """The baseline with candidates in it, fitted from given strengths."""
+    model: Model = base.model
+    for member, values in zip(members, strengths, strict=True):
+        start_at = start_values(member, base.model)
+        for p, value in zip(member.effect.strengths, values, strict=True):
+            known = value if p.expected is None or p.is_held else p.expected
+            start_at[p.name] = float(np.clip(known, p.lower, p.upper))
+        model = model.having(member.effect, start_at)
+    added: list[Effect] = [member.effect for member in members]
+    model = with_own_strengths(model.order(), added, origin.model)
+    free = (*kept_free(base, model), *free_parameters(model, added))
+    point = (origin.nuisance, origin.law_offsets)
+    return fit_with_levels(forward, model, free, point, rounds=rounds)
+
+
+def _neutral_strengths(member: Candidate) -> FloatArray:
+    return np.array([p.neutral for p in member.effect.strengths])
 
 
 SURELY = 3.0

@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 
 from mismatch.candidates import Candidate, candidates_for
-from mismatch.fitting.fit import Fit
+from mismatch.fitting.fit import Ending, Fit
 from mismatch.fitting.hypotheses import (
     POOR_FIT,
     Hypothesis,
@@ -290,7 +290,12 @@ def _those_that_compete_finished(
         return list(tried)
     lead = max((h.penalised_gain for h in tried if h.allowed), default=-np.inf)
     least = lead - max(FIRST_REACH, FIRST_SHARE * abs(lead))
-    return [_continued(forward, base, h) if h.penalised_gain > least else h for h in tried]
+    return [
+        _continued(forward, base, h)
+        if h.penalised_gain > least or h.fit.ending is Ending.UNFINISHED
+        else h
+        for h in tried
+    ]
 
 
 def _continued(forward: Forward, base: Fit, h: Hypothesis) -> Hypothesis:
