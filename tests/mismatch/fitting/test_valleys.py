@@ -5,8 +5,8 @@ import pytest
 from bench.concealed.second.draw import draw_campaign
 from mismatch.fitting.fit import fit_model, free_parameters
 from mismatch.fitting.prepare import prepare
-from physics.effects import CATALOGUE
-from pipelines.explain.io import baseline_from_setup, load_campaign
+from physics.effects import CATALOGUE, Form
+from pipelines.explain.campaign import baseline_from_setup, load_campaign
 from pipelines.setup.file import load_setup
 
 
@@ -21,11 +21,10 @@ def turned(tmp_path_factory):
     return prepare(campaign, baseline_from_setup(setup, campaign))
 
 
-@pytest.mark.parametrize("form", [e.form for e in CATALOGUE["oblique_impact"]])
-def test_a_turned_face_is_found_from_any_start(turned, form):
-    (effect,) = (e for e in CATALOGUE["oblique_impact"] if e.form == form)
+def test_a_turned_face_is_found_from_any_start(turned):
+    (effect,) = (e for e in CATALOGUE["oblique_impact"] if e.form == Form.SMOOTH_FACE)
     base, found = turned.fit, []
-    for start in (0.0, 0.01, 0.02):
+    for start in (0.0, 0.02):
         model = base.model.having(effect, effect.neutral | {"offset": start}).order()
         free = free_parameters(model, [effect])
         fit = fit_model(turned.forward, model, free, (base.nuisance, base.law_offsets))
