@@ -16,7 +16,7 @@ States of a swinging pendulum read off the record itself, with no model of its l
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TypeAlias
@@ -938,41 +938,18 @@ def _fit_in_one(
         own_pull = np.where(kept, -nuisance * own_prior, 0.0)
         matrix, vector, inverse, cross = reduce(system, own_pull, pull)
         gradient = np.einsum("tmq,tm->tq", system.own, system.residual) + own_pull
-
-        def at(own_move: FloatArray, move: FloatArray) -> tuple[float, Point, float, FloatArray]:
-            """Cost, place, chi-square and residuals after a step."""
-            place = (
-                nuisance + own_move, laws + move[:n_laws].reshape(laws.shape),
-                _stepped(model, free, move[n_laws:]),
-            )  # fmt: skip
-            off, left = _residuals(forward, *place)
-            return off + penalty(*place), place, off, left
-
-        best = cost
-        for _ in range(8):
-            own_move, move = _step(matrix, vector, inverse, cross, gradient, damping)
-            found = at(own_move / (1.0 + damping), move)
-            best = found[0]
-            if best < cost:
-                break
-            damping = max(4.0 * damping, 0.05)
-        if cost - best < STALLED * cost + 1e-3 and damping:
-            # Damping holds back above all what the records hardly tell: a turned face trades with
-            # the launch angle along a valley, which is followed along its bend.
-            whole = _step(matrix, vector, inverse, cross, gradient, 0.0)
-            bend = _bend(
-                forward, system, (matrix, inverse, cross), whole, (nuisance, laws, model, free)
-            )
-            for share in ALONG_BEND:
-                bent = at(*(share * (w + share * b) for w, b in zip(whole, bend, strict=True)))
-                if bent[0] < best:
-                    found, best, damping = bent, bent[0], 0.0
-                    break
-        gained = cost - best
+        normal = _Normal(matrix, vector, inverse, cross, gradient)
+        found, damping = _stepped_down(
+            forward, system, normal, _Stand((nuisance, laws, model), cost, chi2, residual), free,
+            penalty, damping,
+        )  # fmt: skip
+        gained = cost - found.cost
         if not gained > 0.0:
             ending = Ending.CONVERGED
             break
-        cost, (nuisance, laws, model), chi2, residual = found
+        (nuisance, laws, model), cost, chi2, residual = (
+            found.point, found.cost, found.chi2, found.residual
+        )  # fmt: skip
         damping *= 0.2
         if damping < 0.01:
             damping = 0.0
@@ -995,16 +972,75 @@ Step: TypeAlias = tuple[FloatArray, FloatArray]
 """Moves of the trials' own values (T, q), and of laws and shared parameters (n,)."""
 
 
-def _step(
-    matrix: FloatArray,
-    vector: FloatArray,
-    inverse: FloatArray,
-    cross: FloatArray,
-    gradient: FloatArray,
+@dataclass(frozen=True)
+class _Stand:
+    """Where a fit stands, and what that costs."""
+
+    point: Point
+    cost: float
+    chi2: float
+    residual: FloatArray
+
+
+@dataclass(frozen=True)
+class _Normal:
+    """The normal equations of a step, trial-to-trial values eliminated."""
+
+    matrix: FloatArray
+    vector: FloatArray
+    inverse: FloatArray
+    cross: FloatArray
+    gradient: FloatArray
+
+    def step(self, damping: float = 0.0) -> Step:
+        """Gauss and Newton's, damped by Levenberg and Marquardt's."""
+        move = solve(self.matrix, self.vector, damping)
+        pull = self.gradient - np.einsum("tqn,n->tq", self.cross, move)
+        return np.einsum("tqr,tr->tq", self.inverse, pull), move
+
+
+def _moved(point: Point, free: Sequence[Free], step: Step, share: float = 1.0) -> Point:
+    (nuisance, laws, model), (own, move) = point, step
+    return (
+        nuisance + share * own, laws + share * move[: laws.size].reshape(laws.shape),
+        _stepped(model, free, share * move[laws.size :]),
+    )  # fmt: skip
+
+
+def _stepped_down(
+    forward: Forward,
+    system: Linearised,
+    normal: _Normal,
+    stand: _Stand,
+    free: Sequence[Free],
+    penalty: Callable[[FloatArray, FloatArray, Model], float],
     damping: float,
-) -> Step:
-    move = solve(matrix, vector, damping)
-    return np.einsum("tqr,tr->tq", inverse, gradient - np.einsum("tqn,n->tq", cross, move)), move
+) -> tuple[_Stand, float]:
+    """A better place, or the same one, and the damping that led there."""
+
+    def at(point: Point) -> _Stand:
+        chi2, residual = _residuals(forward, *point)
+        return _Stand(point, chi2 + penalty(*point), chi2, residual)
+
+    found = stand
+    for _ in range(8):
+        own, move = normal.step(damping)
+        found = at(_moved(stand.point, free, (own / (1.0 + damping), move)))
+        if found.cost < stand.cost:
+            break
+        damping = max(4.0 * damping, 0.05)
+    best = min(found, stand, key=lambda one: one.cost)
+    if damping and stand.cost - best.cost < STALLED * stand.cost + 1e-3:
+        # Damping holds back above all what the records hardly tell: a turned face trades with the
+        # launch angle along a valley, which is followed along its bend.
+        whole = normal.step()
+        bend = _bend(forward, system, normal, whole, stand.point, free)
+        for share in ALONG_BEND:
+            bent = whole[0] + share * bend[0], whole[1] + share * bend[1]
+            found = at(_moved(stand.point, free, bent, share))
+            if found.cost < best.cost:
+                return found, 0.0
+    return best, damping
 
 
 PROBE = 0.1
@@ -1015,30 +1051,26 @@ PROBE = 0.1
 def _bend(
     forward: Forward,
     system: Linearised,
-    normal: tuple[FloatArray, FloatArray, FloatArray],
+    normal: _Normal,
     step: Step,
-    point: tuple[FloatArray, FloatArray, Model, Sequence[Free]],
+    point: Point,
+    free: Sequence[Free],
 ) -> Step:
     """What to add to a step, times its share, so that it keeps to its valley to second order.
 
     Geodesic acceleration (Transtrum and Sethna, arXiv:1201.5885): one more prediction tells the
     second derivative along the step. Nought where the probe runs off.
     """
-    matrix, inverse, cross = normal
-    nuisance, laws, model, free = point
-    own, shared = step
-    _, probed = _residuals(
-        forward, nuisance + PROBE * own, laws + PROBE * shared[: laws.size].reshape(laws.shape),
-        _stepped(model, free, PROBE * shared[laws.size :]),
-    )  # fmt: skip
-    along = np.einsum("tmq,tq->tm", system.own, own) + system.shared @ shared
+    own, move = step
+    _, probed = _residuals(forward, *_moved(point, free, step, PROBE))
+    along = np.einsum("tmq,tq->tm", system.own, own) + system.shared @ move
     bent = (system.residual - PROBE * along - probed) / PROBE**2
     if not np.isfinite(bent).all():
-        return np.zeros_like(own), np.zeros_like(shared)
+        return np.zeros_like(own), np.zeros_like(move)
     pull = -np.einsum("tmq,tm->tq", system.own, bent)
     vector = -np.einsum("tmn,tm->n", system.shared, bent)
-    vector = vector - np.einsum("tqn,tq->n", inverse @ cross, pull)
-    return _step(matrix, vector, inverse, cross, pull, 0.0)
+    vector = vector - np.einsum("tqn,tq->n", normal.inverse @ normal.cross, pull)
+    return replace(normal, vector=vector, gradient=pull).step()
 
 
 def _residuals(

@@ -16,8 +16,9 @@ def turned(tmp_path_factory):
     folder = tmp_path_factory.mktemp("turned")
     key = draw_campaign(2026, 24, folder / "files", folder / "keys")
     assert [hidden.id for hidden in key.effects] == ["oblique_impact"]
-    setup = load_setup(folder / "files" / "setup.toml")
-    campaign = load_campaign(folder / "files" / "ball.csv", folder / "files" / "pendulum.csv", setup)
+    files = folder / "files"
+    setup = load_setup(files / "setup.toml")
+    campaign = load_campaign(files / "ball.csv", files / "pendulum.csv", setup)
     return prepare(campaign, baseline_from_setup(setup, campaign))
 
 
