@@ -192,7 +192,7 @@ class Naming:
         """Answers of the same size that the data can't tell from the best one.
 
         Laws are compared by all their forms together, and by their best forms: what either leaves
-        open is not excluded.
+        open is not excluded, as far as it belongs to the likeliest `CREDIBLE` of all.
         """
         best = self.best
         if best is None:
@@ -200,21 +200,41 @@ class Naming:
         tolerance = group_tolerance(best)
         mine = self.families.get(tuple(sorted(best.ids)))
 
-        def near(h: Hypothesis) -> bool:
+        def behind(h: Hypothesis) -> float:
             theirs = self.families.get(tuple(sorted(h.ids)))
-            alike = mine is not None and theirs is not None
-            return h.quality >= best.quality - tolerance or (
-                alike and theirs.quality >= mine.quality - tolerance  # type: ignore[union-attr]
-            )
+            if mine is None or theirs is None:
+                return best.quality - h.quality
+            return mine.quality - theirs.quality
 
-        return tuple(
+        alike = [
             h
             for h in self.tried
-            if h is not best
-            and h.fit.inside_bounds
-            and len(h.members) == len(best.members)
-            and (near(h) or not told_apart(best, h))
+            if h is not best and h.fit.inside_bounds and len(h.members) == len(best.members)
+        ]
+        near = [best, *(h for h in alike if min(behind(h), best.quality - h.quality) <= tolerance)]
+        gaps = {tuple(sorted(h.ids)): behind(h) for h in near}
+        credible = _credible(gaps, tolerance) | {tuple(sorted(best.ids))}
+        return tuple(
+            h for h in alike if tuple(sorted(h.ids)) in credible or not told_apart(best, h)
         )
+
+    def with_likeliest(self) -> "Naming":
+        """The same, its answer the best form of the set that all forms together make likeliest.
+
+        One form among five that fits best was chosen among five. Where nothing fits to the noise,
+        or what fits best has no name, the search has weighed more than evidence.
+        """
+        best = self.best
+        if best is None or best.has_unnamed or best.reduced_chi2 >= POOR_FIT:
+            return self
+        size = len(best.members)
+        alike = [
+            one
+            for ids, one in self.families.items()
+            if len(ids) == size and not one.best.has_unnamed and one.best.fit.inside_bounds
+        ]
+        first = max(alike, key=lambda one: one.penalised_gain, default=None)
+        return self if first is None else replace(self, best=first.best)
 
     def suspects(self) -> tuple[str, ...]:
         """Faults of clock or ruler that take a part of the misfit, though not enough to be named.
@@ -232,6 +252,35 @@ class Naming:
             for one in SCALES.difference(best.ids).intersection(h.ids)
         }  # fmt: skip
         return tuple(sorted(SCALES)) if blamed else ()
+
+
+CREDIBLE = 0.95
+
+"""Share of the probability that an answer and those not excluded in its place have together."""
+
+ODDS = 7.0 / WEIGHT_SCALE
+
+"""Factors e that a tolerance stands for."""
+
+
+def _credible(
+    gaps: Mapping[tuple[str, ...], float], tolerance: float
+) -> frozenset[tuple[str, ...]]:
+    """Sets of laws that have the share `CREDIBLE` of the probability together with the best one.
+
+    Those that say the same fit alike, and stay; of a long tail each is unlikely.
+
+    Parameters
+    ----------
+    gaps : mapping
+        Set → chi-square units behind the best one, that one perhaps among them.
+    """
+    weights = {ids: float(np.exp(-max(gap, 0.0) * ODDS / tolerance)) for ids, gap in gaps.items()}
+    order = sorted(weights, key=lambda ids: -weights[ids])
+    before = np.cumsum([0.0, *(weights[ids] for ids in order)])
+    return frozenset(
+        ids for ids, seen in zip(order, before, strict=False) if seen < CREDIBLE * before[-1]
+    )
 
 
 def _best_by_law(
@@ -406,7 +455,7 @@ def name_effects(
     best = steady
     if best.reduced_chi2 >= POOR_FIT and forward.mode == "flight":
         tried.extend(_with_ruler_or_clock(forward, base, effects, best))
-    return Naming(best, _sorted(tried), threshold, first)
+    return Naming(best, _sorted(tried), threshold, first).with_likeliest()
 
 
 def _goes_first(
