@@ -417,7 +417,12 @@ def _verdict(
         _next_measurement(best, rivals, groups),
         kept,
         remainder,
-        (*campaign.notes, *noise_notes(campaign, prepared), *_setup_notes(forward, best)),
+        (
+            *campaign.notes,
+            *noise_notes(campaign, prepared),
+            *_setup_notes(forward, best),
+            *_start_notes(naming),
+        ),
         passed.doubts,
     )
 
@@ -500,6 +505,16 @@ def _setup_notes(forward: Forward, best: Hypothesis | None) -> tuple[str, ...]:
     return (
         "nothing comes near the noise: check pendulum, support and balls in the setup before"
         " believing a name",
+    )
+
+
+def _start_notes(naming: Naming) -> tuple[str, ...]:
+    """Whether the answer's fit was reached from one start alone."""
+    if naming.best is None or naming.agreed > 1:
+        return ()
+    return (
+        "the fit of what is named was reached from one start alone, others ended worse: it may not"
+        " be the best there is",
     )
 
 

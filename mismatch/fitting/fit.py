@@ -938,9 +938,9 @@ def _fit_in_one(
         own_pull = np.where(kept, -nuisance * own_prior, 0.0)
         matrix, vector, inverse, cross = reduce(system, own_pull, pull)
         gradient = np.einsum("tmq,tm->tq", system.own, system.residual) + own_pull
-        normal = _Normal(matrix, vector, inverse, cross, gradient)
+        normal = _NormalEquations(matrix, vector, inverse, cross, gradient)
         found, damping = _stepped_down(
-            forward, system, normal, _Stand((nuisance, laws, model), cost, chi2, residual), free,
+            forward, system, normal, _PlaceOfFit((nuisance, laws, model), cost, chi2, residual), free,
             penalty, damping,
         )  # fmt: skip
         gained = cost - found.cost
@@ -973,7 +973,7 @@ Step: TypeAlias = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
-class _Stand:
+class _PlaceOfFit:
     """Where a fit stands, and what that costs."""
 
     point: Point
@@ -983,7 +983,7 @@ class _Stand:
 
 
 @dataclass(frozen=True)
-class _Normal:
+class _NormalEquations:
     """The normal equations of a step, trial-to-trial values eliminated."""
 
     matrix: FloatArray
@@ -1010,17 +1010,17 @@ def _moved(point: Point, free: Sequence[Free], step: Step, share: float = 1.0) -
 def _stepped_down(
     forward: Forward,
     system: Linearised,
-    normal: _Normal,
-    stand: _Stand,
+    normal: _NormalEquations,
+    stand: _PlaceOfFit,
     free: Sequence[Free],
     penalty: Callable[[FloatArray, FloatArray, Model], float],
     damping: float,
-) -> tuple[_Stand, float]:
+) -> tuple[_PlaceOfFit, float]:
     """A better place, or the same one, and the damping that led there."""
 
-    def at(point: Point) -> _Stand:
+    def at(point: Point) -> _PlaceOfFit:
         chi2, residual = _residuals(forward, *point)
-        return _Stand(point, chi2 + penalty(*point), chi2, residual)
+        return _PlaceOfFit(point, chi2 + penalty(*point), chi2, residual)
 
     found = stand
     for _ in range(8):
@@ -1051,7 +1051,7 @@ PROBE = 0.1
 def _bend(
     forward: Forward,
     system: Linearised,
-    normal: _Normal,
+    normal: _NormalEquations,
     step: Step,
     point: Point,
     free: Sequence[Free],

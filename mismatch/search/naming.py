@@ -17,6 +17,7 @@ from mismatch.candidates import Candidate, candidates_for
 from mismatch.fitting.fit import Ending, Fit
 from mismatch.fitting.hypotheses import (
     POOR_FIT,
+    SLACK,
     Hypothesis,
     fit_hypothesis,
     group_tolerance,
@@ -150,12 +151,16 @@ class Naming:
         Penalised gain that chance alone exceeds in one campaign of a hundred.
     first_scan : Scan
         Scores around the baseline.
+    agreed : int
+        Independent starts from which the answer's fit ended at the same place; one alone leaves
+        open that another start would have ended lower.
     """
 
     best: Hypothesis | None
     tried: tuple[Hypothesis, ...]
     threshold: float
     first_scan: Scan
+    agreed: int = 1
 
     @cached_property
     def forms(self) -> Mapping[str, int]:
@@ -455,7 +460,40 @@ def name_effects(
     best = steady
     if best.reduced_chi2 >= POOR_FIT and forward.mode == "flight":
         tried.extend(_with_ruler_or_clock(forward, base, effects, best))
-    return Naming(best, _sorted(tried), threshold, first).with_likeliest()
+    found = Naming(best, _sorted(tried), threshold, first).with_likeliest()
+    return _confirmed(forward, base, found)
+
+
+OTHER_STARTS = (0.5, 0.0, 1.5)
+
+"""Shares of the strengths found from which the answer is fitted anew until two starts agree."""
+
+
+def _confirmed(forward: Forward, base: Fit, naming: Naming) -> Naming:
+    """The naming with its answer fitted anew from other starts, until one ends where it did.
+
+    A start that ends lower takes its place, and has to be confirmed in turn.
+    """
+    best = naming.best
+    if best is None:
+        return naming
+    agreed, tried = 1, list(naming.tried)
+    for share in OTHER_STARTS:
+        members, strengths = _as_fitted(best)
+        begun = [
+            np.array([p.neutral + share * (v - p.neutral) for p, v in
+                      zip(member.effect.strengths, values, strict=True)])
+            for member, values in zip(members, strengths, strict=True)
+        ]  # fmt: skip
+        again = fit_hypothesis(forward, base, members, begun)
+        lower = best.fit.objective - again.fit.objective
+        if abs(lower) <= SLACK * best.reduced_chi2:
+            agreed += 1
+            break
+        if lower > 0.0 and again.allowed:
+            best, agreed = again, 1
+            tried.append(again)
+    return replace(naming, best=best, tried=_sorted(tried), agreed=agreed)
 
 
 def _goes_first(

@@ -1,10 +1,15 @@
 """Strengths that trade with what repeats imperfectly are found from wherever the fit starts."""
 
+import numpy as np
 import pytest
 
 from bench.concealed.second.draw import draw_campaign
+from mismatch.candidates import candidates_for
 from mismatch.fitting.fit import fit_model, free_parameters
+from mismatch.fitting.hypotheses import fit_hypothesis
 from mismatch.fitting.prepare import prepare
+from mismatch.fitting.scan import scan
+from mismatch.search.naming import Naming, _confirmed
 from physics.effects import CATALOGUE, Form
 from pipelines.explain.campaign import baseline_from_setup, load_campaign
 from pipelines.setup.file import load_setup
@@ -32,3 +37,15 @@ def test_a_turned_face_is_found_from_any_start(turned):
         found.append(fit.objective)
     assert max(found) - min(found) < 1.0
     assert base.objective - max(found) > 1000.0
+
+
+def test_an_answer_that_one_start_alone_reached_is_fitted_from_others(turned):
+    forward, base = turned.forward, turned.fit
+    (effect,) = (e for e in CATALOGUE["oblique_impact"] if e.form == Form.SMOOTH_FACE)
+    pool = candidates_for(forward, base.model, [effect], unnamed=False)
+    astray = fit_hypothesis(forward, base, pool, [np.array([0.03])], rounds=1)
+    unsure = Naming(astray, (astray,), 12.0, scan(forward, base, pool))
+    sure = _confirmed(forward, base, unsure)
+    assert unsure.agreed == 1
+    assert sure.agreed == 2
+    assert sure.best.gain > 1000.0 > astray.gain
