@@ -939,10 +939,8 @@ def _fit_in_one(
         matrix, vector, inverse, cross = reduce(system, own_pull, pull)
         gradient = np.einsum("tmq,tm->tq", system.own, system.residual) + own_pull
         normal = _NormalEquations(matrix, vector, inverse, cross, gradient)
-        found, damping = _stepped_down(
-            forward, system, normal, _PlaceOfFit((nuisance, laws, model), cost, chi2, residual), free,
-            penalty, damping,
-        )  # fmt: skip
+        here = _PlaceOfFit((nuisance, laws, model), cost, chi2, residual)
+        found, damping = _stepped_down(forward, system, normal, here, free, penalty, damping)
         gained = cost - found.cost
         if not gained > 0.0:
             ending = Ending.CONVERGED
