@@ -1,7 +1,7 @@
 """From a clip to tracks without a click: static scene, what moved before it, ball, pendulum."""
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from metrology import NotFoundError
 from metrology.compiled import side_by_side
-from vision.ball.ball import BallFits, follow_ball
+from vision.ball.ball import SMALL_RADIUS, BallFits, follow_ball, trusted_rows
 from vision.ball.choice import (
     BallPath,
     Choice,
@@ -17,12 +17,15 @@ from vision.ball.choice import (
     described,
     lay_before,
     link_circles,
+    path_score,
     rivals,
     uncovered,
     untangled,
 )
 from vision.ball.circles import Circles, find_circles
+from vision.ball.colour import moving_colours
 from vision.ball.refine import refine_ball
+from vision.ball.silhouette import follow_silhouette
 from vision.clip.footage import Footage
 from vision.motion import motion_of
 from vision.pendulum.search import Striker, find_striker, pendulum_track
@@ -62,6 +65,13 @@ _MOST_CLOSER = 150
 _CLEAR, _ELSEWHERE = 0.6, 0.3
 _SAME_REST = 0.05
 """Radii between two fits of where the ball lay: their own scatter is a tenth of that."""
+_FEWEST_ROWS = 3
+"""Frames in which a ball is found at least: fewer tell no motion."""
+_AS_GOOD = 0.5
+"""Share of the score of what is unclear in gray from which what is clear in colour is taken."""
+_NEARLY_ALL, _WHOLE, _STEADY_SIZE = 0.8, 0.75, 0.03
+"""Share of the frames, share of the outline, and scatter of its log radius from frame to frame, of
+what is seen clearly in gray, supposed: colour is looked at where one of them fails."""
 # Rounds of looking where the ball was not found along its way, and other things followed finely.
 _AGAIN, _OTHERS_FOLLOWED = 2, 3
 
@@ -101,15 +111,10 @@ def follow(
     footage, whole_count, cut = _one_scene(clip, ball_at or mass_at)
     scene = FilmedScene(footage)
     _tell(progress, 0.2)
-    looks = Looks(scene)
-    choice = choose_ball(looks.paths(), _located(ball_at, footage.first))
-    if choice is None:
+    seen = _seen(scene, _located(ball_at, footage.first))
+    if seen is None:
         raise _no_ball(ball_at)
-    _tell(progress, 0.4)
-    choice, rough = _followed(looks, choice, _located(ball_at, footage.first))
-    rough = _followed_back(scene, choice.ball, rough)
-    if len(rough.frame) < 3:
-        raise _no_ball(ball_at)
+    choice, rough = seen.choice, seen.rough
     _tell(progress, 0.6)
     rest = find_rest(rough.frame, rough.centre, float(np.median(rough.radius)))
     striker = None
@@ -119,10 +124,14 @@ def follow(
         # a ball that came to the one that lay still may only pass by; what swings struck it
         if mass_at is not None or striker.surely_struck:
             choice = replace(choice, struck=False)
+            seen = replace(seen, choice=choice)
         else:
             striker = None
     _tell(progress, 0.8)
-    fits = refine_ball(scene, rough, None if striker is None else striker.mass.hides)
+    if seen.tinted is None:
+        fits = refine_ball(scene, rough, None if striker is None else striker.mass.hides)
+    else:
+        fits = rough
     _tell(progress, 1.0)
     ball = _track(fits, capture_fps)
     rest_frames = None if rest is None else _still_until(rest, fits)
@@ -137,13 +146,17 @@ def follow(
         pendulum=_pendulum(striker, rest, capture_fps),
         background=scene.background.image,
         rest_frames=rest_frames,
-        others=_others(scene, choice, capture_fps),
-        dismissed=_dismissed(scene, choice, capture_fps),
+        others=_others(seen, capture_fps),
+        dismissed=_dismissed(seen.picture, choice, capture_fps),
         warnings=tuple(
-            cut + _warnings(choice, rest, striker, footage.first) + _camera_warnings(scene)
+            cut
+            + _warnings(choice, rest, striker, footage.first)
+            + seen.warnings
+            + _camera_warnings(scene)
         ),
         shift_px=scene.shifts(),
         motion=motion,
+        reasons=choice.reasons,
     )
     return tracks.later(footage.first, whole_count, capture_fps)
 
@@ -176,13 +189,13 @@ def _one_scene(clip: "ClipReader", at: Point | None) -> tuple[Footage, int, list
     return Footage(clip, part=chosen), whole, [said]
 
 
-def _others(scene: FilmedScene, choice: Choice, fps: float) -> tuple[FollowedObject, ...]:
+def _others(seen: "_Seen", fps: float) -> tuple[FollowedObject, ...]:
     """What else is round and moves; the first few as finely as the ball itself."""
-    tracks = []
+    tracks, scene, choice = [], seen.picture, seen.choice
     for place, path in enumerate(choice.others):
-        fits = follow_ball(scene, path) if place < _OTHERS_FOLLOWED else None
+        fits = seen.fits_along(path) if place < _OTHERS_FOLLOWED else None
         if fits is not None and len(fits.frame) >= 5:
-            track = _track(refine_ball(scene, fits), fps)
+            track = _track(fits, fps)
         else:
             track = _path_track(path, fps)
         if choice.struck and place == 0:
@@ -222,6 +235,101 @@ def _camera_warnings(scene: FilmedScene) -> list[str]:
 def _tell(progress: Callable[[float], None] | None, part: float) -> None:
     if progress is not None:
         progress(part)
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What was taken for the ball, and the picture in which it is seen best.
+
+    Attributes
+    ----------
+    scene : FilmedScene
+        In gray.
+    tinted : FilmedScene or None
+        In the thing's own colour, where that shows more.
+    choice : Choice
+    rough : BallFits
+    """
+
+    scene: FilmedScene
+    tinted: FilmedScene | None
+    choice: Choice
+    rough: BallFits
+
+    @property
+    def picture(self) -> FilmedScene:
+        """The scene in which paths were looked for."""
+        return self.scene if self.tinted is None else self.tinted
+
+    @property
+    def worth(self) -> float:
+        """How much speaks for the choice."""
+        return path_score(self.choice.ball)
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is to be said of the picture."""
+        if self.tinted is None:
+            return []
+        return [
+            "In gray the ball's outline is not clear: it is followed by the silhouette of its "
+            "colour, which codecs store less sharply."
+        ]
+
+    def fits_along(self, path: BallPath) -> BallFits:
+        """Another path, as finely."""
+        if self.tinted is not None:
+            fits = follow_silhouette(self.tinted, path)
+            return trusted_rows(fits) if len(fits) else fits
+        return refine_ball(self.scene, follow_ball(self.scene, path))
+
+
+def _seen(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Seen | None:
+    """Find the ball in gray and, where that leaves doubt, in the colours of what moves."""
+    gray = _seen_in_gray(scene, at)
+    if gray is not None and _clearly_seen(gray.rough):
+        return gray
+    best = gray
+    for colour in moving_colours(scene):
+        tinted = scene.tinted(float(colour[0]), float(colour[1]))
+        choice = choose_ball(Looks(tinted).paths(), at)
+        if choice is None or choice.ball.radius < SMALL_RADIUS:
+            continue
+        found = _Seen(scene, tinted, choice, follow_silhouette(tinted, choice.ball))
+        if len(found.rough) < _FEWEST_ROWS:
+            continue
+        rough = trusted_rows(found.rough)
+        found = replace(found, rough=rough)
+        # What is clear and speaks for itself about as well is better than what is not clear.
+        share = _AS_GOOD if _clearly_seen(rough) else 1.0
+        if best is None or found.worth > share * best.worth:
+            best = found
+    return best
+
+
+def _seen_in_gray(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Seen | None:
+    looks = Looks(scene)
+    choice = choose_ball(looks.paths(), at)
+    if choice is None:
+        return None
+    choice, rough = _followed(looks, choice, at)
+    rough = _followed_back(scene, choice.ball, rough)
+    return _Seen(scene, None, choice, rough) if len(rough) >= _FEWEST_ROWS else None
+
+
+def _clearly_seen(rough: BallFits) -> bool:
+    """Whether a sharp, whole outline of steady size was found in nearly every frame."""
+    if len(rough) < 2 or float(np.median(rough.radius)) < SMALL_RADIUS:
+        # Half as many samples of colour as of gray tell nothing of a ball of a few pixels.
+        return len(rough) >= 2
+    span = int(np.ptp(rough.frame)) + 1
+    step = np.abs(np.diff(np.log(rough.radius)))
+    sharp = len(rough) - len(rough.swept)
+    return bool(
+        sharp > _NEARLY_ALL * span
+        and np.median(rough.fits.contrast) > _WHOLE
+        and 1.4826 * np.median(step) < _STEADY_SIZE
+    )
 
 
 class Looks:
@@ -299,6 +407,9 @@ def _followed(
             break
         better = choose_ball(looks.joined(), at)
         if better is None or not _news(better.ball, rough, missed):
+            break
+        if choice.reached and not better.reached:
+            # What was reached is the ball, whether it is seen in these looks or not.
             break
         choice, rough = better, follow_ball(looks.scene, better.ball)
     return choice, rough

@@ -21,6 +21,7 @@ does the picture have a step along it. The same holds for the shadow that left w
 Pictures sorted pixel by pixel: a network of minima and maxima over whole pictures at a time.
 """
 
+import copy
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -495,18 +496,19 @@ class FrameView:
 
 def warp_to_scene(frame: FloatImage, view: FrameView) -> FloatImage:
     """Resample a frame as the reference camera would have seen it."""
-    if view.still:
-        return frame
-    height, width = frame.shape
-    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    warped = cv2.warpAffine(
+    return frame if view.still else np.asarray(warped(frame, view), dtype=np.float32)
+
+
+def warped(frame: NDArray[Any], view: FrameView) -> NDArray[Any]:
+    """Resample a picture (H, W) or (H, W, 3) as the reference camera would have seen it."""
+    height, width = frame.shape[:2]
+    return cv2.warpAffine(
         frame,
         view.matrix((height, width)),
         (width, height),
-        flags=flags,
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
         borderMode=cv2.BORDER_REPLICATE,
     )
-    return np.asarray(warped, dtype=np.float32)
 
 
 class Aligner:
@@ -705,6 +707,36 @@ class FilmedScene:
         self._until, self._earlier = 0, self.background
         self._aligner = Aligner(self.background.image, self.noise)
         self._meter = LightMeter(self.background.image, self.noise)
+
+    def tinted(self, blueness: float, redness: float) -> "FilmedScene":
+        """The same scene in one colour: see `Footage.tinted`.
+
+        Frames are registered as they are in gray, and their light is taken to be steady: a colour
+        difference hardly changes with it.
+        """
+        other = copy.copy(self)
+        shifts = self.shifts()
+        other.views = {
+            index: replace(self.views[index], gain=1.0)
+            if shifts is not None
+            else FrameView(1.0, np.zeros(2), 0.0, 0.0)
+            for index in range(self.count)
+        }
+        other._footage = self._footage.tinted(blueness, redness)
+        other._full_scale = np.float32(1.0)
+        wanted = other._footage.spread_index(_SAMPLES)
+        other.background = estimate_background([picture for _, picture in other.pictures(wanted)])
+        other.noise = float(np.median(other.background.noise))
+        other._until, other._earlier = 0, other.background
+        return other
+
+    def coloured(self, wanted: IntArray) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+        """Give frames (H, W, 3), blue first, as the reference camera would have seen them."""
+        for (index, gray), (_, image) in zip(
+            self._footage.frames(wanted), self._footage.coloured(wanted), strict=True
+        ):
+            view = self.view(index, gray)
+            yield index, image if view.still else warped(image, view)
 
     def _still(self, samples: list[GrayFrame], rough: Aligner) -> Background:
         if not self.hand_held:

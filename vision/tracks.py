@@ -245,6 +245,8 @@ class Tracks:
         scene (all positions above are the scene's); None for a camera that stands still.
     motion : Motion
         What happens in the clip.
+    reasons : tuple of str
+        Why `ball` is taken for the ball, in whole sentences.
     """
 
     ball: Track
@@ -256,6 +258,7 @@ class Tracks:
     warnings: tuple[str, ...] = ()
     shift_px: FloatArray | None = None
     motion: Motion = Motion(MotionKind.NONE, 0.0)
+    reasons: tuple[str, ...] = ()
 
     def later(self, first: int, count: int, fps: float) -> Self:
         """The same tracks in a clip of `count` frames that begins `first` frames earlier."""

@@ -1,6 +1,10 @@
-"""Rooms drawn at random, filmed and followed: is the mass followed, and nothing else taken for it?
+"""Rooms drawn at random, filmed and followed: are ball and mass, and nothing else taken for them?
 
 Run: python -m bench.rooms [--rooms 40] [--first 0]
+
+Of the ball, the part of the frames from the first touch on, in which it is wholly in view, that are
+followed to within half its radius; it is followed where that is 0.9, and something else is where
+more than half of what was followed then lies further off.
 
 Each clip is written as H.264, read back and followed unattended. The mass counts as followed where
 its track is one fixed point of it, to a pixel, for ten frames on either side of the strike; a track
@@ -9,7 +13,7 @@ further off than three pixels is one of something else.
 
 import argparse
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -21,11 +25,12 @@ from sample_videos.render import render_clip
 from sample_videos.truth import FrameTruth
 from vision.clip.clip import ClipReader
 from vision.following import follow
-from vision.tracks import PendulumTrack
+from vision.tracks import PendulumTrack, Track
 
 FloatArray = NDArray[np.float64]
 GOOD_PX, WRONG_PX = 1.0, 3.0
 SIDE_FRAMES = 10
+NEARLY_ALL = 0.9
 
 
 @dataclass(frozen=True)
@@ -44,13 +49,53 @@ class Judged:
     wrong: bool
     off_px: float
     words: str
+    ball: "JudgedBall | None" = None
 
     @property
     def verdict(self) -> str:
         """In a word or two."""
-        if self.followed:
-            return "followed"
-        return "WRONG" if self.wrong else "not followed"
+        return _verdict(self.followed, self.wrong)
+
+
+@dataclass(frozen=True)
+class JudgedBall:
+    """How the ball was followed from the first touch on.
+
+    Attributes
+    ----------
+    near : float
+        Part of the frames that are followed to within half a radius.
+    wrong : bool
+        Whether most of what was followed then is something else.
+    """
+
+    near: float
+    wrong: bool
+
+    @property
+    def verdict(self) -> str:
+        """In a word or two."""
+        return _verdict(self.near >= NEARLY_ALL, self.wrong)
+
+
+def _verdict(followed: bool, wrong: bool) -> str:
+    if followed:
+        return "followed"
+    return "WRONG" if wrong else "not followed"
+
+
+def judged_ball(ball: Track, truth: FrameTruth, shape: tuple[int, int]) -> JudgedBall:
+    """Hold the ball's track against where it was, from the first touch on."""
+    radius, place = truth.radius_px, truth.outline_px
+    inside = np.all(place > radius[:, None], axis=1)
+    inside &= np.all(place < np.array(shape)[::-1] - 1 - radius[:, None], axis=1)
+    wanted = np.flatnonzero(inside & (truth.time >= 0.0))
+    frame = ball.frame[ball.frame < len(truth.time)]
+    away = np.hypot(*(ball.centre_px[: len(frame)] - place[frame]).T)
+    near = np.isin(wanted, frame[away < 0.5 * radius[frame]])
+    there = truth.time[frame] >= 0.0
+    off = away[there] >= 0.5 * radius[frame][there]
+    return JudgedBall(float(np.mean(near)), bool(len(off) and np.mean(off) > 0.5))
 
 
 def judged(pendulum: PendulumTrack | None, truth: FrameTruth, mirrored: bool) -> Judged:
@@ -90,7 +135,8 @@ def followed_room(seed: int, folder: Path) -> Judged:
     except MeasurementError as problem:
         return Judged(False, False, float("nan"), f"{room.words}: {problem.in_one_line}")
     found = judged(tracks.pendulum, truth.frames, room.scene.mirrored)
-    return Judged(found.followed, found.wrong, found.off_px, f"{room.words}: {found.words}")
+    ball = judged_ball(tracks.ball, truth.frames, tracks.background.shape)
+    return replace(found, words=f"{room.words}: {found.words}", ball=ball)
 
 
 def main() -> None:
@@ -106,12 +152,17 @@ def main() -> None:
         rows = []
         for seed in range(chosen.first, chosen.first + chosen.rooms):
             rows.append(followed_room(seed, folder))
-            word = (
-                "followed" if rows[-1].followed else "WRONG" if rows[-1].wrong else "not followed"
+            row = rows[-1]
+            ball = "–" if row.ball is None else f"{row.ball.verdict} {row.ball.near:.2f}"
+            print(
+                f"| {seed} | {row.verdict} | {row.off_px:.2f} px | ball {ball} | {row.words} |",
+                flush=True,
             )
-            print(f"| {seed} | {word} | {rows[-1].off_px:.2f} px | {rows[-1].words} |", flush=True)
     done, wrong = sum(row.followed for row in rows), sum(row.wrong for row in rows)
     print(f"\nMass followed in {done} of {len(rows)} rooms, something else in {wrong}.")
+    balls = [row.ball for row in rows if row.ball is not None]
+    done, wrong = sum(ball.near >= NEARLY_ALL for ball in balls), sum(ball.wrong for ball in balls)
+    print(f"Ball followed in {done} of {len(rows)} rooms, something else in {wrong}.")
 
 
 if __name__ == "__main__":

@@ -87,6 +87,7 @@ def measurement_as_dict(
             "gravity_check": _as_json(measured.gravity),
         },
         "motion": _motion(measured.tracks.motion),
+        "ball": {"reasons": list(measured.tracks.reasons)},
         "others": [
             *(
                 _other(f"ball_{place}", thing)

@@ -44,6 +44,7 @@ __all__ = [
     "described",
     "lay_before",
     "link_circles",
+    "path_score",
     "rivals",
     "uncovered",
     "untangled",
@@ -472,8 +473,11 @@ _STILL_RADII = 0.15
 # Something that lay still and then flies was struck: that is what clips are made for.
 _STRUCK_BONUS = 2.0
 
-# The more so where another thing came to it at that moment.
-_MET_BONUS = 5.0
+_FEWEST_LAWFUL, _SURELY_LAWFUL = 6, 5.0
+"""Looks, twice a parabola's three unknowns; and nats of evidence for a law, odds of 150, of what is
+taken for struck."""
+_AS_CLEAR = 0.4
+"""Share of the clearest thing's clarity that another thing has at least if it is as real."""
 
 # A pendulum's way of two diameters of the ball bends by 7 to 9 %; what rolls or slides goes along
 # a line.
@@ -524,6 +528,10 @@ class Choice:
         What might be the ball as well: it speaks for itself nearly as clearly.
     dismissed : tuple of BallPath
         What travelled, too, and is no ball like it.
+    reasons : tuple of str
+        What speaks for the ball, in whole sentences.
+    reached : bool
+        Whether it lay still until something that moves reached it.
     """
 
     ball: BallPath
@@ -531,6 +539,8 @@ class Choice:
     struck: bool
     doubt: BallPath | None = None
     dismissed: tuple[BallPath, ...] = ()
+    reasons: tuple[str, ...] = ()
+    reached: bool = False
 
 
 def trimmed(path: BallPath) -> BallPath:
@@ -569,18 +579,18 @@ def choose_ball(paths: list[BallPath], at: tuple[float, float, int | None] | Non
         if not near:
             return None
         ball = min(near, key=lambda path: _gap(path, at))
-        return Choice(
-            ball, tuple(path for path in clean if path is not ball and _moves(path)), False
-        )
+        others = tuple(path for path in clean if path is not ball and _moves(path))
+        return Choice(ball, others, False, reasons=("It was pointed at.",))
     moving = _outermost([path for path in clean if _moves(path)])
     if not moving:
         return None
-    scores = {
-        id(path): _score(path)
-        * (_MET_BONUS if any(_met_at_rest(path, other) for other in moving) else 1.0)
-        for path in moving
-    }
-    ranked = sorted(moving, key=lambda path: scores[id(path)], reverse=True)
+    struck = _struck(clean, moving)
+    scores = {id(path): path_score(path) for path in (*moving, *struck)}
+    # What reached it is the striker, however clearly that is seen.
+    wanted = sorted(struck or moving, key=lambda path: scores[id(path)], reverse=True)
+    known = {id(path) for path in wanted}
+    left = [path for path in moving if id(path) not in known]
+    ranked = wanted + sorted(left, key=lambda path: scores[id(path)], reverse=True)
     best = ranked[0]
     alike = [path for path in ranked if path is best or _alike(path, best)]
     told = {id(path) for path in alike}
@@ -588,9 +598,30 @@ def choose_ball(paths: list[BallPath], at: tuple[float, float, int | None] | Non
     for path in alike:
         if any(_rolled_to(path, other) for other in alike if other is not path):
             others = tuple(other for other in alike if other is not path)
-            return Choice(path, others, True, None, dismissed)
-    tied = [path for path in ranked[1:] if scores[id(path)] > _TIED * scores[id(best)]]
-    return Choice(best, tuple(alike[1:]), False, tied[0] if tied else None, dismissed)
+            reasons = _reasons(path, wanted, scores, True)
+            return Choice(path, others, True, None, dismissed, reasons, True)
+    tied = [path for path in wanted[1:] if scores[id(path)] > _TIED * scores[id(best)]]
+    reasons = _reasons(best, wanted, scores, bool(struck))
+    doubt = tied[0] if tied else None
+    return Choice(best, tuple(alike[1:]), False, doubt, dismissed, reasons, bool(struck))
+
+
+def _reasons(
+    ball: BallPath, wanted: list[BallPath], scores: dict[int, float], struck: bool
+) -> tuple[str, ...]:
+    """What speaks for the ball, in whole sentences."""
+    stretch = lawful_stretch(ball.frame, ball.centre_px, ball.radius)
+    said = [
+        f"{100 * float(np.median(ball.coverage)):.0f} % of its outline is seen, and one law of "
+        f"motion explains {stretch.looks} of {len(ball.frame)} looks at it."
+    ]
+    if struck:
+        said.insert(0, "It lay still until another thing that moves reached it, and then left.")
+    others = [scores[id(path)] for path in wanted if path is not ball]
+    if others and scores[id(ball)] > 0.0:
+        share = 100 * max(others) / scores[id(ball)]
+        said.append(f"The next likely one has {share:.0f} % of its score.")
+    return tuple(said)
 
 
 def described(
@@ -659,16 +690,52 @@ def rivals(paths: list[BallPath]) -> list[BallPath]:
     moving = _outermost([path for path in (trimmed(path) for path in paths) if _moves(path)])
     if not moving:
         return []
-    best = max(moving, key=_score)
+    best = max(moving, key=path_score)
     return [path for path in moving if path is best or _alike(path, best)]
+
+
+def _struck(paths: list[BallPath], moving: list[BallPath]) -> list[BallPath]:
+    """What lay still until something that moves reached it, and then left: wanted before all else.
+
+    It need not have gone far: a clip may end soon after the strike.
+    """
+    clearest = max(_clarity(path) for path in moving)
+    reachers = {
+        id(path): [
+            other
+            for other in moving
+            if other is not path and (_met_at_rest(path, other) or _appeared_at(path, other))
+        ]
+        for path in paths
+        if len(path.frame) >= _FEWEST_LAWFUL
+        and _clarity(path) > _AS_CLEAR * clearest
+        and lawful_stretch(path.frame, path.centre_px, path.radius).evidence > _SURELY_LAWFUL
+    }
+    reached = {place for place, others in reachers.items() if others}
+    # Where a ball passes its own shadow each seems to reach the other: a striker nothing reached.
+    first = {
+        place for place in reached if any(id(other) not in reached for other in reachers[place])
+    }
+    return [path for path in paths if id(path) in (first or reached)]
 
 
 def _moves(path: BallPath) -> bool:
     return len(path.frame) >= 4 and path.travel >= _LEAST_TRAVEL
 
 
-def _score(path: BallPath) -> float:
-    """How much there is to a path: a clear outline, and a motion that a law explains."""
+def path_score(path: BallPath) -> float:
+    """How much there is to a path: a clear outline, and a motion that a law explains.
+
+    Parameters
+    ----------
+    path : BallPath
+        The path.
+
+    Returns
+    -------
+    float
+        Nats of evidence for its motion, weighed by how clear and steady it is.
+    """
     steady = 1.0 / (1.0 + 10.0 * float(np.std(np.log(path.radius_px))))
     return float(_clarity(path) * steady * _smoothness(path) * _evidence(path))
 
@@ -727,7 +794,9 @@ def _smoothness(path: BallPath) -> float:
 def _alike(path: BallPath, best: BallPath) -> bool:
     same_size = abs(np.log(path.radius / best.radius)) < 0.2
     return bool(
-        same_size and path.clarity > 0.4 * best.clarity and _score(path) > 0.08 * _score(best)
+        same_size
+        and path.clarity > 0.4 * best.clarity
+        and path_score(path) > 0.08 * path_score(best)
     )
 
 
@@ -746,6 +815,26 @@ def _met_at_rest(path: BallPath, other: BallPath) -> bool:
     touching = path.radius + other.radius
     came = np.hypot(*(own_start - start)) > _CAME * touching
     return bool(np.any(beside) and gap[beside].min() < _TOUCHED * touching and came)
+
+
+def _appeared_at(path: BallPath, other: BallPath) -> bool:
+    """Whether `path` is first seen, in motion, where another thing arrives that was seen before.
+
+    What lies still for most of a clip may pass for the static scene until it is struck.
+    """
+    touching = path.radius + other.radius
+    before = other.frame < path.frame[0]
+    if np.count_nonzero(before) < _FEWEST_CAME:
+        return False
+    arriving = other.where(before)
+    start = path.centre_px[0]
+    came = np.hypot(*(arriving.centre_px[0] - start)) > _CAME * touching
+    # It may be lost as it touches; in between it goes no further than one of them is wide.
+    recent = _last(arriving)
+    course = np.polyfit(arriving.frame[recent] - path.frame[0], arriving.centre_px[recent], 1)
+    unseen = float(path.frame[0] - arriving.frame[-1]) * float(np.hypot(*course[0]))
+    beside = float(np.hypot(*(course[1] - start))) < _TOUCHED * touching
+    return bool(came and beside and unseen < touching)
 
 
 def _rolled_to(path: BallPath, other: BallPath) -> bool:
@@ -976,6 +1065,10 @@ def _leaving(centre: FloatArray, radius: float) -> IntArray:
 # something else: what is struck or let go is as fast afterwards, what is caught was before.
 _LEAP_RADII, _LEAP_RATIO = 3.0, 5.0
 
+_QUICKER, _FURTHER = 1.5, 0.75
+"""Times the greatest speed nearby, and radii more, beyond which a step leads to another thing: what
+bounces or is let go changes its speed by less, and circles of one thing lie nearer; supposed."""
+
 _OTHER_LIGHT = 60.0
 
 """Gray levels, supposed: the mean light of one thing does not change by a quarter of the scale
@@ -992,6 +1085,11 @@ _MEETING_RADII = 3.0
 _LOOKS_BACK = 4
 
 """Looks from which a velocity is told: two give one, two more average it."""
+
+_LOOK_SCATTER, _SLOPE_STD = 0.1, (_LOOKS_BACK - 1) / math.sqrt(5.0)
+"""Radii by which a look scatters; and what that makes of the way over which a line through four
+even looks is foretold, in their span: the sum of squares of their distances from the middle is 5.
+"""
 
 # Off its prediction by this (radii, and px) costs one; more than the cap costs no more.
 _OFF_RADII, _OFF_PX = 0.25, 1.0
@@ -1078,7 +1176,10 @@ def _gap_cost(head: BallPath, tail: BallPath) -> float:
     moment = np.linspace(head.frame[-1], tail.frame[0], _MOMENTS)
     apart = np.hypot(*(forth(moment) - back(moment)).T)
     radius = min(head.radius, tail.radius)
-    tolerance = _OFF_RADII * radius + _OFF_PX
+    # Each way goes on for half of the gap at the mean speed of a few looks.
+    looks = float(max(np.ptp(head.frame[_last(head)]), np.ptp(tail.frame[_first(tail)])))
+    led = _LOOK_SCATTER * radius * math.sqrt(2.0) * 0.5 * gap * _SLOPE_STD / looks
+    tolerance = _OFF_RADII * radius + _OFF_PX + led
     swollen = abs(float(np.log(tail.radius / head.radius))) / _SWOLLEN
     return float(apart.min()) / tolerance + swollen + _lighter(head, tail)
 
@@ -1115,12 +1216,29 @@ def _unleapt(path: BallPath) -> list[BallPath]:
         usual = max((float(np.median(side)) for side in sides if len(side)), default=np.inf)
         if speed[place] > _LEAP_RATIO * usual + 1e-9:
             ends.append(int(place) + 1)
-    ends = sorted({*ends, *_other_light(path.level), len(path.frame)})
+    ends = sorted({*ends, *_too_far(path), *_other_light(path.level), len(path.frame)})
     if len(ends) == 2:
         return [path]
     rows = np.arange(len(path.frame))
     pieces = [path.where((rows >= first) & (rows < last)) for first, last in pairwise(ends)]
     return [piece for piece in pieces if len(piece.frame) >= _FEWEST]
+
+
+def _too_far(path: BallPath) -> list[int]:
+    """Rows to which it came further than its speed before or after explains: from another's place.
+
+    A ball at rest may not be seen, and its shadow beside it is; when it flies, it is seen.
+    """
+    elapsed = np.diff(path.frame).astype(np.float64)
+    step = np.hypot(*np.diff(path.centre_px, axis=0).T)
+    speed = step / elapsed
+    rows = []
+    for place in range(_LOOKS_BACK, len(step) - _LOOKS_BACK + 1):
+        before, after = speed[place - _LOOKS_BACK : place], speed[place + 1 :][:_LOOKS_BACK]
+        usual = max(float(before.max()), float(after.max(initial=0.0)))
+        if step[place] > _QUICKER * usual * elapsed[place] + _FURTHER * path.radius:
+            rows.append(place + 1)
+    return rows
 
 
 def _other_light(level: FloatArray) -> list[int]:

@@ -12,6 +12,7 @@ How many frames per second the camera took, who says so, and how well it is know
 The capture rate, checked against what keeps time in view: a blinking light, free fall.
 """
 
+import copy
 import math
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -43,6 +44,7 @@ __all__ = [
     "rate_from_fall",
 ]
 
+FloatArray = NDArray[np.float64]
 FloatImage = NDArray[np.float32]
 
 # Side of the cells whose means are compared, px: a ball of 5 px fills a third of one.
@@ -191,6 +193,9 @@ def _alike(one: FloatImage, other: FloatImage) -> float:
 
 GrayFrame = NDArray[np.uint8] | NDArray[np.uint16]
 
+_NEUTRAL = 128.0
+"""Level of a picture in one colour where there is none of it: the middle of the scale."""
+
 _HELD_BYTES = 120_000_000
 """Bytes of frames that are kept while a clip is read; beyond it every second one goes."""
 
@@ -267,6 +272,7 @@ class Footage:
     ) -> None:
         self._clip = clip
         self._block: dict[int, GrayFrame] = {}
+        self._tint: FloatArray | None = None
         gathered = _Gathered(sample)
         count = 0
         begin, end = (0, None) if part is None else part
@@ -289,6 +295,56 @@ class Footage:
         self.sample_index = np.array(sorted(gathered.sample), dtype=np.int64)
         self.sample_frames = [gathered.sample[int(index)] for index in self.sample_index]
         self.full_scale = 255.0 if self.sample_frames[0].dtype == np.uint8 else 65535.0
+
+    def tinted(self, blueness: float, redness: float) -> "Footage":
+        """The same frames in one colour instead of in gray.
+
+        Parameters
+        ----------
+        blueness, redness : float
+            Weights of the colour differences C_B and C_R of ITU-R BT.601.
+
+        Returns
+        -------
+        Footage
+            Whose gray levels are 128 where there is no colour; a shadow has none.
+        """
+        other = copy.copy(self)
+        luma = np.array([0.114, 0.587, 0.299])
+        blue = 0.5 * (np.array([1.0, 0.0, 0.0]) - luma) / (1.0 - luma[0])
+        red = 0.5 * (np.array([0.0, 0.0, 1.0]) - luma) / (1.0 - luma[2])
+        other._tint = np.array([[*(blueness * blue + redness * red), _NEUTRAL]])
+        other._block, other._held, other.full_scale = {}, None, 255.0
+        held: list[GrayFrame] | None = None if self._held is None else []
+        sample: dict[int, GrayFrame] = {}
+        wanted = set(self.sample_index.tolist())
+        for index, picture in other._decoded(0, self.count):
+            if held is not None:
+                held.append(picture)
+            if index in wanted:
+                sample[index] = picture
+        other._held = held
+        other.sample_frames = [sample[int(index)] for index in self.sample_index]
+        return other
+
+    def coloured(self, wanted: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+        """Give frames (H, W, 3), blue first, in time order."""
+        chosen = set(wanted.tolist())
+        start, stop = self.first + int(wanted[0]), self.first + int(wanted[-1]) + 1
+        for index, image in self._clip.colour_frames(start, stop):
+            if index - self.first in chosen:
+                yield index - self.first, image
+
+    def _decoded(self, start: int, stop: int) -> Iterator[tuple[int, GrayFrame]]:
+        """Frames of the action from `start` up to, not including, `stop`, decoded anew."""
+        start, stop = self.first + start, self.first + stop
+        if self._tint is None:
+            for frame in self._clip.frames(start, stop):
+                yield frame.index - self.first, frame.gray
+            return
+        for index, image in self._clip.colour_frames(start, stop):
+            tinted = cv2.transform(image, self._tint)
+            yield index - self.first, np.asarray(tinted, dtype=np.uint8)
 
     def moved_in(self, part: tuple[int, int]) -> float:
         """How much moved from a frame of the clip up to, not including, another one, ticks."""
@@ -324,10 +380,9 @@ class Footage:
             yield from self._from_block(wanted)
             return
         chosen = set(wanted.tolist())
-        start, stop = self.first + int(wanted[0]), self.first + int(wanted[-1]) + 1
-        for frame in self._clip.frames(start, stop):
-            if frame.index - self.first in chosen:
-                yield frame.index - self.first, frame.gray
+        for index, picture in self._decoded(int(wanted[0]), int(wanted[-1]) + 1):
+            if index in chosen:
+                yield index, picture
 
     def spread(self, count: int) -> NDArray[np.int64]:
         """So many frames, or all, spread evenly over what moves, some over the time between."""
@@ -337,8 +392,12 @@ class Footage:
         """So many frames of the sample, or all, spread alike, in time order."""
         return [
             self.sample_frames[int(place)]
-            for place in np.searchsorted(self.sample_index, self._spread(self.sample_index, count))
+            for place in np.searchsorted(self.sample_index, self.spread_index(count))
         ]
+
+    def spread_index(self, count: int) -> NDArray[np.int64]:
+        """Which frames `spread_sample` gives."""
+        return self._spread(self.sample_index, count)
 
     def _spread(self, frames: NDArray[np.int64], count: int) -> NDArray[np.int64]:
         if len(frames) <= count:
@@ -358,9 +417,7 @@ class Footage:
             first = max(0, int(wanted[0]) - spare // 2)
             # The old block goes before the new one comes.
             self._block = {}
-            start = self.first + first
-            for frame in self._clip.frames(start, start + self._block_length()):
-                self._block[frame.index - self.first] = frame.gray
+            self._block = dict(self._decoded(first, first + self._block_length()))
         for index in wanted:
             yield int(index), self._block[int(index)]
 
@@ -580,8 +637,6 @@ def _given(fps: float, std: float | None, source: RateSource, info: ClipInfo) ->
         )
     return CaptureRate(fps, nominal_rate_std(fps) if std is None else std, source, notice)
 
-
-FloatArray = NDArray[np.float64]
 
 CLEAR = 8.0
 """Log-likelihood beyond that of the best of pure noise: odds of three thousand to one."""

@@ -24,6 +24,32 @@ class PaintedClip:
         for index in range(start, len(self.pictures) if stop is None else stop):
             yield Frame(index, index / 30.0, self.pictures[index])
 
+    def colour_frames(
+        self, start: int = 0, stop: int | None = None
+    ) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+        for index in range(start, len(self.pictures) if stop is None else stop):
+            yield index, cv2.cvtColor(self.pictures[index], cv2.COLOR_GRAY2BGR)
+
+
+@dataclass(frozen=True)
+class PaintedColourClip:
+    """The same of a clip in colour: pictures (H, W, 3), blue first, stored at half their colour."""
+
+    pictures: list[NDArray[np.uint8]]
+
+    def frames(self, start: int = 0, stop: int | None = None) -> Iterator[Frame]:
+        for index, picture in self.colour_frames(start, stop):
+            yield Frame(index, index / 30.0, cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY))
+
+    def colour_frames(
+        self, start: int = 0, stop: int | None = None
+    ) -> Iterator[tuple[int, NDArray[np.uint8]]]:
+        for index in range(start, len(self.pictures) if stop is None else stop):
+            both = cv2.cvtColor(self.pictures[index], cv2.COLOR_BGR2YCrCb)
+            small = cv2.resize(both[:, :, 1:], None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+            both[:, :, 1:] = cv2.resize(small, both.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+            yield index, cv2.cvtColor(both, cv2.COLOR_YCrCb2BGR)
+
 
 def wall(height: int, width: int, pitch: float = 23.0) -> NDArray[np.float64]:
     """Light (0 to 1) of a bright wall with thin lines."""

@@ -1,9 +1,10 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from vision.ball.ball import expected_places, off_flight
-from vision.ball.choice import BallPath, untangled
+from vision.ball.choice import BallPath, choose_ball, untangled
 
 
 def _path(frame: np.ndarray, x: np.ndarray, radius: float = 8.0) -> BallPath:
@@ -100,3 +101,52 @@ def test_a_dark_thing_does_not_go_on_as_a_bright_one() -> None:
     other = replace(path, level=np.where(frame < 20, 60.0, 190.0))
     assert [len(piece.frame) for piece in untangled([path])] == [40]
     assert [len(piece.frame) for piece in untangled([other])] == [20, 20]
+
+
+def _swing_and_struck(first: int) -> tuple[BallPath, BallPath]:
+    """A clear bob on an arc through the whole clip, and a paler ball that leaves as it arrives."""
+    frame = np.arange(0, 120, 2)
+    turn = np.sin(frame / 45.0)
+    bob = _path(frame, 100.0 + 60.0 * turn, 6.0)
+    bob.centre_px[:, 1] = 100.0 - 12.0 * turn**2
+    meets = 36
+    time = np.maximum(frame - meets, 0.0)
+    ball = _path(frame, 158.0 + 1.2 * time, 10.0)
+    ball.centre_px[:, 1] = 97.0 - 0.9 * time + 0.012 * time**2
+    pale = replace(ball, sharpness=20.0 * np.ones(60), coverage=0.85 * np.ones(60))
+    return bob, pale.where(frame >= first)
+
+
+@pytest.mark.parametrize("first", [0, 40])
+def test_what_lay_still_until_it_was_reached_is_the_ball_however_clear_its_striker(
+    first: int,
+) -> None:
+    # From frame 40 on it is seen only in motion: before, it passed for the static scene.
+    bob, ball = _swing_and_struck(first)
+    choice = choose_ball([bob, ball], None)
+    assert choice is not None
+    assert choice.ball.radius == 10.0
+    assert "reached it" in choice.reasons[0]
+
+
+def test_what_nothing_reached_is_judged_by_what_speaks_for_it() -> None:
+    bob, ball = _swing_and_struck(0)
+    far = replace(ball, centre_px=ball.centre_px + np.array([0.0, 90.0]))
+    choice = choose_ball([bob, far], None)
+    assert choice is not None
+    assert choice.ball.radius == 6.0
+
+
+def test_a_shadow_that_lay_still_does_not_go_on_as_the_ball_beside_it() -> None:
+    frame = np.arange(0, 80, 2)
+    time = np.maximum(frame - 40, 0)
+    mixed = _path(frame, 60.0 + 1.3 * time)
+    mixed.centre_px[frame > 40, 1] = 30.0 - 0.2 * time[frame > 40]
+    pieces = sorted(untangled([mixed]), key=lambda path: int(path.frame[0]))
+    assert [int(piece.frame[0]) for piece in pieces] == [0, 42]
+
+
+def test_a_ball_that_is_struck_while_it_is_hidden_stays_one() -> None:
+    frame = np.concatenate([np.arange(0, 40, 2), np.arange(52, 80, 2)])
+    paths = untangled([_path(frame, 60.0 + 1.9 * np.maximum(frame - 41, 0))])
+    assert [len(path.frame) for path in paths] == [len(frame)]

@@ -1,0 +1,102 @@
+"""Things that gray does not show: painted in colour, with their true places known."""
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tests.vision.ball.painted import PaintedClip, PaintedColourClip, cover, wall
+from vision.ball.choice import BallPath
+from vision.ball.colour import moving_colours
+from vision.ball.silhouette import follow_silhouette
+from vision.clip.footage import Footage
+from vision.following import follow
+from vision.scene import FilmedScene
+
+HEIGHT, WIDTH, RADIUS = 160, 220, 17.0
+BROWN, RED, PALE = (0.42, 0.55, 0.68), (0.25, 0.30, 1.0), (0.72, 0.82, 0.9)
+Colour = tuple[float, float, float]
+
+
+def _picture(
+    layers: list[tuple[NDArray[np.float64], Colour]], dimmed: NDArray[np.float64], seed: int
+) -> NDArray[np.uint8]:
+    """Layers of (cover, colour) before a brown wall, some of it in the shade."""
+    light = wall(HEIGHT, WIDTH)[:, :, None] * np.array(BROWN) * (1.0 - 0.4 * dimmed[:, :, None])
+    for part, colour in layers:
+        light = light * (1.0 - part[:, :, None]) + part[:, :, None] * np.array(colour) * 0.6
+    noise = np.random.default_rng(seed).normal(0.0, 1.2, light.shape)
+    return np.clip(255.0 * light + noise, 0, 255).astype(np.uint8)
+
+
+def _thrown() -> NDArray[np.float64]:
+    time = np.arange(26.0)
+    return np.column_stack([25.0 + 6.5 * time, 118.0 - 8.0 * time + 0.30 * time**2])
+
+
+def _knotted(place: NDArray[np.float64], turn: float, seed: int) -> NDArray[np.uint8]:
+    """A red ball as light as the wall, in a bag with a pale knot, and the shadow of both."""
+    x, y = place
+    knot = np.zeros((HEIGHT, WIDTH))
+    tip = (x + 1.7 * RADIUS * np.sin(turn), y - 1.7 * RADIUS * np.cos(turn))
+    ends = [(round(x), round(y)), (round(tip[0]), round(tip[1]))]
+    cv2.line(knot, ends[0], ends[1], 1.0, 9)
+    shade = cover(HEIGHT, WIDTH, (x + 14.0, y + 9.0), RADIUS)
+    shade = np.asarray(cv2.GaussianBlur(shade, (0, 0), 2.0))
+    ball = cover(HEIGHT, WIDTH, (x, y), RADIUS)
+    return _picture([(knot, PALE), (ball, RED)], shade, seed)
+
+
+def test_a_ball_as_light_as_the_wall_is_followed_by_its_colour_and_not_by_knot_and_shadow() -> None:
+    places, empty = _thrown(), np.zeros((HEIGHT, WIDTH))
+    pictures = [_picture([], empty, seed) for seed in range(8)]
+    pictures += [_knotted(place, 0.1 * k, 20 + k) for k, place in enumerate(places)]
+    tracks = follow(PaintedColourClip(pictures), 30.0)  # type: ignore[arg-type]
+    ball = tracks.ball
+    known = (ball.frame >= 8) & (ball.frame < 8 + len(places))
+    off = ball.centre_px[known] - places[ball.frame[known] - 8]
+    std = np.sqrt(0.5 * np.trace(ball.covariance_px2[known], axis1=1, axis2=2))
+    assert known.sum() >= 0.9 * len(places)
+    assert np.hypot(*off.T).max() < 1.5
+    assert np.mean(np.hypot(*off.T) < 2.5 * std) > 0.9
+    assert any("colour" in warning for warning in tracks.warnings)
+
+
+def test_a_circle_is_laid_through_the_arc_that_a_bar_leaves_in_view() -> None:
+    time = np.arange(26.0)
+    places = np.column_stack([25.0 + 6.5 * time, np.full(26, 80.0)])
+    empty, bar = np.zeros((HEIGHT, WIDTH)), np.zeros((HEIGHT, WIDTH))
+    bar[88:120] = 1.0
+    dark = (0.5, 0.45, 0.3)
+    pictures = [_picture([(bar, dark)], empty, seed) for seed in range(8)]
+    for k, place in enumerate(places):
+        ball = cover(HEIGHT, WIDTH, (place[0], place[1]), RADIUS)
+        pictures.append(_picture([(ball, RED), (bar, dark)], empty, 30 + k))
+    scene = FilmedScene(Footage(PaintedColourClip(pictures)))  # type: ignore[arg-type]
+    blueness, redness = moving_colours(scene)[0]
+    looks, plain = np.arange(10, 34, 3), np.ones(8)
+    path = BallPath(looks, places[looks - 8], RADIUS * plain, plain, plain, plain, plain)
+    found = follow_silhouette(scene.tinted(blueness, redness), path)
+    known = (found.frame >= 8) & (found.frame < 34)
+    off = found.centre[known] - places[found.frame[known] - 8]
+    assert known.sum() >= 20
+    # the middle of what is seen lies 4 px higher
+    assert np.abs(np.median(off, axis=0)).max() < 1.0
+
+
+def test_gray_clips_have_no_colour_to_look_in() -> None:
+    pictures = [np.full((HEIGHT, WIDTH), 90, np.uint8) for _ in range(12)]
+    for k, picture in enumerate(pictures):
+        cv2.circle(picture, (20 + 14 * k, 80), 15, 200, -1)
+    scene = FilmedScene(Footage(PaintedClip(pictures)))  # type: ignore[arg-type]
+    assert moving_colours(scene) == []
+
+
+@pytest.mark.parametrize("light", [0.3, 1.0])
+def test_a_shadow_has_no_colour(light: float) -> None:
+    gray = np.full((64, 64, 3), 200.0 * light).astype(np.uint8)
+    pictures = [gray.copy() for _ in range(8)]
+    pictures[4][20:40, 20:40] //= 2
+    footage = Footage(PaintedColourClip(pictures)).tinted(0.6, 0.8)  # type: ignore[arg-type]
+    for _, picture in footage.frames(np.arange(footage.count)):
+        assert np.abs(picture.astype(float) - 128.0).max() <= 1.0
