@@ -674,6 +674,10 @@ def trusted_rows(found: BallFits) -> BallFits:
         # The worst of a run of neighbours first: it may be what puts the others off.
         worst = expected.off & (expected.excess >= _around(expected.excess, np.nanmax))
         found = found.at(~worst)
+    near = np.abs(found.frame[:, None] - found.frame) <= _FURTHEST
+    dim = found.fits.contrast < _DIM * np.median(found.fits.contrast)
+    # For a few dim frames far from all others no neighbour speaks, and hardly their outline.
+    found = found.at(~(dim & (near.sum(axis=1) <= _FEWEST)))
     expected = _expected(found)
     known = np.where(np.isfinite(expected.excess), expected.excess, np.nan)
     local = _around(known, _middle_of_known) / _MEDIAN_EXCESS
