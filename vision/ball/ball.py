@@ -313,6 +313,9 @@ _SIZES = (1.0, 0.8, 1.25)
 _SIZE_LOOKS = 9
 """Frames in which another size is tried, supposed: their median leaves a few wrong ones out."""
 
+_DISC_SIZES, _LARGER = (1.0, 1.4), 1.15
+"""Of a small path's own radius: discs that are tried, and the ratio from which it is another."""
+
 _BORNE_OUT = 0.5
 
 _OTHER_SIZE = 1.3
@@ -613,7 +616,7 @@ def _size(scene: FilmedScene, path: BallPath) -> float:
     picture.
     """
     if path.radius < SMALL_RADIUS:
-        return path.radius
+        return _disc_size(scene, path)
     rows = np.unique(np.linspace(0, len(path.frame) - 1, _SIZE_LOOKS).astype(np.int64))
     frame, guess = path.frame[rows], path.centre_px[rows]
     best, best_score = path.radius, 0.0
@@ -631,6 +634,32 @@ def _size(scene: FilmedScene, path: BallPath) -> float:
         here = borne_out * radius / float(np.median(fits.rms_residual))
         if here > (_OTHER_SIZE if best_score > 0.0 else 1.0) * best_score:
             best, best_score = (path.radius if factor == 1.0 else radius), here
+    return best
+
+
+def _disc_size(scene: FilmedScene, path: BallPath) -> float:
+    """The radius of a small ball, by the area that a shaded disc explains.
+
+    A ball that is lighter than the wall above and darker below has an edge across its middle: a
+    circle of edges may be that of its light part alone.
+    """
+    rows = np.unique(np.linspace(0, len(path.frame) - 1, _SIZE_LOOKS).astype(np.int64))
+    velocity = np.gradient(path.centre_px, path.frame, axis=0)[rows]
+    best, best_share = path.radius, 0.0
+    for factor in _DISC_SIZES:
+        radius = factor * path.radius
+        starts = [
+            Sweep(centre, _USUAL_DUTY * along, radius)
+            for centre, along in zip(path.centre_px[rows], velocity, strict=True)
+        ]
+        fits, _ = swept_outlines(scene, path.frame[rows], starts, free_radius=True)
+        if np.count_nonzero(fits.found) < _FEWEST_STILL_ROWS:
+            continue
+        share = float(np.median(fits.contrast[fits.found]))
+        found = float(np.median(fits.radius[fits.found]))
+        larger = _LARGER * path.radius < found < 2.0 * path.radius
+        if share > max(_EXPLAINED, best_share) and larger:
+            best, best_share = found, share
     return best
 
 
