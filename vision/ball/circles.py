@@ -430,7 +430,8 @@ def _blobs(normalised: FloatImage, low: float, high: float) -> tuple[list[Circle
     mask = cv2.morphologyEx(above, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     count, labels, boxes, centres = cv2.connectedComponentsWithStats(mask)
     found, smeared = [], []
-    for label in _foremost(level, labels, boxes[:count, cv2.CC_STAT_AREA]):
+    areas = np.asarray(boxes[:count, cv2.CC_STAT_AREA], dtype=np.int64)
+    for label in _foremost(level, np.asarray(labels, dtype=np.int64), areas):
         left, top, wide, tall, area = (int(value) for value in boxes[label])
         radius = float(np.sqrt(area / np.pi))
         if not low <= radius * scale <= 2.0 * high:
@@ -457,7 +458,7 @@ def _blobs(normalised: FloatImage, low: float, high: float) -> tuple[list[Circle
     return found, smeared
 
 
-def _foremost(level: FloatImage, labels: NDArray[np.int32], area: NDArray[np.int32]) -> list[int]:
+def _foremost(level: FloatImage, labels: IntArray, area: IntArray) -> list[int]:
     """Labels of the pieces that may rank among the first: leaves in the wind make thousands."""
     pieces = np.arange(1, len(area))
     if len(pieces) > _MOST_PIECES:
