@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol, cast
 
 import numpy as np
-from scipy.special import stdtrit
+import scipy
 
 from metrology import DomainError, TooLittleDataError, UsageError
 from physics.domain import FloatArray, FloatOrArray, Number, require_positive
@@ -526,7 +526,7 @@ def _least_squares(
 def _report(model: str, law: CorLaw, fit: Any, points: int, absolute: bool) -> CorFit:
     free = fit.nvarys
     dof = points - free
-    width = float(stdtrit(dof, 0.975)) if dof > 0 else math.inf
+    width = float(scipy.special.stdtrit(dof, 0.975)) if dof > 0 else math.inf
     parameters = []
     for name, parameter in fit.params.items():
         known = parameter.stderr is not None and (dof > 0 or absolute)

@@ -14,17 +14,20 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import av
 import cv2
 import numpy as np
 from av.error import FFmpegError
 from numpy.typing import NDArray
-from PIL import Image, ImageDraw, ImageFont
 
 from metrology import UsageError, written_whole
 from vision.clip.clip import ClipReader
 from vision.tracks import PendulumTrack, Track, Tracks
+
+if TYPE_CHECKING:
+    from PIL.ImageFont import FreeTypeFont
 
 __all__ = [
     "OVERLAY_SUFFIXES",
@@ -42,8 +45,9 @@ Colour = tuple[int, int, int]
 
 
 @cache
-def _font(size: int) -> ImageFont.FreeTypeFont:
+def _font(size: int) -> "FreeTypeFont":
     import matplotlib
+    from PIL import ImageFont
 
     # DejaVu Sans comes with matplotlib, so that text looks the same on every machine.
     path = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
@@ -69,6 +73,8 @@ def write_text(
     patch = image[top : top + height, left : left + width]
     if not text or patch.size == 0:
         return
+    from PIL import Image, ImageDraw
+
     mask = Image.new("L", (patch.shape[1], patch.shape[0]))
     ImageDraw.Draw(mask).text((0, 0), text, font=_font(size), fill=255)
     cover = np.asarray(mask, np.float32)[:, :, None] / 255.0

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
+import scipy
 
 from metrology import Contribution, Quantity, UncertaintySource
 from physics.bodies import Pendulum
@@ -292,7 +292,7 @@ def speeds_agree(found: dict[str, Quantity]) -> SpeedsAgree | None:
         by_pendulum = _compared(pendulum, fitted, weight.value)
     text += f"; the fitted flight {fitted.value:.3f} ± {fitted.std:.3f} m/s"
     relevant = RELEVANT_SHARE * abs(fitted.value)
-    power = float(ndtr(-_SIGMAS + relevant / min(along.std, by_pendulum.std)))
+    power = float(scipy.special.ndtr(-_SIGMAS + relevant / min(along.std, by_pendulum.std)))
     outcome = CheckOutcome.PASSED if power >= LEAST_POWER else CheckOutcome.UNDECIDED
     if along.differs or by_pendulum.differs:
         outcome = CheckOutcome.FAILED
@@ -361,7 +361,7 @@ def ball_size(
         return None
     apart = looks_m / given_m - 1.0
     std = math.hypot(share, speed.std / speed.value)
-    power = float(ndtr(-_SIGMAS + RELEVANT_SIZE_SHARE / std))
+    power = float(scipy.special.ndtr(-_SIGMAS + RELEVANT_SIZE_SHARE / std))
     text = (
         f"the ball looks {1e3 * looks_m:.0f} mm across at the scale of its plane, and is said to"
         f" be {1e3 * given_m:.0f} mm"

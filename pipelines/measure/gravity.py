@@ -7,8 +7,8 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import chdtrc, ndtr
 
 from calib.calibration import Known
 from calib.solve import SeenFall
@@ -127,7 +127,8 @@ def gravity_check(found: Quantity, scene: ClipConditions) -> tuple[Quantity, Che
     gravity = scene.inputs.gravity
     text = f"free fall gives {quantity.value:.2f} ± {quantity.std:.2f} m/s²"
     off = abs(quantity.value - gravity)
-    power = float(ndtr(-_SIGMAS + RELEVANT_SHARE * gravity / max(quantity.std, 1e-12)))
+    relevant = RELEVANT_SHARE * gravity / max(quantity.std, 1e-12)
+    power = float(scipy.special.ndtr(-_SIGMAS + relevant))
     if off > _SIGMAS * quantity.std:
         statement = f"{text}, not {gravity:.2f}. {_why(quantity, scene)}"
         return quantity, Check(CheckKind.GRAVITY, CheckOutcome.FAILED, statement, power)
@@ -226,10 +227,10 @@ def _agreement(values: FloatArray, covariance: FloatArray, estimates: list[str])
     step = np.diff(np.eye(len(values)), axis=0)
     apart = step @ values
     spread = step @ covariance @ step.T
-    chance = float(chdtrc(len(apart), apart @ np.linalg.solve(spread, apart)))
+    chance = float(scipy.special.chdtrc(len(apart), apart @ np.linalg.solve(spread, apart)))
     listed = ", ".join(f"{name} {value:.3f}" for name, value in zip(estimates, values, strict=True))
     closest = float(np.sqrt(np.diag(spread).min()))
-    power = float(ndtr(-_COR_SIGMAS + RELEVANT / closest))
+    power = float(scipy.special.ndtr(-_COR_SIGMAS + RELEVANT / closest))
     if chance < _CHANCE:
         text = (
             f"the estimates of the coefficient of restitution disagree ({listed}):"

@@ -17,8 +17,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
 from metrology import (
     Contribution,
@@ -1043,7 +1043,7 @@ def _by_gravity(fall: Quantity, scene: MotionScene) -> tuple[Quantity | None, Ch
         said = f"{text}, which told the capture rate and so can't check it"
         return gravity, Check(CheckKind.GRAVITY, CheckOutcome.UNDECIDED, said, 0.0)
     off = abs(fall.value - scene.gravity)
-    power = float(ndtr(-_GRAVITY_SIGMAS + RELEVANT_SHARE * scene.gravity / fall.std))
+    power = float(scipy.special.ndtr(-_GRAVITY_SIGMAS + RELEVANT_SHARE * scene.gravity / fall.std))
     outcome = CheckOutcome.PASSED if power >= LEAST_POWER else CheckOutcome.UNDECIDED
     if off > _GRAVITY_SIGMAS * fall.std:
         outcome = CheckOutcome.FAILED

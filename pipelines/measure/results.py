@@ -3,11 +3,12 @@
 import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
+import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.special import ndtr, ndtri
 
 from calib.calibration import Calibration
 from metrology import Contribution, Quantity, UncertaintySource
@@ -59,8 +60,6 @@ LONGEST_GAP_S = 0.03
 """Time before landing for which a ball lost near the floor may be carried on along its flight."""
 _PLASTIC = 1.32471795724474602596
 """Real root of x³ = x + 1: steps of 1/x and 1/x² fill a square evenly (Roberts 2018)."""
-_DRAWS = ndtri((0.5 + np.arange(1, 1025)[np.newaxis] / np.array([[_PLASTIC], [_PLASTIC**2]])) % 1.0)
-"""Even draws of two independent unit normals."""
 SWING_ENERGY_SHARE = 0.25
 """Of the kinetic energy of a free swing: what friction, a rig of other numbers or the arc's place
 may make of it; a pendulum that was let go elsewhere is further off."""
@@ -280,7 +279,7 @@ def _contact_bound(evaluated: Evaluated) -> Check | None:
         f"contact of {1e3 * lasting:.1f} ± {1e3 * std:.1f} ms, where such a ball stays on for"
         f" {1e3 * longest:.0f} ms at most"
     )
-    power = float(ndtr((longest - lasting) / max(std, 1e-9)))
+    power = float(scipy.special.ndtr((longest - lasting) / max(std, 1e-9)))
     sure = lasting + 2.0 * std < longest
     outcome = CheckOutcome.PASSED if sure else CheckOutcome.UNDECIDED
     return Check(CheckKind.CONTACT_BOUND, outcome, text, power)
@@ -431,7 +430,7 @@ def _contact_frames(evaluated: Evaluated, tracks: Tracks, reasons: dict[str, str
     count = math.floor(release) - math.ceil(onset) + 1
     # onset and release hang together: where the face seems to be moves them apart
     together = (std[0] ** 2 + std[1] ** 2 - std[2] ** 2) / (2.0 * std[0] * std[1])
-    first, second = _DRAWS
+    first, second = _even_draws()
     together = min(max(together, -1.0), 1.0)
     begun = onset + std[0] * first
     ended = release + std[1] * (together * first + math.sqrt(1.0 - together**2) * second)
@@ -440,6 +439,13 @@ def _contact_frames(evaluated: Evaluated, tracks: Tracks, reasons: dict[str, str
     return Quantity.measured(
         "contact_frames", count, "1", (Contribution(UncertaintySource.FRAME_COUNT, spread),)
     )
+
+
+@cache
+def _even_draws() -> FloatArray:
+    """Even draws of two independent unit normals, (2, 1024)."""
+    steps = np.arange(1, 1025)[np.newaxis] / np.array([[_PLASTIC], [_PLASTIC**2]])
+    return np.asarray(scipy.special.ndtri((0.5 + steps) % 1.0))
 
 
 def _apart_from_the_rate(evaluated: Evaluated, index: int) -> float:

@@ -10,9 +10,6 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
-from jinja2 import Environment, StrictUndefined
-from PIL import Image
-
 from metrology import Contribution, Quantity, write_text_whole
 from metrology.quantity import format_pair, format_unit
 from pipelines.report.inputs import ReportInput, quantity_label, quantity_text
@@ -59,12 +56,17 @@ def results_html(
     """
     rows = [(quantity_label(q.name), quantity_text(q), q.value is not None) for q in quantities]
     still = None if still_png is None else base64.b64encode(_as_jpeg(still_png)).decode("ascii")
+    # not every command that shows results writes a page
+    from jinja2 import Environment, StrictUndefined
+
     template = Environment(autoescape=True, undefined=StrictUndefined).from_string(_CELL)
     return template.render(title=title, rows=rows, warnings=warnings, still=still)
 
 
 def _as_jpeg(png: bytes) -> bytes:
     """A seventh of the size: a notebook keeps every picture it has shown."""
+    from PIL import Image
+
     buffer = io.BytesIO()
     Image.open(io.BytesIO(png)).convert("RGB").save(buffer, format="JPEG", quality=85)
     return buffer.getvalue()
@@ -112,6 +114,8 @@ def report_html(report: ReportInput) -> str:
     str
         HTML with its pictures inside.
     """
+    from jinja2 import Environment, StrictUndefined
+
     from pipelines.report.plots import panel_svg, panels_of
 
     environment = Environment(

@@ -20,8 +20,8 @@ from enum import IntEnum
 
 import cv2
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
 from metrology.least_squares import minimise
 from vision.ball.ball import BallFits
@@ -757,16 +757,16 @@ def _model(strip: _Strip, values: FloatArray) -> FloatArray:
     """Light over that behind: the wall, maybe the mass' shadow on it, the face, and the side."""
     parts = _StripParts.of(values)
     shadow, far, near = parts.rims(strip)
-    shown = parts.wall + (parts.shade - parts.wall) * ndtr(shadow)
-    shown += (parts.face - parts.shade) * ndtr(far)
-    return np.asarray(shown + (parts.side - parts.face) * ndtr(near))
+    shown = parts.wall + (parts.shade - parts.wall) * scipy.special.ndtr(shadow)
+    shown += (parts.face - parts.shade) * scipy.special.ndtr(far)
+    return np.asarray(shown + (parts.side - parts.face) * scipy.special.ndtr(near))
 
 
 def _slopes(strip: _Strip, values: FloatArray) -> FloatArray:
     """How that changes with each parameter, (n, p)."""
     parts = _StripParts.of(values)
     rims = parts.rims(strip)
-    covered = [np.asarray(ndtr(rim)) for rim in rims]
+    covered = [np.asarray(scipy.special.ndtr(rim)) for rim in rims]
     # each step's height by its slope: what a pixel's move of its edge changes
     steps = (parts.shade - parts.wall, parts.face - parts.shade, parts.side - parts.face)
     edges = [
