@@ -105,7 +105,10 @@ def sampled(
     OpenCV takes fewer than 32768 points in a row: they are laid out in several.
     """
     count = len(x)
-    rows = max(1, -(-count // _ROW))
+    if count == 0:
+        # OpenCV takes no empty maps
+        return np.zeros((0, *pictures.shape[2:]), dtype=np.float32)
+    rows = -(-count // _ROW)
     maps = np.zeros((2, rows * _ROW if rows > 1 else count), dtype=np.float32)
     maps[0, :count], maps[1, :count] = x, y
     u, v = maps.reshape(2, rows, -1)

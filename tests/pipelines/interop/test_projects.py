@@ -135,6 +135,43 @@ def test_kinovea_annotations_with_ticks_and_a_line(tmp_path) -> None:
     assert table["t_s"].tolist() == pytest.approx([2 / 240, 3 / 240, 5 / 240])
 
 
+LATER_TRACK = """    <Track id="21111111-2222-3333-4444-555555555555" name="balle">
+      <TimePosition>2048</TimePosition>
+      <IsVisible>true</IsVisible>
+      <Visible>2048</Visible>
+      <Invisible>-1</Invisible>
+      <ExtraData>None</ExtraData>
+      <TrackerParameters>
+        <TrackingAlgorithm>Correlation</TrackingAlgorithm>
+        <SearchWindow>100;100</SearchWindow>
+        <BlockWindow>20;20</BlockWindow>
+      </TrackerParameters>
+      <TrackPointList Count="3">
+        <TrackPoint>100.5;200.5;2048;12.5</TrackPoint>
+        <TrackPoint>150.5;190.5;2560;12.4</TrackPoint>
+        <TrackPoint>200.5;185.5;3584;0</TrackPoint>
+      </TrackPointList>
+      <MainLabel Text="balle"><SpacePosition>1;1</SpacePosition></MainLabel>
+      <SeeFuture>true</SeeFuture>
+      <ShowTrackLabel>false</ShowTrackLabel>
+      <DrawingStyle><Color Key="color"><Value>255;255;140;0</Value></Color></DrawingStyle>
+    </Track>
+"""
+"""A track as ``DrawingTrack.WriteXml`` of Kinovea's present source writes it: a point's fourth
+number is the radius of what was followed."""
+
+
+def test_kinovea_annotations_of_later_versions_carry_a_radius(tmp_path) -> None:
+    path = tmp_path / "a.kva"
+    head, _, rest = KVA.partition("  <Tracks>\n")
+    path.write_text(f"{head}  <Tracks>\n{LATER_TRACK}  </Tracks>\n</KinoveaVideoAnalysis>\n")
+    assert "TrackPoint" in rest
+    (track,) = read_tracks(path).tracks
+    assert track.name == "balle"
+    assert track.frame.tolist() == [2, 3, 5]
+    assert track.px.tolist() == [[100.0, 200.0], [150.0, 190.0], [200.0, 185.0]]
+
+
 def test_kinovea_annotations_of_old_versions_count_from_the_first_mark(tmp_path) -> None:
     path = tmp_path / "a.kva"
     text = KVA
