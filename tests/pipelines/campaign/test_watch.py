@@ -117,6 +117,20 @@ def test_progress_clips_marks_and_points(browser: Any, address: str, folder: Pat
     until(page, pointed)
     page.check("[value=unsure]")
     until(page, lambda: cards.count() == 2)
+    page.check("[value=all]")
+
+    with Ledger(folder) as ledger:
+        ledger.begin(["later.mp4"])
+    until(page, lambda: "later.mp4" in page.inner_text("[data-test=busy]"))
+    with Ledger(folder) as ledger:
+        ledger.finish([AttemptOutcome("later.mp4", State.FAILED, 1.0, error="no ball")])
+    # it comes last and stands before what is sure
+    until(page, lambda: cards.count() == 4)
+    until(page, lambda: page.inner_text("[data-test=busy]") == "")
+    tops = [
+        page.locator(f"[data-test='clip-{name}.mp4']").bounding_box() for name in ("later", "sure")
+    ]
+    assert (tops[0]["y"], tops[0]["x"]) < (tops[1]["y"], tops[1]["x"])
 
 
 def test_nobody_else_comes_in(address: str) -> None:
