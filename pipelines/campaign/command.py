@@ -114,6 +114,8 @@ def campaign_command(
     if not quiet:
         for clip, what in done.again.items():
             screen(errors=True).print(f"{clip} was measured again: {what} changed since")
+        for told in done.copies:
+            screen(errors=True).print(told, soft_wrap=True)
         measured = done.summary["clips"]["done"]
         screen().print(f"{measured} clips measured; report: {done.report}")
         if done.explained is not None:

@@ -308,6 +308,8 @@ class Campaign:
         Clips measured again, and what changed since.
     explained : str or None
         What the engine said of missing physics, where it was asked.
+    copies : tuple of str
+        Recordings that stand in several clips, and so count several times.
     """
 
     folder: Path
@@ -316,6 +318,7 @@ class Campaign:
     wanting: tuple[str, ...] = ()
     again: dict[str, str] = field(default_factory=dict)
     explained: str | None = None
+    copies: tuple[str, ...] = ()
 
     @property
     def report(self) -> Path:
@@ -467,6 +470,9 @@ def _published(
     edition: Edition, absent: tuple[str, ...], progress: Progress, explained: bool
 ) -> Campaign:
     with Ledger(edition.folder) as ledger:
+        copies = tuple(_one_recording(clips) for clips in ledger.copies())
+        facts = replace(edition.facts, notes=(*edition.facts.notes, *copies))
+        edition = replace(edition, facts=facts)
         published = publish(edition, ledger)
         said = _explain(edition, published) if explained else None
         if said is not None:
@@ -479,7 +485,16 @@ def _published(
     ]
     wanting += [f"{name}: named in the lab book, not given" for name in absent]
     summary = json.loads((edition.folder / "summary.json").read_text(encoding="utf-8"))
-    return Campaign(edition.folder, published.frame, summary, tuple(wanting), progress.again, said)
+    return Campaign(
+        edition.folder, published.frame, summary, tuple(wanting), progress.again, said, copies
+    )
+
+
+def _one_recording(clips: Sequence[str]) -> str:
+    return (
+        f"{' and '.join(clips)} are one recording: its strike counts {len(clips)} times."
+        " Mark the copies as bad, or take them away."
+    )
 
 
 def _explain(edition: Edition, published: Published) -> str:

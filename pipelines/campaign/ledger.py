@@ -385,6 +385,18 @@ class Ledger:
             # outside: what the reader of the rows raises is no fault of the ledger
             yield entry
 
+    def copies(self) -> list[tuple[str, ...]]:
+        """Clips that were measured and hold the same bytes, those marked as bad aside."""
+        with self._reading() as base:
+            rows = base.execute(
+                "SELECT sha256, clip FROM clips WHERE state='done' AND excluded IS NULL"
+                " ORDER BY rowid"
+            )
+            alike: dict[str, list[str]] = {}
+            for row in rows:
+                alike.setdefault(row["sha256"], []).append(row["clip"])
+        return [tuple(clips) for clips in alike.values() if len(clips) > 1]
+
     def waiting(self) -> list[str]:
         """Names of the clips still to be measured."""
         with self._reading() as base:

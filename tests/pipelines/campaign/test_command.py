@@ -97,6 +97,18 @@ def test_a_slip_in_the_lab_book_is_refused_before_the_work(
         assert not (lab / "out" / "ledger.sqlite").exists()
 
 
+def test_one_recording_under_two_names_is_told_until_one_is_marked(lab: Path) -> None:
+    (lab / "clips" / "b.mp4").write_bytes((lab / "clips" / "a.mp4").read_bytes())
+    ran = _campaign(lab)
+    assert ran.exit_code == 0, ran.output
+    told = "a.mp4 and b.mp4 are one recording: its strike counts 2 times"
+    assert told in ran.output.replace("\n", " ")
+    assert told in (lab / "out" / "report.html").read_text()
+    with Ledger(lab / "out") as ledger:
+        ledger.exclude("b.mp4", "a copy")
+    assert "one recording" not in _campaign(lab).output
+
+
 def test_no_clips_are_refused(lab: Path) -> None:
     shutil.rmtree(lab / "clips")
     (lab / "clips").mkdir()
