@@ -68,6 +68,7 @@ def test_a_strong_effect_is_named_with_its_strength(name, values):
     assert verdict.held_out.rmse_after < verdict.held_out.rmse_before
 
 
+@pytest.mark.slow
 def test_two_effects_are_both_named():
     verdict = explain(
         *struck_campaign(

@@ -189,6 +189,7 @@ def test_a_landing_below_the_picture_is_not_measured(
     assert "before it lands" in result.output
 
 
+@pytest.mark.slow
 def test_a_wall_without_a_grid_gives_no_landing(played: tuple[Scene, Shot], tmp_path: Path) -> None:
     scene, shot = played
     wall = replace(scene.room.wall, contrast=0.0, fine_contrast=0.0)
