@@ -139,9 +139,12 @@ def _finite(value: float, text: str, unit: str) -> float:
 
 
 def _no_quantity(text: str, unit: str) -> UnitError:
+    with_doubt = any(sign in text for sign in ("±", "+-", "+/-"))
     return UnitError(
         f"{text!r} is not a quantity in {unit}",
-        hint=f"Write a number with a unit, such as '1 {unit}'.",
+        hint="It takes no uncertainty here: write the number and its unit alone."
+        if with_doubt
+        else f"Write a number with a unit, such as '1 {unit}'.",
     )
 
 

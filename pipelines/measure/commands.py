@@ -655,7 +655,11 @@ def _require_something(measured: ClipMeasurement, path: Path) -> None:
     named = [(item, kinds_of(item.name)) for item in measured.quantities]
     own = [item for item, kinds in named if kind in kinds and len(kinds) < len(MotionKind)]
     reason = (own or list(measured.quantities))[0].reason
-    raise MeasurementError(f"nothing can be measured from {path}: {reason}")
+    raise MeasurementError(
+        f"nothing can be measured from {path}: {reason}",
+        hint="A flight must be seen over several frames or marks, a swing from end to end. Where"
+        " something else was followed, point with --ball-at and --mass-at.",
+    )
 
 
 def _one(

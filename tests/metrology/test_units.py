@@ -56,3 +56,9 @@ def test_what_is_no_length_is_refused(text: str) -> None:
 def test_a_number_survives_its_printing(value: float) -> None:
     assert parse_quantity(f"{value!r} m", "m") == value
     assert parse_quantity(value, "m") == value
+
+
+def test_an_uncertainty_where_none_is_taken_is_named() -> None:
+    with pytest.raises(UnitError) as refusal:
+        parse_quantity("2 deg ± 0", "rad")
+    assert "no uncertainty" in str(refusal.value.hint)
