@@ -13,7 +13,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from bench.hostile.case import Case, Kind
-from physics.effects import CATALOGUE
+from physics.effects import CATALOGUE, MEASUREMENT_IDS
 
 __all__ = ["MILD", "filmed", "films"]
 
@@ -110,16 +110,19 @@ def setup_cases(draw: st.DrawFn) -> Case:
     return Case(Kind.SETUP, arguments, {"lab.toml": draw(_setups())}, ("o.json",))
 
 
+_ACTING = sorted(set(CATALOGUE) - MEASUREMENT_IDS)
+
+
 @st.composite
 def _effects(draw: st.DrawFn) -> str:
-    """An effect of the catalogue, as it comes or with a size within its bounds."""
-    effect = draw(st.sampled_from(CATALOGUE[draw(st.sampled_from(sorted(CATALOGUE)))]))
-    if not effect.parameters or draw(st.integers(0, 2)) == 0:
-        return effect.id
-    parameter = draw(st.sampled_from(effect.parameters))
-    low = max(parameter.lower, parameter.neutral - 4.0 * parameter.scale)
-    high = min(parameter.upper, parameter.neutral + 4.0 * parameter.scale)
-    return f"{effect.id}:{parameter.name}={low + (high - low) * draw(numbers):.6g}"
+    """An effect of the catalogue that acts on the motion, with sizes within its bounds."""
+    effect = draw(st.sampled_from(CATALOGUE[draw(st.sampled_from(_ACTING))]))
+    sizes = []
+    for parameter in effect.parameters:
+        low = max(parameter.lower, parameter.neutral - 4.0 * parameter.scale)
+        high = min(parameter.upper, parameter.neutral + 4.0 * parameter.scale)
+        sizes.append(f"{parameter.name}={low + (high - low) * draw(numbers):.6g}")
+    return f"{effect.id}:{','.join(sizes)}"
 
 
 @st.composite
