@@ -462,11 +462,13 @@ def _mark_std(given: ExternalTrack) -> FloatArray:
     """
     if given.std_px is not None and np.isfinite(given.std_px).all():
         return np.maximum(given.std_px, LEAST_MARK_STD_PX)
-    steady = np.diff(given.frame) == np.median(np.diff(given.frame)) if len(given) > 4 else []
-    if np.sum(steady) < 6:
+    step = np.diff(given.frame)
+    steady = step == np.median(step) if len(step) else np.zeros(0, dtype=bool)
+    # a third difference needs four marks in a row; of fewer than four there is no scatter to tell
+    whole = steady[:-2] & steady[1:-1] & steady[2:]
+    if np.sum(whole) < 4:
         return np.full((len(given), 2), CLICKED_MARK_STD_PX)
     third = np.diff(given.px, n=3, axis=0)
-    whole = np.array(steady)[:-2] & np.array(steady)[1:-1] & np.array(steady)[2:]
     scatter = 1.4826 * np.median(np.abs(third[whole]), axis=0) / np.sqrt(20.0)
     return np.tile(np.maximum(scatter, LEAST_MARK_STD_PX), (len(given), 1))
 

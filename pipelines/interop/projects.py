@@ -292,6 +292,8 @@ def _add_mass(parent: Element, track: ExternalTrack, colour: tuple[int, int, int
 
 
 _ANNOTATION = "Kinovea annotation file"
+_MOST_FRAMES = 2.0**31
+"""More than any container counts."""
 _SQUARE = 0.02
 """Relative, supposed: a quadrilateral whose local scale differs by more over the track is no single
 scale."""
@@ -354,8 +356,13 @@ def _track(
     if begins is not None and len(tick) and tick[0] < begins - 0.5 * ticks:
         # before 0.8.16 a track counted from its own first mark
         tick = tick - tick[0] + begins
-    frame = np.rint((tick - start) / ticks).astype(np.int64)
-    frame, first = np.unique(frame, return_index=True)
+    counted = np.rint((tick - start) / ticks)
+    if not (np.isfinite(rows).all() and (np.abs(counted) < _MOST_FRAMES).all()):
+        raise UsageError(
+            f"track {name or number + 1}: a mark lies nowhere, or at a time that no clip has",
+            hint="Open the file in Kinovea and save it anew, or export the track as text.",
+        )
+    frame, first = np.unique(counted.astype(np.int64), return_index=True)
     px = rows[first, :2] - CORNER_PX
     return ExternalTrack(
         (name or f"track {number + 1}").strip(),

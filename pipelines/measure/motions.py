@@ -204,9 +204,10 @@ def steady_stretch(path: FlightFrames) -> FlightFrames:
         middle = order[margin : len(order) - margin] if len(order) > 2 * LEAST_FRAMES else order
         off = _off(path, time, middle)
         near = _run_about(off < _OFF_SIGMAS, int(middle[len(middle) // 2]))
-        if np.array_equal(near, kept):
-            break
+        done = np.array_equal(near, kept) or not near.any()
         kept = near
+        if done:
+            break
     if kept.sum() < LEAST_FRAMES:
         raise TooLittleDataError(
             "no six frames in a row lie on one free flight",

@@ -172,6 +172,14 @@ def test_kinovea_annotations_of_later_versions_carry_a_radius(tmp_path) -> None:
     assert track.px.tolist() == [[100.0, 200.0], [150.0, 190.0], [200.0, 185.0]]
 
 
+@pytest.mark.parametrize("mark", ["100.5;200.5;1e300", "nan;200.5;2048", "1;2;inf"])
+def test_a_mark_of_kinovea_beyond_all_clips_is_refused(mark, tmp_path) -> None:
+    path = tmp_path / "a.kva"
+    path.write_text(KVA.replace("100.5;200.5;2048", mark))
+    with pytest.raises(UsageError, match="nowhere, or at a time that no clip has"):
+        read_tracks(path)
+
+
 def test_kinovea_annotations_of_old_versions_count_from_the_first_mark(tmp_path) -> None:
     path = tmp_path / "a.kva"
     text = KVA
@@ -260,3 +268,17 @@ def test_an_archive_that_unpacks_without_end_is_refused(tmp_path, monkeypatch) -
         archive.writestr("a.trk", b"0" * (2**20 + 1))
     with pytest.raises(UsageError, match="too large"):
         read_tracks(path)
+
+
+def test_marks_with_many_gaps_are_as_sure_as_clicks(tmp_path) -> None:
+    """Many steps alike, and never four marks in a row: no scatter can be told, and none is."""
+    frame = np.flatnonzero(np.arange(48) % 4 != 3)
+    fall = np.column_stack([50.0 + 3.0 * frame, 40.0 + 0.0851 * frame**2])
+    rows = [f"{k},{x:.4f},{y:.4f}" for k, (x, y) in zip(frame, fall, strict=True)]
+    path = tmp_path / "a.csv"
+    path.write_text("frame,x_px,y_px\n" + "\n".join(rows) + "\n")
+    from pipelines.api.quantities import measure_options
+
+    ball = measure_from_tracks(path, measure_options(scale="500 px/m", fps="240")).tracks.ball
+    assert np.isfinite(ball.covariance_px2).all()
+    assert (np.diagonal(ball.covariance_px2, axis1=1, axis2=2) > 0.0).all()
