@@ -401,6 +401,11 @@ PULLED = 0.5
 
 """Share of a strength that one trial alone may make up, or by which trials may differ in it."""
 
+SEEN = 2.5
+
+"""Standard uncertainties from nought, with place and length free, from which a strength is known:
+one in a hundred is so by chance."""
+
 UNLIKELY_SCATTER = 1e-3
 
 """Chance below which trials differ in a strength by more than noise and stated scatter."""
@@ -419,6 +424,7 @@ class Doubt(Enum):
     LEFT_OVER = "it leaves most of the mismatch unexplained"
     ONE_TRIAL = "its strength hangs on one trial alone"
     UNSTEADY = "its strength differs from trial to trial by more than chance and half of itself"
+    UNDETERMINED = "its strength and its place or length stand in for each other: neither is known"
     EACH_ITS_OWN = "each trial has values of its own, which take up a part of any misfit"
     UNPROVED = "no trial is kept out of the fit to prove it on"
     KEEPS_TIME = (
@@ -506,6 +512,8 @@ def pass_gate(
         doubts.append(Doubt.WORSE_HELD_OUT)
     elif _unsteady(forward, best):
         doubts.append(Doubt.UNSTEADY)
+    elif _undetermined(best):
+        doubts.append(Doubt.UNDETERMINED)
     elif kept is not None and not kept.proves and kept.gain is not None and kept.gain < NO_GAIN:
         doubts.append(Doubt.NO_GAIN)
     return _passed(prepared, best, kind, tuple(doubts))
@@ -586,6 +594,26 @@ def _unsteady(forward: Forward, best: Hypothesis) -> bool:
         surest = max(sizes, key=lambda index: sizes[index][0])
         seen = scatter[surest]
         if seen.chance < UNLIKELY_SCATTER and seen.spread > PULLED * sizes[surest][1]:
+            return True
+    return False
+
+
+def _undetermined(best: Hypothesis) -> bool:
+    """Whether a law in no catalogue has shapes that leave its strength open.
+
+    Squeezed against the contact, a torque at one angle says whatever a law of contact says.
+    """
+    for member in best.members:
+        if member.id != EffectId.UNNAMED or not member.effect.shapes:
+            continue
+        sizes = [
+            abs(value - item.parameter.neutral) / max(std, 1e-300)
+            for k, item in enumerate(best.fit.free)
+            for value, std in (best.fit.value(k),)
+            if best.fit.model.entries[item.entry][0] is member.effect
+            and not item.parameter.is_shape
+        ]
+        if max(sizes, default=math.inf) < SEEN:
             return True
     return False
 
