@@ -31,6 +31,7 @@ from vision.scene import FilmedScene
 from vision.tracks import Face, Rest
 
 __all__ = [
+    "COMPARED_WAYS",
     "MassCandidate",
     "MassPoses",
     "Striking",
@@ -299,11 +300,11 @@ def _disc(radius: int) -> NDArray[np.uint8]:
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size)), dtype=np.uint8)
 
 
-_BEFORE, _GAP, _AFTER = 0.75, 0.6, 1.1
+COMPARED_WAYS = (0.75, 1.0, 1.1)
 
-"""Ball's radii of flight before the strike, between, and after it over which speeds are compared: a
-ball stays in touch for less than a third of its radius, and the mass is seen again after twice
-that."""
+"""Ball's radii of flight before the strike, between, and after it over which speeds are compared:
+true contacts of two renderers last as long as the ball then takes for 0.44 to 0.89 of its radius
+(bench.constants.contact)."""
 
 _FEWEST_PLACES = 4
 
@@ -354,9 +355,9 @@ def restitution_px(mass: MassPoses, ball: BallFits, rest: Rest) -> float | None:
     # what an angle from +x towards +y moves along the ball's departure, at the ball
     along = float(-lever[1] * rest.direction[0] + lever[0] * rest.direction[1])
     radius = float(np.median(ball.radius))
-    late = rest.last + rest.frames_along(_GAP * radius)
+    late = rest.last + rest.frames_along(COMPARED_WAYS[1] * radius)
     least = _FEWEST_PLACES
-    before, after = (rest.frames_along(way * radius, least) for way in (_BEFORE, _AFTER))
+    before, after = (rest.frames_along(way * radius, least) for way in COMPARED_WAYS[::2])
     coming = _slope(mass.frame, angle, rest.last - before, rest.last)
     going = _slope(mass.frame, angle, late, late + after)
     flying = _slope(ball.frame, ball.centre @ rest.direction, late, late + after)

@@ -195,7 +195,7 @@ _STRAY_PX, _LEFT_PX, _STRAY_RAD, _NO_TURN = 0.5, 5.0, 0.02, 1e-4
 _USUAL_RESIDUAL = 1.5
 """Factor: a misfit that is this much over the usual is looked into, supposed."""
 
-_BEFORE, _TRIAL, _COMPARED = 2.3, 1.8, 18
+_BEFORE, _TRIAL, _COMPARED = 2.3, 2.2, 18
 """Ball's radii of flight before and after it was last seen at rest, and how many frames of them, in
 which rivals are compared; supposed."""
 
