@@ -16,7 +16,7 @@ behind its edge pull nothing. Shift and turn are fitted by Gauss–Newton on thi
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import cv2
@@ -281,14 +281,6 @@ _PIVOT_STD_SHARE = 0.5
 # px: what light and depth move a body off its arc; of the frames, so many are independent.
 _OFF_ARC_PX, _INDEPENDENT = 0.15, 8.0
 
-_SIDES_SHARE = 0.1
-"""Of its size: how far a thick body strays from its arc for each radian that it has turned, since
-other parts of its sides come into view; supposed."""
-
-_TURN_SHARE_STD = 0.05
-"""Of the angle: by how much more or less a thick body seems to turn than it does; a cube seen under
-a slant of 0.3 does so by 0.03 to 0.07."""
-
 # How much better a view aslant has to do: by half a chi-square, and by this factor, since what a
 # body's depth and its light do to the track looks a little like a view aslant.
 _TELLING, _TELLING_RATIO = 4.0, 2.0
@@ -394,11 +386,8 @@ def _algebraic(points: FloatArray) -> FloatArray | None:
     return np.asarray(middle + solution[:2])
 
 
-def fit_imaged_swing(start: ImagedSwing, poses: Sequence[Pose], size: float) -> ImagedSwing:
+def fit_imaged_swing(start: ImagedSwing, poses: Sequence[Pose]) -> ImagedSwing:
     """Fit pivot and view to where a body was registered, helped by how far it turned.
-
-    A thick body shows more of one side as it swings on: it strays from its arc the further it is
-    from where its look was taken, and seems to turn by a constant share more or less than it does.
 
     Parameters
     ----------
@@ -406,8 +395,6 @@ def fit_imaged_swing(start: ImagedSwing, poses: Sequence[Pose], size: float) -> 
         First guess; its middle is the reference.
     poses : sequence of Pose
         Where the body was seen.
-    size : float
-        How large it is, px.
 
     Returns
     -------
@@ -416,8 +403,8 @@ def fit_imaged_swing(start: ImagedSwing, poses: Sequence[Pose], size: float) -> 
     """
     if len(poses) < _FEWEST_POSES:
         return start
-    square = _swing_through(start, poses, size, _SQUARE_STD)
-    aslant = _swing_through(start, poses, size, _VIEW_STD)
+    square = _swing_through(start, poses, _SQUARE_STD)
+    aslant = _swing_through(start, poses, _VIEW_STD)
     telling = aslant.cost < min(square.cost - _TELLING, square.cost / _TELLING_RATIO)
     return aslant.swing if telling else square.swing
 
@@ -430,17 +417,14 @@ class _Through:
     cost: float
 
 
-def _swing_through(
-    start: ImagedSwing, poses: Sequence[Pose], size: float, view_std: float
-) -> _Through:
+def _swing_through(start: ImagedSwing, poses: Sequence[Pose], view_std: float) -> _Through:
     points = np.array([pose.anchor for pose in poses])
     turns = np.array([pose.turn for pose in poses])
     away = start.centre_px - start.pivot_px
     arm = float(np.hypot(*away))
-    stds = np.array([_PIVOT_STD_SHARE * arm] * 2 + [view_std] * 2 + [_TURN_SHARE_STD])
-    off_arc = np.hypot(_OFF_ARC_PX, _SIDES_SHARE * size * start.angle_of(points))
-    # neighbouring frames share what biases them: all together weigh as much as a few
-    share = min(1.0, _INDEPENDENT / len(points))
+    stds = np.array([_PIVOT_STD_SHARE * arm] * 2 + [view_std] * 2)
+    # neighbouring frames share what biases them
+    count = float(np.sqrt(len(points) / _INDEPENDENT))
 
     def swing_of(state: FloatArray) -> ImagedSwing:
         return replace(
@@ -448,7 +432,7 @@ def _swing_through(
             pivot_px=state[:2] + start.pivot_px,
             shear=float(state[2]),
             stretch=float(np.exp(state[3])),
-            centre_px=start.centre_px + state[5] * away / arm,
+            centre_px=start.centre_px + state[4] * away / arm,
         )
 
     def residuals(state: FloatArray) -> FloatArray:
@@ -456,25 +440,12 @@ def _swing_through(
         back = np.linalg.inv(swing.view)
         radius = np.hypot(*((points - swing.pivot_px) @ back.T).T)
         radial = radius - float(np.hypot(*(back @ (swing.centre_px - swing.pivot_px))))
-        left = [state[:5] / stds, [0.1 * state[5]], radial / off_arc]
+        left = [radial / (_OFF_ARC_PX * count), state[:4] / stds, [0.1 * state[4]]]
         if swing.turns:
-            turned = turns - (1.0 + state[4]) * swing.angle_of(points)
-            left.append((turned - np.median(turned)) / _TURN_STD)
+            turned = turns - swing.angle_of(points)
+            left.append((turned - np.median(turned)) / (_TURN_STD * count))
         return np.concatenate(left)
 
-    loss = partial(_shared_loss, priors=len(stds) + 1, share=share)
-    found = minimise(residuals, np.zeros(6), loss=loss, most_evaluations=60)
+    found = minimise(residuals, np.zeros(5), soft_from=1.0, most_evaluations=60)
     finite = bool(np.all(np.isfinite(found.values)))
     return _Through(swing_of(found.values) if finite else start, found.cost if finite else np.inf)
-
-
-def _shared_loss(square: FloatArray, priors: int, share: float) -> FloatArray:
-    """Loss of squared residuals and its two derivatives, (3, n): Cauchy's after the first few.
-
-    A frame counts as far off by its own uncertainty, however little it weighs among the others: a
-    stretch in which something else was followed must not pull the pivot.
-    """
-    near = 1.0 / (1.0 + square)
-    rho = share * np.stack([np.log1p(square), near, -(near**2)])
-    rho[:, :priors] = np.stack([square, np.ones_like(square), np.zeros_like(square)])[:, :priors]
-    return np.asarray(rho)

@@ -199,10 +199,6 @@ _BEFORE, _TRIAL, _COMPARED = 2.3, 2.2, 18
 """Ball's radii of flight before and after it was last seen at rest, and how many frames of them, in
 which rivals are compared; supposed."""
 
-_ASTRAY_RAD, _ASTRAY_NOISES = 0.036, 5.0
-"""How far off its arc a body may seem turned: three times what a thick body that shows more of one
-side feigns, rad; or so many times the scatter from frame to frame."""
-
 _LAST_WAY = 3.0
 """Ball's radii of flight before it was last seen at rest in which a swing turns nearly evenly: a
 free swing's rate changes by a few per cent in them, and its change is even."""
@@ -331,7 +327,6 @@ def follow_on(follower: Follower, found: Swinging) -> Swinging:
     walk.known.update(zip(found.mass.frame.tolist(), found.mass.poses, strict=True))
     walk.go(-1, -1)
     walk.go(1, follower.scene.count)
-    walk.forget_beyond(found.mass.frame, found.swing)
     return walk.swinging()
 
 
@@ -409,36 +404,6 @@ class _Walk:
                 return
             index += direction
 
-    def forget_beyond(self, sure: NDArray[np.int64], swing: ImagedSwing) -> None:
-        """Forget the ends of the way on which it no longer turns as the arc does.
-
-        A rigid body turns by the angle that it goes round its pivot; where it does not, something
-        that it passes is followed instead.
-
-        Parameters
-        ----------
-        sure : (N,) int array
-            Frames from which the arc was found.
-        swing : ImagedSwing
-            That arc.
-        """
-        order = np.array(sorted(self.known), dtype=np.int64)
-        if not swing.turns or len(order) < 3:
-            return
-        angle = np.unwrap(swing.angle_of(np.array([self.known[int(k)].anchor for k in order])))
-        left = np.array([self.known[int(k)].turn for k in order]) - angle
-        within = (order >= sure[0]) & (order <= sure[-1])
-        zero, noise = np.median(left[within]), 1.4826 * np.median(np.abs(np.diff(left[within])))
-        astray = np.abs(left - zero) > max(_ASTRAY_RAD, _ASTRAY_NOISES * noise)
-        # one frame alone is noise
-        astray[1:-1] &= astray[:-2] | astray[2:]
-        last = order[astray & (order > sure[-1])]
-        first = order[astray & (order < sure[0])]
-        for index in order:
-            gone = (len(last) and index >= last[0]) or (len(first) and index <= first[-1])
-            if gone and not sure[0] <= index <= sure[-1]:
-                del self.known[int(index)]
-
     def _rate(self, direction: int) -> tuple[int, float]:
         """The last known frame, and the rate there in rad per frame gone."""
         order = sorted(self.known, reverse=direction < 0)[-_KNOWN:]
@@ -453,8 +418,7 @@ class _Walk:
         follower = self._follower
         order = np.array(sorted(self.known), dtype=np.int64)
         poses = tuple(self.known[int(frame)] for frame in order)
-        size = float(np.sqrt(self._patch.opacity.sum()))
-        swing = fit_imaged_swing(self.swing, poses, size)
+        swing = fit_imaged_swing(self.swing, poses)
         points = np.array([pose.anchor for pose in poses])
         angle = swing.angle_of(points)
         arm = float(np.hypot(*(swing.centre_px - swing.pivot_px)))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from vision.pendulum.arc import Arc, ImagedSwing, Patch, Pose, fit_imaged_swing
+from vision.pendulum.arc import Arc, ImagedSwing, Patch, Pose
 from vision.pendulum.face import MassPoses, Striking
 from vision.pendulum.pendulum import Swinging
 from vision.pendulum.search import Striker, another_body, steadiest
@@ -25,16 +25,6 @@ def swing(start: float = -0.35) -> ImagedSwing:
 def on_the_arc(count: int, rate: float) -> list[Pose]:
     here = swing()
     return [Pose(here.middle(rate * k), rate * k, NO_COVARIANCE, 1.0, 1.0) for k in range(count)]
-
-
-def test_a_stretch_in_which_something_else_was_followed_does_not_pull_the_pivot() -> None:
-    poses = on_the_arc(120, 0.006)
-    for k in range(90, 120):
-        poses[k] = replace(
-            poses[k], anchor=poses[k].anchor + 0.05 * (k - 90), turn=poses[k].turn + 0.09
-        )
-    start = replace(swing(), pivot_px=PIVOT + np.array([2.0, 3.0]))
-    assert fit_imaged_swing(start, poses, 16.0).pivot_px == pytest.approx(PIVOT, abs=1.0)
 
 
 def followed(scatter_px: float, gain: float, striking: Striking = Striking.AGREES) -> Swinging:
