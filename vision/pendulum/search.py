@@ -242,6 +242,10 @@ _NESTED, _SOLID = 0.5, 0.5
 """Of the smaller of two pieces: what lies on the other where they are one thing; and the opacity
 from which a pixel counts as covered."""
 
+_AS_EVEN = 1.5
+"""Factor: scatters that differ by less are alike, as those of forty frames are that follow the same
+body; a mass with its shadow strays twice as far as the mass."""
+
 _BENDS = 4.0
 """Times the scatter about an arc that its middle lies off the chord: less is a straight way."""
 
@@ -356,7 +360,9 @@ def steadiest(followed: list[Swinging]) -> Swinging:
     likely = [one for one in followed if one.striking == agreeing]
     most = max(one.gain for one in likely)
     likely = [one for one in likely if one.gain >= _RIVAL * most]
-    return min(likely, key=lambda one: (one.scatter_px / len(one.mass.frame) ** 0.5, -one.gain))
+    least = min(one.scatter_px for one in likely)
+    even = [one for one in likely if one.scatter_px <= _AS_EVEN * least]
+    return max(even, key=lambda one: one.gain)
 
 
 def another_body(one: Swinging, best: Swinging) -> bool:

@@ -39,6 +39,11 @@ def test_of_nested_pieces_the_one_that_swings_evenly_is_taken() -> None:
     assert steadiest([with_shadow, mass]) is mass
 
 
+def test_of_pieces_that_swing_alike_the_one_that_explains_more_is_taken() -> None:
+    with_bar, mass = followed(0.08, 1e4), followed(0.07, 7e3)
+    assert steadiest([with_bar, mass]) is with_bar
+
+
 def test_what_explains_next_to_nothing_is_not_taken_however_evenly_it_moves() -> None:
     mass, speck = followed(0.06, 4e4), followed(0.01, 1e3)
     assert steadiest([mass, speck]) is mass
