@@ -246,6 +246,10 @@ _AS_EVEN = 1.5
 """Factor: scatters that differ by less are alike, as those of forty frames are that follow the same
 body; a mass with its shadow strays twice as far as the mass."""
 
+_EVEN_PX = 0.1
+"""px: what strays less swings evenly, whatever else does so better; outlines of one frame are known
+to about that."""
+
 _BENDS = 4.0
 """Times the scatter about an arc that its middle lies off the chord: less is a straight way."""
 
@@ -361,7 +365,7 @@ def steadiest(followed: list[Swinging]) -> Swinging:
     most = max(one.gain for one in likely)
     likely = [one for one in likely if one.gain >= _RIVAL * most]
     least = min(one.scatter_px for one in likely)
-    even = [one for one in likely if one.scatter_px <= _AS_EVEN * least]
+    even = [one for one in likely if one.scatter_px <= max(_AS_EVEN * least, _EVEN_PX)]
     return max(even, key=lambda one: one.gain)
 
 

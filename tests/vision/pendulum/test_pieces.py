@@ -40,7 +40,7 @@ def test_of_nested_pieces_the_one_that_swings_evenly_is_taken() -> None:
 
 
 def test_of_pieces_that_swing_alike_the_one_that_explains_more_is_taken() -> None:
-    with_bar, mass = followed(0.08, 1e4), followed(0.07, 7e3)
+    with_bar, mass = followed(0.16, 1e4), followed(0.12, 7e3)
     assert steadiest([with_bar, mass]) is with_bar
 
 
