@@ -294,8 +294,9 @@ _FEWEST = 3
 """Frames: a median of fewer does not leave out one that is wrong."""
 
 
-_SLOWEST_PX, _LONGEST = 1e-3, 500
-"""px per frame, and frames: below and beyond, a flight tells no time."""
+_SLOWEST_PX, _MOST_EACH = 1e-3, 13.0
+"""px per frame, below which a flight tells no time; and frames for each radius at most: as many as
+a ball of the paper takes at 600 fps, where there are enough."""
 
 
 @dataclass(frozen=True)
@@ -320,13 +321,14 @@ class Rest:
     direction: FloatArray
     speed_px: float
 
-    def frames_along(self, way_px: float, least: int = 1) -> int:
-        """In how many frames, at least so many, the ball flies a way.
+    def frames_along(self, radii: float, radius: float, least: int = 1) -> int:
+        """In how many frames, at least so many, the ball flies so many of its radii, px each.
 
-        A stretch of time that is told by how fast things go is the same stretch at any frame rate.
+        A stretch of time that is told by how fast things go is the same stretch for a slower
+        camera; a faster one, or a slow ball, needs no more frames of it.
         """
-        frames = way_px / max(self.speed_px, _SLOWEST_PX)
-        return max(least, round(min(frames, _LONGEST)))
+        each = min(radius / max(self.speed_px, _SLOWEST_PX), _MOST_EACH)
+        return max(least, round(radii * each))
 
 
 def find_rest(frame: IntArray, centre: FloatArray, radius: float) -> Rest | None:

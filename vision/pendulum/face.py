@@ -178,7 +178,7 @@ def find_mass(
     best: dict[int, MassCandidate] = {}
     free = max(3.0, 0.1 * radius)
     # Late enough to be near the ball, early enough to be seen free of it.
-    back = rest.frames_along(_LOOK_BACK * radius, _LEAST_LOOKS)
+    back = rest.frames_along(_LOOK_BACK, radius, _LEAST_LOOKS)
     step = -2 if back >= 2 * _LEAST_LOOKS else -1
     for index in range(rest.last - 1, max(rest.last - back, -1), step):
         for level, found in _pieces(scene, index, rest, radius, before, at):
@@ -355,9 +355,9 @@ def restitution_px(mass: MassPoses, ball: BallFits, rest: Rest) -> float | None:
     # what an angle from +x towards +y moves along the ball's departure, at the ball
     along = float(-lever[1] * rest.direction[0] + lever[0] * rest.direction[1])
     radius = float(np.median(ball.radius))
-    late = rest.last + rest.frames_along(COMPARED_WAYS[1] * radius)
+    late = rest.last + rest.frames_along(COMPARED_WAYS[1], radius)
     least = _FEWEST_PLACES
-    before, after = (rest.frames_along(way * radius, least) for way in COMPARED_WAYS[::2])
+    before, after = (rest.frames_along(way, radius, least) for way in COMPARED_WAYS[::2])
     coming = _slope(mass.frame, angle, rest.last - before, rest.last)
     going = _slope(mass.frame, angle, late, late + after)
     flying = _slope(ball.frame, ball.centre @ rest.direction, late, late + after)

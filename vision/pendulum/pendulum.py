@@ -257,7 +257,7 @@ class Follower:
 
     def frames(self, radii: float, least: int = 1) -> int:
         """In how many frames, at least so many, the ball flies so many of its radii."""
-        return self.rest.frames_along(radii * self.radius, least)
+        return self.rest.frames_along(radii, self.radius, least)
 
     def hidden(self, index: int) -> tuple[float, float, float] | None:
         """The disc in which the ball may be in front."""
