@@ -154,6 +154,7 @@ def test_an_unknown_key_names_the_nearest(text: str, nearest: str) -> None:
     [
         ("[camera\n", "not valid TOML"),
         ('[wall]\ngrid = "50 kg"', "50 kg"),
+        ("[wall]\ngrid = 50", "wall.grid: 50: a square"),
         ('[wall]\ngrid = "-50 mm"', "wall.grid"),
         ("[camera]\ncapture_fps = 0", "capture_fps"),
         ("[ball]\nmass = 0.3", "no diameter"),

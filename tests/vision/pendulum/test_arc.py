@@ -1,0 +1,68 @@
+"""The circle of a swing against circles that were drawn, and its covariance against draws."""
+
+import numpy as np
+import pytest
+from scipy.stats import binom
+
+from vision.pendulum.arc import fit_arc
+
+CENTRE, RADIUS, NOISE = np.array([310.0, -240.0]), 420.0, 0.3
+
+
+def on_the_arc(span_deg: float, count: int) -> np.ndarray:
+    """Points of a swing below its pivot."""
+    angle = np.pi / 2 + np.deg2rad(np.linspace(-0.5, 0.5, count) * span_deg)
+    return CENTRE + RADIUS * np.column_stack([np.cos(angle), np.sin(angle)])
+
+
+def test_exact_points_give_the_circle() -> None:
+    found = fit_arc(on_the_arc(70.0, 40))
+    assert found is not None
+    assert found.centre_px == pytest.approx(CENTRE, abs=1e-3)
+    assert found.radius_px == pytest.approx(RADIUS, abs=1e-3)
+    assert found.span_rad == pytest.approx(np.deg2rad(70.0), abs=1e-4)
+
+
+def test_centre_and_radius_are_as_sure_as_they_say() -> None:
+    rng = np.random.default_rng(11)
+    exact = on_the_arc(70.0, 30)
+    scores = []
+    for _ in range(200):
+        found = fit_arc(exact + rng.normal(scale=NOISE, size=exact.shape))
+        assert found is not None
+        off = np.array([*(found.centre_px - CENTRE), found.radius_px - RADIUS])
+        scores.append(off / np.sqrt(np.diag(found.covariance)))
+    low, high = binom.ppf([0.0005, 0.9995], 200, 0.9545)
+    inside = (np.abs(scores) <= 2.0).sum(axis=0)
+    assert np.all((low <= inside) & (inside <= high)), inside
+
+
+def test_a_few_points_that_are_wrong_move_little() -> None:
+    rng = np.random.default_rng(12)
+    points = on_the_arc(70.0, 60) + rng.normal(scale=NOISE, size=(60, 2))
+    clean = fit_arc(points)
+    points[[5, 20, 47]] += [0.0, 25.0]
+    struck = fit_arc(points)
+    assert clean is not None
+    assert struck is not None
+    spread = np.sqrt(np.diag(clean.covariance))
+    assert np.all(np.abs(struck.centre_px - clean.centre_px) < 3.0 * spread[:2])
+
+
+def test_how_far_the_body_turned_tells_the_radius_of_a_short_arc() -> None:
+    rng = np.random.default_rng(13)
+    exact = on_the_arc(3.0, 40)
+    turns = np.arctan2(*(exact - CENTRE).T[::-1])
+    off = {False: [], True: []}
+    for _ in range(15):
+        points = exact + rng.normal(scale=NOISE, size=exact.shape)
+        for helped in off:
+            found = fit_arc(points, turns + rng.normal(scale=1e-3, size=40) if helped else None)
+            off[helped].append(np.inf if found is None else found.radius_px - RADIUS)
+    spread = {helped: float(np.median(np.abs(values))) for helped, values in off.items()}
+    assert spread[True] < 0.75 * spread[False]
+
+
+@pytest.mark.parametrize("points", [np.zeros((4, 2)), np.column_stack([np.arange(9.0)] * 2)])
+def test_too_few_points_and_straight_lines_are_no_arc(points: np.ndarray) -> None:
+    assert fit_arc(points) is None
