@@ -235,11 +235,11 @@ def _of_this_motion(
         if not _asked(wanted, {name}):
             item = Quantity.missing(name, unit, NOT_ASKED)
         elif item is None or (kind not in kinds_of(name) and not item.known):
-            wanted = " or a ".join(str(one.value) for one in kinds_of(name))
+            shown_by = " or a ".join(str(one.value) for one in kinds_of(name))
             seen = f"what is seen is a {kind.value}"
             if kind is MotionKind.NONE:
                 seen = "what moves is neither in free flight nor swings to and fro"
-            item = Quantity.missing(name, unit, f"it needs a {wanted}, and {seen}")
+            item = Quantity.missing(name, unit, f"it needs a {shown_by}, and {seen}")
         out[name] = item
     return out | {name: item for name, item in found.items() if name in _PIXELS}
 
