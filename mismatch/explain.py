@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from metrology import Defaults, TooLittleDataError, UsageError
+from metrology import TooLittleDataError, UsageError
 from mismatch.candidates import (
     Candidate,
     candidates_for,
@@ -15,25 +15,11 @@ from mismatch.candidates import (
     steps_of,
     within_patience,
 )
-from mismatch.fitting.fit import (
-    Fit,
-    Free,
-    fit_model,
-    free_parameters,
-    kept_free,
-    spread_laws,
-)
-from mismatch.fitting.hypotheses import (
-    EXPECTED,
-    LOOSE_LAWS,
-    MEMBER_PENALTY,
-    POOR_FIT,
-    SURELY,
-    Hypothesis,
-)
+from mismatch.fitting.fit import Fit, spread_laws
+from mismatch.fitting.hypotheses import LOOSE_LAWS, POOR_FIT, Hypothesis
 from mismatch.fitting.prepare import Prepared, prepare
 from mismatch.fitting.scan import own_values, robust_spread, scan
-from mismatch.forward import OUTSIDE, Forward, Model
+from mismatch.forward import OUTSIDE, Forward
 from mismatch.records import Baseline, CampaignRecords
 from mismatch.sanity import refuse_nonsense, without_odd_trials
 from mismatch.search.locate import (
@@ -150,7 +136,7 @@ def explain_in_full(
     _require_trials(campaign, chosen.hold_out)
     _require_enough(campaign)
     campaign = without_odd_trials(campaign)
-    prepared = prepare(campaign, setup_model, chosen.widths)
+    prepared = prepare(campaign, setup_model)
     refuse_nonsense(campaign, prepared)
     catalogue = [effect for forms in CATALOGUE.values() for effect in forms]
     effects = [
@@ -158,139 +144,11 @@ def explain_in_full(
     ]
     for effect in chosen.effects:
         _refuse_failing(prepared, effect)
-    start = _searched(prepared, effects, chosen.most_effects)
-    prepared, naming = start.prepared, start.naming
+    naming = name_effects(prepared.forward, prepared.fit, effects, most=chosen.most_effects)
     held = _held_mask(campaign, chosen.hold_out)
     verdict = _verdict(campaign, prepared, naming, held)
-    notes = (*verdict.notes, *start.notes, *_instrument_notes(prepared, naming.best))
-    verdict = replace(verdict, notes=notes)
     names = tuple(trial.name for trial in campaign.trials)
     return Explained(verdict, prepared, naming, names)
-
-
-@dataclass(frozen=True)
-class _Searched:
-    """A baseline, what was found from it, and how well both do together.
-
-    Attributes
-    ----------
-    prepared : Prepared
-    naming : Naming
-    cost : float
-        Objective less penalised gain, and what the baseline's own freedom costs; comparable
-        between baselines of the same records.
-    notes : tuple of str
-        What the baseline does with what the setup leaves open.
-    """
-
-    prepared: Prepared
-    naming: Naming
-    cost: float
-    notes: tuple[str, ...] = ()
-
-
-def _searched(prepared: Prepared, effects: Sequence[Effect], most: int) -> _Searched:
-    """The search; where the setup gives no drag coefficient, with its size and presence open.
-
-    A default that nobody measured is no knowledge: a force found beside it may be what the default
-    is wrong by. So the same search starts from no drag, and from a drag that every fit may change.
-    """
-    first = _search(prepared, effects, most)
-    model = prepared.fit.model
-    drag = next((e for e, _ in model.entries if e.id in prepared.forward.baseline.unmeasured), None)
-    if first.naming.best is None or drag is None:
-        return first
-    if _resists(first.naming.best.fit) is False:
-        first = replace(first, cost=np.inf)
-    others = replace(model, entries=tuple(entry for entry in model.entries if entry[0] is not drag))
-    stated = tuple(entry for entry in prepared.model.entries if entry[0].id != drag.id)
-    bare = replace(
-        prepared,
-        model=replace(prepared.model, entries=stated),
-        fit=_refitted(prepared, others, kept_free(prepared.fit, others)),
-    )
-    free = (*kept_free(prepared.fit, model), *free_parameters(model, [drag]))
-    opened = replace(prepared, fit=_refitted(prepared, model, free))
-    starts = [first]
-    if _resists(opened.fit):
-        starts.append(_search(opened, effects, most, MEMBER_PENALTY, MEMBER_PENALTY))
-    starts.append(_search(bare, effects, most, EXPECTED))
-    chosen = min(starts, key=lambda one: one.cost)
-    return replace(chosen, notes=_told_of_drag(chosen, first))
-
-
-def _refitted(prepared: Prepared, model: Model, free: Sequence[Free]) -> Fit:
-    start = (prepared.fit.nuisance, prepared.fit.law_offsets)
-    return fit_model(prepared.forward, model, free, start)
-
-
-def _fitted_drag(fit: Fit) -> tuple[float, float] | None:
-    """A drag coefficient that a fit left open, and its standard uncertainty."""
-    return next(
-        (fit.value(index) for index, item in enumerate(fit.free)
-         if fit.model.entries[item.entry][0].id == EffectId.DRAG), None,
-    )  # fmt: skip
-
-
-def _resists(fit: Fit) -> bool | None:
-    """Whether the air resists in a fit that left it open; None where it did not."""
-    found = _fitted_drag(fit)
-    return None if found is None else found[0] + SURELY * found[1] >= Defaults.LEAST_DRAG.known
-
-
-def _told_of_drag(chosen: _Searched, first: _Searched) -> tuple[str, ...]:
-    if chosen is first:
-        return ()
-    best = chosen.naming.best
-    found = _fitted_drag(chosen.prepared.fit if best is None else best.fit)
-    if found is None:
-        return (
-            "the setup gives no drag coefficient, and the records show no drag: none is assumed",
-        )
-    return (
-        f"the setup gives no drag coefficient: it was fitted along with what is named,"
-        f" {found[0]:.3g} ± {found[1]:.1g}",
-    )
-
-
-def _search(
-    prepared: Prepared,
-    effects: Sequence[Effect],
-    most: int,
-    nothing: float = 0.0,
-    something: float = 0.0,
-) -> _Searched:
-    """The search from one baseline, which costs more where it has more freedom.
-
-    Parameters
-    ----------
-    nothing, something : float
-        That cost where nothing is found beside it, and where something is.
-    """
-    naming = name_effects(prepared.forward, prepared.fit, effects, most=most)
-    gained = nothing if naming.best is None else something - naming.best.penalised_gain
-    return _Searched(prepared, naming, prepared.fit.objective + gained)
-
-
-NOTEWORTHY = 2.0
-"""Widths off by which a fault of the instrument is told, though it is no finding."""
-
-
-def _instrument_notes(prepared: Prepared, best: Hypothesis | None) -> tuple[str, ...]:
-    """What ruler, clock and axes were found off by, where that is more than usual."""
-    fit = prepared.fit if best is None else best.fit
-    kept = {id(prepared.fit.model.entries[item.entry][0]) for item in prepared.fit.free}
-    found = []
-    for index, item in enumerate(fit.free):
-        effect, p = fit.model.entries[item.entry][0], item.parameter
-        value, std = fit.value(index)
-        if id(effect) in kept and p.is_held and abs(value) > NOTEWORTHY * p.width:
-            unit = "" if p.unit == "1" else f" {p.unit}"
-            found.append(
-                f"{effect.id} was left open: {p.name} = {value:.2g} ± {std:.1g}{unit}, more than"
-                f" the {p.width:.1g}{unit} of a careful lab; not enough to be a finding"
-            )
-    return tuple(found)
 
 
 def _refuse_failing(prepared: Prepared, effect: Effect) -> None:

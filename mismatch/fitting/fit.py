@@ -44,9 +44,7 @@ __all__ = [
     "fit_model",
     "fitting_start",
     "free_parameters",
-    "held_information",
     "inverse_of",
-    "kept_free",
     "linearise",
     "linearise_arcs",
     "moved_arcs",
@@ -105,21 +103,6 @@ def free_parameters(model: Model, effects: Sequence[Effect] | None = None) -> tu
         if effects is None or any(effect is one for one in effects)
         for parameter in effect.parameters
     )
-
-
-def kept_free(fit: "Fit", model: Model) -> tuple[Free, ...]:
-    """What a fit leaves open and a model grown from it still holds, where it stands there."""
-    return tuple(
-        Free(index, item.parameter)
-        for item in fit.free
-        for index, (effect, _) in enumerate(model.entries)
-        if effect is fit.model.entries[item.entry][0]
-    )
-
-
-def held_information(free: Sequence[Free]) -> FloatArray:
-    """(n,) inverse prior variances of parameters that a prior holds near nothing; else 0."""
-    return np.array([f.parameter.width**-2.0 if f.parameter.is_held else 0.0 for f in free])
 
 
 def priors(forward: Forward, model: Model) -> tuple[FloatArray, FloatArray]:
@@ -764,11 +747,6 @@ UNFINISHED = 0.02
 """Share of its misfit that the last step of a fit took away, from which more would follow."""
 
 
-BEYOND, MOST_BEYOND = 2.0, 0.1
-"""Standard uncertainties by which a fitted strength may lie beyond what nature allows, as chance
-takes it there in one case of forty; and the share of its scale that this may come to at most."""
-
-
 class Ending(Enum):
     """How a fit ended."""
 
@@ -839,16 +817,11 @@ class Fit:
 
     @property
     def inside_bounds(self) -> bool:
-        """Whether every free parameter lies in what nature allows, give or take its own doubt.
-
-        A drag that is not there is found a little below nought as often as above.
-        """
+        """Whether every free parameter lies in what nature allows, and not on the edge of it."""
         for index, item in enumerate(self.free):
             value, std = self.value(index)
             p = item.parameter
             edge = 1e-6 * max(abs(p.lower), abs(p.upper))
-            if not p.is_shape:
-                edge = max(edge, min(BEYOND * std, MOST_BEYOND * p.scale))
             if not np.isfinite(std) or not p.lower - edge <= value <= p.upper + edge:
                 return False
         return True
@@ -856,11 +829,9 @@ class Fit:
     @property
     def believable(self) -> bool:
         """Whether every free parameter also has a size that is met in practice."""
-        values = (
-            (f.parameter, float(np.clip(self.value(k)[0], f.parameter.lower, f.parameter.upper)))
-            for k, f in enumerate(self.free)
+        return self.inside_bounds and all(
+            item.parameter.believable(self.value(index)[0]) for index, item in enumerate(self.free)
         )
-        return self.inside_bounds and all(p.believable(value) for p, value in values)
 
 
 def fit_model(

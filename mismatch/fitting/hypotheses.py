@@ -16,9 +16,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.polynomial import legendre
 
-from metrology import Defaults
 from mismatch.candidates import Candidate, start_values
-from mismatch.fitting.fit import Ending, Fit, free_parameters, kept_free
+from mismatch.fitting.fit import Ending, Fit, free_parameters
 from mismatch.fitting.scan import (
     Scan,
     fit_with_levels,
@@ -43,14 +42,11 @@ from physics.effects import (
     SwingState,
     Values,
 )
-from physics.effects.flight import Drag
 
 __all__ = [
     "EXPECTED",
     "LOOSE_LAWS",
-    "MEMBER_PENALTY",
     "POOR_FIT",
-    "SURELY",
     "Hypothesis",
     "fit_hypothesis",
     "form_evidence",
@@ -369,8 +365,6 @@ class Hypothesis:
         What it gains once the forms of its laws need not be quite right.
     lacking : tuple of str
         What nature always has, and neither the baseline nor the answer holds.
-    airless : bool
-        Whether air is said to act that, by the same records, does not resist.
     """
 
     members: tuple[Candidate, ...]
@@ -378,7 +372,6 @@ class Hypothesis:
     gain: float
     form: FormEvidence = EXACT
     lacking: tuple[str, ...] = ()
-    airless: bool = False
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -426,7 +419,7 @@ class Hypothesis:
     @property
     def allowed(self) -> bool:
         """Whether all parameters are within what nature allows and practice knows."""
-        found = self.fit.believable and self.fit.ending is not Ending.LOST and not self.airless
+        found = self.fit.believable and self.fit.ending is not Ending.LOST
         return found and self.fit.model.scatters_within_reason
 
     @property
@@ -514,16 +507,8 @@ def fit_hypothesis(
     # In free swings the catalogue's laws are each other's errors of form: zeroth, first and second
     # power of the rate. Loose ones would pass for any sum of them.
     form = EXACT if forward.mode == "swing" else form_evidence(forward, fit, added)
-    gain = (
-        base.objective
-        - fit.objective
-        - _price_of_weights(fit, added)
-        - price_of_levels(forward, fit)
-    )
-    return Hypothesis(
-        tuple(members), fit, gain, form, _lacking(forward, fit.model),
-        _airless(forward, fit, added),
-    )  # fmt: skip
+    gain = base.objective - fit.objective - _price_of_weights(fit) - price_of_levels(forward, fit)
+    return Hypothesis(tuple(members), fit, gain, form, _lacking(forward, fit.model))
 
 
 def _fitted_from(
@@ -544,50 +529,13 @@ def _fitted_from(
         model = model.having(member.effect, start_at)
     added: list[Effect] = [member.effect for member in members]
     model = with_own_strengths(model.order(), added, origin.model)
-    free = (*kept_free(base, model), *free_parameters(model, added))
+    free = free_parameters(model, added)
     point = (origin.nuisance, origin.law_offsets)
     return fit_with_levels(forward, model, free, point, rounds=rounds)
 
 
 def _neutral_strengths(member: Candidate) -> FloatArray:
     return np.array([p.neutral for p in member.effect.strengths])
-
-
-SURELY = 3.0
-"""Standard uncertainties from which a drag coefficient is below the least that bodies have."""
-
-
-DRAG_STRENGTH = "drag_coefficient"
-FALL_OF_DRAG = ("drag_crisis", "coefficient_drop")
-"""Parameters that say how much the air resists."""
-
-
-def _airless(forward: Forward, fit: Fit, added: Sequence[Effect]) -> bool:
-    """Whether laws of the air are asked for although it does not resist.
-
-    Air that lifts, carries or turns a body resists it as well. Where the setup states how much,
-    that is believed; where it does not, the records tell.
-    """
-    if not any(effect.by_air for effect in added):
-        return False
-    values = {e.id: v for e, v in fit.model.entries}
-    free = {(fit.model.entries[f.entry][0].id, f.parameter.name): k for k, f in enumerate(fit.free)}
-    stated = EffectId.DRAG in values and EffectId.DRAG not in forward.baseline.unmeasured
-    fitted, fallen = free.get((EffectId.DRAG, DRAG_STRENGTH)), free.get(FALL_OF_DRAG)
-    if stated and fitted is None:
-        return False
-    if fitted is not None:
-        value, std = fit.value(fitted)
-    elif fallen is None or EffectId.DRAG not in values:
-        scored = scan_beyond_forms(forward, fit, added, 1.0, [Candidate(Drag(), (), 1)])
-        std = float(scored.information[0, 0] ** -0.5)
-        value = float(scored.start[0] + scored.score[0] * std**2)
-    else:
-        value, std = float(values[EffectId.DRAG][DRAG_STRENGTH]), 0.0
-    if fallen is not None:
-        fall, doubt = fit.value(fallen)
-        value, std = value - fall, float(np.hypot(std, doubt))
-    return bool(value + SURELY * std * np.sqrt(fit.reduced_chi2) < Defaults.LEAST_DRAG.known)
 
 
 def _lacking(forward: Forward, model: Model) -> tuple[str, ...]:
@@ -597,16 +545,9 @@ def _lacking(forward: Forward, model: Model) -> tuple[str, ...]:
     return tuple(one for one in certain if one not in model.ids)
 
 
-def _price_of_weights(fit: Fit, added: Sequence[Effect]) -> float:
-    """What the evidence asks for weights that a prior holds: ln det of prior over posterior.
-
-    What the baseline leaves open costs either the same.
-    """
-    held = [
-        k
-        for k, item in enumerate(fit.free)
-        if item.parameter.is_held and any(fit.model.entries[item.entry][0] is e for e in added)
-    ]
+def _price_of_weights(fit: Fit) -> float:
+    """What the evidence asks for weights that a prior holds: ln det of prior over posterior."""
+    held = [k for k, item in enumerate(fit.free) if item.parameter.is_held]
     if not held:
         return 0.0
     part = fit.covariance[np.ix_(held, held)]

@@ -1,14 +1,13 @@
 """From a campaign and a baseline to a fit that can start: mode, clocks, which rows, noise."""
 
 import itertools
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from metrology import Defaults, TooLittleDataError
-from mismatch.fitting.fit import PIECE_STEPS, Fit, fit_model, free_parameters, seen_swings
+from metrology import TooLittleDataError
+from mismatch.fitting.fit import PIECE_STEPS, Fit, fit_model, seen_swings
 from mismatch.forward import Forward, Mode, Model
 from mismatch.records import (
     Baseline,
@@ -19,8 +18,7 @@ from mismatch.records import (
     lay_out,
 )
 from physics.domain import FloatArray
-from physics.effects import CATALOGUE, Effect, EffectId, Form
-from physics.effects.measurement import PITCH, CameraRoll, LengthScale, TimeBase
+from physics.effects import CATALOGUE, EffectId
 
 __all__ = ["Prepared", "baseline_model", "prepare"]
 
@@ -49,11 +47,11 @@ class Prepared:
     forward : Forward
         Predictor with records, noise and outliers settled.
     model : Model
-        The baseline's effects, as stated.
+        The baseline's effects.
     noise : Noise
         As estimated.
     fit : Fit
-        The baseline refitted; of free flights with what an instrument may be off by left open.
+        The baseline refitted.
     """
 
     forward: Forward
@@ -70,42 +68,6 @@ def baseline_model(baseline: Baseline) -> Model:
             for name, values in baseline.effects.items()
             if name != EffectId.GRAVITY
         )
-    )
-
-
-def instrument_faults(forward: Forward, widths: Mapping[str, float]) -> tuple[Effect, ...]:
-    """Scale, clock and level of free flights, each held to none as closely as labs get them.
-
-    A strike is held by back-swing and support, a free swing by its own zero and period; a free
-    flight has nothing but gravity to tell its ruler, clock and plumb line by.
-
-    Parameters
-    ----------
-    widths : mapping
-        Effect id → standard uncertainty where a calibration has measured it.
-    """
-    if forward.mode != "flight":
-        return ()
-    seen = np.atleast_1d(forward.records.ball_used.any(axis=(0, 1)))
-    faults: list[tuple[Effect, float]] = [
-        (LengthScale(), Defaults.PLANE_SCALE.std),
-        (TimeBase(), Defaults.NOMINAL_RATE.std),
-    ]
-    if seen.all():
-        roll = CameraRoll(form=Form.THREE_AXES, parameters=(*CameraRoll().parameters, PITCH))
-        faults.append((roll, Defaults.LEVEL_AXES.std))
-    elif seen[:2].all():
-        faults.append((CameraRoll(), Defaults.LEVEL_AXES.std))
-    return tuple(
-        replace(
-            effect,
-            sharp=False,
-            parameters=tuple(
-                replace(p, width=widths.get(effect.id, usual), expected=0.0)
-                for p in effect.parameters
-            ),
-        )
-        for effect, usual in faults
     )
 
 
@@ -291,15 +253,8 @@ def _start_polynomial(time: FloatArray, value: FloatArray) -> tuple[float, float
     return float(fitted[0]), float(fitted[1] / scale)
 
 
-def prepare(
-    campaign: CampaignRecords, baseline: Baseline, widths: Mapping[str, float] | None = None
-) -> Prepared:
+def prepare(campaign: CampaignRecords, baseline: Baseline) -> Prepared:
     """Lay the data out, find clocks and noise, and refit the baseline.
-
-    Parameters
-    ----------
-    widths : mapping, optional
-        As in `instrument_faults`.
 
     Raises
     ------
@@ -352,10 +307,7 @@ def prepare(
         noise = replace(again, outliers=noise.outliers | again.outliers)
     records = _weighed(forward.records, noise)
     forward = replace(forward, records=records)
-    faults = instrument_faults(forward, widths or {})
-    whole = replace(model, entries=(*model.entries, *((one, one.neutral) for one in faults)))
-    free = free_parameters(whole, faults)
-    fit = fit_model(forward, whole, free, (fit.nuisance, fit.law_offsets))
+    fit = fit_model(forward, model, (), (fit.nuisance, fit.law_offsets))
     return Prepared(forward, model, noise, fit)
 
 

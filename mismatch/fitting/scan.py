@@ -27,7 +27,6 @@ from mismatch.fitting.fit import (
     ball_columns,
     fit_model,
     fitting_start,
-    held_information,
     inverse_of,
     linearise,
     priors,
@@ -283,10 +282,6 @@ def own_values(forward: Forward, fit: Fit, effect: Effect) -> OwnValues | None:
     return OwnValues(effect, names, spread, mean + off, np.where(np.isfinite(std), std, np.inf))
 
 
-LINEAR_SHARE = 0.5
-
-"""Share of a step by which the linear look may misjudge it; supposed."""
-
 LANES_AT_ONCE = 48
 
 """Trajectories integrated at once, so that their states stay within a processor's cache."""
@@ -365,17 +360,11 @@ class Scan:
         return float(estimate @ s) - price(block, held), estimate + self.start[which]
 
     def allowed(self, index: int, values: FloatArray, slack: float = 2.0) -> bool:
-        """Whether strengths lie within what nature allows, give or take `slack` sigma.
-
-        A value that starts between the bounds is also given half its way: so far may a straight
-        line through a bent law miss.
-        """
+        """Whether strengths lie within what nature allows, give or take `slack` sigma."""
         strengths = self.candidates[index].effect.strengths
         for column, p, value in zip(self.columns[index], strengths, values, strict=True):
-            reach = slack / np.sqrt(max(self.information[column, column], 1e-300))
-            if p.lower < self.start[column] < p.upper:
-                reach += LINEAR_SHARE * abs(value - self.start[column])
-            if not p.lower - reach <= value <= p.upper + reach:
+            sigma = 1.0 / np.sqrt(max(self.information[column, column], 1e-300))
+            if value < p.lower - slack * sigma or value > p.upper + slack * sigma:
                 return False
         return True
 
@@ -435,18 +424,13 @@ def scan(forward: Forward, fit: Fit, candidates: Sequence[Candidate]) -> Scan:
         )  # fmt: skip
         blocks.append(part.shared[..., fit.law_offsets.size :])
     shared = np.concatenate(blocks, axis=-1)
-    laws = fit.law_offsets.size
-    held_back = held_information(free)
-    base.shared_prior[laws:] += held_back
     prior = np.concatenate([base.shared_prior, np.zeros(len(models))])
     own_prior, law_prior = priors(forward, fit.model)
     kept = own_prior < 1e15
     own_pull = np.where(kept, -fit.nuisance * np.where(kept, own_prior, 0.0), 0.0)
     shared_pull = np.zeros(shared.shape[-1])
-    if laws:
-        shared_pull[:laws] = (-fit.law_offsets * law_prior).reshape(-1)
-    values_now = np.array([fit.value(index)[0] for index in range(len(free))])
-    shared_pull[laws : laws + len(free)] = -values_now * held_back
+    if fit.law_offsets.size:
+        shared_pull[: fit.law_offsets.size] = (-fit.law_offsets * law_prior).reshape(-1)
     system = Linearised(base.residual, base.own, shared, base.prior, prior)
     matrix, vector, _, _ = reduce(system, own_pull, shared_pull)
     if held:
@@ -572,7 +556,6 @@ def _pulls(forward: Forward, fit: Fit) -> tuple[FloatArray, FloatArray]:
     # Shapes keep the hold they were fitted with; a place that no row tells apart has no slope.
     prior = system.shared_prior.copy()
     prior[first:] += [1.0 / f.parameter.scale**2 if f.parameter.is_shape else 0.0 for f in fit.free]
-    prior[first:] += held_information(fit.free)
     information = np.einsum("tmn,tmk->nk", system.shared, left) + np.diag(prior)
     pulls = np.einsum("tmn,tm->tn", left, system.residual)
     pulls = pulls[np.abs(system.residual).sum(axis=1) > 0.0]

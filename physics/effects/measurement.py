@@ -210,7 +210,6 @@ class Parallax(Effect):
     separating: str = RULER
     looseness: float = 0.05
     axes: int = 2
-    planar: bool = True
     coordinate: Coordinate = Coordinate.PLACE
 
     def image(self, values: Values, view: CameraView) -> Vector:
@@ -253,7 +252,6 @@ class LensDistortion(Effect):
     separating: str = "a picture of a grid with this lens"
     looseness: float = 0.15
     axes: int = 2
-    planar: bool = True
     coordinate: Coordinate = Coordinate.PLACE
 
     def image(self, values: Values, view: CameraView) -> Vector:
@@ -287,7 +285,6 @@ class RollingShutter(Effect):
     separating: str = "a flash of light in view, or the same flight with the camera upside down"
     looseness: float = 0.02
     axes: int = 2
-    planar: bool = True
     coordinate: Coordinate = Coordinate.PLACE
 
     def image(self, values: Values, view: CameraView) -> Vector:
