@@ -278,7 +278,7 @@ def _verdict(
         (
             *campaign.notes,
             *noise_notes(campaign, prepared),
-            *_setup_notes(forward, best),
+            *_setup_notes(forward, best, passed),
             *_start_notes(naming),
         ),
         passed.doubts,
@@ -357,7 +357,9 @@ def _setup_trust(forward: Forward, best: Hypothesis) -> float:
     return min(1.0, HINT / best.reduced_chi2) if forward.mode == "impact" else 1.0
 
 
-def _setup_notes(forward: Forward, best: Hypothesis | None) -> tuple[str, ...]:
+def _setup_notes(forward: Forward, best: Hypothesis | None, passed: Passed) -> tuple[str, ...]:
+    if Doubt.PENDULUMS_WEIGHT in passed.doubts:
+        return (Doubt.PENDULUMS_WEIGHT.value,)
     if best is None or _setup_trust(forward, best) == 1.0:
         return ()
     return (

@@ -19,8 +19,9 @@ from mismatch.fitting.prepare import Prepared
 from mismatch.fitting.scan import heterogeneity, trial_pulls
 from mismatch.forward import Forward
 from mismatch.sanity import fall_in_g, keeps_time
+from physics.bodies import GRAVITY
 from physics.domain import FloatArray
-from physics.effects import EffectId, Level
+from physics.effects import Coordinate, EffectId, Level, SwingState
 
 __all__ = [
     "Alternative",
@@ -406,6 +407,10 @@ SEEN = 2.5
 """Standard uncertainties from nought, with place and length free, from which a strength is known:
 one in a hundred is so by chance."""
 
+HALF = 0.5
+
+"""Share of a torque's square from which it goes mostly with the sine of the angle."""
+
 UNLIKELY_SCATTER = 1e-3
 
 """Chance below which trials differ in a strength by more than noise and stated scatter."""
@@ -425,6 +430,10 @@ class Doubt(Enum):
     ONE_TRIAL = "its strength hangs on one trial alone"
     UNSTEADY = "its strength differs from trial to trial by more than chance and half of itself"
     UNDETERMINED = "its strength and its place or length stand in for each other: neither is known"
+    PENDULUMS_WEIGHT = (
+        "its torque takes the course of the pendulum's own weight: another inertia, mass or centre"
+        " of mass would say the same; check pendulum in the setup"
+    )
     EACH_ITS_OWN = "each trial has values of its own, which take up a part of any misfit"
     UNPROVED = "no trial is kept out of the fit to prove it on"
     KEEPS_TIME = (
@@ -514,6 +523,8 @@ def pass_gate(
         doubts.append(Doubt.UNSTEADY)
     elif _undetermined(best):
         doubts.append(Doubt.UNDETERMINED)
+    elif _like_its_weight(forward, best):
+        doubts.append(Doubt.PENDULUMS_WEIGHT)
     elif kept is not None and not kept.proves and kept.gain is not None and kept.gain < NO_GAIN:
         doubts.append(Doubt.NO_GAIN)
     return _passed(prepared, best, kind, tuple(doubts))
@@ -614,6 +625,31 @@ def _undetermined(best: Hypothesis) -> bool:
             and not item.parameter.is_shape
         ]
         if max(sizes, default=math.inf) < SEEN:
+            return True
+    return False
+
+
+def _like_its_weight(forward: Forward, best: Hypothesis) -> bool:
+    """Whether most of a torque in no catalogue goes with the sine of the angle, as weight does.
+
+    A strike's swing keeps the pace that the setup's inertia, mass and centre of mass give it; of a
+    free swing the pace is fitted, so that what is left over is none of theirs.
+    """
+    records, body = forward.records, forward.baseline.pendulum
+    if forward.mode != "impact" or body is None:
+        return False
+    angle = records.pendulum_angle[records.pendulum_used]
+    still = SwingState(
+        angle, np.zeros_like(angle), body.inertia, body.mass, body.com, body.length, GRAVITY
+    )
+    sine = np.sin(angle)
+    for member in best.members:
+        if member.id != EffectId.UNNAMED or member.effect.coordinate is not Coordinate.ANGLE:
+            continue
+        values = next(v for e, v in best.fit.model.entries if e is member.effect)
+        torque = np.asarray(member.effect.torque(values, still), dtype=np.float64)
+        both = float(torque @ sine) ** 2
+        if both > HALF * float(torque @ torque) * float(sine @ sine):
             return True
     return False
 
