@@ -470,15 +470,15 @@ def _beginnings(
             (MotionKind.COLLISION, 100.0, "Another ball like it met it while it lay still."),
             (MotionKind.STRIKE, 1.0, "It lay still and left."),
         ]
-    if pendulum:
+    # What is struck flies at once; what is let go, or carried off first, does not.
+    late = flight.first - rest_frames[1] > max(
+        _AT_ONCE, _AT_ONCE_SHARE * (flight.last - flight.first)
+    )
+    if pendulum and not late:
         return [
             (MotionKind.STRIKE, 100.0, "It lay still, a pendulum met it, and it flew."),
             thrown,
         ]
-    late = flight.first - rest_frames[1] > max(
-        _AT_ONCE, _AT_ONCE_SHARE * (flight.last - flight.first)
-    )
-    # What is struck flies at once; what is let go, or carried off first, does not.
     odds = 1.0 / _UNSEEN_STRIKER_ODDS if late else _UNSEEN_STRIKER_ODDS
     return [(MotionKind.STRIKE, odds, "It lay still and left at once."), thrown, said_drop]
 

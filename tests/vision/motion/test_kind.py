@@ -60,6 +60,14 @@ def test_what_a_pendulum_meets_at_rest_is_struck() -> None:
     assert less_sure < sure
 
 
+def test_what_is_carried_off_before_it_flies_was_not_struck() -> None:
+    carried = np.random.default_rng(3).normal(0.0, 9.0, (40, 2)).cumsum(axis=0)
+    flight = np.column_stack([4.0 * TIME, -1.0 * TIME + 0.03 * TIME**2]) + carried[-1]
+    path = np.concatenate([np.zeros((20, 2)), carried, flight]) + 150.0
+    kind, _ = _kind(path, 19, pendulum=True)
+    assert kind is MotionKind.FLIGHT
+
+
 def test_what_another_ball_meets_at_rest_collided() -> None:
     path = _after_rest(3.0 * TIME, 0.0 * TIME)
     assert _kind(path, 19, struck_by_another=True)[0] is MotionKind.COLLISION
