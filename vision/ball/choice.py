@@ -503,6 +503,9 @@ _FEWEST_CAME = 4
 
 """Looks: a line has two unknowns, and two more show whether it is one."""
 
+_EARLY_SHARE = 0.25
+"""Supposed: share of a flight's looks that may still be of rest: its first frames hardly move."""
+
 # An outline so complete, this much larger, may enclose a glint.
 _CREDIBLE = 0.62
 
@@ -809,11 +812,20 @@ def _met_at_rest(path: BallPath, other: BallPath) -> bool:
         return False
     still = np.flatnonzero(away[: moved[0]] < _STILL_RADII * path.radius + 1.0)
     departure = path.frame[still[-1]] if len(still) else path.frame[moved[0]]
+    law = lawful_stretch(path.frame, path.centre_px, path.radius)
+    early = np.count_nonzero((path.frame >= law.first) & (path.frame < departure))
+    if early > max(3, _EARLY_SHARE * law.looks):
+        # One law from before it is reached until after is no blow: it leaps between things at rest.
+        return False
     gap = np.hypot(*(other.centre_px - start).T)
     beside = np.abs(other.frame - departure) <= max(3, int(np.median(np.diff(path.frame))) * 3)
     own_start = other.centre_px[: max(3, len(other.frame) // 10)].mean(axis=0)
     touching = path.radius + other.radius
     came = np.hypot(*(own_start - start)) > _CAME * touching
+    until = beside & (other.frame <= departure)
+    if np.any(until) and gap[until].min() + path.radius < other.radius:
+        # It passes before it: a solid thing is struck from outside.
+        return False
     return bool(np.any(beside) and gap[beside].min() < _TOUCHED * touching and came)
 
 
@@ -833,7 +845,9 @@ def _appeared_at(path: BallPath, other: BallPath) -> bool:
     recent = _last(arriving)
     course = np.polyfit(arriving.frame[recent] - path.frame[0], arriving.centre_px[recent], 1)
     unseen = float(path.frame[0] - arriving.frame[-1]) * float(np.hypot(*course[0]))
-    beside = float(np.hypot(*(course[1] - start))) < _TOUCHED * touching
+    apart = float(np.hypot(*(course[1] - start)))
+    # What comes to light within the other's outline is a part of it, a glint say.
+    beside = other.radius - path.radius < apart < _TOUCHED * touching
     return bool(came and beside and unseen < touching)
 
 

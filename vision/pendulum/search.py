@@ -250,6 +250,9 @@ _EVEN_PX = 0.1
 """px: what strays less swings evenly, whatever else does so better; outlines of one frame are known
 to about that."""
 
+_SWINGS_RAD = 0.3
+"""Supposed: an arc of less may be the course of a ball that was deflected."""
+
 _BENDS = 4.0
 """Times the scatter about an arc that its middle lies off the chord: less is a straight way."""
 
@@ -293,7 +296,8 @@ class Striker:
         way = self.mass.arc.span_rad * self.mass.arc.radius_px
         sagitta = way**2 / (8.0 * self.mass.arc.radius_px)
         bends = sagitta > max(1.0, _BENDS * self.mass.arc.scatter_px)
-        return self.striking is Striking.AGREES and bends
+        swings = self.mass.arc.span_rad > _SWINGS_RAD
+        return self.striking is Striking.AGREES and bends and swings
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -150,3 +150,18 @@ def test_a_ball_that_is_struck_while_it_is_hidden_stays_one() -> None:
     frame = np.concatenate([np.arange(0, 40, 2), np.arange(52, 80, 2)])
     paths = untangled([_path(frame, 60.0 + 1.9 * np.maximum(frame - 41, 0))])
     assert [len(path.frame) for path in paths] == [len(frame)]
+
+
+def test_a_glint_that_comes_to_light_within_a_falling_ball_was_not_struck_by_it() -> None:
+    def fall(frame: np.ndarray, radius: float) -> BallPath:
+        path = _path(frame, np.full(len(frame), 160.0), radius)
+        centre = np.column_stack([np.full(len(frame), 160.0), 40.0 + 0.016 * frame**2.0])
+        return replace(
+            path, centre_px=centre + np.random.default_rng(1).normal(0, 0.1, centre.shape)
+        )
+
+    ball, glint = fall(np.arange(0, 130), 37.0), fall(np.arange(134, 190), 2.5)
+    choice = choose_ball([ball, glint], None)
+    assert choice is not None
+    assert choice.ball.radius == pytest.approx(37.0)
+    assert not choice.reached
