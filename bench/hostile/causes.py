@@ -3,8 +3,8 @@
 Nine causes brought the first build (a1dcaa4) down, or let something change in silence. Of each
 there are a few inputs here, run as a user runs them, against this tree or that of another commit::
 
-    git worktree add --detach /tmp/first a1dcaa4
-    python -m bench.hostile.causes --tree /tmp/first
+    git worktree add --detach ../first-build a1dcaa4
+    python -m bench.hostile.causes --tree ../first-build
 
 With both, the table says what each makes of them. Nothing here writes to a device: old builds
 replaced devices by files.
