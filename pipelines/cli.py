@@ -96,7 +96,7 @@ _COMMANDS = {
         "ClipOrCommand",
     ),
     "convert": _Command(
-        "pipelines.interop.command",
+        "pipelines.interop.measured",
         "convert_command",
         "Turn tracks or a lens of one program into those of another.",
     ),

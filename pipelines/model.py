@@ -66,8 +66,15 @@ from pipelines.doors import (
     SetupFileOption,
 )
 from pipelines.setup.cor_file import BallLaw, law_of_ball, read_cor_file
-from pipelines.setup.file import BallSetup, Setup, ball_from_option, load_setup
-from pipelines.setup.rig import Origin, RigNumber, rig_of
+from pipelines.setup.file import (
+    BallSetup,
+    Origin,
+    RigNumber,
+    Setup,
+    ball_from_option,
+    load_setup,
+    rig_of,
+)
 from pipelines.setup.tables import read_parameter
 from pipelines.terminal import screen
 

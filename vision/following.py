@@ -23,9 +23,8 @@ from vision.ball.choice import (
     untangled,
 )
 from vision.ball.circles import Circles, find_circles
-from vision.ball.colour import moving_colours
 from vision.ball.refine import refine_ball
-from vision.ball.silhouette import follow_silhouette
+from vision.ball.silhouette import follow_silhouette, moving_colours
 from vision.clip.footage import Footage
 from vision.motion import motion_of
 from vision.pendulum.search import Striker, find_striker, pendulum_track

@@ -117,7 +117,7 @@ MUTANTS = (
            "np.abs(covariance - covariance.T).max() > 1e-9 * scale or lowest < -1e-9 * scale",
            "np.abs(covariance - covariance.T).max() > 1e9 * scale",
            "tests/pipelines/setup/test_cor_file.py"),
-    Mutant("relative uncertainties are absolute", "pipelines/setup/rig.py",
+    Mutant("relative uncertainties are absolute", "pipelines/setup/file.py",
            "return self.std / abs(self.value) if self.value else 0.0", "return self.std",
            "tests/pipelines/setup/test_rig.py"),
     Mutant("a budget's shares are not of the variance", "pipelines/api/quantities.py",

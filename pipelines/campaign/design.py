@@ -28,7 +28,7 @@ from pipelines.campaign.ledger import Ledger
 from pipelines.campaign.results import ClipResult, clip_results
 from pipelines.doors import CorLawOption, NamedBallOption, SetupFileOption
 from pipelines.model import asked, plan_command, scatter_of, setup_or_default
-from pipelines.setup.rig import Rig, rig_of
+from pipelines.setup.file import Rig, rig_of
 from pipelines.terminal import DefaultCommandGroup, screen
 
 __all__ = [

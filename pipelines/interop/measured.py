@@ -3,15 +3,19 @@
 What was measured here, in the form in which other programs take it.
 
 Tracks read and written by what the file is.
+
+`vision convert`: tracks and lens files from one program to another.
 """
 
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
+import typer
 from numpy.typing import NDArray
 
 from metrology import UsageError, write_text_whole, written_whole
@@ -32,6 +36,7 @@ from pipelines.interop.tables import (
     ask_columns,
     header_of,
     keep_columns,
+    parse_columns,
     read_table_of_tracks,
 )
 from pipelines.measure.chain import (
@@ -54,6 +59,7 @@ from vision.tracks import Face, MotionKind, PendulumTrack, Track, Tracks, find_r
 from vision.tracks import FollowedObject as FollowedObject
 
 __all__ = [
+    "convert_command",
     "external_of",
     "measure_from_tracks",
     "read_tracks",
@@ -509,3 +515,50 @@ def _pendulum(mass: Track, ball: Track, forward: FloatArray) -> PendulumTrack | 
         arm,
         face,
     )
+
+
+_LENS_SUFFIXES = (".toml", ".yaml", ".yml")
+
+
+def convert_command(
+    source: Annotated[Path, typer.Argument(metavar="IN", help="Tracks, or a lens file.")],
+    target: Annotated[Path, typer.Argument(metavar="OUT", help="What to write.")],
+    columns: Annotated[
+        str | None, typer.Option(help="Of a table: 't=Time (s), x=X (cm), y=Y (cm), ball=A'.")
+    ] = None,
+) -> None:
+    """Turn tracks or a lens of one program into those of another.
+
+    Tracks are read from Tracker (.trk, .trz, text), Kinovea (.kva, text), trackpy, DeepLabCut,
+    SLEAP or a table, and written as .trk, .kva, .csv or .xlsx; lenses from and to TOML and the
+    YAML of OpenCV and ROS. Example: vision convert clip.trk clip.kva
+    """
+    if target.exists() and target.resolve() == source.resolve():
+        raise UsageError(f"{target} would overwrite what is read", hint="Give it another name.")
+    if source.suffix.lower() in _LENS_SUFFIXES:
+        _lens(source, target)
+        return
+    said = parse_columns(columns)
+    external = read_tracks(source, said)
+    if said:
+        external = external.chosen(said)
+    write_tracks(target, external)
+    for note in external.notes:
+        screen(errors=True).print(f"warning: {note}", soft_wrap=True)
+    listed = ", ".join(f"{track.name} ({len(track)} marks)" for track in external.tracks)
+    screen().print(f"{target}: {listed}, from {external.program}", soft_wrap=True)
+
+
+def _lens(source: Path, target: Path) -> None:
+    from calib.lens import YAML_SUFFIXES, lens_yaml, prior_toml, read_lens
+
+    prior = read_lens(source)
+    suffix = target.suffix.lower()
+    if suffix not in _LENS_SUFFIXES:
+        raise UsageError(
+            f"{target}: a lens file ends in {', '.join(_LENS_SUFFIXES)}",
+            hint=f"vision convert {source} lens.yaml",
+        )
+    text = lens_yaml(prior, target.stem) if suffix in YAML_SUFFIXES else prior_toml(prior)
+    write_text_whole(target, text)
+    screen().print(f"{target}: focal length {prior.lens.fx:.1f} px", soft_wrap=True)

@@ -10,8 +10,7 @@ from enum import StrEnum
 from metrology import measurands, read_given
 from physics import bodies
 from physics.air import Air
-from pipelines.setup.file import BallSetup, Setup, ball_from_option
-from pipelines.setup.rig import Origin, Rig, rig_of
+from pipelines.setup.file import BallSetup, Origin, Rig, Setup, ball_from_option, rig_of
 from vision.tracks import MotionKind
 
 __all__ = ["QUANTITY_UNITS", "Inputs", "QuantityName", "gather_inputs", "in_pixels", "kinds_of"]

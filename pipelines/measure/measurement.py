@@ -17,7 +17,7 @@ from pipelines.measure.impact import Impact
 from pipelines.measure.inputs import QUANTITY_UNITS
 from pipelines.measure.metres import CameraMapping, MetricTracks
 from pipelines.report import Check
-from pipelines.setup.rig import RigNumber
+from pipelines.setup.file import RigNumber
 from vision.clip.footage import CaptureRate
 from vision.clip.picture import ClipInfo
 from vision.tracks import Motion, Track, Tracks

@@ -1,7 +1,7 @@
 """What a lab knows, table by table of its setup file: frozen, SI, checked when it was read.
 
 A value is a float; its standard uncertainty is ``…_std``, None where nobody gave
-one. `pipelines.setup.rig` says what holds then.
+one. `pipelines.setup.file` says what holds then.
 
 A setup written back as TOML: SI numbers with their units, ± where an uncertainty was given.
 

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
+from bench.sample_clips import CLIPS, FOLDER
 from metrology import UsageError
 from pipelines.setup.file import load_setup
 from sample_videos import (
@@ -22,7 +23,6 @@ from sample_videos import (
     render_frames,
     staged,
 )
-from sample_videos.make_clips import CLIPS, FOLDER
 from sample_videos.render import write_clip
 from sample_videos.truth import truth_path
 

@@ -11,8 +11,7 @@ from physics.air import moist_air_density
 from pipelines.calibrate.wizard.answers import pitch_from
 from pipelines.measure.budget import ClipConditions, systematic_budget
 from pipelines.measure.inputs import gather_inputs
-from pipelines.setup.file import Setup, read_setup
-from pipelines.setup.rig import Origin, rig_of
+from pipelines.setup.file import Origin, Setup, read_setup, rig_of
 from vision.clip.footage import CaptureRate
 
 SURE = """

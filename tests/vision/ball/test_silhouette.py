@@ -7,8 +7,7 @@ from numpy.typing import NDArray
 
 from tests.vision.ball.painted import PaintedClip, PaintedColourClip, cover, wall
 from vision.ball.choice import BallPath
-from vision.ball.colour import moving_colours
-from vision.ball.silhouette import follow_silhouette
+from vision.ball.silhouette import follow_silhouette, moving_colours
 from vision.clip.footage import Footage
 from vision.following import follow
 from vision.scene import FilmedScene
