@@ -488,8 +488,8 @@ def _with_table(data: bytes) -> dict[str, bytes]:
     return {"b.csv": data, "lab.toml": SETUP.encode()}
 
 
-def encounters() -> tuple[Encounter, ...]:
-    """All of them, drawn when they are asked for."""
+def _of_outputs() -> tuple[Encounter, ...]:
+    """Outputs that are links, pipes, inputs, too large; a death while writing."""
     return (
         Encounter(
             1,
@@ -522,6 +522,12 @@ def encounters() -> tuple[Encounter, ...]:
             _nothing_left,
             disturb=_terminated,
         ),
+    )
+
+
+def _of_setups() -> tuple[Encounter, ...]:
+    """Setups and names that are no text, too long, too deep."""
+    return (
         Encounter(
             2, "a pipe as setup", LAB, _two, prepare=lambda folder: os.mkfifo(folder / "lab.toml")
         ),
@@ -555,6 +561,12 @@ def encounters() -> tuple[Encounter, ...]:
             lambda e: e.refused(0),
             {"lab.toml": SETUP.encode("utf-8-sig")},
         ),
+    )
+
+
+def _of_numbers() -> tuple[Encounter, ...]:
+    """Numbers that no rig has."""
+    return (
         Encounter(
             3,
             "a drag coefficient of nan",
@@ -587,6 +599,12 @@ def encounters() -> tuple[Encounter, ...]:
             _two,
             _setup_changed('length = "0.5541 m"', 'length = "1e200 m"'),
         ),
+    )
+
+
+def _of_tables() -> tuple[Encounter, ...]:
+    """Tables with words, commas, infinities."""
+    return (
         Encounter(4, "a column of words", EXPLAIN, _two, _with_table(_flights(x="abc"))),
         Encounter(4, "decimal commas", EXPLAIN, _told, _with_table(_commas())),
         Encounter(4, "one cell inf", EXPLAIN, _told, _with_table(_table(_one_cell(3, 5, "inf")))),
@@ -599,6 +617,12 @@ def encounters() -> tuple[Encounter, ...]:
             _told,
             _with_table(_flights().decode().encode("utf-16")),
         ),
+    )
+
+
+def _of_noise() -> tuple[Encounter, ...]:
+    """Tables without physics in them."""
+    return (
         Encounter(5, "back-swings of other trials", EXPLAIN, _four, _with_table(_swings())),
         Encounter(5, "noise in place of samples", EXPLAIN, _four, _noise_table("noise samples", 3)),
         Encounter(5, "samples shuffled", EXPLAIN, _four, _noise_table("shuffled", 4)),
@@ -617,6 +641,12 @@ def encounters() -> tuple[Encounter, ...]:
             _four,
             _noise_table("ball speeds permuted", 1001),
         ),
+    )
+
+
+def _of_sizes() -> tuple[Encounter, ...]:
+    """Pictures too small or too large."""
+    return (
         Encounter(
             6,
             "a clip of 48 × 32 px",
@@ -638,6 +668,12 @@ def encounters() -> tuple[Encounter, ...]:
             lambda e: e.refused(3),
             prepare=_giants,
         ),
+    )
+
+
+def _of_damage() -> tuple[Encounter, ...]:
+    """Damaged clips."""
+    return (
         Encounter(
             7,
             "12 damaged clips, read five times",
@@ -646,12 +682,24 @@ def encounters() -> tuple[Encounter, ...]:
             _damaged_clips(),
             script=_READ,
         ),
+    )
+
+
+def _of_effects() -> tuple[Encounter, ...]:
+    """Users' effects that are none."""
+    return (
         Encounter(8, "EFFECTS = 3", OWN, _two, _own("EFFECTS = 3")),
         Encounter(8, "sys.exit(0)", OWN, _two, _own("import sys; sys.exit(0)")),
         Encounter(8, "two components", OWN, _two, _own(_pull("nothing, nothing"))),
         Encounter(8, "a taken id", OWN, _two, _own(_pull(id="magnus"))),
         Encounter(8, "an unknown phase", OWN, _two, _own(_pull(phase="night"))),
         Encounter(8, "a loop without end", OWN, _two, _own("while True: pass")),
+    )
+
+
+def _of_terminals() -> tuple[Encounter, ...]:
+    """Terminals, environments, warnings."""
+    return (
         Encounter(
             9,
             "commands to the terminal in a setup",
@@ -685,6 +733,22 @@ def encounters() -> tuple[Encounter, ...]:
             memory=400 << 20,
         ),
     )
+
+
+def encounters() -> tuple[Encounter, ...]:
+    """All of them, drawn when they are asked for."""
+    causes = (
+        _of_outputs,
+        _of_setups,
+        _of_numbers,
+        _of_tables,
+        _of_noise,
+        _of_sizes,
+        _of_damage,
+        _of_effects,
+        _of_terminals,
+    )
+    return tuple(one for cause in causes for one in cause())
 
 
 def main() -> None:

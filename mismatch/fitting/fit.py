@@ -1059,10 +1059,8 @@ def _fit_swings(
     shape_priors: bool,
 ) -> Fit:
     """Multiple shooting: states of all pieces start from the record, whatever the start was."""
-    anchors, prior_information = (
-        _values(model, free),
-        np.array([_prior_information(f.parameter, 1.0, shape_priors) for f in free]),
-    )
+    anchors = _values(model, free)
+    prior_information = np.array([_prior_information(f.parameter, 1.0, shape_priors) for f in free])
     own_prior, _ = priors(forward, model)
     arcs = arcs_of(forward, nuisance)
     nuisance = np.concatenate([arcs.states[:, 0], nuisance[:, 2:]], axis=1)
@@ -1108,19 +1106,36 @@ def _fit_swings(
         damping = 0.0 if damping < 0.3 else 0.2 * damping
         if gained < 1e-3 + 1e-6 * cost:
             break
-    found_all = closed(forward, found)
-    whole = _fit_in_one(
-        forward, model, () if found_all else free, (nuisance, np.zeros((0, 2))),
-        0 if found_all else ROUNDS_IN_ONE, shape_priors,
+    return _whole_swings(
+        forward, model, free, nuisance, found, inverse_of(matrix),
+        float(np.sum(prior_information * (_values(model, free) - anchors) ** 2)), shape_priors,
     )  # fmt: skip
-    if not found_all:
+
+
+def _whole_swings(
+    forward: Forward,
+    model: Model,
+    free: Sequence[Free],
+    nuisance: FloatArray,
+    found: LinearisedArcs,
+    covariance: FloatArray,
+    held: float,
+    shape_priors: bool,
+) -> Fit:
+    """The fit of swings whose pieces were fitted: pieces that don't meet are fitted once more.
+
+    `held` is what the priors of the shared parameters cost.
+    """
+    meet = closed(forward, found)
+    start = nuisance, np.zeros((0, 2))
+    whole = _fit_in_one(
+        forward, model, () if meet else free, start, 0 if meet else ROUNDS_IN_ONE, shape_priors
+    )
+    if not meet:
         lost = whole.chi2 > LOST * max(float(np.sum(found.residual**2)), whole.expected)
         return replace(whole, ending=Ending.LOST if lost else whole.ending)
-    penalty = whole.penalty + float(
-        np.sum(prior_information * (_values(model, free) - anchors) ** 2)
-    )
     return replace(
-        whole, penalty=penalty, free=tuple(free), covariance=inverse_of(matrix),
+        whole, penalty=whole.penalty + held, free=tuple(free), covariance=covariance,
         ending=Ending.CONVERGED,
     )  # fmt: skip
 

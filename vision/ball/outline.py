@@ -26,6 +26,7 @@ Outlines fitted in several frames, as a table.
 import math
 from collections import deque
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -222,22 +223,116 @@ def _upper_middle(values: FloatArray, count: int) -> float:
     return values[count // 2] if count > 0 else 0.0
 
 
+class _Pieces(NamedTuple):
+    """The pixels around each frame's outline: see `Cutouts`."""
+
+    gray: FloatImage
+    background: FloatImage
+    inverse_noise: FloatImage
+    corner: IntArray
+
+
+class _Ring(NamedTuple):
+    """Which pixels about a whole pixel make up the ring, the same for all frames.
+
+    Attributes
+    ----------
+    places : (2, n) int array
+        x, y, sorted by sectors of about four pixels of outline, px.
+    bounds : (S + 1,) int array
+        Where each sector's begin.
+    widths : (2,) array
+        How far the ring reaches inside and outside the outline, px.
+    reach : int
+        Of the outermost pixel, px.
+    """
+
+    places: IntArray
+    bounds: IntArray
+    widths: FloatArray
+    reach: int
+
+
+class _Edge(NamedTuple):
+    """How an edge looks: tables (4, n) and steps (5,) of `EdgeProfile`, and what its light may be.
+
+    The priors (3,) are information on a sector's shadow factor (about 1), level and slope.
+    """
+
+    tables: FloatImage
+    steps: FloatArray
+    priors: FloatArray
+
+
+class _Ending(NamedTuple):
+    """When a fit ends, and with how much.
+
+    Attributes
+    ----------
+    size : int
+        Of how many of centre, radius, ellipse the normal equations are wanted at the end: 3 or 5.
+    iterations : int
+        Steps at most.
+    tolerance : float
+        A step shorter than this is the last, px.
+    """
+
+    size: int
+    iterations: int
+    tolerance: float
+
+
+class _Sums(NamedTuple):
+    """Each sector's equations where the outline lies, and its weight: see `weighted`.
+
+    Attributes
+    ----------
+    information : (F, S, 5, 5) array
+    score : (F, S, 5) array
+    square, count, weight : (F, S) arrays
+        Of one frame, each without F.
+    """
+
+    information: FloatArray
+    score: FloatArray
+    square: FloatArray
+    count: FloatArray
+    weight: FloatArray
+
+
+class _Scratch(NamedTuple):
+    """Room for one frame's sums.
+
+    Attributes
+    ----------
+    pixels, work : (5, n) and (12, n) float32 arrays
+        A ring's pixels, and what a sector makes of them.
+    first : (S + 1,) int array
+        Where each sector's pixels begin.
+    small : (5, 5, 5) array
+    spread : (S,) array
+    step, middle : (3,) and (2,) arrays
+        The latest step, and the whole pixel about which the ring lies, px.
+    """
+
+    pixels: FloatImage
+    work: FloatImage
+    first: IntArray
+    small: FloatArray
+    spread: FloatArray
+    step: FloatArray
+    middle: FloatArray
+
+
 @compiled
 def _gathered(
-    gray: FloatImage,
-    background: FloatImage,
-    inverse_noise: FloatImage,
-    corner: IntArray,
-    ring: IntArray,
-    bounds: IntArray,
-    widths: FloatArray,
-    reach: int,
-    outline: FloatArray,
-    middle: FloatArray,
-    pixels: FloatImage,
-    first: IntArray,
+    pieces: _Pieces, frame: int, ring: _Ring, outline: FloatArray, scratch: _Scratch
 ) -> bool:
     """Pick the pixels of a ring out of one frame; whether enough of it is in view."""
+    gray, background = pieces.gray[frame], pieces.background[frame]
+    inverse_noise, corner = pieces.inverse_noise[frame], pieces.corner[frame]
+    pixels, first, middle = scratch.pixels, scratch.first, scratch.middle
+    places, bounds, widths, reach = ring.places, ring.bounds, ring.widths, ring.reach
     width = gray.shape[0]
     middle[0], middle[1] = np.rint(outline[0]), np.rint(outline[1])
     column, row = int(middle[0]) - corner[0], int(middle[1]) - corner[1]
@@ -251,7 +346,7 @@ def _gathered(
     for s in range(len(bounds) - 1):
         first[s] = count
         for k in range(bounds[s], bounds[s + 1]):
-            x, y = ring[0, k], ring[1, k]
+            x, y = places[0, k], places[1, k]
             weight = inverse_noise[row + y, column + x]
             dx, dy = Single(x) - away_x, Single(y) - away_y
             depth = math.sqrt(dx * dx + dy * dy) - radius
@@ -476,60 +571,43 @@ def weighted(
 
 @compiled
 def _equations(
-    pixels: FloatImage,
-    first: IntArray,
+    scratch: _Scratch,
     outline: FloatArray,
-    middle: FloatArray,
     smear: FloatArray,
-    tables: FloatImage,
-    steps: FloatArray,
-    priors: FloatArray,
+    edge: _Edge,
     narrow: bool,
     size: int,
-    work: FloatImage,
-    small: FloatArray,
-    information: FloatArray,
-    score: FloatArray,
-    square: FloatArray,
-    count: FloatArray,
-    room: FloatArray,
+    sums: _Sums,
 ) -> None:
     """All sectors' equations; where it is `narrow`, without what panels do further inside."""
-    sectors = len(first) - 1
-    for s in range(sectors):
-        low, high = first[s], first[s + 1]
-        inside = _laid_out(
-            pixels, low, high, outline, middle, smear, tables, steps, 1e9, size, work
-        )
-        count[s] = inside
-        square[s] = _summed(work, inside, priors, size, small, information[s], score[s])
-    if not narrow:
-        return
-    most = panelled(square, count, room)
-    for s in range(sectors):
-        if count[s] > 0 and square[s] > most * max(count[s] - _BASIS, 1.0):
-            low, high = first[s], first[s + 1]
+    pixels, first, middle = scratch.pixels, scratch.first, scratch.middle
+    work, small = scratch.work, scratch.small
+    square, count, most = sums.square, sums.count, 0.0
+    for again in range(2 if narrow else 1):
+        inner = _NARROW if again else 1e9
+        for s in range(len(first) - 1):
+            panel = count[s] > 0 and square[s] > most * max(count[s] - _BASIS, 1.0)
+            if again and not panel:
+                continue
             inside = _laid_out(
-                pixels, low, high, outline, middle, smear, tables, steps, _NARROW, size, work
-            )
-            if inside < _FEWEST_IN_SECTOR:
+                pixels, first[s], first[s + 1], outline, middle, smear, edge.tables, edge.steps,
+                inner, size, work,
+            )  # fmt: skip
+            if again and inside < _FEWEST_IN_SECTOR:
                 inside = 0
             count[s] = inside
-            square[s] = _summed(work, inside, priors, size, small, information[s], score[s])
+            square[s] = _summed(
+                work, inside, edge.priors, size, small, sums.information[s], sums.score[s]
+            )
+        if narrow:
+            most = panelled(square, count, scratch.spread)
 
 
 @compiled
-def _step(
-    information: FloatArray,
-    score: FloatArray,
-    weight: FloatArray,
-    held: FloatArray,
-    free: int,
-    swollen: float,
-    small: FloatArray,
-    step: FloatArray,
-) -> float:
+def _step(sums: _Sums, held: FloatArray, swollen: float, scratch: _Scratch) -> float:
     """One Gauss–Newton step of what is free; returns how far the centre goes, px."""
+    information, score, weight = sums.information, sums.score, sums.weight
+    small, step, free = scratch.small, scratch.step, len(held)
     normal, inverse, pull = small[0], small[1], small[2, 0]
     trace = 0.0
     for i in range(free):
@@ -552,133 +630,90 @@ def _step(
 
 
 @compiled
-def fitted_outlines(
-    gray: FloatImage,
-    background: FloatImage,
-    inverse_noise: FloatImage,
-    corner: IntArray,
-    ring: IntArray,
-    bounds: IntArray,
-    widths: FloatArray,
-    reach: int,
-    tables: FloatImage,
-    steps: FloatArray,
-    priors: FloatArray,
+def _fitted(
+    pieces: _Pieces,
+    frame: int,
+    ring: _Ring,
+    edge: _Edge,
     held: FloatArray,
     smear: FloatArray,
-    size: int,
-    iterations: int,
-    tolerance: float,
+    ending: _Ending,
+    scratch: _Scratch,
+    now: FloatArray,
+    sums: _Sums,
+) -> bool:
+    """Fit the outline of one frame; whether there is one."""
+    radius, free, length = now[2], len(held), 1e9
+    for k in range(ending.iterations + 1):
+        # at the end the equations are set up once more where the outline came to lie
+        last = k == ending.iterations or length < ending.tolerance
+        if not _gathered(pieces, frame, ring, now, scratch):
+            return False
+        settled = last or length < _SETTLED
+        wanted = ending.size if last else 3
+        _equations(scratch, now, smear, edge, settled and free == 2, wanted, sums)
+        weighted(
+            sums.information, sums.score, sums.square, sums.count, settled, scratch.spread,
+            sums.weight,
+        )  # fmt: skip
+        if last:
+            break
+        length = _step(sums, held, now[2] - radius, scratch)
+        if not length < 1e6:
+            return False
+        limit = min(1.0, _LONGEST_STEP * ring.widths[0] / max(length, 1e-12))
+        for i in range(free):
+            now[i] += limit * scratch.step[i]
+    return True
+
+
+@compiled
+def fitted_outlines(
+    pieces: _Pieces,
+    ring: _Ring,
+    edge: _Edge,
+    held: FloatArray,
+    smear: FloatArray,
+    ending: _Ending,
     low: int,
     high: int,
     outline: FloatArray,
     found: BoolArray,
-    every_information: FloatArray,
-    every_score: FloatArray,
-    every_square: FloatArray,
-    every_count: FloatArray,
-    every_weight: FloatArray,
+    sums: _Sums,
 ) -> None:
     """Fit the outlines of some frames, one after the other.
 
     Parameters
     ----------
-    gray, background, inverse_noise : (F, P, P) float32 arrays
-    corner : (F, 2) int array
-        See `Cutouts`.
-    ring : (2, n) int array
-        x, y of the ring's pixels about a whole one, sorted by sector, px.
-    bounds : (S + 1,) int array
-        Where each sector's begin.
-    widths : (2,) array
-        How far the ring reaches inside and outside the outline, px.
-    reach : int
-        Of the ring's outermost pixel, px.
-    tables : (4, n) float32 array
-    steps : (5,) array
-        See `EdgeProfile`.
-    priors : (3,) array
-        Information on a sector's shadow factor (about 1), level and slope.
+    pieces, ring, edge, ending
     held : (2,) or (3,) array
         Information on centre and radius at the start: as many are free.
     smear : (F, 2) array
         Motion during the exposure, px.
-    size : int
-        Of how many of centre, radius, ellipse the normal equations are wanted at the end: 3 or 5.
-    iterations : int
-        Steps at most.
-    tolerance : float
-        A step shorter than this is the last, px.
     low, high : int
         Frames.
     outline : (F, 5) array
         Centre, radius and ellipse, at the start and then at the end, px.
     found : (F,) bool array
         Takes whether there is an outline.
-    every_information, every_score : (F, S, 5, 5) and (F, S, 5) arrays
-    every_square, every_count, every_weight : (F, S) arrays
-        Take each sector's equations at the end, and its weight: see `weighted`.
+    sums : _Sums
+        Takes each sector's equations at the end, and its weight.
     """
-    sectors, most, free = len(bounds) - 1, ring.shape[1], len(held)
-    pixels, first = np.empty((5, most), dtype=np.float32), np.empty(sectors + 1, dtype=np.int64)
-    work, small = np.empty((12, most), dtype=np.float32), np.empty((5, 5, 5))
-    room, step, middle = np.empty(sectors), np.empty(3), np.empty(2)
+    sectors, most = len(ring.bounds) - 1, ring.places.shape[1]
+    scratch = _Scratch(
+        np.empty((5, most), dtype=np.float32),
+        np.empty((12, most), dtype=np.float32),
+        np.empty(sectors + 1, dtype=np.int64),
+        np.empty((5, 5, 5)),
+        np.empty(sectors),
+        np.empty(3),
+        np.empty(2),
+    )
     for f in range(low, high):
-        now, moving, radius = outline[f], smear[f], outline[f, 2]
-        information, score = every_information[f], every_score[f]
-        square, count, weight = every_square[f], every_count[f], every_weight[f]
-        length, enough = 1e9, False
-        for k in range(iterations + 1):
-            # at the end the equations are set up once more where the outline came to lie
-            last = k == iterations or length < tolerance
-            enough = _gathered(
-                gray[f],
-                background[f],
-                inverse_noise[f],
-                corner[f],
-                ring,
-                bounds,
-                widths,
-                reach,
-                now,
-                middle,
-                pixels,
-                first,
-            )
-            if not enough:
-                break
-            settled = last or length < _SETTLED
-            narrow, wanted = settled and free == 2, size if last else 3
-            _equations(
-                pixels,
-                first,
-                now,
-                middle,
-                moving,
-                tables,
-                steps,
-                priors,
-                narrow,
-                wanted,
-                work,
-                small,
-                information,
-                score,
-                square,
-                count,
-                room,
-            )
-            weighted(information, score, square, count, settled, room, weight)
-            if last:
-                break
-            length = _step(information, score, weight, held, free, now[2] - radius, small, step)
-            if not length < 1e6:
-                enough = False
-                break
-            limit = min(1.0, _LONGEST_STEP * widths[0] / max(length, 1e-12))
-            for i in range(free):
-                now[i] += limit * step[i]
-        found[f] = enough
+        own = _Sums(
+            sums.information[f], sums.score[f], sums.square[f], sums.count[f], sums.weight[f]
+        )
+        found[f] = _fitted(pieces, f, ring, edge, held, smear[f], ending, scratch, outline[f], own)
 
 
 _BATCH = 16
@@ -782,12 +817,11 @@ def fit_outlines(
     if count == 0:
         return fits
     usual = float(np.median(start.shape[:, 0]))
-    ring = _Ring(usual, rules.inner, rules.outer)
+    ring = _ring_about(usual, rules.inner, rules.outer)
     outline = np.column_stack([start.centre, start.shape])
     held = np.zeros(rules.free)
     if rules.free > 2:
         held[2] = 1.0 / rules.radius_std**2
-
     size, shape = 5 if rules.shape_pull else 3, (count, len(ring.bounds) - 1)
     sums = _Sums(
         np.zeros((*shape, 5, 5)),
@@ -796,35 +830,15 @@ def fit_outlines(
         np.zeros(shape),
         np.zeros(shape),
     )
+    pieces = _Pieces(cutouts.gray, cutouts.background, cutouts.inverse_noise, cutouts.corner)
+    edge = _Edge(profile.tables, profile.steps, _priors(usual))
+    ending = _Ending(size, rules.iterations, rules.tolerance)
 
     def run(first: int) -> None:
         # Each writes rows of its own.
+        last = min(first + _BATCH, count)
         fitted_outlines(
-            cutouts.gray,
-            cutouts.background,
-            cutouts.inverse_noise,
-            cutouts.corner,
-            ring.places,
-            ring.bounds,
-            np.array([rules.inner, rules.outer]),
-            ring.reach,
-            profile.tables,
-            profile.steps,
-            _priors(usual),
-            held,
-            start.smear,
-            size,
-            rules.iterations,
-            rules.tolerance,
-            first,
-            min(first + _BATCH, count),
-            outline,
-            fits.found,
-            sums.information,
-            sums.score,
-            sums.square,
-            sums.count,
-            sums.weight,
+            pieces, ring, edge, held, start.smear, ending, first, last, outline, fits.found, sums
         )
 
     deque(side_by_side(run, range(0, count, _BATCH)), maxlen=0)
@@ -832,24 +846,6 @@ def fit_outlines(
     if fits.found.any():
         _state(fits, sums, held, size)
     return fits
-
-
-@dataclass(frozen=True)
-class _Sums:
-    """Each sector's equations where the outline came to lie: see `weighted`.
-
-    Attributes
-    ----------
-    information : (F, S, 5, 5) array
-    score : (F, S, 5) array
-    square, count, weight : (F, S) arrays
-    """
-
-    information: FloatArray
-    score: FloatArray
-    square: FloatArray
-    count: FloatArray
-    weight: FloatArray
 
 
 def _state(fits: OutlineFits, sums: _Sums, held: FloatArray, size: int) -> None:
@@ -896,38 +892,23 @@ def _clustered(score: FloatArray) -> FloatArray:
     return np.asarray(meat)
 
 
-class _Ring:
-    """Which pixels about a whole pixel make up the ring, the same for all frames.
-
-    Parameters
-    ----------
-    radius : float
-        Radius of the outline, px.
-    inner, outer : float
-        How far the ring reaches inside and outside, px.
-
-    Attributes
-    ----------
-    places : (2, n) int array
-        x, y, sorted by sectors of about four pixels of outline, px.
-    bounds : (S + 1,) int array
-        Where each sector's begin.
-    reach : int
-        Of the outermost, px.
-    """
-
-    def __init__(self, radius: float, inner: float, outer: float) -> None:
-        self.reach = int(np.ceil(radius + outer + SLACK_PX))
-        axis = np.arange(-self.reach, self.reach + 1)
-        y, x = (part.ravel() for part in np.meshgrid(axis, axis, indexing="ij"))
-        rho = np.hypot(x, y)
-        near = (rho > max(radius - inner - SLACK_PX, 0.5)) & (rho < radius + outer + SLACK_PX)
-        x, y = x[near], y[near]
-        count = int(np.clip(round(2 * np.pi * radius / _SECTOR_PX), *_SECTORS))
-        sector = np.floor((np.arctan2(y, x) / (2 * np.pi) + 0.5) * count).astype(np.int64) % count
-        order = np.argsort(sector, kind="stable")
-        self.places = np.stack([x[order], y[order]])
-        self.bounds = np.searchsorted(sector[order], np.arange(count + 1))
+def _ring_about(radius: float, inner: float, outer: float) -> _Ring:
+    """The ring of an outline of a radius, reaching so far inside and outside of it, px."""
+    reach = int(np.ceil(radius + outer + SLACK_PX))
+    axis = np.arange(-reach, reach + 1)
+    y, x = (part.ravel() for part in np.meshgrid(axis, axis, indexing="ij"))
+    rho = np.hypot(x, y)
+    near = (rho > max(radius - inner - SLACK_PX, 0.5)) & (rho < radius + outer + SLACK_PX)
+    x, y = x[near], y[near]
+    count = int(np.clip(round(2 * np.pi * radius / _SECTOR_PX), *_SECTORS))
+    sector = np.floor((np.arctan2(y, x) / (2 * np.pi) + 0.5) * count).astype(np.int64) % count
+    order = np.argsort(sector, kind="stable")
+    return _Ring(
+        np.stack([x[order], y[order]]),
+        np.searchsorted(sector[order], np.arange(count + 1)),
+        np.array([inner, outer]),
+        reach,
+    )
 
 
 def _priors(radius: float) -> FloatArray:
