@@ -14,6 +14,7 @@ from pipelines.api.quantities import SetupLike, setup_from
 from pipelines.explain.campaign import explain_files_in_full, explain_table_file
 from pipelines.explain.report import figure_of, verdict_html, write_explain_report
 from pipelines.explain.tabular import TableLike
+from pipelines.setup.tables import told_keywords
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -72,6 +73,7 @@ class Verdict:
         return verdict_html(self.answer)
 
 
+@told_keywords
 def explain(
     *,
     balls: "pd.DataFrame | str | os.PathLike[str] | None" = None,

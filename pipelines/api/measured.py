@@ -25,7 +25,9 @@ from pipelines.api.quantities import (
     QuantityView,
     SetupLike,
     as_document,
+    length_text,
     measure_options,
+    point_from,
     setup_from,
 )
 from pipelines.calibrate.command import find_unattended, session_of
@@ -45,6 +47,7 @@ from pipelines.render import NOISE, RenderOptions, parse_size, planned_scene
 from pipelines.report.page import results_html, write_report
 from pipelines.report.plots import plots_figure
 from pipelines.setup.file import Setup, read_setup
+from pipelines.setup.tables import told_keywords
 from sample_videos import Truth, render_clip
 from vision.clip.clip import ClipReader
 from vision.clip.clip import ClipReader as Recording
@@ -167,6 +170,7 @@ class Measurement:
             return None
 
 
+@told_keywords
 def measure(
     path: str | os.PathLike[str],
     *,
@@ -264,6 +268,7 @@ class Clip:
     ...     print(time_s, image.mean())
     """
 
+    @told_keywords
     def __init__(self, path: str | os.PathLike[str], *, fps: Given | None = None) -> None:
         self._recording = Recording.open(path)
         given = None if fps is None else read_number(fps, measurands.CAPTURE_RATE, "fps")
@@ -312,6 +317,7 @@ class Clip:
         )
 
 
+@told_keywords
 def render(
     path: str | os.PathLike[str],
     *,
@@ -463,18 +469,19 @@ class CalibratedClip:
         return results_html(self._title, self._plain, self.warnings)
 
 
+@told_keywords
 def calibrate(
     path: str | os.PathLike[str],
     *,
     fps: Given | None = None,
     lens: str | os.PathLike[str] | None = None,
-    wall_grid: str | None = None,
-    fine_grid: str | None = None,
+    wall_grid: Given | None = None,
+    fine_grid: Given | None = None,
     ball: str | None = None,
-    ball_at: str | None = None,
-    support_height: str | None = None,
-    camera_distance: str | None = None,
-    ball_plane: str | None = None,
+    ball_at: At = None,
+    support_height: Given | None = None,
+    camera_distance: Given | None = None,
+    ball_plane: Given | None = None,
 ) -> CalibratedClip:
     """Find the wall grid of a clip and calibrate with it, unattended.
 
@@ -486,14 +493,15 @@ def calibrate(
         Capture rate, 1/s.
     lens : path, optional
         A lens file.
-    wall_grid, fine_grid : str, optional
-        Side of a square, and distance of the fine lines (or "none"): "50mm".
+    wall_grid, fine_grid : str or float, optional
+        Side of a square, and distance of the fine lines (or "none"): "50mm", or in m.
     ball : str, optional
         A preset, or "220 mm, 0.4 kg".
-    ball_at : str, optional
-        The ball at rest, "x,y" in px.
-    support_height, camera_distance, ball_plane : str, optional
-        How far the ball falls; camera to wall and ball's plane to wall by tape: "4.00 m ± 5 mm".
+    ball_at : (x, y), optional
+        The ball at rest, px.
+    support_height, camera_distance, ball_plane : str or float, optional
+        How far the ball falls; camera to wall and ball's plane to wall by tape: "4.00 m ± 5 mm",
+        or in m.
 
     Returns
     -------
@@ -508,17 +516,18 @@ def calibrate(
     UsageError
         If something said can't be.
     """
+    rest = point_from("ball_at", ball_at)
     session = session_of(
         Path(path),
         Path("setup.toml"),
         fps=None if fps is None else str(fps),
         lens=None if lens is None else Path(lens),
-        wall_grid=wall_grid,
-        fine_grid=fine_grid,
+        wall_grid=length_text(wall_grid),
+        fine_grid=length_text(fine_grid),
         ball=ball,
-        ball_at=ball_at,
-        support_height=support_height,
-        camera_distance=camera_distance,
-        ball_plane=ball_plane,
+        ball_at=None if rest is None else f"{rest[0]!r},{rest[1]!r}",
+        support_height=length_text(support_height),
+        camera_distance=length_text(camera_distance),
+        ball_plane=length_text(ball_plane),
     )
     return CalibratedClip(session, find_unattended(session))

@@ -30,6 +30,7 @@ from pipelines.model import (
 from pipelines.model import plan as plan_strike
 from pipelines.model import simulate as simulate_strike
 from pipelines.report.page import results_html
+from pipelines.setup.tables import told_keywords
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -99,6 +100,7 @@ class ModelResult:
         return results_html(self._title, self._plain, self.warnings)
 
 
+@told_keywords
 def simulate(
     *,
     backswing: Given | None = None,
@@ -159,6 +161,7 @@ def simulate(
     )
 
 
+@told_keywords
 def plan(
     distance: Given,
     *,
@@ -199,6 +202,7 @@ def plan(
     )
 
 
+@told_keywords
 def cor(
     *,
     distance: ArrayLike,

@@ -37,7 +37,9 @@ __all__ = [
     "SetupLike",
     "as_document",
     "as_row",
+    "length_text",
     "measure_options",
+    "point_from",
     "setup_from",
 ]
 
@@ -221,8 +223,8 @@ def measure_options(
         setup=setup_from(setup),
         fps=None if rate is None else rate.value,
         fps_std=None if rate is None else rate.std,
-        ball=ball if ball is None or isinstance(ball, str) else f"{ball!r} m",
-        wall_grid=_length_text(wall_grid),
+        ball=length_text(ball),
+        wall_grid=length_text(wall_grid),
         ball_at=point_from("--ball-at", ball_at),
         mass_at=point_from("--mass-at", mass_at),
         scale_m_per_px=None if scale is None else read_scale(scale, "--scale"),
@@ -231,8 +233,22 @@ def measure_options(
     )
 
 
-def _length_text(length: Given | None) -> str | None:
-    return length if length is None or isinstance(length, str) else f"{length!r} m"
+def length_text(length: Given | None) -> str | None:
+    """A length as it would be typed; bare numbers are metres.
+
+    Raises
+    ------
+    UsageError
+        If it is neither text nor a number.
+    """
+    if length is None or isinstance(length, str):
+        return length
+    try:
+        return f"{float(length)!r} m"
+    except (TypeError, ValueError) as problem:
+        raise UsageError(
+            f"{length!r} is no length", hint="Write '50 mm', or a number of metres."
+        ) from problem
 
 
 def point_from(option: str, at: At) -> tuple[float, float] | tuple[float, float, int] | None:

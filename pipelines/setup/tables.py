@@ -12,11 +12,13 @@ Parameters of effects as people type them: in ``[model.drag]`` and in ``--effect
 
 import copy
 import difflib
-from collections.abc import Iterable, Mapping
+import inspect
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import wraps
 from os import PathLike
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias
+from typing import Annotated, Any, ParamSpec, TypeAlias, TypeVar
 
 import tomli_w
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator
@@ -56,6 +58,7 @@ __all__ = [
     "WallSetup",
     "nearest",
     "read_parameter",
+    "told_keywords",
 ]
 
 
@@ -263,6 +266,36 @@ def nearest(name: str, known: Iterable[str]) -> str:
     return f"; the nearest is '{near[0]}'" if near else ""
 
 
+Values = ParamSpec("Values")
+Result = TypeVar("Result")
+
+
+def told_keywords(function: Callable[Values, Result]) -> Callable[Values, Result]:
+    """Refuse a call that does not fit a function with what the function takes.
+
+    Raises
+    ------
+    UsageError
+        For a keyword that it does not know, or too few or too many values.
+    """
+    signature = inspect.signature(function)
+    known = [name for name in signature.parameters if name != "self"]
+
+    @wraps(function)
+    def called(*values: Values.args, **named: Values.kwargs) -> Result:
+        asked = function.__qualname__.removesuffix(".__init__")
+        hint = f"It takes {', '.join(known)}."
+        for name in named.keys() - set(known):
+            raise UsageError(f"{asked} knows no {name!r}{nearest(name, known)}", hint=hint)
+        try:
+            signature.bind(*values, **named)
+        except TypeError as problem:
+            raise UsageError(f"{asked}: {problem}", hint=hint) from None
+        return function(*values, **named)
+
+    return called
+
+
 SCATTER_UNITS = {"cor": "", "cor_law": ""}
 
 """Units of [scatter] where it is no angle."""
@@ -460,6 +493,21 @@ class Setup:
     support_std: float | None = None
     columns: Mapping[str, str] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        """Refuse what belongs into a setup file, not here.
+
+        Raises
+        ------
+        SetupError
+            For a ball by its name and the like.
+        """
+        for name, kind in _PARTS.items():
+            if not isinstance(getattr(self, name), kind):
+                raise SetupError(
+                    f"Setup: {name} can't be {getattr(self, name)!r}",
+                    hint="Setup().having({'ball.preset': 'jokku'}) takes what a setup file says.",
+                )
+
     @property
     def air(self) -> Air:
         """The air of the lab."""
@@ -487,6 +535,7 @@ class Setup:
         write_text_whole(Path(path), self.to_toml())
         return Path(path)
 
+    @told_keywords
     def having(self, keys: Mapping[str, Any]) -> "Setup":
         """Give the setup with some keys changed, checked as a file would be.
 
@@ -498,12 +547,32 @@ class Setup:
         Raises
         ------
         SetupError
-            As `pipelines.setup.file.read_setup`.
+            As `pipelines.setup.file.read_setup`; if `keys` is no mapping.
         """
         from pipelines.setup.file import setup_from_document
 
+        if not isinstance(keys, Mapping):
+            raise SetupError(
+                f"having takes keys and what would stand there, not {keys!r}",
+                hint="As in having({'ball.preset': 'jokku'}).",
+            )
+
         return replace(setup_from_document(changed(document_of(self), keys)), path=self.path)
 
+
+_PARTS = {
+    "camera": CameraSetup,
+    "wall": WallSetup,
+    "ball": BallSetup | None,
+    "balls": Mapping,
+    "pendulum": bodies.Pendulum | None,
+    "support": bodies.Support | None,
+    "air_known": AirSetup,
+    "scatter": ScatterSetup,
+    "noise": NoiseSetup,
+    "model": ModelSetup,
+    "columns": Mapping,
+}
 
 _UNITS = {
     "capture_fps": "fps",

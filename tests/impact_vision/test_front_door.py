@@ -4,6 +4,7 @@ import inspect
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,18 @@ import pytest
 
 import impact_vision as iv
 import sample_videos
-from metrology import MeasurementError, SetupError, UncertaintySource, UsageError, read_scale
+from metrology import (
+    MeasurementError,
+    SetupError,
+    UncertaintySource,
+    UsageError,
+    measurands,
+    read_number,
+    read_scale,
+)
 from physics.bodies import BALLS, PAPER_PENDULUM, PAPER_SUPPORT
 from physics.restitution import ConstantCor
+from pipelines.api.quantities import length_text
 from pipelines.measure.chain import FollowedClip, MeasureOptions, measure_tracks
 from pipelines.measure.inputs import gather_inputs
 
@@ -169,6 +179,53 @@ def test_what_cannot_be_is_refused_before_any_work() -> None:
         iv.measure(CLIP, ball_at=(1, 2, 3, 4))
     with pytest.raises(UsageError, match="not both"):
         iv.explain(balls=pd.DataFrame(), trials=pd.DataFrame())
+
+
+@pytest.mark.parametrize(
+    ("function", "keyword", "meant"),
+    [
+        (iv.measure, "grid", "wall_grid"),
+        (iv.calibrate, "wallgrid", "wall_grid"),
+        (iv.simulate, "back_swing", "backswing"),
+        (iv.plan, "balls", "ball"),
+        (iv.render, "sizes", "size"),
+        (iv.explain, "ball", "balls"),
+        (iv.cor, "mass", "ball_mass"),
+        (iv.campaign, "set_up", "setup"),
+        (iv.Clip, "fsp", "fps"),
+        (iv.Setup().having, "key", "keys"),
+    ],
+)
+def test_a_wrong_keyword_is_told_with_the_right_ones(
+    function: Callable[..., object], keyword: str, meant: str
+) -> None:
+    with pytest.raises(UsageError, match=rf"'{keyword}'.*nearest is '{meant}'") as told:
+        function(**{keyword: "x"})
+    listed = {word.strip(" .") for word in str(told.value.hint).partition("takes")[2].split(",")}
+    assert listed == {*inspect.signature(function).parameters} - {"self"}
+
+
+def test_too_few_and_too_many_values_are_told_too() -> None:
+    with pytest.raises(UsageError, match=r"measure: .*'path'"):
+        iv.measure()
+    with pytest.raises(UsageError, match="plan: too many"):
+        iv.plan("2 m", "jokku")
+
+
+def test_a_setup_is_made_of_what_a_setup_file_says() -> None:
+    with pytest.raises(SetupError, match=r"ball can't be 'jokku'"):
+        iv.Setup(ball="jokku")
+    with pytest.raises(SetupError, match="not 'ball'"):
+        iv.Setup().having("ball")
+
+
+@pytest.mark.parametrize("length", [0.05, np.float64(0.05), np.float32(0.05), "50 mm"])
+def test_a_length_is_a_number_of_any_kind_or_text(length: float | str) -> None:
+    typed = length_text(length)
+    assert typed is not None
+    assert read_number(typed, measurands.GRID_PITCH) == pytest.approx(0.05)
+    with pytest.raises(UsageError, match="no length"):
+        length_text((0.05, 0.01))
 
 
 @pytest.mark.parametrize("cache", [True, False])

@@ -289,14 +289,14 @@ class _Sums(NamedTuple):
     ----------
     information : (F, S, 5, 5) array
     score : (F, S, 5) array
-    square, count, weight : (F, S) arrays
+    square, counted, weight : (F, S) arrays
         Of one frame, each without F.
     """
 
     information: FloatArray
     score: FloatArray
     square: FloatArray
-    count: FloatArray
+    counted: FloatArray
     weight: FloatArray
 
 
@@ -582,7 +582,7 @@ def _equations(
     """All sectors' equations; where it is `narrow`, without what panels do further inside."""
     pixels, first, middle = scratch.pixels, scratch.first, scratch.middle
     work, small = scratch.work, scratch.small
-    square, count, most = sums.square, sums.count, 0.0
+    square, count, most = sums.square, sums.counted, 0.0
     for again in range(2 if narrow else 1):
         inner = _NARROW if again else 1e9
         for s in range(len(first) - 1):
@@ -653,7 +653,7 @@ def _fitted(
         wanted = ending.size if last else 3
         _equations(scratch, now, smear, edge, settled and free == 2, wanted, sums)
         weighted(
-            sums.information, sums.score, sums.square, sums.count, settled, scratch.spread,
+            sums.information, sums.score, sums.square, sums.counted, settled, scratch.spread,
             sums.weight,
         )  # fmt: skip
         if last:
@@ -711,7 +711,7 @@ def fitted_outlines(
     )
     for f in range(low, high):
         own = _Sums(
-            sums.information[f], sums.score[f], sums.square[f], sums.count[f], sums.weight[f]
+            sums.information[f], sums.score[f], sums.square[f], sums.counted[f], sums.weight[f]
         )
         found[f] = _fitted(pieces, f, ring, edge, held, smear[f], ending, scratch, outline[f], own)
 
@@ -852,7 +852,7 @@ def _state(fits: OutlineFits, sums: _Sums, held: FloatArray, size: int) -> None:
     """Write what the fits say of themselves, where there is an outline."""
     rows, free = fits.found, len(held)
     every = sums.information[rows, :, :size, :size]
-    weight, count = sums.weight[rows], sums.count[rows]
+    weight, count = sums.weight[rows], sums.counted[rows]
     whole = np.einsum("ns,nsij->nij", weight, every)
     score = weight[:, :, None] * sums.score[rows, :, :size]
     seen = np.count_nonzero(count, axis=1)
