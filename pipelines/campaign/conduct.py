@@ -34,9 +34,12 @@ from pipelines.campaign.results import (
     ClipResult,
     LabBook,
     LabBookRow,
+    Recording,
     clip_results,
     match_clips,
+    not_counted,
     read_lab_book,
+    recordings,
     results_frame,
     write_tables,
 )
@@ -105,6 +108,11 @@ def summarise(results: Sequence[ClipResult], analysis: CampaignAnalysis) -> dict
             {"clip": result.clip, "why": result.excluded}
             for result in results
             if result.excluded is not None
+        ],
+        "copies": [
+            {"clip": result.clip, "why": result.elsewhere}
+            for result in results
+            if result.elsewhere is not None
         ],
     }
 
@@ -223,13 +231,18 @@ class Edition:
     facts: ReportFacts
     against_paper: bool = False
 
+    def copies(self, ledger: Ledger) -> tuple[Recording, ...]:
+        """Recordings that stand in several of the campaign's clips."""
+        return recordings(ledger.copies(), self.strikes)
+
     def frame(self, ledger: Ledger) -> pd.DataFrame:
         """The table of results."""
-        return results_frame(ledger.entries(), self.strikes, self.book)
+        elsewhere = not_counted(self.copies(ledger))
+        return results_frame(ledger.entries(), self.strikes, self.book, elsewhere)
 
     def results(self, ledger: Ledger) -> list[ClipResult]:
         """What the ledger holds of the campaign's clips."""
-        return clip_results(ledger.entries(), self.strikes)
+        return clip_results(ledger.entries(), self.strikes, not_counted(self.copies(ledger)))
 
 
 @dataclass(frozen=True)
@@ -310,7 +323,7 @@ class Campaign:
     explained : str or None
         What the engine said of missing physics, where it was asked.
     copies : tuple of str
-        Recordings that stand in several clips, and so count several times.
+        Recordings that stand in several clips, and under which name each counts.
     """
 
     folder: Path
@@ -472,7 +485,7 @@ def _published(
     edition: Edition, absent: tuple[str, ...], progress: Progress, explained: bool
 ) -> Campaign:
     with Ledger(edition.folder) as ledger:
-        copies = tuple(_one_recording(clips) for clips in ledger.copies())
+        copies = tuple(one.told() for one in edition.copies(ledger))
         facts = replace(edition.facts, notes=(*edition.facts.notes, *copies))
         edition = replace(edition, facts=facts)
         published = publish(edition, ledger)
@@ -489,13 +502,6 @@ def _published(
     summary = json.loads((edition.folder / "summary.json").read_text(encoding="utf-8"))
     return Campaign(
         edition.folder, published.frame, summary, tuple(wanting), progress.again, said, copies
-    )
-
-
-def _one_recording(clips: Sequence[str]) -> str:
-    return (
-        f"{' and '.join(clips)} are one recording: its strike counts {len(clips)} times."
-        " Mark the copies as bad, or take them away."
     )
 
 

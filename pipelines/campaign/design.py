@@ -25,7 +25,7 @@ from physics.bodies import Ball, Pendulum
 from physics.restitution import ConstantCor, CorLaw, ExponentialCor
 from physics.swing import frictionless_speed
 from pipelines.campaign.ledger import Ledger
-from pipelines.campaign.results import ClipResult, clip_results
+from pipelines.campaign.results import ClipResult, clip_results, not_counted, recordings
 from pipelines.doors import CorLawOption, NamedBallOption, SetupFileOption
 from pipelines.model import asked, plan_command, scatter_of, setup_or_default
 from pipelines.setup.file import Rig, rig_of
@@ -307,7 +307,10 @@ def from_pilot(results: Sequence[ClipResult], fallback: Precisions) -> Precision
     """
     used = [one for one in results if one.used and math.isfinite(one.quantity("cor")[0])]
     if not used:
-        raise DomainError("no clip of that campaign has a coefficient of restitution")
+        raise DomainError(
+            "no clip of that campaign has a coefficient of restitution",
+            hint="Look at `vision campaign status DIR`, or leave out --pilot.",
+        )
     names = dict.fromkeys(name for one in used for name in one.shared)
     shared = {name: float(np.median([one.shared.get(name, 0.0) for one in used])) for name in names}
     own = [
@@ -352,8 +355,9 @@ def _pilot(folder: Path, ball: str, fallback: Precisions) -> Precisions:
             f"{folder} holds no campaign", hint="Name the folder that was given with --out."
         )
     with Ledger(folder) as ledger:
-        entries = list(ledger.entries())
-    results = clip_results(entries, {entry.order.clip: None for entry in entries})
+        entries, copies = list(ledger.entries()), ledger.copies()
+    strikes = {entry.order.clip: None for entry in entries}
+    results = clip_results(entries, strikes, not_counted(recordings(copies, strikes)))
     return from_pilot(results, fallback)
 
 

@@ -345,7 +345,10 @@ class Ledger:
         with self._change() as base:
             done = base.execute("UPDATE clips SET excluded=? WHERE clip=?", (reason, clip))
             if done.rowcount == 0:
-                raise UsageError(f"there is no clip {clip!r} in this campaign")
+                raise UsageError(
+                    f"there is no clip {clip!r} in this campaign",
+                    hint="Its name is that in results.csv, with its ending.",
+                )
 
     def point_at(self, clip: str, ball_at: str | None) -> None:
         """Have a clip measured again, with a point on the ball (``x,y`` px) or without one.
@@ -358,7 +361,10 @@ class Ledger:
         with self._change() as base:
             done = base.execute("UPDATE clips SET ball_at=? WHERE clip=?", (ball_at, clip))
             if done.rowcount == 0:
-                raise UsageError(f"there is no clip {clip!r} in this campaign")
+                raise UsageError(
+                    f"there is no clip {clip!r} in this campaign",
+                    hint="Its name is that in results.csv, with its ending.",
+                )
 
     def points(self) -> dict[str, str]:
         """Where somebody pointed at the ball, by clip.
@@ -385,17 +391,16 @@ class Ledger:
             # outside: what the reader of the rows raises is no fault of the ledger
             yield entry
 
-    def copies(self) -> list[tuple[str, ...]]:
-        """Clips that were measured and hold the same bytes, those marked as bad aside."""
+    def copies(self) -> list[dict[str, str | None]]:
+        """Groups of clips that were measured and hold the same bytes; each with its mark."""
         with self._reading() as base:
             rows = base.execute(
-                "SELECT sha256, clip FROM clips WHERE state='done' AND excluded IS NULL"
-                " ORDER BY rowid"
+                "SELECT sha256, clip, excluded FROM clips WHERE state='done' ORDER BY rowid"
             )
-            alike: dict[str, list[str]] = {}
+            alike: dict[str, dict[str, str | None]] = {}
             for row in rows:
-                alike.setdefault(row["sha256"], []).append(row["clip"])
-        return [tuple(clips) for clips in alike.values() if len(clips) > 1]
+                alike.setdefault(row["sha256"], {})[row["clip"]] = row["excluded"]
+        return [clips for clips in alike.values() if len(clips) > 1]
 
     def waiting(self) -> list[str]:
         """Names of the clips still to be measured."""

@@ -413,6 +413,7 @@ def write_report(
         sensors=[_sensor(one) for one in analysis.sensors],
         outliers=_outliers(path.parent, analysis),
         excluded=[item for item in results if item.excluded is not None],
+        copies=[item for item in results if item.elsewhere is not None],
         failed=[item for item in results if item.state == State.FAILED],
         waiting=[item for item in results if item.state == State.WAITING],
         warned=_warned(results),

@@ -30,10 +30,13 @@ __all__ = [
     "LabBook",
     "LabBookRow",
     "Matched",
+    "Recording",
     "SensorColumn",
     "clip_results",
     "match_clips",
+    "not_counted",
     "read_lab_book",
+    "recordings",
     "results_frame",
     "write_tables",
 ]
@@ -187,7 +190,10 @@ def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
         try:
             sheet = pd.read_excel(path, dtype=object).fillna("")
         except Exception as problem:  # openpyxl raises whatever the damaged part raised
-            raise UsageError(f"{path} is no readable XLSX file: {problem}") from problem
+            raise UsageError(
+                f"{path} is no readable XLSX file: {problem}",
+                hint="Save it anew as .xlsx, or as .csv.",
+            ) from problem
         return sheet.map(lambda cell: cell.isoformat() if hasattr(cell, "isoformat") else cell), ()
     text = _text(path)
     head = text.splitlines()[0] if text.strip() else ""
@@ -225,7 +231,10 @@ def _strike(path: Path, line: int, row: Mapping[object, object]) -> LabBookRow:
     cells: dict[str, object] = {str(name): _tidy(cell) for name, cell in row.items()}
     clip = cells.get("clip")
     if clip is None or not str(clip).strip():
-        raise UsageError(f"{path}, line {line}: the clip's name is missing")
+        raise UsageError(
+            f"{path}, line {line}: the clip's name is missing",
+            hint="Fill the cell, or leave the line out.",
+        )
     for column in (*_NUMERIC, *(f"{name}_std" for name in _NUMERIC)):
         if cells.get(column) is not None:
             cells[column] = _number(path, line, column, cells[column])
@@ -239,7 +248,10 @@ def _strike(path: Path, line: int, row: Mapping[object, object]) -> LabBookRow:
             )
         std = cells.get(f"{sensor.column}_std")
         if isinstance(std, float) and std <= 0:
-            raise UsageError(f"{path}, line {line}: {sensor.column}_std must be above zero")
+            raise UsageError(
+                f"{path}, line {line}: {sensor.column}_std must be above zero",
+                hint="Leave the cell empty where the uncertainty is unknown.",
+            )
     backswing = cells.get("backswing_deg")
     if isinstance(backswing, float) and not abs(backswing) <= _LARGEST_BACKSWING_DEG:
         raise UsageError(
@@ -287,7 +299,9 @@ def _refuse_twice(path: Path, strikes: Sequence[LabBookRow]) -> None:
             )
         seen[strike.clip] = 1
     if not strikes:
-        raise UsageError(f"{path} has no line below its heads")
+        raise UsageError(
+            f"{path} has no line below its heads", hint="Write one line for each strike."
+        )
 
 
 @dataclass(frozen=True)
@@ -338,6 +352,80 @@ def match_clips(book: LabBook | None, clips: Sequence[Path]) -> Matched:
     return Matched(strikes, tuple(absent))
 
 
+@dataclass(frozen=True)
+class Recording:
+    """One recording that was handed in under several names.
+
+    Attributes
+    ----------
+    clips : tuple of str
+        Its names that nobody marked as bad.
+    counted : str or None
+        The one under which its strike counts; None where the lab book says of two balls that they
+        are in it.
+    marked : str or None
+        A name before `counted` that was marked as bad.
+    """
+
+    clips: tuple[str, ...]
+    counted: str | None
+    marked: str | None = None
+
+    def told(self) -> str:
+        """What there is to know, and to do."""
+        names = " and ".join(self.clips)
+        if self.counted is None:
+            return (
+                f"{names} are one recording, and the lab book names different balls for it: it is"
+                " left out of the laws. Correct the lab book, or mark the wrong names as bad."
+            )
+        if self.marked is not None:
+            return (
+                f"{self.counted} is the recording that was marked as bad as {self.marked}, and"
+                " counts: mark it, too, unless the mark was meant for the copy alone."
+            )
+        return f"{names} are one recording: its strike counts once, as {self.counted}."
+
+
+def recordings(
+    copies: Iterable[Mapping[str, str | None]], strikes: Mapping[str, LabBookRow | None]
+) -> tuple[Recording, ...]:
+    """Of which clips only one may count, since one strike is no two.
+
+    Parameters
+    ----------
+    copies : iterable of mapping
+        As `Ledger.copies` gives them.
+    strikes : mapping of str to LabBookRow or None
+        Clips of this campaign by name. A name in the lab book goes before one that is not.
+    """
+    found = []
+    for group in copies:
+        here = {clip: mark for clip, mark in group.items() if clip in strikes}
+        clips = tuple(clip for clip, mark in here.items() if mark is None)
+        first = next(iter(here), None)
+        marked = first if first not in clips else None
+        if not clips or (len(clips) == 1 and marked is None):
+            continue
+        written = {clip: row for clip in clips if (row := strikes[clip]) is not None}
+        balls = {row.ball for row in written.values()}
+        counted = next(iter(written or clips)) if len(balls) <= 1 else None
+        found.append(Recording(clips, counted, marked))
+    return tuple(found)
+
+
+def not_counted(found: Iterable[Recording]) -> dict[str, str]:
+    """Clips that are left out of the laws since their strike is counted elsewhere, and why."""
+    return {
+        clip: "one recording, two balls in the lab book"
+        if one.counted is None
+        else f"the same recording as {one.counted}"
+        for one in found
+        for clip in one.clips
+        if clip != one.counted
+    }
+
+
 FloatArray = NDArray[np.float64]
 
 ANALYSED = (
@@ -369,6 +457,8 @@ class ClipResult:
     clip : str
     state : State
     error, excluded : str or None
+    elsewhere : str or None
+        Why it counts under another name, or none (`not_counted`).
     seconds : float or None
     strike : LabBookRow or None
     values : (Q, 2) array
@@ -382,6 +472,7 @@ class ClipResult:
     state: State
     error: str | None
     excluded: str | None
+    elsewhere: str | None
     seconds: float | None
     strike: LabBookRow | None
     values: FloatArray
@@ -390,8 +481,8 @@ class ClipResult:
 
     @property
     def used(self) -> bool:
-        """Whether it was measured and nobody marked it as bad."""
-        return self.state == State.DONE and self.excluded is None
+        """Whether it was measured, nobody marked it as bad, and its strike is not counted yet."""
+        return self.state == State.DONE and self.excluded is None and self.elsewhere is None
 
     @property
     def ball(self) -> str:
@@ -410,17 +501,17 @@ class ClipResult:
 
 
 def clip_results(
-    entries: Iterable[Entry], strikes: Mapping[str, LabBookRow | None]
+    entries: Iterable[Entry], strikes: Mapping[str, LabBookRow | None], elsewhere: Mapping[str, str]
 ) -> list[ClipResult]:
-    """Join ledger and lab book by the clip's name."""
+    """Join ledger and lab book by the clip's name; `elsewhere` as from `not_counted`."""
     return [
-        _result(entry, strikes[entry.order.clip])
+        _result(entry, strikes[entry.order.clip], elsewhere.get(entry.order.clip))
         for entry in entries
         if entry.order.clip in strikes
     ]
 
 
-def _result(entry: Entry, strike: LabBookRow | None) -> ClipResult:
+def _result(entry: Entry, strike: LabBookRow | None, elsewhere: str | None) -> ClipResult:
     document = entry.document or {}
     quantities: Mapping[str, Any] = document.get("quantities", {})
     values = np.full((len(ANALYSED), 2), np.nan)
@@ -434,6 +525,7 @@ def _result(entry: Entry, strike: LabBookRow | None) -> ClipResult:
         state=entry.state,
         error=entry.error,
         excluded=entry.excluded,
+        elsewhere=elsewhere,
         seconds=entry.seconds,
         strike=strike,
         values=values,
@@ -442,7 +534,9 @@ def _result(entry: Entry, strike: LabBookRow | None) -> ClipResult:
     )
 
 
-def _row(entry: Entry, strike: LabBookRow | None, columns: tuple[str, ...]) -> dict[str, object]:
+def _row(
+    entry: Entry, strike: LabBookRow | None, columns: tuple[str, ...], elsewhere: str | None
+) -> dict[str, object]:
     """Row of the results, `columns` of the lab book first."""
     cells = {} if strike is None else strike.cells
     document = entry.document or {}
@@ -458,17 +552,24 @@ def _row(entry: Entry, strike: LabBookRow | None, columns: tuple[str, ...]) -> d
     row |= reasons
     row["warnings"] = " | ".join(document.get("warnings", ())) or None
     row["state"], row["error"] = str(entry.state), entry.error
-    row["excluded"] = entry.excluded
+    row["excluded"] = entry.excluded or elsewhere
     return row
 
 
 def results_frame(
-    entries: Iterable[Entry], strikes: Mapping[str, LabBookRow | None], book: LabBook | None
+    entries: Iterable[Entry],
+    strikes: Mapping[str, LabBookRow | None],
+    book: LabBook | None,
+    elsewhere: Mapping[str, str],
 ) -> pd.DataFrame:
-    """One row per clip that is done or failed; columns in the contract's order."""
+    """One row per clip that is done or failed; columns in the contract's order.
+
+    ``excluded`` says of each clip that the laws leave out why: a mark, or `elsewhere` as from
+    `not_counted`.
+    """
     columns = ("clip",) if book is None else book.columns
     rows = (
-        _row(entry, strikes[entry.order.clip], columns)
+        _row(entry, strikes[entry.order.clip], columns, elsewhere.get(entry.order.clip))
         for entry in entries
         if entry.order.clip in strikes and entry.state in (State.DONE, State.FAILED)
     )

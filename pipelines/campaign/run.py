@@ -136,7 +136,10 @@ def find_clips(given: Sequence[Path]) -> tuple[Path, ...]:
         elif path.exists():
             clips.append(path)
         else:
-            raise UsageError(f"there is no clip or folder {path}")
+            raise UsageError(
+                f"there is no clip or folder {path}",
+                hint="Check its path: name clips, or a folder that holds them.",
+            )
     unique = list(dict.fromkeys(clips))
     if not unique:
         raise UsageError(

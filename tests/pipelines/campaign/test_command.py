@@ -6,6 +6,7 @@ import sqlite3
 import sys
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from click.testing import Result
 from typer.testing import CliRunner
@@ -97,16 +98,43 @@ def test_a_slip_in_the_lab_book_is_refused_before_the_work(
         assert not (lab / "out" / "ledger.sqlite").exists()
 
 
-def test_one_recording_under_two_names_is_told_until_one_is_marked(lab: Path) -> None:
-    (lab / "clips" / "b.mp4").write_bytes((lab / "clips" / "a.mp4").read_bytes())
+def test_one_recording_under_two_names_counts_once_and_that_is_told(lab: Path) -> None:
+    names = [f"s{number}" for number in range(8)]
+    (lab / "trials.csv").write_text("clip,ball\n" + "".join(f"{name},red\n" for name in names))
+    shutil.rmtree(lab / "clips")
+    (lab / "clips").mkdir()
+    for name in names:
+        (lab / "clips" / f"{name}.mp4").write_bytes(name.encode())
+    assert _campaign(lab).exit_code == 0
+    once = json.loads((lab / "out" / "summary.json").read_text())
+    # entered before the others in the folder's order, in no lab book, and with another result
+    (lab / "clips" / "copy.mp4").write_bytes(b"s3")
+    shutil.rmtree(lab / "out")
     ran = _campaign(lab)
     assert ran.exit_code == 0, ran.output
-    told = "a.mp4 and b.mp4 are one recording: its strike counts 2 times"
+    told = "copy.mp4 and s3.mp4 are one recording: its strike counts once, as s3.mp4"
     assert told in ran.output.replace("\n", " ")
-    assert told in (lab / "out" / "report.html").read_text()
+    page = (lab / "out" / "report.html").read_text()
+    assert told in page
+    assert "not counted: the same recording as s3.mp4" in page
+    twice = json.loads((lab / "out" / "summary.json").read_text())
+    assert twice["clips"]["done"] == 9
+    assert twice["balls"] == once["balls"]
+    assert [one["clip"] for one in twice["copies"]] == ["copy.mp4"]
+    table = pd.read_csv(lab / "out" / "results.csv").set_index("clip")
+    assert table["excluded"].dropna().to_dict() == {"copy.mp4": "the same recording as s3.mp4"}
     with Ledger(lab / "out") as ledger:
-        ledger.exclude("b.mp4", "a copy")
+        ledger.exclude("copy.mp4", "a copy")
     assert "one recording" not in _campaign(lab).output
+
+
+def test_one_recording_of_two_balls_is_left_out_until_the_lab_book_is_mended(lab: Path) -> None:
+    (lab / "clips" / "b.mp4").write_bytes((lab / "clips" / "a.mp4").read_bytes())
+    (lab / "trials.csv").write_text("clip,ball\na,red\nb,jokku\nc,red\n")
+    ran = _campaign(lab)
+    assert "the lab book names different balls for it" in ran.output.replace("\n", " ")
+    balls = json.loads((lab / "out" / "summary.json").read_text())["balls"]
+    assert {name: ball["clips"] for name, ball in balls.items()} == {"red": 1}
 
 
 def test_no_clips_are_refused(lab: Path) -> None:

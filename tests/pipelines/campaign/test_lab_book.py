@@ -6,7 +6,13 @@ import pandas as pd
 import pytest
 
 from metrology import UsageError
-from pipelines.campaign.results import SENSORS, match_clips, read_lab_book
+from pipelines.campaign.results import (
+    SENSORS,
+    match_clips,
+    not_counted,
+    read_lab_book,
+    recordings,
+)
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
@@ -69,3 +75,12 @@ def test_clips_match_with_and_without_ending_and_absent_ones_are_told(tmp_path: 
 def test_two_clips_of_one_name_are_refused() -> None:
     with pytest.raises(UsageError, match="two clips are called"):
         match_clips(None, (Path("one/a.mp4"), Path("two/a.mp4")))
+
+
+def test_a_mark_on_the_name_that_counted_is_asked_about() -> None:
+    (one,) = recordings([{"a": "not at rest", "b": None, "c": None}], dict.fromkeys("abc"))
+    assert (one.counted, one.marked) == ("b", "a")
+    assert "mark it, too" in one.told()
+    assert not_counted([one]) == {"c": "the same recording as b"}
+    assert recordings([{"a": None, "b": "a copy"}], dict.fromkeys("ab")) == ()
+    assert recordings([{"a": None, "b": None}], {"a": None}) == ()
