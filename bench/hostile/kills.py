@@ -6,12 +6,14 @@ clean up after signal 9, and it has no output's name.
 """
 
 import argparse
+import contextlib
 import functools
 import io
 import json
 import os
 import random
 import signal
+import sqlite3
 import sys
 import tempfile
 import time
@@ -61,6 +63,8 @@ _READERS: dict[str, Callable[[bytes], object]] = {
     ".csv": lambda data: pd.read_csv(io.BytesIO(data)),
     ".toml": lambda data: tomllib.loads(data.decode()),
     ".png": _picture,
+    ".jpg": _picture,
+    ".parquet": lambda data: pd.read_parquet(io.BytesIO(data)),
     ".svg": ElementTree.fromstring,
     ".kva": ElementTree.fromstring,
     ".trk": ElementTree.fromstring,
@@ -79,6 +83,18 @@ def whole(name: str, data: bytes) -> bool:
     except Exception:
         return False
     return True
+
+
+_BESIDE_A_LEDGER = ("-wal", "-shm")
+"""Ends of the files that SQLite keeps beside a database until it is closed: no outputs."""
+
+
+def _sound(path: Path, name: str) -> bool:
+    """Whether an output stands as its readers want it; a ledger with what SQLite keeps beside."""
+    if path.suffix != ".sqlite":
+        return whole(name, path.read_bytes())
+    with contextlib.closing(sqlite3.connect(path)) as base:
+        return bool(base.execute("PRAGMA integrity_check").fetchone() == ("ok",))
 
 
 @dataclass(frozen=True)
@@ -116,6 +132,12 @@ def _sample() -> dict[str, bytes]:
     return {"a.mp4": found.read_bytes()}
 
 
+def _campaign() -> dict[str, bytes]:
+    book = "clip,ball\na,jokku\nb,jokku\n"
+    clips = {f"clips/{name}.mp4": _sample()["a.mp4"] for name in "ab"}
+    return {**clips, "trials.csv": book.encode()}
+
+
 COMMANDS = {
     "simulate": Writer(
         ("simulate", "--impact-speed", "2.5", "--setup", "lab.toml", "--json", "o.json", "--csv",
@@ -144,6 +166,9 @@ COMMANDS = {
     "paper": Writer(
         ("paper", "--quiet", "--json", "o.json", "--csv", "o.csv", "--figures", "figures"),
         dict, ("o.json", "o.csv", "figures")),
+    "campaign": Writer(
+        ("campaign", "clips", "--trials", "trials.csv", "--fps", "600", "--out", "out", "-j", "1",
+         "--quiet"), _campaign, ("out",)),
     # the page's Save ends in the same function
     "calibrate": Writer(
         ("calibrate", "a.mp4", "--yes", "--fps", "600", "--ball", "jokku", "--out", "setup.toml"),
@@ -191,8 +216,10 @@ def killed_at_random(writer: Writer, moments: int, of: int, folder: Path) -> Kil
             name = str(path.relative_to(place))
             if not path.is_file() or path.name.startswith(".") or name in inputs:
                 continue
+            if name.endswith(_BESIDE_A_LEDGER):
+                continue
             written += 1
-            if not whole(name, path.read_bytes()):
+            if not _sound(path, name):
                 broken.append(name)
     return Killed(moments, written, tuple(broken), tuple(damaged))
 
@@ -201,6 +228,7 @@ def _run(writer: Writer, inputs: dict[str, bytes], folder: Path, until_s: float 
     """Seconds that a run took, which is ended with signal 9 after so many."""
     folder.mkdir(parents=True)
     for name, data in inputs.items():
+        (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_bytes(data)
     case = CommandCase(CaseKind.ARGUMENTS, writer.arguments, {})
     said, results = folder.with_suffix(".said"), folder.with_suffix(".results")

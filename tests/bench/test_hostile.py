@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from bench.hostile import __main__ as run
 from bench.hostile.case import Case, Fault, Kind, Ran, faults_of, named, read_case
 from bench.hostile.draw import STRATEGIES, drawn
 from bench.hostile.kills import whole
@@ -55,6 +56,26 @@ def _bench(*words: str) -> subprocess.CompletedProcess[str]:
 def test_the_judge_sees_each_fault(ran: Ran, fault: Fault) -> None:
     assert faults_of(CASE, FINE) == ()
     assert faults_of(CASE, ran) == (fault,)
+
+
+def test_a_run_is_taken_up_where_its_log_ends_and_counts_each_input_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cases = [replace(CASE, arguments=("explain", str(number))) for number in range(8)]
+    tries: list[str] = []
+
+    def tried(case: Case) -> tuple[Ran, tuple[Fault, ...]]:
+        tries.append(case.name)
+        return FINE, (Fault.NOISE,) if case.arguments[1] == "4" else ()
+
+    monkeypatch.setattr(run, "tried", tried)
+    monkeypatch.setattr(run, "drawn", lambda kind, number, of: cases[: 3 + of % 1000])
+    wish = run.Wish(60.0, 5, (Kind.TABLE,), None, tmp_path / "log")
+    assert run.campaign(wish, 1).codes.total() == 5
+    assert run.campaign(replace(wish, inputs=7), 1).codes.total() == 2
+    assert tries == [case.name for case in cases[:7]]
+    found = run.found_in(run.logged(wish.log))
+    assert (found.codes, found.faults) == ({(Kind.TABLE, 0): 7}, {Fault.NOISE: 1})
 
 
 def test_a_verdict_that_changes_with_a_word_is_no_silence() -> None:
