@@ -248,11 +248,15 @@ def read_bytes(path: Path, what: str) -> bytes:
             )
         if path.stat().st_size > LARGEST_BYTES:
             raise UsageError(
-                f"{path} is too large to be {what} ({LARGEST_BYTES >> 20} MiB at most)"
+                f"{path} is too large to be {what} ({LARGEST_BYTES >> 20} MiB at most)",
+                hint="Is it a file of tracks? Save the tracks alone.",
             )
         return path.read_bytes()
     except OSError as problem:
-        raise UsageError(f"can't read {path}: {problem.strerror}") from problem
+        raise UsageError(
+            f"can't read {path}: {problem.strerror}",
+            hint="Check its path, and that you may read it.",
+        ) from problem
 
 
 def root_of(data: bytes, path: Path, what: str) -> Element:
@@ -306,9 +310,15 @@ def read_member(path: Path, suffix: str, what: str) -> bytes:
             hint="Is it cut off? Save it anew from the program that made it.",
         ) from problem
     except NotImplementedError as problem:
-        raise UsageError(f"{path} is packed in a way that can't be read: {problem}") from problem
+        raise UsageError(
+            f"{path} is packed in a way that can't be read: {problem}",
+            hint="Unpack it and name the file inside.",
+        ) from problem
     if len(data) > LARGEST_BYTES:
-        raise UsageError(f"{inside[0].filename} in {path} is too large ({LARGEST_BYTES >> 20} MiB)")
+        raise UsageError(
+            f"{inside[0].filename} in {path} is too large ({LARGEST_BYTES >> 20} MiB)",
+            hint="Is it a file of tracks? Save it anew from the program that made it.",
+        )
     return data
 
 

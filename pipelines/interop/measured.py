@@ -192,7 +192,7 @@ def read_tracks(path: Path, columns: Mapping[str, str] | None = None) -> Externa
     said = columns or {}
     suffix = path.suffix.lower()
     if not path.exists():
-        raise UsageError(f"there is no file {path}")
+        raise UsageError(f"there is no file {path}", hint="Check its path.")
     if suffix in (".trk", ".trz"):
         return read_trk(path)
     if suffix == ".kva":

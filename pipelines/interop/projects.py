@@ -181,7 +181,10 @@ def _plane_of_axes(root: Element, sticks: list[float], path: Path) -> PlaneOfMot
     try:
         unit_m = parse_quantity(f"1 {_text(root, 'length_unit') or 'm'}", "m")
     except UsageError as problem:
-        raise UsageError(f"{path}: {problem.message}") from problem
+        raise UsageError(
+            f"{path}: {problem.message}",
+            hint="Set the unit of length in Tracker's clip settings to m, cm or mm.",
+        ) from problem
     longest = max(sticks, default=0.0)
     clicked = math.sqrt(2.0) * CLICKED_STD_PX / longest if longest > 0.0 else 0.0
     return PlaneOfMotion(
@@ -384,7 +387,8 @@ def _plane_of_grid(
         return None
     origin = numbers(text_of(line if line is not None else quad, "Origin"), 2)  # type: ignore[arg-type]
     middle = np.median(np.vstack([track.px for track in tracks]), axis=0)
-    zero = middle if origin is None or line is None else np.array(origin) - CORNER_PX
+    placed = origin is not None and bool(np.isfinite(origin).all()) and line is not None
+    zero = np.array(origin) - CORNER_PX if placed else middle
     if line is not None:
         per_m, spread = _line_scale(line, unit_m)
         if per_m is None:

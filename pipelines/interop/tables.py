@@ -277,7 +277,10 @@ def read_table_of_tracks(path: Path, said: Mapping[str, str]) -> ExternalTracks:
     text = _decoded(read_bytes(path, "a table of tracks"))
     lines = [line for line in text.splitlines() if line.strip()]
     if not lines:
-        raise UsageError(f"{path} is empty")
+        raise UsageError(
+            f"{path} is empty",
+            hint="Export the tracks anew: a line of heads and a row for each mark.",
+        )
     for recognises, read in _READERS:
         if recognises(lines):
             return read(lines, path, said)
@@ -338,7 +341,10 @@ def is_of_a_program(path: Path) -> bool:
         with path.open("rb") as file:
             head = file.read(_HEAD_BYTES)
     except OSError as problem:
-        raise UsageError(f"can't read {path}: {problem.strerror}") from problem
+        raise UsageError(
+            f"can't read {path}: {problem.strerror}",
+            hint="Check its path, and that you may read it.",
+        ) from problem
     lines = [line for line in _decoded(head).splitlines() if line.strip()]
     if not lines:
         return False
@@ -430,7 +436,9 @@ def _sheet(path: Path) -> pd.DataFrame:
         table = pd.read_excel(path)
     # openpyxl raises whatever its parser came upon in a broken file
     except Exception as problem:
-        raise UsageError(f"{path} is no spreadsheet: {problem}") from problem
+        raise UsageError(
+            f"{path} is no spreadsheet: {problem}", hint="Save it anew as .xlsx, or as .csv."
+        ) from problem
     table.columns = [str(name).strip() for name in table.columns]
     return _with_point_decimals(table.dropna(how="all"))
 
@@ -502,7 +510,11 @@ def _found(
 ) -> ExternalTracks:
     marked = tuple(track for track in tracks if len(track))
     if not marked:
-        raise UsageError(f"{path} holds no row with a time and a place")
+        raise UsageError(
+            f"{path} holds no row with a time and a place",
+            hint="Export the tracks with a column of times or pictures and two of places;"
+            " --columns says which is which.",
+        )
     return ExternalTracks(path, program, marked, fps=_rate(marked), plane=plane, notes=tuple(notes))
 
 
@@ -609,6 +621,22 @@ def _metre(said: Mapping[str, str]) -> float:
     return parse_quantity(f"1 {said.get('unit', 'm')}", "m")
 
 
+def _clock_s(text: str) -> float:
+    """Seconds of ``7.25``, or of Kinovea's ``1:07.25`` from the first minute on.
+
+    Raises
+    ------
+    ValueError
+        For anything else: in ``0:00:07:25`` the last may be hundredths or pictures.
+    """
+    *minutes, seconds = text.split(":")
+    if len(minutes) > 2:
+        raise ValueError(text)
+    return float(seconds) + sum(
+        60.0**power * int(part) for power, part in enumerate(reversed(minutes), start=1)
+    )
+
+
 def _kinovea_text(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> ExternalTracks:
     """Kinovea's Export to spreadsheet > Gnuplot: blocks of ``t x y``, y up."""
     blocks: list[tuple[str, list[list[float]]]] = [("track 1", [])]
@@ -621,9 +649,13 @@ def _kinovea_text(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> 
             continue
         parts = line.replace(",", ".").split()
         try:
-            blocks[-1][1].append([float(part) for part in parts[:3]])
+            blocks[-1][1].append([_clock_s(parts[0]), *map(float, parts[1:3])])
         except ValueError as problem:
-            raise UsageError(f"{path}: {line.strip()!r} is no row of T X Y") from problem
+            raise UsageError(
+                f"{path}: {line.strip()!r} is no row of T X Y",
+                hint="In Kinovea's preferences choose times in seconds and export as text again, or"
+                " take the line out.",
+            ) from problem
     unit = said.get("unit", "px")
     in_px = unit.lower() in ("px", "pixel", "pixels")
     plane = None if in_px else _table_plane()
@@ -643,7 +675,10 @@ def _deeplabcut(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> Ex
     mark = _separator(lines[0])
     rows = next((k for k, line in enumerate(lines[:5]) if line.startswith("coords")), None)
     if rows is None:
-        raise UsageError(f"{path} has no line `coords`, which DeepLabCut writes")
+        raise UsageError(
+            f"{path} has no line `coords`, which DeepLabCut writes",
+            hint="Give the CSV file that analyze_videos writes, with its three lines of heads.",
+        )
     heads = [line.split(mark) for line in lines[1 : rows + 1]]
     table = _numbers_of(lines[rows + 1 :], mark, path)
     columns: dict[str, dict[str, int]] = {}
@@ -667,7 +702,10 @@ def _numbers_of(lines: Sequence[str], mark: str, path: Path) -> FloatArray:
     try:
         table = pd.read_csv(io.StringIO("\n".join(lines)), sep=mark, header=None)
     except (ValueError, pd.errors.ParserError) as problem:
-        raise UsageError(f"{path} is cut off or no table: {problem}") from problem
+        raise UsageError(
+            f"{path} is cut off or no table: {problem}",
+            hint="Save it anew from the program that made it.",
+        ) from problem
     return np.asarray(table.apply(pd.to_numeric, errors="coerce"), dtype=float)
 
 
@@ -716,9 +754,15 @@ def _sleap_h5(path: Path) -> ExternalTracks:
                 for key in ("track_names", "node_names")
             ]
     except OSError as problem:
-        raise UsageError(f"{path} is no whole HDF5 file: {problem}") from problem
+        raise UsageError(
+            f"{path} is no whole HDF5 file: {problem}",
+            hint="Export it anew: sleap-convert --format analysis.",
+        ) from problem
     if places.ndim != 4 or places.shape[1] != 2:
-        raise UsageError(f"{path}: `tracks` is not (animals, 2, nodes, pictures)")
+        raise UsageError(
+            f"{path}: `tracks` is not (animals, 2, nodes, pictures)",
+            hint="Export it anew: sleap-convert --format analysis.",
+        )
     frame = np.arange(places.shape[3], dtype=float)
     tracks = []
     for animal, per_node in enumerate(places):

@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import re
 import zipfile
 from pathlib import Path
 
@@ -170,6 +171,18 @@ def test_kinovea_annotations_of_later_versions_carry_a_radius(tmp_path) -> None:
     assert track.name == "balle"
     assert track.frame.tolist() == [2, 3, 5]
     assert track.px.tolist() == [[100.0, 200.0], [150.0, 190.0], [200.0, 185.0]]
+
+
+def test_kinovea_annotations_without_an_origin_keep_their_scale(tmp_path) -> None:
+    path = tmp_path / "a.kva"
+    found = re.search(r"<Origin>.*?</Origin>", KVA)
+    assert found is not None
+    path.write_text(KVA)
+    scale = read_tracks(path).plane.px_per_m
+    path.write_text(KVA.replace(found.group(), "<Origin>NaN;NaN</Origin>"))
+    plane = read_tracks(path).plane
+    assert plane.px_per_m == scale
+    assert np.isfinite(plane.origin_px).all()
 
 
 @pytest.mark.parametrize("mark", ["100.5;200.5;1e300", "nan;200.5;2048", "1;2;inf"])

@@ -77,6 +77,14 @@ def test_kinovea_text_with_decimal_commas(written) -> None:
     assert in_px.notes
 
 
+def test_kinovea_text_beyond_a_minute_counts_minutes(written) -> None:
+    path = written("a.txt", KINOVEA.replace("0.008", "1:00.008").replace("0.016", "2:01:00.016"))
+    assert read_tracks(path).tracks[0].time_s.tolist() == pytest.approx([0.0, 60.008, 7260.016])
+    with pytest.raises(UsageError, match="no row of T X Y") as refused:
+        read_tracks(written("b.txt", KINOVEA.replace("0.008", "0:00:00:01")))
+    assert "times in seconds" in refused.value.hint
+
+
 def test_tracker_text(written) -> None:
     external = read_tracks(written("a.txt", TRACKER))
     assert external.program is Program.TRACKER
