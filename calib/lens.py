@@ -656,7 +656,10 @@ def read_lens_yaml(path: Path) -> LensPrior:
     coefficients = np.zeros(0) if bent is None else _numbers(table, "distortion_coefficients", path)
     assert coefficients is not None
     if coefficients.size > 8 and np.any(coefficients[8:]):
-        raise SetupError(f"{path}: thin-prism and tilted-sensor coefficients are not known here")
+        raise SetupError(
+            f"{path}: thin-prism and tilted-sensor coefficients are not known here",
+            hint="Calibrate the lens again with at most eight: k1 k2 p1 p2 k3 k4 k5 k6.",
+        )
     try:
         width, height = (int(table[f"image_{name}"]) for name in ("width", "height"))
     except (KeyError, TypeError, ValueError) as problem:
@@ -667,23 +670,35 @@ def read_lens_yaml(path: Path) -> LensPrior:
     fx, _, cx, _, fy, cy = camera.ravel()[:6]
     lens = Lens(width, height, fx, fy, cx, cy, *coefficients[:8].tolist())
     if width < 1 or height < 1 or fx <= 0.0 or fy <= 0.0:
-        raise SetupError(f"{path}: a picture or a focal length is not positive")
+        raise SetupError(
+            f"{path}: a picture or a focal length is not positive",
+            hint="Image sizes are counted in px, focal lengths in px, both above zero.",
+        )
     return LensPrior(lens, np.maximum(_std(table, lens, path), FLOOR))
 
 
 def _document(path: Path) -> dict[str, Any]:
     try:
         if path.stat().st_size > _LARGEST:
-            raise SetupError(f"{path} is too large for a lens file")
+            raise SetupError(
+                f"{path} is too large for a lens file",
+                hint="A lens file holds some twenty numbers; is it another file?",
+            )
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as problem:
-        raise SetupError(f"can't read the lens file {path}: {problem}") from problem
+        raise SetupError(
+            f"can't read the lens file {path}: {problem}",
+            hint="Name the file that `vision calibrate`, OpenCV or ROS wrote.",
+        ) from problem
     # OpenCV's "%YAML:1.0" is no directive of YAML
     text = re.sub(r"\A%YAML[^\n]*\n", "", text.lstrip("\ufeff"))
     try:
         table = yaml.load(text, Loader=_Loader)
     except (yaml.YAMLError, ValueError, RecursionError) as problem:
-        raise SetupError(f"{path} is no YAML: {problem}") from problem
+        raise SetupError(
+            f"{path} is no YAML: {problem}",
+            hint="Save it anew: it is TOML from `vision calibrate`, or YAML from OpenCV or ROS.",
+        ) from problem
     if not isinstance(table, dict):
         raise SetupError(f"{path} is no lens file", hint="It holds no table of names.")
     return table
@@ -700,13 +715,22 @@ def _numbers(table: dict[str, Any], name: str, path: Path) -> FloatArray | None:
     # two levels and no more: references of YAML within references unfold without end
     flat = [one for row in rows for one in (row if isinstance(row, list) else [row])]
     if len(flat) > _MOST_NUMBERS or any(isinstance(one, list | dict) for one in flat):
-        raise SetupError(f"{path}: {name} is no matrix of a lens")
+        raise SetupError(
+            f"{path}: {name} is no matrix of a lens",
+            hint="Write a row of numbers, or rows of three, as OpenCV and ROS do.",
+        )
     try:
         values = np.array([float(one) for one in flat])
     except (TypeError, ValueError) as problem:
-        raise SetupError(f"{path}: {name} is no matrix of numbers") from problem
+        raise SetupError(
+            f"{path}: {name} is no matrix of numbers",
+            hint="Write a row of numbers, or rows of three, as OpenCV and ROS do.",
+        ) from problem
     if not np.isfinite(values).all():
-        raise SetupError(f"{path}: {name} is not finite")
+        raise SetupError(
+            f"{path}: {name} is not finite",
+            hint="Calibrate the lens again: an entry is nan or inf.",
+        )
     return values
 
 

@@ -104,9 +104,15 @@ def parse_toml(text: str, name: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except RecursionError as problem:
-        raise SetupError(f"{name} is not valid TOML: lists in lists without end") from problem
+        raise SetupError(
+            f"{name} is not valid TOML: lists in lists without end",
+            hint="Write one list of numbers for a key.",
+        ) from problem
     except ValueError as problem:
-        raise SetupError(f"{name} is not valid TOML: {_in_short(str(problem))}") from problem
+        raise SetupError(
+            f"{name} is not valid TOML: {_in_short(str(problem))}",
+            hint='A line reads key = value, with texts in quotes: diameter = "0.2 m".',
+        ) from problem
 
 
 _NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS})

@@ -250,7 +250,10 @@ def minimise(
             max_nfev=most_evaluations,
         )
     except ValueError as problem:
-        raise NoFitError("what was measured is not what this model can fit") from problem
+        raise NoFitError(
+            "what was measured is not what this model can fit",
+            hint="Look at the overlay: is what was followed the thing that was meant?",
+        ) from problem
     jacobian = np.asarray(found.jac, dtype=float)
     return Optimum(np.asarray(found.x), np.asarray(found.fun), jacobian, float(found.cost))
 

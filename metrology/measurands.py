@@ -224,7 +224,9 @@ def _value_and_std(value: str, spread: str, unit: str, text: str) -> tuple[float
         # a difference: where a unit has another zero (degC), that zero drops out
         std = size * (parse_quantity(f"1 {step}", unit) - parse_quantity(f"0 {step}", unit))
     if not std >= 0:
-        raise UnitError(f"the uncertainty in {text!r} is negative")
+        raise UnitError(
+            f"the uncertainty in {text!r} is negative", hint="Write it as 1.2 m ± 0.1 m."
+        )
     return number, _finite(std, text, unit)
 
 

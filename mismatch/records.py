@@ -81,7 +81,8 @@ class ContactTable:
     def __post_init__(self) -> None:
         if self.impact_speed.size < 2 or np.any(np.diff(self.impact_speed) <= 0.0):
             raise SetupError(
-                "a contact_outcome table needs at least two rows with increasing impact_speed"
+                "a contact_outcome table needs at least two rows with increasing impact_speed",
+                hint="Give two impact speeds or more, the lowest first.",
             )
         from scipy.interpolate import CubicSpline
 
@@ -259,7 +260,10 @@ class CampaignRecords:
 
     def __post_init__(self) -> None:
         if not self.trials:
-            raise TooLittleDataError("there is no trial in the data")
+            raise TooLittleDataError(
+                "there is no trial in the data",
+                hint="Name trials in the column trial, and fill their rows.",
+            )
 
     @property
     def channels(self) -> tuple[int, ...]:

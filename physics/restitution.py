@@ -220,7 +220,10 @@ class ExpressionCor:
 
     def __post_init__(self) -> None:
         if len(self.text) > _LONGEST_TEXT:
-            raise UsageError(f"a law of restitution of {len(self.text)} characters is too long")
+            raise UsageError(
+                f"a law of restitution of {len(self.text)} characters is too long",
+                hint="Write it shorter; numbers of six digits do.",
+            )
         try:
             tree = ast.parse(self.text.strip().replace("^", "**"), mode="eval").body
         except (SyntaxError, ValueError, MemoryError, RecursionError) as problem:

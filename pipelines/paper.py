@@ -1256,7 +1256,10 @@ def draw_figures(folder: Path, only: tuple[str, ...] = ()) -> tuple[Path, ...]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
-        raise UsageError(f"can't make the folder {folder}: {problem.strerror}") from problem
+        raise UsageError(
+            f"can't make the folder {folder}: {problem.strerror}",
+            hint="Name a folder that you may write to.",
+        ) from problem
     files = []
     for number, (painter, balls) in FIGURES.items():
         if only and number not in only:
@@ -1535,7 +1538,10 @@ def filled(text: str, parts: dict[str, str]) -> str:
         pattern = re.compile(f"(<!-- {name}:begin -->).*?(<!-- {name}:end -->)", re.DOTALL)
         found = pattern.search(text)
         if found is None:
-            raise UsageError(f"the page has no place for {name!r}")
+            raise UsageError(
+                f"the page has no place for {name!r}",
+                hint=f"It must hold <!-- {name}:begin --> and <!-- {name}:end -->.",
+            )
         begin, end = (f"<!-- {name}:{edge} -->" for edge in ("begin", "end"))
         text = "".join((text[: found.start()], begin, "\n", part, "\n", end, text[found.end() :]))
     return text

@@ -281,7 +281,9 @@ def render_command(
     if noise not in NOISE:
         raise UsageError(f"--noise {noise!r} is not known", hint=f"One of {', '.join(NOISE)}.")
     if bitrate is not None and not bitrate > 0:
-        raise UsageError(f"--bitrate {bitrate:g} is not above zero")
+        raise UsageError(
+            f"--bitrate {bitrate:g} is not above zero", hint="Write it in bit/s, as 2000000."
+        )
     options = RenderOptions(
         backswing=angle_of(backswing),
         ball=ball,
@@ -303,7 +305,10 @@ def render_command(
         roll=angle_of(roll),
     )
     if not out.absolute().parent.is_dir():
-        raise UsageError(f"can't write {out}: there is no folder {out.parent}")
+        raise UsageError(
+            f"can't write {out}: there is no folder {out.parent}",
+            hint="Make the folder first, or name another.",
+        )
     scene, shot = planned_scene(setup_or_default(setup), options)
     _filmed(scene, shot, out, quiet)
     if not quiet:

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from bench.house.__main__ import FORMATS, modules, string_decisions
+from metrology import errors
 
 ROOT = Path(__file__).parents[1]
 ROOMS = (
@@ -149,3 +150,28 @@ def test_no_two_classes_share_a_name() -> None:
             if isinstance(node, ast.ClassDef):
                 found.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
     assert {name: paths for name, paths in found.items() if len(paths) > 1} == {}
+
+
+REFUSALS = {name for name in errors.__all__ if name not in ("DomainError", "TooLittleDataError")}
+"""Those two hand on the bounds that were missed."""
+
+
+def _without_advice(path: Path) -> list[str]:
+    """Refusals that say what is wrong in words of their own, and not what to do."""
+    found = []
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name)):
+            continue
+        own = bool(node.args) and isinstance(node.args[0], ast.Constant | ast.JoinedStr)
+        # `…: {quantity.reason}` hands on words that say it already
+        handed_on = bool(node.args) and ast.unparse(node.args[0]).rstrip("'\"").endswith(".reason}")
+        silent = all(keyword.arg != "hint" for keyword in node.keywords) and len(node.args) == 1
+        if node.func.id in REFUSALS and own and silent and not handed_on:
+            found.append(f"{path.relative_to(ROOT)}:{node.lineno}")
+    return found
+
+
+@pytest.mark.parametrize("room", ["metrology", "calib", "pipelines"])
+def test_whoever_is_refused_learns_what_to_do(room: str) -> None:
+    told = [one for path in (ROOT / room).rglob("*.py") for one in _without_advice(path)]
+    assert told == []

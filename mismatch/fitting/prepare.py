@@ -85,7 +85,10 @@ def choose_mode(records: Records, baseline: Baseline) -> Mode:
     if has_ball:
         return "flight"
     if not records.pendulum_used.any():
-        raise TooLittleDataError("there are no finite positions or angles in the data")
+        raise TooLittleDataError(
+            "there are no finite positions or angles in the data",
+            hint="Fill x_m and y_m, or phi_rad, with numbers.",
+        )
     if np.isfinite(records.launch_angle).any():
         # A pendulum that struck a ball does not swing freely.
         raise TooLittleDataError(

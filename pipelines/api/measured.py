@@ -377,7 +377,10 @@ def render(
         raise UsageError(f"noise {noise!r} is not known", hint=f"One of {', '.join(NOISE)}.")
     out = Path(path)
     if not out.absolute().parent.is_dir():
-        raise UsageError(f"can't write {out}: there is no folder {out.parent}")
+        raise UsageError(
+            f"can't write {out}: there is no folder {out.parent}",
+            hint="Make the folder first, or name another.",
+        )
     text = size if isinstance(size, str) else f"{size[0]}x{size[1]}"
     options = RenderOptions(
         backswing=angle_of(str(backswing)),

@@ -464,7 +464,9 @@ def _on_terminal(session: Session, given: frozenset[str]) -> None:
     out = session.answers.out
     doubt = f"{out} is there already. Replace it?" if out.exists() else f"Write {out}?"
     if ask(doubt, "yes").strip().lower() not in ("y", "yes"):
-        raise UsageError("nothing was written, as you say")
+        raise UsageError(
+            "nothing was written, as you say", hint="Give the command again to write it."
+        )
     _write(session)
 
 

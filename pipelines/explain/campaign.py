@@ -92,7 +92,7 @@ def _checked(sheet: Sheet, needed: tuple[str, ...]) -> tuple[pd.DataFrame, list[
             hint="See the input of `vision explain`: trial, t_s and at least one of x_m, y_m, z_m.",
         )
     if table.empty:
-        raise UsageError(f"{what} has a header but no rows")
+        raise UsageError(f"{what} has a header but no rows", hint="Write one row for each sample.")
     for name in NUMBERS:
         if name in table.columns:
             positive = name.endswith("_std")
@@ -257,7 +257,10 @@ def load_campaign(
         If no row of the ball's file is usable.
     """
     if ball_csv is None and pendulum_csv is None:
-        raise UsageError("there is neither a ball's nor a pendulum's file to explain")
+        raise UsageError(
+            "there is neither a ball's nor a pendulum's file to explain",
+            hint="Give a table of the ball (BALL.csv), of the pendulum (--pendulum), or clips.",
+        )
     balls: dict[str, pd.DataFrame] = {}
     swings: dict[str, pd.DataFrame] = {}
     notes: list[str] = []
@@ -562,7 +565,7 @@ def _first(table: pd.DataFrame, names: Sequence[str]) -> str | None:
 
 def _without_doubles(table: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
     if table.empty:
-        raise UsageError("the table has a header but no rows")
+        raise UsageError("the table has a header but no rows", hint="Write one row for each trial.")
     doubled = table.duplicated()
     if int(doubled.sum()):
         notes.append(f"{int(doubled.sum())} rows are given twice; left out")

@@ -108,7 +108,10 @@ def swing_rows(table: pd.DataFrame, name: str) -> pd.DataFrame:
     parts = []
     for trial, swing in _trials(table, name, "pendulum"):
         if "phi_rad" not in swing or swing["phi_rad"].isna().all():
-            raise UsageError(f"{name}: the pendulum has no angles (phi_rad)")
+            raise UsageError(
+                f"{name}: the pendulum has no angles (phi_rad)",
+                hint="Measure the clip with --tracks: it writes phi_rad where a swing is seen.",
+            )
         touched = _touched(_of(table, trial, "ball"))
         parts.append(swing if touched is None else swing[swing["t_s"] < touched])
     return pd.concat(parts, ignore_index=True)
@@ -118,7 +121,10 @@ def _trials(table: pd.DataFrame, name: str, kind: str) -> list[tuple[str, pd.Dat
     named = table if "trial" in table else table.assign(trial=name)
     mine = named[named["object"] == kind].sort_values(["trial", "t_s"], kind="stable")
     if mine.empty:
-        raise UsageError(f"{name} holds no rows of a {kind}")
+        raise UsageError(
+            f"{name} holds no rows of a {kind}",
+            hint="The column object says what a row is of: ball or pendulum.",
+        )
     return [(str(trial), part) for trial, part in mine.groupby("trial", sort=False)]
 
 
@@ -179,7 +185,10 @@ def _flight(ball: pd.DataFrame, trial: str, rest_height: float) -> pd.DataFrame:
     place = moving[["x_m", "y_m"]].to_numpy(float)
     first, end = _free_stretch(time, place)
     if end - first < LEAST_ROWS:
-        raise UsageError(f"trial {trial}: no free flight is in this track")
+        raise UsageError(
+            f"trial {trial}: no free flight is in this track",
+            hint="The ball must fly through ten frames or more; look at the overlay.",
+        )
     flight = moving.iloc[first:end].copy()
     forward = 1.0 if place[end - 1, 0] >= place[first, 0] else -1.0
     start = place[first]

@@ -155,6 +155,7 @@ def numbers_of(
     found = np.where(endless, np.nan, found)
     if positive:
         low = written & (found <= 0.0)
+        _refuse_exact(table, column, what, low, written)
         _note(table, column, what, low, "not above zero", notes)
         found = np.where(low, np.nan, found)
     return np.asarray(found, dtype=np.float64)
@@ -170,6 +171,21 @@ def _refuse_most(
         f"{what}: the column {column} holds no numbers: row {first + 1} is"
         f" {_shown(table[column].iloc[first])}",
         hint="Numbers without units, with a point as decimal mark, are expected.",
+    )
+
+
+def _refuse_exact(
+    table: pd.DataFrame, column: str, what: str, low: np.ndarray, written: np.ndarray
+) -> None:
+    """A column of noughts says that all is exact, which is another thing than not known."""
+    if 2 * int(low.sum()) <= int(written.sum()) or not low.any():
+        return
+    first = int(np.flatnonzero(low)[0])
+    raise UsageError(
+        f"{what}: nothing is known exactly, but {int(low.sum())} of {int(written.sum())} numbers of"
+        f" {column} are not above zero (row {first + 1}: {_shown(table[column].iloc[first])})",
+        hint="Write a standard uncertainty, or leave the column away where none is known: the"
+        " scatter of the table itself then says how far to trust it.",
     )
 
 

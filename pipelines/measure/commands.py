@@ -250,7 +250,9 @@ class Folder:
             self._rows = _read_rows(self.table)
             self._made: dict[str, str] = json.loads(_text(self._ledger) or "{}")
         except (OSError, ValueError, csv.Error) as problem:
-            raise UsageError(f"can't use the folder {out}: {problem}") from problem
+            raise UsageError(
+                f"can't use the folder {out}: {problem}", hint="Name an empty folder with --out."
+            ) from problem
 
     def holds(self, clip: Path, digest: str) -> bool:
         """Whether the clip was measured before, from the same file and with the same options."""
@@ -533,7 +535,10 @@ def demo_command(
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
-        raise UsageError(f"can't make the folder {out}: {problem.strerror}") from problem
+        raise UsageError(
+            f"can't make the folder {out}: {problem.strerror}",
+            hint="Name a folder that you may write to.",
+        ) from problem
     wanted = WantedFiles(
         csv=out / "results.csv",
         json=str(out / "results.json"),

@@ -528,7 +528,10 @@ def landing_seen(tracks: MetricTracks, inputs: Inputs, lands_at: float) -> Landi
     falling = _Piece.fit(tracks, before, lands_at, inputs)
     touch = falling.reaches(floor)
     if touch is None:
-        raise NotFoundError("the path just before the landing does not reach the floor")
+        raise NotFoundError(
+            "the path just before the landing does not reach the floor",
+            hint="Film until the ball has touched the floor.",
+        )
     elapsed, x = touch
     found = LandingSeen(
         lands_at + elapsed,

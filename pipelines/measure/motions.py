@@ -719,7 +719,10 @@ def fit_free_swing(time: FloatArray, place: FloatArray, std: FloatArray) -> Free
     amplitude = math.hypot(found.cosine, found.sine)
     off = float(np.median(np.abs(model(fitted.values) - along)))
     if found.turns <= 0 or off > _MOST_MISFIT * amplitude:
-        raise NotFoundError("what comes and goes does not swing freely: no damped swing fits it")
+        raise NotFoundError(
+            "what comes and goes does not swing freely: no damped swing fits it",
+            hint="Film several swings without a touch, or say what is to be measured.",
+        )
     if found.turns < LEAST_PERIODS:
         raise TooLittleDataError(
             f"only {found.turns:.2f} of a full swing is in view", hint="Film a whole swing."

@@ -260,7 +260,10 @@ def _ball_law(name: str, table: _BallTable, path: Path) -> BallLaw:
     where = f"{path}: balls.{name}"
     low, high = table.speeds
     if not 0.0 < low <= high:
-        raise SetupError(f"{where}: speeds {low:g} to {high:g} m/s are no range")
+        raise SetupError(
+            f"{where}: speeds {low:g} to {high:g} m/s are no range",
+            hint="Write speeds = [lowest, highest], both above zero.",
+        )
     tables = (table, *table.other_laws)
     total = sum(one.probability for one in tables)
     if abs(total - 1.0) > _SUMS_TO_ONE:
@@ -273,7 +276,7 @@ def _ball_law(name: str, table: _BallTable, path: Path) -> BallLaw:
     try:
         law.law(low), law.law(high)
     except UsageError as problem:
-        raise SetupError(f"{where}: {problem.message}") from problem
+        raise SetupError(f"{where}: {problem.message}", hint=problem.hint) from problem
     return law
 
 
@@ -282,16 +285,23 @@ def _fitted_law(table: _LawTable, where: str) -> FittedLaw:
     if set(table.parameters) != set(wanted):
         raise SetupError(
             f"{where}: the {table.law.value} law has the parameters"
-            f" {', '.join(wanted)}, not {', '.join(table.parameters)}"
+            f" {', '.join(wanted)}, not {', '.join(table.parameters)}",
+            hint="Take the file as `vision campaign` wrote it, or name every parameter of the law.",
         )
     size = len(wanted)
     if [len(row) for row in table.covariance] != [size] * size:
-        raise SetupError(f"{where}: the covariance is not {size} by {size}")
+        raise SetupError(
+            f"{where}: the covariance is not {size} by {size}",
+            hint="Write a row and a column for each parameter.",
+        )
     covariance = np.array(table.covariance)
     scale = float(np.abs(covariance).max()) or 1.0
     lowest = float(np.linalg.eigvalsh(0.5 * (covariance + covariance.T)).min())
     if np.abs(covariance - covariance.T).max() > 1e-9 * scale or lowest < -1e-9 * scale:
-        raise SetupError(f"{where}: the covariance is no covariance")
+        raise SetupError(
+            f"{where}: the covariance is no covariance",
+            hint="It must be symmetric, with no variance below zero.",
+        )
     return FittedLaw(table.law, table.parameters, covariance, table.probability)
 
 

@@ -260,12 +260,18 @@ def _model(table: ModelTable) -> ModelSetup:
     known = (GRAVITY_EFFECT, *CATALOGUE)
     for name in table.effects:
         if name not in known:
-            raise SetupError(f"[model] effects: there is no effect {name!r}{nearest(name, known)}")
+            raise SetupError(
+                f"[model] effects: there is no effect {name!r}{nearest(name, known)}",
+                hint=f"Effects are {', '.join(known)}.",
+            )
     parameters: dict[str, dict[str, float]] = {}
     stds: dict[str, dict[str, float]] = {}
     for effect, values in (table.model_extra or {}).items():
         if effect not in CATALOGUE:
-            raise SetupError(f"there is no key 'model.{effect}'{nearest(effect, CATALOGUE)}")
+            raise SetupError(
+                f"there is no key 'model.{effect}'{nearest(effect, CATALOGUE)}",
+                hint=f"Tables below [model] are named after effects: {', '.join(CATALOGUE)}.",
+            )
         if not isinstance(values, dict):
             raise SetupError(
                 f"[model] {effect} is not a table of numbers",

@@ -239,7 +239,10 @@ def read_parameter(effect: str, key: str, typed: Any) -> Given:
     """
     known: dict[str, Parameter] = {p.name: p for e in CATALOGUE[effect] for p in e.parameters}
     if key not in known:
-        raise SetupError(f"there is no key 'model.{effect}.{key}'{nearest(key, known)}")
+        raise SetupError(
+            f"there is no key 'model.{effect}.{key}'{nearest(key, known)}",
+            hint=f"It has {', '.join(known)}.",
+        )
     p = known[key]
     size = LARGEST_SIZE[p.in_units_of]
     lower, upper = size * p.lower, size * p.upper
@@ -614,7 +617,9 @@ def changed(document: Mapping[str, Any], keys: Mapping[str, Any]) -> dict[str, A
         for name in tables:
             here = here.setdefault(name, {})
             if not isinstance(here, dict):
-                raise SetupError(f"{dotted}: {name!r} is no table")
+                raise SetupError(
+                    f"{dotted}: {name!r} is no table", hint="A key reads TABLE.NAME, as ball.mass."
+                )
         if value is None:
             here.pop(last, None)
         else:

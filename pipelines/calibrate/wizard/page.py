@@ -745,7 +745,10 @@ def _corner_fields(page: "WizardPage") -> None:
 
         def changed(answers: Answers) -> Answers:
             if not (str(across.value).isdecimal() and str(up.value).isdecimal()):
-                raise UsageError("the squares between the handles are counted in whole numbers")
+                raise UsageError(
+                    "the squares between the handles are counted in whole numbers",
+                    hint="Write how many squares lie between them, as 6.",
+                )
             squares = (int(across.value), int(up.value))
             return with_corners(replace(answers, corners=corners, squares=squares))
 

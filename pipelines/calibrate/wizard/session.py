@@ -447,7 +447,10 @@ def _ratio(found: WallGrid, scale: float) -> int:
     told = scale / float(np.sqrt(period.prod()))
     best = min(RATIOS, key=lambda ratio: abs(np.log(told / ratio)))
     if abs(np.log(told / best)) > MOST_OFF:
-        raise CalibrationError("the lines between the handles are not where the handles have them")
+        raise CalibrationError(
+            "the lines between the handles are not where the handles have them",
+            hint="Drag the handles onto crossings of the grid.",
+        )
     return best
 
 

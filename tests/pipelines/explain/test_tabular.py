@@ -91,6 +91,14 @@ def test_uncertainties_that_are_none_are_told():
     assert "2 of 4 cells of x_m_std are not above zero" in notes[1]
 
 
+@pytest.mark.parametrize("cells", [[0.0, 0.0, 0.0], ["0", "0,0", ""], [0.1, 0.0, -1.0]])
+def test_what_is_said_to_be_exact_is_refused(cells):
+    with pytest.raises(UsageError, match="nothing is known exactly") as refused:
+        numbers_of(pd.DataFrame({"x_m_std": cells}), "x_m_std", "b.csv", [], positive=True)
+    assert "b.csv" in refused.value.message
+    assert "leave the column away" in refused.value.hint
+
+
 def test_pipes_devices_and_folders_are_refused_at_once(tmp_path):
     pipe = tmp_path / "pipe.csv"
     os.mkfifo(pipe)
