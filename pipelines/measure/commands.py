@@ -329,7 +329,10 @@ def measure_all(
         if isinstance(result, ImpactVisionError):
             yield Done(job.clip, None, str(result), result)
         elif isinstance(result, WorkerDied):
-            problem = ImpactVisionError(f"{job.clip}: {result}")
+            problem = ImpactVisionError(
+                f"{job.clip}: {result}",
+                hint="Give the same command again; if it ends so again, copy the clip anew.",
+            )
             yield Done(job.clip, None, str(problem), problem)
         elif isinstance(result, Exception):
             raise result
