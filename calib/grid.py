@@ -1132,6 +1132,14 @@ def _striped(support: MapSupport) -> float:
     return float((support.coherence > COHERENT).any(axis=0).mean())
 
 
+def nothing_shown() -> CalibrationError:
+    """Refusal of a picture that is one even area, as of tracks that come without their clip."""
+    return CalibrationError(
+        "there is no picture of the wall",
+        hint="Give the clip, too, so that its wall can be calibrated, or a scale.",
+    )
+
+
 def no_grid() -> CalibrationError:
     """Refusal of a picture without any grid."""
     return CalibrationError(
@@ -1373,6 +1381,8 @@ def _lattice(gray: FloatArray) -> tuple[GridMap, NDArray[np.bool_], list[Lattice
     Fine lines folded over by the pixels make waves of their own: where the best waves make no
     squares, the next may.
     """
+    if np.ptp(gray) == 0.0:
+        raise nothing_shown()
     refusal: CalibrationError | None = None
     for grid_map, support in growths(gray):
         try:

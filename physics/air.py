@@ -389,7 +389,8 @@ def drag_curve(surface: str) -> DragCurve:
         return DRAG_CURVES[surface]
     except KeyError:
         raise DomainError(
-            f"there is no drag curve {surface!r}", hint=f"There are: {', '.join(DRAG_CURVES)}."
+            f"there is no drag curve {surface!r}",
+            hint=f"Name one of {', '.join(DRAG_CURVES)}, or give a drag coefficient such as 0.47.",
         ) from None
 
 

@@ -243,7 +243,10 @@ class ExpressionCor:
         return _checked(cast(FloatOrArray, value))
 
     def _no_value(self, speed: Number) -> NoValueError:
-        return NoValueError(f"the law of restitution {self.text!r} has no value at {speed} m/s")
+        return NoValueError(
+            f"the law of restitution {self.text!r} has no value at {speed} m/s",
+            hint="It must give a number above 0 and at most 1 at every speed that is asked for.",
+        )
 
 
 def _bad_law(text: str, why: str) -> UsageError:

@@ -1071,8 +1071,8 @@ def plan(
         _quantity("landing_distance_low_95", found.interval[0], "m", 0.0),
         _quantity("landing_distance_high_95", found.interval[1], "m", 0.0),
     ]
-    constant = ConstantCor(float(law(0.0)))
-    if not isinstance(law, ConstantCor):
+    constant = _at_rest(law)
+    if constant is not None and not isinstance(law, ConstantCor):
         quantities += _alternative(experiment, distance, constant, scatter)
     try:
         quantities += _by_contact_model(experiment, distance, law, found)
@@ -1085,6 +1085,14 @@ def _quantity(name: str, value: float, unit: str, std: float) -> Quantity:
     return Quantity.measured(
         name, value, unit, (Contribution(UncertaintySource.TRIAL_SCATTER, std),)
     )
+
+
+def _at_rest(law: CorLaw) -> ConstantCor | None:
+    """The constant COR of the paper, that of the gentlest impact; None for a power of the speed."""
+    try:
+        return ConstantCor(float(law(0.0)))
+    except DomainError:
+        return None
 
 
 def _alternative(
@@ -1154,7 +1162,10 @@ def planned_figure(experiment: Experiment, law: CorLaw, planned: Planning) -> "P
         launch = impulsive_launch(experiment, speeds, np.asarray(by(speeds)))
         return np.asarray(numerical_landing(experiment, launch).distance)
 
-    curves = {"variable COR": distances(law), "constant COR": distances(ConstantCor(law(0.0)))}
+    curves = {"variable COR": distances(law)}
+    constant = _at_rest(law)
+    if constant is not None:
+        curves["constant COR"] = distances(constant)
     relative = planned.plan.distance_std / planned.plan.distance
 
     def fitted(angle: float) -> bool:

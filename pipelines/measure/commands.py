@@ -666,7 +666,8 @@ def _require_something(measured: ClipMeasurement, path: Path) -> None:
     raise MeasurementError(
         f"nothing can be measured from {path}: {reason}",
         hint="A flight must be seen over several frames or marks, a swing from end to end. Where"
-        " something else was followed, point with --ball-at and --mass-at.",
+        " something else was followed, point with --ball-at and --mass-at; of several tracks, name"
+        ' the ball with --columns "ball=NAME".',
     )
 
 

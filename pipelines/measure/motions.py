@@ -780,6 +780,8 @@ _STEADY_SIGMAS = 4.0
 """Standard deviations between both halves of a flight: one honest flight in sixteen thousand is
 farther apart."""
 
+_OTHER_BALL = "is it the ball? (--ball-at in a clip, --columns ball=NAME among tracks)"
+
 _LEAST_SHARE = 0.6
 
 """Of the frames that a motion must explain to be called by its name: more than half, by a
@@ -1106,13 +1108,13 @@ def _steady(flight: FreeFlight, frames: int) -> Check:
             CheckKind.STEADY_FALL,
             CheckOutcome.FAILED,
             f"what was followed does not fall freely: {100 * share:.0f} % of its frames lie on one"
-            f" flight, {100 * off_by:.1f} % of its length off; point at the ball with --ball-at",
+            f" flight, {100 * off_by:.1f} % of its length off; {_OTHER_BALL}",
         )
     if flight.halves_apart > _STEADY_SIGMAS:
         return Check(
             CheckKind.STEADY_FALL,
             CheckOutcome.FAILED,
-            f"what was followed does not fall freely: {text}; point at the ball with --ball-at",
+            f"what was followed does not fall freely: {text}; {_OTHER_BALL}",
         )
     outcome = CheckOutcome.PASSED if telling else CheckOutcome.UNDECIDED
     return Check(CheckKind.STEADY_FALL, outcome, text)

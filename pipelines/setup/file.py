@@ -121,7 +121,7 @@ def setup_from_document(
     try:
         schema = SetupSchema.model_validate(document)
     except ValidationError as problem:
-        raise SetupError(_explain(problem, name)) from problem
+        raise SetupError(_explain(problem, name), hint=_advice(problem)) from problem
     try:
         return _build(schema, folder)
     except SetupError as problem:
@@ -293,10 +293,34 @@ def _explain(problem: ValidationError, name: str) -> str:
             lines.append(f"{name}: there is no key '{where}'{nearest}")
         else:
             text = error["msg"].removeprefix("Value error, ")
-            lines.append(f"{name}: {where}: {text}")
+            own = error["type"] in ("value_error", "missing")
+            typed = "" if own else f"; there stands {str(error['input'])[:40]!r}"
+            lines.append(f"{name}: {where}: {text}{typed}")
     if len(errors) > MOST_TOLD:
         lines.append(f"{name}: and {len(errors) - MOST_TOLD} more of that kind")
     return "\n".join(lines)
+
+
+_ADVICE = (
+    ("extra_forbidden", "Correct the key, or take its line out."),
+    ("missing", "Add the line."),
+    ("float", "Write a number there, without quotes."),
+    ("int", "Write a whole number there, without quotes."),
+    ("finite", "Write a number there, without quotes."),
+    ("model", "Write a table: its name in brackets, and a line for each key."),
+    ("dict", "Write a table: its name in brackets, and a line for each key."),
+    ("list", "Write a list in brackets."),
+    ("tuple", "Write a list in brackets."),
+    ("string", "Write a text in quotes there."),
+)
+"""Beginnings of pydantic's kinds of error, and what to do."""
+
+
+def _advice(problem: ValidationError) -> str:
+    """What to do about the first of the mistakes."""
+    kind = problem.errors()[0]["type"]
+    said = (advice for start, advice in _ADVICE if kind.startswith(start))
+    return next(said, "Correct the line, or take it out.")
 
 
 def _nearest_key(location: tuple[str, ...]) -> str:

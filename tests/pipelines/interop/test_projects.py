@@ -295,3 +295,15 @@ def test_marks_with_many_gaps_are_as_sure_as_clicks(tmp_path) -> None:
     ball = measure_from_tracks(path, measure_options(scale="500 px/m", fps="240")).tracks.ball
     assert np.isfinite(ball.covariance_px2).all()
     assert (np.diagonal(ball.covariance_px2, axis1=1, axis2=2) > 0.0).all()
+
+
+def test_without_a_clip_nobody_is_asked_to_light_its_wall(tmp_path) -> None:
+    frame = np.arange(30)
+    rows = [f"{k},{50.0 + 3.0 * k:.4f},{40.0 + 0.0851 * k**2:.4f}" for k in frame]
+    path = tmp_path / "a.csv"
+    path.write_text("frame,x_px,y_px\n" + "\n".join(rows) + "\n")
+    from pipelines.api.quantities import measure_options
+
+    told = " ".join(measure_from_tracks(path, measure_options(fps="240")).warnings)
+    assert "there is no picture of the wall. Give the clip, too" in told
+    assert "Light" not in told

@@ -65,6 +65,23 @@ def test_a_law_that_ends_somewhere_is_planned_with_as_far_as_it_goes() -> None:
     assert 1.0 < speed < 3.3
 
 
+def test_a_power_of_the_speed_is_planned_with_though_it_has_no_value_at_rest(
+    tmp_path: Path,
+) -> None:
+    picture = tmp_path / "plan.svg"
+    given = ["--distance", "1.5", "--cor", "0.6767*v**-0.104", "--json", "-"]
+    result = runner.invoke(app, [*given, "--plot", str(picture)])
+    assert result.exit_code == 0, result.output
+    quantities = json.loads(result.stdout)["quantities"]
+    assert "backswing_angle_constant_cor" not in quantities
+    speed = quantities["impact_speed"]["value"]
+    cor = f"{0.6767 * speed**-0.104}"
+    number = runner.invoke(app, ["--distance", "1.5", "--cor", cor, "--json", "-"])
+    same = json.loads(number.stdout)["quantities"]["impact_speed"]["value"]
+    assert same == pytest.approx(speed, rel=1e-4)
+    assert "constant COR" not in picture.read_text()
+
+
 def test_a_contact_that_cannot_be_followed_leaves_a_reason() -> None:
     result = runner.invoke(app, ["--distance", "1m", "--cor", "0.02", "--json", "-"])
     quantities = json.loads(result.stdout)["quantities"]

@@ -150,6 +150,21 @@ def test_an_unknown_key_names_the_nearest(text: str, nearest: str) -> None:
 
 
 @pytest.mark.parametrize(
+    ("text", "typed", "advice"),
+    [
+        ('[scatter]\ncor = "abc"', "'abc'", "Write a number there, without quotes."),
+        ("ball = 3", "'3'", "Write a table: its name in brackets, and a line for each key."),
+        ("[ball]\nfoo = 1", "foo", "Correct the key, or take its line out."),
+    ],
+)
+def test_a_mistake_is_shown_with_what_to_do(text: str, typed: str, advice: str) -> None:
+    with pytest.raises(SetupError) as refused:
+        read_setup(text)
+    assert typed in refused.value.message
+    assert refused.value.hint == advice
+
+
+@pytest.mark.parametrize(
     ("text", "said"),
     [
         ("[camera\n", "not valid TOML"),
