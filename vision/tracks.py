@@ -152,6 +152,15 @@ class FollowedObject:
     model: MotionModel = MotionModel.UNKNOWN
     reasons: tuple[str, ...] = ()
 
+    @property
+    def ball_at(self) -> tuple[int, int, int] | None:
+        """x, y (px) and frame at which `--ball-at` points at it: where it was seen most clearly."""
+        if len(self.track) == 0:
+            return None
+        clearest = int(np.argmax(self.track.quality))
+        x, y = np.rint(self.track.centre_px[clearest]).astype(int).tolist()
+        return x, y, int(self.track.frame[clearest])
+
 
 @dataclass(frozen=True)
 class Face:

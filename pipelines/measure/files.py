@@ -34,7 +34,7 @@ from pipelines.report import (
 from pipelines.report.inputs import quantity_label, quantity_text
 from vision.clip.clip import ClipReader
 from vision.overlay import OVERLAY_SUFFIXES, OverlayMarks, overlay_still, png_bytes
-from vision.tracks import FollowedObject, Motion
+from vision.tracks import FollowedObject, Motion, Tracks
 
 __all__ = [
     "WantedFiles",
@@ -139,6 +139,7 @@ def _other(name: str | None, thing: FollowedObject) -> dict[str, Any]:
         "reasons": list(thing.reasons),
         "frames": [int(frame[0]), int(frame[-1])] if len(frame) else None,
         "radius_px": float(np.median(thing.track.radius_px)) if len(frame) else None,
+        "ball_at": None if thing.ball_at is None else list(thing.ball_at),
     }
 
 
@@ -414,6 +415,7 @@ def report_input(measured: ClipMeasurement, clip: ClipReader | None) -> ReportIn
         warnings=measured.warnings,
         version=software_version(),
         defaults=tuple(known.in_words for known in measured.defaults),
+        seen=_seen(measured.tracks),
     )
     if clip is not None:
         base = replace(
@@ -425,6 +427,30 @@ def report_input(measured: ClipMeasurement, clip: ClipReader | None) -> ReportIn
         return base
     gap, path = _gap(measured, impact), _path(measured, impact)
     return replace(base, gap=gap, speeds=_speeds(impact), path=path)
+
+
+_LEAST_TOLD = 0.01
+"""Probability below which another kind of motion is not told: what is left to each anyway."""
+
+
+def _seen(tracks: Tracks) -> tuple[tuple[str, str], ...]:
+    """What happened and what moved, each with the reasons and how to point at it."""
+    motion = tracks.motion
+    left = [f"{kind.value} {share:.2f}" for kind, share in motion.alternatives]
+    left = left[: sum(share > _LEAST_TOLD for _, share in motion.alternatives)]
+    beside = [f"Beside it: {', '.join(left)}."] if left else []
+    lines = [
+        (f"{motion.kind.value}, probability {motion.probability:.2f}", (*motion.reasons, *beside)),
+        ("taken for the ball", tracks.reasons),
+    ]
+    named = [(f"ball_{place}", thing) for place, thing in enumerate(tracks.others, start=2)]
+    for name, thing in (*named, *(("also moves", thing) for thing in tracks.dismissed)):
+        told = (f"{thing.model.value}.", *thing.reasons)
+        if thing.ball_at is not None:
+            x, y, frame = thing.ball_at
+            told = (*told, f"If it is the ball: --ball-at {x},{y},{frame}.")
+        lines.append((name, told))
+    return tuple((name, " ".join(said)) for name, said in lines if said)
 
 
 def _gap(measured: ClipMeasurement, impact: Impact) -> GapRecord | None:

@@ -203,6 +203,8 @@ class ReportInput:
         Of the software.
     defaults : tuple of str
         What was taken because nobody said it, a line each.
+    seen : tuple of (str, str)
+        What happened, what was taken for the ball, what else moved; and what speaks for it.
     """
 
     title: str
@@ -216,6 +218,7 @@ class ReportInput:
     still_png: bytes | None = None
     version: str = ""
     defaults: tuple[str, ...] = ()
+    seen: tuple[tuple[str, str], ...] = ()
 
 
 COUNTS = frozenset({"contact_frames"})

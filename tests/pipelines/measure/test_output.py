@@ -1,11 +1,65 @@
-"""Rows for spreadsheets."""
+"""Rows for spreadsheets, and what a report tells of what was seen."""
 
+from pathlib import Path
+
+import numpy as np
 import pytest
 
-from pipelines.measure.files import harmless
+from metrology import Quantity
+from pipelines.measure.files import harmless, measurement_as_dict, report_input
+from pipelines.measure.measurement import ClipMeasurement
+from vision.clip.footage import CaptureRate, RateSource
+from vision.clip.picture import ClipInfo
+from vision.tracks import FollowedObject, Motion, MotionKind, MotionModel, Track, Tracks
 
 
 @pytest.mark.parametrize("name", ["=cmd|'/c calc'!A0.mp4", "+1.mp4", "-1.mp4", "@SUM(A1).mp4"])
 def test_a_clips_name_is_no_formula(name: str) -> None:
     row = harmless({"clip": name, "ball_speed_m_s": -1.5, "reason_cor": "a = b"})
     assert row == {"clip": f"'{name}", "ball_speed_m_s": -1.5, "reason_cor": "a = b"}
+
+
+def seen_twice() -> Tracks:
+    """A ball, a second one and a shadow, each in four frames."""
+
+    def track(x: float) -> Track:
+        variance = np.tile(0.01 * np.eye(2), (4, 1, 1))
+        place = np.column_stack([x + np.arange(4.0), np.full(4, 30.0)])
+        frame, one = np.arange(10, 14), np.ones(4)
+        clear = np.array([0.1, 0.2, 0.9, 0.3])
+        return Track(frame, frame / 30.0, place, variance, variance, 5.0 * one, 0.1 * one, clear)
+
+    motion = Motion(
+        MotionKind.FLIGHT,
+        0.7,
+        ("It flies freely.",),
+        alternatives=((MotionKind.NONE, 0.29), (MotionKind.SWING, 0.002)),
+    )
+    second = FollowedObject(track(100.0), MotionModel.ROLL, ("It is less clear.",))
+    shadow = FollowedObject(track(200.0), MotionModel.SHADOW, ("It only dims.",))
+    return Tracks(
+        track(50.0),
+        None,
+        np.zeros((60, 300), np.float32),
+        None,
+        others=(second,),
+        dismissed=(shadow,),
+        motion=motion,
+        reasons=("Its outline is whole.",),
+    )
+
+
+def test_the_report_tells_what_was_seen_why_and_how_to_point_at_another() -> None:
+    info = ClipInfo(
+        Path("a.mp4"), "0", 300, 60, 20, "h264", 30.0, True, 0.7, 0, "progressive", 8, None, False
+    )
+    rate = CaptureRate(30.0, 0.1, RateSource.OPTION)
+    missing = Quantity.missing("gravity_check", "m/s^2", "none")
+    measured = ClipMeasurement(info, rate, (), (), missing, (), (), seen_twice(), None, None, None)
+    told = dict(report_input(measured, None).seen)
+    assert told["flight, probability 0.70"] == "It flies freely. Beside it: none 0.29."
+    assert told["taken for the ball"] == "Its outline is whole."
+    # the clearest frame of each
+    assert told["ball_2"].endswith("It is less clear. If it is the ball: --ball-at 102,30,12.")
+    assert told["also moves"].startswith("shadow of another object. It only dims.")
+    assert measurement_as_dict(measured)["others"][0]["ball_at"] == [102, 30, 12]

@@ -124,3 +124,10 @@ def test_labels_of_known_and_new_quantities():
 def test_lone_values_without_uncertainty_print():
     page = report_html(ReportInput("a", (), (Quantity("energy_loss", 1.25, None, "J"),)))
     assert "1.25" in text_of(page)
+
+
+def test_what_was_seen_is_told_and_escaped(page):
+    told = (("strike, probability 0.98", "It lay still & <left>."),)
+    with_seen = report_html(replace(example(PIXEL), seen=told))
+    assert "<b>strike, probability 0.98</b>: It lay still &amp; &lt;left&gt;." in with_seen
+    assert "What was seen" not in page
