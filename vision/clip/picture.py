@@ -121,6 +121,11 @@ _UNITY = 65536
 
 """Fixed-point one of the display matrix of a container, 16.16 bits (ISO/IEC 14496-12)."""
 
+_OBLIQUE = 1e-3
+
+"""Share of the largest entry of a display matrix: over a thousand pixels less turns by less than
+one."""
+
 
 @dataclass(frozen=True)
 class Upright:
@@ -193,10 +198,11 @@ def upright_of(frame: Any, pixel_aspect: float) -> tuple[Upright, str | None]:
     if data is None:
         return Upright(stretch=pixel_aspect), None
     matrix = np.frombuffer(bytes(data), dtype=np.int32).reshape(3, 3)[:2, :2] / _UNITY
-    whole = np.round(matrix).astype(int)
-    (a, b), (c, d) = whole.tolist()
-    straight, crossed = a * d != 0 and b == c == 0, b * c != 0 and a == d == 0
-    if not (straight or crossed) or np.max(np.abs(matrix - whole)) > 1e-3:
+    # how far it enlarges matters not: unlike enlargements come as the shape of a pixel
+    large = np.abs(matrix) > _OBLIQUE * max(float(np.max(np.abs(matrix))), 1.0 / _UNITY)
+    straight, crossed = (bool(np.all(large == which)) for which in (np.eye(2), 1 - np.eye(2)))
+    (a, b), (c, d) = matrix.tolist()
+    if not (straight or crossed):
         return Upright(stretch=pixel_aspect), (
             "The file asks for its pictures to be turned by something else than a quarter turn; "
             "they are measured as they are stored."

@@ -1,5 +1,6 @@
 """What comes out of clips of every kind: the right pictures, upright, at the right times."""
 
+import struct
 import subprocess
 import sys
 from fractions import Fraction
@@ -147,6 +148,76 @@ def test_rotated_pictures_stand_upright(tmp_path, degrees):
     assert clip.info.rotation == degrees
     assert worst_difference(clip, upright) <= 1
     assert next(clip.colour_frames())[1].shape == (HEIGHT, WIDTH, 3)
+
+
+def with_matrix(path, matrix):
+    """Write a display matrix (2, 2), rows (a, b), (c, d), into the header of the clip's track."""
+    data = bytearray(path.read_bytes())
+    # ISO/IEC 14496-12, version 0: the matrix stands 44 bytes after the name, fixed-point 16.16
+    place = data.index(b"tkhd") + 44
+    (a, b), (c, d) = (np.asarray(matrix) * 65536).astype(int).tolist()
+    data[place : place + 36] = struct.pack(">9i", a, b, 0, c, d, 0, 0, 0, 1 << 30)
+    path.write_bytes(data)
+
+
+def as_displayed(image, matrix):
+    """Each stored pixel x, y put where the matrix has it: x' = a x + c y, y' = b x + d y."""
+    y, x = np.indices(image.shape)
+    place = np.einsum("ij,ihw->jhw", np.asarray(matrix), np.stack([x, y]))
+    place -= place.min(axis=(1, 2), keepdims=True)
+    shown = np.zeros(tuple(place.max(axis=(1, 2))[::-1] + 1), image.dtype)
+    shown[place[1], place[0]] = image
+    return shown
+
+
+@pytest.mark.parametrize("size", [1, 0.5, 30000])
+def test_an_enlargement_alike_in_both_directions_only_turns(tmp_path, size):
+    stored = moving_disc(3)
+    path = write_clip(tmp_path / "m.mp4", stored, options=LOSSLESS)
+    with_matrix(path, [[0, size], [-size, 0]])
+    clip = ClipReader.open(path)
+    assert worst_difference(clip, [as_displayed(image, [[0, 1], [-1, 0]]) for image in stored]) <= 1
+    assert clip.warnings == ()
+
+
+def test_unlike_enlargements_are_the_shape_of_a_pixel(tmp_path):
+    path = write_clip(tmp_path / "m.mp4", moving_disc(3), options=LOSSLESS)
+    with_matrix(path, [[2, 0], [0, 1]])
+    clip = ClipReader.open(path)
+    assert (clip.info.width, clip.info.height) == (2 * WIDTH, HEIGHT)
+    assert all("as they are stored" not in said for said in clip.warnings)
+
+
+@pytest.mark.parametrize("across", [(1, 1), (1, -1), (-1, 1), (-1, -1)])
+@pytest.mark.parametrize("crossed", [False, True])
+def test_every_turned_and_mirrored_picture_stands_upright(tmp_path, across, crossed):
+    one, other = across
+    matrix = [[0, one], [other, 0]] if crossed else [[one, 0], [0, other]]
+    stored = moving_disc(3)
+    path = write_clip(tmp_path / "m.mp4", stored, options=LOSSLESS)
+    with_matrix(path, matrix)
+    clip = ClipReader.open(path)
+    shown = [as_displayed(image, matrix) for image in stored]
+    assert (clip.info.height, clip.info.width) == shown[0].shape
+    assert worst_difference(clip, shown) <= 1
+    assert clip.warnings == ()
+
+
+@pytest.mark.parametrize(
+    "matrix",
+    [
+        [[0.96, 0.29], [-0.29, 0.96]],
+        [[0, 0], [0, 0]],
+        [[1, 1], [1, 1]],
+    ],
+)
+def test_a_matrix_that_is_no_quarter_turn_leaves_pictures_as_stored_and_is_told(tmp_path, matrix):
+    stored = moving_disc(3)
+    path = write_clip(tmp_path / "m.mp4", stored, options=LOSSLESS)
+    with_matrix(path, matrix)
+    clip = ClipReader.open(path)
+    assert worst_difference(clip, stored) <= 1
+    assert any("as they are stored" in said for said in clip.warnings)
 
 
 def test_a_folder_of_images_is_a_clip_in_natural_order(tmp_path):
