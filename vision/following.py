@@ -134,9 +134,9 @@ def follow(
     _tell(progress, 1.0)
     ball = _track(fits, capture_fps)
     rest_frames = None if rest is None else _still_until(rest, fits)
-    motion = motion_of(
-        ball, rest_frames, pendulum=striker is not None, struck_by_another=choice.struck
-    )
+    others = _others(seen, capture_fps)
+    came = others[0].track if choice.struck and others else None
+    motion = motion_of(ball, rest_frames, pendulum=striker is not None, striker=came)
     if motion.kind is MotionKind.SWING:
         # What seemed to lie still was at its turning point.
         rest_frames = None
@@ -145,7 +145,7 @@ def follow(
         pendulum=_pendulum(striker, rest, capture_fps),
         background=scene.background.image,
         rest_frames=rest_frames,
-        others=_others(seen, capture_fps),
+        others=others,
         dismissed=_dismissed(seen.picture, choice, capture_fps),
         warnings=tuple(
             cut
@@ -190,13 +190,16 @@ def _one_scene(clip: "ClipReader", at: Point | None) -> tuple[Footage, int, list
 
 def _others(seen: "_Seen", fps: float) -> tuple[FollowedObject, ...]:
     """What else is round and moves; the first few as finely as the ball itself."""
-    tracks, scene, choice = [], seen.picture, seen.choice
+    scene, choice = seen.picture, seen.choice
+    tracks: list[FollowedObject] = []
     for place, path in enumerate(choice.others):
         fits = seen.fits_along(path) if place < _OTHERS_FOLLOWED else None
         if fits is not None and len(fits.frame) >= 5:
             track = _track(fits, fps)
         else:
             track = _path_track(path, fps)
+        if any(_is_once_more(track, told.track) for told in tracks):
+            continue
         if choice.struck and place == 0:
             met = ("It came to the one that lay still and met it.",)
             tracks.append(FollowedObject(track, MotionModel.ROLL, met))
@@ -204,6 +207,15 @@ def _others(seen: "_Seen", fps: float) -> tuple[FollowedObject, ...]:
             label = described(path, choice.ball, scene.background.image)
             tracks.append(FollowedObject(track, *label))
     return tuple(tracks)
+
+
+def _is_once_more(track: Track, told: Track) -> bool:
+    """Whether a track is of a thing that was followed already."""
+    _, own, theirs = np.intersect1d(track.frame, told.frame, return_indices=True)
+    if 2 * len(own) < len(track):
+        return False
+    away = np.hypot(*(track.centre_px[own] - told.centre_px[theirs]).T)
+    return bool(np.median(away) < _ELSEWHERE * np.median(track.radius_px))
 
 
 def _dismissed(scene: FilmedScene, choice: Choice, fps: float) -> tuple[FollowedObject, ...]:

@@ -20,11 +20,16 @@ within a scatter s; a frame that it leaves unexplained may be anywhere in the ar
 travelled. Its log evidence is the sum of log(A / 2πs²) - d²/2s² over its frames, less
 the price of its parameters (Schwarz 1978); a thing that follows no law has none. Errors of
 neighbouring frames are alike, so that many frames count for no more than a few dozen.
+
+What moves lawfully falls, or goes straight on as what rolls or slides does, perhaps braked, or is
+bent by something else. Which of them is told by the accelerations of its arcs beside how well they
+are known, over all sizes that gravity may have in a picture: neither scale nor rate is needed.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from vision.tracks import Motion, MotionKind, Track
@@ -277,8 +282,11 @@ alike."""
 # A law may leave this part of the frames it claims unexplained (mistaken fits).
 _STRAY = 0.05
 
-# A swing is all of the motion, or none of it.
-_SWINGING = 0.8
+# A swing is all of the motion, or none of it; so is an arc of its frames.
+_WHOLE = 0.8
+
+_OFF_LAW = 3.0
+"""Scatters: what is further off follows another law; of honest frames one in ninety is."""
 
 # Nothing is surer than this: what was not thought of is left.
 _MOST_CERTAIN = 0.99
@@ -298,20 +306,93 @@ sideways being none."""
 _BEGINS_AT_REST = 0.15
 """Of the way that a fall's speed covers in its span: slower is let go, not thrown."""
 
-# Acceleration of a flight shows when it bends or speeds up the path by so many scatters.
-_SEEN_ACCELERATION = 4.0
+_SLOWEST_FALL, _FASTEST_FALL = 6.5e-7, 9.8
+"""Radii per frame², of what falls with 9.81 m/s²: a ball of 0.3 m at 10,000 frames per second, and
+one of 5 mm at 20."""
+
+_UPRIGHT = 0.17
+"""rad: a camera held upright leans by less than 10°, one standard deviation, supposed."""
+
+_LENS_BENDS = 0.01
+"""Sagitta over length of a straight line in a picture: what lenses of cameras and telephones leave,
+supposed."""
+
+# How often what falls was thrown under any camera, thrown under an upright one, or goes up and down
+# along one line; and how often what goes straight on does so evenly, braked, or down a slope.
+_ANY, _UNDER, _PLUMB = 0.1, 0.6, 0.3
+_EVENLY, _BRAKED, _DOWNHILL = 0.5, 0.35, 0.15
+"""Supposed, each sums to one; twice as much of one is a factor of two in the odds at most."""
+
+_SIZES = 600
+"""Sizes of the acceleration summed over, log-evenly, and again about what is measured."""
+
+_MOST_ARCS = 16
+"""Arcs looked for, supposed: of a ball that bounces more often the first tell how it falls."""
+
+_TELLING = 3.0
+"""Nats of evidence, odds of twenty, from which an arc counts beside others."""
+
+_SAME_FALL = 0.1
+"""Share by which one fall seems to differ, one standard deviation, supposed: a radius is told to a
+few per cent where a ball is smeared or small, and air resists.
+"""
+
+_FALLS_TOO = 0.7
+"""Supposed: how often what falls in one arc falls in another one, too, instead of rolling."""
+
+_BENT_ALIKE = 0.5
+"""Log size: how far strengths of one drive differ from arc to arc, supposed."""
+
+_BENT, _NOT_BENT = 0.05, 2.0
+"""Beta distribution of how often a path is bent by neither gravity nor friction: by a drive of its
+own, a hand, an unseen bounce; one arc in forty by itself, one in three where another one is."""
+
+_BLOW_FRAMES = 20
+"""Frames on either side of a meeting: rolling and sliding slow down little over them."""
+
+_MASS_RATIO, _STEADY_SHARE, _UNSEEN_BLOW = 0.7, 0.05, 0.5
+"""Log ratio of the masses of two balls of one size, one standard deviation; share of a velocity
+that friction takes over so many frames; and how likely a blow is of which one side was not seen;
+supposed."""
+
+_UNHEARD_OF = 1e-12
+"""Relative likelihood of an acceleration beyond all sizes: something makes a path do that, too."""
+
+_LEAST_STD_PX = 0.05
+"""px: no outline is known better over a whole path."""
+
+_MOST_ALIKE = 0.9
+"""Correlation of neighbouring residuals from which no more can be told from a short path."""
 
 
 @dataclass(frozen=True)
 class _Flight:
-    """The stretch of free motion: frames, motion in it, and its log evidence, nats."""
+    """The stretch of free motion: frames, motion in it, and its log evidence, nats.
+
+    `falls` is the probability that it falls, beside going straight on or being bent otherwise.
+    """
 
     first: int
     last: int
     log_evidence: float
     velocity: FloatArray
     acceleration: FloatArray
-    sagitta: float
+    acceleration_std: float
+    radius: float
+    bends: "_Bend"
+    falls: float = 0.5
+
+
+@dataclass(frozen=True)
+class _Bend:
+    """How likely an acceleration is of what falls, rolls, or is bent by anything else.
+
+    In units of the likelihood at its best estimate.
+    """
+
+    falling: float
+    rolling: float
+    other: float
 
 
 def motion_of(
@@ -319,7 +400,7 @@ def motion_of(
     rest_frames: tuple[int, int] | None,
     *,
     pendulum: bool,
-    struck_by_another: bool,
+    striker: Track | None = None,
 ) -> Motion:
     """Say what happened to the ball.
 
@@ -331,8 +412,8 @@ def motion_of(
         First and last frame in which it lies still before it leaves.
     pendulum : bool
         Whether a pendulum was followed to it.
-    struck_by_another : bool
-        Whether another ball came to it while it lay still.
+    striker : Track, optional
+        Another ball that came to it while it lay still.
 
     Returns
     -------
@@ -345,14 +426,13 @@ def motion_of(
     if len(moving) < _FEWEST:
         return Motion(MotionKind.NONE, 1.0, ("Too few frames show anything that moves.",))
     scatter = _SCATTER_PX + _SCATTER_RADII * float(np.median(ball.radius_px))
+    extent = float(np.hypot(*np.ptp(moving.centre_px, axis=0)))
+    scatter = float(np.hypot(scatter, _LENS_BENDS / 3.0 * extent))
     area = float(np.prod(np.ptp(moving.centre_px, axis=0) + 2.0 * moving.radius_px[0]))
     flight = _flight(moving, scatter, area)
     swing = _swing_log_evidence(ball, scatter, area) if rest_frames is None else 0.0
-    log_evidence = {
-        MotionKind.NONE: _straight_log_evidence(moving, scatter, area)
-        if rest_frames is None
-        else 0.0
-    }
+    straight = _straight_log_evidence(moving, scatter, area) if rest_frames is None else 0.0
+    log_evidence = {MotionKind.NONE: straight}
     if swing > 0.0:
         log_evidence[MotionKind.SWING] = swing
     reasons: dict[MotionKind, tuple[str, ...]] = {
@@ -360,10 +440,14 @@ def motion_of(
         MotionKind.SWING: ("It goes to and fro on an arc.",),
     }
     if flight is not None:
-        if rest_frames is None and flight.sagitta < _SEEN_ACCELERATION:
-            log_evidence[MotionKind.NONE] = max(log_evidence[MotionKind.NONE], flight.log_evidence)
-        for kind, odds, reason in _beginnings(flight, rest_frames, pendulum, struck_by_another):
-            log_evidence[kind] = flight.log_evidence + np.log(odds)
+        met = _exchanged(ball, rest_frames, striker)
+        if not pendulum or rest_frames is None:
+            # What a pendulum meets at rest may roll as well as fly, and so may a ball met by one.
+            otherwise = 1.0 - (flight.falls if met is None else met)
+            rolls = flight.log_evidence + float(np.log(otherwise))
+            log_evidence[MotionKind.NONE] = float(np.logaddexp(straight, rolls))
+        for kind, odds, reason in _beginnings(flight, rest_frames, pendulum, met):
+            log_evidence[kind] = flight.log_evidence + float(np.log(odds))
             reasons[kind] = (reason,)
     return _judged(log_evidence, reasons, flight, rest_frames, ball)
 
@@ -400,32 +484,189 @@ def _judged(
 
 
 def _flight(moving: Track, scatter: float, area: float) -> _Flight | None:
-    radius = float(np.median(moving.radius_px))
-    stretch = lawful_stretch(moving.frame, moving.centre_px, radius)
-    if stretch.evidence <= 0.0:
+    """The free motion: of several arcs the surest that falls, with what the others say to that.
+
+    What bounces, or rolls off an edge, follows one law after another. All that falls in a clip does
+    so alike; bends as strong that differ are no gravity's, and weaker ones may be what rolls.
+    """
+    arcs = _arcs(moving, scatter, area)
+    if not arcs:
         return None
-    inside = (moving.frame >= stretch.first) & (moving.frame <= stretch.last)
-    time = (moving.frame[inside] - stretch.first).astype(np.float64)
-    place = moving.centre_px[inside]
+    whole = sum(arc.log_evidence for arc in arcs)
+    telling = [arc for arc in arcs if arc.log_evidence > _TELLING] or arcs[:1]
+    none = _mixed(telling, [arc.bends.rolling for arc in telling])
+    likely = [_if_falls_as(arc, telling) for arc in telling]
+    # which of them falls is not known before
+    upright = float(np.mean(likely))
+    falls = upright / max(upright + none, np.finfo(float).tiny)
+    falls = float(np.clip(falls, 1.0 - _MOST_CERTAIN, _MOST_CERTAIN))
+    best = telling[int(np.argmax(likely))]
+    if falls > 0.5:
+        alike = [arc for arc in telling if _as(arc, best) > max(arc.bends.rolling, arc.bends.other)]
+        best = max([*alike, best], key=lambda arc: arc.log_evidence)
+    else:
+        best = arcs[0]
+    return replace(best, log_evidence=whole, falls=falls)
+
+
+def _if_falls_as(arc: _Flight, arcs: list[_Flight]) -> float:
+    """Likelihood of all arcs where one of them falls: the others fall alike, roll, or are bent."""
+    others = [one for one in arcs if one is not arc]
+    straight = [
+        _FALLS_TOO * _as(one, arc) + (1.0 - _FALLS_TOO) * one.bends.rolling for one in others
+    ]
+    return arc.bends.falling * _mixed(others, straight)
+
+
+def _as(arc: _Flight, other: _Flight) -> float:
+    """Likelihood of an arc's acceleration if it falls as another one does."""
+    # nearer to the camera it falls faster in the picture, and is as much larger
+    scale = arc.radius / other.radius
+    apart = float(np.hypot(*(arc.acceleration - scale * other.acceleration)))
+    alike = _SAME_FALL * float(np.hypot(*other.acceleration))
+    spread = float(np.hypot(arc.acceleration_std, scale * np.hypot(other.acceleration_std, alike)))
+    return float((arc.acceleration_std / spread) ** 2 * np.exp(-0.5 * (apart / spread) ** 2))
+
+
+def _mixed(arcs: list[_Flight], straight: list[float]) -> float:
+    """Likelihood of arcs that are `straight` so likely, where any may be bent otherwise instead.
+
+    How often that is, is as unknown as a beta distribution makes it: the first is rare, more of
+    them are not; and what bends one bends another about as much.
+    """
+    if not arcs:
+        return 1.0
+    size = np.log([max(float(np.hypot(*arc.acceleration)), 1e-12) for arc in arcs])
+    weight = [
+        1.0 - min(like / (like + arc.bends.other), 1.0)
+        for like, arc in zip(straight, arcs, strict=True)
+    ]
+    usual = float(np.average(size, weights=np.maximum(weight, 1e-9)))
+    gain = np.log(_FASTEST_FALL / _SLOWEST_FALL) / (_BENT_ALIKE * np.sqrt(2.0 * np.pi))
+    ways = np.ones(1)
+    for arc, like, own in zip(arcs, straight, size, strict=True):
+        off = (own - usual) / _BENT_ALIKE
+        ways = np.convolve(ways, [like, arc.bends.other * gain * np.exp(-0.5 * off**2)])
+    # how strongly the first is bent, nobody foretells
+    ways[1:] /= gain
+    many = np.arange(len(ways))
+    odds = scipy.special.beta(_BENT + many, _NOT_BENT + len(arcs) - many)
+    return float(ways @ odds / scipy.special.beta(_BENT, _NOT_BENT))
+
+
+def _arcs(moving: Track, scatter: float, area: float) -> list[_Flight]:
+    """The stretches that one law each explains, surest first, taken out one after the other."""
+    radius = float(np.median(moving.radius_px))
+    left, found = [moving], list[_Flight]()
+    while left and len(found) < _MOST_ARCS:
+        piece = left.pop(0)
+        stretch = lawful_stretch(piece.frame, piece.centre_px, radius)
+        if stretch.evidence <= 0.0:
+            continue
+        first, last = _extended(piece, stretch, scatter)
+        ends = int(piece.frame[first] > moving.frame[0]) + int(piece.frame[last] < moving.frame[-1])
+        rows = np.arange(len(piece))
+        inside = piece.where((rows >= first) & (rows <= last))
+        found.append(_arc(inside, scatter, area, len(moving), ends))
+        rest = (rows < first, rows > last)
+        left += [piece.where(side) for side in rest if np.count_nonzero(side) >= _FEWEST]
+    return found
+
+
+def _extended(piece: Track, stretch: LawfulStretch, scatter: float) -> tuple[int, int]:
+    """First and last row to which the law of a stretch goes on."""
+    inside = (piece.frame >= stretch.first) & (piece.frame <= stretch.last)
+    time = (piece.frame - stretch.first).astype(np.float64)
+    law = np.polyfit(time[inside], piece.centre_px[inside], 2)
+    near = np.hypot(*(piece.centre_px - np.vander(time, 3) @ law).T) < _OFF_LAW * scatter
+    first, last = int(np.argmax(inside)), len(inside) - 1 - int(np.argmax(inside[::-1]))
+    while first > 0 and near[first - 1]:
+        first -= 1
+    while last < len(near) - 1 and near[last + 1]:
+        last += 1
+    return first, last
+
+
+def _arc(seen: Track, scatter: float, area: float, frames: int, ends: int) -> _Flight:
+    """The law of a stretch, with so many ends that might be elsewhere on the path."""
+    time = (seen.frame - seen.frame[0]).astype(np.float64)
+    place = seen.centre_px
     powers = np.column_stack([np.ones_like(time), time, 0.5 * time * time])
     motion = np.linalg.lstsq(powers, place, rcond=None)[0]
-    residual = np.hypot(*(place - powers @ motion).T)
-    velocity, acceleration = motion[1], motion[2]
+    left = place - powers @ motion
+    std = _acceleration_std(seen, powers, left)
+    radius = float(np.median(seen.radius_px))
+    off = np.hypot(*left.T)
+    fits = _log_evidence(off, scatter, area, 6, frames)
+    if np.mean(off < _OFF_LAW * scatter) < _WHOLE:
+        # pieces of several motions, or of none
+        fits = 0.0
     return _Flight(
-        stretch.first,
-        stretch.last,
-        _log_evidence(residual, scatter, area, 6, len(moving)),
-        velocity,
-        acceleration,
-        float(np.hypot(*acceleration)) * float(time[-1]) ** 2 / 8.0 / scatter,
+        int(seen.frame[0]),
+        int(seen.frame[-1]),
+        max(0.0, fits - ends * float(np.log(frames))),
+        motion[1],
+        motion[2],
+        std,
+        radius,
+        _bend(motion[2], std, place[-1] - place[0], radius),
     )
+
+
+def _acceleration_std(track: Track, powers: FloatArray, left: FloatArray) -> float:
+    """Standard uncertainty of an acceleration (px per frame²) by its residuals and by the lens.
+
+    Slow errors count by how alike those of neighbouring frames are.
+    """
+    stated = np.sqrt(0.5 * np.median(np.trace(track.covariance_px2, axis1=1, axis2=2)))
+    spare = max(len(left) - 3, 1)
+    scatter = float(np.sqrt((left**2).sum() / (2.0 * spare)))
+    alike = float((left[1:] * left[:-1]).sum() / max((left**2).sum(), 1e-12))
+    alike = min(max(alike, 0.0), _MOST_ALIKE)
+    noise = max(scatter, float(stated), _LEAST_STD_PX) * np.sqrt((1.0 + alike) / (1.0 - alike))
+    random = noise * np.sqrt(np.linalg.inv(powers.T @ powers)[2, 2])
+    length, span = float(np.hypot(*np.ptp(track.centre_px, axis=0))), float(np.ptp(powers[:, 1]))
+    return float(np.hypot(random, 8.0 * _LENS_BENDS * length / span**2))
+
+
+def _bend(acceleration: FloatArray, std: float, way: FloatArray, radius: float) -> _Bend:
+    """How likely an acceleration (2,), px per frame², is of what falls, rolls or is bent otherwise.
+
+    Its size is anything that gravity may look like, log-evenly; the direction of what falls is any,
+    or down, or, where it goes up and down, that of its way (2,); what rolls is braked or sped up
+    along its way.
+    """
+    size = float(np.hypot(*acceleration))
+    course = way / max(float(np.hypot(*way)), 1e-9)
+    along = float(acceleration @ course)
+    across = float(acceleration[0] * course[1] - acceleration[1] * course[0])
+    low, high = _SLOWEST_FALL * radius, _FASTEST_FALL * radius
+    near = np.clip(size + std * np.linspace(-8.0, 8.0, _SIZES), low, high)
+    sizes = np.unique(np.concatenate([np.geomspace(low, high, _SIZES), near]))
+    share = np.gradient(np.log(sizes)) / np.log(high / low)
+
+    def like(off: FloatArray | float, spread: FloatArray | float = std) -> FloatArray:
+        return np.asarray(np.exp(-0.5 * (np.asarray(off) / spread) ** 2))
+
+    # an average over all directions: exp(x cos φ) over the circle is I0(x)
+    anywhere = share @ (like(sizes - size) * scipy.special.ive(0, sizes * size / std**2))
+    leaning = np.hypot(std, _UPRIGHT * sizes)
+    under = share @ (like(sizes - acceleration[1]) * like(acceleration[0], leaning) * std / leaning)
+    sped_up = float(like(across)) * float(share @ like(sizes - along))
+    braked = float(like(across)) * float(share @ like(sizes + along))
+    # a way that is plumb is what falls straight; what rolls goes in any direction
+    tilt = float(np.arctan2(abs(course[0]), abs(course[1])))
+    plumb = float(like(tilt, _UPRIGHT)) * np.sqrt(0.5 * np.pi) / _UPRIGHT
+    falling = _ANY * anywhere + _UNDER * under + _PLUMB * plumb * 0.5 * (sped_up + braked)
+    rolling = _EVENLY * float(like(size)) + _BRAKED * braked + _DOWNHILL * sped_up
+    return _Bend(float(falling), float(rolling), max(float(anywhere), _UNHEARD_OF))
 
 
 def _swing_log_evidence(ball: Track, scatter: float, area: float) -> float:
     swing = fit_oscillation(ball.frame.astype(np.float64), ball.centre_px, scatter)
     if swing is None:
         return 0.0
-    if np.mean(swing.residual_px < 3.0 * scatter) < _SWINGING:
+    if np.mean(swing.residual_px < _OFF_LAW * scatter) < _WHOLE:
         return 0.0
     return _log_evidence(swing.residual_px, scatter, area, PARAMETERS, len(ball))
 
@@ -450,25 +691,68 @@ def _log_evidence(
     return max(0.0, float(gain.sum()) * share - 0.5 * parameters * float(np.log(count)))
 
 
+def _exchanged(
+    ball: Track, rest_frames: tuple[int, int] | None, striker: Track | None
+) -> float | None:
+    """Probability that what came to a ball at rest struck it; None where nothing came.
+
+    What it lost of its velocity then is what the ball gained, over the ratio of their masses; two
+    ends of one body, or a thing that passes before the ball, lose nothing.
+    """
+    if rest_frames is None or striker is None:
+        return None
+    left = rest_frames[1]
+    before = _mean_velocity(striker, left - _BLOW_FRAMES, left - 1)
+    after = _mean_velocity(striker, left + 1, left + _BLOW_FRAMES)
+    gained = _mean_velocity(ball, left + 1, left + _BLOW_FRAMES)
+    if before is None or after is None or gained is None:
+        return _UNSEEN_BLOW
+    stds = [before[1], after[1], gained[1], _STEADY_SHARE * float(np.hypot(*before[0]))]
+    spread = float(np.hypot.reduce(stds))
+    lost = before[0] - after[0]
+    ratios = np.exp(_MASS_RATIO * np.linspace(-4.0, 4.0, 161))
+    apart = np.hypot(*(lost[:, None] - ratios * gained[0][:, None]))
+    weight = np.exp(-0.5 * (np.log(ratios) / _MASS_RATIO) ** 2)
+    struck = float(weight @ np.exp(-0.5 * (apart / spread) ** 2) / weight.sum())
+    passed = float(np.exp(-0.5 * (np.hypot(*lost) / spread) ** 2))
+    tiny = np.finfo(float).tiny
+    share = (struck + tiny) / (struck + passed + 2.0 * tiny)
+    return float(np.clip(share, 1.0 - _MOST_CERTAIN, _MOST_CERTAIN))
+
+
+def _mean_velocity(track: Track, first: int, last: int) -> tuple[FloatArray, float] | None:
+    """Velocity (2,) over some frames with its standard uncertainty, px per frame."""
+    rows = (track.frame >= first) & (track.frame <= last)
+    if np.count_nonzero(rows) < _FEWEST - 1:
+        return None
+    time = track.frame[rows] - track.frame[rows].mean()
+    place = track.centre_px[rows]
+    velocity = time @ place / (time @ time)
+    left = place - place.mean(axis=0) - time[:, None] * velocity
+    scatter = float(np.sqrt((left**2).sum() / (2.0 * (len(time) - 2))))
+    return velocity, max(scatter, _LEAST_STD_PX) / float(np.sqrt(time @ time))
+
+
 def _beginnings(
     flight: _Flight,
     rest_frames: tuple[int, int] | None,
     pendulum: bool,
-    struck_by_another: bool,
+    met: float | None,
 ) -> list[tuple[MotionKind, float, str]]:
-    """How a free motion may have begun: kind, odds, and the reason for it."""
-    drop = _drop_odds(flight, rest_frames is not None)
+    """How a free motion may have begun: kind, odds, and the reason for it.
+
+    `met` is the probability that another ball struck it, None where none came to it.
+    """
+    falls = flight.falls
+    drop = falls * _drop_odds(flight, rest_frames is not None)
     said_drop = (MotionKind.DROP, drop, "It falls straight down from rest.")
-    thrown = (MotionKind.FLIGHT, 1.0, "It flies freely, and nothing was seen to strike it.")
+    thrown = (MotionKind.FLIGHT, falls, "It flies freely, and nothing was seen to strike it.")
     if rest_frames is None:
-        if flight.sagitta < _SEEN_ACCELERATION:
-            # Along a line at an even speed: a short flight as well as a thing that rolls.
-            return [(MotionKind.FLIGHT, float(np.exp(-flight.log_evidence)), thrown[2])]
         return [thrown, said_drop]
-    if struck_by_another:
+    if met is not None:
         return [
-            (MotionKind.COLLISION, 100.0, "Another ball like it met it while it lay still."),
-            (MotionKind.STRIKE, 1.0, "It lay still and left."),
+            (MotionKind.COLLISION, met, "Another ball met it while it lay still, and slowed down."),
+            (MotionKind.STRIKE, 0.01, "It lay still and left."),
         ]
     # What is struck flies at once; what is let go, or carried off first, does not.
     late = flight.first - rest_frames[1] > max(
@@ -479,7 +763,7 @@ def _beginnings(
             (MotionKind.STRIKE, 100.0, "It lay still, a pendulum met it, and it flew."),
             thrown,
         ]
-    odds = 1.0 / _UNSEEN_STRIKER_ODDS if late else _UNSEEN_STRIKER_ODDS
+    odds = falls / _UNSEEN_STRIKER_ODDS if late else falls * _UNSEEN_STRIKER_ODDS
     return [(MotionKind.STRIKE, odds, "It lay still and left at once."), thrown, said_drop]
 
 
@@ -487,8 +771,8 @@ def _drop_odds(flight: _Flight, from_rest: bool) -> float:
     """Odds of a drop against a throw."""
     span = float(flight.last - flight.first)
     size = float(np.hypot(*flight.acceleration))
-    if size == 0.0 or flight.sagitta < _SEEN_ACCELERATION:
-        return 1e-3
+    if size == 0.0:
+        return 1.0 / _DROP_ODDS
     down = flight.acceleration / size
     along = float(flight.velocity @ down) * span + 0.5 * size * span**2
     across = abs(float(flight.velocity[0] * down[1] - flight.velocity[1] * down[0])) * span

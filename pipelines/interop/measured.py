@@ -430,7 +430,7 @@ def _tracks(
     rest = find_rest(ball.frame, ball.centre_px, float(np.median(ball.radius_px)))
     pendulum = None if swing is None or rest is None else _pendulum(swing, ball, rest.direction)
     rest_frames = None if rest is None else (rest.first, rest.last)
-    motion = motion_of(ball, rest_frames, pendulum=pendulum is not None, struck_by_another=False)
+    motion = motion_of(ball, rest_frames, pendulum=pendulum is not None)
     return Tracks(
         ball=ball,
         pendulum=pendulum,

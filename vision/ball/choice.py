@@ -858,7 +858,7 @@ def _rolled_to(path: BallPath, other: BallPath) -> bool:
     start = path.centre_px[: max(3, len(path.frame) // 10)].mean(axis=0)
     gone = np.hypot(*(path.centre_px - start).T) > 0.7 * path.radius
     came = other.centre_px[other.frame < path.frame[int(np.argmax(gone))]]
-    came = came[np.hypot(*(came - came[0]).T) > 0.0]
+    came = came[np.hypot(*(came - came[:1]).T) > 0.0]
     if len(came) < _FEWEST_CAME:
         return False
     along, _, _ = np.linalg.svd((came - came.mean(axis=0)).T, full_matrices=False)

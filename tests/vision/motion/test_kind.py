@@ -24,9 +24,14 @@ def _track(centre: np.ndarray, seed: int = 0) -> Track:
     )
 
 
-def _kind(centre: np.ndarray, rest: int | None = None, **seen: bool) -> tuple[MotionKind, float]:
-    facts = {"pendulum": False, "struck_by_another": False} | seen
-    motion = motion_of(_track(centre), None if rest is None else (0, rest), **facts)
+def _kind(
+    centre: np.ndarray,
+    rest: int | None = None,
+    pendulum: bool = False,
+    striker: Track | None = None,
+) -> tuple[MotionKind, float]:
+    still = None if rest is None else (0, rest)
+    motion = motion_of(_track(centre), still, pendulum=pendulum, striker=striker)
     total = motion.probability + sum(part for _, part in motion.alternatives)
     assert total == pytest.approx(1.0)
     return motion.kind, motion.probability
@@ -68,9 +73,32 @@ def test_what_is_carried_off_before_it_flies_was_not_struck() -> None:
     assert kind is MotionKind.FLIGHT
 
 
-def test_what_another_ball_meets_at_rest_collided() -> None:
+def _other(before: float, after: float) -> Track:
+    """What comes from the left at one speed until frame 19 and goes on at another, px per frame."""
+    time = np.arange(80.0) - 19.0
+    x = np.where(time < 0.0, before * time, after * time) - 2.0 * RADIUS
+    return _track(np.column_stack([x, 0.0 * x]) + 50.0, 1)
+
+
+@pytest.mark.parametrize(("after", "gained"), [(0.0, 3.0), (0.5, 2.2), (-1.0, 4.5), (2.0, 1.5)])
+def test_what_another_ball_meets_at_rest_collided(after: float, gained: float) -> None:
+    path = _after_rest(gained * TIME, 0.0 * TIME)
+    kind, probability = _kind(path, 19, striker=_other(3.0, after))
+    assert kind is MotionKind.COLLISION
+    assert probability > 0.8
+
+
+def test_what_goes_on_as_fast_as_it_came_struck_nothing() -> None:
     path = _after_rest(3.0 * TIME, 0.0 * TIME)
-    assert _kind(path, 19, struck_by_another=True)[0] is MotionKind.COLLISION
+    kind, probability = _kind(path, 19, striker=_other(3.0, 3.0))
+    assert kind is MotionKind.NONE
+    assert probability > 0.8
+
+
+def test_of_a_striker_that_is_lost_as_it_strikes_nobody_is_sure() -> None:
+    path, striker = _after_rest(3.0 * TIME, 0.0 * TIME), _other(3.0, 0.0)
+    _, probability = _kind(path, 19, striker=striker.where(striker.frame < 20))
+    assert probability < 0.7
 
 
 def test_a_bob_swings() -> None:
@@ -101,3 +129,88 @@ def test_what_bounces_often_is_lawful_in_between() -> None:
     stretch = lawful_stretch(np.arange(400), path, 6.0)
     assert 12 <= stretch.looks <= 16
     assert stretch.evidence > 20.0
+
+
+def _seen(centre: np.ndarray, radius: float, noise: float, rng: np.random.Generator) -> Track:
+    """Through a lens that bends by up to a hundredth, with errors of which half change slowly."""
+    count, middle = len(centre), np.array([320.0, 240.0])
+    away = (centre - centre.mean(axis=0)) / 400.0
+    bent = middle + 400.0 * away * (1.0 + rng.uniform(-0.05, 0.05) * (away**2).sum(axis=1))[:, None]
+    walk = rng.normal(0.0, 1.0, (count, 2)).cumsum(axis=0)
+    walk -= np.linspace(0.0, 1.0, count)[:, None] * walk[-1]
+    place = bent + rng.normal(0.0, noise, bent.shape) + 0.5 * noise * walk / walk.std()
+    variance = np.tile(noise**2 * np.eye(2), (count, 1, 1))
+    frame, one = np.arange(count), np.ones(count)
+    return Track(frame, frame / 100.0, place, variance, variance, radius * one, 0.1 * one, one)
+
+
+def _rolls(time: np.ndarray, length: float, rng: np.random.Generator) -> np.ndarray:
+    """Evenly, braked or sped up along a line in any direction."""
+    gain = rng.choice([0.0, 0.0, rng.uniform(-0.9, -0.1), rng.uniform(0.2, 1.0)])
+    way, turn = time + 0.5 * gain * time**2, rng.uniform(-0.5, 0.5)
+    return length * way[:, None] * np.array([np.cos(turn), np.sin(turn)])
+
+
+def _flies(time: np.ndarray, length: float, rng: np.random.Generator) -> np.ndarray:
+    """Thrown, seen about its highest point or on one side of it."""
+    rise = rng.uniform(0.3, 1.0) * length
+    return np.column_stack([length * time, 4.0 * rise * (time - rng.uniform(0.0, 0.7)) ** 2])
+
+
+def _bounces(time: np.ndarray, length: float, rng: np.random.Generator) -> np.ndarray:
+    """On a floor, and on along it."""
+    fall, height, speed, places = rng.uniform(10.0, 40.0) * length, 0.0, 0.0, []
+    for _ in time:
+        for _ in range(20):
+            speed += fall / (20 * len(time))
+            height += speed / (20 * len(time))
+            if height > 0.6 * length:
+                height, speed = 1.2 * length - height, -0.8 * speed
+        places.append(height)
+    return np.column_stack([0.5 * length * time, places])
+
+
+@pytest.mark.parametrize(
+    ("moves", "falls"),
+    [(_rolls, False), (_flies, True), (_bounces, True)],
+    ids=lambda one: str(one),
+)
+def test_what_falls_is_told_from_what_rolls_and_seldom_surely_wrong(moves, falls) -> None:
+    shares = []
+    for seed in range(40):
+        rng = np.random.default_rng([seed, 11])
+        count, radius = int(rng.integers(15, 120)), rng.uniform(4.0, 40.0)
+        time, length = np.linspace(0.0, 1.0, count), rng.uniform(150.0, 500.0)
+        noise = rng.uniform(0.05, 0.3) + 0.01 * radius
+        seen = _seen(moves(time, length, rng), radius, noise, rng)
+        motion = motion_of(seen, None, pendulum=False)
+        share = {motion.kind: motion.probability} | dict(motion.alternatives)
+        falling = share[MotionKind.FLIGHT] + share[MotionKind.DROP]
+        shares.append(falling if falls else share[MotionKind.NONE])
+    assert np.mean(np.array(shares) > 0.5) >= 0.8
+    assert np.mean(np.array(shares) < 0.05) <= 0.1
+
+
+def test_a_path_whose_acceleration_may_be_none_is_no_sure_flight() -> None:
+    rolling = np.column_stack([6.0 * TIME, 100.0 + 0.2 * TIME])
+    kind, probability = _kind(rolling)
+    assert kind is MotionKind.NONE
+    assert probability > 0.6
+
+
+def test_bends_in_all_directions_are_no_gravity() -> None:
+    centre = [np.zeros(2)]
+    for turn in (0.3, 2.0, 4.1, 5.5, 1.2):
+        pull = 0.25 * np.array([np.cos(turn), np.sin(turn)])
+        speed = np.array([np.sin(turn), -np.cos(turn)]) * 3.0
+        time = np.arange(1.0, 25.0)[:, None]
+        centre += list(centre[-1] + speed * time + 0.5 * pull * time**2)
+    kind, probability = _kind(np.array(centre) + 300.0)
+    assert kind is MotionKind.NONE or probability < 0.6
+
+
+def test_a_ball_that_bounces_flies_though_no_arc_is_most_of_its_way() -> None:
+    path = _bounces(np.linspace(0.0, 1.0, 120), 300.0, np.random.default_rng(1))
+    kind, probability = _kind(path + 50.0)
+    assert kind is MotionKind.FLIGHT
+    assert probability > 0.8
