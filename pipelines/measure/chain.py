@@ -29,7 +29,7 @@ from pipelines.measure.budget import (
     values_after_move,
 )
 from pipelines.measure.gravity import seen_fall
-from pipelines.measure.impact import Impact, find_impact, struck_again
+from pipelines.measure.impact import Impact, find_impact, strikes_apart, struck_again
 from pipelines.measure.inputs import Inputs, gather_inputs
 from pipelines.measure.measurement import ClipMeasurement
 from pipelines.measure.metres import (
@@ -54,7 +54,7 @@ from vision.clip.clip import ClipReader
 from vision.clip.footage import CaptureRate, RateSource, choose_capture_rate
 from vision.clip.picture import ClipInfo
 from vision.following import follow
-from vision.tracks import MotionKind, Tracks
+from vision.tracks import FollowedObject, MotionKind, Tracks
 
 __all__ = [
     "FittedClip",
@@ -468,19 +468,33 @@ def quantities_of(
     else:
         warnings.append(f"no calibration from the wall: {wall.refusal.reason}")
     warnings += results.warnings
-    warnings += _left_again(evaluated)
+    warnings += _left_again(evaluated, tracks)
     return Found(results, scene.rate, evaluated, wall.calibration, wall.grid, tuple(warnings))
 
 
-def _left_again(evaluated: Evaluated) -> list[str]:
+def _struck_apart(tracks: Tracks, other: FollowedObject) -> str:
+    assert tracks.rest_frames is not None
+    assert other.ball_at is not None
+    first, last = other.track.frame[[0, -1]]
+    x, y, frame = other.ball_at
+    return (
+        f"TWO STRIKES: in frames {first} to {last} a ball leaves the same place, too. The one that "
+        f"leaves after frame {tracks.rest_frames[1]} is measured; to measure the other, cut the "
+        f"clip, or point at it with --ball-at {x},{y},{frame}."
+    )
+
+
+def _left_again(evaluated: Evaluated, tracks: Tracks) -> list[str]:
     """Which of two strikes was measured."""
     impact = evaluated.impact
+    said = [_struck_apart(tracks, other) for other in strikes_apart(tracks)]
     again = None if impact is None else struck_again(impact.tracks, impact.last_flight_s)
     if again is None:
-        return []
+        return said
     return [
+        *said,
         f"TWO STRIKES: the ball lies at its place again at {again:.3f} s and leaves it once more. "
-        "The first strike is measured; cut the clip there to measure the second."
+        "The first strike is measured; cut the clip there to measure the second.",
     ]
 
 

@@ -40,7 +40,7 @@ from pipelines.measure.flight_fit import (
 )
 from pipelines.measure.inputs import Inputs
 from pipelines.measure.metres import MetricTracks
-from vision.tracks import Track, Tracks
+from vision.tracks import FollowedObject, Track, Tracks
 
 __all__ = [
     "NEAR_SHARE",
@@ -57,6 +57,7 @@ __all__ = [
     "gap_after",
     "gap_before",
     "moved_impact",
+    "strikes_apart",
     "struck_again",
     "touch_times",
 ]
@@ -728,6 +729,10 @@ STRAY_RADII = 0.15
 """Radii by which the median frame may be off a free flight: more is another thing than a flying
 ball."""
 
+PLACED_RADII, SAME_BALL, LOOKS_AT_REST = 0.3, 0.15, 3
+"""Radii within which a ball was put back, log radius by which outlines of one ball differ, and
+looks, of which three agree by chance hardly ever; supposed."""
+
 FRAMES_AT_REST = 5
 
 """What lies at the place of rest for so many frames is no bounce that passes it."""
@@ -815,6 +820,36 @@ def struck_again(tracks: MetricTracks, flown: float) -> float | None:
     if len(lying) < FRAMES_AT_REST or not np.any(away[lying[-1] :] > tracks.radius_m):
         return None
     return float(tracks.ball_time_s[lying[0]])
+
+
+def strikes_apart(tracks: Tracks) -> tuple[FollowedObject, ...]:
+    """Other strikes of the clip: balls as large that lay where the ball did, and left, too.
+
+    Parameters
+    ----------
+    tracks : Tracks
+        As followed, px.
+    """
+    if tracks.rest_frames is None:
+        return ()
+    ball, (first, last) = tracks.ball, tracks.rest_frames
+    radius = float(np.median(ball.radius_px))
+    still = (ball.frame >= first) & (ball.frame <= last)
+    if not np.any(still):
+        return ()
+    rest = np.median(ball.centre_px[still], axis=0)
+    return tuple(other for other in tracks.others if _lay_at(other.track, rest, radius, ball))
+
+
+def _lay_at(track: Track, rest: FloatArray, radius: float, ball: Track) -> bool:
+    """Whether a ball lay at a place while the other was not there, and left it."""
+    away = np.hypot(*(track.centre_px - rest).T)
+    lying = np.flatnonzero(away < PLACED_RADII * radius)
+    if len(lying) < LOOKS_AT_REST or not np.any(away[lying[-1] :] > radius):
+        return False
+    there = ball.frame[np.hypot(*(ball.centre_px - rest).T) < radius]
+    alike = abs(float(np.log(np.median(track.radius_px) / radius))) < SAME_BALL
+    return alike and not np.any(np.isin(track.frame[lying], there))
 
 
 def find_impact(

@@ -460,10 +460,8 @@ def _apart_from_the_rate(evaluated: Evaluated, index: int) -> float:
 
 def _met_by_another(evaluated: Evaluated, tracks: Tracks) -> dict[str, Quantity]:
     """Contact with a second ball or puck instead of a pendulum."""
-    met = disc_contact(tracks)
-    if met is None:
-        return {}
-    if not evaluated.scene.rate.known:
+    met = disc_contact(tracks) if tracks.motion.kind is MotionKind.COLLISION else None
+    if met is None or not evaluated.scene.rate.known:
         return {}
     clock = met.time_s * evaluated.scene.rate.std / evaluated.scene.rate.fps
     budget = (

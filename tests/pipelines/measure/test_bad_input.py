@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from metrology import ClipError, NotFoundError
-from pipelines.measure.chain import measure_clip
+from pipelines.measure.chain import MeasureOptions, measure_clip
 from tests.pipelines.measure.small_clips import Frames, written
+from tests.vision.ball.painted import struck_ball
 from vision.tracks import MotionKind
 
 WIDTH, HEIGHT, COUNT = 128, 72, 30
@@ -51,6 +52,62 @@ def test_what_goes_straight_on_is_no_swing_and_gives_no_number(
     assert [item.name for item in found.quantities if item.known] == []
     assert found.motion.kind is MotionKind.NONE
     assert all(item.reason for item in found.quantities)
+
+
+def test_a_bar_that_moves_on_evenly_gives_no_number_and_no_collision(tmp_path: Path) -> None:
+    # its two ends, seen one after the other, pass for two like balls
+    def bar(picture: np.ndarray, index: int) -> None:
+        middle = 118.0 - 3.71 * index
+        corner = [(middle - 39.8, 34.0), (middle + 39.8, 42.0)]
+        ends = [(round(OVERSAMPLED * x), round(OVERSAMPLED * y)) for x, y in corner]
+        cv2.rectangle(picture, ends[0], ends[1], 70.0, -1)
+
+    found = measure_clip(written(painted(bar), tmp_path / "clip.mp4"))
+    assert [item.name for item in found.quantities if item.known] == []
+    assert found.motion.kind is not MotionKind.COLLISION
+
+
+def coloured(pictures: list[np.ndarray]) -> Frames:
+    return [np.repeat(picture[:, :, np.newaxis], 3, axis=2) for picture in pictures]
+
+
+STRUCK = {"contact_time", "contact_frames", "contact_start", "contact_end", "ball_speed"}
+
+
+@pytest.mark.parametrize(
+    ("begin", "frames"), [(0, 36), (46, 34)], ids=["the ball is never struck", "struck before"]
+)
+def test_a_strike_out_of_the_clip_gives_no_number_of_a_strike(
+    begin: int, frames: int, tmp_path: Path
+) -> None:
+    pictures = struck_ball(frames, begin=begin)[0].pictures
+    path = written(coloured(pictures), tmp_path / "clip.mp4")
+    try:
+        found = measure_clip(path, MeasureOptions(ball="basketball", fps=200.0))
+    except NotFoundError:
+        return
+    assert found.motion.kind is not MotionKind.STRIKE
+    assert [item.name for item in found.quantities if item.known and item.name in STRUCK] == []
+
+
+def test_of_two_strikes_one_is_measured_and_how_to_measure_the_other_is_told(
+    tmp_path: Path,
+) -> None:
+    painted_twice, centres, _ = struck_ball()
+    pictures = [*painted_twice.pictures, *painted_twice.pictures]
+    path = written(coloured(pictures), tmp_path / "clip.mp4")
+    found = measure_clip(path)
+    assert any("cut between frames 79 and 80" in said for said in found.warnings)
+    angle = found.quantity("launch_angle")
+    step = centres[41] - centres[40]
+    true = float(np.degrees(np.arctan2(-step[1], step[0])))
+    assert angle.std < 4.0
+    assert angle.value == pytest.approx(true, abs=3.0 * angle.std)
+    x, y = centres[50]
+    pointing = MeasureOptions(ball_at=(float(x), float(y), 130))
+    other = measure_clip(path, pointing)
+    frames = [one.quantity("contact_start").value * one.rate.fps for one in (found, other)]
+    assert frames[1] - frames[0] == pytest.approx(len(centres), abs=4.0)
 
 
 def test_noise_holds_no_ball(tmp_path: Path) -> None:

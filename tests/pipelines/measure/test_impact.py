@@ -14,6 +14,7 @@ from pipelines.measure.impact import (
     departure,
     find_impact,
     fit_contact,
+    strikes_apart,
     struck_again,
 )
 from pipelines.measure.inputs import gather_inputs
@@ -21,6 +22,7 @@ from pipelines.measure.metres import MetricTracks
 from pipelines.setup.file import Setup
 from sample_videos import Shot
 from tests.pipelines.measure.ideal_tracks import Noise, ideal_tracks, known_stroke
+from vision.tracks import FollowedObject, Track, Tracks
 
 FIRST = -0.0838
 STROKES = [("basketball", 60.0), ("jokku", 120.0), ("jokku", 30.0)]
@@ -252,6 +254,42 @@ def test_of_two_strikes_the_first_is_measured_and_the_second_is_noticed() -> Non
     )
     assert struck_again(twice, impact.last_flight_s) == pytest.approx(later)
     assert struck_again(once, alone.last_flight_s) is None
+
+
+def lying_then_flying(first: int, x: float = 50.0, radius: float = 8.0) -> Track:
+    """At rest for twenty frames, then off to the right."""
+    time = np.arange(60.0) - 20.0
+    place = np.column_stack([x + 3.0 * np.maximum(time, 0.0), np.full(60, 40.0)])
+    variance, one, frame = np.tile(0.01 * np.eye(2), (60, 1, 1)), np.ones(60), np.arange(60) + first
+    return Track(frame, frame / 60.0, place, variance, variance, radius * one, 0.1 * one, one)
+
+
+@pytest.mark.parametrize(
+    ("other", "struck"),
+    [
+        (lying_then_flying(100), True),
+        (lying_then_flying(100, x=51.5), True),
+        (lying_then_flying(100, x=90.0), False),
+        (lying_then_flying(100, radius=14.0), False),
+        (lying_then_flying(0), False),
+        (replace(lying_then_flying(100), centre_px=np.tile([50.0, 40.0], (60, 1))), False),
+    ],
+    ids=[
+        "again",
+        "put back nearly",
+        "elsewhere",
+        "another ball",
+        "at the same time",
+        "never leaves",
+    ],
+)
+def test_another_strike_is_a_like_ball_that_leaves_the_same_place(
+    other: Track, struck: bool
+) -> None:
+    picture = np.zeros((80, 240), np.float32)
+    followed = FollowedObject(other)
+    tracks = Tracks(lying_then_flying(0), None, picture, (0, 20), others=(followed,))
+    assert strikes_apart(tracks) == ((followed,) if struck else ())
 
 
 def test_what_disturbs_a_ball_at_rest_is_not_its_departure() -> None:
