@@ -337,9 +337,8 @@ def plan_distance(
         )
         return np.asarray(numerical_landing(experiment, launch).distance)
 
-    slowest = 0.05
     fastest = frictionless_speed(pendulum, math.pi, ball.launch_angle, experiment.gravity)
-    fastest = _fastest_valid(law, slowest, fastest * (1.0 - 1e-9))
+    slowest, fastest = _valid_speeds(law, _SLOWEST, fastest * (1.0 - 1e-9))
     speed = speed_for_distance(distance, lands, slowest, fastest)
     backswing = backswing_for_speed(pendulum, speed, ball.launch_angle, experiment.gravity)
 
@@ -349,8 +348,18 @@ def plan_distance(
     return _with_scatter(distance, speed, backswing, slopes, by_angle, scatter)
 
 
-def _fastest_valid(law: CorLaw, slowest: float, fastest: float) -> float:
-    """Highest speed up to `fastest` at which the law gives a coefficient of restitution."""
+_SLOWEST = 0.05
+"""m/s: the gentlest strike that is planned with; it moves a ball by millimetres."""
+
+
+def _valid_speeds(law: CorLaw, slowest: float, fastest: float) -> tuple[float, float]:
+    """Speeds from `slowest` to `fastest` between which the law gives a coefficient of restitution.
+
+    Raises
+    ------
+    DomainError
+        If it gives none at any speed.
+    """
 
     def valid(speed: float) -> bool:
         try:
@@ -359,14 +368,22 @@ def _fastest_valid(law: CorLaw, slowest: float, fastest: float) -> float:
             return False
         return True
 
-    if valid(fastest):
-        return fastest
-    law(slowest)
-    low, high = slowest, fastest
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if valid(middle) else (low, middle)
-    return low
+    def edge(inside: float, outside: float) -> float:
+        for _ in range(40):
+            middle = 0.5 * (inside + outside)
+            inside, outside = (middle, outside) if valid(middle) else (inside, middle)
+        return inside
+
+    if valid(slowest) and valid(fastest):
+        return slowest, fastest
+    tried = np.geomspace(slowest, fastest, 60).tolist()
+    holds = [k for k, speed in enumerate(tried) if valid(speed)]
+    if not holds:
+        law(fastest)
+    first, last = holds[0], holds[-1]
+    low = tried[first] if first == 0 else edge(tried[first], tried[first - 1])
+    high = tried[last] if last == len(tried) - 1 else edge(tried[last], tried[last + 1])
+    return low, high
 
 
 def _slopes(

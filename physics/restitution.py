@@ -49,8 +49,8 @@ class CorLaw(Protocol):
         ...
 
 
-def require_cor(value: Number) -> None:
-    """Refuse a coefficient of restitution outside (0, 1].
+def require_cor(value: Number, speed: Number | None = None) -> None:
+    """Refuse a coefficient of restitution outside (0, 1]; `speed`, m/s, tells where.
 
     Raises
     ------
@@ -58,15 +58,22 @@ def require_cor(value: Number) -> None:
         If any entry is outside, or not a number.
     """
     values = np.asarray(value, dtype=np.float64)
-    if not bool(np.all((values > 0.0) & (values <= 1.0))):
-        raise DomainError(
-            f"a coefficient of restitution must be above 0 and at most 1, not {value}",
-            hint="Check the law at this impact speed, or give a number such as 0.75.",
-        )
+    outside = ~((values > 0.0) & (values <= 1.0))
+    if not outside.any():
+        return
+    at = ""
+    if speed is not None:
+        speeds = np.broadcast_to(np.asarray(speed, dtype=np.float64), values.shape)
+        at = f" at an impact speed of {speeds[outside].flat[0]:.3g} m/s"
+    raise DomainError(
+        f"a coefficient of restitution must be above 0 and at most 1, not"
+        f" {values[outside].flat[0]:.4g}{at}",
+        hint="Ask for speeds at which the law holds, or give a number such as 0.75.",
+    )
 
 
-def _checked(value: FloatOrArray) -> FloatOrArray:
-    require_cor(value)
+def _checked(value: FloatOrArray, speed: FloatOrArray) -> FloatOrArray:
+    require_cor(value, speed)
     return value
 
 
@@ -108,7 +115,7 @@ class ExponentialCor:
     def __call__(self, speed: FloatOrArray) -> FloatOrArray:
         """Coefficient of restitution, shaped as `speed` (m/s)."""
         decay: FloatOrArray = np.exp(-self.rate * speed - self.shift)
-        return _checked(self.amplitude * decay + self.floor)
+        return _checked(self.amplitude * decay + self.floor, speed)
 
     @property
     def at_rest(self) -> ConstantCor:
@@ -137,7 +144,7 @@ class PowerLawCor:
     def __call__(self, speed: FloatOrArray) -> FloatOrArray:
         """Coefficient of restitution, shaped as `speed` (m/s)."""
         root: FloatOrArray = speed**self.exponent
-        return _checked(1.0 - self.coefficient * root)
+        return _checked(1.0 - self.coefficient * root, speed)
 
 
 @dataclass(frozen=True)
@@ -164,7 +171,7 @@ class ShiftedCor:
     def __call__(self, speed: FloatOrArray) -> FloatOrArray:
         """Coefficient of restitution, shaped as `speed` (m/s)."""
         shift = self.offset + self.slope * (speed - self.pivot_speed)
-        return _checked(self.law(speed) + shift)
+        return _checked(self.law(speed) + shift, speed)
 
 
 _OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
@@ -240,7 +247,7 @@ class ExpressionCor:
             raise self._no_value(speed) from problem
         if np.iscomplexobj(value) or not np.all(np.isfinite(np.asarray(value))):
             raise self._no_value(speed)
-        return _checked(cast(FloatOrArray, value))
+        return _checked(cast(FloatOrArray, value), speed)
 
     def _no_value(self, speed: Number) -> NoValueError:
         return NoValueError(

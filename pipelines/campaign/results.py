@@ -220,6 +220,11 @@ def _text(path: Path) -> str:
     for mark, encoding in ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16")):
         if raw.startswith(mark):
             return raw.decode(encoding, errors="replace")
+    if b"\x00" in raw:
+        raise UsageError(
+            f"{path} is no text, or UTF-16 without the mark at its beginning that says so",
+            hint="Save it as CSV in UTF-8, or as .xlsx.",
+        )
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -524,6 +524,7 @@ def load_trial_table(path: TableLike) -> TrialTable:
     names = (
         [str(n) for n in table[name]] if name else [str(k + 1) for k in range(len(table))]
     )  # fmt: skip
+    _require_positive(values, [found[key] for key in CHANNELS], names, what)
     balls: list[str | None] = [None] * len(table)
     if "ball" in table:
         balls = [None if pd.isna(b) else str(b).strip() for b in table["ball"]]
@@ -537,6 +538,21 @@ def load_trial_table(path: TableLike) -> TrialTable:
         )
     whole = TrialTable(tuple(names), tuple(balls), values, stds, backswing, tuple(notes))
     return whole.chosen(kept) if kept.any() else whole
+
+
+def _require_positive(
+    values: FloatArray, columns: Sequence[str | None], names: Sequence[str], what: str
+) -> None:
+    """Refuse the first speed or range that is not above zero, by trial and column."""
+    low = np.argwhere(values <= 0.0)
+    if low.size:
+        row, channel = low[0]
+        raise UsageError(
+            f"{what}: {columns[channel]} is {values[row, channel]:g} in trial {names[row]};"
+            " speeds and ranges are above zero",
+            hint="The range runs from the ball's centre at rest the way the ball flies. Correct"
+            " the cell, or leave it empty.",
+        )
 
 
 def explain_trial_table(

@@ -1053,10 +1053,15 @@ def _by_gravity(fall: Quantity, scene: MotionScene) -> tuple[Quantity | None, Ch
     outcome = CheckOutcome.PASSED if power >= LEAST_POWER else CheckOutcome.UNDECIDED
     if off > _GRAVITY_SIGMAS * fall.std:
         outcome = CheckOutcome.FAILED
-        text += (
-            f", not {scene.gravity:.2f}: check --fps (another rate than {scene.fps:g} fps?) and the"
-            " scale, and that it falls freely"
+        rises = abs(fall.value + scene.gravity) <= _GRAVITY_SIGMAS * fall.std
+        advice = (
+            "it falls upwards as fast as it should fall down: does y point down in this table, or"
+            " is the picture upside down?"
+            if rises
+            else f"check --fps (another rate than {scene.fps:g} fps?) and the scale, and that it"
+            " falls freely"
         )
+        text += f", not {scene.gravity:.2f}: {advice}"
     elif outcome is CheckOutcome.UNDECIDED:
         text += ": too unsure to tell anything of rate and scale"
     return gravity, Check(CheckKind.GRAVITY, outcome, text, power)

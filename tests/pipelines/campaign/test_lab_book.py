@@ -84,3 +84,11 @@ def test_a_mark_on_the_name_that_counted_is_asked_about() -> None:
     assert not_counted([one]) == {"c": "the same recording as b"}
     assert recordings([{"a": None, "b": "a copy"}], dict.fromkeys("ab")) == ()
     assert recordings([{"a": None, "b": None}], {"a": None}) == ()
+
+
+def test_sixteen_bits_without_a_mark_are_told_as_such(tmp_path: Path) -> None:
+    path = tmp_path / "trials.csv"
+    path.write_bytes("clip,ball\na,jokku\n".encode("utf-16-le"))
+    with pytest.raises(UsageError, match="UTF-16 without the mark") as refused:
+        read_lab_book(path)
+    assert refused.value.hint == "Save it as CSV in UTF-8, or as .xlsx."

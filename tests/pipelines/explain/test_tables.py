@@ -112,3 +112,10 @@ def test_an_empty_table_is_refused(tmp_path):
     path.write_text("trial,impact_speed_m_s,range_m\n")
     with pytest.raises(UsageError, match="no rows"):
         load_trial_table(path)
+
+
+def test_a_range_that_is_none_is_refused_by_trial_and_column(tmp_path):
+    path = tmp_path / "trials.csv"
+    path.write_text("trial,impact_speed_m_s,range_m\na,2.0,1.1\nb,2.5,-1.4\nc,3.0,1.7\nd,3.2,1.8\n")
+    with pytest.raises(UsageError, match=r"trials.csv: range_m is -1.4 in trial b"):
+        load_trial_table(path)

@@ -307,3 +307,16 @@ def test_without_a_clip_nobody_is_asked_to_light_its_wall(tmp_path) -> None:
     told = " ".join(measure_from_tracks(path, measure_options(fps="240")).warnings)
     assert "there is no picture of the wall. Give the clip, too" in told
     assert "Light" not in told
+
+
+def test_a_table_whose_y_points_down_is_asked_about(tmp_path) -> None:
+    time = np.arange(60) / 240.0
+    x, y = 2.0 * time, 1.0 - 1.2 * time + 4.903 * time**2
+    path = tmp_path / "a.csv"
+    rows = [f"{a:.5f},{b:.5f},{c:.5f}" for a, b, c in zip(time, x, y, strict=True)]
+    path.write_text("t_s,x_m,y_m\n" + "\n".join(rows) + "\n")
+    from pipelines.api.quantities import measure_options
+
+    told = " ".join(measure_from_tracks(path, measure_options(fps="240")).warnings)
+    assert "does y point down in this table" in told
+    assert "check --fps" not in told

@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 from metrology import DomainError, UsageError
 from physics.bodies import BASKETBALL, JOKKU
 from physics.forward import Experiment
+from physics.restitution import parse_cor_law
 from pipelines.model import plan, plan_command, simulate
 
 app = typer.Typer(pretty_exceptions_enable=False)
@@ -80,6 +81,17 @@ def test_a_power_of_the_speed_is_planned_with_though_it_has_no_value_at_rest(
     same = json.loads(number.stdout)["quantities"]["impact_speed"]["value"]
     assert same == pytest.approx(speed, rel=1e-4)
     assert "constant COR" not in picture.read_text()
+
+
+def test_a_law_that_is_no_law_for_gentle_strikes_is_planned_with_where_it_holds() -> None:
+    # above 1 below 0.1 m/s
+    given = ["--distance", "1.5", "--cor", "0.7862*v**-0.104", "--json", "-"]
+    result = runner.invoke(app, given)
+    assert result.exit_code == 0, result.output
+    speed = json.loads(result.stdout)["quantities"]["impact_speed"]["value"]
+    assert 2.0 < speed < 3.5
+    with pytest.raises(DomainError, match=r"not -0\.5 at an impact speed of"):
+        plan(Experiment(JOKKU), 1.5, cor=parse_cor_law("0*v - 0.5"))
 
 
 def test_a_contact_that_cannot_be_followed_leaves_a_reason() -> None:
