@@ -496,8 +496,7 @@ def _flight(moving: Track, scatter: float, area: float) -> _Flight | None:
     telling = [arc for arc in arcs if arc.log_evidence > _TELLING] or arcs[:1]
     none = _mixed(telling, [arc.bends.rolling for arc in telling])
     likely = [_if_falls_as(arc, telling) for arc in telling]
-    # which of them falls is not known before
-    upright = float(np.mean(likely))
+    upright = float(np.sum(likely))
     falls = upright / max(upright + none, np.finfo(float).tiny)
     falls = float(np.clip(falls, 1.0 - _MOST_CERTAIN, _MOST_CERTAIN))
     best = telling[int(np.argmax(likely))]
@@ -512,10 +511,17 @@ def _flight(moving: Track, scatter: float, area: float) -> _Flight | None:
 def _if_falls_as(arc: _Flight, arcs: list[_Flight]) -> float:
     """Likelihood of all arcs where one of them falls: the others fall alike, roll, or are bent."""
     others = [one for one in arcs if one is not arc]
+    alike = [_FALLS_TOO * _as(one, arc) for one in others]
     straight = [
-        _FALLS_TOO * _as(one, arc) + (1.0 - _FALLS_TOO) * one.bends.rolling for one in others
+        same + (1.0 - _FALLS_TOO) * one.bends.rolling
+        for same, one in zip(alike, others, strict=True)
     ]
-    return arc.bends.falling * _mixed(others, straight)
+    # one fall that several arcs tell of is one, and counts once
+    told = 1.0 + sum(
+        same / (like + one.bends.other)
+        for same, like, one in zip(alike, straight, others, strict=True)
+    )
+    return _FALLS_TOO * arc.bends.falling * _mixed(others, straight) / told
 
 
 def _as(arc: _Flight, other: _Flight) -> float:
@@ -543,12 +549,14 @@ def _mixed(arcs: list[_Flight], straight: list[float]) -> float:
     ]
     usual = float(np.average(size, weights=np.maximum(weight, 1e-9)))
     gain = np.log(_FASTEST_FALL / _SLOWEST_FALL) / (_BENT_ALIKE * np.sqrt(2.0 * np.pi))
-    ways = np.ones(1)
+    apart, together = np.ones(1), np.ones(1)
     for arc, like, own in zip(arcs, straight, size, strict=True):
-        off = (own - usual) / _BENT_ALIKE
-        ways = np.convolve(ways, [like, arc.bends.other * gain * np.exp(-0.5 * off**2)])
-    # how strongly the first is bent, nobody foretells
-    ways[1:] /= gain
+        near = gain * np.exp(-0.5 * ((own - usual) / _BENT_ALIKE) ** 2)
+        apart = np.convolve(apart, [like, arc.bends.other])
+        together = np.convolve(together, [like, arc.bends.other * near])
+    # how strongly the first is bent, nobody foretells, and another thing may bend the next
+    ways = apart
+    ways[2:] = np.maximum(apart[2:], together[2:] / gain)
     many = np.arange(len(ways))
     odds = scipy.special.beta(_BENT + many, _NOT_BENT + len(arcs) - many)
     return float(ways @ odds / scipy.special.beta(_BENT, _NOT_BENT))
