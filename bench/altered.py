@@ -98,6 +98,7 @@ def cropped(pictures: Pictures) -> Pictures:
 
 WAYS = (
     Way("mirrored", lambda all_: [one[:, ::-1] for one in all_]),
+    Way("turned by 90°", lambda all_: [np.rot90(one) for one in all_]),
     Way(
         "turned by 90° and back by metadata", lambda all_: [np.rot90(o) for o in all_], rotation=-90
     ),
