@@ -456,13 +456,14 @@ class Forward:
             self.nominal_speed(),
             records.order,
         )
-        steps = self._steps([t for t in terms if "force" in t.effect.hooks], self.steps)
-        return integrate(model.rates, state, self.flight_time, steps)
+        # Smooth laws ten times as strong as any expected move no record by 1e-4 of its noise then.
+        forces = [t for t in terms if "force" in t.effect.hooks]
+        return integrate(model.rates, state, self.flight_time, self._steps(forces, self.steps, 4))
 
-    def _steps(self, terms: Sequence[BatchTerm], most: int) -> int:
-        """Half the steps where every law is smooth on the scale of the whole way."""
+    def _steps(self, terms: Sequence[BatchTerm], most: int, share: int = 2) -> int:
+        """A part of the steps where every law is smooth on the scale of the whole way."""
         smooth = self.mode == "impact" and not any(t.effect.sharp for t in terms)
-        return most // 2 if smooth else most
+        return most // share if smooth else most
 
     def _swing_on(self, terms: Sequence[BatchTerm], outcome: Outcome) -> Trajectory:
         body = self._pendulum()

@@ -158,13 +158,18 @@ def crossing(path: Trajectory, level: FloatArray) -> FloatArray:
         picked: FloatArray = np.take_along_axis(grid[:, 0], index[None], axis=0)[0]
         return picked
 
+    # Newton's steps on the cubic of the one cell in which it rises through.
     below, over = node(path.states, first - 1), node(path.states, first)
-    fraction = np.clip((level - below) / np.where(over > below, over - below, 1.0), 0.0, 1.0)
-    time: FloatArray = (first - 1 + fraction) * step
+    slope, end_slope = node(path.rates, first - 1) * step, node(path.rates, first) * step
+    square = 3.0 * (over - below) - 2.0 * slope - end_slope
+    cube = 2.0 * (below - over) + slope + end_slope
+    u = np.clip((level - below) / np.where(over > below, over - below, 1.0), 0.0, 1.0)
     for _ in range(4):
-        value, rate = path.at(time[..., None])[:2, ..., 0]
-        time = time - (value - level) / np.where(np.abs(rate) > 1e-9, rate, 1.0)
-        time = np.clip(time, 0.0, last * step)
+        value = below + u * (slope + u * (square + u * cube))
+        rate = slope + u * (2.0 * square + 3.0 * u * cube)
+        u = u - (value - level) / np.where(np.abs(rate) > 1e-9 * step, rate, step)
+        u = np.clip(u, 1.0 - first, last + 1.0 - first)
+    time: FloatArray = (first - 1 + u) * step
     return time
 
 

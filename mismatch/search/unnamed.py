@@ -184,7 +184,6 @@ class NearFloor(Effect):
     separating: str = "a flight well above the floor"
     looseness: float = 0.2
     coordinate: Coordinate = Coordinate.HEIGHT
-    sharp: bool = False
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """Exponential in the height of the ball's lowest point."""

@@ -1,0 +1,53 @@
+"""The forward model: as many steps as its laws need, against steps that are far finer."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sample_videos
+from mismatch.candidates import candidates_for
+from mismatch.fitting.prepare import Prepared, prepare
+from physics.effects import CATALOGUE
+from pipelines.explain.campaign import baseline_from_setup, load_campaign
+from pipelines.setup.file import load_setup
+
+CAMPAIGN = Path(sample_videos.__file__).parent / "campaign"
+STRONG = 10.0
+"""Times what a strength is expected to be at most."""
+
+
+@pytest.fixture(scope="module")
+def prepared() -> Prepared:
+    known = load_setup(CAMPAIGN / "setup.toml")
+    campaign = load_campaign(CAMPAIGN / "ball.csv", CAMPAIGN / "pendulum.csv", known)
+    return prepare(campaign, baseline_from_setup(known, campaign))
+
+
+def test_smooth_laws_of_flight_need_no_finer_steps(prepared: Prepared) -> None:
+    forward = prepared.forward
+    assert forward.mode == "impact"
+    finer = replace(forward, steps=16 * forward.steps)
+    catalogue = [effect for forms in CATALOGUE.values() for effect in forms]
+    pool = candidates_for(forward, prepared.model, catalogue)
+    looked: set[object] = set()
+    for candidate in pool:
+        law = candidate.effect
+        if law.sharp or "force" not in law.hooks or candidate.key in looked:
+            continue
+        looked.add(candidate.key)
+        shape = dict(candidate.shape)
+        values = {
+            p.name: shape[p.name]
+            if p.name in shape
+            else float(np.clip(p.neutral + STRONG * p.scale, p.lower, p.upper))
+            for p in law.parameters
+        }
+        model = replace(prepared.model, entries=(*prepared.model.entries, (law, values)))
+        coarse, fine = (
+            one.predict([model], prepared.fit.nuisance[None])[0] for one in (forward, finer)
+        )
+        off = np.abs(coarse - fine) * forward.records.weights
+        assert np.nanmax(off) < 1e-3, (law.id, law.form)
+    assert len(looked) > 8
