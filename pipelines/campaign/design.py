@@ -379,6 +379,13 @@ def _document(design: CampaignDesign) -> dict[str, Any]:
     }
 
 
+def _sessions_taken(taken: Precisions) -> str:
+    """What is taken of sessions: that they don't differ is supposed where nobody measured it."""
+    if taken.session == 0.0:
+        return "sessions are supposed not to differ, which two of them would show"
+    return f"sessions by {taken.session:.4f}"
+
+
 def _tell(design: CampaignDesign) -> None:
     table = Table("back-swing", "impact speed", "strikes")
     for setting in design.settings:
@@ -395,10 +402,10 @@ def _tell(design: CampaignDesign) -> None:
         f" ({design.random_std:.4f} by scatter, {design.floor:.4f} by the setup).",
         soft_wrap=True,
     )
+    taken = design.precisions
     console.print(
-        f"One clip is taken to be good to {design.precisions.clip:.4f}, strikes to scatter by"
-        f" {design.precisions.strike:.4f}, sessions by {design.precisions.session:.4f}"
-        f" ({design.precisions.source}).",
+        f"One clip is taken to be good to {taken.clip:.4f}, strikes to scatter by"
+        f" {taken.strike:.4f}, {_sessions_taken(taken)} ({taken.source}).",
         soft_wrap=True,
     )
     for name, std, needed in design.first[:3]:
