@@ -20,7 +20,7 @@ import tempfile
 import time
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -103,6 +103,10 @@ def on_cores(jobs: int, wish: Wish, of: int) -> Found:
     """The same on several cores: each draws with seeds of its own."""
     if jobs == 1:
         return campaign(wish, of)
+    if wish.inputs is not None:
+        # each sees what the log held before, and what it adds itself
+        held = len(logged(wish.log))
+        wish = replace(wish, inputs=held + -(-max(0, wish.inputs - held) // jobs))
     # forks, since each case is one: processes that begin anew would load all commands again
     with ProcessPoolExecutor(jobs, mp_context=get_context("fork")) as pool:
         parts = [pool.submit(campaign, wish, 100 * of + job) for job in range(jobs)]
