@@ -300,7 +300,7 @@ def _refuse_parameter(effect: Effect, p: Parameter) -> None:
                 "Its scale is positive, and its lower bound below the upper one.")  # fmt: skip
     if not p.is_shape and not p.lower <= p.neutral <= p.upper:
         _refuse(effect, f"has a parameter {p.name!r} whose neutral value is out of its bounds",
-                "At the neutral value the effect does nothing.")  # fmt: skip
+                "Choose bounds that hold it: there the effect does nothing.")  # fmt: skip
 
 
 def _refuse(effect: Effect, why: str, help_: str) -> None:

@@ -167,13 +167,13 @@ def choose_cor(ball: bodies.Ball, option: str) -> tuple[CorLaw, bool]:
     return parse_cor_law(option), False
 
 
-def angle_of(text: str) -> float:
-    """An angle in rad; a bare number is in degrees, as a protractor reads."""
+def angle_of(text: str, place: str = "--backswing") -> float:
+    """An angle in rad; a bare number is in degrees, as a protractor reads. `place` names it."""
     try:
         typed: str | float = math.radians(float(text))
     except ValueError:
         typed = text
-    return read_number(typed, measurands.BACKSWING)
+    return read_number(typed, measurands.BACKSWING, place)
 
 
 def choose_drag(option: str) -> float | DragCurve:

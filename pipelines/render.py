@@ -302,7 +302,7 @@ def render_command(
         effects=tuple(effect or ()),
         dropped=tuple(drop or ()),
         shake=shake,
-        roll=angle_of(roll),
+        roll=angle_of(roll, "--roll"),
     )
     if not out.absolute().parent.is_dir():
         raise UsageError(

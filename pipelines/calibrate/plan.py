@@ -669,7 +669,7 @@ def _view_asked(field_of_view: str | None, focal_length: str | None) -> float | 
         return 2.0 * math.atan(0.5 * FILM_WIDTH_M / focal)
     if field_of_view is None:
         return None
-    angle = angle_of(field_of_view)
+    angle = angle_of(field_of_view, "--field-of-view")
     if not math.radians(2.0) <= angle <= math.radians(130.0):
         raise UsageError(
             f"a field of view of {math.degrees(angle):g} deg", hint="Give 2 to 130 deg."

@@ -22,6 +22,7 @@ from mismatch.records import (
     Scatter,
     Trial,
 )
+from mismatch.sanity import FARTHEST
 from mismatch.trial_table import CHANNELS, TableExplained, TrialTable, explain_table
 from physics import bodies
 from physics.contact import contact_outcomes
@@ -524,7 +525,7 @@ def load_trial_table(path: TableLike) -> TrialTable:
     names = (
         [str(n) for n in table[name]] if name else [str(k + 1) for k in range(len(table))]
     )  # fmt: skip
-    _require_positive(values, [found[key] for key in CHANNELS], names, what)
+    _require_bounds(values, [found[key] for key in CHANNELS], names, what)
     balls: list[str | None] = [None] * len(table)
     if "ball" in table:
         balls = [None if pd.isna(b) else str(b).strip() for b in table["ball"]]
@@ -540,18 +541,18 @@ def load_trial_table(path: TableLike) -> TrialTable:
     return whole.chosen(kept) if kept.any() else whole
 
 
-def _require_positive(
+def _require_bounds(
     values: FloatArray, columns: Sequence[str | None], names: Sequence[str], what: str
 ) -> None:
-    """Refuse the first speed or range that is not above zero, by trial and column."""
-    low = np.argwhere(values <= 0.0)
-    if low.size:
-        row, channel = low[0]
+    """Refuse the first speed or range that can't be, by trial and column."""
+    wrong = np.argwhere((values <= 0.0) | (values > FARTHEST))
+    if wrong.size:
+        row, channel = wrong[0]
         raise UsageError(
             f"{what}: {columns[channel]} is {values[row, channel]:g} in trial {names[row]};"
-            " speeds and ranges are above zero",
-            hint="The range runs from the ball's centre at rest the way the ball flies. Correct"
-            " the cell, or leave it empty.",
+            f" speeds and ranges are above zero, and below {FARTHEST:g}",
+            hint="The range runs from the ball's centre at rest the way the ball flies, in metres."
+            " Correct the cell, or leave it empty.",
         )
 
 
