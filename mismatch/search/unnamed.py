@@ -84,21 +84,30 @@ def _shares(low: float, high: float, count: int) -> tuple[float, ...]:
 
 
 @dataclass(frozen=True)
-class SpeedPower(Effect):
-    """A force along, or normal to, the velocity with a power of the speed."""
+class UnnamedLaw(Effect):
+    """A law in no catalogue; where nothing else is said it acts on a flight."""
 
     id: str = "unnamed"
-    statement: str = "A force in proportion to a power of the speed."
-    law: str = r"F = k\,(|v| / 1\,\mathrm{m/s})^p"
+    statement: str = ""
+    law: str = ""
     source: str = SOURCE
     phase: Phase = "flight"
+    parameters: tuple[Parameter, ...] = ()
+    looseness: float = 0.2
+
+
+@dataclass(frozen=True)
+class SpeedPower(UnnamedLaw):
+    """A force along, or normal to, the velocity with a power of the speed."""
+
+    statement: str = "A force in proportion to a power of the speed."
+    law: str = r"F = k\,(|v| / 1\,\mathrm{m/s})^p"
     parameters: tuple[Parameter, ...] = (
         _strength(),
         Parameter("power", "1", 0.7, -1.0, 6.0, grid=(0.0, 0.5, 1.0, 1.3, 1.6, 3.0, 4.0)),
     )
     form: str = "along_velocity"
     separating: str = "another launch speed"
-    looseness: float = 0.2
     sharp: bool = False
 
     def force(self, values: Values, flight: FlightState) -> Vector:
@@ -108,14 +117,11 @@ class SpeedPower(Effect):
 
 
 @dataclass(frozen=True)
-class Gust(Effect):
+class Gust(UnnamedLaw):
     """A force that acts for a while."""
 
-    id: str = "unnamed"
     statement: str = "A force that acts during a part of the flight."
     law: str = r"F = F_0\,w((t - t_0)/\tau)"
-    source: str = SOURCE
-    phase: Phase = "flight"
     parameters: tuple[Parameter, ...] = (
         _strength(),
         Parameter(
@@ -127,7 +133,6 @@ class Gust(Effect):
     )  # fmt: skip
     form: str = "horizontal"
     separating: str = "the same shot at another time of day, fans and doors shut"
-    looseness: float = 0.2
     coordinate: Coordinate = Coordinate.TIME
 
     def force(self, values: Values, flight: FlightState) -> Vector:
@@ -140,14 +145,11 @@ class Gust(Effect):
 
 
 @dataclass(frozen=True)
-class PeriodicForce(Effect):
+class PeriodicForce(UnnamedLaw):
     """A force that swings to and fro during the flight, in step with the release."""
 
-    id: str = "unnamed"
     statement: str = "A force that swings to and fro during the flight."
     law: str = r"F = A \sin 2\pi f t + B \cos 2\pi f t"
-    source: str = SOURCE
-    phase: Phase = "flight"
     parameters: tuple[Parameter, ...] = (
         replace(_strength(), name="sine"),
         replace(_strength(), name="cosine"),
@@ -157,7 +159,6 @@ class PeriodicForce(Effect):
     )  # fmt: skip
     form: str = "horizontal"
     separating: str = "the same shot at another time of day, fans and doors shut"
-    looseness: float = 0.2
     coordinate: Coordinate = Coordinate.TIME
 
     def force(self, values: Values, flight: FlightState) -> Vector:
@@ -168,21 +169,17 @@ class PeriodicForce(Effect):
 
 
 @dataclass(frozen=True)
-class NearFloor(Effect):
+class NearFloor(UnnamedLaw):
     """A force that grows towards the floor."""
 
-    id: str = "unnamed"
     statement: str = "A force that grows towards the floor."
     law: str = r"F = F_0\,e^{-(y - d/2)/\lambda}"
-    source: str = SOURCE
-    phase: Phase = "flight"
     parameters: tuple[Parameter, ...] = (
         _strength(),
         Parameter("decay_length", "m", 0.05, 0.005, 5.0, grid=(0.03, 0.06, 0.1, 0.2)),
     )
     form: str = "vertical"
     separating: str = "a flight well above the floor"
-    looseness: float = 0.2
     coordinate: Coordinate = Coordinate.HEIGHT
 
     def force(self, values: Values, flight: FlightState) -> Vector:
@@ -193,16 +190,13 @@ class NearFloor(Effect):
 
 
 @dataclass(frozen=True)
-class Magnet(Effect):
+class Magnet(UnnamedLaw):
     """A pull towards a point, or a push away from it, within a short reach."""
 
-    id: str = "unnamed"
     statement: str = "A force towards a point, within a short reach of it."
     law: str = (
         r"\mathbf F = F_0\,\frac{\mathbf q}{w} e^{-q^2/2w^2},\ \mathbf q = \mathbf r_0 - \mathbf r"
     )
-    source: str = SOURCE
-    phase: Phase = "flight"
     parameters: tuple[Parameter, ...] = (
         _strength(),
         Parameter("place_x", "m", 0.06, -1e4, 1e4, grid=_shares(0.05, 0.95, 8), over=Extent.WAY),
@@ -211,7 +205,6 @@ class Magnet(Effect):
     )
     form: str = "towards a point"
     separating: str = "the same shot with the apparatus moved by half a metre"
-    looseness: float = 0.2
     coordinate: Coordinate = Coordinate.PLACE
 
     def force(self, values: Values, flight: FlightState) -> Vector:
@@ -224,14 +217,11 @@ class Magnet(Effect):
 
 
 @dataclass(frozen=True)
-class Bump(Effect):
+class Bump(UnnamedLaw):
     """A force in a stretch of the way, whatever the height."""
 
-    id: str = "unnamed"
     statement: str = "A force in a stretch of the way."
     law: str = r"F = F_0\,e^{-(x - x_0)^2/2w^2}"
-    source: str = SOURCE
-    phase: Phase = "flight"
     parameters: tuple[Parameter, ...] = (
         _strength(),
         Parameter("place", "m", 0.06, -1e4, 1e4, grid=_shares(0.05, 0.95, 8), over=Extent.WAY),
@@ -239,7 +229,6 @@ class Bump(Effect):
     )
     form: str = "horizontal"
     separating: str = "the same shot with the apparatus moved by half a metre"
-    looseness: float = 0.2
     coordinate: Coordinate = Coordinate.PLACE
 
     def force(self, values: Values, flight: FlightState) -> Vector:
@@ -264,13 +253,11 @@ class Pull(Bump):
 
 
 @dataclass(frozen=True)
-class Notch(Effect):
+class Notch(UnnamedLaw):
     """A torque at one place of the swing."""
 
-    id: str = "unnamed"
     statement: str = "A torque on the pendulum near one angle of its swing."
     law: str = r"\tau = \tau_0\,e^{-(\varphi - \varphi_0)^2/2w^2}"
-    source: str = SOURCE
     phase: Phase = "swing"
     parameters: tuple[Parameter, ...] = (
         Parameter(
@@ -285,7 +272,6 @@ class Notch(Effect):
     )  # fmt: skip
     form: str = "angle"
     separating: str = "a slow swing by hand through that angle"
-    looseness: float = 0.2
     coordinate: Coordinate = Coordinate.ANGLE
 
     def torque(self, values: Values, swing: SwingState) -> Number:
@@ -337,17 +323,15 @@ class PlacedBrake(Notch):
 
 
 @dataclass(frozen=True)
-class RestoringTorque(Effect):
+class RestoringTorque(UnnamedLaw):
     """A restoring torque that wide swings feel otherwise than gravity's, small ones alike.
 
     Where it makes up for all that the sine falls short of the angle, swings of any width keep one
     period: a torsion wire, a spring, a cycloid.
     """
 
-    id: str = "unnamed"
     statement: str = "Wide swings are drawn back otherwise than by gravity alone."
     law: str = r"\tau = -k\,(\varphi - \sin\varphi)"
-    source: str = SOURCE
     phase: Phase = "swing"
     parameters: tuple[Parameter, ...] = (
         Parameter(
@@ -357,7 +341,6 @@ class RestoringTorque(Effect):
     )  # fmt: skip
     form: str = "angle"
     separating: str = "the same swings by hand, with a spring balance"
-    looseness: float = 0.2
     coordinate: Coordinate = Coordinate.ANGLE
     sharp: bool = False
 
@@ -367,20 +350,17 @@ class RestoringTorque(Effect):
 
 
 @dataclass(frozen=True)
-class Ageing(Effect):
+class Ageing(UnnamedLaw):
     """Something that drifts from trial to trial."""
 
-    id: str = "unnamed"
     statement: str = "The contact changes from trial to trial (ageing)."
     law: str = r"e = e_0 + s\,i"
-    source: str = SOURCE
     phase: Phase = "contact"
     parameters: tuple[Parameter, ...] = (
         Parameter("drift", "1", 0.02, -2.0, 2.0, meaning="change from the first trial to the last"),
     )
     form: str = "coefficient of restitution"
     separating: str = "the same shots once more in reversed order"
-    looseness: float = 0.2
     sharp: bool = False
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:

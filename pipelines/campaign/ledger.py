@@ -343,12 +343,7 @@ class Ledger:
             If there is no such clip.
         """
         with self._change() as base:
-            done = base.execute("UPDATE clips SET excluded=? WHERE clip=?", (reason, clip))
-            if done.rowcount == 0:
-                raise UsageError(
-                    f"there is no clip {clip!r} in this campaign",
-                    hint="Its name is that in results.csv, with its ending.",
-                )
+            _found(clip, base.execute("UPDATE clips SET excluded=? WHERE clip=?", (reason, clip)))
 
     def point_at(self, clip: str, ball_at: str | None) -> None:
         """Have a clip measured again, with a point on the ball (``x,y`` px) or without one.
@@ -359,12 +354,7 @@ class Ledger:
             If there is no such clip.
         """
         with self._change() as base:
-            done = base.execute("UPDATE clips SET ball_at=? WHERE clip=?", (ball_at, clip))
-            if done.rowcount == 0:
-                raise UsageError(
-                    f"there is no clip {clip!r} in this campaign",
-                    hint="Its name is that in results.csv, with its ending.",
-                )
+            _found(clip, base.execute("UPDATE clips SET ball_at=? WHERE clip=?", (ball_at, clip)))
 
     def points(self) -> dict[str, str]:
         """Where somebody pointed at the ball, by clip.
@@ -464,6 +454,15 @@ def lock_folder(folder: Path) -> Iterator[None]:
         yield
     finally:
         os.close(handle)
+
+
+def _found(clip: str, done: sqlite3.Cursor) -> None:
+    """Refuse a change that met no row: there is no such clip."""
+    if done.rowcount == 0:
+        raise UsageError(
+            f"there is no clip {clip!r} in this campaign",
+            hint="Its name is that in results.csv, with its ending.",
+        )
 
 
 def _now() -> str:
