@@ -1,4 +1,6 @@
-"""A law in no catalogue whose place leaves its strength open is no sure answer."""
+"""A law in no catalogue whose place, or the setup's pendulum, leaves it open is no sure answer."""
+
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -7,8 +9,10 @@ from mismatch.candidates import Candidate
 from mismatch.fitting.fit import Fit, free_parameters
 from mismatch.fitting.hypotheses import Hypothesis
 from mismatch.forward import Model
-from mismatch.search.unnamed import Notch
-from mismatch.verdict import _undetermined
+from mismatch.search.unnamed import Notch, TorqueField
+from mismatch.verdict import _like_its_weight, _undetermined
+from physics.bodies import PAPER_PENDULUM
+from physics.effects import Effect
 
 
 @pytest.mark.parametrize(("std", "open_"), [(0.1, False), (0.24, True)])
@@ -22,3 +26,43 @@ def test_a_torque_squeezed_against_the_contact_is_not_known(std, open_):
     )  # fmt: skip
     answer = Hypothesis((Candidate(notch, (("place", 0.1), ("reach", 0.03)), 26),), fit, 300.0)
     assert _undetermined(answer) is open_
+
+
+def _answer(law: Effect, values: dict[str, float]) -> Hypothesis:
+    model = Model(((law, values),))
+    free = free_parameters(model)
+    fit = Fit(
+        model, np.zeros((4, 4)), np.zeros((0, 2)), 100.0, 0.0, 100, 100.0, free,
+        np.eye(len(free)), np.zeros((4, 25)),
+    )  # fmt: skip
+    return Hypothesis((Candidate(law, (), 1),), fit, 300.0)
+
+
+@pytest.mark.parametrize(
+    ("course", "mode", "like"),
+    [(np.sin, "impact", True), (np.cos, "impact", False), (np.sin, "swing", False)],
+)
+def test_a_torque_that_goes_as_the_pendulums_weight_may_be_its_inertia(course, mode, like):
+    """m g d sin φ is what a wrong inertia, mass or centre of mass leaves over in a strike."""
+    angle = np.linspace(-1.0, 1.0, 60)
+    law = TorqueField(low=-1.0, high=1.0)
+    knots = np.linspace(law.low, law.high, len(law.parameters))
+    values = {p.name: float(v) for p, v in zip(law.parameters, course(knots), strict=True)}
+    forward = SimpleNamespace(
+        mode=mode,
+        baseline=SimpleNamespace(pendulum=PAPER_PENDULUM),
+        records=SimpleNamespace(pendulum_angle=angle, pendulum_used=np.ones(60, dtype=bool)),
+    )
+    assert _like_its_weight(forward, _answer(law, values)) is like
+
+
+def test_a_torque_at_one_angle_is_not_the_pendulums_weight():
+    angle = np.linspace(-1.6, 0.2, 60)
+    law = Notch()
+    forward = SimpleNamespace(
+        mode="impact",
+        baseline=SimpleNamespace(pendulum=PAPER_PENDULUM),
+        records=SimpleNamespace(pendulum_angle=angle, pendulum_used=np.ones(60, dtype=bool)),
+    )
+    values = {"strength": 0.5, "place": -0.3, "reach": 0.03}
+    assert not _like_its_weight(forward, _answer(law, values))
