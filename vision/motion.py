@@ -355,6 +355,10 @@ _MASS_RATIO, _STEADY_SHARE, _UNSEEN_BLOW = 0.7, 0.05, 0.5
 that friction takes over so many frames; and how likely a blow is of which one side was not seen;
 supposed."""
 
+_SURE_SIGMAS = 5.0
+"""Standard deviations of an acceleration from which its direction is told: to a fifth of a radian.
+"""
+
 _UNHEARD_OF = 1e-12
 """Relative likelihood of an acceleration beyond all sizes: something makes a path do that, too."""
 
@@ -480,7 +484,15 @@ def _judged(
         reasons.get(kind, ()),
         frames,
         tuple((other, probability[other]) for other in ranked[1:]),
+        None if flight is None else _sure_fall(flight),
     )
+
+
+def _sure_fall(flight: _Flight) -> tuple[float, float] | None:
+    """The acceleration of what likely falls, px per frame², where its direction is sure."""
+    across, down = flight.acceleration.tolist()
+    known = np.hypot(across, down) > _SURE_SIGMAS * flight.acceleration_std
+    return (across, down) if flight.falls > 0.5 and known else None
 
 
 def _flight(moving: Track, scatter: float, area: float) -> _Flight | None:

@@ -78,6 +78,8 @@ class Motion:
         free motion. None where there is no such stretch.
     alternatives : tuple of (MotionKind, float)
         Every other kind and its probability, likeliest first.
+    fall_px : (2,) tuple of float or None
+        Acceleration of what falls, px per frame², y down; None where none is sure.
     """
 
     kind: MotionKind
@@ -85,6 +87,7 @@ class Motion:
     reasons: tuple[str, ...] = ()
     frames: tuple[int, int] | None = None
     alternatives: tuple[tuple[MotionKind, float], ...] = ()
+    fall_px: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

@@ -47,6 +47,7 @@ from pipelines.measure.motions import (
     applicable,
     motion_quantities,
     rate_by_fall,
+    require_upright,
 )
 from pipelines.measure.results import Evaluated, NoScale, Results, needed, results_of
 from pipelines.setup.file import Setup
@@ -429,6 +430,7 @@ def fit_tracks(
         seen = f"what is seen is a {tracks.motion.kind.value}, not a strike"
         return replace(fitted, refusal=seen)
     try:
+        require_upright(tracks)
         metric = _in_metres(scene, followed.seconds(scene.rate.fps), tracks)
         return replace(fitted, metric=metric, impact=find_impact(metric, scene.inputs))
     except MeasurementError as problem:

@@ -54,6 +54,7 @@ __all__ = [
     "flight_of",
     "motion_quantities",
     "rate_by_fall",
+    "require_upright",
     "steady_stretch",
 ]
 
@@ -1000,7 +1001,27 @@ def flight_of(ball: Track, scene: MotionScene, mapping: Mapping | None = None) -
 _NAMES = (QuantityName.FALL_ACCELERATION, QuantityName.FLIGHT_SPEED, QuantityName.FLIGHT_ANGLE)
 
 
+def require_upright(tracks: Tracks) -> None:
+    """Refuse a clip in which things fall sideways or up: nothing tells where down is but the fall.
+
+    Raises
+    ------
+    NotFoundError
+        If what falls does so more aslant than any camera is held that is meant to be upright.
+    """
+    fall = tracks.motion.fall_px
+    if fall is None or fall[1] > abs(fall[0]):
+        return
+    side = "top" if -fall[1] > abs(fall[0]) else "right" if fall[0] > 0 else "left"
+    raise NotFoundError(
+        f"the ball falls towards the {side} of the picture: the camera lay on its side, or the file"
+        " lost how it is to be turned",
+        hint="Turn the clip so that the ball falls down, and measure that.",
+    )
+
+
 def _falling(tracks: Tracks, scene: MotionScene) -> MotionResults:
+    require_upright(tracks)
     ball = applicable(tracks)
     flight = flight_of(ball, scene)
     values = np.array([flight.acceleration, flight.speed, flight.angle_deg])

@@ -214,3 +214,16 @@ def test_a_ball_that_bounces_flies_though_no_arc_is_most_of_its_way() -> None:
     kind, probability = _kind(path + 50.0)
     assert kind is MotionKind.FLIGHT
     assert probability > 0.8
+
+
+@pytest.mark.parametrize("quarter", [0, 1, 2, 3])
+def test_which_way_it_falls_is_told(quarter: int) -> None:
+    turn = np.linalg.matrix_power(np.array([[0, 1], [-1, 0]]), quarter)
+    centre = np.column_stack([4.0 * TIME, -5.0 * TIME + 0.08 * TIME**2]) @ turn + 200.0
+    motion = motion_of(_track(centre), None, pendulum=False)
+    assert motion.fall_px == pytest.approx(tuple(np.array([0.0, 0.16]) @ turn), abs=0.005)
+
+
+def test_what_rolls_falls_nowhere() -> None:
+    centre = np.column_stack([6.0 * TIME, 100.0 + 0.2 * TIME])
+    assert motion_of(_track(centre), None, pendulum=False).fall_px is None

@@ -8,13 +8,15 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.stats import binom
 
-from metrology import MeasurementError, TooLittleDataError
+from metrology import MeasurementError, NotFoundError, TooLittleDataError
 from pipelines.measure.motions import (
     FlightFrames,
     FreeFlightPriors,
     fit_free_flight,
+    require_upright,
     steady_stretch,
 )
+from vision.tracks import Motion, MotionKind, Track, Tracks
 
 FloatArray = NDArray[np.float64]
 G = 9.78
@@ -119,3 +121,26 @@ def test_five_frames_are_too_few() -> None:
         fit_free_flight(
             seen(*flown(1.0, 45.0, 0.05, 100.0), 1e-4, 0), FreeFlightPriors(0.0, 1e-3, 0.0)
         )
+
+
+def falling(fall_px: tuple[float, float] | None) -> Tracks:
+    frame, one = np.arange(3), np.ones(3)
+    square = np.tile(np.eye(2), (3, 1, 1))
+    ball = Track(frame, frame / 30.0, np.zeros((3, 2)), square, square, one, one, one)
+    motion = Motion(MotionKind.FLIGHT, 0.9, fall_px=fall_px)
+    return Tracks(ball, None, np.zeros((9, 9), np.float32), None, motion=motion)
+
+
+@pytest.mark.parametrize(
+    ("fall_px", "side"), [((2.0, 0.3), "right"), ((-2.0, 1.5), "left"), ((0.4, -2.0), "top")]
+)
+def test_a_clip_in_which_things_fall_sideways_is_refused(
+    fall_px: tuple[float, float], side: str
+) -> None:
+    with pytest.raises(NotFoundError, match=f"towards the {side} of the picture"):
+        require_upright(falling(fall_px))
+
+
+@pytest.mark.parametrize("fall_px", [None, (0.0, 2.0), (0.9, 2.0), (-0.9, 2.0)])
+def test_a_camera_that_leans_is_upright(fall_px: tuple[float, float] | None) -> None:
+    require_upright(falling(fall_px))
