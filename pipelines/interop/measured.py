@@ -431,6 +431,8 @@ def _tracks(
     pendulum = None if swing is None or rest is None else _pendulum(swing, ball, rest.direction)
     rest_frames = None if rest is None else (rest.first, rest.last)
     motion = motion_of(ball, rest_frames, pendulum=pendulum is not None)
+    # a table that falls up is asked about by what gravity makes of it: pictures have no signs
+    motion = replace(motion, fall_px=None)
     return Tracks(
         ball=ball,
         pendulum=pendulum,
