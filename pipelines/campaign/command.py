@@ -120,6 +120,10 @@ def campaign_command(
         screen().print(f"{measured} clips measured; report: {done.report}")
         if done.explained is not None:
             screen().print(done.explained, soft_wrap=True)
+        if done.waiting:
+            screen(errors=True).print(
+                f"{len(done.waiting)} clips wait: the same command without --only goes on with them"
+            )
     if done.wanting:
         raise MeasurementError(
             f"{len(done.wanting)} clips could not be measured:\n" + "\n".join(done.wanting[:50]),

@@ -324,6 +324,8 @@ class Campaign:
         What the engine said of missing physics, where it was asked.
     copies : tuple of str
         Recordings that stand in several clips, and under which name each counts.
+    waiting : tuple of str
+        Clips that were left for another time, where only some were asked for.
     """
 
     folder: Path
@@ -333,6 +335,7 @@ class Campaign:
     again: dict[str, str] = field(default_factory=dict)
     explained: str | None = None
     copies: tuple[str, ...] = ()
+    waiting: tuple[str, ...] = ()
 
     @property
     def report(self) -> Path:
@@ -445,7 +448,7 @@ def conduct(
             only=asked.only,
             after_each=_publishing(edition, on_clip),
         )
-        return _published(edition, absent, progress, asked.explain)
+        return _published(edition, absent, progress, asked.explain, asked.only)
 
 
 def _setup_file(asked: CampaignOptions) -> Path | None:
@@ -482,7 +485,11 @@ def _publishing(
 
 
 def _published(
-    edition: Edition, absent: tuple[str, ...], progress: Progress, explained: bool
+    edition: Edition,
+    absent: tuple[str, ...],
+    progress: Progress,
+    explained: bool,
+    only: tuple[str, ...],
 ) -> Campaign:
     with Ledger(edition.folder) as ledger:
         copies = tuple(one.told() for one in edition.copies(ledger))
@@ -493,15 +500,27 @@ def _published(
         if said is not None:
             facts = replace(edition.facts, notes=(*edition.facts.notes, said))
             published = publish(replace(edition, facts=facts), ledger)
+    # what nobody asked for this time waits, and is nothing that went wrong
+    left = [one.clip for one in published.results if only and one.clip not in only]
+    waiting = [
+        one.clip for one in published.results if one.state == State.WAITING and one.clip in left
+    ]
     wanting = [
         f"{result.clip}: {result.error or result.state}"
         for result in published.results
-        if result.state != State.DONE
+        if result.state != State.DONE and result.clip not in waiting
     ]
     wanting += [f"{name}: named in the lab book, not given" for name in absent]
     summary = json.loads((edition.folder / "summary.json").read_text(encoding="utf-8"))
     return Campaign(
-        edition.folder, published.frame, summary, tuple(wanting), progress.again, said, copies
+        edition.folder,
+        published.frame,
+        summary,
+        tuple(wanting),
+        progress.again,
+        said,
+        copies,
+        tuple(waiting),
     )
 
 

@@ -114,9 +114,13 @@ def _cor(balls: Sequence[BallAnalysis], against_paper: bool) -> Figure:
         if against_paper and known is not None:
             grid = np.linspace(*_span(speed), 60)
             axes.plot(grid, known.cor(grid), ":", color=colour, label=f"{_label(ball)}, paper")
-    # seven lines of it would hide points inside the axes
-    figure.legend(loc="outside lower center", ncols=2, fontsize=8)
+    _legend(figure)
     return figure
+
+
+def _legend(figure: Figure) -> None:
+    """Below the axes: inside it would hide points, most of which lie towards a corner."""
+    figure.legend(loc="outside lower center", ncols=2, fontsize=8)
 
 
 def _band(axes: Axes, ball: BallAnalysis, colour: str) -> None:
@@ -178,7 +182,7 @@ def _against_speed(
         if quantity == _FSR.quantity:
             _sensor_and_model(axes, ball, speed, colour, factor)
     if any_drawn:
-        axes.legend(fontsize=8)
+        _legend(figure)
     return figure if any_drawn else None
 
 
@@ -234,17 +238,15 @@ def _impulse(balls: Sequence[BallAnalysis]) -> Figure | None:
         time, time_std = _of(ball.clips, "contact_time")
         force = measured / time
         force_std = force * np.hypot(std / measured, time_std / time)
-        lower.errorbar(
-            speed, force, force_std, fmt="o", ms=3.5, lw=0.8, color=colour, label=_label(ball)
-        )
+        lower.errorbar(speed, force, force_std, fmt="o", ms=3.5, lw=0.8, color=colour)
     upper.set_ylabel("external impulse / (N s)")
     lower.set_ylabel("mean contact force / N")
     lower.set_xlabel(_SPEED)
     for axes in (upper, lower):
         axes.grid(alpha=0.25, linewidth=0.6)
         axes.spines[["top", "right"]].set_visible(False)
-        if any_drawn:
-            axes.legend(fontsize=8)
+    if any_drawn:
+        _legend(figure)
     return figure if any_drawn else None
 
 
@@ -275,7 +277,7 @@ def _energy(balls: Sequence[BallAnalysis]) -> Figure | None:
                 label=f"{_label(ball)}, Eq. 20 (approximate)",
             )
     if any_drawn:
-        axes.legend(fontsize=8)
+        _legend(figure)
     return figure if any_drawn else None
 
 
@@ -305,7 +307,7 @@ def _ranges(balls: Sequence[BallAnalysis]) -> Figure | None:
                 mfc=colour if filled else "none",
                 label=f"{_label(ball)}, {label}",
             )
-    axes.legend(fontsize=7)
+    _legend(figure)
     return figure
 
 
@@ -358,9 +360,10 @@ def write_figures(
 
 CAPTIONS = {
     "cor": "Coefficient of restitution against impact speed: points are clips (± one standard"
-    " uncertainty), the line is the likeliest law, the dark band where the law lies, the light band"
-    " where the next strike will lie (95 %). Rings are outliers. As the paper's Figs 20 and 21.",
-    "contact_time": "Contact time by video, force sensor and contact model (Figs 11 to 13).",
+    " uncertainty), the line is the mean of the laws, the dark band where the law lies, the light"
+    " band where the next strike will lie (95 %). Rings are outliers. As the paper's"
+    " Figs 20 and 21.",
+    "contact_time": "Contact time by video, force sensor and contact model (Fig. 13).",
     "ball_speed": "Speed of the ball after contact (Fig. 18).",
     "launch_angle": "Launch angle, which the paper takes as constant for each ball.",
     "impulse": "External impulse as measured and by Eq. 9; below, the mean contact force"

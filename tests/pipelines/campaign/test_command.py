@@ -137,6 +137,18 @@ def test_one_recording_of_two_balls_is_left_out_until_the_lab_book_is_mended(lab
     assert {name: ball["clips"] for name, ball in balls.items()} == {"red": 1}
 
 
+def test_clips_that_nobody_asked_for_wait_and_nothing_went_wrong(lab: Path) -> None:
+    ran = _campaign(lab, "--only", "a.mp4")
+    assert ran.exit_code == 0, ran.output
+    assert "2 clips wait: the same command without --only" in ran.output.replace("\n", " ")
+    page = (lab / "out" / "report.html").read_text()
+    assert "2 clips wait" in page
+    assert "b.mp4, c.mp4" in page
+    again = _campaign(lab)
+    assert again.exit_code == 0
+    assert "wait" not in again.output
+
+
 def test_no_clips_are_refused(lab: Path) -> None:
     shutil.rmtree(lab / "clips")
     (lab / "clips").mkdir()
