@@ -30,7 +30,7 @@ class UncertaintySource(StrEnum):
     CAPTURE_RATE = "capture rate"
     RELEASE_INSTANT = "moment of release"
     FRAME_COUNT = "onset and release between frames"
-    COR_MEAN = "the estimates together"
+    COR_MEAN = "balance of rigid bodies"
     PENDULUM_INERTIA = "inertia of the pendulum"
     PENDULUM_LENGTH = "length of the pendulum"
     PENDULUM_MASS = "mass of the pendulum"
@@ -89,6 +89,7 @@ class UncertaintySource(StrEnum):
 _SHARED = frozenset(
     {
         UncertaintySource.CAPTURE_RATE,
+        UncertaintySource.COR_MEAN,
         UncertaintySource.PENDULUM_INERTIA,
         UncertaintySource.PENDULUM_LENGTH,
         UncertaintySource.PENDULUM_MASS,

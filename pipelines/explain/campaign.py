@@ -508,7 +508,7 @@ def load_trial_table(path: TableLike) -> TrialTable:
     """
     sheet = read_sheet(path, TRIAL_UNITS, ("trial", "clip", "ball"))
     what, notes = name_of(path), list(sheet.notes)
-    table = _without_doubles(sheet.table, notes)
+    table = _without_excluded(_without_doubles(sheet.table, notes), notes)
 
     def column(name: str | None, *, positive: bool = False) -> FloatArray:
         if name is None or name not in table:
@@ -592,6 +592,20 @@ def _without_doubles(table: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
         again = ", ".join(str(n) for n in table.loc[table[name].duplicated(), name].unique()[:4])
         notes.append(f"trial {again} has several rows; each is taken as a trial of its own")
     return table.reset_index(drop=True)
+
+
+EXCLUDED = "excluded"
+"""Column in which the results of a campaign say why a clip is left out: marked as bad, a copy."""
+
+
+def _without_excluded(table: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
+    if EXCLUDED not in table:
+        return table
+    kept = table[EXCLUDED].isna() | (table[EXCLUDED].astype(str).str.strip() == "")
+    if kept.all():
+        return table
+    notes.append(f"{int((~kept).sum())} rows say in {EXCLUDED} why they don't count; left out")
+    return table[kept].reset_index(drop=True)
 
 
 OwnEffects = Path | Sequence[Effect] | None

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from calib.calibration import Known
 from calib.solve import SeenFall
-from metrology import Contribution, MeasurementError, Quantity, UncertaintySource
-from pipelines.measure.budget import DERIVED, ClipConditions
+from metrology import MeasurementError, Quantity, UncertaintySource
+from pipelines.measure.budget import DERIVED, ClipConditions, merged
 from pipelines.measure.checks import LEAST_POWER
 from pipelines.measure.impact import find_impact
 from pipelines.measure.metres import CameraMapping, tracks_in_metres
@@ -215,9 +215,17 @@ def fused_cor(
     # noise that all estimates share can drive weights beyond 0..1: no estimate is trusted backwards
     weight = np.clip(weight, 0.0, None)
     weight /= weight.sum()
-    value = float(weight @ values[at])
-    std = float(np.sqrt(weight @ covariance @ weight))
-    fused = Quantity.measured("cor", value, "1", (Contribution(UncertaintySource.COR_MEAN, std),))
+    noise = float(np.sqrt(weight @ random[np.ix_(at, at)] @ weight))
+    model = float(np.sqrt(np.square(weight) @ [MODEL_STD[name] ** 2 for name in estimates]))
+    # source by source: what all clips of a setup share does not average out over a campaign
+    lines = {source: abs(weight @ np.nan_to_num(col[at])) for source, col in systematic.items()}
+    lines[UncertaintySource.COR_MEAN] = model
+    fused = Quantity.measured(
+        "cor",
+        float(weight @ values[at]),
+        "1",
+        merged({source: np.array([std]) for source, std in lines.items()}, 0, noise),
+    )
     if len(at) < 2:
         return fused, None
     return fused, _agreement(values[at], covariance, estimates)

@@ -119,3 +119,14 @@ def test_a_range_that_is_none_is_refused_by_trial_and_column(tmp_path):
     path.write_text("trial,impact_speed_m_s,range_m\na,2.0,1.1\nb,2.5,-1.4\nc,3.0,1.7\nd,3.2,1.8\n")
     with pytest.raises(UsageError, match=r"trials.csv: range_m is -1.4 in trial b"):
         load_trial_table(path)
+
+
+def test_what_a_campaign_excludes_takes_no_part(tmp_path):
+    path = tmp_path / "results.csv"
+    path.write_text(
+        "clip,ball,pendulum_speed_before_m_s,landing_distance_m,excluded\n"
+        "a,jokku,2.0,1.1,\nb,jokku,2.5,9.9,the ball was not at rest\nc,jokku,3.0,1.7,\n"
+    )
+    table = load_trial_table(path)
+    assert table.names == ("a", "c")
+    assert any("1 rows say in excluded" in note for note in table.notes)

@@ -67,3 +67,17 @@ def test_what_is_missing_takes_no_part() -> None:
     assert (alone.value, check) == (0.7, None)
     none, check = mean_of(values, ())
     assert (none.known, none.reason, check) == (False, "not seen", None)
+
+
+def test_what_all_clips_share_stays_in_the_budget_of_the_mean() -> None:
+    """Three standard deviations of the shared length, many clips: their mean is off by its line."""
+    rng = np.random.default_rng(23)
+    off = 3.0 * SHARED
+    means = [mean_of(TRUE + rng.normal(scale=OWN) + off)[0] for _ in range(DRAWS)]
+    lines = {line.source: line.std for line in means[0].budget}
+    shared = lines[UncertaintySource.CAPTURE_RATE]
+    left = np.mean([mean.value for mean in means]) - TRUE
+    assert abs(left - 3.0 * shared) < 5.0 * means[0].std / np.sqrt(DRAWS)
+    total = np.sqrt(sum(std**2 for std in lines.values()))
+    assert abs(total - means[0].std) < 1e-6
+    assert 0.0 < sum(std**2 for source, std in lines.items() if source.shared_by_setup) < total**2
