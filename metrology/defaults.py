@@ -159,6 +159,14 @@ class Defaults:
         "the ball flies 4 cm before or behind the plane that was meant, seen from 4 m",
         relative=True,
     )  # fmt: skip
+    LEVEL_AXES = Default(
+        "level of the axes that positions are told in", 0.0, math.radians(0.2), "rad",
+        "a horizontal edge of 1 m in view, its ends marked to 1 px each in 400 px: 0.2 degrees",
+    )  # fmt: skip
+    LEAST_DRAG = Default(
+        "least drag coefficient of a body in air", 0.07, 0.0, "1",
+        "smooth sphere beyond the crisis (Achenbach, J. Fluid Mech. 54, 565 (1972))",
+    )  # fmt: skip
     NOMINAL_RATE = Default(
         "a camera's nominal rate", None, 0.001, "1/s",
         "59.94 is written 60 (1000/1001); quartz itself is good to 50 ppm", relative=True,

@@ -43,6 +43,9 @@ MOST_SHAPES = 200
 
 """Start values of the shapes of one effect: each costs a trajectory of every trial."""
 
+SPATIAL = 3
+"""Coordinates of places in space."""
+
 LEAST_GROUPS = 2
 
 """Balls, or trials, from which a scatter among them can be told."""
@@ -177,6 +180,8 @@ def _admissible(effect: Effect, forward: Forward, model: Model) -> bool:
         return False
     axes = int(forward.records.ball_used.any(axis=(0, 1)).sum())
     if axes < effect.axes and forward.mode != "swing":
+        return False
+    if effect.planar and axes == SPATIAL:
         return False
     if isinstance(effect, Magnet | Bump) and not forward.records.ball_used[..., 0].any():
         return False

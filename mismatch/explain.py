@@ -15,7 +15,7 @@ from mismatch.candidates import (
     steps_of,
     within_patience,
 )
-from mismatch.fitting.fit import Fit, spread_laws
+from mismatch.fitting.fit import Fit, fit_model, kept_free, spread_laws
 from mismatch.fitting.hypotheses import LOOSE_LAWS, POOR_FIT, Hypothesis
 from mismatch.fitting.prepare import Prepared, prepare
 from mismatch.fitting.scan import own_values, robust_spread, scan
@@ -45,7 +45,7 @@ from mismatch.verdict import (
     pass_gate,
 )
 from physics.domain import FloatArray
-from physics.effects import CATALOGUE, MEASUREMENT_IDS, Effect, EffectId, Level
+from physics.effects import CATALOGUE, MEASUREMENT_IDS, Effect, EffectId, Level, Parameter
 
 __all__ = ["Explained", "Options", "explain", "explain_in_full"]
 
@@ -136,7 +136,7 @@ def explain_in_full(
     _require_trials(campaign, chosen.hold_out)
     _require_enough(campaign)
     campaign = without_odd_trials(campaign)
-    prepared = prepare(campaign, setup_model)
+    prepared = prepare(campaign, setup_model, chosen.widths)
     refuse_nonsense(campaign, prepared)
     catalogue = [effect for forms in CATALOGUE.values() for effect in forms]
     effects = [
@@ -144,11 +144,88 @@ def explain_in_full(
     ]
     for effect in chosen.effects:
         _refuse_failing(prepared, effect)
-    naming = name_effects(prepared.forward, prepared.fit, effects, most=chosen.most_effects)
+    prepared, naming = _searched(prepared, effects, chosen.most_effects)
     held = _held_mask(campaign, chosen.hold_out)
     verdict = _verdict(campaign, prepared, naming, held)
+    verdict = replace(verdict, notes=(*verdict.notes, *_open_notes(prepared, naming.best)))
     names = tuple(trial.name for trial in campaign.trials)
     return Explained(verdict, prepared, naming, names)
+
+
+NOTEWORTHY = 2.0
+"""Widths off from which a fault of the instrument is no longer what careful labs have."""
+
+INSTRUMENTS = frozenset({"length_scale", "time_base", "camera_roll"})
+"""Ids of what is left open in free flights."""
+
+
+def _searched(prepared: Prepared, effects: Sequence[Effect], most: int) -> tuple[Prepared, Naming]:
+    """What the search finds, and the baseline that it starts from.
+
+    Beside open instruments a fault of theirs explains nothing that they don't take up. Where
+    nothing else is found, and one is further off than careful labs are, faults are looked for from
+    instruments that are held to be right.
+    """
+    found = name_effects(prepared.forward, prepared.fit, effects, most=most)
+    named = INSTRUMENTS.intersection(() if found.best is None else found.best.ids)
+    if named:
+        # What is to be proved is held against a baseline that has it not.
+        return replace(prepared, fit=_with_held(prepared, INSTRUMENTS)), found
+    if found.best is not None or not _instruments_off(prepared.fit, prepared.fit):
+        return prepared, found
+    faults = [effect for effect in effects if effect.id in INSTRUMENTS]
+    held = replace(prepared, fit=_with_held(prepared, INSTRUMENTS))
+    blamed = name_effects(held.forward, held.fit, faults, most=most, unnamed=False)
+    return (prepared, found) if blamed.best is None else (held, blamed)
+
+
+def _with_held(prepared: Prepared, instruments: frozenset[str]) -> Fit:
+    """The baseline refitted with some instruments held to be right."""
+    fit = prepared.fit
+    kept = {id(fit.model.entries[item.entry][0]) for item in fit.free}
+    entries = tuple(
+        entry
+        for entry in fit.model.entries
+        if entry[0].id not in instruments or id(entry[0]) not in kept
+    )
+    model = replace(fit.model, entries=entries)
+    start = (fit.nuisance, fit.law_offsets)
+    return fit_model(prepared.forward, model, kept_free(fit, model), start)
+
+
+def _left_open(base: Fit, fit: Fit) -> list[tuple[EffectId | str, Parameter, float, float]]:
+    """What the baseline leaves open: (id, parameter, value, standard uncertainty) in a fit."""
+    kept = {id(base.model.entries[item.entry][0]) for item in base.free}
+    found = []
+    for index, item in enumerate(fit.free):
+        effect = fit.model.entries[item.entry][0]
+        if id(effect) in kept:
+            found.append((effect.id, item.parameter, *fit.value(index)))
+    return found
+
+
+def _instruments_off(base: Fit, fit: Fit) -> bool:
+    return any(
+        identity in INSTRUMENTS and abs(value) > NOTEWORTHY * p.width
+        for identity, p, value, _ in _left_open(base, fit)
+    )
+
+
+def _open_notes(prepared: Prepared, best: Hypothesis | None) -> tuple[str, ...]:
+    """What ruler, clock and axes were found off by, where that is more than usual; and a drag."""
+    fit = prepared.fit if best is None else best.fit
+    found = []
+    for identity, p, value, std in _left_open(prepared.fit, fit):
+        unit = "" if p.unit == "1" else f" {p.unit}"
+        number = f"{p.name} = {value:.2g} ± {std:.1g}{unit}"
+        if identity == EffectId.DRAG:
+            found.append(f"the setup gives no drag coefficient, so it was fitted as well: {number}")
+        elif abs(value) > NOTEWORTHY * p.width:
+            found.append(
+                f"{identity} was left open: {number}, more than the {p.width:.1g}{unit} of a"
+                " careful lab"
+            )
+    return tuple(found)
 
 
 def _refuse_failing(prepared: Prepared, effect: Effect) -> None:

@@ -157,6 +157,9 @@ class Baseline:
         kg/m³, Pa s, m/s².
     effects : mapping
         Effect id → parameter values that the model already holds (gravity is always in).
+    unmeasured : frozenset of str
+        Ids among them whose values nobody stated: defaults, of which neither size nor presence is
+        known.
     scatter : Scatter
         Priors of the trial-to-trial differences.
     position_noise, angle_noise : float or None
@@ -170,6 +173,7 @@ class Baseline:
     air_viscosity: float = Defaults.AIR_VISCOSITY.known
     gravity: float = GRAVITY
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    unmeasured: frozenset[str] = frozenset()
     scatter: Scatter = Scatter()
     position_noise: float | None = None
     angle_noise: float | None = None

@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from mismatch.fitting.fit import Fit, Free, fit_model, free_parameters
+from mismatch.fitting.fit import Fit, Free, fit_model
 from mismatch.fitting.hypotheses import POOR_FIT, Hypothesis, is_known
 from mismatch.fitting.prepare import Prepared
 from mismatch.fitting.scan import heterogeneity, trial_pulls
@@ -777,8 +777,8 @@ def hold_out(
     folds = folds[folds.any(axis=1) & ~folds.all(axis=1)]
     if not folds.size:
         return None
-    free = free_parameters(best.fit.model, [m.effect for m in best.members])
-    plain = [_errors(forward, base, (), mask) for mask in folds]
+    free = best.fit.free
+    plain = [_errors(forward, base, base.free, mask) for mask in folds]
     mended = [_errors(forward, best.fit, free, mask) for mask in folds]
     before, count, cost = _together(plain)
     after, _, less = _together(mended)
@@ -794,7 +794,7 @@ def hold_out(
         float(np.sqrt(after.sum() / total)),
         (float(low), float(high)),
         "rad" if forward.mode == "swing" else "m",
-        _extrapolation(forward, base, ()),
+        _extrapolation(forward, base, base.free),
         _extrapolation(forward, best.fit, free),
         float(cost - less) / best.reduced_chi2 if best.reduced_chi2 < POOR_FIT else None,
     )  # fmt: skip

@@ -31,6 +31,7 @@ from physics.effects import Effect, Level, Parameter
 from physics.integrator import Trajectory, integrate
 
 __all__ = [
+    "FROM_THE_RECORD",
     "PIECE_STEPS",
     "Ending",
     "Fit",
@@ -38,13 +39,16 @@ __all__ = [
     "Linearised",
     "LinearisedArcs",
     "SwingSeen",
+    "SwingStart",
     "arcs_of",
     "ball_columns",
     "closed",
     "fit_model",
     "fitting_start",
     "free_parameters",
+    "held_information",
     "inverse_of",
+    "kept_free",
     "linearise",
     "linearise_arcs",
     "moved_arcs",
@@ -103,6 +107,21 @@ def free_parameters(model: Model, effects: Sequence[Effect] | None = None) -> tu
         if effects is None or any(effect is one for one in effects)
         for parameter in effect.parameters
     )
+
+
+def kept_free(fit: "Fit", model: Model) -> tuple[Free, ...]:
+    """What a fit leaves open and a model grown from it still holds, where it stands there."""
+    return tuple(
+        Free(index, item.parameter)
+        for item in fit.free
+        for index, (effect, _) in enumerate(model.entries)
+        if effect is fit.model.entries[item.entry][0]
+    )
+
+
+def held_information(free: Sequence[Free]) -> FloatArray:
+    """(n,) inverse prior variances of parameters that a prior holds near nothing; else 0."""
+    return np.array([f.parameter.width**-2.0 if f.parameter.is_held else 0.0 for f in free])
 
 
 def priors(forward: Forward, model: Model) -> tuple[FloatArray, FloatArray]:
@@ -521,6 +540,25 @@ class Arcs:
 
 
 @dataclass(frozen=True)
+class SwingStart:
+    """Where a fit of free swings starts, and when it is left.
+
+    Attributes
+    ----------
+    arcs : Arcs, optional
+        Pieces of a fit before; read off the record by default.
+    hopeless : float
+        Cost from which a fit that creeps is left: another law is far ahead of it.
+    """
+
+    arcs: Arcs | None = None
+    hopeless: float = math.inf
+
+
+FROM_THE_RECORD = SwingStart()
+
+
+@dataclass(frozen=True)
 class LinearisedArcs:
     """A linearised system whose gaps are closed, and what closes them.
 
@@ -629,15 +667,26 @@ def _swung(
 
 
 def linearise_arcs(
-    forward: Forward, model: Model, arcs: Arcs, nuisance: FloatArray, free: Sequence[Free]
+    forward: Forward,
+    model: Model,
+    arcs: Arcs,
+    nuisance: FloatArray,
+    free: Sequence[Free],
+    extra: Sequence[Model] = (),
+    extra_steps: Sequence[float] = (),
 ) -> LinearisedArcs:
-    """Residuals and derivatives of all pieces, with the gaps between them closed to first order."""
+    """Residuals and derivatives of all pieces, with the gaps between them closed to first order.
+
+    `extra` as in `linearise`.
+    """
     rows = [model, model, model, model]
     sizes = []
     for item in free:
         size, moved = moved_by_a_step(model, item)
         sizes.append(size)
         rows.append(moved)
+    rows.extend(extra)
+    sizes.extend(extra_steps)
     states = np.repeat(arcs.states[None], len(rows), axis=0)
     frequency = np.repeat(nuisance[None, :, 2], len(rows), axis=0)
     for column, size in enumerate(STATE_STEPS):
@@ -730,6 +779,18 @@ ROUNDS_IN_ONE = 6
 
 """Steps in one arc where pieces could not be joined."""
 
+DESCENTS = 2
+
+"""Times that steps go on after gaps that they left were closed."""
+
+CLOSINGS = 6
+
+"""Newton's steps that close gaps; each squares what is left."""
+
+CREEPING = 0.5
+
+"""Share of its cost that a step must take away, lest a fit that is far behind be left."""
+
 LOST = 100.0
 
 """Misfit in one arc over that in pieces from which a law is out of step with the record."""
@@ -745,6 +806,11 @@ ALONG_BEND = (1.0, 0.5, 0.2, 0.05)
 UNFINISHED = 0.02
 
 """Share of its misfit that the last step of a fit took away, from which more would follow."""
+
+
+BEYOND, MOST_BEYOND = 2.0, 0.1
+"""Standard uncertainties by which a fitted strength may lie beyond what nature allows, as chance
+takes it there in one case of forty; and the share of its scale that this may come to at most."""
 
 
 class Ending(Enum):
@@ -784,6 +850,8 @@ class Fit:
         Of the free parameters, trial-to-trial values marginalised.
     residual : (T, M) array
         (record − prediction)/σ; zero where unused.
+    arcs : Arcs, optional
+        Where the pieces of a free swing ended, which the next fit may start from.
     """
 
     model: Model
@@ -797,6 +865,7 @@ class Fit:
     covariance: FloatArray
     residual: FloatArray = field(repr=False)
     ending: Ending = Ending.CONVERGED
+    arcs: Arcs | None = field(default=None, repr=False)
 
     @property
     def objective(self) -> float:
@@ -817,11 +886,17 @@ class Fit:
 
     @property
     def inside_bounds(self) -> bool:
-        """Whether every free parameter lies in what nature allows, and not on the edge of it."""
+        """Whether every free parameter lies in what nature allows, and not on the edge of it.
+
+        What a baseline leaves open is given its own doubt: a drag that is not there is found a
+        little below nought as often as above.
+        """
         for index, item in enumerate(self.free):
             value, std = self.value(index)
             p = item.parameter
             edge = 1e-6 * max(abs(p.lower), abs(p.upper))
+            if p.is_held:
+                edge = max(edge, min(BEYOND * std, MOST_BEYOND * p.scale))
             if not np.isfinite(std) or not p.lower - edge <= value <= p.upper + edge:
                 return False
         return True
@@ -829,9 +904,11 @@ class Fit:
     @property
     def believable(self) -> bool:
         """Whether every free parameter also has a size that is met in practice."""
-        return self.inside_bounds and all(
-            item.parameter.believable(self.value(index)[0]) for index, item in enumerate(self.free)
+        values = (
+            (f.parameter, float(np.clip(self.value(k)[0], f.parameter.lower, f.parameter.upper)))
+            for k, f in enumerate(self.free)
         )
+        return self.inside_bounds and all(p.believable(value) for p, value in values)
 
 
 def fit_model(
@@ -842,6 +919,7 @@ def fit_model(
     *,
     rounds: int = 12,
     shape_priors: bool = True,
+    swing: SwingStart = FROM_THE_RECORD,
 ) -> Fit:
     """Gauss–Newton with step halving; free swings by multiple shooting.
 
@@ -859,13 +937,15 @@ def fit_model(
         Most steps.
     shape_priors : bool
         Hold shapes near where they start with a prior as wide as their scale.
+    swing : SwingStart
+        Of free swings: the pieces to start from, and when to give up.
 
     Returns
     -------
     Fit
     """
     if forward.mode == "swing" and rounds:
-        return _fit_swings(forward, model, free, start[0], shape_priors)
+        return _fit_swings(forward, model, free, start[0], shape_priors, swing)
     return _fit_in_one(forward, model, free, start, rounds, shape_priors)
 
 
@@ -1051,92 +1131,137 @@ def _residuals(
     return float(np.sum(scaled**2)), scaled
 
 
+@dataclass(frozen=True)
+class _PlaceOfArcs:
+    """Where a fit of pieces stands, and what that costs."""
+
+    model: Model
+    nuisance: FloatArray
+    arcs: Arcs
+    found: LinearisedArcs
+    cost: float
+
+    @property
+    def chi2(self) -> float:
+        """Of the pieces as they are, gaps and all."""
+        return float(np.sum(self.found.residual**2))
+
+
+@dataclass(frozen=True)
+class _Pieces:
+    """Free swings to be fitted in pieces: what may be varied, and what holds it."""
+
+    forward: Forward
+    free: Sequence[Free]
+    anchors: FloatArray
+    prior: FloatArray
+    own_prior: FloatArray
+
+    def penalty(self, nuisance: FloatArray, model: Model) -> float:
+        """How far values are from what was known of them."""
+        own = float(np.sum(nuisance**2 * np.where(self.own_prior < 1e15, self.own_prior, 0.0)))
+        return own + float(np.sum(self.prior * (_values(model, self.free) - self.anchors) ** 2))
+
+    def at(self, model: Model, nuisance: FloatArray, arcs: Arcs) -> _PlaceOfArcs:
+        """The place of some values; each record's first state is that of its first piece."""
+        nuisance = np.concatenate([arcs.states[:, 0], nuisance[:, 2:]], axis=1)
+        found = linearise_arcs(self.forward, model, arcs, nuisance, self.free)
+        records = self.forward.records
+        rows = records.count / max(1, arcs.states[..., 0].size)
+        scale = np.array([1.0, 1.0 / self.forward.small_rate]) * float(records.weights.max())
+        gaps = GAP_WEIGHT * rows * float(np.sum((found.gaps * scale) ** 2))
+        cost = float(np.sum(found.residual**2)) + gaps + self.penalty(nuisance, model)
+        return _PlaceOfArcs(model, nuisance, arcs, found, cost)
+
+    def normal(self, place: _PlaceOfArcs) -> _NormalEquations:
+        """The step's equations about a place."""
+        system = replace(place.found.system, prior=self.own_prior, shared_prior=self.prior)
+        pull = -(_values(place.model, self.free) - self.anchors) * self.prior
+        own_pull = np.where(self.own_prior < 1e15, -place.nuisance * self.own_prior, 0.0)
+        matrix, vector, inverse, cross = reduce(system, own_pull, pull)
+        gradient = np.einsum("tmq,tm->tq", system.own, system.residual) + own_pull
+        return _NormalEquations(matrix, vector, inverse, cross, gradient)
+
+    def descended(self, place: _PlaceOfArcs, hopeless: float) -> tuple[_PlaceOfArcs, bool]:
+        """Where steps end, and whether they were given up."""
+        damping = 0.0
+        for _ in range(STEPS_OF_ARCS):
+            normal = self.normal(place)
+            for _ in range(8):
+                own, move = normal.step(damping)
+                share = 1.0 / (1.0 + damping)
+                moved = self.at(
+                    _stepped(place.model, self.free, move * share),
+                    place.nuisance + own * share,
+                    moved_arcs(place.arcs, place.found, own, move, share),
+                )
+                if moved.cost < place.cost:
+                    break
+                damping = max(4.0 * damping, 0.25)
+            else:
+                break
+            gained, place = place.cost - moved.cost, moved
+            damping = 0.0 if damping < 0.3 else 0.2 * damping
+            if gained < 1e-3 + 1e-6 * place.cost:
+                break
+            if place.cost > hopeless and gained < CREEPING * place.cost:
+                return place, True
+        return place, place.cost > hopeless
+
+    def shut(self, place: _PlaceOfArcs) -> _PlaceOfArcs:
+        """The same values with the gaps closed, as far as Newton's steps close them."""
+        still = np.zeros_like(place.nuisance), np.zeros(len(self.free))
+        for _ in range(CLOSINGS):
+            if closed(self.forward, place.found):
+                break
+            arcs = moved_arcs(place.arcs, place.found, *still, 1.0)
+            place = self.at(place.model, place.nuisance, arcs)
+        return place
+
+
 def _fit_swings(
     forward: Forward,
     model: Model,
     free: Sequence[Free],
     nuisance: FloatArray,
     shape_priors: bool,
+    start: SwingStart = FROM_THE_RECORD,
 ) -> Fit:
-    """Multiple shooting: states of all pieces start from the record, whatever the start was."""
-    anchors = _values(model, free)
-    prior_information = np.array([_prior_information(f.parameter, 1.0, shape_priors) for f in free])
-    own_prior, _ = priors(forward, model)
-    arcs = arcs_of(forward, nuisance)
-    nuisance = np.concatenate([arcs.states[:, 0], nuisance[:, 2:]], axis=1)
-    found = linearise_arcs(forward, model, arcs, nuisance, free)
-    rows = forward.records.count / max(1, arcs.states[..., 0].size)
-    scale = np.array([1.0, 1.0 / forward.small_rate]) * float(forward.records.weights.max())
-
-    def merit(trial: LinearisedArcs, nu: FloatArray, m: Model) -> float:
-        gaps = GAP_WEIGHT * rows * float(np.sum((trial.gaps * scale) ** 2))
-        held = float(np.sum(nu**2 * np.where(own_prior < 1e15, own_prior, 0.0)))
-        return (
-            float(np.sum(trial.residual**2))
-            + gaps
-            + held
-            + float(np.sum(prior_information * (_values(m, free) - anchors) ** 2))
-        )
-
-    cost, damping = merit(found, nuisance, model), 0.0
-    matrix = np.zeros((len(free),) * 2)
-    for _ in range(STEPS_OF_ARCS):
-        system = replace(found.system, prior=own_prior, shared_prior=prior_information)
-        pull = -(_values(model, free) - anchors) * prior_information
-        own_pull = np.where(own_prior < 1e15, -nuisance * own_prior, 0.0)
-        matrix, vector, inverse, cross = reduce(system, own_pull, pull)
-        gradient = np.einsum("tmq,tm->tq", system.own, system.residual) + own_pull
-        for _ in range(8):
-            move = solve(matrix, vector, damping)
-            own = np.einsum("tqr,tr->tq", inverse, gradient - np.einsum("tqn,n->tq", cross, move))
-            share = 1.0 / (1.0 + damping)
-            nu = nuisance + own * share
-            stepped = _stepped(model, free, move * share)
-            trial_arcs = moved_arcs(arcs, found, own, move, share)
-            trial = linearise_arcs(forward, stepped, trial_arcs, nu, free)
-            new = merit(trial, nu, stepped)
-            if new < cost:
-                break
-            damping = max(4.0 * damping, 0.25)
-        else:
+    """Multiple shooting: states of all pieces start from the record, or from those of a fit."""
+    prior = np.array([_prior_information(f.parameter, 1.0, shape_priors) for f in free])
+    pieces = _Pieces(forward, free, _values(model, free), prior, priors(forward, model)[0])
+    arcs = arcs_of(forward, nuisance) if start.arcs is None else start.arcs
+    place = pieces.at(model, nuisance, arcs)
+    apart = np.inf
+    for _ in range(DESCENTS):
+        place, left = pieces.descended(place, start.hopeless)
+        apart = min(apart, place.chi2)
+        if left:
+            return _fit_of(pieces, place, Ending.LOST)
+        if closed(forward, place.found):
+            return _fit_of(pieces, place, Ending.CONVERGED)
+        place = pieces.shut(place)
+        if not closed(forward, place.found):
             break
-        gained, cost = cost - new, new
-        nuisance, model, arcs, found = nu, stepped, trial_arcs, trial
-        nuisance[:, :2] = arcs.states[:, 0]
-        damping = 0.0 if damping < 0.3 else 0.2 * damping
-        if gained < 1e-3 + 1e-6 * cost:
-            break
-    return _whole_swings(
-        forward, model, free, nuisance, found, inverse_of(matrix),
-        float(np.sum(prior_information * (_values(model, free) - anchors) ** 2)), shape_priors,
-    )  # fmt: skip
+    least = LOST * max(apart, forward.records.expected)
+    if closed(forward, place.found):
+        return _fit_of(pieces, place, Ending.LOST if place.chi2 > least else Ending.UNFINISHED)
+    at_end = (place.nuisance, np.zeros((0, 2)))
+    whole = _fit_in_one(forward, place.model, free, at_end, ROUNDS_IN_ONE, shape_priors)
+    return replace(whole, ending=Ending.LOST if whole.chi2 > least else whole.ending)
 
 
-def _whole_swings(
-    forward: Forward,
-    model: Model,
-    free: Sequence[Free],
-    nuisance: FloatArray,
-    found: LinearisedArcs,
-    covariance: FloatArray,
-    held: float,
-    shape_priors: bool,
-) -> Fit:
-    """The fit of swings whose pieces were fitted: pieces that don't meet are fitted once more.
-
-    `held` is what the priors of the shared parameters cost.
-    """
-    meet = closed(forward, found)
-    start = nuisance, np.zeros((0, 2))
-    whole = _fit_in_one(
-        forward, model, () if meet else free, start, 0 if meet else ROUNDS_IN_ONE, shape_priors
-    )
-    if not meet:
-        lost = whole.chi2 > LOST * max(float(np.sum(found.residual**2)), whole.expected)
-        return replace(whole, ending=Ending.LOST if lost else whole.ending)
-    return replace(
-        whole, penalty=whole.penalty + held, free=tuple(free), covariance=covariance,
-        ending=Ending.CONVERGED,
+def _fit_of(pieces: _Pieces, place: _PlaceOfArcs, ending: Ending) -> Fit:
+    """The fit at a place; what closes the last gaps, a tenth of sigma, is taken to first order."""
+    records, residual = pieces.forward.records, place.found.system.residual
+    chi2 = float(np.sum(residual**2))
+    if ending is Ending.LOST:
+        # Far apart, pieces that are closed to first order say nothing.
+        chi2 = max(place.cost, chi2)
+    return Fit(
+        place.model, place.nuisance, np.zeros((0, 0)), chi2,
+        pieces.penalty(place.nuisance, place.model), records.count, records.expected,
+        tuple(pieces.free), inverse_of(pieces.normal(place).matrix), residual, ending, place.arcs,
     )  # fmt: skip
 
 

@@ -16,8 +16,9 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.polynomial import legendre
 
+from metrology import Defaults
 from mismatch.candidates import Candidate, start_values
-from mismatch.fitting.fit import Ending, Fit, free_parameters
+from mismatch.fitting.fit import LOST, Ending, Fit, SwingStart, free_parameters, kept_free
 from mismatch.fitting.scan import (
     Scan,
     fit_with_levels,
@@ -42,11 +43,14 @@ from physics.effects import (
     SwingState,
     Values,
 )
+from physics.effects.flight import Drag
 
 __all__ = [
     "EXPECTED",
     "LOOSE_LAWS",
+    "MEMBER_PENALTY",
     "POOR_FIT",
+    "SURELY",
     "Hypothesis",
     "fit_hypothesis",
     "form_evidence",
@@ -365,6 +369,8 @@ class Hypothesis:
         What it gains once the forms of its laws need not be quite right.
     lacking : tuple of str
         What nature always has, and neither the baseline nor the answer holds.
+    airless : bool
+        Whether air is said to act that, by the same records, does not resist.
     """
 
     members: tuple[Candidate, ...]
@@ -372,6 +378,7 @@ class Hypothesis:
     gain: float
     form: FormEvidence = EXACT
     lacking: tuple[str, ...] = ()
+    airless: bool = False
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -419,7 +426,7 @@ class Hypothesis:
     @property
     def allowed(self) -> bool:
         """Whether all parameters are within what nature allows and practice knows."""
-        found = self.fit.believable and self.fit.ending is not Ending.LOST
+        found = self.fit.believable and self.fit.ending is not Ending.LOST and not self.airless
         return found and self.fit.model.scatters_within_reason
 
     @property
@@ -475,6 +482,7 @@ def fit_hypothesis(
     strengths: Sequence[FloatArray],
     start: Fit | None = None,
     rounds: int = 10,
+    rival: float = np.inf,
 ) -> Hypothesis:
     """Fit the baseline with candidates in it.
 
@@ -490,10 +498,13 @@ def fit_hypothesis(
         Where trial-to-trial values start from; the baseline's by default.
     rounds : int
         Most Gauss–Newton steps.
+    rival : float
+        Objective of the best answer so far: a free swing far behind it is left.
     """
     origin = base if start is None else start
     added = [member.effect for member in members]
-    fit = _fitted_from(forward, base, members, strengths, origin, rounds)
+    swing = SwingStart(None if start is None else start.arcs, LOST * rival)
+    fit = _fitted_from(forward, base, members, strengths, origin, rounds, swing)
     if fit.objective > origin.objective + SLACK:
         # It holds the model that it started about, so it can't fit worse: the linear look led
         # astray, and small strengths are the surer start.
@@ -502,13 +513,21 @@ def fit_hypothesis(
             values if any(member.effect is one for one in held) else _neutral_strengths(member)
             for member, values in zip(members, strengths, strict=True)
         ]
-        again = _fitted_from(forward, base, members, small, origin, rounds)
+        again = _fitted_from(forward, base, members, small, origin, rounds, swing)
         fit = min(fit, again, key=lambda one: one.objective)
     # In free swings the catalogue's laws are each other's errors of form: zeroth, first and second
     # power of the rate. Loose ones would pass for any sum of them.
     form = EXACT if forward.mode == "swing" else form_evidence(forward, fit, added)
-    gain = base.objective - fit.objective - _price_of_weights(fit) - price_of_levels(forward, fit)
-    return Hypothesis(tuple(members), fit, gain, form, _lacking(forward, fit.model))
+    gain = (
+        base.objective
+        - fit.objective
+        - _price_of_weights(fit, added)
+        - price_of_levels(forward, fit)
+    )
+    return Hypothesis(
+        tuple(members), fit, gain, form, _lacking(forward, fit.model),
+        _airless(forward, fit, added),
+    )  # fmt: skip
 
 
 def _fitted_from(
@@ -518,6 +537,7 @@ def _fitted_from(
     strengths: Sequence[FloatArray],
     origin: Fit,
     rounds: int,
+    swing: SwingStart,
 ) -> Fit:
     """The baseline with candidates in it, fitted from given strengths."""
     model: Model = base.model
@@ -529,13 +549,49 @@ def _fitted_from(
         model = model.having(member.effect, start_at)
     added: list[Effect] = [member.effect for member in members]
     model = with_own_strengths(model.order(), added, origin.model)
-    free = free_parameters(model, added)
+    free = (*kept_free(base, model), *free_parameters(model, added))
     point = (origin.nuisance, origin.law_offsets)
-    return fit_with_levels(forward, model, free, point, rounds=rounds)
+    return fit_with_levels(forward, model, free, point, rounds=rounds, swing=swing)
 
 
 def _neutral_strengths(member: Candidate) -> FloatArray:
     return np.array([p.neutral for p in member.effect.strengths])
+
+
+SURELY = 3.0
+"""Standard uncertainties from which a drag coefficient is below the least that bodies have."""
+
+
+DRAG_STRENGTH = "drag_coefficient"
+FALL_OF_DRAG = ("drag_crisis", "coefficient_drop")
+"""Parameters that say how much the air resists."""
+
+
+def _airless(forward: Forward, fit: Fit, added: Sequence[Effect]) -> bool:
+    """Whether laws of the air are asked for although it does not resist.
+
+    Air that lifts, carries or turns a body resists it as well. Where the setup states how much,
+    that is believed; where it does not, the records tell.
+    """
+    if forward.mode != "flight" or not any(effect.by_air for effect in added):
+        return False
+    values = {e.id: v for e, v in fit.model.entries}
+    free = {(fit.model.entries[f.entry][0].id, f.parameter.name): k for k, f in enumerate(fit.free)}
+    fitted, fallen = free.get((EffectId.DRAG, DRAG_STRENGTH)), free.get(FALL_OF_DRAG)
+    if fitted is not None:
+        value, std = fit.value(fitted)
+    elif EffectId.DRAG in values:
+        if fallen is None:
+            return False
+        value, std = float(values[EffectId.DRAG][DRAG_STRENGTH]), 0.0
+    else:
+        scored = scan_beyond_forms(forward, fit, added, 1.0, [Candidate(Drag(), (), 1)])
+        std = float(scored.information[0, 0] ** -0.5)
+        value = float(scored.start[0] + scored.score[0] * std**2)
+    if fallen is not None:
+        fall, doubt = fit.value(fallen)
+        value, std = value - fall, float(np.hypot(std, doubt))
+    return bool(value + SURELY * std * np.sqrt(fit.reduced_chi2) < Defaults.LEAST_DRAG.known)
 
 
 def _lacking(forward: Forward, model: Model) -> tuple[str, ...]:
@@ -545,9 +601,16 @@ def _lacking(forward: Forward, model: Model) -> tuple[str, ...]:
     return tuple(one for one in certain if one not in model.ids)
 
 
-def _price_of_weights(fit: Fit) -> float:
-    """What the evidence asks for weights that a prior holds: ln det of prior over posterior."""
-    held = [k for k, item in enumerate(fit.free) if item.parameter.is_held]
+def _price_of_weights(fit: Fit, added: Sequence[Effect]) -> float:
+    """What the evidence asks for weights that a prior holds: ln det of prior over posterior.
+
+    What the baseline leaves open costs either the same.
+    """
+    held = [
+        k
+        for k, item in enumerate(fit.free)
+        if item.parameter.is_held and any(fit.model.entries[item.entry][0] is e for e in added)
+    ]
     if not held:
         return 0.0
     part = fit.covariance[np.ix_(held, held)]

@@ -1,13 +1,14 @@
 """From a campaign and a baseline to a fit that can start: mode, clocks, which rows, noise."""
 
 import itertools
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from metrology import TooLittleDataError
-from mismatch.fitting.fit import PIECE_STEPS, Fit, fit_model, seen_swings
+from metrology import Defaults, TooLittleDataError
+from mismatch.fitting.fit import PIECE_STEPS, Fit, fit_model, free_parameters, seen_swings
 from mismatch.forward import Forward, Mode, Model
 from mismatch.records import (
     Baseline,
@@ -18,7 +19,8 @@ from mismatch.records import (
     lay_out,
 )
 from physics.domain import FloatArray
-from physics.effects import CATALOGUE, EffectId
+from physics.effects import CATALOGUE, Effect, EffectId, Form
+from physics.effects.measurement import PITCH, CameraRoll, LengthScale, TimeBase
 
 __all__ = ["Prepared", "baseline_model", "prepare"]
 
@@ -47,11 +49,11 @@ class Prepared:
     forward : Forward
         Predictor with records, noise and outliers settled.
     model : Model
-        The baseline's effects.
+        The baseline's effects, as stated.
     noise : Noise
         As estimated.
     fit : Fit
-        The baseline refitted.
+        The baseline refitted; of free flights with what an instrument may be off by left open.
     """
 
     forward: Forward
@@ -68,6 +70,42 @@ def baseline_model(baseline: Baseline) -> Model:
             for name, values in baseline.effects.items()
             if name != EffectId.GRAVITY
         )
+    )
+
+
+def instrument_faults(forward: Forward, widths: Mapping[str, float]) -> tuple[Effect, ...]:
+    """Scale, clock and level of free flights, each held to none as closely as labs get them.
+
+    A strike is held by back-swing and support, a free swing by its own zero and period; a free
+    flight has nothing but gravity to tell its ruler, clock and plumb line by.
+
+    Parameters
+    ----------
+    widths : mapping
+        Effect id → standard uncertainty where a calibration has measured it.
+    """
+    if forward.mode != "flight":
+        return ()
+    seen = np.atleast_1d(forward.records.ball_used.any(axis=(0, 1)))
+    faults: list[tuple[Effect, float]] = [
+        (LengthScale(), Defaults.PLANE_SCALE.std),
+        (TimeBase(), Defaults.NOMINAL_RATE.std),
+    ]
+    if seen.all():
+        roll = CameraRoll(form=Form.THREE_AXES, parameters=(*CameraRoll().parameters, PITCH))
+        faults.append((roll, Defaults.LEVEL_AXES.std))
+    elif seen[:2].all():
+        faults.append((CameraRoll(), Defaults.LEVEL_AXES.std))
+    return tuple(
+        replace(
+            effect,
+            sharp=False,
+            parameters=tuple(
+                replace(p, width=widths.get(effect.id, usual), expected=0.0)
+                for p in effect.parameters
+            ),
+        )
+        for effect, usual in faults
     )
 
 
@@ -256,8 +294,15 @@ def _start_polynomial(time: FloatArray, value: FloatArray) -> tuple[float, float
     return float(fitted[0]), float(fitted[1] / scale)
 
 
-def prepare(campaign: CampaignRecords, baseline: Baseline) -> Prepared:
+def prepare(
+    campaign: CampaignRecords, baseline: Baseline, widths: Mapping[str, float] | None = None
+) -> Prepared:
     """Lay the data out, find clocks and noise, and refit the baseline.
+
+    Parameters
+    ----------
+    widths : mapping, optional
+        As in `instrument_faults`.
 
     Raises
     ------
@@ -310,8 +355,32 @@ def prepare(campaign: CampaignRecords, baseline: Baseline) -> Prepared:
         noise = replace(again, outliers=noise.outliers | again.outliers)
     records = _weighed(forward.records, noise)
     forward = replace(forward, records=records)
-    fit = fit_model(forward, model, (), (fit.nuisance, fit.law_offsets))
+    faults = instrument_faults(forward, widths or {})
+    opened = tuple(_opened(entry, forward) for entry in model.entries)
+    whole = replace(model, entries=(*opened, *((one, one.neutral) for one in faults)))
+    drag = [effect for effect, _ in opened if all(effect is not e for e, _ in model.entries)]
+    free = free_parameters(whole, [*drag, *faults])
+    fit = fit_model(forward, whole, free, (fit.nuisance, fit.law_offsets))
     return Prepared(forward, model, noise, fit)
+
+
+Entry = tuple[Effect, Mapping[str, float]]
+
+
+def _opened(entry: Entry, forward: Forward) -> Entry:
+    """An effect of the baseline; in free flights, open about a default that nobody measured.
+
+    Such a drag may be of any size or none: smooth balls beyond the crisis have a sixth of the
+    default, rough and blunt bodies twice as much.
+    """
+    effect, values = entry
+    if forward.mode != "flight" or effect.id not in forward.baseline.unmeasured:
+        return entry
+    held = tuple(
+        replace(p, neutral=values[p.name], expected=values[p.name], width=0.5 * p.scale)
+        for p in effect.parameters
+    )
+    return replace(effect, parameters=held), values
 
 
 def _weighed(records: Records, noise: Noise) -> Records:

@@ -21,14 +21,19 @@ from scipy.special import chdtrc
 
 from mismatch.candidates import Candidate, start_values, steps_of
 from mismatch.fitting.fit import (
+    FROM_THE_RECORD,
     Fit,
     Free,
     Linearised,
+    SwingStart,
+    arcs_of,
     ball_columns,
     fit_model,
     fitting_start,
+    held_information,
     inverse_of,
     linearise,
+    linearise_arcs,
     priors,
     reduce,
 )
@@ -236,6 +241,7 @@ def fit_with_levels(
     start: tuple[FloatArray, FloatArray],
     *,
     rounds: int = 10,
+    swing: SwingStart = FROM_THE_RECORD,
 ) -> Fit:
     """As `fit_model`, with the scatter of own strengths learnt."""
     fit = None
@@ -245,7 +251,7 @@ def fit_with_levels(
         model = _with_likely_scatter(forward, model, nuisance, laws, reduced_chi2)
         fit = fit_model(forward, model, free, start, rounds=rounds)
         model, start = fit.model, (fit.nuisance, fit.law_offsets)
-    return fit or fit_model(forward, model, free, start, rounds=rounds)
+    return fit or fit_model(forward, model, free, start, rounds=rounds, swing=swing)
 
 
 def price_of_levels(forward: Forward, fit: Fit) -> float:
@@ -264,22 +270,62 @@ def own_values(forward: Forward, fit: Fit, effect: Effect) -> OwnValues | None:
     mine = [one for one in fit.model.own if one.effect is effect]
     if not mine:
         return None
-    _, information, off = _around(forward, fit.model, fit.nuisance, fit.law_offsets, effect)
     spread = np.array([one.spread for one in mine])
     held = next(values for one, values in fit.model.entries if one is effect)
     mean = np.array([held[one.name] for one in mine])
-    posterior = np.linalg.inv(information / fit.reduced_chi2 + np.diag(spread**-2.0))
-    # What the records leave open stays with the campaign's value, and shares its doubt.
-    kept = np.einsum("gnn->gn", posterior) / spread**2
-    doubt = {
-        item.parameter.name: fit.value(k)[1] * np.sqrt(fit.reduced_chi2)
-        for k, item in enumerate(fit.free)
-        if fit.model.entries[item.entry][0] is effect
-    }
-    common = np.array([doubt.get(one.name, 0.0) for one in mine])
-    std = np.sqrt(np.einsum("gnn->gn", posterior) + (kept * common) ** 2)
+    _, _, off = _around(forward, fit.model, fit.nuisance, fit.law_offsets, effect)
+    std = _own_std(forward, fit, mine)
     names = tuple(one.name for one in mine)
     return OwnValues(effect, names, spread, mean + off, np.where(np.isfinite(std), std, np.inf))
+
+
+def _own_std(forward: Forward, fit: Fit, mine: Sequence[OwnStrength]) -> FloatArray:
+    """Standard uncertainties (groups, n) of the campaign's value plus what each group is off it.
+
+    Of all that was fitted together: what the records leave open stays with the campaign's value and
+    shares its doubt, and a ruler that is left open moves every ball's drag alike.
+    """
+    system = linearise(forward, fit.model, fit.nuisance, fit.law_offsets, fit.free)
+    laws = fit.law_offsets.size
+    prior = system.shared_prior.copy()
+    prior[laws:] += held_information(fit.free)
+    prior[laws:] += [f.parameter.scale**-2.0 if f.parameter.is_shape else 0.0 for f in fit.free]
+    # A misfit counts as noise; what is known beforehand stays as sure as it was.
+    noise = np.sqrt(fit.reduced_chi2)
+    weighed = replace(
+        system, own=system.own / noise, shared=system.shared / noise, shared_prior=prior
+    )
+    nothing = np.zeros(fit.nuisance.shape)
+    matrix, _, inverse, cross = reduce(weighed, nothing, np.zeros(prior.size))
+    shared = inverse_of(matrix)
+    of_mean = [
+        laws + k
+        for one in mine
+        for k, item in enumerate(fit.free)
+        if fit.model.entries[item.entry][0] is one.effect and item.parameter.name == one.name
+    ]
+    columns, first = ball_columns(forward, fit.model), len(NUISANCES[forward.mode])
+    places = [first + next(k for k, o in enumerate(fit.model.own) if o is one) for one in mine]
+    if mine[0].level is Level.BALL:
+        balls = len(forward.records.ball_names)
+        rows = [
+            [ball * len(columns) + columns.index(place) for place in places]
+            for ball in range(balls)
+        ]
+        parts = [shared[np.ix_([*row, *of_mean], [*row, *of_mean])] for row in rows]
+    else:
+        along = -inverse @ cross
+        parts = [
+            np.block([[own + a @ shared @ a.T, a @ shared], [shared @ a.T, shared]])[
+                np.ix_(which, which)
+            ]
+            for own, a in zip(inverse, along, strict=True)
+            for which in ([*places, *(inverse.shape[1] + k for k in of_mean)],)
+        ]
+    n = len(mine)
+    total = [part[:n, :n] + part[n:, n:] + part[:n, n:] + part[n:, :n] for part in parts]
+    variance = np.array([np.diag(one) for one in total])
+    return np.asarray(np.sqrt(np.where(variance > 0.0, variance, np.inf)))
 
 
 LANES_AT_ONCE = 48
@@ -398,6 +444,27 @@ def _evidence(block: FloatArray, score: FloatArray, held: FloatArray) -> float:
     return float(score @ np.linalg.solve(block + np.diag(held), score)) - price(block, held)
 
 
+def _linearised(
+    forward: Forward,
+    fit: Fit,
+    free: Sequence[Free],
+    extra: Sequence[Model] = (),
+    extra_steps: Sequence[float] = (),
+) -> Linearised:
+    """Around a fit; of free swings around their pieces, which are as straight as strikes are.
+
+    In one arc of many periods a small torque turns the phase around, and a law that is out of step
+    with the record has no slope that tells where the right one is.
+    """
+    if forward.mode != "swing":
+        return linearise(
+            forward, fit.model, fit.nuisance, fit.law_offsets, free, extra, extra_steps
+        )
+    arcs = arcs_of(forward, fit.nuisance) if fit.arcs is None else fit.arcs
+    found = linearise_arcs(forward, fit.model, arcs, fit.nuisance, free, extra, extra_steps)
+    return replace(found.system, prior=priors(forward, fit.model)[0])
+
+
 def scan(forward: Forward, fit: Fit, candidates: Sequence[Candidate]) -> Scan:
     """Score candidates around a fitted model."""
     models: list[Model] = []
@@ -414,23 +481,28 @@ def scan(forward: Forward, fit: Fit, candidates: Sequence[Candidate]) -> Scan:
             starts.append(values[parameter.name])
         columns.append(tuple(mine))
     free = list(fit.free)
-    base = linearise(forward, fit.model, fit.nuisance, fit.law_offsets, free)
+    base = _linearised(forward, fit, free)
     held = base.shared.shape[-1]
     blocks = [base.shared]
     for first in range(0, len(models), LANES_AT_ONCE):
-        part = linearise(
-            forward, fit.model, fit.nuisance, fit.law_offsets, (),
+        part = _linearised(
+            forward, fit, (),
             models[first : first + LANES_AT_ONCE], sizes[first : first + LANES_AT_ONCE],
         )  # fmt: skip
         blocks.append(part.shared[..., fit.law_offsets.size :])
     shared = np.concatenate(blocks, axis=-1)
+    laws = fit.law_offsets.size
+    held_back = held_information(free)
+    base.shared_prior[laws:] += held_back
     prior = np.concatenate([base.shared_prior, np.zeros(len(models))])
     own_prior, law_prior = priors(forward, fit.model)
     kept = own_prior < 1e15
     own_pull = np.where(kept, -fit.nuisance * np.where(kept, own_prior, 0.0), 0.0)
     shared_pull = np.zeros(shared.shape[-1])
-    if fit.law_offsets.size:
-        shared_pull[: fit.law_offsets.size] = (-fit.law_offsets * law_prior).reshape(-1)
+    if laws:
+        shared_pull[:laws] = (-fit.law_offsets * law_prior).reshape(-1)
+    values_now = np.array([fit.value(index)[0] for index in range(len(free))])
+    shared_pull[laws : laws + len(free)] = -values_now * held_back
     system = Linearised(base.residual, base.own, shared, base.prior, prior)
     matrix, vector, _, _ = reduce(system, own_pull, shared_pull)
     if held:
@@ -556,6 +628,7 @@ def _pulls(forward: Forward, fit: Fit) -> tuple[FloatArray, FloatArray]:
     # Shapes keep the hold they were fitted with; a place that no row tells apart has no slope.
     prior = system.shared_prior.copy()
     prior[first:] += [1.0 / f.parameter.scale**2 if f.parameter.is_shape else 0.0 for f in fit.free]
+    prior[first:] += held_information(fit.free)
     information = np.einsum("tmn,tmk->nk", system.shared, left) + np.diag(prior)
     pulls = np.einsum("tmn,tm->tn", left, system.residual)
     pulls = pulls[np.abs(system.residual).sum(axis=1) > 0.0]

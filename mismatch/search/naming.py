@@ -393,6 +393,7 @@ def name_effects(
     *,
     inflation: float = 1.0,
     most: int = MOST_EFFECTS,
+    unnamed: bool = True,
 ) -> Naming:
     """Find the set of effects that explains a mismatch.
 
@@ -408,12 +409,15 @@ def name_effects(
         What correlated noise inflates chi-square differences by.
     most : int
         Largest set.
+    unnamed : bool
+        Whether laws in no catalogue take part.
 
     Returns
     -------
     Naming
     """
-    candidates = candidates_for(forward, base.model, _with_jumps(forward, base, effects))
+    jumps = _with_jumps(forward, base, effects)
+    candidates = candidates_for(forward, base.model, jumps, unnamed=unnamed)
     first = scan(forward, base, candidates).with_likely_widths()
     candidates = first.candidates
     threshold = null_threshold(first)
@@ -426,7 +430,14 @@ def name_effects(
     first_of_each, others = _by_law(ranked, candidates)
     for _, index, values in _shortlist(first_of_each, MOST_SINGLES, share):
         tried.append(
-            fit_hypothesis(forward, base, [candidates[index]], [values], rounds=FIRST_ROUNDS)
+            fit_hypothesis(
+                forward,
+                base,
+                [candidates[index]],
+                [values],
+                rounds=FIRST_ROUNDS,
+                rival=_ahead(tried),
+            )
         )
     tried = _those_that_compete_finished(forward, base, tried)
     tried += _other_forms(forward, base, candidates, others, tried, inflation)
@@ -485,7 +496,7 @@ def _confirmed(forward: Forward, base: Fit, naming: Naming) -> Naming:
                       zip(member.effect.strengths, values, strict=True)])
             for member, values in zip(members, strengths, strict=True)
         ]  # fmt: skip
-        again = fit_hypothesis(forward, base, members, begun)
+        again = fit_hypothesis(forward, base, members, begun, rival=best.fit.objective)
         lower = best.fit.objective - again.fit.objective
         if abs(lower) <= SLACK * best.reduced_chi2:
             agreed += 1
@@ -681,7 +692,8 @@ def _grow(
             law = frozenset(keys | {pool[index].key})
             if law in grown:
                 continue
-            grown[law] = _extended(forward, base, seed, pool[index], values)
+            rival = _ahead([*tried, *grown.values()])
+            grown[law] = _extended(forward, base, seed, pool[index], values, rival)
     return list(grown.values())
 
 
@@ -790,13 +802,24 @@ def _as_fitted(h: Hypothesis) -> tuple[list[Candidate], list[FloatArray]]:
 
 
 def _extended(
-    forward: Forward, base: Fit, seed: Hypothesis, more: Candidate, values: FloatArray
+    forward: Forward,
+    base: Fit,
+    seed: Hypothesis,
+    more: Candidate,
+    values: FloatArray,
+    rival: float = np.inf,
 ) -> Hypothesis:
     """Refit a set with one more effect, starting from where the smaller set ended."""
     members, strengths = _as_fitted(seed)
     return fit_hypothesis(
-        forward, base, [*members, more], [*strengths, values], start=seed.fit, rounds=8
-    )
+        forward, base, [*members, more], [*strengths, values], start=seed.fit, rounds=8,
+        rival=rival,
+    )  # fmt: skip
+
+
+def _ahead(tried: Sequence[Hypothesis]) -> float:
+    """Objective of the best fit so far."""
+    return min((h.fit.objective for h in tried if h.allowed), default=np.inf)
 
 
 @dataclass(frozen=True)

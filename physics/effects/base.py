@@ -487,6 +487,11 @@ class Effect:
         Along which it does.
     axes : int
         How many coordinates of the ball must be recorded for it to show.
+    planar : bool
+        Whether it is a fault of one camera that sees a plane: places in space come from several
+        cameras, or other instruments.
+    by_air : bool
+        Whether the air does it, which then resists the motion as well.
     levels : tuple of Level
         At which its strengths may live: a coefficient of drag differs from ball to ball, the spin
         of a throw from throw to throw.
@@ -510,6 +515,8 @@ class Effect:
     looseness: float = 0.1
     coordinate: Coordinate = Coordinate.SPEED
     axes: int = 1
+    planar: bool = False
+    by_air: bool = False
     levels: tuple[Level, ...] = (Level.CAMPAIGN,)
     level: Level = Level.CAMPAIGN
     sharp: bool = True

@@ -111,6 +111,7 @@ _ALL: tuple[Effect, ...] = (
         form=Form.PERSPECTIVE,
         parameters=(*CameraRoll().parameters, *SHIFT, *TURNED),
         source="a pinhole camera turned about all its axes, first order in the angles",
+        planar=True,
     ),
     CameraRoll(form=Form.THREE_AXES, parameters=(*CameraRoll().parameters, PITCH), axes=3),
     Parallax(),

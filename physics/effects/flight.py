@@ -129,6 +129,7 @@ class DragCrisis(Effect):
     separating: str = "launch speeds on both sides of the critical speed"
     requires: tuple[str, ...] = ("drag",)
     looseness: float = 0.3
+    by_air: bool = True
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """What the lower coefficient gives back."""
@@ -166,6 +167,7 @@ class DensityLapse(Effect):
     separating: str = "flights through the same speeds at another height"
     requires: tuple[str, ...] = ("drag",)
     looseness: float = 0.02
+    by_air: bool = True
     coordinate: Coordinate = Coordinate.HEIGHT
 
     def force(self, values: Values, flight: FlightState) -> Vector:
@@ -197,6 +199,7 @@ class Magnus(Effect):
     separating: str = "a mark on the ball that shows its spin"
     looseness: float = 0.15
     axes: int = 2
+    by_air: bool = True
     levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.TRIAL)
 
     def _coefficient(self, size: Number, flight: FlightState) -> Number:
@@ -245,6 +248,7 @@ class SpinDecay(Effect):
     separating: str = "a mark on the ball that shows its spin over the whole flight"
     requires: tuple[str, ...] = ("magnus",)
     looseness: float = 0.2
+    by_air: bool = True
     coordinate: Coordinate = Coordinate.TIME
 
     def force(self, values: Values, flight: FlightState) -> Vector:
@@ -270,6 +274,7 @@ class Wind(Effect):
     separating: str = "one shot in the opposite direction, or one drop from rest"
     requires: tuple[str, ...] = ("drag",)
     looseness: float = 0.15
+    by_air: bool = True
     coordinate: Coordinate = Coordinate.HEIGHT
 
     def force(self, values: Values, flight: FlightState) -> Vector:
@@ -301,6 +306,7 @@ class Buoyancy(Effect):
     confusable: tuple[str, ...] = ("magnus", "time_base", "length_scale", "asymmetric_wake")
     separating: str = "one drop from rest of this ball beside a small dense one"
     looseness: float = 0.1
+    by_air: bool = True
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """Straight up."""
@@ -325,6 +331,7 @@ class AsymmetricWake(Effect):
     separating: str = "the same ball turned by half a turn on its support"
     looseness: float = 0.2
     axes: int = 2
+    by_air: bool = True
     coordinate: Coordinate = Coordinate.TIME
 
     def force(self, values: Values, flight: FlightState) -> Vector:

@@ -210,6 +210,7 @@ class Parallax(Effect):
     separating: str = RULER
     looseness: float = 0.05
     axes: int = 2
+    planar: bool = True
     coordinate: Coordinate = Coordinate.PLACE
 
     def image(self, values: Values, view: CameraView) -> Vector:
@@ -252,6 +253,7 @@ class LensDistortion(Effect):
     separating: str = "a picture of a grid with this lens"
     looseness: float = 0.15
     axes: int = 2
+    planar: bool = True
     coordinate: Coordinate = Coordinate.PLACE
 
     def image(self, values: Values, view: CameraView) -> Vector:
@@ -285,6 +287,7 @@ class RollingShutter(Effect):
     separating: str = "a flash of light in view, or the same flight with the camera upside down"
     looseness: float = 0.02
     axes: int = 2
+    planar: bool = True
     coordinate: Coordinate = Coordinate.PLACE
 
     def image(self, values: Values, view: CameraView) -> Vector:

@@ -400,6 +400,7 @@ def baseline_for_balls(setup: Setup, named: Iterable[str], struck: bool) -> Base
         setup.air.viscosity,
         bodies.GRAVITY,
         _model_effects(setup),
+        _unmeasured(setup),
         replace(Scatter(), **scatter),
         setup.noise.position,
         setup.noise.angle,
@@ -416,6 +417,13 @@ def _model_effects(setup: Setup) -> Mapping[str, Mapping[str, float]]:
             given = {"drag_coefficient": Defaults.DRAG_COEFFICIENT.known}
         effects[name] = given
     return effects
+
+
+def _unmeasured(setup: Setup) -> frozenset[str]:
+    """Effects of the model that stand there by default, or without a size."""
+    drag = str(EffectId.DRAG)
+    open_ = drag in setup.model.effects and not setup.model.parameters.get(drag)
+    return frozenset({drag}) if open_ else frozenset()
 
 
 def _ball_model(name: str, setup: Setup, struck: bool) -> BallModel:

@@ -104,6 +104,25 @@ def test_balls_that_differ_get_a_coefficient_each_and_balls_alike_share_one():
         assert np.all(own.std < 0.05)
 
 
+def test_a_balls_own_drag_shares_the_doubt_of_the_ruler():
+    balls, drags = ["soft", "smooth", "rough"] * 2, [0.3, 0.45, 0.75] * 2
+    rng = np.random.default_rng(12)
+    pulls = []
+    for draw in range(6):
+        campaign, baseline = _campaign(drags, np.zeros((6, 3)), balls, seed=draw)
+        stretched = 1.0 + 0.005 * rng.standard_normal()
+        trials = tuple(replace(t, position=stretched * t.position) for t in campaign.trials)
+        law = [_at(DRAG, Level.BALL)]
+        forward, each = _fitted(CampaignRecords(trials), baseline, law)
+        own = own_values(forward, each.fit, each.members[0].effect)
+        assert own is not None
+        true = np.array([drags[balls.index(name)] for name in forward.records.ball_names])
+        off = own.value[:, 0] - true
+        pulls.append(off / own.std[:, 0])
+    assert np.sqrt(np.mean(np.square(pulls))) < 1.6
+    assert np.sqrt(np.mean(np.square(pulls))) > 0.4
+
+
 def test_an_answer_without_the_drag_that_nature_always_has_pays_for_it():
     campaign = _campaign([0.45] * 3, np.zeros((3, 3)), ["white"] * 3)
     _, known = _fitted(*campaign, [DRAG])

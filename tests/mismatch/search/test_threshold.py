@@ -51,7 +51,8 @@ def dropped_ball(drag: float) -> tuple[CampaignRecords, Baseline]:
 
 
 def test_drag_on_a_model_without_it_needs_no_search_to_be_paid():
-    prepared = prepare(*dropped_ball(0.045))
+    ruler_and_clock = {"length_scale": 1e-5, "time_base": 1e-5}
+    prepared = prepare(*dropped_ball(0.045), ruler_and_clock)
     naming = name_effects(prepared.forward, prepared.fit, EFFECTS)
     assert naming.best is not None
     assert naming.best.ids == ("drag",)

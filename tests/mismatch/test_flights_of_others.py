@@ -1,0 +1,92 @@
+"""Flights as other labs record them: instruments a little off, and a drag that nobody measured."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from metrology import Defaults
+from mismatch import explain
+from mismatch.candidates import candidates_for
+from mismatch.fitting.prepare import prepare
+from mismatch.records import BallModel, Baseline, CampaignRecords, Trial
+from physics.effects import CATALOGUE
+
+GRAVITY = 9.806
+
+
+def flights(across=0.0, along=0.0, turned=0.0, stretched=1.0, noise=1e-3, seed=3, spatial=False):
+    """Throws of a tennis ball: m/s² per m/s across and along the velocity, a frame that is off."""
+    rng = np.random.default_rng(seed)
+    cosine, sine = np.cos(turned), np.sin(turned)
+    frame = stretched * np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+    trials = []
+    for number in range(8):
+        time = np.arange(0.0, 0.9, 1.0 / 100.0)
+        speed, up = rng.uniform(3.0, 6.0), np.radians(rng.uniform(20.0, 65.0))
+        side = rng.uniform(-0.5, 0.5) if spatial else 0.0
+        start = [0.0, 1.0, 0.0, speed * np.cos(up), speed * np.sin(up), side]
+
+        def rate(_, s):
+            vx, vy, vz = s[3:]
+            return [vx, vy, vz, -across * vy + along * vx, -GRAVITY + across * vx + along * vy, 0.0]
+
+        path = solve_ivp(rate, (0.0, 1.0), start, t_eval=time, rtol=1e-9, atol=1e-11).y[:3].T
+        seen = path @ frame.T + noise * rng.standard_normal(path.shape)
+        if not spatial:
+            seen[:, 2] = np.nan
+        trials.append(Trial(str(number), time, seen, np.zeros(0), np.zeros(0)))
+    return CampaignRecords(tuple(trials))
+
+
+def tennis(**given):
+    return Baseline({"": BallModel("", 0.0577, 0.066)}, **given)
+
+
+DEFAULT_DRAG = {"drag": {"drag_coefficient": Defaults.DRAG_COEFFICIENT.known}}
+
+
+def test_a_force_across_the_velocity_in_a_vacuum_is_no_lift_of_the_air():
+    # Lift in proportion to the speed is written alike, but air that lifts resists as well.
+    for baseline in (tennis(), tennis(effects=DEFAULT_DRAG, unmeasured=frozenset({"drag"}))):
+        verdict = explain(flights(across=0.15), baseline)
+        assert [effect.id for effect in verdict.effects] == ["unnamed"]
+        assert verdict.location.phase == "flight"
+
+
+def test_a_drag_that_nobody_measured_and_nothing_shows_is_found_to_be_none():
+    verdict = explain(flights(), tennis(effects=DEFAULT_DRAG, unmeasured=frozenset({"drag"})))
+    assert verdict.verdict == "no_mismatch"
+    assert any("no drag coefficient" in note for note in verdict.notes)
+
+
+def test_a_drag_that_was_measured_and_is_not_there_is_told():
+    verdict = explain(flights(), tennis(effects=DEFAULT_DRAG))
+    assert "drag" in {one for group in verdict.indistinguishable for one in group} | {
+        effect.id for effect in verdict.effects
+    }
+
+
+@pytest.mark.parametrize("spatial", [False, True])
+def test_axes_as_level_as_a_bubble_shows_are_no_finding(spatial):
+    campaign = flights(turned=np.radians(0.3), stretched=1.006, spatial=spatial)
+    verdict = explain(campaign, tennis())
+    assert verdict.verdict == "no_mismatch"
+
+
+@pytest.mark.parametrize("degrees", [0.7, 2.5])
+def test_axes_that_no_careful_lab_has_are_told_as_such(degrees):
+    verdict = explain(flights(turned=np.radians(degrees)), tennis())
+    assert [effect.id for effect in verdict.effects] == ["camera_roll"]
+    assert verdict.effects[0].probability > 0.5
+    (roll,) = [p for p in verdict.effects[0].parameters if p.name == "roll"]
+    assert roll.value == pytest.approx(np.radians(degrees), abs=3.0 * roll.std)
+
+
+def test_places_in_space_come_from_no_single_camera():
+    known = prepare(flights(spatial=True), tennis())
+    laws = [effect for forms in CATALOGUE.values() for effect in forms]
+    ids = {one.id for one in candidates_for(known.forward, known.fit.model, laws)}
+    assert not ids & {"parallax", "lens_distortion", "rolling_shutter"}
+    known = prepare(flights(), tennis())
+    ids = {one.id for one in candidates_for(known.forward, known.fit.model, laws)}
+    assert ids >= {"parallax", "lens_distortion", "rolling_shutter"}
