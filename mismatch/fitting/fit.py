@@ -903,12 +903,14 @@ class Fit:
 
     @property
     def believable(self) -> bool:
-        """Whether every free parameter also has a size that is met in practice."""
-        values = (
-            (f.parameter, float(np.clip(self.value(k)[0], f.parameter.lower, f.parameter.upper)))
-            for k, f in enumerate(self.free)
+        """Whether what is named also has a size that is met in practice.
+
+        What a baseline leaves open is held by its own width, and takes part of any misfit.
+        """
+        return self.inside_bounds and all(
+            item.parameter.is_held or item.parameter.believable(self.value(index)[0])
+            for index, item in enumerate(self.free)
         )
-        return self.inside_bounds and all(p.believable(value) for p, value in values)
 
 
 def fit_model(
