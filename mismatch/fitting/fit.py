@@ -1150,7 +1150,7 @@ class _PlaceOfArcs:
 
 
 @dataclass(frozen=True)
-class _Pieces:
+class _SwingFit:
     """Free swings to be fitted in pieces: what may be varied, and what holds it."""
 
     forward: Forward
@@ -1231,7 +1231,7 @@ def _fit_swings(
 ) -> Fit:
     """Multiple shooting: states of all pieces start from the record, or from those of a fit."""
     prior = np.array([_prior_information(f.parameter, 1.0, shape_priors) for f in free])
-    pieces = _Pieces(forward, free, _values(model, free), prior, priors(forward, model)[0])
+    pieces = _SwingFit(forward, free, _values(model, free), prior, priors(forward, model)[0])
     arcs = arcs_of(forward, nuisance) if start.arcs is None else start.arcs
     place = pieces.at(model, nuisance, arcs)
     apart = np.inf
@@ -1253,7 +1253,7 @@ def _fit_swings(
     return replace(whole, ending=Ending.LOST if whole.chi2 > least else whole.ending)
 
 
-def _fit_of(pieces: _Pieces, place: _PlaceOfArcs, ending: Ending) -> Fit:
+def _fit_of(pieces: _SwingFit, place: _PlaceOfArcs, ending: Ending) -> Fit:
     """The fit at a place; what closes the last gaps, a tenth of sigma, is taken to first order."""
     records, residual = pieces.forward.records, place.found.system.residual
     chi2 = float(np.sum(residual**2))
