@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from mismatch.forward import NUISANCES, Forward, Model, batch_terms
 from mismatch.records import Records
 from physics.domain import FloatArray
-from physics.effects import Effect, Level, Parameter
+from physics.effects import Effect, EffectId, Level, Parameter
 from physics.integrator import Trajectory, integrate
 
 __all__ = [
@@ -888,14 +888,14 @@ class Fit:
     def inside_bounds(self) -> bool:
         """Whether every free parameter lies in what nature allows, and not on the edge of it.
 
-        What a baseline leaves open is given its own doubt: a drag that is not there is found a
-        little below nought as often as above.
+        What a baseline leaves open, or states, is given its own doubt: a drag that is not there is
+        found a little below nought as often as above.
         """
         for index, item in enumerate(self.free):
             value, std = self.value(index)
             p = item.parameter
             edge = 1e-6 * max(abs(p.lower), abs(p.upper))
-            if p.is_held:
+            if p.is_held or self.model.entries[item.entry][0].id == EffectId.DRAG:
                 edge = max(edge, min(BEYOND * std, MOST_BEYOND * p.scale))
             if not np.isfinite(std) or not p.lower - edge <= value <= p.upper + edge:
                 return False
