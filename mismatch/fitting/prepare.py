@@ -84,7 +84,8 @@ def instrument_faults(forward: Forward, widths: Mapping[str, float]) -> tuple[Ef
     widths : mapping
         Effect id → standard uncertainty where a calibration has measured it.
     """
-    if forward.mode != "flight":
+    if forward.mode != "flight" or forward.records.trials < 2:
+        # Of one throw, strengths trade against each other and against any misfit.
         return ()
     seen = np.atleast_1d(forward.records.ball_used.any(axis=(0, 1)))
     faults: list[tuple[Effect, float]] = [

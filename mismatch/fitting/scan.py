@@ -39,7 +39,7 @@ from mismatch.fitting.fit import (
 )
 from mismatch.forward import NUISANCES, Forward, Model, OwnStrength
 from physics.domain import FloatArray
-from physics.effects import Effect, Level
+from physics.effects import Effect, EffectId, Level
 
 __all__ = [
     "Scan",
@@ -328,6 +328,10 @@ def _own_std(forward: Forward, fit: Fit, mine: Sequence[OwnStrength]) -> FloatAr
     return np.asarray(np.sqrt(np.where(variance > 0.0, variance, np.inf)))
 
 
+LINEAR_SHARE = 0.5
+
+"""Share of a step by which the linear look may misjudge it; supposed."""
+
 LANES_AT_ONCE = 48
 
 """Trajectories integrated at once, so that their states stay within a processor's cache."""
@@ -406,11 +410,17 @@ class Scan:
         return float(estimate @ s) - price(block, held), estimate + self.start[which]
 
     def allowed(self, index: int, values: FloatArray, slack: float = 2.0) -> bool:
-        """Whether strengths lie within what nature allows, give or take `slack` sigma."""
+        """Whether strengths lie within what nature allows, give or take `slack` sigma.
+
+        A drag that the model holds is also given half its way: so far may a straight line through
+        a bent law miss where there is none.
+        """
         strengths = self.candidates[index].effect.strengths
+        bent = LINEAR_SHARE if self.candidates[index].id == EffectId.DRAG else 0.0
         for column, p, value in zip(self.columns[index], strengths, values, strict=True):
-            sigma = 1.0 / np.sqrt(max(self.information[column, column], 1e-300))
-            if value < p.lower - slack * sigma or value > p.upper + slack * sigma:
+            reach = slack / np.sqrt(max(self.information[column, column], 1e-300))
+            reach += bent * abs(value - self.start[column]) * (self.start[column] > p.lower)
+            if not p.lower - reach <= value <= p.upper + reach:
                 return False
         return True
 
