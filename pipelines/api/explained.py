@@ -14,7 +14,7 @@ from pipelines.api.quantities import SetupLike, setup_from
 from pipelines.explain.campaign import explain_files_in_full, explain_table_file
 from pipelines.explain.report import figure_of, verdict_html, write_explain_report
 from pipelines.explain.tabular import TableLike
-from pipelines.setup.tables import told_keywords
+from pipelines.setup.tables import told_values
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -73,7 +73,7 @@ class Verdict:
         return verdict_html(self.answer)
 
 
-@told_keywords
+@told_values
 def explain(
     *,
     balls: "pd.DataFrame | str | os.PathLike[str] | None" = None,
@@ -114,7 +114,11 @@ def explain(
     """
     known = setup_from(setup)
     own = Path(effects) if isinstance(effects, str | os.PathLike) else tuple(effects)
-    held = tuple(str(name) for name in hold_out) or None
+    for one in () if isinstance(own, Path) else own:
+        if not isinstance(one, Effect):
+            raise UsageError(f"{one!r} is no effect", hint="An effect is an iv.effects.Effect.")
+    names = (hold_out,) if isinstance(hold_out, str) else hold_out
+    held = tuple(str(name) for name in names) or None
     if trials is not None:
         if balls is not None or pendulum is not None:
             raise UsageError(
@@ -136,4 +140,6 @@ def explain(
 def _table(given: "pd.DataFrame | str | os.PathLike[str]") -> TableLike:
     if isinstance(given, str | os.PathLike):
         return Path(given)
+    if not hasattr(given, "columns"):
+        raise UsageError(f"{given!r} is no table", hint="Give a DataFrame, or the path of a table.")
     return cast("TableLike", given)

@@ -47,7 +47,7 @@ from pipelines.render import NOISE, RenderOptions, parse_size, planned_scene
 from pipelines.report.page import results_html, write_report
 from pipelines.report.plots import plots_figure
 from pipelines.setup.file import Setup, read_setup
-from pipelines.setup.tables import told_keywords
+from pipelines.setup.tables import told_values
 from sample_videos import Truth, render_clip
 from vision.clip.clip import ClipReader
 from vision.clip.clip import ClipReader as Recording
@@ -170,7 +170,7 @@ class Measurement:
             return None
 
 
-@told_keywords
+@told_values
 def measure(
     path: str | os.PathLike[str],
     *,
@@ -268,7 +268,7 @@ class Clip:
     ...     print(time_s, image.mean())
     """
 
-    @told_keywords
+    @told_values
     def __init__(self, path: str | os.PathLike[str], *, fps: Given | None = None) -> None:
         self._recording = Recording.open(path)
         given = None if fps is None else read_number(fps, measurands.CAPTURE_RATE, "fps")
@@ -302,6 +302,7 @@ class Clip:
         for frame in self._recording.frames():
             yield TimedFrame(frame.gray, float(times[frame.index]))
 
+    @told_values
     def frame(self, index: int) -> TimedFrame:
         """One frame, counted from 0; all before it are decoded, since seeks are not exact."""
         if not 0 <= index < len(self):
@@ -317,7 +318,7 @@ class Clip:
         )
 
 
-@told_keywords
+@told_values
 def render(
     path: str | os.PathLike[str],
     *,
@@ -472,7 +473,7 @@ class CalibratedClip:
         return results_html(self._title, self._plain, self.warnings)
 
 
-@told_keywords
+@told_values
 def calibrate(
     path: str | os.PathLike[str],
     *,
@@ -480,7 +481,7 @@ def calibrate(
     lens: str | os.PathLike[str] | None = None,
     wall_grid: Given | None = None,
     fine_grid: Given | None = None,
-    ball: str | None = None,
+    ball: Given | None = None,
     ball_at: At = None,
     support_height: Given | None = None,
     camera_distance: Given | None = None,
@@ -498,8 +499,8 @@ def calibrate(
         A lens file.
     wall_grid, fine_grid : str or float, optional
         Side of a square, and distance of the fine lines (or "none"): "50mm", or in m.
-    ball : str, optional
-        A preset, or "220 mm, 0.4 kg".
+    ball : str or float, optional
+        A preset, or "220 mm, 0.4 kg", or a diameter in m.
     ball_at : (x, y), optional
         The ball at rest, px.
     support_height, camera_distance, ball_plane : str or float, optional
@@ -527,7 +528,7 @@ def calibrate(
         lens=None if lens is None else Path(lens),
         wall_grid=length_text(wall_grid),
         fine_grid=length_text(fine_grid),
-        ball=ball,
+        ball=length_text(ball),
         ball_at=None if rest is None else f"{rest[0]!r},{rest[1]!r}",
         support_height=length_text(support_height),
         camera_distance=length_text(camera_distance),

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from metrology import Quantity, measurands, read_number
+from metrology import Quantity, UsageError, measurands, read_number
 from physics.air import PAPER_AIR, SUBCRITICAL_DRAG
 from physics.bodies import GRAVITY
 from physics.forward import RangeInputs, cor_from_range
@@ -30,7 +30,7 @@ from pipelines.model import (
 from pipelines.model import plan as plan_strike
 from pipelines.model import simulate as simulate_strike
 from pipelines.report.page import results_html
-from pipelines.setup.tables import told_keywords
+from pipelines.setup.tables import told_values
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -100,7 +100,7 @@ class ModelResult:
         return results_html(self._title, self._plain, self.warnings)
 
 
-@told_keywords
+@told_values
 def simulate(
     *,
     backswing: Given | None = None,
@@ -161,7 +161,7 @@ def simulate(
     )
 
 
-@told_keywords
+@told_values
 def plan(
     distance: Given,
     *,
@@ -202,7 +202,7 @@ def plan(
     )
 
 
-@told_keywords
+@told_values
 def cor(
     *,
     distance: ArrayLike,
@@ -251,10 +251,17 @@ def cor(
         For inputs outside their domain, or a distance that no launch at that angle reaches.
     """
     given = (
-        distance, impact_speed, contact_time, np.radians(launch_angle), support_height,
+        distance, impact_speed, contact_time, launch_angle, support_height,
         ball_mass, effective_mass, ball_diameter, drag_coefficient, air_density, gravity,
     )  # fmt: skip
-    arrays: list[NDArray[np.float64]] = [np.asarray(value, dtype=np.float64) for value in given]
+    try:
+        arrays: list[NDArray[np.float64]] = [np.asarray(value, np.float64) for value in given]
+        np.broadcast_shapes(*(array.shape for array in arrays))
+    except (TypeError, ValueError) as problem:
+        raise UsageError(
+            f"cor: {problem}", hint="Give numbers, or arrays of shapes that broadcast, in SI."
+        ) from problem
+    arrays[3] = np.radians(arrays[3])
     plain = all(array.ndim == 0 for array in arrays)
     found = cor_from_range(RangeInputs(*(float(a) if plain else a for a in arrays)))
     return float(found) if plain else np.asarray(found)

@@ -57,7 +57,7 @@ from pipelines.campaign.run import (
 from pipelines.measure.files import software_version
 from pipelines.setup.cor_file import BallLaw, FittedLaw, with_laws, write_cor_file
 from pipelines.setup.file import Setup, ball_from_option
-from pipelines.setup.tables import told_keywords
+from pipelines.setup.tables import told_values
 
 __all__ = ["Campaign", "CampaignOptions", "Edition", "campaign", "conduct", "publish"]
 
@@ -350,7 +350,7 @@ class Campaign:
         return f"Campaign {self.folder}: {clips['done']} measured; " + ", ".join(laws)
 
 
-@told_keywords
+@told_values
 def campaign(
     clips: str | os.PathLike[str] | Sequence[str | os.PathLike[str]],
     *,

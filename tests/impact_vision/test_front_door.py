@@ -2,6 +2,7 @@
 
 import inspect
 import json
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -14,6 +15,7 @@ import pytest
 import impact_vision as iv
 import sample_videos
 from metrology import (
+    ClipError,
     MeasurementError,
     SetupError,
     UncertaintySource,
@@ -31,6 +33,10 @@ from pipelines.measure.inputs import gather_inputs
 CLIPS = Path(sample_videos.__file__).parent / "clips"
 CLIP = CLIPS / "jokku_90_small.mp4"
 MEASURE = ["path", "setup", "fps", "ball", "wall_grid", "ball_at", "mass_at", "cache"]
+COR = (
+    "distance", "impact_speed", "contact_time", "launch_angle", "support_height", "ball_mass",
+    "effective_mass", "ball_diameter",
+)  # fmt: skip
 EXPLAIN = ["balls", "pendulum", "trials", "setup", "hold_out", "effects"]
 
 
@@ -212,11 +218,39 @@ def test_too_few_and_too_many_values_are_told_too() -> None:
         iv.plan("2 m", "jokku")
 
 
-def test_a_setup_is_made_of_what_a_setup_file_says() -> None:
-    with pytest.raises(SetupError, match=r"ball can't be 'jokku'"):
-        iv.Setup(ball="jokku")
-    with pytest.raises(SetupError, match="not 'ball'"):
-        iv.Setup().having("ball")
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        (lambda: iv.Setup(ball="jokku"), "Setup: ball can't be 'jokku'"),
+        (lambda: iv.Setup(bal=None), "Setup knows no 'bal'; the nearest is 'ball'"),
+        (lambda: iv.Setup.load(None), "load: path can't be None"),
+        (lambda: iv.Setup().having("ball"), "having: keys can't be 'ball'"),
+        (lambda: iv.Setup().having({3: "jokku"}), "having: keys can't be"),
+        (lambda: iv.simulate(backswing=[60, 90]), "backswing can't be"),
+        (lambda: iv.simulate(backswing=60, effects="magnus:spin=10"), "effects can't be 'magnus"),
+        (lambda: iv.simulate(backswing=60, setup={"ball": "jokku"}), "setup can't be"),
+        (lambda: iv.measure(None), "path can't be None"),
+        (lambda: iv.measure(CLIP, setup=3), "setup can't be 3"),
+        (lambda: iv.Clip(CLIP).frame("3"), "index can't be '3'"),
+        (lambda: iv.explain(balls=[1, 2]), "no table"),
+        (lambda: iv.explain(balls=pd.DataFrame(), effects=[3]), "3 is no effect"),
+        (lambda: iv.render("a.mp4", size=(10,)), "size can't be"),
+        (lambda: iv.render("a.mp4", frames="many"), "frames can't be 'many'"),
+        (lambda: iv.cor(**dict.fromkeys(COR, "2 m")), "could not convert"),
+        (lambda: iv.cor(**{key: [1, 2] for key in COR[1:]}, distance=[1, 2, 3]), "shape"),
+    ],
+)
+def test_a_value_of_another_kind_is_told(asked: Callable[[], object], said: str) -> None:
+    with pytest.raises(UsageError, match=re.escape(said)):
+        asked()
+
+
+def test_numbers_and_points_may_be_numpys() -> None:
+    angle = iv.simulate(backswing=np.float32(90), ball="jokku").backswing_angle.value
+    assert angle == pytest.approx(90.0)
+    assert iv.Clip(CLIP).frame(np.int64(2)).time_s > 0.0
+    with pytest.raises(ClipError):
+        iv.measure("nowhere.mp4", ball_at=np.array([1.0, 2.0]), wall_grid=np.float64(0.05))
 
 
 @pytest.mark.parametrize("length", [0.05, np.float64(0.05), np.float32(0.05), "50 mm"])

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 
+from metrology import UsageError
 from pipelines.campaign.ledger import AttemptOutcome, Ledger, State, WorkOrder
 from pipelines.campaign.results import match_clips
 from pipelines.campaign.run import RunOptions, RunPlan, find_clips, local_crew, run
@@ -152,6 +153,9 @@ def test_a_clip_whose_ball_was_shown_is_measured_again_with_the_point(tmp_path: 
     assert run(plan, lambda: local_crew(1, options)).done == 2
     with Ledger(out) as ledger:
         ledger.point_at("a.mp4", "120.0,88.0")
+        for change in (ledger.point_at, ledger.exclude):
+            with pytest.raises(UsageError, match="no clip 'c.mp4'"):
+                change("c.mp4", "1,2")
     again = run(plan, lambda: local_crew(1, options))
     assert again.again == {"a.mp4": "setup or options"}
     assert plan.request(clips / "a.mp4", "120.0,88.0").ball_at == "120.0,88.0"
