@@ -154,7 +154,7 @@ def test_a_clip_whose_ball_was_shown_is_measured_again_with_the_point(tmp_path: 
     with Ledger(out) as ledger:
         ledger.point_at("a.mp4", "120.0,88.0")
         for change in (ledger.point_at, ledger.exclude):
-            with pytest.raises(UsageError, match="no clip 'c.mp4'"):
+            with pytest.raises(UsageError, match=r"no clip 'c\.mp4'"):
                 change("c.mp4", "1,2")
     again = run(plan, lambda: local_crew(1, options))
     assert again.again == {"a.mp4": "setup or options"}
