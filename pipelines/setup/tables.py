@@ -16,7 +16,7 @@ import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, wraps
-from numbers import Integral, Real
+from numbers import Complex, Integral, Real
 from os import PathLike
 from pathlib import Path
 from types import UnionType
@@ -327,7 +327,7 @@ def _hints(function: Callable[..., object]) -> Mapping[str, Any]:
         return {}
 
 
-_NUMBERS = {float: Real, int: Integral}
+_NUMBERS = {float: Real, int: Integral, complex: Complex}
 
 
 def _fits(value: object, kind: Any) -> bool:
