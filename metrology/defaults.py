@@ -164,8 +164,8 @@ class Defaults:
         "a horizontal edge of 1 m in view, its ends marked to 1 px each in 400 px: 0.2 degrees",
     )  # fmt: skip
     LEAST_DRAG = Default(
-        "least drag coefficient of a body in air", 0.07, 0.0, "1",
-        "smooth sphere beyond the crisis (Achenbach, J. Fluid Mech. 54, 565 (1972))",
+        "least drag coefficient of a body in air", 0.07, 0.01, "1",
+        "smooth sphere beyond the crisis, read off a figure (Achenbach, J. Fluid Mech. 54, 565)",
     )  # fmt: skip
     NOMINAL_RATE = Default(
         "a camera's nominal rate", None, 0.001, "1/s",
