@@ -102,7 +102,9 @@ def parse_toml(text: str, name: str) -> dict[str, Any]:
         without end.
     """
     try:
-        return tomllib.loads(text)
+        held = tomllib.loads(text)
+        _require_sizes(held, name, "")
+        return held
     except RecursionError as problem:
         raise SetupError(
             f"{name} is not valid TOML: lists in lists without end",
@@ -115,6 +117,23 @@ def parse_toml(text: str, name: str) -> dict[str, Any]:
         ) from problem
 
 
+def _require_sizes(held: object, name: str, place: str) -> None:
+    """Refuse whole numbers beyond the 64 bits that TOML has: no float holds the longest of them."""
+    if isinstance(held, dict):
+        for key, value in held.items():
+            _require_sizes(value, name, f"{place}.{key}" if place else str(key))
+    elif isinstance(held, list):
+        for value in held:
+            _require_sizes(value, name, place)
+    elif isinstance(held, int) and held.bit_length() > _TOML_BITS:
+        raise SetupError(
+            f"{name}: {_in_short(place)} is a whole number of {len(str(abs(held)))} digits",
+            hint="Whole numbers have 19 digits at most; write a larger one as 1.5e30.",
+        )
+
+
+_TOML_BITS = 63
+"""TOML v1.0.0, Integer: 64 bits with the sign."""
 _NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS})
 
 

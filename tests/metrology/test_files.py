@@ -140,3 +140,9 @@ def test_what_is_no_toml_is_told_in_short(text: str) -> None:
     with pytest.raises(SetupError, match=r"lab\.toml") as told:
         parse_toml(text, "lab.toml")
     assert len(str(told.value)) < 400
+
+
+def test_a_number_beyond_all_floats_is_refused_by_its_key() -> None:
+    with pytest.raises(SetupError, match=r"lab.toml: scatter.cor is a whole number of 400 digits"):
+        parse_toml(f"[scatter]\ncor = {'9' * 400}\n", "lab.toml")
+    assert parse_toml(f"a = [{2**63 - 1}, -3]", "lab.toml") == {"a": [2**63 - 1, -3]}
