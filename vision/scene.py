@@ -843,11 +843,35 @@ class FilmedScene:
         for (index, frame), window in zip(self._footage.frames(wanted), windows, strict=True):
             view = self.view(index, frame)
             if not view.still:
-                yield index, warp_to_scene(self._gray(frame), view)[window]
+                yield index, self._warped_window(frame, view, window)
             elif frame.dtype == np.uint8:
                 yield index, frame[window].astype(np.uint8, copy=False)
             else:
                 yield index, self._gray(frame[window])
+
+    def _warped_window(self, frame: GrayFrame, view: FrameView, window: Window) -> FloatImage:
+        """A window as the reference camera would have seen it, from the pixels that it needs."""
+        (top, bottom), (left, right) = ((part.start, part.stop) for part in window)
+        if bottom <= top or right <= left:
+            return np.zeros((max(bottom - top, 0), max(right - left, 0)), dtype=np.float32)
+        matrix = view.matrix(self.shape)
+        corners = np.array([[left, top, 1], [right, top, 1], [left, bottom, 1], [right, bottom, 1]])
+        reached = corners @ matrix.T
+        limit = np.array(frame.shape[1::-1]) - 1
+        first = np.clip(np.floor(reached.min(axis=0)).astype(int) - 1, 0, limit)
+        last = np.clip(np.ceil(reached.max(axis=0)).astype(int) + 1, 0, limit)
+        needed = self._gray(frame[first[1] : last[1] + 1, first[0] : last[0] + 1])
+        matrix[:, 2] += matrix[:, :2] @ [left, top] - first
+        return np.asarray(
+            cv2.warpAffine(
+                needed,
+                matrix,
+                (right - left, bottom - top),
+                flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+                borderMode=cv2.BORDER_REPLICATE,
+            ),
+            dtype=np.float32,
+        )
 
     def picture(self, index: int) -> FloatImage:
         """One such frame."""
