@@ -456,6 +456,7 @@ class _Smears:
         self._duty = _USUAL_DUTY
         self._fits: dict[int, tuple[OutlineFits, float]] = {}
         self._empty: set[int] = set()
+        self._standing: tuple[IntArray, FloatArray] | None = None
 
     def filled(self) -> BallFits:
         """What was found, with the frames in which it was smeared."""
@@ -534,6 +535,7 @@ class _Smears:
 
     def _fit(self, frame: IntArray, place: FloatArray, velocity: FloatArray) -> None:
         """Keep what explains the picture and went as far as its way asks for."""
+        self._standing = None
         fits, sweeps = self._swept(frame, place, velocity, False)
         away = np.hypot(*(fits.centre - place).T)
         for row, index in enumerate(frame.tolist()):
@@ -576,16 +578,27 @@ class _Smears:
 
     def _rows(self) -> tuple[IntArray, FloatArray]:
         """Frames and places that stand: outlines, and streaks instead of them."""
-        merged = self._merged()
-        return merged.frame, merged.centre
+        if self._standing is None:
+            chosen = self._chosen()
+            kept = ~np.isin(self._found.frame, [*chosen, *self._empty])
+            frame = np.concatenate([self._found.frame[kept], np.array([*chosen], dtype=np.int64)])
+            places = [fits.centre for fits in chosen.values()]
+            order = np.argsort(frame, kind="stable")
+            place = np.concatenate([self._found.centre[kept], *places])[order]
+            self._standing = frame[order], place
+        return self._standing
 
-    def _merged(self) -> BallFits:
-        found, own = self._found, set(self._found.frame.tolist())
-        chosen = {
+    def _chosen(self) -> dict[int, OutlineFits]:
+        """Streaks of frames in which no outline was found, or that are long."""
+        own = set(self._found.frame.tolist())
+        return {
             index: fits
             for index, (fits, length) in self._fits.items()
             if index not in own or length > _SMEARED * self._radius
         }
+
+    def _merged(self) -> BallFits:
+        found, chosen = self._found, self._chosen()
         kept = found.at(~np.isin(found.frame, [*chosen, *self._empty]))
         frame = np.concatenate([kept.frame, np.array(list(chosen), dtype=np.int64)])
         every = joined([kept.fits, *chosen.values()])
