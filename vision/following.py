@@ -71,8 +71,11 @@ _AS_GOOD = 0.5
 _NEARLY_ALL, _WHOLE, _STEADY_SIZE = 0.8, 0.75, 0.03
 """Share of the frames, share of the outline, and scatter of its log radius from frame to frame, of
 what is seen clearly in gray, supposed: colour is looked at where one of them fails."""
-# Rounds of looking where the ball was not found along its way, and other things followed finely.
-_AGAIN, _OTHERS_FOLLOWED = 2, 3
+_AGAIN = 2
+"""Rounds of looking where the ball was not found along its way."""
+_OTHERS_FOLLOWED = 3.0
+"""Times the frames of the clip in which other things are followed as finely as the ball: three of
+them, or more where each is seen for a part of it; more only cost time."""
 
 
 def follow(
@@ -192,8 +195,12 @@ def _others(seen: "_Seen", fps: float) -> tuple[FollowedObject, ...]:
     """What else is round and moves; the first few as finely as the ball itself."""
     scene, choice = seen.picture, seen.choice
     tracks: list[FollowedObject] = []
+    left = _OTHERS_FOLLOWED * scene.count
     for place, path in enumerate(choice.others):
-        fits = seen.fits_along(path) if place < _OTHERS_FOLLOWED else None
+        if any(_is_once_more(_path_track(path, fps), told.track) for told in tracks):
+            continue
+        left -= float(np.ptp(path.frame)) + 1.0
+        fits = seen.fits_along(path) if left >= 0.0 else None
         if fits is not None and len(fits.frame) >= 5:
             track = _track(fits, fps)
         else:
@@ -487,14 +494,6 @@ def _stays(before: FloatArray, last: FloatArray, shape: tuple[int, int]) -> bool
     """Whether one step more leads to a place inside the picture."""
     ahead = 2.0 * last - before
     return bool(np.all(ahead >= 0) and ahead[0] < shape[1] and ahead[1] < shape[0])
-
-
-def _linked(scene: FilmedScene, looks: IntArray, found: dict[int, Circles]) -> list[BallPath]:
-    """Paths through what is found at these looks and was found at earlier ones."""
-    new = np.setdiff1d(looks, np.array(sorted(found), dtype=np.int64))
-    found |= dict(zip(new.tolist(), _circles(scene, new), strict=True))
-    every = np.array(sorted(found), dtype=np.int64)
-    return link_circles(every, [found[int(index)] for index in every])
 
 
 def _circles(scene: FilmedScene, looks: IntArray) -> list[Circles]:
