@@ -577,9 +577,16 @@ _LEAST_LINES = 4
 
 
 class CombingDetector:
-    """Weighs combing over the pictures shown to it, until what moves has told enough."""
+    """Weighs combing over the pictures shown to it, until what moves has told enough.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    pictures : int, optional
+        How many pictures there are: of a few, as a fall of half a second has, all are looked at.
+    """
+
+    def __init__(self, pictures: int | None = None) -> None:
+        self._few = pictures is not None and pictures < _CYCLE * _ENOUGH_LOOKS
         self._held: list[FloatImage] = []
         self._seen: list[_Evidence] = []
 
@@ -590,8 +597,8 @@ class CombingDetector:
         return enough and len(self._seen) >= _ENOUGH_LOOKS
 
     def wants(self, index: int) -> bool:
-        """Whether picture `index` is to be shown: three in a row, then a pause."""
-        return index % _CYCLE < 3
+        """Whether picture `index` is to be shown: three in a row, then a pause, or all of few."""
+        return self._few or index % _CYCLE < 3
 
     def show(self, picture: GrayImage) -> None:
         """Look at the next picture that is wanted, as stored."""
@@ -602,7 +609,7 @@ class CombingDetector:
         self._held.append(lines * np.float32(_LEVEL / max(float(lines.mean()), 1e-3)))
         if len(self._held) == 3:
             self._weigh(*self._held)
-            self._held.clear()
+            del self._held[: 1 if self._few else 3]
 
     def _weigh(self, last: FloatImage, now: FloatImage, following: FloatImage) -> None:
         # Bottom lines of `now` against the mean of the top lines around them.
@@ -730,7 +737,7 @@ def _weave(video: VideoFile) -> tuple[Weave, list[str]]:
     height, width = video.first_picture.height, video.first_picture.width
     broadcast = height in _BROADCAST_HEIGHTS
     least = _BROADCAST_PICTURES if broadcast else _COMBING_PICTURES
-    detector = CombingDetector()
+    detector = CombingDetector(len(video.packets.times.seconds))
     for picture in islice(video.pictures(), max(least, _COMBING_PIXELS // (height * width))):
         if detector.wants(picture.index):
             detector.show(picture.gray())

@@ -6,6 +6,7 @@ import pytest
 from tests.shared_data import shared_folder
 from tests.vision.clip.written_clips import HEIGHT, moving_disc, scene, woven, write_clip
 from vision.clip.clip import ClipReader, separate_field
+from vision.following import follow
 
 LOSSLESS = {"qp": "0", "preset": "ultrafast"}
 
@@ -48,6 +49,36 @@ def test_fields_are_seen_through_codec_noise_and_flicker(tmp_path, name):
 
 def test_progressive_pictures_are_left_alone(tmp_path):
     path = write_clip(tmp_path / "p.mp4", moving_disc(40, 2.0), options={"crf": "23"})
+    assert ClipReader.open(path).info.weave == "progressive"
+
+
+def _drop() -> tuple[list[np.ndarray], np.ndarray]:
+    """Twenty-six pictures of a disc that falls freely, and its places."""
+    rng = np.random.default_rng(5)
+    places = np.array([(150.0, 25.0 + 0.28 * k**2) for k in range(26)])
+    pictures = [
+        np.clip(scene(x, y, size=(320, 240)) + rng.normal(0.0, 1.5, (240, 320)), 0, 255)
+        for x, y in places
+    ]
+    return [picture.astype(np.uint8) for picture in pictures], places
+
+
+@pytest.mark.parametrize("bottom_first", [False, True])
+def test_a_woven_drop_of_half_a_second_is_followed_field_by_field(tmp_path, bottom_first):
+    fields, places = _drop()
+    path = write_clip(
+        tmp_path / "i.mp4", woven(fields, bottom_first=bottom_first), options={"crf": "20"}
+    )
+    clip = ClipReader.open(path)
+    assert clip.info.weave == ("bottom_first" if bottom_first else "top_first")
+    ball = follow(clip, 60.0).ball
+    assert len(ball) >= 22
+    # on the place of the neighbouring field a ball at the end would lie 14 px off
+    assert np.hypot(*(ball.centre_px - places[ball.frame]).T).max() < 1.0
+
+
+def test_a_short_drop_of_whole_pictures_is_left_alone(tmp_path):
+    path = write_clip(tmp_path / "p.mp4", _drop()[0], options={"crf": "20"})
     assert ClipReader.open(path).info.weave == "progressive"
 
 
