@@ -173,7 +173,7 @@ def _bounces(time: np.ndarray, length: float, rng: np.random.Generator) -> np.nd
 @pytest.mark.parametrize(
     ("moves", "falls"),
     [(_rolls, False), (_flies, True), (_bounces, True)],
-    ids=lambda one: str(one),
+    ids=["rolls", "flies", "bounces"],
 )
 def test_what_falls_is_told_from_what_rolls_and_seldom_surely_wrong(moves, falls) -> None:
     shares = []
