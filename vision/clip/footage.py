@@ -197,7 +197,11 @@ _NEUTRAL = 128.0
 """Level of a picture in one colour where there is none of it: the middle of the scale."""
 
 _HELD_BYTES = 120_000_000
-"""Bytes of frames that are kept while a clip is read; beyond it every second one goes."""
+"""Bytes of frames that are kept while a clip is read and its action's length is not known yet."""
+
+_ACTION_BYTES = 350_000_000
+"""Bytes of an action that is kept whole once its length is known, supposed: with a picture of one
+colour beside it, a gigabyte holds it, and looks at some hundred thousand frames are not decoded."""
 
 # Of longer clips: the even sample, which doubles while it is gathered, and a block of neighbours.
 _SAMPLE_BYTES = 50_000_000
@@ -295,6 +299,8 @@ class Footage:
         self.sample_index = np.array(sorted(gathered.sample), dtype=np.int64)
         self.sample_frames = [gathered.sample[int(index)] for index in self.sample_index]
         self.full_scale = 255.0 if self.sample_frames[0].dtype == np.uint8 else 65535.0
+        if self._held is None and self.count * self.sample_frames[0].nbytes < _ACTION_BYTES:
+            self._held = [picture for _, picture in self._decoded(0, self.count)]
 
     def tinted(self, blueness: float, redness: float) -> "Footage":
         """The same frames in one colour instead of in gray.

@@ -34,6 +34,7 @@ def test_frames_of_a_long_clip_are_the_same_as_those_of_a_short_one(
     clip = LongClip(60, 40, 120)
     held = Footage(clip)  # type: ignore[arg-type]
     monkeypatch.setattr(footage, "_HELD_BYTES", 10_000)
+    monkeypatch.setattr(footage, "_ACTION_BYTES", 10_000)
     monkeypatch.setattr(footage, "_BLOCK_BYTES", 50_000)
     decoded = Footage(clip)  # type: ignore[arg-type]
     for wanted in ([3], [58, 59], list(range(0, 60, 7))):
@@ -49,6 +50,7 @@ def test_stepping_back_through_a_long_clip_does_not_decode_it_for_each_frame(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(footage, "_HELD_BYTES", 10_000)
+    monkeypatch.setattr(footage, "_ACTION_BYTES", 10_000)
     monkeypatch.setattr(footage, "_BLOCK_BYTES", 40 * 40 * 120)
     clip = LongClip(200, 40, 120)
     decoded = Footage(clip)  # type: ignore[arg-type]
@@ -56,6 +58,18 @@ def test_stepping_back_through_a_long_clip_does_not_decode_it_for_each_frame(
     for index in range(180, 100, -1):
         next(decoded.frames(np.array([index])))
     assert clip.decoded < 8 * 200
+
+
+def test_an_action_that_memory_holds_is_decoded_twice_and_no_more(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(footage, "_HELD_BYTES", 10_000)
+    monkeypatch.setattr(footage, "_BLOCK_BYTES", 40 * 40 * 120)
+    clip = LongClip(200, 40, 120)
+    held = Footage(clip)  # type: ignore[arg-type]
+    for index in (180, 3, 120, 60):
+        assert next(held.frames(np.array([index])))[0] == index
+    assert clip.decoded <= 2 * 200
 
 
 @pytest.mark.slow
