@@ -340,7 +340,10 @@ def _verdict(
         told = f"{remainder.statement} {_WHY[kind]}: {Doubt.UNLIKELY.value}."
         remainder = replace(remainder, statement=told)
     if kind == "unexplained" and (location is None or not passed.names):
-        location = where_it_is_largest(forward, base)
+        # a ruler or clock that nobody believes in takes up what it can, in whichever direction
+        off = _instruments_off(base, base)
+        right = _with_held(prepared, INSTRUMENTS) if off else base
+        location = where_it_is_largest(forward, right)
     return EngineVerdict(
         kind,
         ("gravity", *prepared.model.ids),

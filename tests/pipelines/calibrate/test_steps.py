@@ -279,7 +279,7 @@ def test_the_session_tells_what_each_answer_did(clip: Path, tmp_path: Path) -> N
     session.answers = replace(session.answers, scene=_blank(session))
     session.find_grid()
     assert session.answers.grid is None
-    assert "no grid" in session.grid_problem
+    assert "no picture of the wall" in session.grid_problem
     session.look_for_ball()
     assert "no ball" in session.ball_problem
 
