@@ -739,6 +739,16 @@ class BallAnalysis:
     impulse: FloatArray
     energy_loss: FloatArray
 
+    def why_outlying(self, item: Outlier) -> str:
+        """Why one of its clips is named: by the scatter of the others, and by what is stated."""
+        stated = abs(self.distances[item.index])
+        return (
+            f"its restitution lies {item.distance:.1f} times the scatter of the others from them,"
+            f" {item.critical:.1f} allowed (generalised ESD test, {FALSE_ALARMS:.0%} of clean"
+            f" campaigns name one); {stated:.1f} stated standard uncertainties off the law of"
+            f" {self.ball or 'the ball'}"
+        )
+
 
 @dataclass(frozen=True)
 class CampaignAnalysis:

@@ -95,7 +95,7 @@ def summarise(results: Sequence[ClipResult], analysis: CampaignAnalysis) -> dict
             for one in analysis.sensors
         },
         "outliers": [
-            {"clip": ball.clips[item.index].clip, "why": _why(ball, item.index, item.critical)}
+            {"clip": ball.clips[item.index].clip, "why": ball.why_outlying(item)}
             for ball in analysis.balls
             for item in ball.outliers
         ],
@@ -153,13 +153,6 @@ def _ball_law(name: str, fits: Sequence[CorLawFit]) -> BallLaw:
 def _mean(values: Sequence[float], fits: Sequence[CorLawFit]) -> float:
     weights = [fit.probability for fit in fits]
     return sum(v * w for v, w in zip(values, weights, strict=True)) / sum(weights)
-
-
-def _why(ball: BallAnalysis, index: int, critical: float) -> str:
-    return (
-        f"its restitution is {abs(ball.distances[index]):.1f} standard deviations off the law of"
-        f" {ball.ball or 'the ball'} (generalised ESD test, 5 %, {critical:.1f} allowed)"
-    )
 
 
 def _ball(ball: BallAnalysis) -> dict[str, Any]:

@@ -540,8 +540,7 @@ def _outliers(folder: Path, analysis: CampaignAnalysis) -> list[dict[str, object
             found.append(
                 {
                     "clip": clip.clip,
-                    "why": f"{abs(ball.distances[item.index]):.1f} standard deviations off the law"
-                    f" of {ball.ball or 'the ball'}; the test allows {item.critical:.1f}",
+                    "why": ball.why_outlying(item),
                     "picture": _uri("image/jpeg", picture.read_bytes())
                     if picture.is_file()
                     else None,

@@ -6,6 +6,7 @@ from scipy.stats import binom
 
 from pipelines.campaign.analysis import (
     AveragedLaw,
+    BallAnalysis,
     CorPoints,
     agreement,
     find_outliers,
@@ -29,6 +30,17 @@ def test_rosners_three_outliers_are_named() -> None:
     assert sorted(values[item.index] for item in found) == [5.34, 5.42, 6.01]
     assert [item.distance for item in found] == pytest.approx([3.118, 2.942, 3.179], abs=1e-3)
     assert [item.critical for item in found] == pytest.approx([3.158, 3.151, 3.143], abs=2e-3)
+
+
+def test_an_outlier_is_told_by_the_scatter_that_names_it() -> None:
+    distances = np.array([0.3, -0.3, 0.2, -0.2, 0.1, -0.1, 0.0, 0.25, -0.25, 3.0])
+    found = find_outliers(distances)
+    none = np.zeros((0, 2))
+    ball = BallAnalysis("b", (), None, (), None, found, distances, None, None, none, none)
+    times = (3.0 - distances.mean()) / distances.std(ddof=1)
+    said = ball.why_outlying(found[0])
+    assert f"{times:.1f} times the scatter of the others" in said
+    assert "3.0 stated standard uncertainties off the law of b" in said
 
 
 def test_clean_sets_have_few_outliers() -> None:
