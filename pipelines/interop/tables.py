@@ -484,10 +484,12 @@ def _frames(time_s: FloatArray) -> NDArray[np.int64]:
     usual = float(np.median(step[step <= 1.5 * np.min(step)])) if np.min(step) > 0 else 0.0
     if usual <= 0.0:
         return np.arange(len(time_s))
-    count = (time_s - time_s[0]) / usual
-    if np.max(np.abs(step / usual - np.rint(step / usual))) < ON_THE_GRID:
-        return np.concatenate([[0], np.cumsum(np.rint(step / usual))]).astype(np.int64)
-    return np.arange(len(count))
+    steps = step / usual
+    # beyond what a double counts by ones every number is whole, and tells of no clock
+    countable = float(np.sum(steps)) < 2.0 / np.finfo(np.float64).eps
+    if countable and np.max(np.abs(steps - np.rint(steps))) < ON_THE_GRID:
+        return np.concatenate([[0], np.cumsum(np.rint(steps))]).astype(np.int64)
+    return np.arange(len(time_s))
 
 
 def _rate(tracks: Sequence[ExternalTrack]) -> float | None:

@@ -85,6 +85,11 @@ def test_kinovea_text_beyond_a_minute_counts_minutes(written) -> None:
     assert "times in seconds" in refused.value.hint
 
 
+def test_a_mistyped_time_tells_of_no_clock(written) -> None:
+    path = written("a.txt", KINOVEA.replace("0.008", "0.008e-300"))
+    assert read_tracks(path).tracks[0].frame.tolist() == [0, 1, 2]
+
+
 def test_tracker_text(written) -> None:
     external = read_tracks(written("a.txt", TRACKER))
     assert external.program is Program.TRACKER
