@@ -155,7 +155,7 @@ def explain_in_full(
 NOTEWORTHY = 2.0
 """Widths off from which a fault of the instrument is no longer what careful labs have."""
 
-INSTRUMENTS = frozenset({"length_scale", "time_base", "camera_roll"})
+INSTRUMENTS = frozenset({EffectId.LENGTH_SCALE, EffectId.TIME_BASE, EffectId.CAMERA_ROLL})
 """Ids of what is left open in free flights."""
 
 
@@ -171,7 +171,7 @@ def _searched(prepared: Prepared, effects: Sequence[Effect], most: int) -> tuple
     if named:
         # What is to be proved is held against a baseline that has it not.
         return replace(prepared, fit=_with_held(prepared, INSTRUMENTS)), found
-    if found.best is not None or not _instruments_off(prepared.fit, prepared.fit):
+    if found.best is not None or not _instruments_off(prepared.fit):
         return prepared, found
     faults = [effect for effect in effects if effect.id in INSTRUMENTS]
     held = replace(prepared, fit=_with_held(prepared, INSTRUMENTS))
@@ -179,7 +179,7 @@ def _searched(prepared: Prepared, effects: Sequence[Effect], most: int) -> tuple
     return (prepared, found) if blamed.best is None else (held, blamed)
 
 
-def _with_held(prepared: Prepared, instruments: frozenset[str]) -> Fit:
+def _with_held(prepared: Prepared, instruments: frozenset[EffectId]) -> Fit:
     """The baseline refitted with some instruments held to be right."""
     fit = prepared.fit
     kept = {id(fit.model.entries[item.entry][0]) for item in fit.free}
@@ -204,10 +204,10 @@ def _left_open(base: Fit, fit: Fit) -> list[tuple[EffectId | str, Parameter, flo
     return found
 
 
-def _instruments_off(base: Fit, fit: Fit) -> bool:
+def _instruments_off(base: Fit) -> bool:
     return any(
         identity in INSTRUMENTS and abs(value) > NOTEWORTHY * p.width
-        for identity, p, value, _ in _left_open(base, fit)
+        for identity, p, value, _ in _left_open(base, base)
     )
 
 
@@ -341,7 +341,7 @@ def _verdict(
         remainder = replace(remainder, statement=told)
     if kind == "unexplained" and (location is None or not passed.names):
         # a ruler or clock that nobody believes in takes up what it can, in whichever direction
-        off = _instruments_off(base, base)
+        off = _instruments_off(base)
         right = _with_held(prepared, INSTRUMENTS) if off else base
         location = where_it_is_largest(forward, right)
     return EngineVerdict(

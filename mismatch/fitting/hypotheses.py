@@ -563,7 +563,7 @@ SURELY = 3.0
 
 
 DRAG_STRENGTH = "drag_coefficient"
-FALL_OF_DRAG = ("drag_crisis", "coefficient_drop")
+FALL_OF_DRAG = (EffectId.DRAG_CRISIS, "coefficient_drop")
 """Parameters that say how much the air resists."""
 
 
