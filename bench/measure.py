@@ -412,6 +412,8 @@ def main() -> None:
         for case in cases(*chosen.folders)
         if not chosen.only or any(part in case.name for part in chosen.only)
     ]
+    if not wanted:
+        parser.error("no clip of that name among those shipped and in the folders given")
     outcomes, failed = [], []
     for case in wanted:
         try:

@@ -142,6 +142,10 @@ class Defaults:
         "pendulum's rate just after contact", 0.0, 0.01, "1",
         "supposed: the bar rings after the blow, and the ball hides a part of it",
     )  # fmt: skip
+    PUSH_SLANT = Default(
+        "angle between a push and its contact's normal", 0.0, 0.2 / math.sqrt(3.0), "rad",
+        "supposed: friction of 0.2 slants a push by 0.2 rad at most, evenly spread (GUM 4.3.7)",
+    )  # fmt: skip
     CAMERA_ROLL = Default(
         "roll of a camera set up by eye", 0.0, math.radians(1.0), "rad", "a degree is just seen"
     )

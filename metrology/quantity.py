@@ -38,6 +38,7 @@ class UncertaintySource(StrEnum):
     PENDULUM_ARM = "depth of the mass' visible side"
     PENDULUM_ZERO = "zero of the pendulum's angle"
     PENDULUM_RINGING = "pendulum just after contact"
+    CONTACT_NORMAL = "direction of a round bob's contact"
     SUPPORT_HEIGHT = "height of the support"
     BALL_MASS = "mass of the ball"
     CAMERA_ROLL = "roll of the camera, no grid to tell"

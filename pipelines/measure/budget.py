@@ -356,12 +356,46 @@ class _Swung:
         return 0.5 * self.inputs.pendulum.inertia * spent
 
     def cor(self, state: FloatArray, omega_after: float) -> float:
-        """Parting over approach speed along the face's normal (Eq. 2), at the point of contact."""
-        share, phi = self.inputs.arm_share, self.phi_after
-        normal = np.array([np.cos(phi), np.sin(phi)])
-        reach = share * arm_along_bar(state[:2] - self.view.pivot, phi)
+        """Parting over approach speed along the contact's normal (Eq. 2), at the point of contact.
+
+        Whether a round bob met the ball as a face or as a sphere, the push tells by its direction;
+        what it leaves open is the variance between the two.
+        """
+        face = self._cor_along(state, omega_after, self.phi_before, self.phi_after)
+        centres = self._angles_of_centres(state)
+        if centres is None:
+            return face
+        sphere = self._cor_along(state, omega_after, *centres)
+        share = self._probability_of_centres(state, float(np.mean(centres)))
+        share += self.inputs.normal_sigmas * np.sqrt(share * (1.0 - share))
+        return float(face + share * (sphere - face))
+
+    def _cor_along(self, state: FloatArray, omega_after: float, first: float, last: float) -> float:
+        """The same along normals at such angles at onset and release, rad."""
+        share = self.inputs.arm_share
+        normal = np.array([np.cos(last), np.sin(last)])
+        reach = share * arm_along_bar(state[:2] - self.view.pivot, last)
         parting = float(state[2:] @ normal) - omega_after * reach
-        return float(parting / (self.omega_before * self.arm))
+        approach = share * arm_along_bar(self.rest - self.view.pivot, first)
+        return float(parting / (self.omega_before * approach))
+
+    def _angles_of_centres(self, state: FloatArray) -> tuple[float, float] | None:
+        """Of the line from a round bob's centre to the ball's at onset and release, rad."""
+        arm = self.view.bob_arm
+        if arm is None:
+            return None
+
+        def angle(ball: FloatArray, phi: float) -> float:
+            away = ball - self.view.pivot - arm * np.array([np.sin(phi), -np.cos(phi)])
+            return float(np.arctan2(away[1], away[0]))
+
+        return angle(self.rest, self.phi_before), angle(state[:2], self.phi_after)
+
+    def _probability_of_centres(self, state: FloatArray, centres: float) -> float:
+        """That the normal is the line of centres and not the arm's, from the way the push went."""
+        push = float(np.arctan2(state[3] + self.inputs.gravity * self.lasting, state[2]))
+        off = np.array([push - self.middle, push - centres]) / Defaults.PUSH_SLANT.std
+        return float(scipy.special.expit(0.5 * (off[0] ** 2 - off[1] ** 2)))
 
     def cor_of(self, launched: FloatArray, mass: float) -> float:
         """The same where the ball's momentum tells how the pendulum goes on (Eqs 8-10)."""
@@ -468,6 +502,8 @@ class ClipConditions:
         Scale in the plane of motion that somebody gives, with its standard uncertainty.
     zero_rad, zero_std_rad : float
         Added to all angles of the pendulum, and how well that is known.
+    round_bob : bool
+        Whether a round bob strikes: its contact's direction is not its arm's of itself.
     """
 
     inputs: Inputs
@@ -479,6 +515,7 @@ class ClipConditions:
     metres_per_px: tuple[float, float] | None = None
     zero_rad: float = 0.0
     zero_std_rad: float = 0.0
+    round_bob: bool = False
 
     def places_as(self, other: "ClipConditions") -> bool:
         """Whether pixels and frames come to the same metres and seconds as under other ones."""
@@ -609,6 +646,9 @@ def _moved(
         moved.append((UncertaintySource.PENDULUM_ZERO, turned))
     ringing = replace(inputs, after_share=inputs.after_share * (1 + Defaults.RINGING.std))
     moved.append((UncertaintySource.PENDULUM_RINGING, replace(scene, inputs=ringing)))
+    if scene.round_bob:
+        other = replace(inputs, normal_sigmas=inputs.normal_sigmas + 1.0)
+        moved.append((UncertaintySource.CONTACT_NORMAL, replace(scene, inputs=other)))
     if inputs.fall is not None and rig.support_height is not None:
         higher = replace(inputs, fall=inputs.fall + rig.support_height.std)
         moved.append((UncertaintySource.SUPPORT_HEIGHT, replace(scene, inputs=higher)))

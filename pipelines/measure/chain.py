@@ -523,6 +523,7 @@ def _conditions(followed: FollowedClip, wall: "WallScene") -> ClipConditions:
         wall.calibration,
         metres_per_px=followed.scale_m_per_px,
         zero_std_rad=0.0 if pendulum is None else pendulum.zero_std_rad,
+        round_bob=pendulum is not None and pendulum.face.spherical,
     )
 
 

@@ -205,6 +205,8 @@ class ImpactView:
         How far the face leads the line from pivot to mass, as seen.
     longest_s : float
         The longest contact that such a ball can have (`physics.contact`), s.
+    bob_arm : float or None
+        Pivot to the centre of a round bob; None where the mass has a flat face.
     """
 
     before: SwingFit
@@ -223,6 +225,7 @@ class ImpactView:
     face_offset: float
     face_offset_std: float
     longest_s: float = math.inf
+    bob_arm: float | None = None
 
 
 @dataclass(frozen=True)
@@ -1103,6 +1106,7 @@ def _view(
         face_offset=face_offset,
         face_offset_std=face_offset_std,
         longest_s=_longest_contact(inputs),
+        bob_arm=tracks.bob_arm_m,
     )
 
 

@@ -52,6 +52,9 @@ class Inputs:
         Factor on the pendulum's arm: its visible side is nearer to the camera than the ball plane.
     after_share : float
         Factor on the pendulum's rate after contact, while the bar rings and the ball is in the way.
+    normal_sigmas : float
+        How far the share of the line of centres in the direction of a round bob's contact is off,
+        in standard uncertainties.
     """
 
     setup: Setup
@@ -66,6 +69,7 @@ class Inputs:
     assumed: tuple[str, ...]
     arm_share: float = 1.0
     after_share: float = 1.0
+    normal_sigmas: float = 0.0
 
     @property
     def pendulum_stiffness(self) -> float:

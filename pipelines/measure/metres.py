@@ -152,8 +152,8 @@ class MetricTracks:
         Foremost edge of the mass ahead of the bar's line, as seen.
     middle_offset_m, middle_offset_std_m : float
         Middle of the face between its two rims; infinitely unsure where they can't be told apart.
-    spherical : bool
-        Whether a round bob strikes: no thickness in front of the ball plane.
+    bob_arm_m : float or None
+        Pivot to the centre of the round bob that strikes; None where the mass has a flat face.
     face_slant : float or None
         Slope of the line of sight to the striking face along the flight: what the mass' thickness
         adds to its foremost edge, per thickness in front of or behind the ball plane. Negative
@@ -180,11 +180,16 @@ class MetricTracks:
     edge_offset_std_m: float
     middle_offset_m: float
     middle_offset_std_m: float
-    spherical: bool
+    bob_arm_m: float | None
     face_slant: float | None
     eye_m: FloatArray | None
     radius_m: float
     direction: float
+
+    @property
+    def spherical(self) -> bool:
+        """Whether a round bob strikes: no thickness in front of the ball plane."""
+        return self.bob_arm_m is not None
 
 
 def flight_direction(tracks: Tracks) -> float:
@@ -259,7 +264,7 @@ def tracks_in_metres(
         edge_offset_std_m=swing.edge[1],
         middle_offset_m=swing.middle[0],
         middle_offset_std_m=swing.middle[1],
-        spherical=pendulum is not None and pendulum.face.spherical,
+        bob_arm_m=swing.arm if pendulum is not None and pendulum.face.spherical else None,
         face_slant=None if eye is None else float((rest[0] * direction - radius - eye[0]) / eye[2]),
         eye_m=eye,
         radius_m=radius,
@@ -291,9 +296,10 @@ def _apparent_radius(tracks: Tracks, mapping: PlaneMapping) -> float:
 
 @dataclass(frozen=True)
 class _SwingInMetres:
-    """Pivot, m; angles, rad; offsets of edge and middle of the face, each with its std, m."""
+    """Pivot and arm, m; angles, rad; offsets of edge and middle of the face with their std, m."""
 
     pivot: FloatArray | None
+    arm: float
     angle: FloatArray
     angle_std: FloatArray
     edge: tuple[float, float]
@@ -304,7 +310,7 @@ def _swing(
     pendulum: PendulumTrack | None, mapping: PlaneMapping, direction: float, zero_rad: float
 ) -> _SwingInMetres:
     if pendulum is None:
-        return _SwingInMetres(None, np.zeros(0), np.zeros(0), (0.0, 1.0), (0.0, math.inf))
+        return _SwingInMetres(None, 0.0, np.zeros(0), np.zeros(0), (0.0, 1.0), (0.0, math.inf))
     flip = np.array([direction, 1.0])
     mass = mapping.point(pendulum.track.centre_px) * flip
     pivot = mapping.point(pendulum.pivot_px) * flip
@@ -313,7 +319,8 @@ def _swing(
         pivot = centre_of_arc(mass)
     arm = mass - pivot
     angle = np.arctan2(arm[:, 0], -arm[:, 1]) + zero_rad
-    scale = float(np.median(np.hypot(*arm.T))) / pendulum.arm_px
+    length = float(np.median(np.hypot(*arm.T)))
+    scale = length / pendulum.arm_px
     face = pendulum.face
     phi = float(angle[np.argmin(np.abs(pendulum.track.frame - face.frame))])
     normal = np.array([np.cos(phi), np.sin(phi)])
@@ -326,6 +333,7 @@ def _swing(
 
     return _SwingInMetres(
         pivot,
+        length,
         angle,
         pendulum.angle_std_rad,
         ahead_of_line(face.edge_px, face.edge_std_px),

@@ -61,7 +61,7 @@ def ideal_tracks(
         edge_offset_std_m=noise.face_offset,
         middle_offset_m=face_offset,
         middle_offset_std_m=noise.face_offset,
-        spherical=False,
+        bob_arm_m=None,
         face_slant=SLANT,
         eye_m=None,
         radius_m=scene.ball.radius,

@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
 from metrology import NotFoundError
 from pipelines.measure.budget import DERIVED, derived_values, random_covariance
@@ -11,6 +13,7 @@ from pipelines.measure.flight_fit import flight_end
 from pipelines.measure.impact import (
     NEAR_SHARE,
     STEEL,
+    Impact,
     departure,
     find_impact,
     fit_contact,
@@ -201,7 +204,7 @@ def test_a_transfer_curve_that_widens_all_outlines_does_not_lengthen_the_contact
     outside = 0.0015
     wide = replace(
         ideal,
-        spherical=True,
+        bob_arm_m=0.5,
         eye_m=np.array([0.8, -0.1, 3.5]),
         edge_offset_m=ideal.middle_offset_m + outside,
         edge_offset_std_m=5e-4,
@@ -337,3 +340,118 @@ def test_a_landing_that_is_not_followed_gives_no_estimate_from_the_range() -> No
     values = dict(zip(DERIVED, derived_values(impact, inputs), strict=True))
     assert np.isnan(values["cor_range"])
     assert np.isfinite(values["landing_distance"])
+
+
+PIVOT_TO_BOB_M, BOB_M, FRAMES_PER_S = 0.56, 0.05, 600.0
+
+
+def oblique_stroke(above_rad: float, *, face: bool) -> tuple[MetricTracks, float]:
+    """A bob's stroke integrated here, with the line of centres so far above the arm's normal.
+
+    A spring with a damper pushes without friction, along the line of centres or along the normal of
+    the arm (`face`). Returned are its tracks and its coefficient of restitution.
+    """
+    inputs = gather_inputs(Setup(), "jokku", None)
+    assert inputs.ball is not None
+    assert inputs.ball.mass is not None
+    body, ball, mass = inputs.pendulum, 0.5 * inputs.ball.diameter, inputs.ball.mass
+    touching = ball + BOB_M
+
+    def bob(phi: float) -> NDArray[np.float64]:
+        return PIVOT_TO_BOB_M * np.array([np.sin(phi), -np.cos(phi)])
+
+    first = 0.05
+    rest = bob(first) + touching * np.array([np.cos(first + above_rad), np.sin(first + above_rad)])
+    lead = touching * np.cos(above_rad)
+
+    def contact(state: NDArray[np.float64]) -> tuple[float, float, NDArray[np.float64]]:
+        """Gap, its rate and the normal."""
+        phi, omega, place, speed = state[0], state[1], state[2:4], state[4:]
+        if face:
+            normal = np.array([np.cos(phi), np.sin(phi)])
+            gap = float(place @ normal) - lead
+            turning = omega * float(place @ [-np.sin(phi), np.cos(phi)])
+            return gap, float(speed @ normal) + turning, normal
+        away = place - bob(phi)
+        normal = away / np.hypot(*away)
+        along = speed - omega * PIVOT_TO_BOB_M * np.array([np.cos(phi), np.sin(phi)])
+        return float(np.hypot(*away)) - touching, float(along @ normal), normal
+
+    def push(state: NDArray[np.float64]) -> float:
+        gap, rate, _ = contact(state)
+        return max(-1.4e4 * gap - 6.0 * rate, 0.0) if gap < 0.0 else 0.0
+
+    def moves(time: float, state: NDArray[np.float64], struck: bool) -> NDArray[np.float64]:
+        force, normal = push(state), contact(state)[2]
+        arm = state[2:4]
+        torque = -force * (arm[0] * normal[1] - arm[1] * normal[0])
+        turned = torque - body.mass * inputs.gravity * body.com * np.sin(state[0])
+        fall = -inputs.gravity if struck else 0.0
+        felt = force / mass * normal + np.array([0.0, fall])
+        return np.array([state[1], turned / body.inertia, *state[4:], *felt])
+
+    time = np.arange(-0.06, 0.25, 1.0 / FRAMES_PER_S)
+    start = np.array([first, 4.0, *rest, 0.0, 0.0])
+    exact = {"rtol": 1e-9, "atol": 1e-10, "max_step": 5e-3}
+    back = solve_ivp(
+        moves, (0.0, time[0]), start, args=(False,), t_eval=time[time < 0][::-1], **exact
+    )
+    ahead = solve_ivp(
+        moves,
+        (0.0, time[-1]),
+        start,
+        args=(True,),
+        t_eval=time[time >= 0],
+        dense_output=True,
+        **exact,
+    )
+    fine = ahead.sol(np.linspace(0.0, 0.03, 30001))
+    apart = int(np.flatnonzero([push(state) > 0.0 for state in fine.T])[-1]) + 1
+    cor = contact(fine[:, apart])[1] / -contact(start)[1]
+    angle = np.concatenate([back.y[0][::-1], ahead.y[0]])
+    place = np.concatenate([back.y[2:4].T[::-1], ahead.y[2:4].T])
+    scene, shot = known_stroke("jokku", 60.0)
+    noise = Noise()
+    tracks = replace(
+        ideal_tracks(scene, shot, noise),
+        ball_frame=np.arange(len(time)),
+        ball_time_s=time - time[0],
+        ball_m=place,
+        ball_cov_m2=np.tile(np.eye(2) * noise.ball**2, (len(time), 1, 1)),
+        rest_m=rest,
+        pivot_m=np.zeros(2),
+        swing_time_s=time - time[0],
+        swing_rad=angle,
+        swing_std_rad=np.full(len(time), noise.angle),
+        edge_offset_m=lead - ball,
+        bob_arm_m=PIVOT_TO_BOB_M,
+        face_slant=None,
+        radius_m=ball,
+    )
+    return tracks, cor
+
+
+@pytest.mark.parametrize(
+    ("above_deg", "face"), [(0.0, False), (12.0, False), (25.0, False), (25.0, True)]
+)
+def test_how_a_round_bob_met_the_ball_is_told_by_the_way_the_push_went(
+    above_deg: float, face: bool
+) -> None:
+    tracks, true = oblique_stroke(np.radians(above_deg), face=face)
+    inputs = gather_inputs(Setup(), "jokku", None)
+    impact = find_impact(tracks, inputs)
+    assert impact.view is not None
+
+    def cor(seen: Impact, sigmas: float = 0.0) -> float:
+        moved = replace(inputs, normal_sigmas=sigmas)
+        return float(derived_values(seen, moved)[list(DERIVED).index("cor_speeds")])
+
+    found = cor(impact)
+    std = abs(cor(impact, 1.0) - found)
+    assert found == pytest.approx(true, abs=2.0 * std + 0.004)
+    assert std < 0.02
+    flat = cor(replace(impact, view=replace(impact.view, bob_arm=None)))
+    if face:
+        assert flat == pytest.approx(true, abs=0.004)
+    elif above_deg > 20.0:
+        assert true - flat > 0.08
