@@ -9,6 +9,7 @@ an optimum, beside the parameters, is how it moves with everything that went int
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -200,6 +201,7 @@ def minimise(
     soft_from: float = np.inf,
     loss: Residuals | None = None,
     slopes: Residuals | None = None,
+    stacked: bool = False,
     low: ArrayLike = -np.inf,
     high: ArrayLike = np.inf,
     tolerance: float = 1e-8,
@@ -219,7 +221,9 @@ def minimise(
         Another loss, goes before `soft_from`: squared residuals (N,) to what they cost and its
         first two derivatives (3, N).
     slopes : callable, optional
-        (P,) parameters to the Jacobian (N, P); else by forward differences.
+        (P,) parameters to the Jacobian (N, P); else by differences.
+    stacked : bool
+        As in `fit`.
     low, high : (P,) arrays or floats
         Bounds.
     tolerance : float
@@ -235,6 +239,8 @@ def minimise(
     # takes longer to load than most fits to do
     from scipy.optimize import least_squares
 
+    if stacked and slopes is None:
+        slopes = partial(_slope_of_stack, residuals)
     usual = "soft_l1" if np.isfinite(soft_from) else "linear"
     how: Any = usual if loss is None else loss
     try:

@@ -188,6 +188,19 @@ def disc(hidden: tuple[float, float, float] | None) -> FloatArray:
 _UNTURNED = (1.0, 0.0, 0.0, 1.0)
 
 
+def _wrapped(angle: FloatArray) -> FloatArray:
+    """The same angles between −π and π, rad."""
+    return np.asarray(np.arctan2(np.sin(angle), np.cos(angle)))
+
+
+def _squared(
+    offset: FloatArray, shear: FloatArray | float, stretch: FloatArray | float
+) -> tuple[FloatArray, FloatArray]:
+    """Offsets (..., 2) in the picture of a plane seen aslant, as in that plane."""
+    y = offset[..., 1] / stretch
+    return offset[..., 0] - shear * y, y
+
+
 @dataclass(frozen=True)
 class ImagedSwing:
     """Where the points of a swinging body are seen.
@@ -209,11 +222,6 @@ class ImagedSwing:
     stretch: float
     centre_px: FloatArray
     turns: bool
-
-    @property
-    def view(self) -> FloatArray:
-        """From the plane of the swing to the picture, (2, 2)."""
-        return np.array([[1.0, self.shear], [0.0, self.stretch]])
 
     def turning(self, angle: float) -> FloatArray:
         """The picture (2, 2) of a turn by `angle`, rad from +x towards +y in the plane."""
@@ -245,13 +253,15 @@ class ImagedSwing:
         """What maps offsets from the middle in the reference picture to those now, (2, 2)."""
         return self.turning(angle) if self.turns else np.eye(2)
 
+    def in_plane(self, point_px: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Offsets of points (..., 2) from the pivot in the plane of the swing, x and y (...)."""
+        return _squared(point_px - self.pivot_px, self.shear, self.stretch)
+
     def angle_of(self, point_px: FloatArray) -> FloatArray:
         """Angle at which the middle is nearest to points (..., 2) in direction, rad."""
-        back = np.linalg.inv(self.view)
-        here = (point_px - self.pivot_px) @ back.T
-        start = back @ (self.centre_px - self.pivot_px)
-        angle = np.arctan2(here[..., 1], here[..., 0]) - np.arctan2(start[1], start[0])
-        return np.asarray(np.arctan2(np.sin(angle), np.cos(angle)))
+        x, y = self.in_plane(point_px)
+        start_x, start_y = self.in_plane(self.centre_px)
+        return _wrapped(np.arctan2(y, x) - np.arctan2(start_y, start_x))
 
     def per_radian(self, angle: float) -> tuple[FloatArray, FloatArray]:
         """What a small turn moves: the middle (2,) px/rad, and offsets from it (2, 2) 1/rad."""
@@ -345,15 +355,16 @@ def fit_arc(points: FloatArray, turns: FloatArray | None = None) -> Arc | None:
         state[3] = float(np.median(turns - angle))
 
     def residuals(state: FloatArray) -> FloatArray:
-        offset = points - state[:2]
-        radial = (np.hypot(offset[:, 0], offset[:, 1]) - state[2]) / scatter
+        offset = points - state[..., np.newaxis, :2]
+        away, rest = np.hypot(offset[..., 0], offset[..., 1]), state[..., 3:]
+        radial = (away - state[..., 2:3]) / scatter
         if turns is None:
-            return np.append(radial, 1e-3 * state[3])
-        turned = turns - _angles(points, state[:2]) - state[3]
-        return np.concatenate([radial, np.arctan2(np.sin(turned), np.cos(turned)) / turn_scatter])
+            return np.concatenate([radial, 1e-3 * rest], axis=-1)
+        turned = turns - np.arctan2(offset[..., 1], offset[..., 0]) - rest
+        return np.concatenate([radial, _wrapped(turned) / turn_scatter], axis=-1)
 
     for _ in range(4):
-        solution = minimise(residuals, state, soft_from=1.0, most_evaluations=60)
+        solution = minimise(residuals, state, soft_from=1.0, stacked=True, most_evaluations=60)
         state = solution.values
         offset = points - state[:2]
         radial = np.hypot(offset[:, 0], offset[:, 1]) - state[2]
@@ -436,16 +447,19 @@ def _swing_through(start: ImagedSwing, poses: Sequence[Pose], view_std: float) -
         )
 
     def residuals(state: FloatArray) -> FloatArray:
-        swing = swing_of(state)
-        back = np.linalg.inv(swing.view)
-        radius = np.hypot(*((points - swing.pivot_px) @ back.T).T)
-        radial = radius - float(np.hypot(*(back @ (swing.centre_px - swing.pivot_px))))
-        left = [radial / (_OFF_ARC_PX * count), state[:4] / stds, [0.1 * state[4]]]
-        if swing.turns:
-            turned = turns - swing.angle_of(points)
-            left.append((turned - np.median(turned)) / (_TURN_STD * count))
-        return np.concatenate(left)
+        view = state[..., 2:3], np.exp(state[..., 3:4])
+        pivot = start.pivot_px + state[..., np.newaxis, :2]
+        x, y = _squared(points - pivot, *view)
+        middle = start.centre_px + state[..., np.newaxis, 4:] * away / arm
+        start_x, start_y = _squared(middle - pivot, *view)
+        radial = np.hypot(x, y) - np.hypot(start_x, start_y)
+        left = [radial / (_OFF_ARC_PX * count), state[..., :4] / stds, 0.1 * state[..., 4:]]
+        if start.turns:
+            turned = turns - _wrapped(np.arctan2(y, x) - np.arctan2(start_y, start_x))
+            usual = np.median(turned, axis=-1, keepdims=True)
+            left.append((turned - usual) / (_TURN_STD * count))
+        return np.concatenate(left, axis=-1)
 
-    found = minimise(residuals, np.zeros(5), soft_from=1.0, most_evaluations=60)
+    found = minimise(residuals, np.zeros(5), soft_from=1.0, stacked=True, most_evaluations=60)
     finite = bool(np.all(np.isfinite(found.values)))
     return _Through(swing_of(found.values) if finite else start, found.cost if finite else np.inf)

@@ -156,9 +156,7 @@ def _predicted(poses: dict[int, Pose], index: int, direction: int) -> Pose:
     times = np.array(known, dtype=np.float64)
     values = np.array([[*poses[k].anchor, poses[k].turn] for k in known])
     degree = 1 if len(known) < 5 else 2
-    ahead = np.array(
-        [np.polyval(np.polyfit(times - index, column, degree), 0.0) for column in values.T]
-    )
+    ahead = np.polyfit(times - index, values, degree)[-1]
     return Pose(ahead[:2], float(ahead[2]), np.zeros((3, 3)), 1.0, 1.0)
 
 
@@ -411,7 +409,8 @@ class _Walk:
         step = np.abs(np.array(order, dtype=np.float64) - order[-1])
         if len(order) < 2:
             return order[-1], 0.0
-        return order[-1], float(np.polyfit(-step, np.unwrap(angle), 1)[0])
+        ahead = step.mean() - step
+        return order[-1], float(ahead @ np.unwrap(angle) / (ahead @ ahead))
 
     def swinging(self) -> Swinging:
         """What was followed, with the arc that the whole way tells."""

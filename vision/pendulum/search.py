@@ -442,7 +442,7 @@ def pendulum_track(striker: Striker, rest: Rest, fps: float) -> PendulumTrack:
     mass, swing = striker.mass, striker.swing
     sign = 1.0 if rest.direction[0] >= 0 else -1.0
     # the angle in the plane of the swing, which a camera that looks aslant distorts
-    offset = (mass.anchor - swing.pivot_px) @ np.linalg.inv(swing.view).T
+    offset = np.column_stack(swing.in_plane(mass.anchor))
     angle = np.unwrap(np.arctan2(sign * offset[:, 0], offset[:, 1]))
     covariance = np.array([pose.covariance[:2, :2] for pose in mass.poses])
     size = float(np.sqrt(mass.patch.opacity.sum() / np.pi))
