@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -138,7 +139,7 @@ class SwingModel:
     def torque(self, phi: Number, omega: Number) -> Number:
         """Torque of the effects, N m, at an angle (rad) and a rate (rad/s)."""
         return sum(
-            (t.effect.torque(t.values, self._seen(phi, omega)) for t in self.terms if t.brakes),
+            (t.effect.torque(t.values, self._seen(phi, omega)) for t in self._braking),
             np.zeros_like(np.asarray(omega, dtype=np.float64)),
         )
 
@@ -158,14 +159,21 @@ class SwingModel:
         """
         slope = np.empty_like(state)
         slope[0] = state[1]
-        weight = self.mass * self.gravity * self.com / self.inertia * self.stiffer
-        slope[1] = -weight * np.sin(state[0])
-        for term in self.terms:
-            if term.brakes:
-                at = term.where
-                now = self._seen(state[0][at], state[1][at])
-                slope[(1, at)] += term.effect.torque(term.values, now) / self.inertia
+        slope[1] = self._restoring * np.sin(state[0])
+        for term in self._braking:
+            at = term.where
+            now = self._seen(state[0][at], state[1][at])
+            slope[(1, at)] += term.effect.torque(term.values, now) / self.inertia
         return slope
+
+    @cached_property
+    def _braking(self) -> tuple[Term, ...]:
+        return tuple(term for term in self.terms if term.brakes)
+
+    @cached_property
+    def _restoring(self) -> Number:
+        """Of the weight: angular acceleration over the sine of the angle, 1/s²."""
+        return -(self.mass * self.gravity * self.com / self.inertia * self.stiffer)
 
     def _seen(self, phi: Number, omega: Number) -> SwingState:
         return SwingState(
