@@ -21,6 +21,7 @@ stretch, each of this many times the random error.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -54,6 +55,9 @@ _STEP_S, _LEAST_STEP_S = 0.015, 1e-6
 
 """Runge–Kutta steps: a swing of a second is right to 1e-7 rad with them."""
 
+_FURTHER = 1.5
+"""Times as far as before that a swing is marched when it is read beyond: fewer marches, longer."""
+
 LEAST_SWING_FRAMES = 5
 
 """Frames: a swing has three unknowns, and two to spare show whether it is one."""
@@ -83,8 +87,14 @@ class SwingFit:
         self, time_s: FloatArray, values: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Angles (rad) and angular velocities (rad/s) at times (N,)."""
-        chosen = self.fitted.values if values is None else values
-        return _swung(chosen, time_s - self.reference_s)
+        elapsed = time_s - self.reference_s
+        if values is None:
+            return self._marched.at(elapsed)
+        return _swung(values, elapsed)
+
+    @cached_property
+    def _marched(self) -> "_Marched":
+        return _Marched(self.fitted.values)
 
     def angles(self, time_s: FloatArray) -> FloatArray:
         """Angles at times, rad."""
@@ -148,6 +158,39 @@ def _swung(values: FloatArray, elapsed: FloatArray) -> tuple[FloatArray, FloatAr
             states[:, :, here] = path.at(np.broadcast_to(times, (len(rows), len(times))))
     angle, rate = states.reshape(2, *values.shape[:-1], len(elapsed))
     return angle, rate
+
+
+class _Marched:
+    """One swing that is read at many times: marched again only where it is read further out.
+
+    Parameters
+    ----------
+    values : (3,) array
+        The state at the reference.
+    """
+
+    def __init__(self, values: FloatArray) -> None:
+        self._values = values[np.newaxis]
+        self._paths: dict[bool, tuple[float, Trajectory]] = {}
+
+    def at(self, elapsed: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Angle and rate (N,) at times (N,) from the reference, s."""
+        states = np.empty((2, len(elapsed)))
+        for later in (False, True):
+            here = (elapsed >= 0.0) == later
+            if np.any(here):
+                times = elapsed[here]
+                path = self._reaching(later, float(np.abs(times).max()))
+                states[:, here] = path.at(times[np.newaxis])[:, 0]
+        return states[0], states[1]
+
+    def _reaching(self, later: bool, until: float) -> Trajectory:
+        reached, path = self._paths.get(later, (-1.0, None))
+        if path is None or until > reached:
+            reached = max(until, _FURTHER * reached)
+            path = _path(self._values, reached if later else -reached)
+            self._paths[later] = reached, path
+        return path
 
 
 def _path(rows: FloatArray, until: float) -> Trajectory:
