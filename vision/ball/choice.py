@@ -25,6 +25,7 @@ is taken out, then the next.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -161,7 +162,7 @@ class BallPath:
             )
         )
 
-    @property
+    @cached_property
     def radius(self) -> float:
         """Typical radius, px."""
         return float(np.median(self.radius_px))
@@ -1258,11 +1259,14 @@ def _too_far(path: BallPath) -> list[int]:
 def _other_light(level: FloatArray) -> list[int]:
     """Rows at which the light of what is followed changes for good."""
     rows = []
+    own_step = np.abs(np.diff(level, prepend=level[:1]))
     for row in range(_FEWEST_STEADY, len(level) - _FEWEST_STEADY + 1):
+        own = float(own_step[row])
+        if own <= 0.5 * _OTHER_LIGHT:
+            continue
         before, after = level[max(0, row - _STEADY) : row], level[row : row + _STEADY]
         step = abs(float(np.median(after) - np.median(before)))
         scatter = max(float(np.ptp(part)) for part in (before[-_LOOKS_BACK:], after[:_LOOKS_BACK]))
-        own = abs(float(level[row] - level[row - 1]))
         if step > _OTHER_LIGHT and own > 0.5 * step and scatter < 0.5 * step:
             rows.append(row)
     return rows
