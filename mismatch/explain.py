@@ -322,7 +322,7 @@ def _verdict(
     elif not remainder.white and (location is not None or base.reduced_chi2 > POOR_FIT):
         kind = "unexplained"
     kept = _proof(campaign, prepared, best, held)
-    passed = pass_gate(prepared, best, kind, kept)
+    passed = pass_gate(prepared, best, kind, kept, outdone=naming.outdone)
     effects = _named(forward, naming, passed, [trial.name for trial in campaign.trials])
     if passed.doubts:
         reasons = "; ".join(doubt.value for doubt in passed.doubts)

@@ -206,6 +206,10 @@ NUISANCES: dict[Mode, tuple[str, ...]] = {
 
 """What may differ from trial to trial, in the order of the nuisance arrays' last axis."""
 
+STRUCK_SHARE = 4
+"""Into how many parts the steps of a struck ball's flight may be cut where every law is smooth:
+laws ten times as strong as any expected move no record by 1e-4 of its noise then."""
+
 OUTSIDE = 1e6
 """m or rad: a model that leaves every laboratory is cut off here, so that its misfit stays a
 number."""
@@ -233,6 +237,8 @@ class Forward:
         Natural frequency about which the records of a free swing lie, over the setup's. A clock
         that is off and a rig of another inertia change a free swing's period alike, so that the
         period speaks for neither; 1 where back-swing and contact tie the two.
+    thrown_share : int
+        Into how many parts the steps of a throw may be cut where every law is smooth.
     """
 
     baseline: Baseline
@@ -243,6 +249,7 @@ class Forward:
     steps: int
     centre: tuple[float, float, float]
     pace: float = 1.0
+    thrown_share: int = 1
 
     def predict(self, models: Sequence[Model], nuisance: FloatArray) -> FloatArray:
         """Stacked records as the models have them.
@@ -456,13 +463,15 @@ class Forward:
             self.nominal_speed(),
             records.order,
         )
-        # Smooth laws ten times as strong as any expected move no record by 1e-4 of its noise then.
         forces = [t for t in terms if "force" in t.effect.hooks]
-        return integrate(model.rates, state, self.flight_time, self._steps(forces, self.steps, 4))
+        share = STRUCK_SHARE if self.mode == "impact" else self.thrown_share
+        return integrate(
+            model.rates, state, self.flight_time, self._steps(forces, self.steps, share)
+        )
 
     def _steps(self, terms: Sequence[BatchTerm], most: int, share: int = 2) -> int:
         """A part of the steps where every law is smooth on the scale of the whole way."""
-        smooth = self.mode == "impact" and not any(t.effect.sharp for t in terms)
+        smooth = self.mode != "swing" and not any(t.effect.sharp for t in terms)
         return most // share if smooth else most
 
     def _swing_on(self, terms: Sequence[BatchTerm], outcome: Outcome) -> Trajectory:

@@ -441,6 +441,10 @@ class Doubt(Enum):
         " cycloid, and with angles that are in degrees where phi_rad says radians"
     )
     UNKNOWN_CALIBRATION = "it is no larger than what a calibration that nobody knows may leave open"
+    OUTDONE = (
+        "an answer that nature forbids fits the records better: what the setup states of the air,"
+        " the mass, the size or the scale may be wrong"
+    )
     UNLIKELY = "it is less likely than all other answers together"
     NOISE = "the noise that is needed is as large as the motion itself, so nothing can be said"
 
@@ -477,7 +481,12 @@ class Passed:
 
 
 def pass_gate(
-    prepared: Prepared, best: Hypothesis | None, kind: VerdictKind, kept: HeldOut | None
+    prepared: Prepared,
+    best: Hypothesis | None,
+    kind: VerdictKind,
+    kept: HeldOut | None,
+    *,
+    outdone: bool = False,
 ) -> Passed:
     """Hold an answer against its own remainder, its proof on held-out trials, and each trial.
 
@@ -489,6 +498,8 @@ def pass_gate(
         What the search would say.
     kept : HeldOut or None
         The proof, if there was one.
+    outdone : bool
+        Whether an answer that nature forbids fits better.
     """
     forward = prepared.forward
     carried = _carried(forward)
@@ -501,6 +512,8 @@ def pass_gate(
     doubts = [] if kept is not None else [Doubt.UNPROVED]
     if keeps_time(forward):
         doubts.append(Doubt.KEEPS_TIME)
+    if outdone:
+        doubts.append(Doubt.OUTDONE)
     proved = kept is None or kept.proves
     if _noise_swallows(forward):
         doubts.append(Doubt.NOISE)

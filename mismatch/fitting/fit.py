@@ -907,10 +907,11 @@ class Fit:
 
         What a baseline leaves open is held by its own width, and takes part of any misfit.
         """
-        return self.inside_bounds and all(
-            item.parameter.is_held or item.parameter.believable(self.value(index)[0])
-            for index, item in enumerate(self.free)
+        values = (
+            (f.parameter, float(np.clip(self.value(k)[0], f.parameter.lower, f.parameter.upper)))
+            for k, f in enumerate(self.free)
         )
+        return self.inside_bounds and all(p.is_held or p.believable(v) for p, v in values)
 
 
 def fit_model(

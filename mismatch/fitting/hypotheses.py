@@ -430,6 +430,13 @@ class Hypothesis:
         return found and self.fit.model.scatters_within_reason
 
     @property
+    def forbidden(self) -> bool:
+        """Whether nature or practice forbids what was fitted, though the fit itself is sound."""
+        sound = self.fit.ending is Ending.CONVERGED and self.fit.model.scatters_within_reason
+        known = bool(np.isfinite(self.fit.covariance).all())
+        return sound and known and (self.airless or not self.fit.believable)
+
+    @property
     def quality(self) -> float:
         """Penalised gain by the data alone, unlikely strengths not counted against it."""
         return self.penalised_gain + self.reduced_chi2 * self.prior_penalty

@@ -58,6 +58,11 @@ FORM_SHARE = 0.15
 
 """Share of its law's gain by which, in strong cases, the linear look may misjudge a form."""
 
+MISJUDGED = 0.5
+
+"""Share of what the linear look promised of a form below which a law's fits have told nothing of
+its other forms; supposed."""
+
 SECOND_FORM_REACH = 4.0
 
 """Penalised gain behind the best further law, by the linear look, up to which its other forms are
@@ -76,6 +81,15 @@ MOST_UNNAMED = 6
 
 """Laws and curves in no catalogue that are tried, the best by the linear look; supposed."""
 
+MOST_CORRECTED = 3
+
+"""Laws and curves in no catalogue, the best alone first, that are tried beside a correction of what
+the setup states; supposed."""
+
+SEED_SHARE = 0.35
+
+"""Share of the best smaller set's evidence from which a set is grown; supposed."""
+
 FIRST_REACH = 40.0
 
 """Penalised gain behind the best, after the first steps, from which more bring no law back."""
@@ -89,6 +103,11 @@ MOST_SINGLES = 16
 """Effects that are tried in groups, the best alone first; supposed."""
 
 SCALES = frozenset({"length_scale", "time_base"})
+
+STATED = frozenset({EffectId.DRAG})
+
+"""Ids whose size a setup states, and may state wrongly: as itself, or by the mass, size or air that
+it goes with."""
 
 KNOWN_GAIN = 2.0
 
@@ -258,6 +277,26 @@ class Naming:
         }  # fmt: skip
         return tuple(sorted(SCALES)) if blamed else ()
 
+    @property
+    def outdone(self) -> bool:
+        """Whether the records prefer an answer no larger that nature forbids.
+
+        A drag below none, or air that lifts and does not resist, is no answer; but where it fits
+        beyond doubt better than the best allowed one, the truth is not among those that were
+        looked at, or the setup around them is wrong.
+        """
+        best = self.best
+        if best is None:
+            return False
+        least = best.quality + group_tolerance(best)
+        return any(
+            h.forbidden
+            and len(h.members) <= len(best.members)
+            and h.quality > least
+            and told_apart(h, best)
+            for h in self.tried
+        )
+
 
 CREDIBLE = 0.95
 
@@ -366,15 +405,24 @@ def _other_forms(
     tried: Sequence[Hypothesis],
     inflation: float,
 ) -> list[Hypothesis]:
-    """Further forms of the laws that compete, refitted."""
+    """Further forms of the laws that compete, refitted.
+
+    A law may also have been misjudged: the linear look is blind to what saturates, and the form
+    that it puts first may fit nothing where the plain one fits all.
+    """
     lead = max((h.penalised_gain for h in tried if h.allowed), default=-np.inf)
     reach = max(LAW_REACH, FORM_SHARE * lead) * inflation
-    found = {h.ids[0]: h.penalised_gain for h in tried}
-    return [
-        fit_hypothesis(forward, base, [candidates[index]], [values])
-        for _, index, values in others
-        if found.get(candidates[index].id, -np.inf) > lead - reach
-    ]
+    best = {h.ids[0]: h.penalised_gain for h in tried}
+    found = []
+    for promised, index, values in others:
+        identity = candidates[index].id
+        so_far = best.get(identity, -np.inf)
+        misjudged = promised > lead - reach and so_far < MISJUDGED * promised
+        if so_far > lead - reach or misjudged:
+            h = fit_hypothesis(forward, base, [candidates[index]], [values])
+            best[identity] = max(so_far, h.penalised_gain)
+            found.append(h)
+    return found
 
 
 def _shortlist(
@@ -447,6 +495,9 @@ def name_effects(
     most = min(most, 2) if _one_throw(forward) else most
     for size in range(2, most + 1):
         grown = _grow(forward, base, effects, tried, size, threshold * inflation)
+        if size == 2:
+            known = [*tried, *grown]
+            grown += _corrected(forward, base, effects, known, threshold * inflation)
         tried.extend(grown)
         supported = [
             h for h in grown if _goes_first(forward, h, best, tried, threshold * inflation)
@@ -639,7 +690,8 @@ def _grow(
 ) -> list[Hypothesis]:
     """Sets one larger than the best ones so far."""
     # A law without a name is for what nothing else explains, never for the rest of it; but every
-    # free swing has losses, whatever else moves it.
+    # free swing has losses, whatever else moves it, and a size that the setup states wrongly is
+    # none that was left out.
     swinging = forward.mode == "swing"
     seeds = [
         h for h in _sorted(tried)
@@ -647,16 +699,16 @@ def _grow(
     ]  # fmt: skip
     if not seeds:
         return []
-    least = min(0.35 * seeds[0].penalised_gain, seeds[0].penalised_gain - group_tolerance(seeds[0]))
+    top = seeds[0].penalised_gain
+    least = min(SEED_SHARE * top, top - group_tolerance(seeds[0]))
     foremost = _best_allowed([h for h in tried if len(h.members) == size - 1])
     grown: dict[frozenset[Effect], Hypothesis] = {}
     for number, seed in enumerate(_one_per_id(seeds, 9 if size == 2 else 3)):
         if seed.penalised_gain < least:
             continue
         more = _with_jumps(forward, seed.fit, effects)
-        pool = candidates_for(
-            forward, seed.fit.model, more, unnamed=swinging and number == 0 and not seed.has_unnamed
-        )
+        beside = _corrects(base, seed) or (swinging and number == 0 and not seed.has_unnamed)
+        pool = candidates_for(forward, seed.fit.model, more, unnamed=beside)
         keys = {member.key for member in seed.members}
         ids = {member.id for member in seed.members} - {"unnamed"}
         pool = tuple(c for c in pool if c.key not in keys and c.id not in ids)
@@ -695,6 +747,48 @@ def _grow(
             rival = _ahead([*tried, *grown.values()])
             grown[law] = _extended(forward, base, seed, pool[index], values, rival)
     return list(grown.values())
+
+
+def _corrects(base: Fit, seed: Hypothesis) -> bool:
+    """Whether an answer only gives laws of the baseline another size than the setup states."""
+    return set(seed.ids) <= _stated(base)
+
+
+def _stated(base: Fit) -> frozenset[str]:
+    """Ids of what the baseline holds at a stated size, and does not leave open."""
+    left_open = {base.model.entries[item.entry][0].id for item in base.free}
+    return STATED.intersection(base.model.ids) - left_open
+
+
+def _corrected(
+    forward: Forward,
+    base: Fit,
+    effects: Sequence[Effect],
+    tried: Sequence[Hypothesis],
+    threshold: float,
+) -> list[Hypothesis]:
+    """Laws in no catalogue, each beside another size of what the setup states.
+
+    What a setup states wrongly is no law that was left out; held where it is wrong, it has to be
+    paid for by names.
+    """
+    stated = [effect for effect in effects if effect.id in _stated(base)]
+    done = {frozenset(member.key for member in h.members) for h in tried}
+    alone = [h for h in _sorted(tried) if len(h.members) == 1 and h.allowed]
+    if forward.mode == "swing" or not stated or not alone:
+        return []
+    found = []
+    for seed in [h for h in alone if h.has_unnamed][:MOST_CORRECTED]:
+        if seed.penalised_gain < SEED_SHARE * alone[0].penalised_gain:
+            continue
+        pool = candidates_for(forward, seed.fit.model, stated, unnamed=False)
+        ranked = _best_by_law(scan(forward, seed.fit, pool), 1.0)
+        enough = max(threshold, second_effect_share(seed) * seed.gain)
+        for penalised, index, values in ranked[:1]:
+            new = frozenset({seed.members[0].key, pool[index].key}) not in done
+            if new and penalised > enough:
+                found.append(_extended(forward, base, seed, pool[index], values, _ahead(tried)))
+    return found
 
 
 def _without_each(forward: Forward, base: Fit, found: Hypothesis) -> list[Hypothesis]:

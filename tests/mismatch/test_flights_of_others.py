@@ -66,6 +66,25 @@ def test_a_drag_that_was_measured_and_is_not_there_is_told():
     }
 
 
+def test_a_stated_drag_that_is_not_there_is_not_paid_for_by_other_names():
+    # Held, it was told as lift and a turned camera with 0.92 each.
+    verdict = explain(flights(across=0.15), tennis(effects=DEFAULT_DRAG))
+    named = {effect.id: effect for effect in verdict.effects}
+    assert set(named) == {"drag", "unnamed"}
+    (coefficient,) = named["drag"].parameters
+    assert coefficient.value == pytest.approx(0.0, abs=3.0 * coefficient.std)
+    assert coefficient.std < 0.05
+
+
+def test_a_lift_beside_a_ruler_that_is_off_needs_no_second_law_of_the_air():
+    # The form that saturates leads the linear look and fits nothing; the plain one was then left
+    # out, and a wake told beside it.
+    verdict = explain(flights(across=0.15, along=-0.06, stretched=1.05), tennis())
+    named = {effect.id for effect in verdict.effects if effect.probability >= 0.5}
+    assert "asymmetric_wake" not in named
+    assert named & {"magnus", "unnamed"}
+
+
 @pytest.mark.parametrize("spatial", [False, True])
 def test_axes_as_level_as_a_bubble_shows_are_no_finding(spatial):
     campaign = flights(turned=np.radians(0.3), stretched=1.006, spatial=spatial)

@@ -9,6 +9,7 @@ import pytest
 import sample_videos
 from mismatch.candidates import candidates_for
 from mismatch.fitting.prepare import Prepared, prepare
+from mismatch.records import BallModel, Baseline, CampaignRecords, Trial
 from physics.effects import CATALOGUE
 from pipelines.explain.campaign import baseline_from_setup, load_campaign
 from pipelines.setup.file import load_setup
@@ -26,8 +27,12 @@ def prepared() -> Prepared:
 
 
 def test_smooth_laws_of_flight_need_no_finer_steps(prepared: Prepared) -> None:
+    assert prepared.forward.mode == "impact"
+    _assert_steps_suffice(prepared)
+
+
+def _assert_steps_suffice(prepared: Prepared, most: float = 1e-3) -> None:
     forward = prepared.forward
-    assert forward.mode == "impact"
     finer = replace(forward, steps=16 * forward.steps)
     catalogue = [effect for forms in CATALOGUE.values() for effect in forms]
     pool = candidates_for(forward, prepared.model, catalogue)
@@ -49,5 +54,22 @@ def test_smooth_laws_of_flight_need_no_finer_steps(prepared: Prepared) -> None:
             one.predict([model], prepared.fit.nuisance[None])[0] for one in (forward, finer)
         )
         off = np.abs(coarse - fine) * forward.records.weights
-        assert np.nanmax(off) < 1e-3, (law.id, law.form)
+        assert np.nanmax(off) < most, (law.id, law.form)
     assert len(looked) > 8
+
+
+@pytest.mark.parametrize(("mass", "diameter"), [(0.0577, 0.066), (0.0027, 0.04)])
+def test_smooth_throws_need_no_finer_steps(mass: float, diameter: float) -> None:
+    rng = np.random.default_rng(5)
+    time = np.arange(0.0, 0.6, 0.01)
+    trials = []
+    for number in range(3):
+        start = np.array([0.0, 1.0]), np.array([3.0 + number, 4.0])
+        way = start[0] + start[1] * time[:, None] + np.array([0.0, -4.9]) * time[:, None] ** 2
+        seen = np.column_stack([way + 1e-3 * rng.standard_normal(way.shape), np.full(60, np.nan)])
+        trials.append(Trial(str(number), time, seen, np.zeros(0), np.zeros(0)))
+    baseline = Baseline({"": BallModel("", mass, diameter)})
+    known = prepare(CampaignRecords(tuple(trials)), baseline)
+    assert known.forward.mode == "flight"
+    assert known.forward.thrown_share > 1
+    _assert_steps_suffice(known, 3e-3)

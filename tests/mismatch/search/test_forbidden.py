@@ -1,0 +1,61 @@
+"""Answers that nature forbids are no answers, but where they fit best nothing else is sure."""
+
+import numpy as np
+import pytest
+
+from mismatch.candidates import Candidate
+from mismatch.fitting.fit import Ending
+from mismatch.fitting.hypotheses import fit_hypothesis
+from mismatch.fitting.prepare import prepare
+from mismatch.records import BallModel, Baseline, CampaignRecords, Trial
+from mismatch.search.naming import Naming
+from mismatch.verdict import DOUBTED, Doubt, pass_gate
+from physics.effects import CATALOGUE, EffectId
+
+GRAVITY = 9.806
+
+
+@pytest.fixture(scope="module")
+def pushed():
+    """Throws that something pushes on along their way, (m/s²) 0.03 v²: a drag below none."""
+    rng = np.random.default_rng(4)
+    step, rows = 1e-3, 500
+    trials = []
+    for number in range(4):
+        place, velocity = np.array([0.0, 1.0]), np.array([2.0 + number, 3.0])
+        path = np.empty((rows, 2))
+        for row in range(rows):
+            path[row] = place
+            pull = 0.03 * float(np.hypot(*velocity)) * velocity - np.array([0.0, GRAVITY])
+            place = place + step * velocity + 0.5 * step**2 * pull
+            velocity = velocity + step * pull
+        seen = path[::10] + 1e-3 * rng.standard_normal((rows // 10, 2))
+        flat = np.column_stack([seen, np.full(len(seen), np.nan)])
+        times = step * np.arange(0, rows, 10)
+        trials.append(Trial(str(number), times, flat, np.zeros(0), np.zeros(0)))
+    return prepare(CampaignRecords(tuple(trials)), Baseline({"": BallModel("", 0.0577, 0.066)}))
+
+
+def _fitted(known, identity):
+    candidate = Candidate(CATALOGUE[identity][0], (), 1)
+    start = np.array([p.neutral for p in candidate.effect.strengths])
+    return fit_hypothesis(known.forward, known.fit, [candidate], [start])
+
+
+def test_no_name_is_sure_that_a_forbidden_answer_beats(pushed):
+    forbidden, other = _fitted(pushed, EffectId.DRAG), _fitted(pushed, "lens_distortion")
+    assert forbidden.forbidden
+    assert forbidden.fit.ending is Ending.CONVERGED
+    assert not other.forbidden
+    naming = Naming(other, (forbidden, other), 12.0, None)
+    assert naming.outdone
+    passed = pass_gate(pushed, other, "explained", None, outdone=naming.outdone)
+    assert Doubt.OUTDONE in passed.doubts
+    assert passed.most <= DOUBTED
+
+
+def test_a_forbidden_answer_that_fits_no_better_says_nothing(pushed):
+    other = _fitted(pushed, "lens_distortion")
+    forbidden = _fitted(pushed, EffectId.DRAG)
+    assert not Naming(forbidden, (forbidden, other), 12.0, None).outdone
+    assert not Naming(other, (other,), 12.0, None).outdone
