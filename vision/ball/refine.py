@@ -18,7 +18,7 @@ from vision.ball.outline import (
 )
 from vision.scene import FilmedScene
 
-__all__ = ["Optics", "refine_ball"]
+__all__ = ["MODEL_STD_PX", "Optics", "refine_ball"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -53,7 +53,7 @@ _LAG = 4
 _LEAST_KEPT = 0.8
 # What shading, transfer curve and texture do to an outline for many frames alike, and no scatter
 # shows, px: seen on ray-traced scenes and on our own renders, balls of 9 to 35 px in radius.
-_MODEL_STD_PX = 0.07
+MODEL_STD_PX = 0.07
 
 
 @dataclass(frozen=True)
@@ -111,12 +111,28 @@ def refine_ball(
         if len(shaped.frame) < 3:
             return trusted_rows(_calibrated(rough))
         shape.improve(shaped.fits)
-    refined = shape.improved_by(refiner.fit(np.arange(len(rough.frame)), 2, shape))
+    every = np.arange(len(rough.frame))
+    refined = shape.improved_by(refiner.fit(every, 2, shape))
+    refined = _between(refined, refiner.fit(every, 2, shape, panels=False))
     # Where the model does not hold (a sharpened picture, a puck with a rim), the plain fits may
     # scatter less; the clip itself says so.
     holds = len(refined) >= _LEAST_KEPT * len(rough) and _unrest(refined) <= 1.1 * _unrest(rough)
     smoother = refined if holds else rough
     return trusted_rows(_calibrated(smoother))
+
+
+def _between(one: BallFits, other: BallFits) -> BallFits:
+    """Centres midway between two fits, their distance a part of what they state.
+
+    Whether what fits badly is a panel of the ball's or the codec's work no fit tells: neither
+    outline is known to be the right one.
+    """
+    _, own, theirs = np.intersect1d(one.frame, other.frame, return_indices=True)
+    away = other.centre[theirs] - one.centre[own]
+    centre, covariance = one.centre.copy(), one.fits.covariance.copy()
+    centre[own] += 0.5 * away
+    covariance[own] += 0.25 * away[:, :, None] * away[:, None, :]
+    return replace(one, fits=replace(one.fits, centre=centre, covariance=covariance))
 
 
 def _together(one: BallFits, other: BallFits) -> BallFits:
@@ -194,7 +210,9 @@ class _Refiner:
         self._kept = (places, list(pieces))
         return self._kept[1]
 
-    def fit(self, places: IntArray, free: int, shape: "_CommonShape | None") -> BallFits:
+    def fit(
+        self, places: IntArray, free: int, shape: "_CommonShape | None", *, panels: bool = True
+    ) -> BallFits:
         """Fit the outlines at these places of the rough track."""
         optics, radius = self.optics, self._radius
         centre, smear = self._rough.centre[places], self._velocity[places] * optics.duty
@@ -203,8 +221,9 @@ class _Refiner:
         inner, outer = ring_widths(radius)
         inner = max(_LEAST_INNER_PX, min(inner, _INNER * radius))
         rules = FitRules(
-            free, 0.1 * radius, inner, outer, shape_pull=shape is not None, tolerance=_TOLERANCE
-        )
+            free, 0.1 * radius, inner, outer, tolerance=_TOLERANCE, shape_pull=shape is not None,
+            panels=panels,
+        )  # fmt: skip
         known = np.tile([radius, 0.0, 0.0], (len(places), 1)) if shape is None else shape.at(centre)
         start = Start(centre, known, smear)
         fits = nothing_found(len(places))
@@ -333,7 +352,7 @@ def _calibrated(fits: BallFits) -> BallFits:
     )[run]
     # 0.455 is the median of a squared unit normal.
     ratio = float(np.median(third**2 / np.maximum(expected, 1e-12))) / 0.455
-    factor = float(np.clip(ratio, 0.05, 20.0))
-
-    covariance = fits.fits.covariance * factor + _MODEL_STD_PX**2 * np.eye(2)
+    # What neighbours share, as the ball's pattern and its light, their scatter does not tell.
+    factor = float(np.clip(ratio, 1.0, 20.0))
+    covariance = fits.fits.covariance * factor + MODEL_STD_PX**2 * np.eye(2)
     return replace(fits, fits=replace(fits.fits, covariance=covariance))

@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from tests.vision.ball.painted import GAMMA, exposed, wall, with_ball
+from tests.vision.ball.painted import GAMMA, cover, exposed, wall, with_ball
 from vision.ball.edges import Cutouts, EdgeProfile
 from vision.ball.outline import (
+    RADIUS_STD_PX,
     FitRules,
     OutlineFits,
     Start,
@@ -154,3 +157,39 @@ def test_edge_profile_runs_from_ball_to_background_and_widens_with_smear() -> No
     assert sharp[0][-1] == pytest.approx(0.0, abs=1e-6)
     assert sharp[0][40] == pytest.approx(0.5, abs=1e-3)
     assert smeared[1].min() > sharp[1].min()
+
+
+def _hidden_below(pieces: Cutouts, row: int) -> Cutouts:
+    noise = pieces.inverse_noise.copy()
+    noise[:, row:] = 0.0
+    return replace(pieces, inverse_noise=noise)
+
+
+def test_a_held_radius_makes_the_middle_of_an_arc_as_uncertain_as_itself() -> None:
+    scene = wall(60, 60)
+    gray = exposed(with_ball(scene, (30.3, 29.6), 12.0), 1.0, 2)
+    whole = _pieces(gray, exposed(scene, 0.0, 0), 1.1)
+    std = []
+    for pieces in (whole, _hidden_below(whole, 30)):
+        start = _start((30.3, 29.6), 12.0)
+        fits = fit_outlines(pieces, EdgeProfile(12.0, 0.5, 0.0), start, FitRules(2, 3.0, 3.0, 3.0))
+        assert fits.found.all()
+        std.append(np.sqrt(np.diag(fits.covariance[0])))
+    # the top half of a rim lies as far up as the radius is large
+    assert std[1][1] > 0.8 * RADIUS_STD_PX
+    assert std[0][1] < 0.5 * RADIUS_STD_PX
+
+
+def test_lines_around_a_large_ball_leave_its_outline_alone() -> None:
+    scene, centre, radius = np.full((320, 320), 0.75), (160.3, 159.6), 137.0
+    y, x = np.mgrid[0:320, 0:320].astype(float)
+    turn = np.arctan2(y - centre[1], x - centre[0])
+    lines = np.abs(np.mod(turn, np.radians(12.0)) - 0.1) < 0.02
+    ball = np.where(lines, 0.05, 0.3 + 0.25 * np.cos(turn - 1.0))
+    part = cover(320, 320, centre, radius)
+    gray = exposed(scene * (1.0 - part) + ball * part, 1.0, 3)
+    start = _start(centre, radius + 0.3)
+    pieces = _pieces(gray, exposed(scene, 0.0, 0), 1.1)
+    fits = fit_outlines(pieces, EdgeProfile(radius, 0.25, 0.0), start, FitRules(3, 13.7))
+    assert fits.radius[0] == pytest.approx(radius, abs=0.03)
+    assert fits.centre[0] == pytest.approx(np.array(centre), abs=0.03)

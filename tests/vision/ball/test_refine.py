@@ -5,7 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from vision.ball.refine import _evenly, _lowest, _Refiner, _unrest
+from vision.ball.ball import BallFits
+from vision.ball.outline import nothing_found
+from vision.ball.refine import _between, _evenly, _lowest, _Refiner, _unrest
 
 FRAMES = 20
 
@@ -63,3 +65,12 @@ def test_frames_are_taken_evenly() -> None:
     assert len(taken) == 5
     assert taken[0] == 0
     assert taken[-1] == 99
+
+
+def test_two_fits_meet_midway_and_their_distance_is_stated() -> None:
+    one, other = nothing_found(3), nothing_found(2)
+    other.centre[:] = [[0.2, 0.0], [0.0, -0.4]]
+    both = _between(BallFits(np.array([4, 5, 6]), one), BallFits(np.array([5, 6]), other))
+    assert both.centre == pytest.approx(np.array([[0.0, 0.0], [0.1, 0.0], [0.0, -0.2]]))
+    std = np.sqrt(np.diagonal(both.fits.covariance, axis1=1, axis2=2))
+    assert std == pytest.approx(np.array([[0.0, 0.0], [0.1, 0.0], [0.0, 0.2]]))
