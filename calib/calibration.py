@@ -19,6 +19,7 @@ from metrology import CalibrationError, Contribution, Defaults, UncertaintySourc
 
 __all__ = [
     "PARAMETERS",
+    "RADIUS_COMMON_OVER_RANDOM",
     "BallOutlines",
     "Calibration",
     "ContradictionError",

@@ -33,11 +33,11 @@ from pipelines.measure.impact import Impact, find_impact, strikes_apart, struck_
 from pipelines.measure.inputs import Inputs, gather_inputs
 from pipelines.measure.measurement import ClipMeasurement
 from pipelines.measure.metres import (
-    RADIUS_STD_PX,
     BallScale,
     CameraMapping,
     MetricTracks,
     calibrate_clip,
+    radius_share,
     tracks_in_metres,
 )
 from pipelines.measure.motions import (
@@ -599,7 +599,7 @@ def _plane_scale(scene: ClipConditions, tracks: Tracks, wall: "WallScene") -> Pl
     scatter = 1.4826 * float(np.median(np.abs(ball.radius_px - radius)))
     diameter = scene.inputs.rig.ball_diameter
     assert diameter is not None
-    share = np.hypot(diameter.relative_std, np.hypot(RADIUS_STD_PX, scatter) / radius)
+    share = np.hypot(diameter.relative_std, np.hypot(radius_share(ball), scatter / radius))
     per_px = 0.5 * diameter.value / radius
     return PlaneScale(per_px, float(share), UncertaintySource.BALL_DIAMETER)
 
@@ -728,4 +728,4 @@ def _scale_std(scene: ClipConditions, tracks: Tracks) -> float:
     diameter = scene.inputs.rig.ball_diameter
     if diameter is None:
         return np.inf
-    return float(np.hypot(diameter.relative_std, RADIUS_STD_PX / np.median(tracks.ball.radius_px)))
+    return float(np.hypot(diameter.relative_std, radius_share(tracks.ball)))

@@ -10,22 +10,30 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from calib.calibration import BallOutlines, Calibration, Evidence, Known
+from calib.calibration import (
+    RADIUS_COMMON_OVER_RANDOM,
+    BallOutlines,
+    Calibration,
+    Evidence,
+    Known,
+)
 from calib.grid import find_wall_grid
 from calib.lens import LensPrior, read_lens
 from calib.solve import Solved, solve
 from metrology import NotFoundError
 from metrology.least_squares import minimise
 from pipelines.measure.inputs import Inputs
+from vision.ball.outline import RADIUS_STD_PX
+from vision.ball.refine import MODEL_STD_PX
 from vision.tracks import PendulumTrack, Track, Tracks
 
 __all__ = [
-    "RADIUS_STD_PX",
     "BallScale",
     "CameraMapping",
     "MetricTracks",
     "calibrate_clip",
     "centre_of_arc",
+    "radius_share",
     "scene_evidence",
     "tracks_in_metres",
 ]
@@ -37,10 +45,6 @@ _FACE_STD_PX = 0.10
 """px: what the track of the mass adds between where its face is seen and where it touches. The lead
 that closes the gap at the true contact scatters by 0.12 px over ray-traced clips of another
 renderer, by 0.10 px over own ones, 208 to 640 px wide; 0.08 px of it is the fit of the rims."""
-
-RADIUS_STD_PX = 0.13
-"""What outlines of balls in flight are off by as a whole: root mean square over eleven ray-traced
-clips of another renderer 0.13 px, over nine own ones 0.10 px, for radii of 4 to 33 px."""
 
 REST_STD_PX = 0.1
 """px: what the support, its shadow and the one-sided light shift the outline of a ball at rest by,
@@ -281,6 +285,18 @@ def _creeps(ball: Track, still: NDArray[np.bool_]) -> bool:
     noise = float(np.sqrt(np.median(np.trace(ball.covariance_px2, axis1=1, axis2=2))))
     speed = float(np.median(step[resting]))
     return speed > CREEP_SHARE * float(np.median(step[~resting])) and speed > 3.0 * noise
+
+
+def radius_share(ball: Track) -> float:
+    """What the radii of a followed ball may be off by together, over the radius.
+
+    Where frames tell less of the outline than of a clean one, what biases it (a dark ball's sheen,
+    an edge out of focus, an unknown transfer curve) is larger alike: see `BallOutlines.followed`.
+    """
+    random = float(np.median(ball.radius_std_px))
+    unclean = math.sqrt(max(random**2 - MODEL_STD_PX**2, 0.0))
+    common = math.hypot(RADIUS_STD_PX, RADIUS_COMMON_OVER_RANDOM * unclean)
+    return common / float(np.median(ball.radius_px))
 
 
 def _apparent_radius(tracks: Tracks, mapping: PlaneMapping) -> float:

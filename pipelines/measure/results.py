@@ -35,7 +35,7 @@ from pipelines.measure.gravity import (
 )
 from pipelines.measure.impact import UNSEEN_HALF_CONTACT_STD_S, Impact, disc_contact
 from pipelines.measure.inputs import QUANTITY_UNITS, Inputs, QuantityName, kinds_of
-from pipelines.measure.metres import RADIUS_STD_PX, MetricTracks
+from pipelines.measure.metres import MetricTracks, radius_share
 from pipelines.measure.motions import MotionResults
 from pipelines.report import Check, CheckKind, CheckOutcome
 from vision.tracks import MotionKind, Tracks
@@ -256,8 +256,7 @@ def _size(evaluated: Evaluated, tracks: Tracks, found: dict[str, Quantity]) -> B
     taped = UncertaintySource.BALL_PLANE_OFFSET
     if all(estimate.source is not taped for estimate in calibration.depth_estimates):
         return None
-    outline = RADIUS_STD_PX / float(np.median(tracks.ball.radius_px))
-    share = math.hypot(outline, diameter.relative_std)
+    share = math.hypot(radius_share(tracks.ball), diameter.relative_std)
     return ball_size(2.0 * metric.radius_m, share, diameter.value, found)
 
 

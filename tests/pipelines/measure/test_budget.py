@@ -20,7 +20,7 @@ from pipelines.measure.budget import (
 )
 from pipelines.measure.impact import find_impact
 from pipelines.measure.inputs import gather_inputs
-from pipelines.measure.metres import BallScale, MetricTracks, tracks_in_metres
+from pipelines.measure.metres import BallScale, MetricTracks, radius_share, tracks_in_metres
 from pipelines.setup.file import Setup
 from tests.pipelines.measure.ideal_tracks import Noise, ideal_tracks, known_stroke
 from vision.clip.footage import CaptureRate
@@ -212,3 +212,12 @@ def test_the_zero_of_the_angles_is_a_source_of_the_back_swing() -> None:
 
     table = systematic_budget(scene, first_angle, np.inf)
     assert table[UncertaintySource.PENDULUM_ZERO][0] == pytest.approx(0.01)
+
+
+def test_a_ball_seen_less_clearly_tells_a_scale_less_surely() -> None:
+    ball = a_swing().ball
+    clean = replace(ball, radius_std_px=np.full(60, 0.07))
+    assert radius_share(clean) == pytest.approx(0.13 / 20.0)
+    unclear = replace(ball, radius_std_px=np.full(60, 0.3))
+    # four times what frames state beyond a clean outline's own
+    assert radius_share(unclear) == pytest.approx(1.2 / 20.0, rel=0.05)
