@@ -281,8 +281,9 @@ class _Seen:
 
     @property
     def worth(self) -> float:
-        """How much speaks for the choice."""
-        return path_score(self.choice.ball)
+        """How much speaks for the choice, weighed by the part of it that bears a closer look."""
+        found = np.isin(self.choice.ball.frame, self.rough.frame)
+        return path_score(self.choice.ball) * float(np.mean(found))
 
     @property
     def warnings(self) -> list[str]:
@@ -329,7 +330,7 @@ def _seen(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Se
 
 def _seen_in_gray(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Seen | None:
     looks = Looks(scene)
-    choice = choose_ball(looks.paths(), at)
+    choice = choose_ball(looks.paths(), at, scene.background.image)
     if choice is None:
         return None
     choice, rough = _followed(looks, choice, at)
@@ -425,7 +426,7 @@ def _followed(
         missed = _missed(rough)
         if not looks.again(missed):
             break
-        better = choose_ball(looks.joined(), at)
+        better = choose_ball(looks.joined(), at, looks.scene.background.image)
         if better is None or not _news(better.ball, rough, missed):
             break
         if choice.reached and not better.reached:

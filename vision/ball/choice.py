@@ -450,7 +450,8 @@ def _score_link(
 
 
 # A thing that came less far than this (in radii) only wobbles: a swinging scale, a codec's blocks.
-_LEAST_TRAVEL = 2.0
+# Half of it is enough where a law explains the way.
+_LEAST_TRAVEL, _LEAST_LAWFUL_TRAVEL = 2.0, 1.0
 
 _ONE_SIZE = 0.06
 
@@ -488,6 +489,10 @@ _TIED = 0.5
 """Share of the best score above which another thing may be the ball as well, supposed."""
 _FEWEST_COMMON, _MOSTLY, _LAWFUL_PART = 4, 0.7, 0.4
 """Looks in common that tell whether two go together; share of them, and of a way, that is most."""
+_COMMON_SHARE, _LARGER = 0.5, (0.9, 2.0)
+"""Of the shorter way's looks, in which a thing and its shadow are seen together; how much larger
+the shadow's way is than the thing's: 1 for the sun, 2 for a lamp as far before the thing as the
+wall is behind it."""
 _SHADES, _EVENLY, _FAINT_SHADOW = (0.4, 0.95), 0.1, 20.0
 """Light left in a shadow, over the light without it; its scatter; steepness of its edge, in noise:
 lamps are wide and several."""
@@ -560,7 +565,11 @@ def trimmed(path: BallPath) -> BallPath:
     return path.where(keep)
 
 
-def choose_ball(paths: list[BallPath], at: tuple[float, float, int | None] | None) -> Choice | None:
+def choose_ball(
+    paths: list[BallPath],
+    at: tuple[float, float, int | None] | None,
+    background: FloatImage | None = None,
+) -> Choice | None:
     """Choose the ball: clear all around, far-travelled, long in view; or what the user points at.
 
     Of several alike, it is the one that lay still and was met by another.
@@ -571,6 +580,8 @@ def choose_ball(paths: list[BallPath], at: tuple[float, float, int | None] | Non
         What was linked.
     at : tuple, optional
         x, y (px) and frame (or None) of a point on the ball.
+    background : (H, W) float32 array, optional
+        The static scene, gray levels: what only dims it may be another's shadow.
 
     Returns
     -------
@@ -586,6 +597,8 @@ def choose_ball(paths: list[BallPath], at: tuple[float, float, int | None] | Non
         others = tuple(path for path in clean if path is not ball and _moves(path))
         return Choice(ball, others, False, reasons=("It was pointed at.",))
     moving = _outermost([path for path in clean if _moves(path)])
+    if background is not None:
+        moving = _lit(moving, background)
     if not moving:
         return None
     struck = _struck(clean, moving)
@@ -689,6 +702,39 @@ def _dims(path: BallPath, background: FloatImage) -> bool:
     return bool(low < np.median(ratio) < high and np.std(ratio) < _EVENLY)
 
 
+def _lit(paths: list[BallPath], background: FloatImage) -> list[BallPath]:
+    """Without the shadows that others of them cast on the wall."""
+    return [
+        path
+        for path in paths
+        if not (
+            _dims(path, background)
+            and any(other is not path and _cast_by(path, other) for other in paths)
+        )
+    ]
+
+
+def _cast_by(path: BallPath, other: BallPath) -> bool:
+    """Whether a path is that of the other's shadow on a wall along which it flies.
+
+    A lamp throws the way on the wall as it is, only larger; two things of which each goes its own
+    way bend or turn differently. A lamp has a size, so a shadow's edge is softer.
+    """
+    if np.median(path.sharpness) > np.median(other.sharpness):
+        return False
+    _, own, theirs = np.intersect1d(path.frame, other.frame, return_indices=True)
+    if len(own) < max(_FEWEST_LAWFUL, _COMMON_SHARE * min(len(path.frame), len(other.frame))):
+        return False
+    way = other.centre_px[theirs] - other.centre_px[theirs].mean(axis=0)
+    cast = path.centre_px[own] - path.centre_px[own].mean(axis=0)
+    size = float((way * way).sum())
+    if np.sqrt(size / len(own)) < _STILL_RADII * other.radius:
+        return False
+    larger = float((way * cast).sum()) / size
+    off = float(np.sqrt(((cast - larger * way) ** 2).sum() / len(own)))
+    return _LARGER[0] < larger < _LARGER[1] and off < _STILL_RADII * path.radius
+
+
 def rivals(paths: list[BallPath]) -> list[BallPath]:
     """The clearest path of something that moves, and those that might be taken for it."""
     moving = _outermost([path for path in (trimmed(path) for path in paths) if _moves(path)])
@@ -724,7 +770,12 @@ def _struck(paths: list[BallPath], moving: list[BallPath]) -> list[BallPath]:
 
 
 def _moves(path: BallPath) -> bool:
-    return len(path.frame) >= 4 and path.travel >= _LEAST_TRAVEL
+    if len(path.frame) < 4 or path.travel < _LEAST_LAWFUL_TRAVEL:
+        return False
+    if path.travel >= _LEAST_TRAVEL:
+        return True
+    law = lawful_stretch(path.frame, path.centre_px, path.radius)
+    return len(path.frame) >= _FEWEST_LAWFUL and law.evidence > _SURELY_LAWFUL
 
 
 def path_score(path: BallPath) -> float:

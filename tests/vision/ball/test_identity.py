@@ -165,3 +165,52 @@ def test_a_glint_that_comes_to_light_within_a_falling_ball_was_not_struck_by_it(
     assert choice is not None
     assert choice.ball.radius == pytest.approx(37.0)
     assert not choice.reached
+
+
+def _flight_and_shadow(larger: float, turn_rad: float) -> tuple[BallPath, BallPath]:
+    """A ball seen from late in its flight on, and something that only dims the wall behind it.
+
+    The ball's way on a wall, from a lamp, is `larger`; `turn_rad` turns it into another's.
+    """
+    frame = np.arange(0, 60, 2)
+    way = np.column_stack([2.0 * frame, 0.01 * frame**2.0 - 0.4 * frame])
+    noise = np.random.default_rng(5).normal(0.0, 0.1, (2, *way.shape))
+    ball = _path(frame, np.zeros(len(frame)), 9.0)
+    ball = replace(ball, centre_px=way + np.array([20.0, 40.0]) + noise[0])
+    cosine, sine = larger * np.cos(turn_rad), larger * np.sin(turn_rad)
+    cast = way @ np.array([[cosine, sine], [-sine, cosine]]) + np.array([35.0, 70.0])
+    shadow = replace(
+        ball,
+        centre_px=cast + noise[1],
+        sharpness=50.0 * np.ones(len(frame)),
+        level=70.0 * np.ones(len(frame)),
+    )
+    pale = replace(ball, coverage=0.6 * np.ones(len(frame)), level=150.0 * np.ones(len(frame)))
+    return pale, shadow
+
+
+@pytest.mark.parametrize("larger", [1.0, 1.3])
+def test_a_ball_s_shadow_is_not_the_ball_however_whole_its_outline(larger: float) -> None:
+    ball, shadow = _flight_and_shadow(larger, 0.0)
+    wall = np.full((200, 400), 110.0, dtype=np.float32)
+    choice = choose_ball([ball, shadow], None, wall)
+    assert choice is not None
+    assert choice.ball.level[0] == ball.level[0]
+    # neither what goes another way nor what is as dark as paint is a shadow
+    for paint, turned in ((150.0, 0.6), (20.0, 0.0)):
+        ball, other = _flight_and_shadow(larger, turned)
+        other = replace(other, level=paint / 150.0 * 70.0 * np.ones(len(other.frame)))
+        choice = choose_ball([ball, other], None, wall)
+        assert choice is not None
+        assert choice.ball.level[0] == other.level[0]
+
+
+def test_what_goes_less_than_two_radii_by_a_law_may_be_the_ball() -> None:
+    frame = np.arange(0, 40, 2)
+    ball = _path(frame, 50.0 + 0.4 * frame, 10.0)
+    glint = replace(ball, radius_px=2.5 * np.ones(len(frame)))
+    noise = np.random.default_rng(6).normal(0.0, 0.1, ball.centre_px.shape)
+    ball = replace(ball, centre_px=ball.centre_px + noise)
+    choice = choose_ball([ball, glint], None)
+    assert choice is not None
+    assert choice.ball.radius == pytest.approx(10.0)
