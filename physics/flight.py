@@ -105,14 +105,12 @@ class FlightModel:
         slope[3:] = 0.0
         slope[4] = -self.gravity
         drag, spin = self._held(time, state)
-        seen: dict[str, FlightState] = {}
-        for term in self._acting:
+        for at, terms in self._by_members:
             # effects that act in the same members see the same state
-            at, members = term.where, str(term.where)
-            if members not in seen:
-                seen[members] = self._seen(time, state, at, _part(drag, at), _part(spin, at))
-            for axis, force in enumerate(term.effect.force(term.values, seen[members])):
-                slope[(3 + axis, at)] += force / self.mass
+            seen = self._seen(time, state, at, _part(drag, at), _part(spin, at))
+            forces = [term.effect.force(term.values, seen) for term in terms]
+            for axis, along in enumerate(zip(*forces, strict=True), start=3):
+                slope[(axis, at)] += sum(along[1:], along[0]) / self.mass
         return slope
 
     def _seen(
@@ -132,6 +130,18 @@ class FlightModel:
     @cached_property
     def _acting(self) -> tuple[Term, ...]:
         return tuple(term for term in self.terms if term.flies)
+
+    @cached_property
+    def _by_members(self) -> list[tuple[slice | EllipsisType, list[Term]]]:
+        """Acting terms by the members of the batch that they act in."""
+        found: list[tuple[slice | EllipsisType, list[Term]]] = []
+        for term in self._acting:
+            same = next((terms for at, terms in found if at == term.where), None)
+            if same is None:
+                found.append((term.where, [term]))
+            else:
+                same.append(term)
+        return found
 
     @cached_property
     def _held_by_size(self) -> dict[int, tuple[Number, Number]]:
