@@ -97,6 +97,7 @@ _SHARED = frozenset(
         UncertaintySource.CENTRE_OF_MASS,
         UncertaintySource.PENDULUM_ARM,
         UncertaintySource.PENDULUM_RINGING,
+        UncertaintySource.CONTACT_NORMAL,
         UncertaintySource.SUPPORT_HEIGHT,
         UncertaintySource.BALL_MASS,
         UncertaintySource.SCALE,
