@@ -16,7 +16,7 @@ the noise at low frequency, so the spectrum of a record's residual about a polyn
 with white noise plus a first-order autoregression (Whittle's likelihood on the cosine transform).
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
@@ -462,6 +462,10 @@ RHOS = 1.0 - np.geomspace(0.7, 0.025, 12)
 
 """Correlations from one row to the next that are tried, from a memory of one row to forty."""
 
+PACES = 7
+
+"""Groups of cosines, octaves from slow to fast, by which a shape is held against the powers."""
+
 SHARES = np.linspace(0.03, 0.97, 33)
 
 """Shares of correlated noise that are tried, 3 % apart."""
@@ -523,6 +527,8 @@ class SpectrumFit:
         Deviance of white noise.
     level : float
         Variance if the noise is white.
+    misfit : (R, S) array
+        Deviance of the powers' means by pace from those of the shape; about `PACES` if it holds.
     """
 
     deviance: FloatArray
@@ -531,6 +537,16 @@ class SpectrumFit:
     extrapolation: FloatArray
     flat: float
     level: float
+    misfit: FloatArray
+
+    @property
+    def holds(self) -> bool:
+        """Whether the likeliest shape tells the powers at every pace.
+
+        What a motion leaves over falls off faster than any noise with a memory, or peaks.
+        """
+        at = np.unravel_index(int(np.argmin(self.deviance)), self.deviance.shape)
+        return bool(self.misfit[at] < chdtri(PACES, APART))
 
     def chosen(self, significant: float, shared: FloatArray | None = None) -> Spectrum:
         """White unless memory gains `significant`; the shape by `shared` deviances if given."""
@@ -564,7 +580,7 @@ def fit_spectrum(
     SpectrumFit or None
         None if there is too little to tell.
     """
-    powers, whites, slows, sizes = [], [], [], []
+    powers, whites, slows, sizes, paces = [], [], [], [], []
     for time, value in pieces:
         if value.size < LEAST:
             continue
@@ -576,23 +592,31 @@ def fit_spectrum(
         whites.append(white)
         slows.append(slow)
         sizes.append(np.full(value.size, value.size))
+        paces.append(np.arange(DEGREE + 2, value.size) / value.size)
     if not powers:
         return None
     power, white = np.concatenate(powers), np.concatenate(whites)
     slow = np.concatenate(slows, axis=1)
     omega = np.pi * slow_mode / float(np.median(np.concatenate(sizes)))
     cost, levels = np.zeros((RHOS.size, SHARES.size)), np.zeros((RHOS.size, SHARES.size))
-    rise = np.zeros_like(cost)
+    rise, misfit = np.zeros_like(cost), np.zeros_like(cost)
+    octaves = np.ceil(power.size * 2.0 ** np.arange(1 - PACES, 0)).astype(int)
+    groups = np.split(np.argsort(np.concatenate(paces), kind="stable"), octaves)
     for j, share in enumerate(SHARES):
         density = (1.0 - share) * white + share * slow
         levels[:, j] = np.mean(power / density, axis=1)
         rise[:, j] = [float(_density(share, rho, np.array(omega))) for rho in RHOS]
         cost[:, j] = np.log(levels[:, j]) * power.size + np.log(density).sum(axis=1)
+        scaled = power / density / levels[:, j : j + 1]
+        means = np.array([scaled[:, group].mean(axis=1) for group in groups])
+        misfit[:, j] = np.array([g.size for g in groups]) @ (
+            means - 1.0 - np.log(np.maximum(means, 1e-300))
+        )
     # Power below the slowest cosine seen is an extrapolation: the less of it the better.
     guess = 2.0 * np.log(levels * rise)
     level = float(np.mean(power / white))
     flat = np.log(level) * (power.size + 2.0) + float(np.log(white).sum())
-    return SpectrumFit(cost + guess, levels, rise, guess, float(flat), level)
+    return SpectrumFit(cost + guess, levels, rise, guess, float(flat), level, misfit)
 
 
 def shared_deviance(fits: list[SpectrumFit]) -> FloatArray | None:
@@ -806,6 +830,7 @@ def _spectrum(
     segments: FloatArray,
     sigma: FloatArray,
     slow_mode: float,
+    still: bool,
 ) -> SpectrumFit | None:
     pieces = []
     for trial in range(used.shape[0]):
@@ -813,10 +838,12 @@ def _spectrum(
             rows = used[trial] & (segments[trial] == segment)
             pieces.append((time[trial, rows], value[trial, rows] / sigma[trial]))
     # A swing over many periods, or a path through something local, is no polynomial as a whole.
-    while pieces and max(piece[0].size for piece in pieces) >= 2 * LEAST:
+    while pieces and (still or _longest(pieces) >= 2 * LEAST):
         found = fit_spectrum(pieces, slow_mode)
-        if found is None or found.chosen(SIGNIFICANT).variance < SMOOTH:
+        if found is None or found.chosen(SIGNIFICANT).variance < SMOOTH or (still and found.holds):
             return found
+        if _longest(pieces) < 2 * LEAST:
+            return None
         halves: list[tuple[FloatArray, FloatArray]] = []
         for t, v in pieces:
             count = 2 if t.size >= 2 * LEAST else 1
@@ -826,12 +853,28 @@ def _spectrum(
     return None
 
 
+def _longest(pieces: Sequence[tuple[FloatArray, FloatArray]]) -> int:
+    return max(time.size for time, _ in pieces)
+
+
+def _alike(channels: Sequence[Spectrum]) -> Spectrum:
+    """What channels of one tracker have in common."""
+    first = channels[0]
+    return Spectrum(
+        float(np.exp(np.mean([np.log(one.variance) for one in channels]))),
+        first.share,
+        first.rho,
+        float(np.exp(np.mean([np.log(one.inflation) for one in channels]))),
+    )
+
+
 def estimate_noise(
     records: Records,
     ball_segments: FloatArray,
     pendulum_segments: FloatArray,
     floor: tuple[float, float] = (1e-6, 1e-6),
     slow_mode: float = 1.0,
+    still: bool = False,
 ) -> Noise:
     """Learn the noise from the record.
 
@@ -847,6 +890,9 @@ def estimate_noise(
     slow_mode : float
         Cosine of a record at whose pace physics competes with noise: the slowest, or a faster one
         where free initial states take the slowest along.
+    still : bool
+        Whether the motion was taken off: what is rough about a polynomial may then be noise that
+        remembers as many rows as the polynomial follows.
 
     Returns
     -------
@@ -868,17 +914,21 @@ def estimate_noise(
         mine = np.maximum(_by_trial(sums), floor[channel // 3])
         if np.isfinite(mine).all():
             sigma[:, channel] = mine
-            one = _spectrum(time, value, used & ~outliers, segments, mine, slow_mode)
+            one = _spectrum(time, value, used & ~outliers, segments, mine, slow_mode, still)
             if one is not None:
                 fits[channel] = one
     # One tracker saw all channels: where one shows memory, less is needed to believe it of others.
     remembers = any(one.chosen(SIGNIFICANT).share > 0.0 for one in fits.values())
     shared = shared_deviance(list(fits.values())) if remembers else None
-    for channel, one in fits.items():
-        found = one.chosen(LIKELY if remembers else SIGNIFICANT, shared)
-        if found.share > 0.0:
+    found = {c: one.chosen(LIKELY if remembers else SIGNIFICANT, shared) for c, one in fits.items()}
+    if still and found and all(one.share > 0.0 for one in found.values()):
+        # Of a channel that something bends the others tell the memory.
+        seen = np.flatnonzero(np.isfinite(sigma).all(axis=0))
+        found = dict.fromkeys(seen.tolist(), _alike(list(found.values()))) | found
+    for channel, spectrum in found.items():
+        if spectrum.share > 0.0:
             # A local polynomial swallows part of correlated noise; the spectrum sees it all.
-            sigma[:, channel] *= np.sqrt(found.variance)
-            inflation[channel] = found.inflation
+            sigma[:, channel] *= np.sqrt(spectrum.variance)
+            inflation[channel] = spectrum.inflation
     sigma = np.where(np.isfinite(sigma), sigma, UNKNOWN_SIGMA)
     return Noise(sigma, inflation, np.concatenate(parts, axis=1))

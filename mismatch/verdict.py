@@ -530,6 +530,8 @@ def pass_gate(
             doubts.append(Doubt.ONE_TRIAL)
         elif _unsteady(forward, best):
             doubts.append(Doubt.UNSTEADY)
+        elif _undetermined(best):
+            doubts.append(Doubt.UNDETERMINED)
     elif kept is not None and kept.ratio_95[1] < 1.0:
         doubts.append(Doubt.WORSE_HELD_OUT)
     elif _unsteady(forward, best):
@@ -623,15 +625,17 @@ def _unsteady(forward: Forward, best: Hypothesis) -> bool:
 
 
 def _undetermined(best: Hypothesis) -> bool:
-    """Whether a law in no catalogue has shapes that leave its strength open.
+    """Whether a law has shapes that leave its strength open.
 
-    Squeezed against the contact, a torque at one angle says whatever a law of contact says.
+    Squeezed against the contact, a torque at one angle says whatever a law of contact says; frames
+    lost at an instant that nothing tells say whatever bends the end of a fall.
     """
+    misfit = math.sqrt(best.fit.reduced_chi2)
     for member in best.members:
-        if member.id != EffectId.UNNAMED or not member.effect.shapes:
+        if not member.effect.shapes or member.effect.level is not Level.CAMPAIGN:
             continue
         sizes = [
-            abs(value - item.parameter.neutral) / max(std, 1e-300)
+            abs(value - item.parameter.neutral) / max(std * misfit, 1e-300)
             for k, item in enumerate(best.fit.free)
             for value, std in (best.fit.value(k),)
             if best.fit.model.entries[item.entry][0] is member.effect

@@ -361,7 +361,8 @@ def prepare(
     forward = replace(forward, records=_weighed(records, noise))
     if mode == "impact":
         # About a fit that knows much, less is left to pass for noise than about polynomials.
-        again = estimate_noise(_left_over(forward.records, fit), *_segments(forward, clocks))
+        left = _left_over(forward.records, fit)
+        again = estimate_noise(left, *_segments(forward, clocks), still=True)
         noise = replace(again, outliers=noise.outliers | again.outliers)
     records = _weighed(forward.records, noise)
     forward = replace(forward, records=records)

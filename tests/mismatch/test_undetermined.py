@@ -1,4 +1,4 @@
-"""A law in no catalogue whose place, or the setup's pendulum, leaves it open is no sure answer."""
+"""A law whose place, or the setup's pendulum, leaves it open is no sure answer."""
 
 from types import SimpleNamespace
 
@@ -13,6 +13,7 @@ from mismatch.search.unnamed import Notch, TorqueField
 from mismatch.verdict import _like_its_weight, _undetermined
 from physics.bodies import PAPER_PENDULUM
 from physics.effects import Effect
+from physics.effects.measurement import DroppedFrames
 
 
 @pytest.mark.parametrize(("std", "open_"), [(0.1, False), (0.24, True)])
@@ -25,6 +26,19 @@ def test_a_torque_squeezed_against_the_contact_is_not_known(std, open_):
         np.diag([std, 0.015, 0.012]) ** 2, np.zeros((4, 25)),
     )  # fmt: skip
     answer = Hypothesis((Candidate(notch, (("place", 0.1), ("reach", 0.03)), 26),), fit, 300.0)
+    assert _undetermined(answer) is open_
+
+
+@pytest.mark.parametrize(("std", "open_"), [(0.067, True), (0.02, False)])
+def test_frames_lost_at_an_instant_that_nothing_tells_are_not_known(std, open_):
+    """One fall of a baseball: the gap and its instant stand in for each other."""
+    lost = DroppedFrames()
+    model = Model(((lost, {"gap": 0.099, "instant": 0.23}),))
+    fit = Fit(
+        model, np.zeros((1, 4)), np.zeros((0, 2)), 45.0, 0.0, 45, 45.0, free_parameters(model),
+        np.diag([std, 0.16]) ** 2, np.zeros((1, 45)),
+    )  # fmt: skip
+    answer = Hypothesis((Candidate(lost, (("instant", 0.2),), 36),), fit, 60.0)
     assert _undetermined(answer) is open_
 
 

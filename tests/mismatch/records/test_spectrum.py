@@ -1,10 +1,12 @@
 """Memory of tracking noise, learnt from short records without a bias."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from mismatch.fitting.prepare import prepare
-from mismatch.records import SIGNIFICANT, fit_spectrum, shared_deviance
+from mismatch.records import SIGNIFICANT, CampaignRecords, fit_spectrum, shared_deviance
 from mismatch.sanity import dropped_in_each
 from tests.mismatch.synthetic import struck_campaign
 
@@ -40,6 +42,59 @@ def test_white_noise_has_no_memory():
     found = [fit.chosen(SIGNIFICANT) for fit in fits]
     assert all(one.inflation == 1.0 for one in found)
     assert np.mean([one.variance for one in found]) == pytest.approx(1.0, abs=0.03)
+
+
+def remembering(campaign: CampaignRecords, size: float, rho: float) -> CampaignRecords:
+    """Every fourth row of a campaign, each channel under a first-order autoregression."""
+    rng = np.random.default_rng(5)
+
+    def errors(rows: int) -> np.ndarray:
+        kicks = rng.normal(0.0, size * np.sqrt(1.0 - rho**2), rows + 60)
+        found = [0.0]
+        for kick in kicks:
+            found.append(rho * found[-1] + kick)
+        return np.array(found[-rows:])
+
+    made = []
+    for trial in campaign.trials:
+        position, angle = trial.position[::4].copy(), trial.pendulum_angle[::4].copy()
+        for axis in (0, 1):
+            position[:, axis] += errors(len(position))
+        made.append(
+            replace(
+                trial, ball_time=trial.ball_time[::4], position=position,
+                pendulum_time=trial.pendulum_time[::4], pendulum_angle=angle + errors(angle.size),
+            )
+        )  # fmt: skip
+    return replace(campaign, trials=tuple(made))
+
+
+def test_noise_that_remembers_five_rows_is_told_from_motion():
+    """A quartic through nine rows follows such noise; white, its level would be a half too low."""
+    campaign, baseline = struck_campaign(seed=3, noise=1e-6)
+    prepared = prepare(remembering(campaign, 1e-3, 0.8), baseline)
+    seen = [0, 1, 3]
+    assert np.median(prepared.noise.sigma, axis=0)[seen] == pytest.approx(1e-3, rel=0.25)
+    # The power of such noise at a slow pace is (1 + rho) / (1 - rho) of its variance.
+    assert prepared.noise.inflation[seen] == pytest.approx(9.0, rel=0.4)
+    assert prepared.fit.reduced_chi2 < 1.3
+
+
+@pytest.mark.parametrize(
+    "course",
+    [
+        lambda t: np.sin(2.0 * np.pi * t / 0.05),
+        lambda t: 2e3 * np.maximum(t - 0.15, 0.0) ** 2,
+        lambda t: np.exp(-(((t - 0.2) / 0.02) ** 2)),
+    ],
+    ids=["many periods", "a push that begins", "a bump"],
+)
+def test_what_motion_leaves_over_is_no_noise_with_a_memory(course):
+    for seed in range(4):
+        pieces = tracks(0.0, 0.5, (220,) * 8, seed)
+        moving = [(time, value + 10.0 * course(time)) for time, value in pieces]
+        assert not fit_spectrum(moving).holds
+        assert fit_spectrum(tracks(0.9, 0.8, (220,) * 8, seed)).holds
 
 
 def test_too_few_samples_say_nothing_of_a_spectrum():
