@@ -343,6 +343,13 @@ class Rest:
         return max(least, round(radii * each))
 
 
+_HOP, _STAYS = 6, 12
+"""Frames of a hop at most, and of rest after it at least, supposed: what is struck flies on."""
+
+_HOP_RADII, _HOPPED_STILL = 0.5, 0.1
+"""Radii of a hop at least; part of it by which what then lies still stirs, supposed."""
+
+
 def find_rest(frame: IntArray, centre: FloatArray, radius: float) -> Rest | None:
     """Find a first stretch of rest that ends in motion.
 
@@ -363,7 +370,13 @@ def find_rest(frame: IntArray, centre: FloatArray, radius: float) -> Rest | None
     if len(frame) < 2 * _FEWEST:
         return None
     departure = _departure(centre, radius)
-    if departure is None or departure < _FEWEST:
+    if departure is None:
+        return None
+    settled = _settled(centre, departure, radius)
+    if settled is not None:
+        # What lay there was another thing, a shadow say, or was put elsewhere by hand.
+        return find_rest(frame[settled:], centre[settled:], radius)
+    if departure < _FEWEST:
         return None
     place = np.median(centre[:departure], axis=0)
     scatter = 1.4826 * np.median(np.hypot(*(centre[:departure] - place).T))
@@ -379,6 +392,19 @@ def find_rest(frame: IntArray, centre: FloatArray, radius: float) -> Rest | None
     if length < 1e-6:
         return None
     return Rest(int(frame[0]), int(frame[last]), place, run / length, length / elapsed)
+
+
+def _settled(centre: FloatArray, departure: int, radius: float) -> int | None:
+    """Row from which it lies still again, a hop from where it lay; None where it moves on."""
+    if departure == 0:
+        return None
+    for row in range(departure + 1, min(departure + _HOP, len(centre) - _STAYS) + 1):
+        place = np.median(centre[row : row + _STAYS], axis=0)
+        stirred = float(np.hypot(*(centre[row : row + _STAYS] - place).T).max())
+        hopped = float(np.hypot(*(place - np.median(centre[:departure], axis=0))))
+        if hopped > _HOP_RADII * radius and stirred < _HOPPED_STILL * hopped:
+            return row
+    return None
 
 
 def _departure(centre: FloatArray, radius: float) -> int | None:

@@ -274,3 +274,27 @@ def test_a_ball_lies_where_it_dwells_though_the_first_fits_are_off() -> None:
     assert rest is not None
     assert 50 <= rest.last <= 55
     assert rest.centre_px == pytest.approx([50.0, 20.0], abs=0.2)
+
+
+@pytest.mark.parametrize("settled", [34, 40])
+def test_a_shadow_that_lay_beneath_the_ball_is_not_its_place(settled: int) -> None:
+    """Outlines are first of its shadow, hop onto the ball while it lies still, and fly with it."""
+    frame = np.arange(90)
+    way = 0.9 * np.maximum(frame - 60, 0)
+    y = np.clip(98.0 - 5.0 * (frame - settled + 3), 84.0, 98.0)
+    centre = np.column_stack([170.0 - way, y - 0.2 * way])
+    centre += np.random.default_rng(4).normal(0.0, 0.05, centre.shape)
+    rest = find_rest(frame, centre, 7.5)
+    assert rest is not None
+    assert settled - 2 <= rest.first <= settled + 3
+    assert rest.centre_px == pytest.approx([170.0, 84.0], abs=0.1)
+    assert rest.direction[0] < -0.9
+
+
+def test_a_slow_ball_that_leaves_has_not_hopped() -> None:
+    frame = np.arange(200)
+    x = 50.0 + 0.15 * np.maximum(frame - 99, 0)
+    rest = find_rest(frame, np.column_stack([x, np.full(200, 20.0)]), 10.0)
+    assert rest is not None
+    assert rest.first == 0
+    assert 97 <= rest.last <= 102
