@@ -121,6 +121,8 @@ def follow(
     rest = find_rest(rough.frame, rough.centre, float(np.median(rough.radius)))
     striker = None
     if rest is not None:
+        # What lay elsewhere until then was another thing.
+        rough = rough.at(rough.frame >= rest.first)
         striker = find_striker(scene, rest, rough, mass_at)
     if choice.struck and striker is not None:
         # a ball that came to the one that lay still may only pass by; what swings struck it
@@ -437,14 +439,29 @@ def _followed(
 
 
 def _followed_back(scene: FilmedScene, path: BallPath, rough: BallFits) -> BallFits:
-    """Follow what stood in the static scene back to where it lay."""
+    """Follow what stood in the static scene back to where it lay.
+
+    Before it left, the scene may have held it in part, in whole or not at all: what shows it in
+    most frames is right.
+    """
     for _ in range(_AGAIN):
         if len(rough) == 0:
             break
-        radius = float(np.median(rough.radius))
+        radius, first = float(np.median(rough.radius)), scene.known
         if not lay_before(scene, rough.frame, rough.centre, radius):
             break
-        rough = follow_ball(scene, path)
+        best, known = rough, first
+        for tried in (scene.known, scene.known.throughout):
+            scene.restore(tried)
+            again = follow_ball(scene, path)
+            if len(again) > len(best):
+                best, known = again, tried
+        scene.restore(known)
+        if best is rough:
+            break
+        rough = best
+    # Once it is known where the ball is, what is behind it may be known from the first frame on.
+    scene.restore(scene.known.throughout)
     return rough
 
 

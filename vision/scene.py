@@ -41,6 +41,7 @@ __all__ = [
     "Background",
     "FilmedScene",
     "LightMeter",
+    "SceneKnown",
     "Window",
     "brightness",
     "densest",
@@ -671,6 +672,28 @@ _FEWEST_UNCOVERED = 3
 """Frames: a median of fewer does not leave out one that is wrong."""
 
 
+@dataclass(frozen=True)
+class SceneKnown:
+    """What is known of a static scene.
+
+    Attributes
+    ----------
+    image, earlier : Background
+        From a frame on, and before it.
+    until : int
+        That frame.
+    """
+
+    image: Background
+    earlier: Background
+    until: int
+
+    @property
+    def throughout(self) -> "SceneKnown":
+        """The same from the first frame on: what lay in the scene stands before it from there."""
+        return replace(self, until=0)
+
+
 class FilmedScene:
     """A clip's frames seen against the static scene.
 
@@ -802,11 +825,12 @@ class FilmedScene:
             middle = np.nanmedian(seen[:, known], axis=0)
             old = image[rows[known], columns[known]]
             image[rows[known], columns[known]] = share * middle + (1 - share) * old
-        if soonest is not None:
+        if soonest is not None and known.any():
             late = np.cumsum(np.isfinite(seen), axis=0) > soonest
             early = np.nanmedian(np.where(late, np.nan, seen)[:, known], axis=0)
             agree = np.abs(early - middle) < _STEADY * noise[rows[known], columns[known]]
             known[known] = agree
+        if soonest is not None:
             noise[rows[~known], columns[~known]] = _UNKNOWN
         if since > 0:
             self._until, self._earlier = since, self.background
@@ -815,9 +839,14 @@ class FilmedScene:
     def _gray(self, frame: GrayFrame) -> FloatImage:
         return np.asarray(frame.astype(np.float32) * self._full_scale)
 
-    def restore(self, background: Background) -> None:
-        """Take back what was put into the static scene."""
-        self.background, self._until = background, 0
+    @property
+    def known(self) -> "SceneKnown":
+        """What is known of the static scene."""
+        return SceneKnown(self.background, self._earlier, self._until)
+
+    def restore(self, known: "SceneKnown") -> None:
+        """Take back what was put into the static scene since then."""
+        self.background, self._earlier, self._until = known.image, known.earlier, known.until
 
     def view(self, index: int, frame: GrayFrame) -> FrameView:
         """How a frame, as it was stored, sees the scene; registered once."""
@@ -885,6 +914,15 @@ class FilmedScene:
     def noise_in(self, index: int, window: Window = _WHOLE) -> FloatImage:
         """Standard deviation of a frame's pixels about the static scene, gray levels."""
         return self._seen_in(index).noise[window]
+
+    @property
+    def usual_noise(self) -> FloatImage:
+        """Standard deviation of a frame's pixels about other frames, gray levels.
+
+        Where the static scene was never seen frames are as steady as elsewhere.
+        """
+        noise = self.background.noise
+        return np.where(noise < _UNKNOWN, noise, np.float32(self.noise))
 
     def _seen_in(self, index: int) -> Background:
         return self._earlier if index < self._until else self.background

@@ -1088,19 +1088,19 @@ def lay_before(scene: FilmedScene, frame: IntArray, centre: FloatArray, radius: 
     height, width = scene.shape
     rows, columns = np.ogrid[:height, :width]
     inside = np.hypot(columns - centre[0, 0], rows - centre[0, 1]) < radius
-    noise, before = scene.background.noise, scene.background
+    known, before = scene.known, scene.background
     if not (0.0 < centre[0, 0] < width and 0.0 < centre[0, 1] < height):
         return False
     like = np.zeros(scene.shape, dtype=bool)
     for index, picture in scene.pictures(np.unique([0, int(frame[0]) // 2])):
-        like |= np.abs(picture / scene.views[index].gain - before.image) < _LIKE * noise
+        like |= np.abs(picture / scene.views[index].gain - before.image) < _LIKE * before.noise
     if np.mean(like[inside]) < _STOOD_THERE:
         return False
     _see_behind(scene, frame, centre, radius)
-    changed = np.abs(scene.background.image - before.image) > _UNLIKE * noise
+    changed = np.abs(scene.background.image - before.image) > _UNLIKE * before.noise
     if np.mean((changed & like)[inside]) > _STOOD_THERE:
         return True
-    scene.restore(before)
+    scene.restore(known)
     return False
 
 

@@ -214,7 +214,7 @@ def _pieces(
     expected = np.asarray(before * np.float32(scene.views[index].gain))
     change = np.abs(cv2.GaussianBlur(picture - expected, (0, 0), 0.7))
     behind = _Behind(rest, radius, change.shape)
-    lowest = _LOWEST_SIGMA * scene.background.noise
+    lowest = _LOWEST_SIGMA * scene.usual_noise
     if not np.any(behind.region):
         return
     strongest = float(np.percentile((change / lowest)[behind.region], 99.5))
