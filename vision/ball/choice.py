@@ -539,8 +539,8 @@ class Choice:
         What travelled, too, and is no ball like it.
     reasons : tuple of str
         What speaks for the ball, in whole sentences.
-    reached : bool
-        Whether it lay still until something that moves reached it.
+    strikers : tuple of BallPath
+        What moves and reached it while it lay still.
     """
 
     ball: BallPath
@@ -549,7 +549,12 @@ class Choice:
     doubt: BallPath | None = None
     dismissed: tuple[BallPath, ...] = ()
     reasons: tuple[str, ...] = ()
-    reached: bool = False
+    strikers: tuple[BallPath, ...] = ()
+
+    @property
+    def reached(self) -> bool:
+        """Whether it lay still until something that moves reached it."""
+        return bool(self.strikers)
 
 
 def trimmed(path: BallPath) -> BallPath:
@@ -601,7 +606,7 @@ def choose_ball(
         moving = _lit(moving, background)
     if not moving:
         return None
-    struck = _struck(clean, moving)
+    struck, reachers = _struck(clean, moving)
     scores = {id(path): path_score(path) for path in (*moving, *struck)}
     # What reached it is the striker, however clearly that is seen.
     wanted = sorted(struck or moving, key=lambda path: scores[id(path)], reverse=True)
@@ -616,11 +621,12 @@ def choose_ball(
         if any(_rolled_to(path, other) for other in alike if other is not path):
             others = tuple(other for other in alike if other is not path)
             reasons = _reasons(path, wanted, scores, True)
-            return Choice(path, others, True, None, dismissed, reasons, True)
+            return Choice(path, others, True, None, dismissed, reasons, others)
+    strikers = tuple(reachers.get(id(best), ()))
     tied = [path for path in wanted[1:] if scores[id(path)] > _TIED * scores[id(best)]]
-    reasons = _reasons(best, wanted, scores, bool(struck))
+    reasons = _reasons(best, wanted, scores, bool(strikers))
     doubt = tied[0] if tied else None
-    return Choice(best, tuple(alike[1:]), False, doubt, dismissed, reasons, bool(struck))
+    return Choice(best, tuple(alike[1:]), False, doubt, dismissed, reasons, strikers)
 
 
 def _reasons(
@@ -744,29 +750,46 @@ def rivals(paths: list[BallPath]) -> list[BallPath]:
     return [path for path in moving if path is best or _alike(path, best)]
 
 
-def _struck(paths: list[BallPath], moving: list[BallPath]) -> list[BallPath]:
+def _struck(
+    paths: list[BallPath], moving: list[BallPath]
+) -> tuple[list[BallPath], dict[int, list[BallPath]]]:
     """What lay still until something that moves reached it, and then left: wanted before all else.
 
-    It need not have gone far: a clip may end soon after the strike.
+    It need not have gone far: a clip may end soon after the strike. With them, by identity, what
+    reached each.
     """
     clearest = max(_clarity(path) for path in moving)
-    reachers = {
-        id(path): [
-            other
-            for other in moving
-            if other is not path and (_met_at_rest(path, other) or _appeared_at(path, other))
-        ]
+    sure = [
+        path
         for path in paths
         if len(path.frame) >= _FEWEST_LAWFUL
         and _clarity(path) > _AS_CLEAR * clearest
         and lawful_stretch(path.frame, path.centre_px, path.radius).evidence > _SURELY_LAWFUL
+    ]
+    met = {
+        id(path): [o for o in moving if o is not path and _met_at_rest(path, o)] for path in sure
     }
+    came = {
+        id(path): [o for o in moving if o is not path and _appeared_at(path, o)] for path in sure
+    }
+    reachers = {place: [*others, *came[place]] for place, others in met.items()}
     reached = {place for place, others in reachers.items() if others}
     # Where a ball passes its own shadow each seems to reach the other: a striker nothing reached.
     first = {
         place for place in reached if any(id(other) not in reached for other in reachers[place])
     }
-    return [path for path in paths if id(path) in (first or reached)]
+    wanted = first or reached
+    if wanted and not any(met[place] for place in wanted):
+        # That it lay where it is first seen is supposed: what was seen to lie still and speaks for
+        # itself far more is as likely.
+        strikers = {id(other) for place in wanted for other in reachers[place]}
+        most = max(path_score(path) for path in sure if id(path) in wanted)
+        wanted |= {
+            id(path)
+            for path in sure
+            if id(path) not in strikers and _TIED * path_score(path) > most and _rested(path)
+        }
+    return [path for path in paths if id(path) in wanted], reachers
 
 
 def _moves(path: BallPath) -> bool:
@@ -855,6 +878,47 @@ def _alike(path: BallPath, best: BallPath) -> bool:
     )
 
 
+def _left_rest(path: BallPath, departure: int) -> bool:
+    """Whether rest explains the looks until a frame better than one motion from first to last.
+
+    What is slow at first seems to lie still over a few looks.
+    """
+    before, after = path.where(path.frame <= departure), path.where(path.frame > departure)
+    if len(before.frame) == 0 or len(after.frame) < _FEWEST_LAWFUL:
+        return True
+    time = (path.frame - departure) / float(np.ptp(path.frame))
+    design = np.vander(time, 3)
+    motion = design @ np.linalg.lstsq(design, path.centre_px, rcond=None)[0]
+    moved = np.hypot(*(path.centre_px - motion).T)[: len(before.frame)]
+    stirred = np.hypot(*(before.centre_px - np.median(before.centre_px, axis=0)).T)
+    if np.median(moved) < np.median(stirred):
+        return False
+    law = lawful_stretch(path.frame, path.centre_px, path.radius)
+    early = np.count_nonzero((path.frame >= law.first) & (path.frame < departure))
+    if early <= max(3, _EARLY_SHARE * law.looks):
+        return True
+    # It may leap between things at rest; what was struck goes on by a law of its own.
+    own = lawful_stretch(after.frame, after.centre_px, path.radius)
+    return own.looks > _MOSTLY * len(after.frame) and own.evidence > _SURELY_LAWFUL
+
+
+def _rested(path: BallPath) -> bool:
+    """Whether it was seen to lie still, and left by a law of motion, whatever set it going."""
+    start = np.median(path.centre_px[:_FEWEST_STILL], axis=0)
+    away = np.hypot(*(path.centre_px - start).T)
+    moved = np.flatnonzero(away > 0.7 * path.radius)
+    if len(moved) == 0:
+        return False
+    still = np.flatnonzero(away[: moved[0]] < _STILL_RADII * path.radius)
+    if len(still) < _FEWEST_LAWFUL or still[-1] + 1 - len(still) > len(still):
+        return False
+    after = path.where(path.frame > path.frame[still[-1]])
+    if len(after.frame) < _FEWEST_LAWFUL or not _left_rest(path, int(path.frame[still[-1]])):
+        return False
+    law = lawful_stretch(after.frame, after.centre_px, path.radius)
+    return law.looks > _MOSTLY * len(after.frame) and law.evidence > _SURELY_LAWFUL
+
+
 def _met_at_rest(path: BallPath, other: BallPath) -> bool:
     """Whether `path` lay still until `other` touched it."""
     start = path.centre_px[: max(3, len(path.frame) // 10)].mean(axis=0)
@@ -864,11 +928,6 @@ def _met_at_rest(path: BallPath, other: BallPath) -> bool:
         return False
     still = np.flatnonzero(away[: moved[0]] < _STILL_RADII * path.radius + 1.0)
     departure = path.frame[still[-1]] if len(still) else path.frame[moved[0]]
-    law = lawful_stretch(path.frame, path.centre_px, path.radius)
-    early = np.count_nonzero((path.frame >= law.first) & (path.frame < departure))
-    if early > max(3, _EARLY_SHARE * law.looks):
-        # One law from before it is reached until after is no blow: it leaps between things at rest.
-        return False
     gap = np.hypot(*(other.centre_px - start).T)
     beside = np.abs(other.frame - departure) <= max(3, int(np.median(np.diff(path.frame))) * 3)
     own_start = other.centre_px[: max(3, len(other.frame) // 10)].mean(axis=0)
@@ -878,7 +937,9 @@ def _met_at_rest(path: BallPath, other: BallPath) -> bool:
     if np.any(until) and gap[until].min() + path.radius < other.radius:
         # It passes before it: a solid thing is struck from outside.
         return False
-    return bool(np.any(beside) and gap[beside].min() < _TOUCHED * touching and came)
+    if not (np.any(beside) and gap[beside].min() < _TOUCHED * touching and came):
+        return False
+    return _left_rest(path, int(departure))
 
 
 def _appeared_at(path: BallPath, other: BallPath) -> bool:

@@ -137,6 +137,34 @@ def test_what_nothing_reached_is_judged_by_what_speaks_for_it() -> None:
     assert choice.ball.radius == 6.0
 
 
+def test_a_part_of_what_strikes_has_not_lain_still_because_it_creeps_at_first() -> None:
+    # The ball leaves so slowly that one law is as near to its rest as circles of edges scatter.
+    frame = np.arange(0, 118, 3)
+    ball = _path(frame, 53.0 + 0.62 * np.maximum(frame - 56, 0), 11.4)
+    along = np.arange(5, 46, 3)
+    part = _path(along, 22.9 + 0.5 * (along - 5) - 0.003 * (along - 5) ** 2.0, 3.2)
+    rest_of_it = _path(frame[:26], 10.0 + 0.5 * frame[:26], 3.1)
+    faint = [replace(one, coverage=0.75 * one.coverage) for one in (part, rest_of_it)]
+    choice = choose_ball([ball, *faint], None)
+    assert choice is not None
+    assert choice.ball.radius == pytest.approx(11.4)
+
+
+def test_what_is_seen_to_lie_still_is_as_good_as_what_may_have_lain() -> None:
+    # What struck the ball was lost before, and is found again where the ball's shadow passes.
+    frame = np.arange(0, 118, 2)
+    ball = _path(frame, 75.0 + 0.9 * np.maximum(frame - 52, 0), 12.0)
+    late = np.arange(84, 116, 2)
+    striker = _path(late, 77.0 + 0.3 * (late - 84) + 0.002 * (late - 84) ** 2.0, 7.4)
+    dark = np.arange(70, 110, 2)
+    shadow = _path(dark, 50.0 + 1.8 * (dark - 70), 11.0)
+    shadow.centre_px[:, 1] += 14.0
+    choice = choose_ball([ball, striker, shadow], None)
+    assert choice is not None
+    assert choice.ball.radius == pytest.approx(12.0)
+    assert not choice.reached
+
+
 def test_a_shadow_that_lay_still_does_not_go_on_as_the_ball_beside_it() -> None:
     frame = np.arange(0, 80, 2)
     time = np.maximum(frame - 40, 0)
