@@ -1,6 +1,8 @@
 """Rooms drawn at random, filmed and followed: are ball and mass, and nothing else taken for them?
 
-Run: python -m bench.rooms [--rooms 40] [--first 0]
+Run: python -m bench.rooms [--rooms 40] [--first 0] [--keep FOLDER]
+
+A clip that the folder holds already is not filmed again.
 
 Of the ball, the part of the frames from the first touch on, in which it is wholly in view, that are
 followed to within half its radius; it is followed where that is 0.9, and something else is where
@@ -12,8 +14,9 @@ further off than three pixels is one of something else.
 """
 
 import argparse
+import json
 import tempfile
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +25,7 @@ from numpy.typing import NDArray
 from bench.rooms.draw import draw_room
 from metrology import MeasurementError
 from sample_videos.render import render_clip
-from sample_videos.truth import FrameTruth
+from sample_videos.truth import FrameTruth, truth_path
 from vision.clip.clip import ClipReader
 from vision.following import follow
 from vision.tracks import PendulumTrack, Track
@@ -125,17 +128,30 @@ def _off_a_fixed_point(gap: FloatArray, turn: FloatArray) -> float:
     return float(np.sqrt(np.mean((left**2).sum(axis=1))))
 
 
+def kept_truth(clip: Path) -> FrameTruth:
+    """What the file beside a clip says of each frame; NaN where it says nothing."""
+    told = json.loads(truth_path(clip).read_text())["frames"]
+    columns = {}
+    for field in fields(FrameTruth):
+        rows = told["time_s" if field.name == "time" else field.name]
+        nowhere = np.full(np.shape(next(row for row in rows if row is not None)), np.nan)
+        columns[field.name] = np.array([nowhere if row is None else row for row in rows], float)
+    return FrameTruth(**columns)
+
+
 def followed_room(seed: int, folder: Path) -> Judged:
     """Film a room and follow its pendulum."""
     room = draw_room(seed)
     path = folder / f"room_{seed:03d}.mp4"
-    truth = render_clip(room.scene, room.shot, path)
+    if not truth_path(path).exists():
+        render_clip(room.scene, room.shot, path)
+    truth = kept_truth(path)
     try:
         tracks = follow(ClipReader.open(path), room.scene.shutter.fps)
     except MeasurementError as problem:
         return Judged(False, False, float("nan"), f"{room.words}: {problem.in_one_line}")
-    found = judged(tracks.pendulum, truth.frames, room.scene.mirrored)
-    ball = judged_ball(tracks.ball, truth.frames, tracks.background.shape)
+    found = judged(tracks.pendulum, truth, room.scene.mirrored)
+    ball = judged_ball(tracks.ball, truth, tracks.background.shape)
     return replace(found, words=f"{room.words}: {found.words}", ball=ball)
 
 
