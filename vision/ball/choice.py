@@ -783,11 +783,15 @@ def _struck(
         # That it lay where it is first seen is supposed: what was seen to lie still and speaks for
         # itself far more is as likely.
         strikers = {id(other) for place in wanted for other in reachers[place]}
-        most = max(path_score(path) for path in sure if id(path) in wanted)
+        came_up = [path for path in sure if id(path) in wanted]
+        most = max(path_score(path) for path in came_up)
         wanted |= {
             id(path)
             for path in sure
-            if id(path) not in strikers and _TIED * path_score(path) > most and _rested(path)
+            if id(path) not in strikers
+            and _TIED * path_score(path) > most
+            and not any(_part_of(path, other) for other in came_up)
+            and _rested(path)
         }
     return [path for path in paths if id(path) in wanted], reachers
 
@@ -841,6 +845,16 @@ def _evidence(path: BallPath) -> float:
 def _outermost(paths: list[BallPath]) -> list[BallPath]:
     """Without what lies in another and moves with it: a glint, a panel, a hub."""
     return [path for path in paths if not any(_within(path, other) for other in paths)]
+
+
+def _part_of(path: BallPath, other: BallPath) -> bool:
+    """Whether it lies within another one's outline wherever both are seen."""
+    _, own, theirs = np.intersect1d(path.frame, other.frame, return_indices=True)
+    if len(own) < _FEWEST_COMMON:
+        return False
+    gap = np.hypot(*(path.centre_px[own] - other.centre_px[theirs]).T)
+    inside = gap + path.radius_px[own] < 1.1 * other.radius_px[theirs]
+    return bool(np.mean(inside) > _MOSTLY)
 
 
 def _within(path: BallPath, other: BallPath) -> bool:

@@ -339,6 +339,8 @@ def find_striker(
     follower = Follower(scene, rest, ball, before)
     pieces = find_mass(scene, rest, radius, before, at)
     followed = [one for piece in pieces if (one := follow_piece(follower, piece)) is not None]
+    # What explains no more than the scene without it is none.
+    followed = [one for one in followed if one.gain > 0.0]
     if not followed:
         return None
     best = steadiest(followed)

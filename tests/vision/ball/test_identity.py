@@ -165,6 +165,17 @@ def test_what_is_seen_to_lie_still_is_as_good_as_what_may_have_lain() -> None:
     assert not choice.reached
 
 
+def test_a_panel_seen_at_rest_is_no_ball_beside_the_one_it_is_on() -> None:
+    bob, ball = _swing_and_struck(40)
+    frame = np.arange(0, 120, 2)
+    time = np.maximum(frame - 36, 0.0)
+    panel = _path(frame, 164.5 + 1.2 * time, 2.5)
+    panel.centre_px[:, 1] = 97.0 - 0.9 * time + 0.012 * time**2
+    choice = choose_ball([bob, ball, panel], None)
+    assert choice is not None
+    assert choice.ball.radius == 10.0
+
+
 def test_a_shadow_that_lay_still_does_not_go_on_as_the_ball_beside_it() -> None:
     frame = np.arange(0, 80, 2)
     time = np.maximum(frame - 40, 0)
