@@ -171,7 +171,7 @@ def _still_until(rest: Rest, fits: BallFits) -> tuple[int, int]:
     finer = find_rest(fits.frame, fits.centre, radius)
     if finer is None or np.hypot(*(finer.centre_px - rest.centre_px)) > _SAME_REST * radius:
         return rest.first, rest.last
-    return rest.first, max(rest.last, finer.last)
+    return rest.first, finer.last
 
 
 def _one_scene(clip: "ClipReader", at: Point | None) -> tuple[Footage, int, list[str]]:

@@ -305,6 +305,11 @@ IntArray = NDArray[np.int64]
 _FEWEST = 3
 """Frames: a median of fewer does not leave out one that is wrong."""
 
+_STRETCH = 12
+
+"""Frames: what starts evenly from rest is not yet gone by a radius's eighth in fewer, and twice as
+many tell a scatter to a fifth."""
+
 
 _SLOWEST_PX, _MOST_EACH = 1e-3, 13.0
 """px per frame, below which a flight tells no time; and frames for each radius at most: as many as
@@ -378,8 +383,9 @@ def find_rest(frame: IntArray, centre: FloatArray, radius: float) -> Rest | None
         return find_rest(frame[settled:], centre[settled:], radius)
     if departure < _FEWEST:
         return None
-    place = np.median(centre[:departure], axis=0)
-    scatter = 1.4826 * np.median(np.hypot(*(centre[:departure] - place).T))
+    resting = _latest_rest(centre, departure)
+    place = np.median(resting, axis=0)
+    scatter = 1.4826 * np.median(np.hypot(*(resting - place).T))
     tolerance = max(4.0 * float(scatter), 0.003 * radius + 0.05)
     still = np.hypot(*(centre[:departure] - place).T) <= tolerance
     last = int(np.nonzero(still)[0][-1]) if np.any(still) else departure - 1
@@ -405,6 +411,17 @@ def _settled(centre: FloatArray, departure: int, radius: float) -> int | None:
         if hopped > _HOP_RADII * radius and stirred < _HOPPED_STILL * hopped:
             return row
     return None
+
+
+def _latest_rest(centre: FloatArray, departure: int) -> FloatArray:
+    """Places that tell where the ball lies, and how far they stray.
+
+    The latest before it starts: earlier ones may be off together, where a thing stood beside the
+    ball, or agree too well, where a recording begins with copies of one picture.
+    """
+    if departure < 2 * _STRETCH:
+        return centre[:departure]
+    return centre[max(0, departure - 3 * _STRETCH) : departure - _STRETCH]
 
 
 def _departure(centre: FloatArray, radius: float) -> int | None:

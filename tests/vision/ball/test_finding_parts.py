@@ -119,6 +119,19 @@ def test_rest_ends_when_the_ball_leaves() -> None:
     assert rest.direction == pytest.approx([1.0, 0.0], abs=0.02)
 
 
+def test_copies_of_one_picture_before_the_action_do_not_end_the_rest() -> None:
+    # the copies' fits agree exactly, and are off together by what was in that picture
+    frame = np.arange(160)
+    x = np.where(frame < 120, 50.0, 50.0 + 1.2 * (frame - 119))
+    centre = np.column_stack([x, np.full(160, 20.0)])
+    centre += np.random.default_rng(0).normal(0, 0.02, centre.shape)
+    centre[:80] = [48.9, 20.1]
+    rest = find_rest(frame, centre, 20.0)
+    assert rest is not None
+    assert abs(rest.last - 119) <= 1
+    assert rest.centre_px == pytest.approx([50.0, 20.0], abs=0.05)
+
+
 def test_no_rest_in_a_throw() -> None:
     frame = np.arange(40)
     assert find_rest(frame, np.column_stack([3.0 * frame, 0.1 * frame**2]), 10.0) is None
