@@ -51,6 +51,8 @@ class Way:
         How they are written.
     rotation : int or None
         Degrees by which the file tells players to turn the pictures.
+    mirrored : bool
+        Whether left is right: what the setup says of the wall from left to right is turned, too.
     """
 
     name: str
@@ -63,6 +65,7 @@ class Way:
     suffix: str = ".mp4"
     options: dict[str, str] = field(default_factory=lambda: {"crf": "16", "preset": "fast"})
     rotation: int | None = None
+    mirrored: bool = False
 
 
 def resized(factor: float) -> Callable[[Pictures], Pictures]:
@@ -97,7 +100,7 @@ def cropped(pictures: Pictures) -> Pictures:
 
 
 WAYS = (
-    Way("mirrored", lambda all_: [one[:, ::-1] for one in all_]),
+    Way("mirrored", lambda all_: [one[:, ::-1] for one in all_], mirrored=True),
     Way("turned by 90°", lambda all_: [np.rot90(one) for one in all_]),
     Way(
         "turned by 90° and back by metadata", lambda all_: [np.rot90(o) for o in all_], rotation=-90
@@ -183,9 +186,11 @@ def altered(case: Case, way: Way, folder: Path) -> Case:
     fps = case.fps / way.every
     setup = case.options.setup
     nominal = (setup.camera.capture_fps or case.fps) / way.every
-    options = replace(
-        case.options, setup=replace(setup, camera=replace(setup.camera, capture_fps=nominal))
-    )
+    foot = setup.camera.principal_point_on_wall
+    if way.mirrored and foot is not None:
+        foot = ((-foot[0][0], foot[0][1]), foot[1])
+    camera = replace(setup.camera, capture_fps=nominal, principal_point_on_wall=foot)
+    options = replace(case.options, setup=replace(setup, camera=camera))
     later = way.before / case.fps
     bound = RATE_BOUND if way.every > 1 or way.dropped else ()
     truth = {

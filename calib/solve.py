@@ -104,6 +104,11 @@ STRAINED_AT = 3.5
 
 """Standard deviations: of honest inputs one in two thousand is farther off."""
 
+SURELY_WRONG = 2.0 * math.log(20.0)
+
+"""Of chi²: what this input relieves over the next if it is twenty times likelier to be the wrong
+one."""
+
 _CAMERA_PARAMETERS = 10
 """Numbers of a camera that the crossings of a grid tell."""
 
@@ -172,17 +177,11 @@ def calibrate(
     evidence = evidence or Evidence()
     start = _start(grid, evidence, lens)
     blocks = _blocks(grid, evidence, lens)
-    fitted, sources = _fit(start, blocks)
-    every = blocks[UncertaintySource.GRID_LINES]
-    nodes = every(fitted)
-    chi2 = float(nodes @ nodes / max(len(nodes) - _CAMERA_PARAMETERS, 1))
-    weight = _patch_weights(grid, nodes.reshape(-1, 2))
-    if reweighted := bool(weight.min() < _REWEIGHTED):
-        # what else is known counts for more beside lines that tell so much less
-        blocks[UncertaintySource.GRID_LINES] = lambda c: every(c) * weight
-        fitted, sources = _fit(start, blocks)
+    present = [n for n, keys in DEPTH_SOURCES.items() if getattr(evidence, keys[0]) is not None]
+    found, contradictions = _reconciled(grid, start, blocks, present)
+    fitted, sources, chi2, weight = found.fitted, found.sources, found.chi2, found.weight
     if grid.line_share.any():
-        rows = _jacobian(blocks[UncertaintySource.GRID_LINES], fitted)
+        rows = _jacobian(found.blocks[UncertaintySource.GRID_LINES], fitted)
         covariance = np.sum([s.covariance for s in sources], axis=0)
         together = Source(
             UncertaintySource.GRID_LINES, covariance @ _lines_together(grid, rows) @ covariance
@@ -193,9 +192,9 @@ def calibrate(
             f"no camera explains where the grid's lines are (chi² {chi2:.0f} per degree)",
             hint="Is the wall flat, and the lens free of extreme distortion? Give a lens.toml.",
         )
-    present = [n for n, keys in DEPTH_SOURCES.items() if getattr(evidence, keys[0]) is not None]
-    estimates = tuple(_alone(name, fitted, blocks) for name in present)
-    if not reweighted:
+    estimates = _depths(found, present)
+    known = any(name in found.blocks for name in present)
+    if weight.min() >= _REWEIGHTED:
         widened = 1.0 / float(weight.min()) ** 2
         sources = tuple(
             Source(
@@ -213,10 +212,75 @@ def calibrate(
         rest_xy=fitted.rest_xy,
         ball_radius=fitted.ball_radius,
         depth_estimates=estimates,
-        depth_known=bool(present),
+        depth_known=known,
         chi2_per_dof=chi2,
-        warnings=grid.warnings + _disagreement(fitted, blocks, estimates),
+        warnings=grid.warnings + contradictions,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Balanced:
+    """A fit whose lines count for as much as they agree with one another.
+
+    Attributes
+    ----------
+    fitted : Calibration
+    sources : tuple of Source
+    blocks : dict of UncertaintySource to callable
+        As they were weighed.
+    chi2 : float
+        Of the grid's crossings, per degree, before that.
+    weight : (n,) array
+        Of their residuals.
+    """
+
+    fitted: Calibration
+    sources: tuple[Source, ...]
+    blocks: dict[UncertaintySource, Residuals]
+    chi2: float
+    weight: FloatArray
+
+
+def _balanced(
+    grid: WallGrid, start: Calibration, blocks: dict[UncertaintySource, Residuals]
+) -> _Balanced:
+    fitted, sources = _fit(start, blocks)
+    every = blocks[UncertaintySource.GRID_LINES]
+    nodes = every(fitted)
+    chi2 = float(nodes @ nodes / max(len(nodes) - _CAMERA_PARAMETERS, 1))
+    weight = _patch_weights(grid, nodes.reshape(-1, 2))
+    if weight.min() < _REWEIGHTED:
+        # what else is known counts for more beside lines that tell so much less
+        blocks = blocks | {UncertaintySource.GRID_LINES: lambda c: every(c) * weight}
+        fitted, sources = _fit(start, blocks)
+    return _Balanced(fitted, sources, blocks, chi2, weight)
+
+
+def _depths(found: _Balanced, present: list[UncertaintySource]) -> tuple[DepthEstimate, ...]:
+    return tuple(
+        _alone(name, found.fitted, found.blocks) for name in present if name in found.blocks
+    )
+
+
+def _reconciled(
+    grid: WallGrid,
+    start: Calibration,
+    blocks: dict[UncertaintySource, Residuals],
+    present: list[UncertaintySource],
+) -> tuple[_Balanced, tuple[str, ...]]:
+    """A fit without the inputs that contradict the others, and what is to be said of them."""
+    found = _balanced(grid, start, blocks)
+    told: list[str] = []
+    while suspects := _suspects(found.fitted, found.blocks):
+        told.append(_disagreement(tuple(suspects), _depths(found, present)))
+        if len(suspects) > 1:
+            doubtful = _widened(found.blocks, suspects)
+            fitted, sources = _fit(found.fitted, doubtful)
+            return replace(found, fitted=fitted, sources=sources, blocks=doubtful), tuple(told)
+        # from the start: beside a wrong input the lines looked off, too
+        blocks = {name: block for name, block in blocks.items() if name not in suspects}
+        found = _balanced(grid, start, blocks)
+    return found, tuple(told)
 
 
 def _start(grid: WallGrid, evidence: Evidence, lens: LensPrior | None) -> Calibration:
@@ -501,33 +565,52 @@ def _total(c: Calibration, blocks: dict[UncertaintySource, Residuals]) -> float:
     return float(sum(float(np.sum(block(c) ** 2)) for block in blocks.values()))
 
 
-def _disagreement(
-    fitted: Calibration,
-    blocks: dict[UncertaintySource, Residuals],
-    estimates: tuple[DepthEstimate, ...],
-) -> tuple[str, ...]:
-    """Say so if the inputs contradict each other, and which is the likeliest to be wrong."""
+def _suspects(
+    fitted: Calibration, blocks: dict[UncertaintySource, Residuals]
+) -> dict[UncertaintySource, float]:
+    """Inputs that may be the wrong one, with the chi² they relieve; none where all agree."""
     inputs = [name for name in blocks if name not in ALWAYS]
     spare = {name: len(blocks[name](fitted)) - 1 for name in inputs}
     strain = sum(float(np.sum(blocks[name](fitted) ** 2)) - spare[name] for name in inputs)
     if len(inputs) < 2 or strain < STRAINED_AT**2 / 2.0:
-        return ()
+        return {}
     whole = _total(fitted, blocks)
     relief = {}
     for name in inputs:
         kept = {other: block for other, block in blocks.items() if other is not name}
         relief[name] = whole - _total(_fit(fitted, kept)[0], kept) - spare[name]
-    suspects = sorted(relief, key=lambda name: relief[name], reverse=True)
-    if relief[suspects[0]] < STRAINED_AT**2:
-        return ()
-    alike = [name for name in suspects if relief[name] > 0.9 * relief[suspects[0]]]
+    most = max(relief.values())
+    if most < STRAINED_AT**2:
+        return {}
+    likely = sorted(relief, key=lambda name: relief[name], reverse=True)
+    return {name: relief[name] for name in likely if relief[name] > most - SURELY_WRONG}
+
+
+def _widened(
+    blocks: dict[UncertaintySource, Residuals], suspects: dict[UncertaintySource, float]
+) -> dict[UncertaintySource, Residuals]:
+    """Each input that may be the wrong one as uncertain as it is off if it is."""
+
+    def less(block: Residuals, share: float) -> Residuals:
+        return lambda c: block(c) * share
+
+    return {
+        name: less(block, 1.0 / math.sqrt(suspects[name])) if name in suspects else block
+        for name, block in blocks.items()
+    }
+
+
+def _disagreement(
+    suspects: tuple[UncertaintySource, ...], estimates: tuple[DepthEstimate, ...]
+) -> str:
+    """Say that the inputs contradict each other, which is likely wrong, and what follows."""
     listed = ", ".join(f"{e.source} {1e3 * e.value:.0f} ± {1e3 * e.std:.0f} mm" for e in estimates)
     listed = f" (ball plane in front of the wall: {listed})" if listed else ""
-    if len(alike) == 1:
-        likeliest = f"the likeliest wrong input is: {alike[0]}"
+    if len(suspects) == 1:
+        likeliest = f"the likeliest wrong input is: {suspects[0]}, which is left out"
     else:
-        likeliest = f"one of these is wrong: {', '.join(alike)}"
-    return (f"the inputs contradict each other{listed}; {likeliest}",)
+        likeliest = f"one of these is wrong: {', '.join(suspects)}; each counts for less"
+    return f"the inputs contradict each other{listed}; {likeliest}"
 
 
 @dataclass(frozen=True)

@@ -178,6 +178,35 @@ def test_a_wrong_input_is_named() -> None:
     assert "one of these is wrong: ball plane offset by tape, pitch" in scene.warnings[0]
 
 
+def test_an_axis_foot_on_the_wrong_side_is_left_out() -> None:
+    rng = np.random.default_rng(4)
+    camera = wide_camera()
+    grid = seen_grid(camera, 0.2, rng)
+    known = evidence(camera, rng, tape=True, ball=True, fall=False)
+    foot = float(camera.axis_foot[0])
+    right = calibrate(grid, replace(known, axis_foot_x=Known(foot, 0.005)))
+    assert right.warnings == ()
+    scene = calibrate(grid, replace(known, axis_foot_x=Known(-foot, 0.005)))
+    assert "axis foot by tape, x, which is left out" in scene.warnings[0]
+    without = calibrate(grid, known)
+    assert scene.vector == pytest.approx(without.vector, rel=1e-6, abs=1e-6)
+    assert "axis foot by tape, x" not in {s.name for s in scene.sources}
+
+
+@pytest.mark.parametrize("wrong_by", [-0.1, 0.1])
+def test_where_either_input_may_be_wrong_the_answer_says_how_far(wrong_by: float) -> None:
+    rng = np.random.default_rng(4)
+    camera = wide_camera()
+    grid = seen_grid(camera, 0.2, rng)
+    known = evidence(camera, rng, tape=True, ball=True, fall=False)
+    wrong = replace(known, ball_plane_offset=Known(DEPTH + wrong_by, 0.005))
+    scene = calibrate(grid, wrong)
+    assert "one of these is wrong" in scene.warnings[0]
+    place = PARAMETERS.index("ball_plane_offset")
+    std = float(np.sqrt(scene.covariance[place, place]))
+    assert abs(scene.ball_plane_offset - DEPTH) < 2.0 * std
+
+
 def test_a_wrong_pitch_contradicts_the_ball() -> None:
     rng = np.random.default_rng(4)
     camera = wide_camera()
