@@ -303,13 +303,20 @@ def fit_contact(view: ImpactView, around_s: float) -> ContactFit:
     beyond = _beyond(tried, view.longest_s)
     if float((cost + beyond).min()) > float(cost.min()) + CONTRADICTS:
         raise _too_long(likely, view)
-    cost += beyond
-    share = np.exp(-0.5 * (cost - cost.min()))
-    share /= share.sum()
-    face_offset = float(share @ offsets)
-    std = float(np.sqrt(share @ (offsets - face_offset) ** 2))
+    unbound, _ = _weighed(cost, offsets)
+    face_offset, std = _weighed(cost + beyond, offsets)
+    # what a bound moves it leaves in doubt: it does not say why the paths would have it otherwise
+    std = math.hypot(std, unbound - face_offset)
     found = _all_tried(view, whitening, np.array([face_offset]), around_s)[0] or likely
     return ContactFit(found.onset_s, found.release_s, face_offset, std, found.exponent, found.left)
+
+
+def _weighed(cost: FloatArray, offsets: FloatArray) -> tuple[float, float]:
+    """Mean and standard deviation of the offset of the face, given what each costs."""
+    share = np.exp(-0.5 * (cost - cost.min()))
+    share /= share.sum()
+    mean = float(share @ offsets)
+    return mean, float(np.sqrt(share @ (offsets - mean) ** 2))
 
 
 def _beyond(tried: "list[_Tried | None]", longest_s: float) -> FloatArray:
