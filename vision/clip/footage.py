@@ -14,12 +14,16 @@ The capture rate, checked against what keeps time in view: a blinking light, fre
 
 import copy
 import math
+import shutil
+import tempfile
+import threading
+import weakref
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -203,6 +207,14 @@ _ACTION_BYTES = 350_000_000
 """Bytes of an action that is kept whole once its length is known, supposed: with a picture of one
 colour beside it, a gigabyte holds it, and looks at some hundred thousand frames are not decoded."""
 
+_SPILLED_BYTES = 2_000_000_000
+"""Bytes of an action that is kept in a temporary file, supposed: a look there costs a thirtieth of
+decoding, and what moves for a minute on a small picture goes beyond it."""
+
+_SPARE_SPACE = 4
+"""Of a temporary file's size, what must be free where it is written: a picture of one colour
+follows beside it, and others need room, too."""
+
 # Of longer clips: the even sample, which doubles while it is gathered, and a block of neighbours.
 _SAMPLE_BYTES = 50_000_000
 
@@ -225,13 +237,55 @@ _SMALLEST_SIDE = 16
 _IDLE_SHARE = 0.15
 
 
+class _Spilled(Sequence[GrayFrame]):
+    """Frames in a temporary file, which has no name and goes with what refers to it.
+
+    Parameters
+    ----------
+    frames : iterable of (H, W) arrays
+        All of one size and type, in time order.
+    """
+
+    def __init__(self, frames: Iterable[GrayFrame]) -> None:
+        self._file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115, lives as long as this
+        weakref.finalize(self, self._file.close)
+        self._reading = threading.Lock()
+        self._count = 0
+        for frame in frames:
+            self._shape, self._type, self._size = frame.shape, frame.dtype, frame.nbytes
+            self._file.write(np.ascontiguousarray(frame).data)
+            self._count += 1
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getitem__(self, index: Any) -> Any:
+        frame = np.empty(self._shape, self._type)
+        with self._reading:
+            self._file.seek(int(index) * self._size)
+            self._file.readinto(frame.data)
+        return frame
+
+
+def _kept(frames: Iterable[GrayFrame], size: int) -> Sequence[GrayFrame] | None:
+    """Frames of so many bytes in memory or in a file; None where they are too many for either."""
+    if size < _ACTION_BYTES:
+        return list(frames)
+    try:
+        free = shutil.disk_usage(tempfile.gettempdir()).free
+        return _Spilled(frames) if size < min(_SPILLED_BYTES, free // _SPARE_SPACE) else None
+    except OSError:  # nowhere to write: decoding again takes longer and gives the same
+        return None
+
+
 class Footage:
     """Gray frames of one clip's action for the several looks that tracking takes.
 
     Still frames before the first motion and after the last are left out, but for a few. Short
-    clips are decoded once and held. Of longer ones only a sample is held and the neighbours of the
-    frames last asked for, so that memory stays flat in the length of the clip; each look elsewhere
-    decodes again what it needs. Frames are counted from `first`.
+    clips are decoded once and held, longer ones kept in a temporary file. Of still longer ones only
+    a sample is held and the neighbours of the frames last asked for, so that memory stays flat in
+    the length of the clip; each look elsewhere decodes again what it needs. Frames are counted from
+    `first`.
 
     Parameters
     ----------
@@ -289,7 +343,7 @@ class Footage:
         if count == 0:
             raise NotFoundError("the clip holds no frame to look at")
         gathered.finish()
-        self._held = gathered.held
+        self._held: Sequence[GrayFrame] | None = gathered.held
         self.whole_count = begin + count
         marks = [begin, *(begin + first for first in gathered.cuts.first), begin + count]
         self.parts = tuple(pairwise(marks))
@@ -299,8 +353,9 @@ class Footage:
         self.sample_index = np.array(sorted(gathered.sample), dtype=np.int64)
         self.sample_frames = [gathered.sample[int(index)] for index in self.sample_index]
         self.full_scale = 255.0 if self.sample_frames[0].dtype == np.uint8 else 65535.0
-        if self._held is None and self.count * self.sample_frames[0].nbytes < _ACTION_BYTES:
-            self._held = [picture for _, picture in self._decoded(0, self.count)]
+        if self._held is None:
+            size = self.count * self.sample_frames[0].nbytes
+            self._held = _kept((picture for _, picture in self._decoded(0, self.count)), size)
 
     def tinted(self, blueness: float, redness: float) -> "Footage":
         """The same frames in one colour instead of in gray.
@@ -321,15 +376,20 @@ class Footage:
         red = 0.5 * (np.array([0.0, 0.0, 1.0]) - luma) / (1.0 - luma[2])
         other._tint = np.array([[*(blueness * blue + redness * red), _NEUTRAL]])
         other._block, other._held, other.full_scale = {}, None, 255.0
-        held: list[GrayFrame] | None = None if self._held is None else []
         sample: dict[int, GrayFrame] = {}
         wanted = set(self.sample_index.tolist())
-        for index, picture in other._decoded(0, self.count):
-            if held is not None:
-                held.append(picture)
-            if index in wanted:
-                sample[index] = picture
-        other._held = held
+
+        def sampled() -> Iterator[GrayFrame]:
+            for index, picture in other._decoded(0, self.count):
+                if index in wanted:
+                    sample[index] = picture
+                yield picture
+
+        pictures = sampled()
+        if self._held is not None:
+            height, width = self.shape
+            other._held = _kept(pictures, self.count * height * width)
+        deque(pictures, maxlen=0)  # where they are not kept, they are only looked at
         other.sample_frames = [sample[int(index)] for index in self.sample_index]
         return other
 

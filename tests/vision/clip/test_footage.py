@@ -36,14 +36,17 @@ def test_frames_of_a_long_clip_are_the_same_as_those_of_a_short_one(
     monkeypatch.setattr(footage, "_HELD_BYTES", 10_000)
     monkeypatch.setattr(footage, "_ACTION_BYTES", 10_000)
     monkeypatch.setattr(footage, "_BLOCK_BYTES", 50_000)
+    in_a_file = Footage(clip)  # type: ignore[arg-type]
+    monkeypatch.setattr(footage, "_SPILLED_BYTES", 10_000)
     decoded = Footage(clip)  # type: ignore[arg-type]
     for wanted in ([3], [58, 59], list(range(0, 60, 7))):
         indices = np.array(wanted)
-        for (one, here), (other, there) in zip(
-            held.frames(indices), decoded.frames(indices), strict=True
-        ):
-            assert one == other
-            assert np.array_equal(here, there)
+        for kept in (in_a_file, decoded):
+            for (one, here), (other, there) in zip(
+                held.frames(indices), kept.frames(indices), strict=True
+            ):
+                assert one == other
+                assert np.array_equal(here, there)
 
 
 def test_stepping_back_through_a_long_clip_does_not_decode_it_for_each_frame(
@@ -51,6 +54,7 @@ def test_stepping_back_through_a_long_clip_does_not_decode_it_for_each_frame(
 ) -> None:
     monkeypatch.setattr(footage, "_HELD_BYTES", 10_000)
     monkeypatch.setattr(footage, "_ACTION_BYTES", 10_000)
+    monkeypatch.setattr(footage, "_SPILLED_BYTES", 10_000)
     monkeypatch.setattr(footage, "_BLOCK_BYTES", 40 * 40 * 120)
     clip = LongClip(200, 40, 120)
     decoded = Footage(clip)  # type: ignore[arg-type]
@@ -60,16 +64,33 @@ def test_stepping_back_through_a_long_clip_does_not_decode_it_for_each_frame(
     assert clip.decoded < 8 * 200
 
 
-def test_an_action_that_memory_holds_is_decoded_twice_and_no_more(
-    monkeypatch: pytest.MonkeyPatch,
+@pytest.mark.parametrize("in_memory", [10_000_000, 10_000])
+def test_an_action_that_memory_or_a_file_holds_is_decoded_twice_and_no_more(
+    monkeypatch: pytest.MonkeyPatch, in_memory: int
 ) -> None:
     monkeypatch.setattr(footage, "_HELD_BYTES", 10_000)
+    monkeypatch.setattr(footage, "_ACTION_BYTES", in_memory)
     monkeypatch.setattr(footage, "_BLOCK_BYTES", 40 * 40 * 120)
     clip = LongClip(200, 40, 120)
     held = Footage(clip)  # type: ignore[arg-type]
     for index in (180, 3, 120, 60):
         assert next(held.frames(np.array([index])))[0] == index
     assert clip.decoded <= 2 * 200
+
+
+def test_where_no_file_can_be_written_a_long_action_is_decoded_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def full() -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(footage, "_HELD_BYTES", 10_000)
+    monkeypatch.setattr(footage, "_ACTION_BYTES", 10_000)
+    monkeypatch.setattr(footage.tempfile, "TemporaryFile", lambda **_: full())
+    clip = LongClip(60, 40, 120)
+    index, picture = next(Footage(clip).frames(np.array([30])))  # type: ignore[arg-type]
+    assert index == 30
+    assert (picture[25, 30:40] == 200).all()
 
 
 @pytest.mark.slow
