@@ -1014,9 +1014,10 @@ def require_upright(tracks: Tracks) -> None:
         return
     side = "top" if -fall[1] > abs(fall[0]) else "right" if fall[0] > 0 else "left"
     raise NotFoundError(
-        f"the ball falls towards the {side} of the picture: the camera lay on its side, or the file"
-        " lost how it is to be turned",
-        hint="Turn the clip so that the ball falls down, and measure that.",
+        f"what was followed falls towards the {side} of the picture: the camera lay on its side,"
+        " the file lost how it is to be turned, or it is not the ball in flight",
+        hint="Turn the clip so that the ball falls down, and measure that; where the camera stood "
+        "upright, point at the ball with --ball-at X,Y.",
     )
 
 
