@@ -1,7 +1,7 @@
 """Clips with their truth, as the benchmark of the measuring chain wants them."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipelines.measure.chain import MeasureOptions
-from pipelines.setup.file import CameraSetup, Setup, WallSetup, load_setup
+from pipelines.setup.file import load_setup, rig_of
+from pipelines.setup.tables import BallSetup, CameraSetup, Measured, Setup, WallSetup
 
 FloatArray = NDArray[np.float64]
 SHIPPED = Path(__file__).parents[1] / "sample_videos" / "clips"
 LEAST_WIDTH = 432
 GOOD_LIGHT = 0.9
+DRAWN = ("ball.mass", "ball.diameter", "pendulum.", "support.", "wall.grid")
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,32 @@ def ray_traced(folder: Path) -> Case:
         good=truth["camera"]["W"] >= LEAST_WIDTH and truth["sensor"]["light"] >= GOOD_LIGHT,
         phi_rad=np.array(rows["phi_rad"], dtype=np.float64),
     )
+
+
+def as_written_down(case: Case, rng: np.random.Generator) -> Case:
+    """The same clip with each stated or supposed number of the rig off by a draw of its std."""
+    known = case.options.setup
+    camera, wall = known.camera, known.wall
+    ball = known.ball if case.options.ball is None else BallSetup.preset(case.options.ball)
+    told: dict[str, str] = {} if ball is None else {"ball.preset": ball.name}
+    for number in rig_of(known, ball).numbers:
+        if number.key.startswith(DRAWN):
+            told[number.key] = f"{number.value + number.std * rng.normal():.9g} {number.unit}"
+
+    def taped(pair: Measured | None) -> Measured | None:
+        return None if pair is None else (pair[0] + pair[1] * rng.normal(), pair[1])
+
+    foot = camera.principal_point_on_wall
+    if foot is not None:
+        foot = tuple((value + std * rng.normal(), std) for value, std in foot)
+    distance, plane = taped(camera.distance_to_wall), taped(wall.ball_plane_offset)
+    setup = known.having(told)
+    setup = replace(
+        setup,
+        camera=replace(setup.camera, distance_to_wall=distance, principal_point_on_wall=foot),
+        wall=replace(setup.wall, ball_plane_offset=plane),
+    )
+    return replace(case, options=replace(case.options, setup=setup, ball=None))
 
 
 def true_quantities(truth: dict[str, Any], lab: dict[str, Any]) -> dict[str, float]:
