@@ -12,6 +12,7 @@ How many frames per second the camera took, who says so, and how well it is know
 The capture rate, checked against what keeps time in view: a blinking light, free fall.
 """
 
+import contextlib
 import copy
 import math
 import shutil
@@ -23,7 +24,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -247,14 +248,16 @@ class _Spilled(Sequence[GrayFrame]):
     """
 
     def __init__(self, frames: Iterable[GrayFrame]) -> None:
-        self._file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115, lives as long as this
-        weakref.finalize(self, self._file.close)
+        self._file = tempfile.TemporaryFile()  # noqa: SIM115, lives as long as this
+        weakref.finalize(self, _closed, self._file)
         self._reading = threading.Lock()
         self._count = 0
         for frame in frames:
             self._shape, self._type, self._size = frame.shape, frame.dtype, frame.nbytes
             self._file.write(np.ascontiguousarray(frame).data)
             self._count += 1
+        # here, while a full disk still means that nothing is kept
+        self._file.flush()
 
     def __len__(self) -> int:
         return self._count
@@ -265,6 +268,11 @@ class _Spilled(Sequence[GrayFrame]):
             self._file.seek(int(index) * self._size)
             self._file.readinto(frame.data)
         return frame
+
+
+def _closed(file: IO[bytes]) -> None:
+    with contextlib.suppress(OSError):  # what a full disk did not take is not asked for again
+        file.close()
 
 
 def _kept(frames: Iterable[GrayFrame], size: int) -> Sequence[GrayFrame] | None:

@@ -86,7 +86,7 @@ def test_where_no_file_can_be_written_a_long_action_is_decoded_again(
 
     monkeypatch.setattr(footage, "_HELD_BYTES", 10_000)
     monkeypatch.setattr(footage, "_ACTION_BYTES", 10_000)
-    monkeypatch.setattr(footage.tempfile, "TemporaryFile", lambda **_: full())
+    monkeypatch.setattr(footage.tempfile, "TemporaryFile", full)
     clip = LongClip(60, 40, 120)
     index, picture = next(Footage(clip).frames(np.array([30])))  # type: ignore[arg-type]
     assert index == 30
