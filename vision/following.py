@@ -124,13 +124,8 @@ def follow(
         # What lay elsewhere until then was another thing.
         rough = rough.at(rough.frame >= rest.first)
         striker = find_striker(scene, rest, rough, mass_at)
-    if choice.struck and striker is not None:
-        # a ball that came to the one that lay still may only pass by; what swings struck it
-        if mass_at is not None or striker.surely_struck:
-            choice = replace(choice, struck=False)
-            seen = replace(seen, choice=choice)
-        else:
-            striker = None
+    choice, striker = _what_struck(choice, striker, pointed_at=mass_at is not None)
+    seen = replace(seen, choice=choice)
     _tell(progress, 0.8)
     if seen.tinted is None:
         fits = refine_ball(scene, rough, None if striker is None else striker.mass.hides)
@@ -163,6 +158,17 @@ def follow(
         reasons=choice.reasons,
     )
     return tracks.later(footage.first, whole_count, capture_fps)
+
+
+def _what_struck(
+    choice: Choice, striker: Striker | None, *, pointed_at: bool
+) -> tuple[Choice, Striker | None]:
+    """Whether a ball or what swings struck: a ball that came to the other may only pass by."""
+    if not choice.struck or striker is None:
+        return choice, striker
+    if pointed_at or striker.surely_struck:
+        return replace(choice, struck=False), striker
+    return choice, None
 
 
 def _still_until(rest: Rest, fits: BallFits) -> tuple[int, int]:
