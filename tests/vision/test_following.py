@@ -1,6 +1,5 @@
 import csv
 import re
-from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -8,11 +7,8 @@ import pytest
 from metrology import NotFoundError
 from tests.shared_data import shared_folder
 from tests.vision.ball.painted import PaintedClip, exposed, struck_ball, wall, with_ball
-from vision import following
 from vision.clip.clip import ClipReader
-from vision.clip.footage import Footage
 from vision.following import follow
-from vision.scene import FilmedScene
 from vision.tracks import Track, Tracks
 
 
@@ -173,40 +169,11 @@ def test_a_falling_ball_is_followed_to_the_floor_though_the_last_looks_were_at_i
     assert np.mean(off < 1.5) >= 0.9
 
 
-@dataclass(frozen=True)
-class Rows:
-    """As much of the ball's fits as following it back asks for."""
-
-    count: int
-    frame = centre = radius = np.ones(1)
-
-    def __len__(self) -> int:
-        return self.count
-
-
-@pytest.mark.parametrize(("throughout", "late"), [(60, 50), (60, 70), (50, 50)])
-def test_a_ball_is_followed_before_the_scene_that_shows_it_in_most_frames(
-    throughout: int, late: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Put right from the first frame on, from the blow at 40 on, or left as it was."""
-    scene = FilmedScene(Footage(struck_ball(60)[0]))  # type: ignore[arg-type]
-    first = scene.known
-    corrected = replace(first, image=replace(first.image), until=40)
-    laid = iter([True, False])
-
-    def lay_before(scene: FilmedScene, *_: object) -> bool:
-        lay = next(laid)
-        if lay:
-            scene.restore(corrected)
-        return lay
-
-    def follow_ball(scene: FilmedScene, _: object) -> Rows:
-        return Rows(throughout if scene.known.until == 0 else late)
-
-    monkeypatch.setattr(following, "lay_before", lay_before)
-    monkeypatch.setattr(following, "follow_ball", follow_ball)
-    rough = following._followed_back(scene, None, Rows(55))  # type: ignore[arg-type]
-    assert len(rough) == max(55, throughout, late)
-    better = max(throughout, late) > 55
-    assert scene.known.image is (corrected if better else first).image
-    assert scene.known.until == 0
+def test_a_ball_that_lies_still_for_most_of_a_clip_is_followed_from_the_first_frame() -> None:
+    # It is part of the static scene for its 40 frames of rest, and partly still when it has left.
+    clip, centres, _ = struck_ball(64)
+    tracks = follow(clip, 30.0)  # type: ignore[arg-type]
+    assert tracks.ball.frame[0] == 0
+    assert len(tracks.ball.frame) == 64
+    assert tracks.rest_frames == (0, 40)
+    assert np.hypot(*(tracks.ball.centre_px - centres).T).max() < 0.1
