@@ -799,6 +799,10 @@ STALLED = 1e-3
 
 """Share of the cost below which a damped step says that damping, not the record, has ended it."""
 
+MOST_DAMPED = 8
+
+"""Steps that are tried at most, each damped more than the one before."""
+
 ALONG_BEND = (1.0, 0.5, 0.2, 0.05)
 
 """Shares of a whole step that are tried along its bend."""
@@ -974,7 +978,7 @@ def _fit_in_one(
             + float(np.sum(prior_information * (_values(m, free) - anchors) ** 2))
         )
 
-    chi2, residual = _residuals(forward, nuisance, laws, model)
+    ((chi2, residual),) = _residuals(forward, [(nuisance, laws, model)])
     excess = max(1.0, chi2 / max(forward.records.expected, 1.0))
     prior_information = np.array(
         [_prior_information(f.parameter, excess, shape_priors) for f in free]
@@ -1070,29 +1074,49 @@ def _stepped_down(
 ) -> tuple[_PlaceOfFit, float]:
     """A better place, or the same one, and the damping that led there."""
 
-    def at(point: Point) -> _PlaceOfFit:
-        chi2, residual = _residuals(forward, *point)
-        return _PlaceOfFit(point, chi2 + penalty(*point), chi2, residual)
+    def at(*points: Point) -> list[_PlaceOfFit]:
+        found = zip(points, _residuals(forward, points), strict=True)
+        return [
+            _PlaceOfFit(point, chi2 + penalty(*point), chi2, residual)
+            for point, (chi2, residual) in found
+        ]
 
-    found = stand
-    for _ in range(8):
-        own, move = normal.step(damping)
-        found = at(_moved(stand.point, free, (own / (1.0 + damping), move)))
-        if found.cost < stand.cost:
-            break
-        damping = max(4.0 * damping, 0.05)
+    dampings = [damping]
+    while len(dampings) < MOST_DAMPED:
+        dampings.append(max(4.0 * dampings[-1], 0.05))
+
+    def damped(by: float) -> Point:
+        own, move = normal.step(by)
+        return _moved(stand.point, free, (own / (1.0 + by), move))
+
+    # Where the first step fails most others do, and together they cost little more than one.
+    tried = at(damped(damping))
+    if not tried[0].cost < stand.cost:
+        tried += at(*(damped(by) for by in dampings[1:]))
+    last = _first_below(tried, stand.cost)
+    found = tried[last]
+    damping = dampings[last] if found.cost < stand.cost else max(4.0 * dampings[last], 0.05)
     best = min(found, stand, key=lambda one: one.cost)
     if damping and stand.cost - best.cost < STALLED * stand.cost + 1e-3:
         # Damping holds back above all what the records hardly tell: a turned face trades with the
         # launch angle along a valley, which is followed along its bend.
         whole = normal.step()
         bend = _bend(forward, system, normal, whole, stand.point, free)
-        for share in ALONG_BEND:
-            bent = whole[0] + share * bend[0], whole[1] + share * bend[1]
-            found = at(_moved(stand.point, free, bent, share))
-            if found.cost < best.cost:
-                return found, 0.0
+        bent = at(
+            *(
+                _moved(stand.point, free, (whole[0] + k * bend[0], whole[1] + k * bend[1]), k)
+                for k in ALONG_BEND
+            )
+        )
+        found = bent[_first_below(bent, best.cost)]
+        if found.cost < best.cost:
+            return found, 0.0
     return best, damping
+
+
+def _first_below(places: Sequence[_PlaceOfFit], cost: float) -> int:
+    """The first place that costs less, the last where none does."""
+    return next((k for k, one in enumerate(places) if one.cost < cost), len(places) - 1)
 
 
 PROBE = 0.1
@@ -1114,7 +1138,7 @@ def _bend(
     second derivative along the step. Nought where the probe runs off.
     """
     own, move = step
-    _, probed = _residuals(forward, *_moved(point, free, step, PROBE))
+    ((_, probed),) = _residuals(forward, [_moved(point, free, step, PROBE)])
     along = np.einsum("tmq,tq->tm", system.own, own) + system.shared @ move
     bent = (system.residual - PROBE * along - probed) / PROBE**2
     if not np.isfinite(bent).all():
@@ -1125,13 +1149,12 @@ def _bend(
     return replace(normal, vector=vector, gradient=pull).step()
 
 
-def _residuals(
-    forward: Forward, nuisance: FloatArray, laws: FloatArray, model: Model
-) -> tuple[float, FloatArray]:
-    """Chi-square and the residuals over their noise."""
-    predicted = forward.predict([model], spread_laws(forward, model, nuisance, laws)[None])[0]
+def _residuals(forward: Forward, points: Sequence[Point]) -> list[tuple[float, FloatArray]]:
+    """Chi-square and the residuals over their noise at each of several points."""
+    own = np.stack([spread_laws(forward, model, own, laws) for own, laws, model in points])
+    predicted = forward.predict([model for _, _, model in points], own)
     scaled = (forward.records.values - predicted) * forward.records.weights
-    return float(np.sum(scaled**2)), scaled
+    return [(float(np.sum(one**2)), one) for one in scaled]
 
 
 @dataclass(frozen=True)

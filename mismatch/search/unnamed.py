@@ -498,10 +498,14 @@ class SmoothCurve(Effect):
         scaled = (np.asarray(place) - self.low) / (self.high - self.low) * last
         knots = np.arange(last + 1).reshape(-1, *(1,) * scaled.ndim)
         splines = _spline(scaled - knots)
-        total = values[self.parameters[0].name] * splines[0]
-        for parameter, spline in zip(self.parameters[1:], splines[1:], strict=True):
-            total = total + values[parameter.name] * spline
-        return np.asarray(total)
+        weights = np.array([values[parameter.name] for parameter in self.parameters])
+        axes = max(weights.ndim, splines.ndim)
+        # all at once: a flight's path asks for this at every step
+        lifted = [
+            one.reshape(last + 1, *(1,) * (axes - one.ndim), *one.shape[1:])
+            for one in (weights, splines)
+        ]
+        return np.asarray((lifted[0] * lifted[1]).sum(axis=0))
 
     def in_words(self, values: Values) -> str:
         """Where it is strongest, how strong, and where it has fallen to a tenth of that."""
@@ -589,10 +593,10 @@ class Drift(SmoothCurve):
 
 def _spline(apart: FloatArray) -> FloatArray:
     """Cardinal cubic B-spline of unit knots, one at its middle."""
-    u = np.minimum(np.abs(apart), 2.0)
-    inner = 1.0 - 1.5 * u**2 * (1.0 - 0.5 * u)
-    outer = 0.25 * (2.0 - u) ** 3
-    return np.asarray(np.where(u < 1.0, inner, outer))
+    far = np.maximum(2.0 - np.abs(apart), 0.0)
+    near = np.maximum(far - 1.0, 0.0)
+    # products: a power of three takes ten times as long
+    return np.asarray(0.25 * far * far * far - near * near * near)
 
 
 FIELDS = (
