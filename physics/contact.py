@@ -36,6 +36,7 @@ with its gauge pressure times that disc, π D δ for small δ: a spring of stiff
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -196,7 +197,7 @@ class ContactScene:
         """Height of the ball's centre at rest, m."""
         return self.support.height + self.ball.radius
 
-    @property
+    @cached_property
     def pivot(self) -> tuple[Number, Number]:
         """x, y of the pivot, m."""
         reach = self.ball.radius + self.pendulum.face_offset
@@ -209,11 +210,17 @@ class ContactScene:
 
     def kinematics(self, state: State) -> tuple[Number, Number, Number]:
         """Compression δ (m), its rate δ̇ (m/s) and the lever s (m) in a state of `derivative`."""
-        phi, omega, x, y, vx, vy = state[:6]
-        sine, cosine = np.sin(phi), np.cos(phi)
+        return self._touching(state, np.sin(state[0]), np.cos(state[0]))
+
+    def _touching(
+        self, state: State, sine: Number, cosine: Number
+    ) -> tuple[Number, Number, Number]:
+        """`kinematics`, with sine and cosine of the bar's angle at hand."""
+        _, omega, x, y, vx, vy = state[:6]
         pivot_x, pivot_y = self.pivot
-        along = (x - pivot_x) * sine - (y - pivot_y) * cosine
-        ahead = (x - pivot_x) * cosine + (y - pivot_y) * sine
+        from_x, from_y = x - pivot_x, y - pivot_y
+        along = from_x * sine - from_y * cosine
+        ahead = from_x * cosine + from_y * sine
         compression = self.ball.radius + self.pendulum.face_offset - ahead
         rate = omega * along - (vx * cosine + vy * sine)
         return compression, rate, along
@@ -237,7 +244,7 @@ class ContactScene:
         """
         phi, omega, _, _, vx, vy, spin = state
         sine, cosine = np.sin(phi), np.cos(phi)
-        compression, rate, lever = self.kinematics(state)
+        compression, rate, lever = self._touching(state, sine, cosine)
         push = law.force(compression, rate)
         ball, body = self.ball, self.pendulum
         rub: Number = 0.0
@@ -392,8 +399,10 @@ def released(
 
 def _rates(scene: ContactScene, law: HuntCrossley, state: FloatArray) -> FloatArray:
     resting = (state[3] <= scene.rest_height + 1e-12) & (state[5] <= 1e-12)
-    rows = scene.derivative(list(state), law, resting)
-    return np.stack([np.broadcast_to(row, state.shape[1:]) for row in rows])
+    rates = np.empty_like(state)
+    for row, rate in zip(rates, scene.derivative(list(state), law, resting), strict=True):
+        row[:] = rate
+    return rates
 
 
 def _hermite(
