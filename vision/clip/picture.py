@@ -4,6 +4,7 @@ What is known of a clip before anything in it is looked at, and one frame of it.
 """
 
 import io
+import threading
 import warnings
 from dataclasses import dataclass
 from functools import cache
@@ -12,6 +13,7 @@ from typing import Any, Literal
 
 import cv2
 import numpy as np
+from av.video.reformatter import VideoReformatter
 from numpy.typing import NDArray
 
 from metrology import ClipError
@@ -229,7 +231,7 @@ def luma_image(frame: Any) -> GrayImage:
     depth = bit_depth(frame)
     if not _has_luma_plane(name):
         deep = depth > 8
-        pixels = frame.to_ndarray(format="rgb48le" if deep else "rgb24")
+        pixels = _converted(frame, "rgb48le" if deep else "rgb24")
         mixed: GrayImage = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), pixels.dtype)
         return mixed
     plane = frame.planes[0]
@@ -250,7 +252,20 @@ def luma_image(frame: Any) -> GrayImage:
 
 def colour_image(frame: Any) -> NDArray[np.uint8]:
     """Colour image (H, W, 3), blue first, of a decoded frame."""
-    return np.asarray(frame.to_ndarray(format="bgr24"))
+    return np.asarray(_converted(frame, "bgr24"))
+
+
+_CONVERTERS = threading.local()
+
+
+def _converted(frame: Any, pixels: str) -> Any:
+    """Samples of a frame in another format.
+
+    One converter serves all frames of a thread: making one takes forty times as long as using it.
+    """
+    if not hasattr(_CONVERTERS, "one"):
+        _CONVERTERS.one = VideoReformatter()
+    return _CONVERTERS.one.reformat(frame, format=pixels).to_ndarray()
 
 
 def _has_luma_plane(name: str) -> bool:
