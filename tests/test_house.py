@@ -4,6 +4,7 @@ import ast
 import subprocess
 import sys
 import tomllib
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
@@ -38,6 +39,11 @@ MOST_FILES_IN_A_FOLDER = 14
 MODULES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
 
 
+@cache
+def _parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def _imported_rooms(tree: ast.Module) -> set[str]:
     names: set[str] = set()
     for node in ast.walk(tree):
@@ -61,14 +67,13 @@ def _assigned_names(tree: ast.Module) -> set[str]:
 @pytest.mark.parametrize("room", ROOMS)
 def test_a_room_imports_only_rooms_below_it(room: str) -> None:
     for path in (ROOT / room).rglob("*.py"):
-        rooms = _imported_rooms(ast.parse(path.read_text(encoding="utf-8"))) - {room}
+        rooms = _imported_rooms(_parsed(path)) - {room}
         assert rooms <= MAY_IMPORT[room], f"{path.relative_to(ROOT)} imports {rooms}"
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_every_module_has_a_docstring_and_a_public_face(path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
-    tree = ast.parse(text)
+    tree = _parsed(path)
     assert ast.get_docstring(tree)
     if len(tree.body) > 1:
         assert "__all__" in _assigned_names(tree)
@@ -146,7 +151,7 @@ def test_no_decision_hangs_on_how_a_name_is_spelled() -> None:
 def test_no_two_classes_share_a_name() -> None:
     found: dict[str, list[str]] = {}
     for path in MODULES:
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        for node in _parsed(path).body:
             if isinstance(node, ast.ClassDef):
                 found.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
     assert {name: paths for name, paths in found.items() if len(paths) > 1} == {}
@@ -159,7 +164,7 @@ REFUSALS = {name for name in errors.__all__ if name not in ("DomainError", "TooL
 def _without_advice(path: Path) -> list[str]:
     """Refusals that say what is wrong in words of their own, and not what to do."""
     found = []
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(_parsed(path)):
         if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name)):
             continue
         own = bool(node.args) and isinstance(node.args[0], ast.Constant | ast.JoinedStr)

@@ -82,6 +82,8 @@ class Ending:
 
 
 Judge = Callable[[Ending], str]
+Bytes = bytes | Callable[[], bytes]
+"""Of a file, or what makes them when they are wanted: simulated tables take a second."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,7 @@ class Encounter:
         Of the command; of a program where `script` is given.
     judge : callable
         What is wrong with how it ended, in a few words; empty where all is well.
-    files : mapping of str to bytes
+    files : mapping of str to bytes, or to what gives them
     prepare : callable
         Further things in the folder.
     largest_file : int or None
@@ -116,7 +118,7 @@ class Encounter:
     name: str
     arguments: tuple[str, ...]
     judge: Judge
-    files: dict[str, bytes] = field(default_factory=dict)
+    files: dict[str, Bytes] = field(default_factory=dict)
     prepare: Callable[[Path], None] = lambda folder: None
     largest_file: int | None = None
     memory: int = 2 * LARGEST_BYTES
@@ -128,7 +130,7 @@ class Encounter:
 def encountered(encounter: Encounter, tree: Path, folder: Path) -> str:
     """Run one against a tree; what is wrong with how it ended, or nothing."""
     for name, data in encounter.files.items():
-        (folder / name).write_bytes(data)
+        (folder / name).write_bytes(data() if callable(data) else data)
     encounter.prepare(folder)
 
     def limits() -> None:
@@ -247,10 +249,13 @@ def _nothing_left(ending: Ending) -> str:
 # --- 4. tables
 
 
-def _table(change: Callable[[list[list[str]]], None], mark: str = ",") -> bytes:
-    rows = [line.split(",") for line in table_text().splitlines()]
-    change(rows)
-    return ("\n".join(mark.join(row) for row in rows) + "\n").encode()
+def _table(change: Callable[[list[list[str]]], None], mark: str = ",") -> Callable[[], bytes]:
+    def changed() -> bytes:
+        rows = [line.split(",") for line in table_text().splitlines()]
+        change(rows)
+        return ("\n".join(mark.join(row) for row in rows) + "\n").encode()
+
+    return changed
 
 
 def _flights(marks: str = ",", point: str = ".", x: str | None = None) -> bytes:
@@ -420,9 +425,9 @@ def _damaged_clips() -> dict[str, bytes]:
 # --- 8. users' effects
 
 
-def _own(text: str) -> dict[str, bytes]:
+def _own(text: str) -> dict[str, Bytes]:
     return {
-        "b.csv": table_text().encode(),
+        "b.csv": lambda: table_text().encode(),
         "lab.toml": SETUP.encode(),
         "own.py": text.encode(),
         "f.csv": _flights(),
@@ -484,7 +489,7 @@ LAB = (*SPEED, "--setup", "lab.toml")
 SOUND = {"lab.toml": SETUP.encode()}
 
 
-def _with_table(data: bytes) -> dict[str, bytes]:
+def _with_table(data: Bytes) -> dict[str, Bytes]:
     return {"b.csv": data, "lab.toml": SETUP.encode()}
 
 

@@ -36,7 +36,7 @@ def rendered(
     seed: int = 0,
     shadow: bool = True,
     blur: float = 0.5,
-    samples: int = 4,
+    samples: int = 3,
 ) -> FloatArray:
     """Picture of the wall, gray levels 0–255, with uneven light, a floor and things in front."""
     assert callable(wall)

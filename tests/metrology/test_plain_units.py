@@ -12,11 +12,18 @@ from metrology.measurands import PLAIN_UNITS
 PLAIN = [(unit, typed) for unit, row in PLAIN_UNITS.items() for typed in row]
 
 
+@pytest.fixture(scope="module")
+def registry() -> "pint.UnitRegistry[float]":
+    units: pint.UnitRegistry[float] = pint.UnitRegistry()
+    units.define("frame = []")
+    units.define("fps = 1 / second")
+    return units
+
+
 @pytest.mark.parametrize(("unit", "typed"), PLAIN)
-def test_plain_units_are_what_pint_makes_of_them(unit: str, typed: str) -> None:
-    registry = pint.UnitRegistry()
-    registry.define("frame = []")
-    registry.define("fps = 1 / second")
+def test_plain_units_are_what_pint_makes_of_them(
+    unit: str, typed: str, registry: "pint.UnitRegistry[float]"
+) -> None:
     expected = registry.Quantity(12.5, registry.parse_units(typed)).to(unit).magnitude
     assert parse_quantity(f"12.5 {typed}", unit) == pytest.approx(expected, rel=1e-12)
 

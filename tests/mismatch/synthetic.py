@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -22,6 +23,7 @@ SPEEDS = np.array([0.8, 1.4, 2.0, 2.8, 3.4, 4.2])
 BACKSWINGS = (30.0, 60.0, 90.0, 120.0)
 
 
+@cache
 def jokku_baseline() -> Baseline:
     outcome = contact_outcomes(PAPER_PENDULUM, JOKKU, PAPER_SUPPORT, SPEEDS)
     names = (

@@ -45,12 +45,18 @@ def tennis(**given):
 DEFAULT_DRAG = {"drag": {"drag_coefficient": Defaults.DRAG_COEFFICIENT.known}}
 
 
-def test_a_force_across_the_velocity_in_a_vacuum_is_no_lift_of_the_air():
+@pytest.mark.parametrize(
+    "assumed",
+    [
+        pytest.param({}, marks=pytest.mark.slow, id="no drag"),
+        pytest.param({"effects": DEFAULT_DRAG, "unmeasured": frozenset({"drag"})}, id="unmeasured"),
+    ],
+)
+def test_a_force_across_the_velocity_in_a_vacuum_is_no_lift_of_the_air(assumed):
     # Lift in proportion to the speed is written alike, but air that lifts resists as well.
-    for baseline in (tennis(), tennis(effects=DEFAULT_DRAG, unmeasured=frozenset({"drag"}))):
-        verdict = explain(flights(across=0.15), baseline)
-        assert [effect.id for effect in verdict.effects] == ["unnamed"]
-        assert verdict.location.phase == "flight"
+    verdict = explain(flights(across=0.15), tennis(**assumed))
+    assert [effect.id for effect in verdict.effects] == ["unnamed"]
+    assert verdict.location.phase == "flight"
 
 
 def test_a_drag_that_nobody_measured_and_nothing_shows_is_found_to_be_none():

@@ -23,7 +23,7 @@ def with_wandering_angles(campaign: CampaignRecords, size: float) -> CampaignRec
 
 @pytest.mark.parametrize("size", [pytest.param(5e-3, marks=pytest.mark.slow), 0.02])
 def test_tracks_that_wander_name_no_physics(size):
-    campaign, baseline = struck_campaign(seed=3, trials=5)
+    campaign, baseline = struck_campaign(seed=3, trials=3)
     verdict = explain(with_wandering_angles(campaign, size), baseline)
     assert verdict.effects == ()
     assert not verdict.remainder.white

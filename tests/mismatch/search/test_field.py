@@ -32,7 +32,7 @@ class Flutter(Effect):
 
 
 def test_a_force_that_comes_and_goes_is_unnamed_and_no_fault_of_the_instrument():
-    campaign, baseline = struck_campaign((Flutter(), {"a": 0.5}), noise=5e-4)
+    campaign, baseline = struck_campaign((Flutter(), {"a": 0.5}), trials=5, noise=5e-4)
     verdict = explain(campaign, baseline)
     assert [effect.id for effect in verdict.effects] == ["unnamed"]
     assert verdict.location.phase == "flight"
