@@ -605,6 +605,8 @@ class Form(StrEnum):
     GEOMETRY = "geometry"
     RUBBING_FACE = "rubbing face"
     SMOOTH_FACE = "smooth face"
+    TURNED_FACE = "turned face"
+    TURNED_ON_ARM = "face turned on the arm"
     WHOLE_CONTACT = "whole contact"
     UNTIL_LIFT_OFF = "until lift-off"
     BALL_ALONE = "ball alone"

@@ -26,12 +26,14 @@ __all__ = [
     "ContactArm",
     "ContactDisplacement",
     "EffectiveMass",
+    "FaceTurnedOnArm",
     "ObliqueImpact",
     "PivotRecoil",
     "RubbingFace",
     "SlidingSupport",
     "SupportFriction",
     "SupportRecoil",
+    "TurnedFace",
     "VelocityDependentCor",
     "ViscoelasticCor",
     "YieldingCor",
@@ -219,6 +221,43 @@ class ContactArm(EffectiveMass):
         )
 
 
+SHELL = 1.5
+"""m R² / I of balls that are shells, as inflated ones are."""
+
+
+def _met_by_face(
+    contact: Contact, outcome: Outcome, turn: Number, lever: Number, grip: Number
+) -> Outcome:
+    """Outcome where the face's normal is turned and its surface drags the ball's along.
+
+    The bodies part along the normal e times as fast as they met along it, and the impulse along
+    the normal and across it acts on both.
+
+    Parameters
+    ----------
+    turn : Number
+        Of the normal, rad, positive up.
+    lever : Number
+        Of the push, over the pendulum's length.
+    grip : Number
+        Speed that the ball gets across the normal against the turn, m/s.
+    """
+    sine, light = np.sin(turn), contact.ball_mass / contact.inertial_mass
+    before = (1.0 + contact.restitution) * contact.impact_speed / (1.0 + light)
+    met = (1.0 + contact.restitution) * contact.impact_speed - sine * light * grip
+    along = lever * met / (1.0 + light * np.square(lever))
+    kept = along / before
+    turned = turn_launch(outcome, turn)
+    normal = 0.5 * (contact.angle + outcome.pendulum_angle) + turn
+    vx, vy = kept * turned.vx + grip * np.sin(normal), kept * turned.vy - grip * np.cos(normal)
+    lost = (contact.impact_speed - outcome.pendulum_speed) * (lever * along + sine * grip) / before
+    return replace(
+        turned, vx=vx, vy=vy, pendulum_speed=contact.impact_speed - lost,
+        x=turned.x + 0.5 * outcome.contact_time * (vx - turned.vx),
+        y=turned.y + 0.5 * outcome.contact_time * (vy - turned.vy),
+    )  # fmt: skip
+
+
 @dataclass(frozen=True)
 class ObliqueImpact(Effect):
     """A face that meets the ball off its centre."""
@@ -235,19 +274,16 @@ class ObliqueImpact(Effect):
     separating: str = "a plumb line in view, and a mark that shows spin"
     looseness: float = 0.25
 
+    def turn(self, values: Values, contact: Contact) -> Number:
+        """Angle by which the push is turned up, rad."""
+        return np.asarray(-np.arcsin(np.clip(2.0 * values["offset"] / contact.diameter, -0.9, 0.9)))
+
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
         """Turn the impulse."""
-        ratio = np.clip(2.0 * values["offset"] / contact.diameter, -0.9, 0.9)
-        turned = turn_launch(outcome, -np.arcsin(ratio))
-        if self.form != "smooth face":
-            return turned
-        # A smooth face pushes along the turned normal only: cos for the approach, cos for the push.
-        kept = 1.0 - np.square(ratio)
-        lost = (contact.impact_speed - outcome.pendulum_speed) * np.square(ratio)
-        return replace(
-            turned, vx=turned.vx * kept, vy=turned.vy * kept,
-            pendulum_speed=outcome.pendulum_speed + lost,
-        )  # fmt: skip
+        turn = self.turn(values, contact)
+        if self.form != Form.SMOOTH_FACE:
+            return turn_launch(outcome, turn)
+        return _met_by_face(contact, outcome, turn, np.cos(turn), 0.0)
 
 
 SPIN_SHARE = Parameter(
@@ -265,10 +301,64 @@ class RubbingFace(ObliqueImpact):
     parameters: tuple[Parameter, ...] = (*ObliqueImpact().parameters, SPIN_SHARE)
     form: str = Form.RUBBING_FACE
 
+    def lever(self, turn: Number, contact: Contact) -> Number:
+        """Lever of the push over the pendulum's length."""
+        return np.cos(turn)
+
+    def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
+        """Push along the turned normal; what spins the ball also slows it across."""
+        turn = self.turn(values, contact)
+        grip = values["spin_share"] * contact.impact_speed / SHELL
+        return _met_by_face(contact, outcome, turn, self.lever(turn, contact), grip)
+
     def force(self, values: Values, flight: FlightState) -> Vector:
         """Lift of the spin that the face gave, with a coefficient of one per spin ratio."""
         k = flight.dynamic_area * values["spin_share"] * np.asarray(flight.impact_speed)
         return -k * flight.vy, k * flight.vx, np.zeros_like(np.asarray(flight.vz) * k)
+
+
+@dataclass(frozen=True)
+class TurnedFace(RubbingFace):
+    """A face that is turned by one angle, whatever the size of the ball."""
+
+    statement: str = "The face is turned and sends the ball off at another angle."
+    law: str = r"\Delta\theta = \alpha,\quad \omega = 2 k u / d"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("turn", "rad", 0.02, -0.6, 0.6, meaning="of the face's normal, positive up"),
+        SPIN_SHARE,
+    )
+    form: str = Form.TURNED_FACE
+
+    def turn(self, values: Values, contact: Contact) -> Number:
+        """One angle for all balls, rad."""
+        return values["turn"]
+
+
+@dataclass(frozen=True)
+class FaceTurnedOnArm(TurnedFace):
+    """A face turned about its own place on the arm, so that it meets the ball elsewhere."""
+
+    law: str = (
+        r"\Delta\theta = \alpha,\quad \omega = 2 k u / d,\quad"
+        r" \ell = L \cos\alpha + \tfrac{d}{2} \sin\alpha"
+    )
+    form: str = Form.TURNED_ON_ARM
+
+    def lever(self, turn: Number, contact: Contact) -> Number:
+        """The normal through the ball's centre passes the pivot further off, or nearer."""
+        return np.cos(turn) + 0.5 * contact.diameter / contact.length * np.sin(turn)
+
+    def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
+        """The turned face reaches the ball a little sooner, at an earlier angle."""
+        turn = self.turn(values, contact)
+        sooner = 0.5 * contact.diameter * (1.0 - np.cos(turn)) / contact.length
+        sooner = sooner / self.lever(turn, contact)
+        met = turn_launch(super().contact(values, contact, outcome), -sooner)
+        return replace(
+            met,
+            contact_time=met.contact_time - sooner / contact.omega,
+            pendulum_angle=met.pendulum_angle - sooner,
+        )
 
 
 def _part_later(contact: Contact, outcome: Outcome, longer: Number, speed: Number) -> Outcome:

@@ -28,7 +28,7 @@ def turned(tmp_path_factory):
 
 
 def test_a_turned_face_is_found_from_any_start(turned):
-    (effect,) = (e for e in CATALOGUE["oblique_impact"] if e.form == Form.SMOOTH_FACE)
+    (effect,) = (e for e in CATALOGUE["oblique_impact"] if e.form == Form.RUBBING_FACE)
     base, found = turned.fit, []
     for start in (0.0, 0.02):
         model = base.model.having(effect, effect.neutral | {"offset": start}).order()
@@ -36,16 +36,16 @@ def test_a_turned_face_is_found_from_any_start(turned):
         fit = fit_model(turned.forward, model, free, (base.nuisance, base.law_offsets))
         found.append(fit.objective)
     assert max(found) - min(found) < 1.0
-    assert base.objective - max(found) > 1000.0
+    assert base.objective - max(found) > 700.0
 
 
 def test_an_answer_that_one_start_alone_reached_is_fitted_from_others(turned):
     forward, base = turned.forward, turned.fit
-    (effect,) = (e for e in CATALOGUE["oblique_impact"] if e.form == Form.SMOOTH_FACE)
+    (effect,) = (e for e in CATALOGUE["oblique_impact"] if e.form == Form.RUBBING_FACE)
     pool = candidates_for(forward, base.model, [effect], unnamed=False)
-    astray = fit_hypothesis(forward, base, pool, [np.array([0.03])], rounds=1)
+    astray = fit_hypothesis(forward, base, pool, [np.array([0.03, 0.0])], rounds=1)
     unsure = Naming(astray, (astray,), 12.0, scan(forward, base, pool))
     sure = _confirmed(forward, base, unsure)
     assert unsure.agreed == 1
     assert sure.agreed == 2
-    assert sure.best.gain > 1000.0 > astray.gain
+    assert sure.best.gain > 700.0 > astray.gain
