@@ -359,11 +359,10 @@ def prepare(
     stray = _strays(fit.residual * np.sqrt(np.repeat(noise.inflation, _lengths(records))), records)
     noise = replace(noise, outliers=noise.outliers | stray)
     forward = replace(forward, records=_weighed(records, noise))
-    if mode == "impact":
-        # About a fit that knows much, less is left to pass for noise than about polynomials.
-        left = _left_over(forward.records, fit)
-        again = estimate_noise(left, *_segments(forward, clocks), still=True)
-        noise = replace(again, outliers=noise.outliers | again.outliers)
+    # About a fit that knows much, less is left to pass for noise than about polynomials.
+    left = _left_over(forward.records, fit)
+    again = estimate_noise(left, *_segments(forward, clocks), slow_mode=pace, still=True)
+    noise = replace(again, outliers=noise.outliers | again.outliers)
     records = _weighed(forward.records, noise)
     forward = replace(forward, records=records)
     faults = instrument_faults(forward, widths or {})

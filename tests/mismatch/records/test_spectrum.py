@@ -8,7 +8,7 @@ import pytest
 from mismatch.fitting.prepare import prepare
 from mismatch.records import SIGNIFICANT, CampaignRecords, fit_spectrum, shared_deviance
 from mismatch.sanity import dropped_in_each
-from tests.mismatch.synthetic import struck_campaign
+from tests.mismatch.synthetic import struck_campaign, thrown_campaign
 
 
 def tracks(share: float, rho: float, sizes: tuple[int, ...], seed: int):
@@ -44,8 +44,10 @@ def test_white_noise_has_no_memory():
     assert np.mean([one.variance for one in found]) == pytest.approx(1.0, abs=0.03)
 
 
-def remembering(campaign: CampaignRecords, size: float, rho: float) -> CampaignRecords:
-    """Every fourth row of a campaign, each channel under a first-order autoregression."""
+def remembering(
+    campaign: CampaignRecords, size: float, rho: float, every: int = 4
+) -> CampaignRecords:
+    """Some rows of a campaign, each channel under a first-order autoregression."""
     rng = np.random.default_rng(5)
 
     def errors(rows: int) -> np.ndarray:
@@ -53,17 +55,18 @@ def remembering(campaign: CampaignRecords, size: float, rho: float) -> CampaignR
         found = [0.0]
         for kick in kicks:
             found.append(rho * found[-1] + kick)
-        return np.array(found[-rows:])
+        return np.array(found[len(found) - rows :])
 
     made = []
     for trial in campaign.trials:
-        position, angle = trial.position[::4].copy(), trial.pendulum_angle[::4].copy()
+        position, angle = trial.position[::every].copy(), trial.pendulum_angle[::every].copy()
         for axis in (0, 1):
             position[:, axis] += errors(len(position))
         made.append(
             replace(
-                trial, ball_time=trial.ball_time[::4], position=position,
-                pendulum_time=trial.pendulum_time[::4], pendulum_angle=angle + errors(angle.size),
+                trial, ball_time=trial.ball_time[::every], position=position,
+                pendulum_time=trial.pendulum_time[::every],
+                pendulum_angle=angle + errors(angle.size),
             )
         )  # fmt: skip
     return replace(campaign, trials=tuple(made))
@@ -78,6 +81,26 @@ def test_noise_that_remembers_five_rows_is_told_from_motion():
     # The power of such noise at a slow pace is (1 + rho) / (1 - rho) of its variance.
     assert prepared.noise.inflation[seen] == pytest.approx(9.0, rel=0.4)
     assert prepared.fit.reduced_chi2 < 1.3
+
+
+@pytest.mark.parametrize("seed", [2, 3, 4])
+def test_throws_under_noise_that_remembers_five_rows_are_blameless(seed):
+    campaign, baseline = thrown_campaign(seed)
+    prepared = prepare(remembering(campaign, 3e-3, 0.8, every=1), baseline)
+    seen = [0, 1]
+    assert np.median(prepared.noise.sigma, axis=0)[seen] == pytest.approx(3e-3, rel=0.25)
+    assert prepared.noise.inflation[seen] == pytest.approx(9.0, rel=0.5)
+    assert prepared.fit.reduced_chi2 < 1.3
+
+
+def test_noise_that_is_nothing_but_memory_is_noise():
+    """At 3 % of white noise its fastest power would be twice what it is, and no shape holds."""
+    rho = 0.95
+    for seed in range(6):
+        found = fit_spectrum(tracks(1.0, rho, (160,) * 10, seed))
+        assert found.holds
+        # What a parabola leaves of a walk so slow is a part of its power, and pays for the doubt.
+        assert found.chosen(SIGNIFICANT).inflation > 10.0
 
 
 @pytest.mark.parametrize(
