@@ -683,20 +683,19 @@ def group_tolerance(best: Hypothesis) -> float:
     return float(max(odds, min(0.015 * best.gain, 0.25 * left)))
 
 
-PLACES = frozenset({"contact_displacement", "origin_offset", "length_scale", "parallax"})
+def second_effect_share(hypothesis: Hypothesis, further: Effect) -> float:
+    """Share of the gain that a further effect must add before it is more than an imperfect law.
 
-"""Ids that shift where a flight starts, as an imperfect law of contact or camera also does."""
-
-
-def second_effect_share(hypothesis: Hypothesis, further: str | None = None) -> float:
-    """Share of the gain that a further effect must add before it is more than an imperfect law."""
+    What a loose law hands on to another phase, errors of its form say part by part; within its own
+    phase they are a few polynomials of what it may do.
+    """
     # A camera turned about all its axes is every way in which a camera can be turned.
     loose = any(
-        member.id in LOOSE_LAWS and member.effect.form != Form.PERSPECTIVE
+        member.id in LOOSE_LAWS
+        and member.effect.form != Form.PERSPECTIVE
+        and member.effect.phase == further.phase
         for member in hypothesis.members
     )
-    if further in PLACES and loose:
-        return 0.2
     if hypothesis.has_unnamed:
         return 0.03
     return 0.04 if loose else 0.008

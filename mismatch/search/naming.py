@@ -647,8 +647,9 @@ def _supported(forward: Forward, larger: Hypothesis, smaller: Hypothesis, thresh
     if forward.mode == "swing":
         # A baseline that is out of step makes any share of the gain a small one.
         return more > max(threshold, 0.5 * left)
-    added = [one for one in larger.ids if one not in smaller.ids]
-    share = max(second_effect_share(smaller, one) for one in (added or [""]))
+    added = [m.effect for m in larger.members if m.id not in smaller.ids]
+    further = added or [larger.members[-1].effect]
+    share = max(second_effect_share(smaller, one) for one in further)
     if more > max(threshold, share * smaller.gain):
         return True
     # Against a baseline that runs away any share is small; then what is left over counts.
@@ -715,19 +716,19 @@ def _grow(
         laws = [member.effect for member in seed.members]
         scored = scan_beyond_forms(forward, seed.fit, laws, seed.form.size, pool)
         ranked = _best_by_law(scored, 1.0, forward.mode == "swing")
-        enough = max(threshold, second_effect_share(seed) * seed.gain)
         strained = number == 0 and seed.form.gain > threshold
-        if strained and (not ranked or ranked[0][0] < enough):
+        if strained and not _worth_a_fit(seed, pool, ranked, threshold):
             # What errors of form take up at that size may as well be a law of its own: both are
             # fitted, and their evidence tells.
             exact = scan(forward, seed.fit, pool)
             ranked = _best_by_law(exact, 1.0, forward.mode == "swing")
         known = _known_that_show(forward, seed, pool)
         if known:
-            ranked, enough = [*known, *ranked], -np.inf
+            ranked = [*known, *ranked]
         elif forward.mode != "swing":
             ranked = [one for one in ranked if not is_known(pool[one[1]].effect)]
-        if forward.mode != "swing" and (not ranked or ranked[0][0] < enough):
+        worth = bool(known) or _worth_a_fit(seed, pool, ranked, threshold)
+        if forward.mode != "swing" and not worth:
             idle = ranked and ranked[0][0] < threshold and not strained
             if number == 0 and seed is foremost and idle:
                 # The best smaller set leaves nothing to explain: a larger one would be idle.
@@ -747,6 +748,16 @@ def _grow(
             rival = _ahead([*tried, *grown.values()])
             grown[law] = _extended(forward, base, seed, pool[index], values, rival)
     return list(grown.values())
+
+
+def _worth_a_fit(
+    seed: Hypothesis, pool: Sequence[Candidate], ranked: Ranked, threshold: float
+) -> bool:
+    """Whether a further law promises more than chance, and more than an imperfect law leaves."""
+    return any(
+        gain >= max(threshold, second_effect_share(seed, pool[index].effect) * seed.gain)
+        for gain, index, _ in ranked
+    )
 
 
 def _corrects(base: Fit, seed: Hypothesis) -> bool:
@@ -783,10 +794,9 @@ def _corrected(
             continue
         pool = candidates_for(forward, seed.fit.model, stated, unnamed=False)
         ranked = _best_by_law(scan(forward, seed.fit, pool), 1.0)
-        enough = max(threshold, second_effect_share(seed) * seed.gain)
-        for penalised, index, values in ranked[:1]:
+        for _, index, values in ranked[:1]:
             new = frozenset({seed.members[0].key, pool[index].key}) not in done
-            if new and penalised > enough:
+            if new and _worth_a_fit(seed, pool, ranked[:1], threshold):
                 found.append(_extended(forward, base, seed, pool[index], values, _ahead(tried)))
     return found
 

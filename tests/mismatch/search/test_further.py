@@ -1,0 +1,48 @@
+"""A further law beside one whose form is loose: what has to be more than the form's error."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from mismatch.candidates import Candidate
+from mismatch.fitting.fit import Fit
+from mismatch.fitting.hypotheses import Hypothesis
+from mismatch.forward import Model
+from mismatch.search.naming import _supported, _worth_a_fit
+from physics.effects import Effect, effect_named
+
+STRIKES = SimpleNamespace(mode="impact")
+CHANCE = 12.0
+
+
+def answer(gain: float, *laws: Effect) -> Hypothesis:
+    """Laws that take `gain` off a misfit of a tenth of 10,000 rows' noise."""
+    fit = Fit(
+        Model(()), np.zeros((12, 4)), np.zeros((1, 2)), 10_400.0, 0.0, 10_000, 10_000.0, (),
+        np.zeros((0, 0)), np.zeros((12, 900)),
+    )  # fmt: skip
+    return Hypothesis(tuple(Candidate(law, (), 1) for law in laws), fit, gain)
+
+
+@pytest.mark.parametrize(
+    ("further", "own_phase"),
+    [("parallax", False), ("magnus", False), ("pivot_recoil", True), ("support_recoil", True)],
+)
+def test_a_contact_of_loose_form_doubts_a_further_law_of_the_contact_alone(further, own_phase):
+    """Errors of what it hands over to the flight are integrated over, part by part."""
+    arm, law = effect_named("effective_mass"), effect_named(further)
+    alone, both = answer(4000.0, arm), answer(4130.0, arm, law)
+    assert both.penalised_gain - alone.penalised_gain > CHANCE
+    assert _supported(STRIKES, both, alone, CHANCE) is not own_phase
+    pool = [Candidate(law, (), 1)]
+    assert _worth_a_fit(alone, pool, [(130.0, 0, np.zeros(1))], CHANCE) is not own_phase
+    # A gain of a tenth is beyond what a form is wrong by.
+    assert _supported(STRIKES, answer(4400.0, arm, law), alone, CHANCE)
+
+
+def test_a_further_law_of_any_phase_has_to_beat_chance():
+    arm, law = effect_named("effective_mass"), effect_named("parallax")
+    assert not _supported(STRIKES, answer(420.0, arm, law), answer(410.0, arm), CHANCE)
+    assert not _worth_a_fit(answer(410.0, arm), [Candidate(law, (), 1)], [(10.0, 0, np.zeros(1))],
+                            CHANCE)  # fmt: skip
