@@ -147,8 +147,8 @@ class _StreakFit:
         """Iterate; whether a disc was found within the picture."""
         if float(np.abs(self._change).max()) < 3.0 * self._noise:
             return False
+        left = self._left(self.values)
         for place in range(_STEPS):
-            left = self._left(self.values)
             scale = max(1.4826 * float(np.median(np.abs(left))), self._noise)
             if place < _PLAIN_STEPS:
                 # From afar nothing is an outlier: what is off says where to go.
@@ -156,19 +156,21 @@ class _StreakFit:
                 self._weight = np.full_like(left, scale**-2.0)
             else:
                 self._weight = 1.0 / (1.0 + (left / (_OUTLYING * scale)) ** 2) ** 2 / scale**2
-            cost = self._cost(self.values)
+            cost, here = self._cost(self.values)
             normal, pull = self._equations(left)
             for damping in _DAMPING:
                 step = self._step(normal, pull, damping)
                 tried = self.values + step
                 tried[4] = max(tried[4], 1.0)
-                if self._cost(tried) < cost:
+                found, there = self._cost(tried)
+                if found < cost:
                     break
             else:
                 if place >= _PLAIN_STEPS:
                     break
+                left = here
                 continue
-            self.values = tried
+            self.values, left = tried, there
             if place >= _PLAIN_STEPS and float(np.abs(step).max()) < _SETTLED:
                 break
         inside = (self.values[:2] > -1.0) & (self.values[:2] < np.array(self._shape)[::-1])
@@ -197,31 +199,32 @@ class _StreakFit:
         whole = inverse @ (share * pull.T @ pull + normal) @ inverse
         return np.asarray(whole[:2, :2])
 
-    def _cost(self, values: FloatArray) -> float:
+    def _cost(self, values: FloatArray) -> tuple[float, FloatArray]:
+        """What values cost, and what they leave."""
         left = self._left(values)
         off = (values - self._start)[self._free]
-        return float(self._weight @ (left * left) + self._held[self._free] @ (off * off))
+        return float(self._weight @ (left * left) + self._held[self._free] @ (off * off)), left
 
     def _left(self, values: FloatArray) -> FloatArray:
-        """What a disc at these values leaves unexplained, its light eliminated."""
+        """What discs at values (..., 5) leave unexplained (..., n), their light eliminated."""
         cover = self._cover(values)
-        x, y = (self._x - values[0]) / values[4], (self._y - values[1]) / values[4]
-        basis = np.stack([cover, cover * x, cover * y], axis=1)
+        x, y = (
+            (axis - values[..., place, None]) / values[..., 4, None]
+            for place, axis in enumerate((self._x, self._y))
+        )
+        basis = np.stack([cover, cover * x, cover * y], axis=-2)
         target = self._change + cover * self._scene
-        weighted = basis * self._weight[:, None]
-        ridge = 1e-6 * float(self._weight.mean()) * np.diag([1.0, 30.0, 30.0]) * len(cover)
-        light = np.linalg.solve(weighted.T @ basis + ridge, weighted.T @ target)
-        return np.asarray(target - basis @ light)
+        weighted = basis * self._weight
+        ridge = 1e-6 * float(self._weight.mean()) * np.diag([1.0, 30.0, 30.0]) * cover.shape[-1]
+        normal = weighted @ np.swapaxes(basis, -1, -2) + ridge
+        light = np.linalg.solve(normal, weighted @ target[..., None])
+        return np.asarray(target - (np.swapaxes(light, -1, -2) @ basis)[..., 0, :])
 
     def _slope(self) -> FloatArray:
         """Derivatives of what is left over the free values (n, f)."""
-        columns = []
-        for place in np.flatnonzero(self._free):
-            nudge = np.zeros(5)
-            nudge[place] = _NUDGE
-            more, less = self._left(self.values + nudge), self._left(self.values - nudge)
-            columns.append((less - more) / (2.0 * _NUDGE))
-        return np.stack(columns, axis=1)
+        nudges = _NUDGE * np.eye(5)[self._free]
+        less, more = self._left(self.values + np.stack([-nudges, nudges]))
+        return np.asarray((less - more).T / (2.0 * _NUDGE))
 
     def _equations(self, left: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Normal matrix and pull of the free values."""
@@ -239,19 +242,23 @@ class _StreakFit:
         return np.asarray(step * min(1.0, self.values[4] / longest))
 
     def _cover(self, values: FloatArray, reach: float = 0.0) -> FloatArray:
-        """Part of the exposure in which the disc covers each pixel."""
-        x, y = self._x - values[0], self._y - values[1]
-        length = float(np.hypot(values[2], values[3]))
-        ux, uy = (1.0, 0.0) if length < 1e-6 else (values[2] / length, values[3] / length)
+        """Part of the exposure in which discs at values (..., 5) cover each pixel, (..., n)."""
+        at_x, at_y, go_x, go_y, radius = np.moveaxis(values, -1, 0)[..., None]
+        x, y = self._x - at_x, self._y - at_y
+        length = np.hypot(go_x, go_y)
+        still = length < 1e-6
+        ux, uy = (
+            np.where(still, rest, go / np.where(still, 1.0, length))
+            for rest, go in ((1.0, go_x), (0.0, go_y))
+        )
         along, across = x * ux + y * uy, y * ux - x * uy
         total = np.zeros_like(x)
         wide = np.hypot(length, _SOFT)
+        ahead, behind = along + 0.5 * wide, along - 0.5 * wide
         for shift in (-0.5, 0.0, 0.5):
-            half = np.sqrt(
-                np.maximum((values[4] + reach) ** 2 - (across + shift * _SOFT) ** 2, 0.0)
-            )
-            lap = np.minimum(along + 0.5 * wide, half) - np.maximum(along - 0.5 * wide, -half)
-            total += np.clip(lap, 0.0, None) / wide
+            half = np.sqrt(np.maximum((radius + reach) ** 2 - (across + shift * _SOFT) ** 2, 0.0))
+            lap = np.minimum(ahead, half) - np.maximum(behind, -half)
+            total += np.maximum(lap, 0.0) / wide
         return np.asarray(total / 3.0)
 
 
