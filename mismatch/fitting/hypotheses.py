@@ -683,6 +683,11 @@ def group_tolerance(best: Hypothesis) -> float:
     return float(max(odds, min(0.015 * best.gain, 0.25 * left)))
 
 
+SHIFTS = frozenset({"contact_displacement", "origin_offset"})
+
+"""Ids that only shift where a flight starts, as an imperfect law of contact or camera also does."""
+
+
 def second_effect_share(hypothesis: Hypothesis, further: Effect) -> float:
     """Share of the gain that a further effect must add before it is more than an imperfect law.
 
@@ -690,12 +695,14 @@ def second_effect_share(hypothesis: Hypothesis, further: Effect) -> float:
     phase they are a few polynomials of what it may do.
     """
     # A camera turned about all its axes is every way in which a camera can be turned.
-    loose = any(
-        member.id in LOOSE_LAWS
-        and member.effect.form != Form.PERSPECTIVE
-        and member.effect.phase == further.phase
+    laws = [
+        member.effect
         for member in hypothesis.members
-    )
+        if member.id in LOOSE_LAWS and member.effect.form != Form.PERSPECTIVE
+    ]
+    if laws and further.id in SHIFTS:
+        return 0.2
+    loose = any(law.phase == further.phase for law in laws)
     if hypothesis.has_unnamed:
         return 0.03
     return 0.04 if loose else 0.008
