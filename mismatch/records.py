@@ -832,6 +832,7 @@ def _spectrum(
     sigma: FloatArray,
     slow_mode: float,
     still: bool,
+    throughout: bool,
 ) -> SpectrumFit | None:
     pieces = []
     for trial in range(used.shape[0]):
@@ -843,7 +844,7 @@ def _spectrum(
         found = fit_spectrum(pieces, slow_mode)
         if found is None or found.chosen(SIGNIFICANT).variance < SMOOTH or (still and found.holds):
             return found
-        if _longest(pieces) < 2 * LEAST:
+        if throughout or _longest(pieces) < 2 * LEAST:
             return None
         halves: list[tuple[FloatArray, FloatArray]] = []
         for t, v in pieces:
@@ -876,6 +877,7 @@ def estimate_noise(
     floor: tuple[float, float] = (1e-6, 1e-6),
     slow_mode: float = 1.0,
     still: bool = False,
+    throughout: bool = False,
 ) -> Noise:
     """Learn the noise from the record.
 
@@ -894,6 +896,9 @@ def estimate_noise(
     still : bool
         Whether the motion was taken off: what is rough about a polynomial may then be noise that
         remembers as many rows as the polynomial follows.
+    throughout : bool
+        Whether a memory must hold over whole stretches, and in every channel: where nothing but
+        the record itself tells a motion, what bends one channel or a part is no noise.
 
     Returns
     -------
@@ -915,9 +920,13 @@ def estimate_noise(
         mine = np.maximum(_by_trial(sums), floor[channel // 3])
         if np.isfinite(mine).all():
             sigma[:, channel] = mine
-            one = _spectrum(time, value, used & ~outliers, segments, mine, slow_mode, still)
+            one = _spectrum(
+                time, value, used & ~outliers, segments, mine, slow_mode, still, throughout
+            )
             if one is not None:
                 fits[channel] = one
+    if throughout and len(fits) < int(np.isfinite(sigma).all(axis=0).sum()):
+        fits = {}
     # One tracker saw all channels: where one shows memory, less is needed to believe it of others.
     remembers = any(one.chosen(SIGNIFICANT).share > 0.0 for one in fits.values())
     shared = shared_deviance(list(fits.values())) if remembers else None

@@ -359,10 +359,7 @@ def prepare(
     stray = _strays(fit.residual * np.sqrt(np.repeat(noise.inflation, _lengths(records))), records)
     noise = replace(noise, outliers=noise.outliers | stray)
     forward = replace(forward, records=_weighed(records, noise))
-    # About a fit that knows much, less is left to pass for noise than about polynomials.
-    left = _left_over(forward.records, fit)
-    again = estimate_noise(left, *_segments(forward, clocks), slow_mode=pace, still=True)
-    noise = replace(again, outliers=noise.outliers | again.outliers)
+    noise = _told_again(forward, fit, _segments(forward, clocks), noise)
     records = _weighed(forward.records, noise)
     forward = replace(forward, records=records)
     faults = instrument_faults(forward, widths or {})
@@ -372,6 +369,27 @@ def prepare(
     free = free_parameters(whole, [*drag, *faults])
     fit = fit_model(forward, whole, free, (fit.nuisance, fit.law_offsets))
     return Prepared(forward, model, noise, fit)
+
+
+def _told_again(
+    forward: Forward, fit: Fit, segments: tuple[FloatArray, FloatArray], noise: Noise
+) -> Noise:
+    """Noise as told about the baseline's fit.
+
+    The fit of strikes knows much, and less is left to pass for noise than about polynomials. That
+    of free flights knows no more than the record: it tells noise anew only where this has a memory
+    that no motion leaves.
+    """
+    left = _left_over(forward.records, fit)
+    if forward.mode == "impact":
+        again = estimate_noise(left, *segments, still=True)
+    else:
+        again = estimate_noise(
+            left, *segments, slow_mode=FREE_STATE_PACE, still=True, throughout=True
+        )
+        if not np.any(again.inflation > 1.0):
+            return noise
+    return replace(again, outliers=noise.outliers | again.outliers)
 
 
 def _thrown_share(forward: Forward, model: Model, nuisance: FloatArray) -> int:

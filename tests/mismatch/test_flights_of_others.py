@@ -1,5 +1,7 @@
 """Flights as other labs record them: instruments a little off, and a drag that nobody measured."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -115,3 +117,17 @@ def test_places_in_space_come_from_no_single_camera():
     known = prepare(flights(), tennis())
     ids = {one.id for one in candidates_for(known.forward, known.fit.model, laws)}
     assert ids >= {"parallax", "lens_distortion", "rolling_shutter"}
+
+
+def test_a_marker_off_the_centre_of_a_ball_that_spins_is_no_noise_with_a_memory():
+    # It wobbles at a pace of its own in each throw; cut into parts it would pass for slow noise.
+    rng, seen = np.random.default_rng(4), flights(noise=1e-4)
+    trials = []
+    for trial in seen.trials[:5]:
+        phase, rate = rng.uniform(0.0, 2.0 * np.pi), 2.0 * np.pi * rng.uniform(4.0, 6.0)
+        turned = rate * trial.ball_time + phase
+        round_it = np.column_stack([np.cos(turned), np.sin(turned), 0.0 * turned])
+        trials.append(replace(trial, position=trial.position + 5e-4 * round_it))
+    prepared = prepare(CampaignRecords(tuple(trials)), tennis())
+    assert prepared.noise.inflation[:2] == pytest.approx(1.0)
+    assert prepared.fit.reduced_chi2 > 5.0
