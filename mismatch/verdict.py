@@ -21,7 +21,7 @@ from mismatch.forward import Forward
 from mismatch.sanity import fall_in_g, keeps_time
 from physics.bodies import GRAVITY
 from physics.domain import FloatArray
-from physics.effects import Coordinate, EffectId, Level, SwingState
+from physics.effects import Coordinate, Effect, EffectId, Level, SwingState
 
 __all__ = [
     "Alternative",
@@ -524,7 +524,8 @@ def pass_gate(
             doubts.append(Doubt.WORSE_HELD_OUT)
         if _left(prepared, best) > 0.5:
             doubts.append(Doubt.LEFT_OVER)
-        if best.reduced_chi2 >= FAR_OFF_NOISE and best.fit.model.own:
+        far = best.reduced_chi2 >= FAR_OFF_NOISE and bool(best.fit.model.own)
+        if far or _own_like_noise(forward, best):
             doubts.append(Doubt.EACH_ITS_OWN)
         if _hangs_on_one(forward, best):
             doubts.append(Doubt.ONE_TRIAL)
@@ -538,6 +539,8 @@ def pass_gate(
         doubts.append(Doubt.UNSTEADY)
     elif _undetermined(best):
         doubts.append(Doubt.UNDETERMINED)
+    elif _own_like_noise(forward, best):
+        doubts.append(Doubt.EACH_ITS_OWN)
     elif _like_its_weight(forward, best):
         doubts.append(Doubt.PENDULUMS_WEIGHT)
     elif kept is not None and not kept.proves and kept.gain is not None and kept.gain < NO_GAIN:
@@ -630,20 +633,39 @@ def _undetermined(best: Hypothesis) -> bool:
     Squeezed against the contact, a torque at one angle says whatever a law of contact says; frames
     lost at an instant that nothing tells say whatever bends the end of a fall.
     """
+    return any(
+        member.effect.shapes
+        and member.effect.level is Level.CAMPAIGN
+        and _most_seen(best, member.effect) < SEEN
+        for member in best.members
+    )
+
+
+def _own_like_noise(forward: Forward, best: Hypothesis) -> bool:
+    """Whether a law acts in each trial by a value of its own, about nought, under slow noise.
+
+    Noise with a memory bends each trial's path in its own way, too: a law that has no strength in
+    common is not told from it.
+    """
+    return bool(np.any(forward.records.inflation > 1.0)) and any(
+        member.effect.level is Level.TRIAL and _most_seen(best, member.effect) < SEEN
+        for member in best.members
+    )
+
+
+def _most_seen(best: Hypothesis, effect: Effect) -> float:
+    """Standard uncertainties, misfit counted, by which an effect's surest strength is off nought.
+
+    Infinite where it has no strength that was fitted.
+    """
     misfit = math.sqrt(best.fit.reduced_chi2)
-    for member in best.members:
-        if not member.effect.shapes or member.effect.level is not Level.CAMPAIGN:
-            continue
-        sizes = [
-            abs(value - item.parameter.neutral) / max(std * misfit, 1e-300)
-            for k, item in enumerate(best.fit.free)
-            for value, std in (best.fit.value(k),)
-            if best.fit.model.entries[item.entry][0] is member.effect
-            and not item.parameter.is_shape
-        ]
-        if max(sizes, default=math.inf) < SEEN:
-            return True
-    return False
+    sizes = [
+        abs(value - item.parameter.neutral) / max(std * misfit, 1e-300)
+        for k, item in enumerate(best.fit.free)
+        for value, std in (best.fit.value(k),)
+        if best.fit.model.entries[item.entry][0] is effect and not item.parameter.is_shape
+    ]
+    return max(sizes, default=math.inf)
 
 
 def _like_its_weight(forward: Forward, best: Hypothesis) -> bool:

@@ -1,5 +1,6 @@
 """A law whose place, or the setup's pendulum, leaves it open is no sure answer."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,9 +11,9 @@ from mismatch.fitting.fit import Fit, free_parameters
 from mismatch.fitting.hypotheses import Hypothesis
 from mismatch.forward import Model
 from mismatch.search.unnamed import Notch, TorqueField
-from mismatch.verdict import _like_its_weight, _undetermined
+from mismatch.verdict import _like_its_weight, _own_like_noise, _undetermined
 from physics.bodies import PAPER_PENDULUM
-from physics.effects import Effect
+from physics.effects import Effect, Level, effect_named
 from physics.effects.measurement import DroppedFrames
 
 
@@ -40,6 +41,23 @@ def test_frames_lost_at_an_instant_that_nothing_tells_are_not_known(std, open_):
     )  # fmt: skip
     answer = Hypothesis((Candidate(lost, (("instant", 0.2),), 36),), fit, 60.0)
     assert _undetermined(answer) is open_
+
+
+@pytest.mark.parametrize(
+    ("mean", "inflation", "doubted"), [(0.12, 9.0, True), (0.12, 1.0, False), (1.5, 9.0, False)]
+)
+def test_spins_of_each_throw_about_nought_are_not_told_from_slow_noise(mean, inflation, doubted):
+    """A spin of 0.12 ± 0.38 rad/s, each throw with its own, was told with 0.92."""
+    lift = replace(effect_named("magnus"), level=Level.TRIAL)
+    model = Model(((lift, {"spin": mean}),))
+    fit = Fit(
+        model, np.zeros((10, 6)), np.zeros((0, 2)), 3000.0, 0.0, 3000, 3000.0,
+        free_parameters(model), np.diag([0.38]) ** 2, np.zeros((10, 320)),
+    )  # fmt: skip
+    answer = Hypothesis((Candidate(lift, (), 1),), fit, 60.0)
+    seen = SimpleNamespace(inflation=np.array([inflation, 1.0, 1.0, 1.0]))
+    forward = SimpleNamespace(records=seen)
+    assert _own_like_noise(forward, answer) is doubted
 
 
 def _answer(law: Effect, values: dict[str, float]) -> Hypothesis:
