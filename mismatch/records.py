@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import dct
+from scipy.fft import dct, irfft, next_fast_len, rfft
 from scipy.special import chdtri, fdtrc
 
 from metrology import Defaults, SetupError, TooLittleDataError, UsageError
@@ -507,9 +507,11 @@ def _expected(size: int) -> tuple[FloatArray, FloatArray]:
     """
     basis, _ = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, size), DEGREE + 1))
     look = dct(np.eye(size) - basis @ basis.T, norm="ortho", axis=0)[DEGREE + 2 :]
-    apart = np.abs(np.subtract.outer(np.arange(size), np.arange(size)))
-    slow = [np.sum(look * (look @ rho**apart), axis=1) for rho in RHOS]
-    return np.sum(look * look, axis=1), np.array(slow)
+    # A row's power under a memory of rho^|i - j| is what it has in common with itself, lag by lag.
+    padded = next_fast_len(2 * size, real=True)
+    lags = irfft(np.abs(rfft(look, padded, axis=1)) ** 2, padded, axis=1)[:, :size]
+    lags[:, 1:] *= 2.0
+    return np.sum(look * look, axis=1), RHOS[:, None] ** np.arange(size) @ lags.T
 
 
 @dataclass(frozen=True)
