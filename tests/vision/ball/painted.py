@@ -63,11 +63,21 @@ def cover(
     height: int, width: int, centre: tuple[float, float], radius: float
 ) -> NDArray[np.float64]:
     """Part of each pixel that a disc covers."""
+    part = np.zeros((height, width))
+    near = _near((height, width), np.array([centre]), radius)
     fine = (np.arange(SUPERSAMPLING) + 0.5) / SUPERSAMPLING - 0.5
-    y = (np.arange(height)[:, None] + fine[None]).reshape(-1, 1)
-    x = (np.arange(width)[:, None] + fine[None]).reshape(1, -1)
-    inside = np.hypot(x - centre[0], y - centre[1]) <= radius
-    return inside.reshape(height, SUPERSAMPLING, width, SUPERSAMPLING).mean(axis=(1, 3))
+    y, x = (np.arange(one.start, one.stop)[:, None] + fine[None] for one in near)
+    inside = np.hypot(x.reshape(1, -1) - centre[0], y.reshape(-1, 1) - centre[1]) <= radius
+    part[near] = inside.reshape(*y.shape, *x.shape).mean(axis=(1, 3))
+    return part
+
+
+def _near(shape: tuple[int, ...], places: NDArray[np.float64], reach: float) -> tuple[slice, slice]:
+    """Rows and columns within reach of any of the places (N, 2): beyond, nothing is painted."""
+    limit = np.array(shape[1::-1])
+    first = np.clip(np.floor(places.min(axis=0) - reach).astype(int) - 1, 0, limit)
+    last = np.clip(np.ceil(places.max(axis=0) + reach).astype(int) + 2, first, limit)
+    return slice(int(first[1]), int(last[1])), slice(int(first[0]), int(last[0]))
 
 
 def with_ball(
@@ -127,7 +137,10 @@ def _bar(
     points = np.rint(((np.array(corners) + 0.5) * scale - 0.5) * 16).astype(np.int32)
     if across[1] > across[0]:
         cv2.fillPoly(canvas, [points], 255, lineType=cv2.LINE_AA, shift=4)
-    return np.asarray(canvas.reshape(height, scale, width, scale).mean(axis=(1, 3)) / 255.0)
+    part, near = np.zeros((height, width)), _near(shape, np.array(corners), 1.0)
+    fine = canvas.reshape(height, scale, width, scale)[near[0], :, near[1]]
+    part[near] = fine.mean(axis=(1, 3)) / 255.0
+    return part
 
 
 def exposed(
