@@ -144,7 +144,7 @@ def test_a_pendulum_alone_is_not_taken_for_a_struck_ball(
     played: tuple[Scene, Shot], tmp_path: Path
 ) -> None:
     scene, shot = played
-    bare = replace(scene, room=replace(scene.room, show_ball=False))
+    bare = replace(scene, room=replace(scene.room, show_ball=False), frames=60)
     clip = written(rendered(bare, shot), tmp_path / "clip.mp4")
     result = run("measure", clip, "--ball", "basketball")
     assert result.exit_code == 4
@@ -245,7 +245,6 @@ def test_at_30_fps_the_contact_is_not_measured_and_the_rest_is_honest(
     assert holds(quantities["landing_distance"], float(shot.flight.landing_position[0]))
 
 
-@pytest.mark.slow
 def test_a_fast_clip_declared_as_30_fps_is_told_by_its_fall(whole: Path) -> None:
     result = run("contact-time", whole, "--ball", "basketball", fps=30.0)
     assert result.exit_code == 4

@@ -209,7 +209,8 @@ def test_files_that_cannot_be_written_are_told_before_anything_is_measured(
 @pytest.mark.parametrize(
     "options",
     [
-        pytest.param(["--fps", "30"], id="wrong rate"),
+        # a smaller clip at a wrong rate is in test_bad_clips
+        pytest.param(["--fps", "30"], marks=pytest.mark.slow, id="wrong rate"),
         pytest.param(
             ["--wall-grid", "100mm", "--setup", str(CLIPS / "basketball_60.toml")],
             marks=pytest.mark.slow,
