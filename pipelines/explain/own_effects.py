@@ -223,13 +223,23 @@ def _called(effect: Effect, hook: str, share: float) -> tuple[Any, ...]:
     return (found,)
 
 
+@contextlib.contextmanager
+def _leaving_no_bytecode() -> Iterator[None]:
+    """What is read from a user's folder leaves nothing in it."""
+    before, sys.dont_write_bytecode = sys.dont_write_bytecode, True
+    try:
+        yield
+    finally:
+        sys.dont_write_bytecode = before
+
+
 def _loaded(path: Path) -> tuple[Effect, ...]:
     spec = importlib.util.spec_from_file_location("effects_of_the_user", path)
     if spec is None or spec.loader is None:
         raise UsageError(f"{path} is no Python file", hint="Name a file that ends in .py.")
     module = importlib.util.module_from_spec(spec)
     try:
-        with contextlib.redirect_stdout(sys.stderr):
+        with contextlib.redirect_stdout(sys.stderr), _leaving_no_bytecode():
             spec.loader.exec_module(module)
     except (Exception, SystemExit) as problem:  # a user's file may raise anything
         raise UsageError(

@@ -1,6 +1,7 @@
 """Files of effects that users write: what loops, ends the program or makes no sense is told."""
 
 import json
+import sys
 import time
 
 import pytest
@@ -63,6 +64,15 @@ WRONG = {
 @pytest.mark.parametrize("text", WRONG)
 def test_what_is_wrong_with_a_file_of_effects_is_told(tmp_path, text):
     assert WRONG[text] in told(tmp_path, text)
+
+
+def test_beside_a_file_of_effects_nothing_is_left(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
+    monkeypatch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
+    file = tmp_path / "own.py"
+    file.write_text(pull())
+    assert load_effects(file)
+    assert list(tmp_path.iterdir()) == [file]
 
 
 def test_a_sound_file_is_taken_and_what_it_prints_stays_out_of_results(tmp_path, capsys):
