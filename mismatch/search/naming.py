@@ -649,7 +649,9 @@ def _supported(forward: Forward, larger: Hypothesis, smaller: Hypothesis, thresh
         return more > max(threshold, 0.5 * left)
     added = [m.effect for m in larger.members if m.id not in smaller.ids]
     further = added or [larger.members[-1].effect]
-    share = max(second_effect_share(smaller, one) for one in further)
+    # A law that does not stay leaves nothing over: other laws in its place have chance to beat.
+    stays = replace(smaller, members=tuple(m for m in smaller.members if m.id in larger.ids))
+    share = max(second_effect_share(stays, one) for one in further)
     if more > max(threshold, share * smaller.gain):
         return True
     # Against a baseline that runs away any share is small; then what is left over counts.

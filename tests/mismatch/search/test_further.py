@@ -55,3 +55,12 @@ def test_a_further_law_of_any_phase_has_to_beat_chance():
     assert not _supported(STRIKES, answer(420.0, arm, law), answer(410.0, arm), CHANCE)
     assert not _worth_a_fit(answer(410.0, arm), [Candidate(law, (), 1)], [(10.0, 0, np.zeros(1))],
                             CHANCE)  # fmt: skip
+
+
+def test_laws_that_do_without_a_loose_one_have_only_chance_to_beat():
+    """A steady side force and another COR were left at 61 units for a face that rubs."""
+    face = answer(3400.0, effect_named("oblique_impact"))
+    wake, restitution = effect_named("asymmetric_wake"), effect_named("velocity_dependent_cor")
+    assert _supported(STRIKES, answer(3475.0, wake, restitution), face, CHANCE)
+    beside = answer(3475.0, effect_named("oblique_impact"), restitution)
+    assert not _supported(STRIKES, beside, face, CHANCE)
