@@ -314,7 +314,7 @@ class _Seen:
 def _seen(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Seen | None:
     """Find the ball in gray and, where that leaves doubt, in the colours of what moves."""
     gray = _seen_in_gray(scene, at)
-    if gray is not None and (_clearly_seen(gray.rough) or len(gray.choice.others) > 1):
+    if gray is not None and (_clearly_seen(gray.rough) or len(gray.choice.beside) > 1):
         # Of several alike, one colour may show another one, and loses the rest; a single one beside
         # the ball is often the ball once more, seen in part.
         return gray

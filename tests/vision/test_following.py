@@ -9,7 +9,7 @@ from tests.shared_data import shared_folder
 from tests.vision.ball.painted import PaintedClip, exposed, struck_ball, wall, with_ball
 from vision.clip.clip import ClipReader
 from vision.following import follow
-from vision.tracks import Track, Tracks
+from vision.tracks import MotionKind, Track, Tracks
 
 
 @pytest.fixture(scope="module")
@@ -174,7 +174,16 @@ def test_a_ball_that_lies_still_for_most_of_a_clip_is_followed_from_the_first_fr
     clip, centres, _ = struck_ball(64)
     tracks = follow(clip, 30.0)  # type: ignore[arg-type]
     assert tracks.ball.frame[0] == 0
-    # of the frames in which the mass arrives, rounding decides: other processors miss two of them
-    assert len(tracks.ball.frame) > 60
+    assert len(tracks.ball.frame) == 64
     assert tracks.rest_frames == (0, 40)
-    assert np.hypot(*(tracks.ball.centre_px - centres[tracks.ball.frame]).T).max() < 0.1
+    assert np.hypot(*(tracks.ball.centre_px - centres).T).max() < 0.1
+
+
+@pytest.mark.slow
+def test_a_ball_seen_in_two_parts_in_gray_is_followed_by_its_colour() -> None:
+    name = "orange_ball_bounce"
+    tracks = follow(ClipReader.open(shared_folder("clips") / f"{name}.mp4"), 30.0)
+    # marked by eye, to 1.5 px; in gray six of them were lost or 7 to 14 px off
+    assert _rms(tracks.ball, _truth(name)) < 3.0
+    assert tracks.motion is not None
+    assert tracks.motion.kind is MotionKind.FLIGHT

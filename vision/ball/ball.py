@@ -280,6 +280,11 @@ SMALL_RADIUS = 6.0
 _FELT_RADII = 0.12
 """Radii from which a coarse outline is felt at least: as wide as its soft edge."""
 
+_SHARP_PX, _SHARPER = 0.6, 3.0
+"""px, standard deviation of a sharp edge's blur: a pixel's own width and some optics; and factor
+from an edge to the next sharper one, supposed: what a fit leaves is less than a third of its edge's
+width."""
+
 _LOST_AFTER = 4
 """Frames without an outline that end a path: one or two may be hidden or dropped."""
 
@@ -801,15 +806,17 @@ class _Search:
         self._scene = scene
         self.radius = radius
         inner, outer = ring_widths(radius)
-        self._coarse = EdgeProfile(radius, max(0.6, 0.12 * radius), 0.0)
-        self._sharp = EdgeProfile(radius, 0.6, 0.0)
+        self._sharp = EdgeProfile(radius, _SHARP_PX, 0.0)
         self._fine_rules = FitRules(3, 0.1 * radius, inner, outer, 6, 0.05)
-        # a large ball goes many px in a frame, all of them a small part of it
+        self._softer: list[tuple[EdgeProfile, FitRules]] = []
+        for soft in _soft_edges(radius):
+            # a large ball goes many px in a frame, all of them a small part of it
+            wide = replace(
+                self._fine_rules, inner=max(1.6 * inner, soft), outer=max(1.6 * outer, soft)
+            )
+            self._softer.append((EdgeProfile(radius, soft, 0.0), wide))
         felt = _FELT_RADII * radius
-        inner, outer = max(1.6 * inner, felt), max(1.6 * outer, felt)
-        self._coarse_rules = replace(
-            self._fine_rules, inner=inner, outer=outer, iterations=6, tolerance=0.05
-        )
+        outer = self._softer[0][1].outer
         self._reach = radius + outer + max(min(6.0, 0.4 * radius), felt) + 2.0
 
     def run(
@@ -865,14 +872,17 @@ class _Search:
         return fine
 
     def _from_afar(self, pieces: Cutouts, start: Start) -> OutlineFits:
-        """Fit with a soft edge, which is felt from further off, and then with a sharp one."""
-        radius = self.radius
-        coarse = fit_outlines(pieces, self._coarse, start, self._coarse_rules)
-        centre = np.where(coarse.found[:, None], coarse.centre, start.centre)
-        size = np.where(coarse.found, coarse.radius, radius)
-        better = _round_start(centre, np.clip(size, 0.85 * radius, 1.15 * radius))
+        """Fit with a soft edge, which is felt from further off, and then with sharper ones."""
+        radius, better = self.radius, start
+        found = np.ones(len(start.centre), dtype=bool)
+        for profile, rules in self._softer:
+            coarse = fit_outlines(pieces, profile, better, rules)
+            found &= coarse.found
+            centre = np.where(found[:, None], coarse.centre, start.centre)
+            size = np.where(found, coarse.radius, radius)
+            better = _round_start(centre, np.clip(size, 0.85 * radius, 1.15 * radius))
         fine = fit_outlines(pieces, self._sharp, better, self._fine_rules)
-        fine.found[:] &= coarse.found & self._believable(fine, start.centre)
+        fine.found[:] &= found & self._believable(fine, start.centre)
         return fine
 
     def _believable(self, fits: OutlineFits, guess: FloatArray) -> BoolArray:
@@ -880,6 +890,17 @@ class _Search:
         moved = np.hypot(*(fits.centre - guess).T)
         clear = fits.contrast >= _LEAST_CONTRAST
         return np.asarray(clear & (swollen < 0.2) & (moved < 0.8 * self.radius))
+
+
+def _soft_edges(radius: float) -> list[float]:
+    """Widths of the edges that a start from afar is fitted with, softest first, px.
+
+    What a soft edge leaves must be within the reach of the next: a large ball needs some between.
+    """
+    soft = [max(_SHARP_PX, _FELT_RADII * radius)]
+    while soft[-1] > _SHARPER * _SHARP_PX:
+        soft.append(soft[-1] / _SHARPER)
+    return soft
 
 
 def _doubtful(fits: OutlineFits, guess: FloatArray) -> BoolArray:

@@ -556,6 +556,12 @@ class Choice:
         """Whether it lay still until something that moves reached it."""
         return bool(self.strikers)
 
+    @property
+    def beside(self) -> tuple[BallPath, ...]:
+        """Others in view with the ball; what was seen before or after may be the ball itself."""
+        first, last = self.ball.frame[[0, -1]]
+        return tuple(one for one in self.others if one.frame[-1] >= first and one.frame[0] <= last)
+
 
 def trimmed(path: BallPath) -> BallPath:
     """Leave out candidates whose radius is not that of the clearest ones."""

@@ -110,6 +110,9 @@ _ROUND, _MOSTLY, _LEAST_ARC, _MOST_BEYOND, _WHOLE_RIM = 0.5, 0.5, 0.3, 0.1, 0.8
 """Share of the rim on the circle of what is round; of the frames in which it must be; share of the
 rim that holds a circle of known size; of an outline, outside; and of a rim from which on it does
 not matter what lies outside, since a streak has two caps; supposed."""
+_OTHER_SIZE = 2.0
+"""Factor between two sizes from which on they are of two things, supposed: what comes nearer grows
+by less while it is in view."""
 _RIM_PARTS = 36
 """Parts of a rim, one each 10°, in which points are counted."""
 _COURSE, _MOST_MISSED, _AHEAD_SHARE = 4, 2, 0.5
@@ -274,11 +277,11 @@ class _Silhouettes:
                 radius = _size_at(int(frame[row]), frame[near], size[near])
                 start = one.centre if circle is None else circle.centre
                 circle = _circle(one.outline, start, radius, radius)
-                if circle is not None and circle.whole:
+                if circle is not None and circle.whole and _of_size(circle.radius, self._radius):
                     covariance = circle.covariance + one.covariance
                     _write(fits, row, circle.centre, covariance, circle.radius, circle.share)
                     continue
-            if one.solid > _LEAST_SOLID:
+            if one.solid > _LEAST_SOLID and _of_size(one.narrow, self._radius):
                 covariance = one.covariance.copy()
                 if circle is not None:
                     # Two outlines of one thing: neither is known to be the right one.
@@ -301,6 +304,11 @@ def _write(
     fits.centre[row], fits.radius[row] = centre, radius
     fits.covariance[row], fits.bound[row] = covariance + siting, siting
     fits.rms_residual[row], fits.contrast[row] = 1.0, contrast
+
+
+def _of_size(found: float, known: float) -> bool:
+    """Whether a size may be that of the thing looked for: a panel of a ball is another thing."""
+    return known / _OTHER_SIZE < found < known * _OTHER_SIZE
 
 
 def _size_at(index: int, frame: IntArray, radius: FloatArray) -> float:
@@ -410,7 +418,7 @@ def _circle(
         step = np.linalg.solve(normal, weighted.T @ left)
         centre = centre + step[:2]
         now = now if radius is not None else now + float(step[2])
-        if np.hypot(*(centre - start)) > size or not 0.5 * size < now < 2.0 * size:
+        if np.hypot(*(centre - start)) > size or not _of_size(now, size):
             return None
     on = np.abs(left) < 2.0 * _LAST_OFF * size
     turn = np.arctan2(normals[on, 1], normals[on, 0])

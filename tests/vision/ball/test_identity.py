@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vision.ball.ball import expected_places, off_flight
-from vision.ball.choice import BallPath, choose_ball, untangled
+from vision.ball.choice import BallPath, Choice, choose_ball, untangled
 
 
 def _path(frame: np.ndarray, x: np.ndarray, radius: float = 8.0) -> BallPath:
@@ -35,6 +35,12 @@ def test_paths_that_go_on_as_they_did_are_left_alone() -> None:
     one, other = _path(frame, 3.0 * frame), _path(frame[:10], 120.0 - 3.0 * frame[:10])
     ends = {path.centre_px[-1, 0] for path in untangled([one, other])}
     assert ends == {one.centre_px[-1, 0], other.centre_px[-1, 0]}
+
+
+def test_what_was_seen_before_the_ball_came_is_not_beside_it() -> None:
+    earlier, ball, later = (_path(np.arange(k, k + 20), np.arange(20.0)) for k in (0, 20, 40))
+    with_it = _path(np.arange(30, 50), np.arange(20.0))
+    assert Choice(ball, (earlier, with_it, later), struck=False).beside == (with_it,)
 
 
 def _flight(count: int = 40, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:

@@ -4,10 +4,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from vision.ball.ball import BallFits
+from tests.vision.ball.painted import PaintedClip, cover, exposed, wall, with_ball
+from vision.ball.ball import BallFits, follow_ball
+from vision.ball.choice import BallPath
 from vision.ball.outline import nothing_found
 from vision.ball.refine import _between, _evenly, _lowest, _Refiner, _unrest
+from vision.clip.footage import Footage
+from vision.scene import FilmedScene
 
 FRAMES = 20
 
@@ -74,3 +79,36 @@ def test_two_fits_meet_midway_and_their_distance_is_stated() -> None:
     assert both.centre == pytest.approx(np.array([[0.0, 0.0], [0.1, 0.0], [0.0, -0.2]]))
     std = np.sqrt(np.diagonal(both.fits.covariance, axis1=1, axis2=2))
     assert std == pytest.approx(np.array([[0.0, 0.0], [0.1, 0.0], [0.0, 0.2]]))
+
+
+def _seamed(
+    light: NDArray[np.float64], centre: tuple[float, float], radius: float
+) -> NDArray[np.float64]:
+    """Put a ball with dark seams before a scene."""
+    y, x = np.mgrid[0 : light.shape[0], 0 : light.shape[1]].astype(float)
+    x, y = (x - centre[0]) / radius, (y - centre[1]) / radius
+    rings = [np.hypot(x - 1.1, y + 0.9) - 1.0, np.hypot(x + 1.1, y - 0.9) - 1.0]
+    seam = np.abs(np.array([0.8 * x + 0.6 * y - 0.1, 0.6 * x - 0.8 * y, *rings])).min(axis=0)
+    part = cover(*light.shape, centre, radius)
+    ball = with_ball(light, centre, radius, 0.75)
+    return np.asarray(ball * (1.0 - 0.88 * part * (seam < 0.025)))
+
+
+def test_seams_and_lines_do_not_draw_the_outline_of_a_ball_that_fills_the_picture() -> None:
+    radius, count = 140.0, 10
+    scene = wall(448, 700, 31.0)
+    time = np.arange(count)
+    places = np.column_stack([1.3 * radius + 17.0 * time, 1.6 * radius - 4.0 * time])
+    pictures = [exposed(scene, 1.0, seed) for seed in range(8)]
+    for seed, (x, y) in enumerate(places, 20):
+        pictures.append(exposed(_seamed(scene, (float(x), float(y)), radius), 1.0, seed))
+    filmed = FilmedScene(Footage(PaintedClip(pictures)))  # type: ignore[arg-type]
+    # circles of edges are looked for in small pictures, and are off by some px of a large one
+    off = np.random.default_rng(140).normal(0.0, 0.04 * radius, places.shape)
+    plain = np.ones(count)
+    path = BallPath(8 + time, places + off, 1.02 * radius * plain, plain, plain, plain, plain)
+    found = follow_ball(filmed, path)
+    away = np.hypot(*(found.centre - places[found.frame - 8]).T)
+    assert len(found) == count
+    assert away.max() < 0.15
+    assert np.abs(found.radius - radius).max() < 0.15

@@ -83,6 +83,28 @@ def test_a_circle_is_laid_through_the_arc_that_a_bar_leaves_in_view() -> None:
     assert np.abs(np.median(off, axis=0)).max() < 1.0
 
 
+def test_a_coloured_panel_is_not_the_ball_that_carries_it() -> None:
+    time = np.arange(26.0)
+    places = np.column_stack([45.0 + 5.0 * time, np.full(26, 80.0)])
+    empty, pale = np.zeros((HEIGHT, WIDTH)), (0.80, 0.80, 0.80)
+    pictures = [_picture([], empty, seed) for seed in range(8)]
+    for k, (x, y) in enumerate(places):
+        ball = cover(HEIGHT, WIDTH, (x, y), 40.0)
+        panel = cover(HEIGHT, WIDTH, (x - 8.0, y - 5.0), 15.0)
+        pictures.append(_picture([(ball, pale), (panel, RED)], empty, 30 + k))
+    scene = FilmedScene(Footage(PaintedColourClip(pictures)))  # type: ignore[arg-type]
+    tinted = scene.tinted(0.0, 1.0)
+    looks, plain = np.arange(10, 34, 3), np.ones(8)
+
+    def followed(radius: float) -> int:
+        path = BallPath(looks, places[looks - 8], radius * plain, plain, plain, plain, plain)
+        return len(follow_silhouette(tinted, path))
+
+    # whoever looks for the panel finds it
+    assert followed(15.0) >= 20
+    assert followed(40.0) == 0
+
+
 def test_gray_clips_have_no_colour_to_look_in() -> None:
     pictures = [np.full((HEIGHT, WIDTH), 90, np.uint8) for _ in range(12)]
     for k, picture in enumerate(pictures):
