@@ -24,6 +24,7 @@ Pictures sorted pixel by pixel: a network of minima and maxima over whole pictur
 import copy
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any, TypeVar
 
@@ -38,6 +39,7 @@ from vision.tracks import Rest
 
 __all__ = [
     "Aligner",
+    "Backdrop",
     "Background",
     "FilmedScene",
     "LightMeter",
@@ -46,6 +48,7 @@ __all__ = [
     "brightness",
     "densest",
     "estimate_background",
+    "in_the_light_of",
     "scene_before_strike",
     "sorted_stack",
     "warp_to_scene",
@@ -1006,3 +1009,76 @@ def _lingering(
     size = 2 * int(_CLOSED * radius) + 1
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
     return np.asarray((cv2.morphologyEx(gone, cv2.MORPH_CLOSE, kernel) > 0) & other)
+
+
+_LIGHT_PX = 12.0
+"""px, of the ball's radius in the small picture in which light is told: light that lamps throw is
+even over so few, and a median over that many pixels is cheap."""
+
+_LIT_SIGMA = 2.0
+"""px of that picture over which the light found is smoothed, supposed."""
+
+_LEVELS = 100.0
+"""Steps of the ratio of light by which a median is taken: 1 %, about the noise of a pixel."""
+
+_DARKEST_SCENE = 4.0
+"""Gray levels: darker parts of a scene tell no ratio."""
+
+_FRAMES_LIT = 24
+"""Frames whose light is kept: those about a strike are looked at again and again."""
+
+
+class Backdrop:
+    """What lies behind a body that moves before the scene.
+
+    Parameters
+    ----------
+    scene : FilmedScene
+        Footage with its static scene.
+    image : (H, W) float32 array
+        The scene without the body, in reference brightness.
+    radius : float
+        Ball radius, px.
+    relit : bool
+        Whether it is seen in each frame's own light: shadows of things out of view sweep over it.
+    """
+
+    def __init__(
+        self, scene: FilmedScene, image: FloatImage, radius: float, *, relit: bool = False
+    ) -> None:
+        self._scene, self._image, self._radius, self.relit = scene, image, radius, relit
+        self._lit = lru_cache(_FRAMES_LIT)(self._in_its_light)
+
+    def in_frame(self, index: int) -> FloatImage:
+        """What lies behind in a frame, in reference brightness (H, W)."""
+        return self._lit(index) if self.relit else self._image
+
+    def _in_its_light(self, index: int) -> FloatImage:
+        picture = self._scene.picture(index)
+        even = picture / np.float32(self._scene.views[index].gain)
+        return in_the_light_of(even, self._image, self._radius)
+
+
+def in_the_light_of(picture: FloatImage, image: FloatImage, radius: float) -> FloatImage:
+    """A scene in the light of a picture.
+
+    Parameters
+    ----------
+    picture, image : (H, W) float32 arrays
+        The picture, and the scene in another light.
+    radius : float
+        px: what covers less than half of the square about a disc of this radius is no light.
+
+    Returns
+    -------
+    (H, W) float32 array
+    """
+    share = min(1.0, _LIGHT_PX / radius)
+    ratio = np.clip(picture / np.maximum(image, _DARKEST_SCENE), 0.0, 255.0 / _LEVELS)
+    small = cv2.resize(ratio, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
+    size = 2 * max(1, round(share * radius)) + 1
+    usual = cv2.medianBlur(np.rint(small * _LEVELS).astype(np.uint8), size)
+    smooth = cv2.GaussianBlur(usual.astype(np.float32) / _LEVELS, (0, 0), _LIT_SIGMA)
+    height, width = image.shape
+    light = cv2.resize(smooth, (width, height), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(image * light)

@@ -434,8 +434,10 @@ def _swing_through(start: ImagedSwing, poses: Sequence[Pose], view_std: float) -
     away = start.centre_px - start.pivot_px
     arm = float(np.hypot(*away))
     stds = np.array([_PIVOT_STD_SHARE * arm] * 2 + [view_std] * 2)
-    # neighbouring frames share what biases them
-    count = float(np.sqrt(len(points) / _INDEPENDENT))
+    # neighbouring frames share what biases them; a frame that tells less than usual counts for less
+    place_std = np.sqrt([0.5 * np.trace(pose.covariance[:2, :2]) for pose in poses])
+    less = np.maximum(place_std / max(float(np.median(place_std)), 1e-9), 1.0)
+    count = float(np.sqrt(len(points) / _INDEPENDENT)) * less
 
     def swing_of(state: FloatArray) -> ImagedSwing:
         return replace(

@@ -27,7 +27,7 @@ from metrology.least_squares import minimise
 from vision.ball.ball import BallFits
 from vision.ball.edges import TYPICAL_GAMMA, Hides
 from vision.pendulum.arc import Arc, Patch, Pose, sampled
-from vision.scene import FilmedScene
+from vision.scene import Backdrop, FilmedScene
 from vision.tracks import Face, Rest
 
 __all__ = [
@@ -151,7 +151,7 @@ def find_mass(
     scene: FilmedScene,
     rest: Rest,
     radius: float,
-    before: FloatImage,
+    before: Backdrop,
     at: tuple[float, float] | None = None,
 ) -> tuple[MassCandidate, ...]:
     """Find what may be about to strike the ball.
@@ -164,7 +164,7 @@ def find_mass(
         The ball before it is struck.
     radius : float
         Ball radius, px.
-    before : (H, W) float32 array
+    before : Backdrop
         The scene before the strike (`vision.scene.scene_before_strike`).
     at : tuple of float, optional
         A point on the mass just before contact, px, where the user gave one.
@@ -206,12 +206,12 @@ def _pieces(
     index: int,
     rest: Rest,
     radius: float,
-    before: FloatImage,
+    before: Backdrop,
     at: tuple[float, float] | None,
 ) -> Iterator[tuple[int, MassCandidate]]:
     """The piece nearest to the ball's rear at each threshold, in one frame."""
     picture = scene.picture(index)
-    expected = np.asarray(before * np.float32(scene.views[index].gain))
+    expected = np.asarray(before.in_frame(index) * np.float32(scene.views[index].gain))
     change = np.abs(cv2.GaussianBlur(picture - expected, (0, 0), 0.7))
     behind = _Behind(rest, radius, change.shape)
     lowest = _LOWEST_SIGMA * scene.usual_noise
@@ -488,7 +488,7 @@ class _Strip:
 
 
 def find_face(
-    scene: FilmedScene, mass: MassPoses, rest: Rest, radius: float, before: FloatImage
+    scene: FilmedScene, mass: MassPoses, rest: Rest, radius: float, *scenes_before: Backdrop
 ) -> Face:
     """Find the foremost edge of the mass at the ball's height, and the middle of its face.
 
@@ -502,8 +502,8 @@ def find_face(
         The ball before it is struck.
     radius : float
         Its radius, px.
-    before : (H, W) float32 array
-        The scene before the strike.
+    *scenes_before : Backdrop
+        The scene before the strike; the next is asked where no edge stands out before one.
 
     Returns
     -------
@@ -512,15 +512,19 @@ def find_face(
         as unsure.
     """
     body = _Body.of(mass, rest)
-    look = _Look(scene, body, rest, radius, before)
-    start = look.outermost(look.clear_by(_REACH * radius))
     found, place = None, len(body.poses) - 1
-    if start is not None:
+    for before in scenes_before:
+        look = _Look(scene, body, rest, radius, before)
+        start = look.outermost(look.clear_by(_REACH * radius))
+        if start is None:
+            continue
         places = look.clear_by(start + max(_WALL * radius, _LEAST_WALL_PX))
         strip = look.seen(places)
         if strip is not None:
             found = _fitted(strip, start, radius)
             place = int(places[-1])
+        if found is not None:
+            break
     if found is None:
         half = 0.5 * float(np.sqrt(mass.patch.opacity.sum()))
         found = _Edges(half, 0.5 * half, None, np.inf)
@@ -574,7 +578,7 @@ class _Look:
     body: _Body
     rest: Rest
     radius: float
-    before: FloatImage
+    before: Backdrop
 
     def clear_by(self, ahead: float) -> NDArray[np.int64]:
         """The last poses in which so much ahead of the anchor is free of the ball, px."""
@@ -599,7 +603,7 @@ class _Look:
             height, width = self.scene.shape
             free &= (at > 1).all(axis=1) & (at < [width - 2, height - 2]).all(axis=1)
             light = _light(_at(self.scene.picture(index), at) / self.scene.views[index].gain)
-            total += free * light / _light(_at(self.before, at))
+            total += free * light / _light(_at(self.before.in_frame(index), at))
             count += free
         enough = count >= max(_FEWEST, 0.7 * len(places))
         if not enough.any():

@@ -25,7 +25,7 @@ from vision.pendulum.layer import (
     locate_along,
     registration_step,
 )
-from vision.scene import FilmedScene
+from vision.scene import Backdrop, FilmedScene
 from vision.tracks import Rest
 
 __all__ = ["Follower", "Swinging", "follow_on", "follow_piece"]
@@ -233,6 +233,11 @@ class Swinging:
     gain: float
     scatter_px: float
 
+    @property
+    def misfit(self) -> float:
+        """What is usually left of a picture where the body lies, over noise."""
+        return float(np.median([pose.rms_residual for pose in self.mass.poses]))
+
 
 class Follower:
     """Looks for swinging bodies in a clip.
@@ -245,13 +250,14 @@ class Follower:
         The ball before it is struck.
     ball : BallFits
         The ball, which may hide part of the body.
-    before : (H, W) float32 array
+    before : Backdrop
         The scene before the strike (`scene_before_strike`).
     """
 
-    def __init__(self, scene: FilmedScene, rest: Rest, ball: BallFits, before: FloatImage) -> None:
+    def __init__(self, scene: FilmedScene, rest: Rest, ball: BallFits, before: Backdrop) -> None:
         self.scene, self.rest, self.ball, self.before = scene, rest, ball, before
         self.radius = float(np.median(ball.radius))
+        self.after = Backdrop(scene, scene.background.image, self.radius, relit=before.relit)
 
     def frames(self, radii: float, least: int = 1) -> int:
         """In how many frames, at least so many, the ball flies so many of its radii."""
@@ -274,9 +280,9 @@ class Follower:
         picture = self.scene.picture(index)
         gain = self.scene.views[index].gain
         left = self.rest.last + self.frames(_SHADOW_LEAVES)
-        behind = [self.before] if index <= left else []
+        behind = [self.before.in_frame(index)] if index <= left else []
         if index > self.rest.last:
-            behind.append(self.scene.background.image)
+            behind.append(self.after.in_frame(index))
         for image in behind:
             yield Glimpse(index, picture, image, gain, self.scene.noise, self.hidden(index))
 

@@ -22,7 +22,11 @@ HEIGHT, WIDTH, RADIUS = 104, 168, 11.0
 
 @dataclass(frozen=True)
 class Make:
-    """How a pendulum looks: half sizes of its mass (round where they are equal and `round`), px."""
+    """How a pendulum looks: half sizes of its mass (round where they are equal and `round`), px.
+
+    A shadow of somebody out of view may sweep over the wall: what part of the light it takes, where
+    it is at the strike, px, and how far it goes in a frame.
+    """
 
     half: tuple[float, float] = (8.0, 8.0)
     round: bool = False
@@ -33,6 +37,7 @@ class Make:
     view: tuple[float, float] = (0.0, 1.0)
     rate: float = 0.03
     swings: bool = True
+    swept: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -63,7 +68,7 @@ def filmed(make: Make, *, mirrored: bool = False, frames: int = 54, every: int =
     pictures = []
     for index in range(len(time)):
         swung = float(angle[index]) if make.swings else -0.5
-        light = _with_mass(scene, make, view, swung)
+        light = _with_mass(scene * _passing(time[index], make.swept), make, view, swung)
         light = _with_ball(light, centre[index])
         picture = exposed(light, 1.5, index)
         pictures.append(picture[:, ::-1].copy() if mirrored else picture)
@@ -78,6 +83,14 @@ def filmed(make: Make, *, mirrored: bool = False, frames: int = 54, every: int =
     going = Rest(0, last, centre[0], way / length, every * length / (frames - STRIKE))
     footage = Footage(PaintedClip(pictures))  # type: ignore[arg-type]
     return Filmed(FilmedScene(footage), going, BallFits(np.arange(len(time)), fits), angle, middle)
+
+
+def _passing(time: float, swept: tuple[float, float, float]) -> FloatArray:
+    """Part of the light that a wide shadow with soft edges leaves on the wall."""
+    depth, place, speed = swept
+    x = np.arange(WIDTH) - (place + speed * time)
+    dark = np.clip((x + 45.0) / 14.0, 0.0, 1.0) * np.clip((25.0 - x) / 14.0, 0.0, 1.0)
+    return np.asarray(np.broadcast_to(1.0 - depth * dark, (HEIGHT, WIDTH)))
 
 
 def _with_mass(light: FloatArray, make: Make, view: FloatArray, angle: float) -> FloatArray:

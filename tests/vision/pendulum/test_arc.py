@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from vision.pendulum.arc import fit_arc
+from vision.pendulum.arc import ImagedSwing, Pose, fit_arc, fit_imaged_swing
 
 CENTRE, RADIUS, NOISE = np.array([310.0, -240.0]), 420.0, 0.3
 
@@ -66,3 +66,20 @@ def test_how_far_the_body_turned_tells_the_radius_of_a_short_arc() -> None:
 @pytest.mark.parametrize("points", [np.zeros((4, 2)), np.column_stack([np.arange(9.0)] * 2)])
 def test_too_few_points_and_straight_lines_are_no_arc(points: np.ndarray) -> None:
     assert fit_arc(points) is None
+
+
+def test_poses_that_state_little_do_not_bend_the_swing() -> None:
+    pivot, arm = np.array([60.0, 12.0]), 70.0
+    angle = np.linspace(-0.3, 0.9, 120)
+    off = np.random.default_rng(3).normal(0.0, 0.05, (120, 2))
+    std = np.full(120, 0.1)
+    # it slides along a line behind it, and its registration says that it is less sure
+    sliding = angle > 0.6
+    off[sliding, 1] += 10.0 * (angle[sliding] - 0.6)
+    std[sliding] = 0.6
+    poses = []
+    for turn, stray, one in zip(angle, off, std, strict=True):
+        anchor = pivot + arm * np.array([np.sin(turn), np.cos(turn)]) + stray
+        poses.append(Pose(anchor, -turn, one**2 * np.eye(3), 1.0, 1.0))
+    start = ImagedSwing(pivot + [1.0, -2.0], 0.0, 1.0, poses[30].anchor, True)
+    assert fit_imaged_swing(start, poses).pivot_px == pytest.approx(pivot, abs=0.7)

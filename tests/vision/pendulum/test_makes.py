@@ -5,7 +5,7 @@ import pytest
 
 from tests.vision.pendulum.swinging import STRIKE, Filmed, Make, filmed
 from vision.pendulum.arc import sampled
-from vision.pendulum.face import restitution_px
+from vision.pendulum.face import Striking, restitution_px
 from vision.pendulum.search import Striker, find_striker
 
 ROUND = Make(half=(6.0, 6.0), round=True, rod=0.7, light=0.3)
@@ -19,10 +19,11 @@ def struck(film: Filmed) -> Striker:
     return found
 
 
-def off_px(film: Filmed, found: Striker) -> float:
-    """How far the track strays from the true one but for a constant offset, px, RMS."""
-    frame = found.mass.frame
-    gap = found.mass.anchor - film.middle[frame]
+def off_px(film: Filmed, found: Striker, within: int = 1000) -> float:
+    """How far the track strays from a fixed point of the mass so many frames about it, px, RMS."""
+    near = np.abs(found.mass.frame - STRIKE) < within
+    frame = found.mass.frame[near]
+    gap = found.mass.anchor[near] - film.middle[frame]
     sine, cosine = np.sin(film.angle[frame]), np.cos(film.angle[frame])
     axes = np.concatenate([np.column_stack([cosine, sine]), np.column_stack([-sine, cosine])])
     flat = gap.T.ravel()
@@ -70,6 +71,25 @@ def test_a_round_bob_is_known_by_a_look_that_does_not_turn_and_strikes_with_its_
 def test_the_pivot_is_where_all_turns_about() -> None:
     found = struck(filmed(Make()))
     assert found.swing.pivot_px == pytest.approx([60.0, 12.0], abs=2.5)
+
+
+@pytest.mark.parametrize(
+    ("light", "swept"),
+    [(0.35, (0.4, 70.0, -2.0)), (0.15, (0.55, 40.0, -2.0)), (0.15, (0.55, 110.0, 4.0))],
+    ids=["pale", "dark", "before it"],
+)
+def test_a_mass_is_followed_and_its_face_seen_though_a_shadow_sweeps_over_the_wall(
+    light: float, swept: tuple[float, float, float]
+) -> None:
+    film = filmed(Make(light=light, swept=swept), frames=84)
+    found = struck(film)
+    assert found.striking is Striking.AGREES
+    assert off_px(film, found, within=20) < 0.5
+    face = found.face
+    ahead = face.edge_px - film.middle[face.frame]
+    angle = film.angle[face.frame]
+    assert face.edge_std_px < 0.3
+    assert float(ahead @ [np.cos(angle), -np.sin(angle)]) == pytest.approx(8.0, abs=0.5)
 
 
 def test_nothing_that_swings_is_no_striker() -> None:
