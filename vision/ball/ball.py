@@ -30,6 +30,7 @@ from vision.motion import lawful_stretch
 from vision.scene import FilmedScene
 
 __all__ = [
+    "LEAST_CONTRAST",
     "SMALL_RADIUS",
     "BallFits",
     "expected_places",
@@ -270,7 +271,7 @@ def _expected_place(
     return place, spread
 
 
-_LEAST_CONTRAST = 0.35
+LEAST_CONTRAST = 0.35
 """Share of full contrast along an outline, supposed: less is a ball half hidden, or none."""
 
 # Balls smaller than this are too few pixels for the outline model; the circle of their edges is
@@ -852,7 +853,7 @@ class _Search:
         fits.centre[beside], fits.radius[beside] = guess[beside], self.radius
         fits.covariance[beside] = (_LOOK_STD * self.radius + 0.2) ** 2 * np.eye(2)
         fits.bound[beside] = fits.covariance[beside] / 9.0
-        fits.rms_residual[beside], fits.contrast[beside] = 1.0, _LEAST_CONTRAST
+        fits.rms_residual[beside], fits.contrast[beside] = 1.0, LEAST_CONTRAST
         return fits
 
     def _fitted(self, frame: IntArray, guess: FloatArray, afar: bool) -> OutlineFits:
@@ -888,7 +889,7 @@ class _Search:
     def _believable(self, fits: OutlineFits, guess: FloatArray) -> BoolArray:
         swollen = np.abs(np.log(np.maximum(fits.radius, 0.1) / self.radius))
         moved = np.hypot(*(fits.centre - guess).T)
-        clear = fits.contrast >= _LEAST_CONTRAST
+        clear = fits.contrast >= LEAST_CONTRAST
         return np.asarray(clear & (swollen < 0.2) & (moved < 0.8 * self.radius))
 
 

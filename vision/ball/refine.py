@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.ball.ball import SMALL_RADIUS, BallFits, trusted_rows
+from vision.ball.ball import LEAST_CONTRAST, SMALL_RADIUS, BallFits, trusted_rows
 from vision.ball.edges import Cutouts, CutPlaces, EdgeProfile, Hides, cut_out, ring_widths
 from vision.ball.outline import (
     FitRules,
@@ -102,23 +102,41 @@ def refine_ball(
     typical = float(np.median(rough.radius))
     if typical < SMALL_RADIUS or len(rough.frame) < _FEWEST_SHARP:
         return trusted_rows(_calibrated(rough))
-    refiner = _Refiner(scene, rough, typical, hides)
+    whole = _with_missed(rough, hides)
+    refiner = _Refiner(scene, whole, typical, hides)
     refiner.learn_optics()
     shape = _CommonShape(typical, scene.shape)
-    shape.begin(rough.at(refiner.clear))
+    shape.begin(whole.at(refiner.clear))
     for _ in range(_SHAPE_STEPS):
         shaped = refiner.fit(_evenly(refiner.clear, _SHAPE_FRAMES), 2, shape)
         if len(shaped.frame) < 3:
             return trusted_rows(_calibrated(rough))
         shape.improve(shaped.fits)
-    every = np.arange(len(rough.frame))
+    every = np.arange(len(whole.frame))
     refined = shape.improved_by(refiner.fit(every, 2, shape))
     refined = _between(refined, refiner.fit(every, 2, shape, panels=False))
+    seen = refined.fits.contrast >= LEAST_CONTRAST
+    refined = refined.at(seen | np.isin(refined.frame, rough.frame))
     # Where the model does not hold (a sharpened picture, a puck with a rim), the plain fits may
     # scatter less; the clip itself says so.
     holds = len(refined) >= _LEAST_KEPT * len(rough) and _unrest(refined) <= 1.1 * _unrest(rough)
     smoother = refined if holds else rough
     return trusted_rows(_calibrated(smoother))
+
+
+def _with_missed(rough: BallFits, hides: Callable[[int], Hides | None] | None) -> BallFits:
+    """Rows to begin from, too, where a body beside the ball was taken for a part of it."""
+    if hides is None:
+        return rough
+    between = np.setdiff1d(np.arange(rough.frame[0], rough.frame[-1] + 1), rough.frame)
+    missed = np.array([index for index in between.tolist() if hides(index) is not None], dtype=int)
+    if len(missed) == 0:
+        return rough
+    fits = nothing_found(len(missed))
+    for axis in (0, 1):
+        fits.centre[:, axis] = np.interp(missed, rough.frame, rough.centre[:, axis])
+    fits.radius[:] = np.interp(missed, rough.frame, rough.radius)
+    return _together(rough, BallFits(missed, fits))
 
 
 def _between(one: BallFits, other: BallFits) -> BallFits:

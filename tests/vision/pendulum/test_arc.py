@@ -81,5 +81,5 @@ def test_poses_that_state_little_do_not_bend_the_swing() -> None:
     for turn, stray, one in zip(angle, off, std, strict=True):
         anchor = pivot + arm * np.array([np.sin(turn), np.cos(turn)]) + stray
         poses.append(Pose(anchor, -turn, one**2 * np.eye(3), 1.0, 1.0))
-    start = ImagedSwing(pivot + [1.0, -2.0], 0.0, 1.0, poses[30].anchor, True)
+    start = ImagedSwing(np.array([61.0, 10.0]), 0.0, 1.0, poses[30].anchor, True)
     assert fit_imaged_swing(start, poses).pivot_px == pytest.approx(pivot, abs=0.7)
