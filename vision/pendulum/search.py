@@ -343,16 +343,16 @@ def find_striker(
     image = scene_before_strike(scene, rest, radius)
     before = Backdrop(scene, image, radius)
     lit = Backdrop(scene, image, radius, relit=True)
-    search = _Search.through(scene, rest, ball, before, at)
+    search = _StrikerSearch.through(scene, rest, ball, before, at)
     if search is None or not search.explains_all:
-        again = _Search.through(scene, rest, ball, lit, at)
+        again = _StrikerSearch.through(scene, rest, ball, lit, at)
         if again is not None and (search is None or again.explains_more_than(search)):
             search = again
     return None if search is None else search.striker((search.follower.before, lit))
 
 
 @dataclass(frozen=True)
-class _Search:
+class _StrikerSearch:
     """Pieces of what moved, followed before a scene, and the one that struck.
 
     Attributes
@@ -375,7 +375,7 @@ class _Search:
         ball: BallFits,
         before: Backdrop,
         at: tuple[float, float] | None,
-    ) -> "_Search | None":
+    ) -> "_StrikerSearch | None":
         """Follow every piece; None where nothing swings towards the ball."""
         follower = Follower(scene, rest, ball, before)
         pieces = find_mass(scene, rest, follower.radius, before, at)
@@ -393,7 +393,7 @@ class _Search:
         """Whether it agrees with the strike and leaves hardly more of the pictures than noise."""
         return self.best.striking is Striking.AGREES and self.best.misfit < _UNEXPLAINED
 
-    def explains_more_than(self, other: "_Search") -> bool:
+    def explains_more_than(self, other: "_StrikerSearch") -> bool:
         """Whether it agrees better with the strike, or as well and leaves far less of pictures."""
         if self.best.striking != other.best.striking:
             return self.best.striking < other.best.striking
