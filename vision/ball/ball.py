@@ -281,10 +281,10 @@ SMALL_RADIUS = 6.0
 _FELT_RADII = 0.12
 """Radii from which a coarse outline is felt at least: as wide as its soft edge."""
 
-_SHARP_PX, _SHARPER = 0.6, 3.0
+_SHARP_PX, _SHARPER = 0.6, 2.5
 """px, standard deviation of a sharp edge's blur: a pixel's own width and some optics; and factor
-from an edge to the next sharper one, supposed: what a fit leaves is less than a third of its edge's
-width."""
+from an edge to the next sharper one, supposed: what a fit leaves is less than that part of the
+width of its edge."""
 
 _LOST_AFTER = 4
 """Frames without an outline that end a path: one or two may be hidden or dropped."""
@@ -898,10 +898,9 @@ def _soft_edges(radius: float) -> list[float]:
 
     What a soft edge leaves must be within the reach of the next: a large ball needs some between.
     """
-    soft = [max(_SHARP_PX, _FELT_RADII * radius)]
-    while soft[-1] > _SHARPER * _SHARP_PX:
-        soft.append(soft[-1] / _SHARPER)
-    return soft
+    softest = max(_SHARP_PX, _FELT_RADII * radius)
+    steps = max(1, round(np.log(softest / _SHARP_PX) / np.log(_SHARPER)))
+    return [float(soft) for soft in np.geomspace(softest, _SHARP_PX, steps + 1)[:-1]]
 
 
 def _doubtful(fits: OutlineFits, guess: FloatArray) -> BoolArray:
