@@ -13,6 +13,7 @@ from vision.ball.ball import SMALL_RADIUS, BallFits, follow_ball, trusted_rows
 from vision.ball.choice import (
     BallPath,
     Choice,
+    cast_by,
     choose_ball,
     described,
     lay_before,
@@ -68,6 +69,12 @@ _FEWEST_ROWS = 3
 """Frames in which a ball is found at least: fewer tell no motion."""
 _AS_GOOD = 0.5
 """Share of the score of what is unclear in gray from which what is clear in colour is taken."""
+_SHADE_LOOKS, _INNER_PART, _FEWEST_SHADED, _LEAST_LIT = 7, 0.6, 8, 8.0
+"""Looks at a thing that may be a shadow; part of its radius inside its soft rim; pixels, and gray
+levels of the wall, from which a part of the light can be told; supposed."""
+_SHADED, _EVEN = 0.95, 2.0
+"""Part of the light that a shadow leaves at most, and its scatter over that of noise: of a shaded
+ball it is nine and more in rooms drawn at random, three for a white ball before a white wall."""
 _NEARLY_ALL, _WHOLE, _STEADY_SIZE = 0.8, 0.75, 0.03
 """Share of the frames, share of the outline, and scatter of its log radius from frame to frame, of
 what is seen clearly in gray, supposed: colour is looked at where one of them fails."""
@@ -275,12 +282,15 @@ class _Seen:
         In the thing's own colour, where that shows more.
     choice : Choice
     rough : BallFits
+    only_dims : bool
+        Whether it takes an even part of the wall's light, and nothing was found that casts it.
     """
 
     scene: FilmedScene
     tinted: FilmedScene | None
     choice: Choice
     rough: BallFits
+    only_dims: bool = False
 
     @property
     def picture(self) -> FilmedScene:
@@ -296,6 +306,12 @@ class _Seen:
     @property
     def warnings(self) -> list[str]:
         """What is to be said of the picture."""
+        if self.only_dims:
+            x, y = self.choice.ball.centre_px[-1]
+            return [
+                f"What is followed to x = {x:.0f}, y = {y:.0f} px takes an even part of the wall's "
+                "light, as a shadow does. If it is one, point at the ball with --ball-at X,Y,FRAME."
+            ]
         if self.tinted is None:
             return []
         return [
@@ -314,11 +330,14 @@ class _Seen:
 def _seen(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Seen | None:
     """Find the ball in gray and, where that leaves doubt, in the colours of what moves."""
     gray = _seen_in_gray(scene, at)
-    if gray is not None and (_clearly_seen(gray.rough) or len(gray.choice.beside) > 1):
+    shade = gray if gray is not None and at is None and _only_dims(scene, gray) else None
+    best = gray
+    if shade is not None:
+        best = None
+    elif gray is not None and (_clearly_seen(gray.rough) or len(gray.choice.beside) > 1):
         # Of several alike, one colour may show another one, and loses the rest; a single one beside
         # the ball is often the ball once more, seen in part.
         return gray
-    best = gray
     for colour in moving_colours(scene):
         tinted = scene.tinted(float(colour[0]), float(colour[1]))
         choice = choose_ball(Looks(tinted).paths(), at)
@@ -329,11 +348,54 @@ def _seen(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Se
             continue
         rough = trusted_rows(found.rough)
         found = replace(found, rough=rough)
+        if shade is not None and not _casts(found, shade):
+            continue
         # What is clear and speaks for itself about as well is better than what is not clear.
         share = _AS_GOOD if _clearly_seen(rough) else 1.0
         if best is None or found.worth > share * best.worth:
             best = found
+    if best is None and shade is not None:
+        return replace(shade, only_dims=True)
     return best
+
+
+def _only_dims(scene: FilmedScene, seen: _Seen) -> bool:
+    """Whether what was followed leaves an even part of the wall's light, as a shadow does.
+
+    A ball has its own pattern and shading; where it is of the wall's lightness, only its shadow may
+    be seen in gray.
+    """
+    path, left, spread = seen.choice.ball, [], []
+    rows = np.unique(np.linspace(len(path.frame) // 2, len(path.frame) - 1, _SHADE_LOOKS))
+    for row in rows.astype(int).tolist():
+        index, radius = int(path.frame[row]), _INNER_PART * path.radius_px[row]
+        low = np.maximum(np.ceil(path.centre_px[row] - radius), 0).astype(int)
+        high = np.minimum(path.centre_px[row] + radius + 1, scene.shape[::-1]).astype(int)
+        window = (slice(low[1], high[1]), slice(low[0], high[0]))
+        y, x = np.mgrid[window]
+        inside = np.hypot(x - path.centre_px[row, 0], y - path.centre_px[row, 1]) < radius
+        behind = scene.expected(index, window)[inside]
+        lit = behind > _LEAST_LIT
+        if np.count_nonzero(lit) < _FEWEST_SHADED:
+            continue
+        ratio = scene.picture(index)[window][inside][lit] / behind[lit]
+        usual = float(np.median(ratio))
+        noise = float(np.median(scene.noise_in(index, window)[inside][lit] / behind[lit]))
+        left.append(usual)
+        spread.append(1.4826 * float(np.median(np.abs(ratio - usual))) / noise)
+    if not left:
+        return False
+    return float(np.median(left)) < _SHADED and float(np.median(spread)) < _EVEN
+
+
+def _casts(found: _Seen, shade: _Seen) -> bool:
+    """Whether a thing lies elsewhere and moves as what casts a shadow does."""
+    ball, dark = found.choice.ball, shade.choice.ball
+    _, own, theirs = np.intersect1d(ball.frame, dark.frame, return_indices=True)
+    if len(own) == 0:
+        return False
+    away = np.hypot(*(ball.centre_px[own] - dark.centre_px[theirs]).T)
+    return bool(np.median(away) > ball.radius and cast_by(dark, ball))
 
 
 def _seen_in_gray(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Seen | None:

@@ -41,6 +41,7 @@ from vision.tracks import MotionModel
 __all__ = [
     "BallPath",
     "Choice",
+    "cast_by",
     "choose_ball",
     "described",
     "lay_before",
@@ -721,19 +722,23 @@ def _lit(paths: list[BallPath], background: FloatImage) -> list[BallPath]:
         for path in paths
         if not (
             _dims(path, background)
-            and any(other is not path and _cast_by(path, other) for other in paths)
+            and any(other is not path and _softer(path, other) for other in paths)
         )
     ]
 
 
-def _cast_by(path: BallPath, other: BallPath) -> bool:
-    """Whether a path is that of the other's shadow on a wall along which it flies.
+def _softer(path: BallPath, other: BallPath) -> bool:
+    """Whether a path may be that of the other's shadow: a lamp's size makes its edge softer."""
+    softer = np.median(path.sharpness) <= np.median(other.sharpness)
+    return bool(softer and cast_by(path, other))
+
+
+def cast_by(path: BallPath, other: BallPath) -> bool:
+    """Whether a path goes as the other's shadow does, on a wall along which it flies.
 
     A lamp throws the way on the wall as it is, only larger; two things of which each goes its own
-    way bend or turn differently. A lamp has a size, so a shadow's edge is softer.
+    way bend or turn differently.
     """
-    if np.median(path.sharpness) > np.median(other.sharpness):
-        return False
     _, own, theirs = np.intersect1d(path.frame, other.frame, return_indices=True)
     if len(own) < max(_FEWEST_LAWFUL, _COMMON_SHARE * min(len(path.frame), len(other.frame))):
         return False

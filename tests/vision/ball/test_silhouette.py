@@ -83,6 +83,36 @@ def test_a_circle_is_laid_through_the_arc_that_a_bar_leaves_in_view() -> None:
     assert np.abs(np.median(off, axis=0)).max() < 1.0
 
 
+def _casting(colour: Colour | None) -> tuple[list[NDArray[np.uint8]], NDArray[np.float64]]:
+    """A ball as light as the wall before it, or none, and a sharp shadow beside it."""
+    places, empty = _thrown(), np.zeros((HEIGHT, WIDTH))
+    pictures = [_picture([], empty, seed) for seed in range(8)]
+    for k, (x, y) in enumerate(places):
+        shade = cover(HEIGHT, WIDTH, (1.08 * x + 24.0, y + 22.0), 1.1 * RADIUS)
+        layers = [] if colour is None else [(cover(HEIGHT, WIDTH, (x, y), RADIUS), colour)]
+        pictures.append(_picture(layers, shade, 20 + k))
+    return pictures, places
+
+
+def test_of_a_ball_that_only_colour_shows_the_shadow_is_not_taken_for_it() -> None:
+    pictures, places = _casting((0.30, 0.62, 1.07))
+    ball = follow(PaintedColourClip(pictures), 30.0).ball  # type: ignore[arg-type]
+    known = (ball.frame >= 8) & (ball.frame < 8 + len(places))
+    off = np.hypot(*(ball.centre_px[known] - places[ball.frame[known] - 8]).T)
+    assert known.sum() >= 0.8 * len(places)
+    assert np.median(off) < 1.5
+
+
+def test_a_shadow_of_what_nothing_shows_is_said_to_look_like_one() -> None:
+    pictures, _ = _casting(None)
+    tracks = follow(PaintedColourClip(pictures), 30.0)  # type: ignore[arg-type]
+    assert any("as a shadow does" in warning for warning in tracks.warnings)
+    knotted = [_picture([], np.zeros((HEIGHT, WIDTH)), seed) for seed in range(8)]
+    knotted += [_knotted(place, 0.1 * k, 20 + k) for k, place in enumerate(_thrown())]
+    tracks = follow(PaintedColourClip(knotted), 30.0)  # type: ignore[arg-type]
+    assert not any("as a shadow does" in warning for warning in tracks.warnings)
+
+
 def test_a_coloured_panel_is_not_the_ball_that_carries_it() -> None:
     time = np.arange(26.0)
     places = np.column_stack([45.0 + 5.0 * time, np.full(26, 80.0)])
