@@ -291,6 +291,10 @@ _PIVOT_STD_SHARE = 0.5
 # px: what light and depth move a body off its arc; of the frames, so many are independent.
 _OFF_ARC_PX, _INDEPENDENT = 0.15, 8.0
 
+_UNSURE = 2.0
+"""Times the usual uncertainty of a place from which it counts for less: places of a body that is
+followed well are all known alike, to a factor of one and a half."""
+
 # How much better a view aslant has to do: by half a chi-square, and by this factor, since what a
 # body's depth and its light do to the track looks a little like a view aslant.
 _TELLING, _TELLING_RATIO = 4.0, 2.0
@@ -434,9 +438,9 @@ def _swing_through(start: ImagedSwing, poses: Sequence[Pose], view_std: float) -
     away = start.centre_px - start.pivot_px
     arm = float(np.hypot(*away))
     stds = np.array([_PIVOT_STD_SHARE * arm] * 2 + [view_std] * 2)
-    # neighbouring frames share what biases them; a frame that tells less than usual counts for less
+    # neighbouring frames share what biases them; one that tells far less than usual counts for less
     place_std = np.sqrt([0.5 * np.trace(pose.covariance[:2, :2]) for pose in poses])
-    less = np.maximum(place_std / max(float(np.median(place_std)), 1e-9), 1.0)
+    less = np.maximum(place_std / max(_UNSURE * float(np.median(place_std)), 1e-9), 1.0)
     count = float(np.sqrt(len(points) / _INDEPENDENT)) * less
 
     def swing_of(state: FloatArray) -> ImagedSwing:

@@ -76,7 +76,7 @@ def test_poses_that_state_little_do_not_bend_the_swing() -> None:
     # it slides along a line behind it, and its registration says that it is less sure
     sliding = angle > 0.6
     off[sliding, 1] += 10.0 * (angle[sliding] - 0.6)
-    std[sliding] = 0.6
+    std[sliding] = 1.2
     poses = []
     for turn, stray, one in zip(angle, off, std, strict=True):
         anchor = pivot + arm * np.array([np.sin(turn), np.cos(turn)]) + stray
