@@ -48,7 +48,6 @@ __all__ = [
     "brightness",
     "densest",
     "estimate_background",
-    "in_the_light_of",
     "scene_before_strike",
     "sorted_stack",
     "warp_to_scene",
@@ -1024,8 +1023,9 @@ _LEVELS = 100.0
 _DARKEST_SCENE = 4.0
 """Gray levels: darker parts of a scene tell no ratio."""
 
-_FRAMES_LIT = 24
-"""Frames whose light is kept: those about a strike are looked at again and again."""
+_FRAMES_LIT, _LIGHTS = 24, 96
+"""Frames whose lit scene is kept, and those whose light is, a byte a pixel at most: those about a
+strike are looked at again and again."""
 
 
 class Backdrop:
@@ -1048,19 +1048,22 @@ class Backdrop:
     ) -> None:
         self._scene, self._image, self._radius, self.relit = scene, image, radius, relit
         self._lit = lru_cache(_FRAMES_LIT)(self._in_its_light)
+        self._light = lru_cache(_LIGHTS)(self._light_in)
 
     def in_frame(self, index: int) -> FloatImage:
         """What lies behind in a frame, in reference brightness (H, W)."""
         return self._lit(index) if self.relit else self._image
 
     def _in_its_light(self, index: int) -> FloatImage:
-        picture = self._scene.picture(index)
-        even = picture / np.float32(self._scene.views[index].gain)
-        return in_the_light_of(even, self._image, self._radius)
+        return _lit_by(self._light(index), self._image)
+
+    def _light_in(self, index: int) -> NDArray[np.uint8]:
+        even = self._scene.picture(index) / np.float32(self._scene.views[index].gain)
+        return _light_of(even, self._image, self._radius)
 
 
-def in_the_light_of(picture: FloatImage, image: FloatImage, radius: float) -> FloatImage:
-    """A scene in the light of a picture.
+def _light_of(picture: FloatImage, image: FloatImage, radius: float) -> NDArray[np.uint8]:
+    """The light of a picture over that of a scene, in a smaller picture of so many steps.
 
     Parameters
     ----------
@@ -1071,14 +1074,17 @@ def in_the_light_of(picture: FloatImage, image: FloatImage, radius: float) -> Fl
 
     Returns
     -------
-    (H, W) float32 array
+    (h, w) uint8 array
     """
     share = min(1.0, _LIGHT_PX / radius)
     ratio = np.clip(picture / np.maximum(image, _DARKEST_SCENE), 0.0, 255.0 / _LEVELS)
     small = cv2.resize(ratio, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
     size = 2 * max(1, round(share * radius)) + 1
-    usual = cv2.medianBlur(np.rint(small * _LEVELS).astype(np.uint8), size)
-    smooth = cv2.GaussianBlur(usual.astype(np.float32) / _LEVELS, (0, 0), _LIT_SIGMA)
+    return np.asarray(cv2.medianBlur(np.rint(small * _LEVELS).astype(np.uint8), size))
+
+
+def _lit_by(light: NDArray[np.uint8], image: FloatImage) -> FloatImage:
+    """A scene (H, W) in a light (h, w) of so many steps, smoothly."""
+    smooth = cv2.GaussianBlur(light.astype(np.float32) / _LEVELS, (0, 0), _LIT_SIGMA)
     height, width = image.shape
-    light = cv2.resize(smooth, (width, height), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(image * light)
+    return np.asarray(image * cv2.resize(smooth, (width, height), interpolation=cv2.INTER_LINEAR))

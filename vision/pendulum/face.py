@@ -121,6 +121,14 @@ _LEVELS = 5
 """Thresholds that are tried, each a fixed factor above the last, from noise to the strongest
 difference."""
 
+_BEHIND, _BESIDE = 4.0, 2.2
+"""Ball's radii, behind its middle and to either side, in which a mass is looked for: it is near
+when it strikes, and hardly larger than the ball, supposed."""
+
+_SMOOTHED_PX, _AROUND_PX = 0.7, 8
+"""px: standard deviation by which noise is smoothed before it is compared, and how far beyond a
+piece its smoothing and its edge reach, with some to spare."""
+
 # A piece that lost less than this part of its area at a higher threshold is the same piece.
 _SAME_AREA = 0.85
 
@@ -180,8 +188,12 @@ def find_mass(
     # Late enough to be near the ball, early enough to be seen free of it.
     back = rest.frames_along(_LOOK_BACK, radius, _LEAST_LOOKS)
     step = -2 if back >= 2 * _LEAST_LOOKS else -1
+    behind = _Behind(rest, radius, scene.shape)
+    if not np.any(behind.region):
+        return ()
+    lowest = _LOWEST_SIGMA * scene.usual_noise[behind.window]
     for index in range(rest.last - 1, max(rest.last - back, -1), step):
-        for level, found in _pieces(scene, index, rest, radius, before, at):
+        for level, found in _pieces(scene, index, behind, lowest, before, at):
             if level not in best or best[level].gap_px < min(found.gap_px, free):
                 best[level] = found
         if best and min(piece.gap_px for piece in best.values()) > free:
@@ -204,19 +216,16 @@ def _area(piece: MassCandidate) -> float:
 def _pieces(
     scene: FilmedScene,
     index: int,
-    rest: Rest,
-    radius: float,
+    behind: "_Behind",
+    lowest: FloatImage,
     before: Backdrop,
     at: tuple[float, float] | None,
 ) -> Iterator[tuple[int, MassCandidate]]:
     """The piece nearest to the ball's rear at each threshold, in one frame."""
-    picture = scene.picture(index)
-    expected = np.asarray(before.in_frame(index) * np.float32(scene.views[index].gain))
-    change = np.abs(cv2.GaussianBlur(picture - expected, (0, 0), 0.7))
-    behind = _Behind(rest, radius, change.shape)
-    lowest = _LOWEST_SIGMA * scene.usual_noise
-    if not np.any(behind.region):
-        return
+    window = behind.window
+    picture = scene.picture(index)[window]
+    expected = np.asarray(before.in_frame(index)[window] * np.float32(scene.views[index].gain))
+    change = np.abs(cv2.GaussianBlur(picture - expected, (0, 0), _SMOOTHED_PX))
     strongest = float(np.percentile((change / lowest)[behind.region], 99.5))
     factors = np.geomspace(1.0, max(0.6 * strongest, 1.0), _LEVELS)
     for level, factor in enumerate(factors):
@@ -227,17 +236,19 @@ def _pieces(
 
 
 class _Behind:
-    """The part of the picture behind the ball, and distances in it."""
+    """The part of the picture behind the ball, and distances in a window (rows, columns) of it."""
 
     def __init__(self, rest: Rest, radius: float, shape: tuple[int, ...]) -> None:
         self.rest, self.radius = rest, radius
-        self.rows, self.columns = np.mgrid[0 : shape[0], 0 : shape[1]]
+        self.window = _window_behind(rest, radius, shape)
+        self.rows, self.columns = np.mgrid[self.window]
         x, y = self.columns - rest.centre_px[0], self.rows - rest.centre_px[1]
         along = x * rest.direction[0] + y * rest.direction[1]
         across = -x * rest.direction[1] + y * rest.direction[0]
         self.from_centre = np.hypot(x, y)
         self.region = self.from_centre > radius + 1.5
-        self.region &= (along < 0) & (along > -4.0 * radius) & (np.abs(across) < 2.2 * radius)
+        self.region &= (along < 0) & (along > -_BEHIND * radius)
+        self.region &= np.abs(across) < _BESIDE * radius
 
     def nearest(self, moved: BoolArray, at: tuple[float, float] | None) -> BoolArray | None:
         """The thick piece nearest to the ball's rear, or to where the user points."""
@@ -256,6 +267,18 @@ class _Behind:
             if gap < best_gap:
                 best, best_gap = label, gap
         return None if best == 0 else np.asarray(labels == best)
+
+
+def _window_behind(rest: Rest, radius: float, shape: tuple[int, ...]) -> tuple[slice, slice]:
+    """Rows and columns that hold all of it, and what its edge needs of pixels around."""
+    along = np.asarray(rest.direction)
+    across = np.array([-along[1], along[0]])
+    ends = np.array([(0.0, _BESIDE), (0.0, -_BESIDE), (-_BEHIND, _BESIDE), (-_BEHIND, -_BESIDE)])
+    corners = rest.centre_px + radius * ends @ np.array([along, across])
+    limit = shape[1::-1]
+    left, top = np.clip(np.floor(corners.min(axis=0)).astype(int) - _AROUND_PX, 0, limit)
+    right, bottom = np.clip(np.ceil(corners.max(axis=0)).astype(int) + _AROUND_PX, 0, limit)
+    return slice(top, bottom), slice(left, right)
 
 
 def _cut_out(

@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.vision.ball.painted import PaintedClip
+from tests.vision.pendulum.swinging import RADIUS, Make, filmed
+from vision.clip.footage import Footage
 from vision.pendulum.arc import Arc, ImagedSwing, Patch, Pose
-from vision.pendulum.face import MassPoses, Striking
+from vision.pendulum.face import MassPoses, Striking, find_mass
 from vision.pendulum.pendulum import Swinging
 from vision.pendulum.search import Striker, another_body, steadiest
+from vision.scene import Backdrop, FilmedScene, scene_before_strike
 from vision.tracks import Face
 
 FloatArray = NDArray[np.float64]
@@ -76,3 +80,34 @@ def test_what_goes_straight_did_not_swing_into_the_ball(radius: float, swings: b
     mass = replace(one.mass, arc=Arc(PIVOT, radius, np.eye(3), 0.1, 40.0 / radius))
     face = Face(0, np.zeros(2), 0.1)
     assert Striker(mass, one.swing, face, (), 0.0, Striking.AGREES).surely_struck is swings
+
+
+@pytest.mark.parametrize("around", [0, 150])
+def test_a_mass_is_cut_out_where_it_is_however_much_wall_is_filmed(around: int) -> None:
+    film = filmed(Make(), frames=54)
+    wide = [
+        np.pad(film.scene.picture(index).round().astype(np.uint8), around, mode="edge")
+        for index in range(film.scene.count)
+    ]
+    scene = FilmedScene(Footage(PaintedClip(wide)))  # type: ignore[arg-type]
+    rest = replace(film.rest, centre_px=film.rest.centre_px + around)
+    before = Backdrop(scene, scene_before_strike(scene, rest, RADIUS), RADIUS)
+    found = find_mass(scene, rest, RADIUS, before)
+    assert found
+    for piece in found:
+        off = piece.anchor - film.middle[piece.frame] - around
+        # its rod pulls the middle of a piece up
+        assert np.abs(off) == pytest.approx(0.0, abs=4.0)
+        solid = piece.patch.opacity > 0.5
+        shown = scene.picture(piece.frame)[
+            np.rint(piece.patch.y + piece.anchor[1]).astype(int),
+            np.rint(piece.patch.x + piece.anchor[0]).astype(int),
+        ]
+        assert shown[solid].mean() == pytest.approx(piece.patch.look[solid].mean(), rel=0.02)
+
+
+def test_no_mass_is_looked_for_behind_a_ball_at_the_edge_of_the_picture() -> None:
+    film = filmed(Make(), frames=54)
+    edge = replace(film.rest, centre_px=np.array([-2.0 * RADIUS, 50.0]))
+    before = Backdrop(film.scene, film.scene.background.image, RADIUS)
+    assert find_mass(film.scene, edge, RADIUS, before) == ()

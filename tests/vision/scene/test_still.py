@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from tests.vision.ball.painted import exposed, struck_ball, wall
+from tests.vision.ball.painted import PaintedClip, exposed, struck_ball, wall
 from vision.clip.footage import Footage
-from vision.scene import FilmedScene, scene_before_strike
+from vision.scene import Backdrop, FilmedScene, scene_before_strike
 from vision.tracks import Rest
 
 
@@ -35,3 +35,19 @@ def test_frames_are_as_steady_where_the_scene_was_never_seen() -> None:
     assert scene.noise_in(10)[50, 90] == 255.0
     scene.restore(known)
     assert np.array_equal(scene.background.noise, known.image.noise)
+
+
+def test_the_scene_is_lit_as_each_frame_is_however_many_were_looked_at_since() -> None:
+    dim = np.linspace(1.0, 0.7, 60)
+    bright = wall(120, 240)
+    shade = np.linspace(0.0, 1.0, 240)
+    lights = [bright * (1.0 - (1.0 - part) * shade) for part in dim]
+    pictures = [exposed(light, 1.0, index) for index, light in enumerate(lights)]
+    scene = FilmedScene(Footage(PaintedClip(pictures)))  # type: ignore[arg-type]
+    image = exposed(bright, 0.0, 0).astype(np.float32)
+    lit = Backdrop(scene, image, 15.0, relit=True)
+    for index in [*range(60), *range(59, -1, -1)]:
+        gray = lit.in_frame(index) * scene.views[index].gain
+        off = gray - exposed(lights[index], 0.0, index)
+        assert abs(float(np.median(off))) < 2.0
+        assert float(np.percentile(np.abs(off), 95)) < 6.0
