@@ -67,6 +67,9 @@ _SAME_REST = 0.05
 """Radii between two fits of where the ball lay: their own scatter is a tenth of that."""
 _FEWEST_ROWS = 3
 """Frames in which a ball is found at least: fewer tell no motion."""
+_LEAST_WORTH = 20.0
+"""Nats, weighed by how clear it is, from which on no colour is asked: balls of clips in which they
+stand out from the wall have 60 to 330, shadows and parts of a pendulum taken for one 3 to 20."""
 _AS_GOOD = 0.5
 """Share of the score of what is unclear in gray from which what is clear in colour is taken."""
 _SHADE_LOOKS, _INNER_PART, _FEWEST_SHADED, _LEAST_LIT = 7, 0.6, 8, 8.0
@@ -304,6 +307,11 @@ class _Seen:
         return path_score(self.choice.ball) * float(np.mean(found))
 
     @property
+    def speaks_for_itself(self) -> bool:
+        """Whether it is clearly seen and moves as a law asks for."""
+        return _clearly_seen(self.rough) and self.worth > _LEAST_WORTH
+
+    @property
     def warnings(self) -> list[str]:
         """What is to be said of the picture."""
         if self.only_dims:
@@ -330,14 +338,17 @@ class _Seen:
 def _seen(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Seen | None:
     """Find the ball in gray and, where that leaves doubt, in the colours of what moves."""
     gray = _seen_in_gray(scene, at)
-    shade = gray if gray is not None and at is None and _only_dims(scene, gray) else None
-    best = gray
-    if shade is not None:
-        best = None
-    elif gray is not None and (_clearly_seen(gray.rough) or len(gray.choice.beside) > 1):
-        # Of several alike, one colour may show another one, and loses the rest; a single one beside
-        # the ball is often the ball once more, seen in part.
+    if gray is not None and at is None:
+        gray = replace(gray, only_dims=_only_dims(scene, gray))
+    # Of several alike, one colour may show another one, and loses the rest; a single one beside the
+    # ball is often the ball once more, seen in part.
+    if (
+        gray is not None
+        and not gray.only_dims
+        and (gray.speaks_for_itself or len(gray.choice.beside) > 1)
+    ):
         return gray
+    best = gray
     for colour in moving_colours(scene):
         tinted = scene.tinted(float(colour[0]), float(colour[1]))
         choice = choose_ball(Looks(tinted).paths(), at)
@@ -346,17 +357,20 @@ def _seen(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Se
         found = _Seen(scene, tinted, choice, follow_silhouette(tinted, choice.ball))
         if len(found.rough) < _FEWEST_ROWS:
             continue
-        rough = trusted_rows(found.rough)
-        found = replace(found, rough=rough)
-        if shade is not None and not _casts(found, shade):
-            continue
-        # What is clear and speaks for itself about as well is better than what is not clear.
-        share = _AS_GOOD if _clearly_seen(rough) else 1.0
-        if best is None or found.worth > share * best.worth:
+        found = replace(found, rough=trusted_rows(found.rough))
+        if best is None or _preferred(found, best, gray):
             best = found
-    if best is None and shade is not None:
-        return replace(shade, only_dims=True)
     return best
+
+
+def _preferred(found: _Seen, best: _Seen, gray: _Seen | None) -> bool:
+    """Whether what a colour shows is taken instead of what was best so far."""
+    if gray is not None and gray.only_dims and gray.speaks_for_itself:
+        # What dims the wall and moves as a law asks for is the ball, or the ball's shadow.
+        return _casts(found, gray) and (best is gray or found.worth > best.worth)
+    # What is clear and speaks for itself about as well is better than what is not clear.
+    share = _AS_GOOD if _clearly_seen(found.rough) else 1.0
+    return found.worth > share * best.worth
 
 
 def _only_dims(scene: FilmedScene, seen: _Seen) -> bool:

@@ -113,6 +113,21 @@ def test_a_shadow_of_what_nothing_shows_is_said_to_look_like_one() -> None:
     assert not any("as a shadow does" in warning for warning in tracks.warnings)
 
 
+def test_what_hardly_moves_in_gray_is_not_taken_for_a_ball_that_flies_in_colour() -> None:
+    places, empty = _thrown(), np.zeros((HEIGHT, WIDTH))
+    pictures = [_picture([], empty, seed) for seed in range(8)]
+    for k, (x, y) in enumerate(places):
+        ball = cover(HEIGHT, WIDTH, (x, y), RADIUS)
+        creeping = cover(HEIGHT, WIDTH, (30.0 + 0.7 * k, 140.0), 8.0)
+        layers = [(ball, (0.30, 0.62, 1.07)), (creeping, (0.2, 0.2, 0.2))]
+        pictures.append(_picture(layers, empty, 20 + k))
+    ball = follow(PaintedColourClip(pictures), 30.0).ball  # type: ignore[arg-type]
+    known = (ball.frame >= 8) & (ball.frame < 8 + len(places))
+    off = np.hypot(*(ball.centre_px[known] - places[ball.frame[known] - 8]).T)
+    assert known.sum() >= 0.8 * len(places)
+    assert np.median(off) < 1.5
+
+
 def test_a_coloured_panel_is_not_the_ball_that_carries_it() -> None:
     time = np.arange(26.0)
     places = np.column_stack([45.0 + 5.0 * time, np.full(26, 80.0)])
