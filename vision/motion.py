@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from vision.tracks import Motion, MotionKind, Track
 
-__all__ = ["lawful_stretch", "motion_of"]
+__all__ = ["LENS_BENDS", "lawful_stretch", "motion_of"]
 
 FloatArray = NDArray[np.float64]
 
@@ -313,7 +313,7 @@ one of 5 mm at 20."""
 _UPRIGHT = 0.17
 """rad: a camera held upright leans by less than 10°, one standard deviation, supposed."""
 
-_LENS_BENDS = 0.01
+LENS_BENDS = 0.01
 """Sagitta over length of a straight line in a picture: what lenses of cameras and telephones leave,
 supposed."""
 
@@ -431,7 +431,7 @@ def motion_of(
         return Motion(MotionKind.NONE, 1.0, ("Too few frames show anything that moves.",))
     scatter = _SCATTER_PX + _SCATTER_RADII * float(np.median(ball.radius_px))
     extent = float(np.hypot(*np.ptp(moving.centre_px, axis=0)))
-    scatter = float(np.hypot(scatter, _LENS_BENDS / 3.0 * extent))
+    scatter = float(np.hypot(scatter, LENS_BENDS / 3.0 * extent))
     area = float(np.prod(np.ptp(moving.centre_px, axis=0) + 2.0 * moving.radius_px[0]))
     flight = _flight(moving, scatter, area)
     swing = _swing_log_evidence(ball, scatter, area) if rest_frames is None else 0.0
@@ -646,7 +646,7 @@ def _acceleration_std(track: Track, powers: FloatArray, left: FloatArray) -> flo
     noise = max(scatter, float(stated), _LEAST_STD_PX) * np.sqrt((1.0 + alike) / (1.0 - alike))
     random = noise * np.sqrt(np.linalg.inv(powers.T @ powers)[2, 2])
     length, span = float(np.hypot(*np.ptp(track.centre_px, axis=0))), float(np.ptp(powers[:, 1]))
-    return float(np.hypot(random, 8.0 * _LENS_BENDS * length / span**2))
+    return float(np.hypot(random, 8.0 * LENS_BENDS * length / span**2))
 
 
 def _bend(acceleration: FloatArray, std: float, way: FloatArray, radius: float) -> _Bend:
