@@ -421,7 +421,7 @@ def _only_dims(scene: FilmedScene, seen: _Seen) -> bool:
             continue
         ratio = scene.picture(index)[window][inside][lit] / behind[lit]
         usual = float(np.median(ratio))
-        noise = float(np.median(scene.noise_in(index, window)[inside][lit] / behind[lit]))
+        noise = float(np.median(scene.usual_noise[window][inside][lit] / behind[lit]))
         left.append(usual)
         spread.append(1.4826 * float(np.median(np.abs(ratio - usual))) / noise)
     if not left:
