@@ -27,7 +27,7 @@ from vision.ball.circles import Circles, find_circles
 from vision.ball.refine import refine_ball
 from vision.ball.silhouette import follow_silhouette, moving_colours
 from vision.clip.footage import Footage
-from vision.motion import LENS_BENDS, lawful_stretch, motion_of
+from vision.motion import bends_up, motion_of
 from vision.pendulum.search import Striker, find_striker, pendulum_track
 from vision.scene import FilmedScene
 from vision.tracks import (
@@ -67,9 +67,6 @@ _SAME_REST = 0.05
 """Radii between two fits of where the ball lay: their own scatter is a tenth of that."""
 _FEWEST_ROWS = 3
 """Frames in which a ball is found at least: fewer tell no motion."""
-_FEWEST_BENT, _SURELY_BENT = 8, 5.0
-"""Looks, since a parabola has three unknowns; and standard deviations by which a way bends, as for
-the direction of a fall (`vision.motion`)."""
 _LEAST_WORTH = 20.0
 """Nats, weighed by how clear it is, from which on no colour is asked: balls of clips in which they
 stand out from the wall have 60 to 330, shadows and parts of a pendulum taken for one 3 to 20."""
@@ -289,7 +286,7 @@ class _Seen:
     choice : Choice
     rough : BallFits
     only_dims : bool
-        Whether it takes an even part of the wall's light, and nothing was found that casts it.
+        Whether it takes an even part of the wall's light, as a shadow does.
     """
 
     scene: FilmedScene
@@ -312,8 +309,9 @@ class _Seen:
     @property
     def speaks_for_itself(self) -> bool:
         """Whether it is clearly seen and moves as a law asks for that is no bob's."""
+        ball = self.choice.ball
         told = _clearly_seen(self.rough) and self.worth > _LEAST_WORTH
-        return told and not _bends_up(self.choice.ball)
+        return told and not bends_up(ball.frame, ball.centre_px, ball.radius)
 
     @property
     def warnings(self) -> list[str]:
@@ -365,29 +363,6 @@ def _seen(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Se
         if best is None or _preferred(found, best, gray):
             best = found
     return best
-
-
-def _bends_up(path: BallPath) -> bool:
-    """Whether a way bends upwards, as a bob's does at the bottom of its swing; what falls does not.
-
-    What is braked as it rises goes straight.
-    """
-    stretch = lawful_stretch(path.frame, path.centre_px, path.radius)
-    inside = (path.frame >= stretch.first) & (path.frame <= stretch.last)
-    if np.count_nonzero(inside) < _FEWEST_BENT:
-        return False
-    time = path.frame[inside] - path.frame[inside].mean()
-    powers = np.stack([np.ones_like(time), time, time * time], axis=1)
-    place = path.centre_px[inside]
-    law = np.linalg.lstsq(powers, place, rcond=None)[0]
-    along = law[1] / max(float(np.hypot(*law[1])), 1e-9)
-    across = law[2] - (law[2] @ along) * along
-    # half of the acceleration over the square of half the span: the sagitta
-    lever = 0.25 * float(np.ptp(time)) ** 2
-    scatter = float(np.std(place - powers @ law))
-    std = scatter * float(np.sqrt(np.linalg.inv(powers.T @ powers)[2, 2])) * lever
-    length = float(np.hypot(*(place[-1] - place[0])))
-    return bool(across[1] * lever < -(_SURELY_BENT * std + LENS_BENDS * length))
 
 
 def _preferred(found: _Seen, best: _Seen, gray: _Seen | None) -> bool:

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from vision.tracks import Motion, MotionKind, Track
 
-__all__ = ["LENS_BENDS", "lawful_stretch", "motion_of"]
+__all__ = ["bends_up", "lawful_stretch", "motion_of"]
 
 FloatArray = NDArray[np.float64]
 
@@ -313,7 +313,7 @@ one of 5 mm at 20."""
 _UPRIGHT = 0.17
 """rad: a camera held upright leans by less than 10°, one standard deviation, supposed."""
 
-LENS_BENDS = 0.01
+_LENS_BENDS = 0.01
 """Sagitta over length of a straight line in a picture: what lenses of cameras and telephones leave,
 supposed."""
 
@@ -431,7 +431,7 @@ def motion_of(
         return Motion(MotionKind.NONE, 1.0, ("Too few frames show anything that moves.",))
     scatter = _SCATTER_PX + _SCATTER_RADII * float(np.median(ball.radius_px))
     extent = float(np.hypot(*np.ptp(moving.centre_px, axis=0)))
-    scatter = float(np.hypot(scatter, LENS_BENDS / 3.0 * extent))
+    scatter = float(np.hypot(scatter, _LENS_BENDS / 3.0 * extent))
     area = float(np.prod(np.ptp(moving.centre_px, axis=0) + 2.0 * moving.radius_px[0]))
     flight = _flight(moving, scatter, area)
     swing = _swing_log_evidence(ball, scatter, area) if rest_frames is None else 0.0
@@ -634,19 +634,57 @@ def _arc(seen: Track, scatter: float, area: float, frames: int, ends: int) -> _F
 
 
 def _acceleration_std(track: Track, powers: FloatArray, left: FloatArray) -> float:
-    """Standard uncertainty of an acceleration (px per frame²) by its residuals and by the lens.
+    """Standard uncertainty of an acceleration (px per frame²) by its residuals and by the lens."""
+    stated = np.sqrt(0.5 * np.median(np.trace(track.covariance_px2, axis1=1, axis2=2)))
+    random = _scattered(powers, left, max(float(stated), _LEAST_STD_PX))
+    return float(np.hypot(random, _lens_acceleration(track.centre_px, powers)))
+
+
+def _scattered(powers: FloatArray, left: FloatArray, least: float) -> float:
+    """Standard uncertainty of an acceleration (px per frame²) by what its law leaves, px.
 
     Slow errors count by how alike those of neighbouring frames are.
     """
-    stated = np.sqrt(0.5 * np.median(np.trace(track.covariance_px2, axis1=1, axis2=2)))
     spare = max(len(left) - 3, 1)
     scatter = float(np.sqrt((left**2).sum() / (2.0 * spare)))
     alike = float((left[1:] * left[:-1]).sum() / max((left**2).sum(), 1e-12))
     alike = min(max(alike, 0.0), _MOST_ALIKE)
-    noise = max(scatter, float(stated), _LEAST_STD_PX) * np.sqrt((1.0 + alike) / (1.0 - alike))
-    random = noise * np.sqrt(np.linalg.inv(powers.T @ powers)[2, 2])
-    length, span = float(np.hypot(*np.ptp(track.centre_px, axis=0))), float(np.ptp(powers[:, 1]))
-    return float(np.hypot(random, 8.0 * LENS_BENDS * length / span**2))
+    noise = max(scatter, least) * np.sqrt((1.0 + alike) / (1.0 - alike))
+    return float(noise * np.sqrt(np.linalg.inv(powers.T @ powers)[2, 2]))
+
+
+def _lens_acceleration(place: FloatArray, powers: FloatArray) -> float:
+    """Acceleration (px per frame²) that a lens makes of a straight way of so long a span."""
+    length, span = float(np.hypot(*np.ptp(place, axis=0))), float(np.ptp(powers[:, 1]))
+    return 8.0 * _LENS_BENDS * length / span**2
+
+
+def bends_up(frame: IntArray, centre: FloatArray, radius: float) -> bool:
+    """Whether a way surely bends upwards, as a bob's does where it is lowest; what falls does not.
+
+    What is braked as it comes down the picture goes straight.
+
+    Parameters
+    ----------
+    frame : (N,) int array
+        Increasing.
+    centre : (N, 2) array
+        px, y down.
+    radius : float
+        px.
+    """
+    stretch = lawful_stretch(frame, centre, radius)
+    inside = (frame >= stretch.first) & (frame <= stretch.last)
+    if np.count_nonzero(inside) < _FEWEST:
+        return False
+    time = (frame[inside] - frame[inside].mean()).astype(np.float64)
+    place = centre[inside]
+    powers = np.column_stack([np.ones_like(time), time, 0.5 * time * time])
+    motion = np.linalg.lstsq(powers, place, rcond=None)[0]
+    course = motion[1] / max(float(np.hypot(*motion[1])), 1e-9)
+    down = float(motion[2, 1] - (motion[2] @ course) * course[1])
+    random = _scattered(powers, place - powers @ motion, _LEAST_STD_PX)
+    return down < -(_SURE_SIGMAS * random + _lens_acceleration(place, powers))
 
 
 def _bend(acceleration: FloatArray, std: float, way: FloatArray, radius: float) -> _Bend:

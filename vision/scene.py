@@ -1023,9 +1023,9 @@ _LEVELS = 100.0
 _DARKEST_SCENE = 4.0
 """Gray levels: darker parts of a scene tell no ratio."""
 
-_FRAMES_LIT, _LIGHTS = 24, 96
+_FRAMES_LIT, _LIGHTS, _MOST_LIT = 24, 96, 6.4e7
 """Frames whose lit scene is kept, and those whose light is, a byte a pixel at most: those about a
-strike are looked at again and again."""
+strike are looked at again and again; and bytes that the lit scenes take at most, supposed."""
 
 
 class Backdrop:
@@ -1047,7 +1047,8 @@ class Backdrop:
         self, scene: FilmedScene, image: FloatImage, radius: float, *, relit: bool = False
     ) -> None:
         self._scene, self._image, self._radius, self.relit = scene, image, radius, relit
-        self._lit = lru_cache(_FRAMES_LIT)(self._in_its_light)
+        kept = int(np.clip(_MOST_LIT / image.nbytes, 1, _FRAMES_LIT))
+        self._lit = lru_cache(kept)(self._in_its_light)
         self._light = lru_cache(_LIGHTS)(self._light_in)
 
     def in_frame(self, index: int) -> FloatImage:

@@ -7,9 +7,8 @@ import pytest
 from metrology import NotFoundError
 from tests.shared_data import shared_folder
 from tests.vision.ball.painted import PaintedClip, exposed, struck_ball, wall, with_ball
-from vision.ball.choice import BallPath
 from vision.clip.clip import ClipReader
-from vision.following import _bends_up, follow
+from vision.following import follow
 from vision.tracks import MotionKind, Track, Tracks
 
 
@@ -188,21 +187,3 @@ def test_a_ball_seen_in_two_parts_in_gray_is_followed_by_its_colour() -> None:
     assert _rms(tracks.ball, _truth(name)) < 3.0
     assert tracks.motion is not None
     assert tracks.motion.kind is MotionKind.FLIGHT
-
-
-def _path(places: np.ndarray) -> BallPath:
-    plain = np.ones(len(places))
-    strayed = places + np.random.default_rng(5).normal(0.0, 0.3, places.shape)
-    return BallPath(np.arange(len(places)), strayed, 8.0 * plain, plain, plain, plain, plain)
-
-
-def test_a_bob_bends_up_where_it_is_lowest_and_nothing_that_falls_or_brakes_does() -> None:
-    time = np.arange(50.0)
-    angle = 0.02 * (time - 25.0)
-    bob = np.column_stack([100.0 + 80.0 * np.sin(angle), 20.0 + 80.0 * np.cos(angle)])
-    thrown = np.column_stack([20.0 + 3.0 * time, 90.0 - 2.0 * time + 0.03 * time**2])
-    braked = np.outer(4.0 * time - 0.03 * time**2, [0.8, 0.6])
-    assert _bends_up(_path(bob))
-    assert not _bends_up(_path(thrown))
-    # it comes down in the picture, and slows down: its acceleration points up
-    assert not _bends_up(_path(braked))

@@ -6,11 +6,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tests.vision.ball.painted import PaintedClip, cover, exposed, wall, with_ball
+from tests.vision.ball.painted import (
+    PIVOT_PX,
+    PaintedClip,
+    cover,
+    exposed,
+    struck_ball,
+    wall,
+    with_ball,
+)
 from vision.ball.ball import BallFits, follow_ball
 from vision.ball.choice import BallPath
+from vision.ball.edges import Hides
 from vision.ball.outline import nothing_found
-from vision.ball.refine import _between, _evenly, _lowest, _Refiner, _unrest
+from vision.ball.refine import _between, _evenly, _lowest, _Refiner, _unrest, refine_ball
 from vision.clip.footage import Footage
 from vision.scene import FilmedScene
 
@@ -112,3 +121,30 @@ def test_seams_and_lines_do_not_draw_the_outline_of_a_ball_that_fills_the_pictur
     assert len(found) == count
     assert away.max() < 0.15
     assert np.abs(found.radius - radius).max() < 0.15
+
+
+def test_frames_missed_beside_the_mass_are_fitted_once_the_mass_is_known() -> None:
+    clip, centres, angles = struck_ball(64)
+    frame = np.setdiff1d(np.arange(64), [36, 37, 38])
+    fits = nothing_found(len(frame))
+    rough = centres[frame] + np.random.default_rng(4).normal(0.0, 0.1, (len(frame), 2))
+    fits.found[:], fits.centre[:], fits.radius[:] = True, rough, 11.0
+    fits.contrast[:], fits.covariance[:] = 0.9, 0.01 * np.eye(2)
+    scene = FilmedScene(Footage(clip))  # type: ignore[arg-type]
+
+    def hides(index: int) -> Hides:
+        """The mass and a little around it, in the axes of its arm."""
+        sine, cosine = np.sin(angles[index]), np.cos(angles[index])
+        middle = np.array(PIVOT_PX) + 62.0 * np.array([sine, cosine])
+
+        def inside(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.bool_]:
+            u, v = x - middle[0], y - middle[1]
+            wide, tall = u * cosine - v * sine, u * sine + v * cosine
+            return np.asarray((np.abs(wide) < 9.0) & (np.abs(tall) < 9.0))
+
+        return inside
+
+    assert not np.isin([36, 37, 38], refine_ball(scene, BallFits(frame, fits)).frame).any()
+    found = refine_ball(scene, BallFits(frame, fits), hides)
+    assert np.isin([36, 37, 38], found.frame).all()
+    assert np.hypot(*(found.centre - centres[found.frame]).T).max() < 0.15

@@ -83,6 +83,13 @@ def test_a_circle_is_laid_through_the_arc_that_a_bar_leaves_in_view() -> None:
     assert np.abs(np.median(off, axis=0)).max() < 1.0
 
 
+def _off(pictures: list[NDArray[np.uint8]], places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """How far off the ball is followed, px, in frames from the eighth on in which it is."""
+    ball = follow(PaintedColourClip(pictures), 30.0).ball  # type: ignore[arg-type]
+    known = (ball.frame >= 8) & (ball.frame < 8 + len(places))
+    return np.asarray(np.hypot(*(ball.centre_px[known] - places[ball.frame[known] - 8]).T))
+
+
 def _casting(colour: Colour | None) -> tuple[list[NDArray[np.uint8]], NDArray[np.float64]]:
     """A ball as light as the wall before it, or none, and a sharp shadow beside it."""
     places, empty = _thrown(), np.zeros((HEIGHT, WIDTH))
@@ -96,10 +103,8 @@ def _casting(colour: Colour | None) -> tuple[list[NDArray[np.uint8]], NDArray[np
 
 def test_of_a_ball_that_only_colour_shows_the_shadow_is_not_taken_for_it() -> None:
     pictures, places = _casting((0.30, 0.62, 1.07))
-    ball = follow(PaintedColourClip(pictures), 30.0).ball  # type: ignore[arg-type]
-    known = (ball.frame >= 8) & (ball.frame < 8 + len(places))
-    off = np.hypot(*(ball.centre_px[known] - places[ball.frame[known] - 8]).T)
-    assert known.sum() >= 0.8 * len(places)
+    off = _off(pictures, places)
+    assert len(off) >= 0.8 * len(places)
     assert np.median(off) < 1.5
 
 
@@ -121,10 +126,8 @@ def test_what_hardly_moves_in_gray_is_not_taken_for_a_ball_that_flies_in_colour(
         creeping = cover(HEIGHT, WIDTH, (30.0 + 0.7 * k, 140.0), 8.0)
         layers = [(ball, (0.30, 0.62, 1.07)), (creeping, (0.2, 0.2, 0.2))]
         pictures.append(_picture(layers, empty, 20 + k))
-    ball = follow(PaintedColourClip(pictures), 30.0).ball  # type: ignore[arg-type]
-    known = (ball.frame >= 8) & (ball.frame < 8 + len(places))
-    off = np.hypot(*(ball.centre_px[known] - places[ball.frame[known] - 8]).T)
-    assert known.sum() >= 0.8 * len(places)
+    off = _off(pictures, places)
+    assert len(off) >= 0.8 * len(places)
     assert np.median(off) < 1.5
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from vision.motion import lawful_stretch, motion_of
+from vision.motion import bends_up, lawful_stretch, motion_of
 from vision.tracks import MotionKind, Track
 
 RADIUS = 12.0
@@ -227,3 +227,20 @@ def test_which_way_it_falls_is_told(quarter: int) -> None:
 def test_what_rolls_falls_nowhere() -> None:
     centre = np.column_stack([6.0 * TIME, 100.0 + 0.2 * TIME])
     assert motion_of(_track(centre), None, pendulum=False).fall_px is None
+
+
+def test_a_bob_bends_up_where_it_is_lowest_and_nothing_that_falls_or_brakes_does() -> None:
+    time = np.arange(50.0)
+    angle = 0.02 * (time - 25.0)
+    bob = np.column_stack([100.0 + 80.0 * np.sin(angle), 20.0 + 80.0 * np.cos(angle)])
+    thrown = np.column_stack([20.0 + 3.0 * time, 90.0 - 2.0 * time + 0.03 * time**2])
+    braked = np.outer(4.0 * time - 0.03 * time**2, [0.8, 0.6])
+
+    def bends(places: np.ndarray) -> bool:
+        strayed = places + np.random.default_rng(5).normal(0.0, 0.3, places.shape)
+        return bends_up(np.arange(len(places)), strayed, 8.0)
+
+    assert bends(bob)
+    assert not bends(thrown)
+    # it comes down in the picture, and slows down: its acceleration points up
+    assert not bends(braked)
