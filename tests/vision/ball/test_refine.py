@@ -124,8 +124,8 @@ def test_seams_and_lines_do_not_draw_the_outline_of_a_ball_that_fills_the_pictur
 
 
 def test_frames_missed_beside_the_mass_are_fitted_once_the_mass_is_known() -> None:
-    clip, centres, angles = struck_ball(64)
-    frame = np.setdiff1d(np.arange(64), [36, 37, 38])
+    clip, centres, angles = struck_ball(80)
+    frame = np.setdiff1d(np.arange(80), [36, 37, 38])
     fits = nothing_found(len(frame))
     rough = centres[frame] + np.random.default_rng(4).normal(0.0, 0.1, (len(frame), 2))
     fits.found[:], fits.centre[:], fits.radius[:] = True, rough, 11.0
