@@ -166,6 +166,7 @@ def follow(
         shift_px=scene.shifts(),
         motion=motion,
         reasons=choice.reasons,
+        maybe_shadow=seen.only_dims,
     )
     return tracks.later(footage.first, whole_count, capture_fps)
 
@@ -320,7 +321,7 @@ class _Seen:
             x, y = self.choice.ball.centre_px[-1]
             return [
                 f"What is followed to x = {x:.0f}, y = {y:.0f} px takes an even part of the wall's "
-                "light, as a shadow does. If it is one, point at the ball with --ball-at X,Y,FRAME."
+                "light, as a shadow does. If it is none, or to measure what cast it, point with --ball-at X,Y,FRAME."
             ]
         if self.tinted is None:
             return []

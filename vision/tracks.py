@@ -259,6 +259,8 @@ class Tracks:
         What happens in the clip.
     reasons : tuple of str
         Why `ball` is taken for the ball, in whole sentences.
+    maybe_shadow : bool
+        Whether `ball` may be a shadow instead: it takes an even part of the wall's light.
     """
 
     ball: Track
@@ -271,6 +273,7 @@ class Tracks:
     shift_px: FloatArray | None = None
     motion: Motion = Motion(MotionKind.NONE, 0.0)
     reasons: tuple[str, ...] = ()
+    maybe_shadow: bool = False
 
     def later(self, first: int, count: int, fps: float) -> Self:
         """The same tracks in a clip of `count` frames that begins `first` frames earlier."""

@@ -176,6 +176,9 @@ CONTRADICTS = 9.0
 
 """Twice the log-likelihood that is lost where the bound contradicts what is seen: 3 sigma."""
 
+_BRIEFEST_S = 1e-4
+"""s, of a contact that is fitted: steel on steel; a pulse of no length has no shape."""
+
 COR_STD = 0.05
 """Dimensionless, between the COR of the speeds and that of a contact head-on, supposed: friction
 and spin take their part of an oblique blow."""
@@ -300,9 +303,9 @@ def fit_contact(view: ImpactView, around_s: float) -> ContactFit:
     widened = max(1.0, float(np.mean(np.minimum(left**2, 9.0))))
     cost = np.array([np.inf if one is None else one.cost(widened) for one in tried])
     cost += _OFFSETS**2
-    beyond = _beyond(tried, view.longest_s)
+    beyond = _beyond(tried, view)
     if float((cost + beyond).min()) > float(cost.min()) + CONTRADICTS:
-        raise _too_long(likely, view)
+        raise _no_contact(likely, view)
     unbound, _ = _weighed(cost, offsets)
     face_offset, std = _weighed(cost + beyond, offsets)
     # what a bound moves it leaves in doubt: it does not say why the paths would have it otherwise
@@ -319,15 +322,25 @@ def _weighed(cost: FloatArray, offsets: FloatArray) -> tuple[float, float]:
     return mean, float(np.sqrt(share @ (offsets - mean) ** 2))
 
 
-def _beyond(tried: "list[_Tried | None]", longest_s: float) -> FloatArray:
-    """Prior penalty of contacts that last longer than the ball can, for each offset."""
-    last = [0.0 if one is None else one.release_s - one.onset_s for one in tried]
-    over = np.maximum(np.array(last) / longest_s - 1.0, 0.0)
-    return np.asarray((over / BOUND_SHARE) ** 2)
+def _beyond(tried: "list[_Tried | None]", view: ImpactView) -> FloatArray:
+    """Prior penalty, for each offset, of contacts that last longer than the ball can, or end first.
+
+    When the mass meets the ball and when it parts are each told to a frame at worst.
+    """
+    last = np.array([0.0 if one is None else one.lasting_s for one in tried])
+    frame_s = float(np.median(np.diff(view.flight.time_s)))
+    over = np.maximum(last / view.longest_s - 1.0, 0.0) / BOUND_SHARE
+    return np.asarray(over**2 + np.minimum(last / frame_s, 0.0) ** 2)
 
 
-def _too_long(likely: "_Tried", view: ImpactView) -> NotFoundError:
-    lasts = 1e3 * (likely.release_s - likely.onset_s)
+def _no_contact(likely: "_Tried", view: ImpactView) -> NotFoundError:
+    lasts = 1e3 * likely.lasting_s
+    if lasts < 0.0:
+        return NotFoundError(
+            f"the mass would part from the ball {-lasts:.0f} ms before it meets it: what was "
+            "followed is not what struck, or not what was struck",
+            hint="Point at the ball with --ball-at X,Y and at the mass with --mass-at X,Y.",
+        )
     return NotFoundError(
         f"the contact would last {lasts:.0f} ms, but a ball of this mass and size stays in touch "
         f"for {1e3 * view.longest_s:.0f} ms at most: what was followed is not what struck it, or "
@@ -346,10 +359,19 @@ class _Whitening:
 
 @dataclass(frozen=True)
 class _Tried:
-    """An offset of the face with the contact it implies, and how well that fits."""
+    """An offset of the face with the contact it implies, and how well that fits.
+
+    Attributes
+    ----------
+    onset_s, release_s : float
+        Of the contact that was fitted, which lasts 0.1 ms at least.
+    lasting_s : float
+        From meeting to parting; below 0 where they would part first.
+    """
 
     onset_s: float
     release_s: float
+    lasting_s: float
     exponent: float
     left: FloatArray
     priors: float
@@ -369,7 +391,8 @@ def _all_tried(
     found: list[_Tried | None] = [None] * len(offsets)
     if not meet.any():
         return found
-    ends = _Ends.of(view, onset[meet], release[meet])
+    lasting = (release - onset)[meet]
+    ends = _Ends.of(view, onset[meet], onset[meet] + np.maximum(lasting, _BRIEFEST_S))
     left, per_lag = _path_residuals(view, whitening, ends, _EXPONENTS)
     left = left - OUTLINE_AHEAD * per_lag
     lag = (per_lag * left).sum(axis=0) / ((per_lag**2).sum(axis=0) + OUTLINE_AHEAD_STD**-2)
@@ -379,6 +402,7 @@ def _all_tried(
             _Tried(
                 float(ends.onset_s[place]),
                 float(ends.onset_s[place] + ends.duration[place]),
+                float(lasting[place]),
                 float(exponent),
                 left[:, place, column] - lag[place, column] * per_lag[:, place, column],
                 float(priors[place, column]),
@@ -390,7 +414,10 @@ def _all_tried(
 
 
 def touch_times(view: ImpactView, face_offset: float, around_s: float) -> tuple[float, float]:
-    """Onset and release for a given offset of the face, s; NaN where they never meet."""
+    """When they meet and part for an offset of the face, s; NaN where never.
+
+    What is too short for the frame rate may seem to part first.
+    """
     onset, release = _touches(view, np.array([face_offset]), around_s)
     return float(onset[0]), float(release[0])
 
@@ -428,7 +455,7 @@ def _touches(
     closing, opening = gap_before(view, grid), gap_after(view, grid)
     onset = np.array([_crossing(grid, closing - face_offset) for face_offset in offsets])
     release = np.array([_crossing(grid, face_offset - opening) for face_offset in offsets])
-    return onset, np.maximum(release, onset + 1e-4)
+    return onset, release
 
 
 def _crossing(time_s: FloatArray, gap: FloatArray) -> float:

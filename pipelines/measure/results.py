@@ -73,6 +73,10 @@ _DEPTHS = (
     UncertaintySource.BALL_DIAMETER,
     UncertaintySource.CAMERA_DISTANCE,
 )
+_MAYBE_SHADOW = (
+    "what was followed takes an even part of the wall's light, as a shadow does: point at the ball"
+    " with --ball-at X,Y,FRAME"
+)
 NO_CLOCK = (
     "the camera's rate is not known, and no free fall with a known scale tells it:"
     " give it with --fps RATE or capture_fps in the setup file"
@@ -189,6 +193,7 @@ def results_of(
     for index, (name, unit) in enumerate(DERIVED.items()):
         found[name] = _quantity(evaluated, index, name, unit, reasons)
     found["contact_frames"] = _contact_frames(evaluated, tracks, reasons)
+    found |= _if_too_short(found["contact_time"])
     found |= _met_by_another(evaluated, tracks)
     if _asked(wanted, _OF_GEOMETRY):
         found |= _geometry(evaluated, found, no_grid.reason, motion)
@@ -210,7 +215,12 @@ def results_of(
     motion = motion or MotionResults()
     checks += motion.checks
     gravity = motion.gravity or gravity
-    found = _of_this_motion(found | motion.quantities, tracks, wanted)
+    found |= motion.quantities
+    if tracks.maybe_shadow:
+        found = {name: _of_a_shadow(item) for name, item in found.items()}
+        other_speeds = tuple(_of_a_shadow(item) for item in other_speeds)
+        gravity = _of_a_shadow(gravity)
+    found = _of_this_motion(found, tracks, wanted)
     return Results(
         tuple(found.values()),
         other_speeds,
@@ -218,6 +228,13 @@ def results_of(
         tuple(checks),
         tuple(item.statement for item in checks if item.outcome is CheckOutcome.FAILED),
     )
+
+
+def _of_a_shadow(item: Quantity) -> Quantity:
+    """Nothing: where its shadow is, the ball is not."""
+    if not item.known or item.name == QuantityName.BACKSWING_ANGLE:
+        return item
+    return Quantity.missing(item.name, item.unit, _MAYBE_SHADOW)
 
 
 def _asked(wanted: Collection[str] | None, names: Collection[str]) -> bool:
@@ -467,16 +484,27 @@ def _met_by_another(evaluated: Evaluated, tracks: Tracks) -> dict[str, Quantity]
         Contribution(UncertaintySource.TRACK_NOISE, met.std_s),
         Contribution(UncertaintySource.CAPTURE_RATE, clock),
     )
+    start = Quantity.measured("contact_start", met.time_s, "s", budget)
+    return {"contact_start": start} | _too_short(met.longest_s)
+
+
+def _too_short(longest_s: float) -> dict[str, Quantity]:
+    """What can't be told of a contact that lasts no longer than this (k = 2), s."""
     short = (
-        f"the contact is too short for this frame rate: at most {met.longest_s:.2g} s;"
-        " film at a higher rate"
+        "the contact is too short for this frame rate, or where the bodies touch is not seen well"
+        f" enough: it lasts {longest_s:.2g} s at most; film at a higher rate"
     )
     return {
-        "contact_start": Quantity.measured("contact_start", met.time_s, "s", budget),
-        "contact_end": Quantity.missing("contact_end", "s", short),
-        "contact_time": Quantity.missing("contact_time", "s", short),
-        "contact_frames": Quantity.missing("contact_frames", "1", short),
+        name: Quantity.missing(name, unit, short)
+        for name, unit in (("contact_end", "s"), ("contact_time", "s"), ("contact_frames", "1"))
     }
+
+
+def _if_too_short(lasting: Quantity) -> dict[str, Quantity]:
+    """The same where a contact's time is not told apart from none (k = 2)."""
+    if lasting.value is None or lasting.std is None or lasting.value > 2.0 * lasting.std:
+        return {}
+    return _too_short(max(lasting.value, 0.0) + 2.0 * lasting.std)
 
 
 def _geometry(

@@ -112,10 +112,12 @@ def test_a_shadow_of_what_nothing_shows_is_said_to_look_like_one() -> None:
     pictures, _ = _casting(None)
     tracks = follow(PaintedColourClip(pictures), 30.0)  # type: ignore[arg-type]
     assert any("as a shadow does" in warning for warning in tracks.warnings)
+    assert tracks.maybe_shadow
     knotted = [_picture([], np.zeros((HEIGHT, WIDTH)), seed) for seed in range(8)]
     knotted += [_knotted(place, 0.1 * k, 20 + k) for k, place in enumerate(_thrown())]
     tracks = follow(PaintedColourClip(knotted), 30.0)  # type: ignore[arg-type]
     assert not any("as a shadow does" in warning for warning in tracks.warnings)
+    assert not tracks.maybe_shadow
 
 
 def test_what_hardly_moves_in_gray_is_not_taken_for_a_ball_that_flies_in_colour() -> None:

@@ -1,0 +1,97 @@
+"""Contacts that no frame rate resolves, and paths between which there was none."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike, NDArray
+
+from calib.grid import WallGrid
+from calib.solve import planned_grid
+from metrology import Quantity
+from pipelines.calibrate.plan import Filming, film_scene, planned_setup, planned_tracks
+from pipelines.measure import metres
+from pipelines.measure.chain import FollowedClip, measure_tracks
+from pipelines.measure.inputs import gather_inputs
+from sample_videos import Scene, Shot
+from sample_videos.shot import HermiteCurve
+from vision.clip.footage import CaptureRate, RateSource
+from vision.tracks import Tracks
+
+FILMING = Filming(width=432, height=240, tape_std_m=0.005, fps=300.0)
+TIMES = ("contact_time", "contact_end", "contact_frames")
+
+
+class CutOut(HermiteCurve):
+    """A curve that is at `release` as it was at first touch, and goes on from there at `leaves`."""
+
+    def __init__(self, whole: HermiteCurve, release: float, leaves: float) -> None:
+        self.whole, self.release, self.leaves = whole, release, leaves
+
+    def at(self, times: ArrayLike) -> NDArray[np.float64]:
+        time = np.asarray(times, dtype=np.float64)
+        gone = self.whole.at([self.release]) - self.whole.at([0.0])
+        before = self.whole.at(np.minimum(time, 0.0))
+        after = self.whole.at(np.maximum(time - self.leaves, 0.0) + self.release) - gone
+        return np.where(time[:, np.newaxis] < self.leaves, before, after)
+
+
+def struck_at_once(scene: Scene, shot: Shot, early_s: float) -> Tracks:
+    """The strike with its contact cut out; the ball leaves `early_s` before the mass is there."""
+    release, motion = float(shot.contact.time[-1]), shot.motion
+    motion = replace(
+        motion,
+        ball=CutOut(motion.ball, release, -early_s),
+        pendulum=CutOut(motion.pendulum, release, 0.0),
+    )
+    tracks = planned_tracks(FILMING, scene, replace(shot, motion=motion))
+    assert tracks.rest_frames is not None
+    return replace(tracks, rest_frames=(0, tracks.rest_frames[1] - int(early_s * FILMING.fps) - 1))
+
+
+def told(
+    monkeypatch: pytest.MonkeyPatch, early_s: float, *, maybe_shadow: bool = False
+) -> dict[str, Quantity]:
+    scene, shot = film_scene(FILMING)
+    grid = planned_grid(scene.camera)
+
+    def seen(*_: object, **__: object) -> WallGrid:
+        return grid
+
+    monkeypatch.setattr(metres, "find_wall_grid", seen)
+    tracks = replace(struck_at_once(scene, shot, early_s), maybe_shadow=maybe_shadow)
+    inputs = gather_inputs(planned_setup(FILMING, scene), None, None)
+    rate = CaptureRate(FILMING.fps, 0.1, RateSource.OPTION)
+    clock = np.arange(scene.frames, dtype=float)
+    results = measure_tracks(FollowedClip(tracks, clock, rate, inputs)).results
+    everything = (*results.quantities, *results.other_speeds, results.gravity)
+    return {item.name: item for item in everything}
+
+
+def test_a_contact_too_short_for_the_frame_rate_gets_a_bound_and_no_number(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = told(monkeypatch, 0.0)
+    for name in TIMES:
+        assert found[name].value is None
+        assert "too short for this frame rate" in str(found[name].reason)
+    for name in ("contact_start", "ball_speed", "cor_speeds"):
+        assert found[name].value is not None
+        assert found[name].std
+
+
+def test_a_mass_that_would_part_before_it_meets_did_not_strike(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = told(monkeypatch, 0.02)
+    for name in (*TIMES, "cor_speeds", "pendulum_speed_after"):
+        assert found[name].value is None
+        assert "before it meets" in str(found[name].reason)
+
+
+def test_of_what_may_be_the_ball_s_shadow_no_number_is_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = told(monkeypatch, 0.0, maybe_shadow=True)
+    assert all(item.value is None for item in found.values())
+    assert "--ball-at" in str(found["ball_speed"].reason)
