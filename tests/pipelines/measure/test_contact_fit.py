@@ -5,7 +5,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
+from physics.contact import damping_for_cor
 from pipelines.measure.impact import (
     ImpactView,
     contact_pulse,
@@ -19,6 +23,9 @@ from pipelines.measure.inputs import gather_inputs
 from pipelines.setup.file import Setup
 from tests.pipelines.measure.ideal_tracks import Noise, ideal_tracks, known_stroke
 
+FloatArray = NDArray[np.float64]
+
+CLOSE = {"rtol": 1e-10, "atol": 1e-12}
 FIRST = -0.0838
 MIDDLE = 0.007 - FIRST
 
@@ -42,6 +49,23 @@ def test_hertz_contact_lasts_as_long_as_the_textbook_says() -> None:
     # t v / δmax = 2.9432 (Johnson, Contact Mechanics, section 11.4)
     pulse = contact_pulse(1.5, 1.0)
     assert 1.0 / pulse.compression.max() == pytest.approx(2.9432, rel=2e-3)
+
+
+def test_a_contact_that_loses_energy_moves_as_its_equation_of_motion_does() -> None:
+    n, damping = 1.3, damping_for_cor(0.7)
+
+    def rates(_: float, state: FloatArray) -> FloatArray:
+        return np.array([state[1], -(max(state[0], 0.0) ** n) * (1.0 + damping * state[1])])
+
+    steps = np.linspace(0.0, 1.0, 201)
+    pulse = contact_pulse(n, 0.7)
+    lasts = brentq(lambda t: solve_ivp(rates, (0.0, t), [0.0, 1.0], **CLOSE).y[0, -1], 2.5, 4.5)
+    moved = solve_ivp(rates, (0.0, lasts), [0.0, 1.0], t_eval=steps * lasts, **CLOSE)
+    assert moved.y[1, -1] == pytest.approx(-0.7, abs=1e-6)
+    # what is interpolated between exponents is off by 1e-4 of the peak
+    assert pulse.compression == pytest.approx(moved.y[0] / lasts, abs=5e-5)
+    gone = (steps * lasts - moved.y[0]) / (1.7 * lasts)
+    assert pulse.path == pytest.approx(gone, abs=5e-5)
 
 
 def test_touch_is_where_the_gaps_close_and_open() -> None:
