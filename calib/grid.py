@@ -16,7 +16,7 @@ by its phase how far off the map is, everywhere at once; the map is then fitted 
 """
 
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, cached_property
 from math import gcd
 from typing import Self, TypeVar
 
@@ -26,6 +26,7 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from metrology import CalibrationError
+from metrology.compiled import compiled
 
 __all__ = [
     "GridMap",
@@ -171,7 +172,7 @@ def find_seeds(image: FloatArray, *, keep: int = 8) -> list[Seed]:
     for window in WINDOWS:
         if window > min(image.shape):
             break
-        flat = flattened(image, window / 6.0)
+        flat = flattened(image, window / 6.0).astype(np.float32)
         here = _window_seeds(flat, window)
         for alike in (
             [pair[0] for pair in here if pair],
@@ -186,7 +187,7 @@ def _starts(length: int, window: int) -> NDArray[np.int64]:
     return np.unique(np.linspace(0, length - window, count).astype(np.int64))
 
 
-def _window_seeds(flat: FloatArray, window: int) -> list[list[Seed]]:
+def _window_seeds(flat: FloatImage, window: int) -> list[list[Seed]]:
     """The seed of each window; where it is very fine, also that of its longer waves."""
     corners = np.array(
         [
@@ -253,26 +254,27 @@ class _Waves:
         return self.order[first : self.lengths.searchsorted(length * ratio, side="left")]
 
 
-def _powers(patches: FloatArray) -> FloatArray:
+def _powers(patches: FloatImage) -> FloatImage:
     """Power spectra (N, 2 W, W + 1) of windows (N, W, W), tapered."""
     window = patches.shape[-1]
-    taper = np.hanning(window + 2)[1:-1]
+    taper = np.hanning(window + 2)[1:-1].astype(np.float32)
     patches = (patches - patches.mean(axis=(1, 2), keepdims=True)) * np.outer(taper, taper)
     spectrum = scipy.fft.rfft2(patches, (2 * window, 2 * window))
     return np.asarray(np.fft.fftshift(spectrum.real**2 + spectrum.imag**2, axes=1))
 
 
 def _seeds(
-    power: FloatArray, corners: NDArray[np.int64], waves: _Waves, highest: float
+    power: FloatImage, corners: NDArray[np.int64], waves: _Waves, highest: float
 ) -> list[Seed | None]:
     """The two waves with the most power in each window, of those up to a frequency."""
     ring = (waves.radius > PERIODS_ACROSS / waves.window) & (waves.radius < highest)
     kept = power[:, ring]
     if len(kept) == 0:
         return []
-    floor = np.median(kept, axis=1)
+    # a picture that is even has no power in half of its waves or more
+    shown = 2 * np.count_nonzero(kept, axis=1) >= kept.shape[1]
     rows = np.argwhere(ring)
-    cosine, sine = waves.cosine[ring], waves.sine[ring]
+    cosine, sine = (turn[ring].astype(np.float32) for turn in (waves.cosine, waves.sine))
     first = kept.argmax(axis=1)
     alike = cosine * cosine[first, np.newaxis] + sine * sine[first, np.newaxis]
     apart = alike < np.cos(2.0 * SMALLEST_ANGLE)
@@ -282,7 +284,7 @@ def _seeds(
     centres = corners + (waves.window - 1) / 2.0
     seeds: list[Seed | None] = []
     for index, here in enumerate(power):
-        if floor[index] <= 0.0:
+        if not shown[index]:
             seeds.append(None)
             continue
         strengths = [_above_its_kind(here, waves, (int(y), int(x))) for y, x in places[index]]
@@ -292,7 +294,7 @@ def _seeds(
     return seeds
 
 
-def _above_its_kind(power: FloatArray, waves: _Waves, place: tuple[int, int]) -> float:
+def _above_its_kind(power: FloatImage, waves: _Waves, place: tuple[int, int]) -> float:
     """Power of a wave over the median of all waves about as long.
 
     Most textures are the stronger the longer the wave: what stands out of all waves need not stand
@@ -306,7 +308,7 @@ def _above_its_kind(power: FloatArray, waves: _Waves, place: tuple[int, int]) ->
     return float(power[place] / max(middle, 1e-300))
 
 
-def _refined(power: FloatArray, places: NDArray[np.int64], size: int) -> FloatArray:
+def _refined(power: FloatImage, places: NDArray[np.int64], size: int) -> FloatArray:
     """Wave vectors (N, 2, 2) of peaks, by parabolas through the logarithm of their neighbours."""
     each = np.arange(len(power))[:, np.newaxis]
     row, column = places[..., 0], places[..., 1]
@@ -351,8 +353,47 @@ PERIOD_WANTED = 6.0
 # the half width of the picture. A view 45° oblique through a 90° lens reaches 1; a fish-eye 0.3.
 PRIOR_STD = np.array([0.5, 0.5, 0.2, 0.1])
 
+_LEAST_DEPTH = 0.05
+"""Of that in the picture's middle, supposed: what is nearer is behind the camera, or beside it."""
+
 PHASE_STD = 0.03
 """Periods, supposed: how far local phases may be from a smooth map of few parameters."""
+
+
+@compiled
+def _placed(
+    x: float, y: float, centre: FloatArray, scale: FloatArray, p: FloatArray
+) -> tuple[float, float]:
+    """Grid coordinates of a pixel: see `GridMap`; NaN behind the camera."""
+    x, y = (x - centre[0]) / scale[0], (y - centre[1]) / scale[1]
+    r2 = x * x + y * y
+    bent = 1.0 + r2 * (p[8] + r2 * p[9])
+    x, y = x * bent, y * bent
+    depth = 1.0 + p[6] * x + p[7] * y
+    if not depth > _LEAST_DEPTH:
+        return np.nan, np.nan
+    return (p[0] * x + p[1] * y + p[2]) / depth, (p[3] * x + p[4] * y + p[5]) / depth
+
+
+@compiled
+def _mapped(
+    px: FloatArray, centre: FloatArray, scale: FloatArray, p: FloatArray, grid: FloatArray
+) -> None:
+    """Write the grid coordinates of pixels (N, 2)."""
+    for k in range(len(px)):
+        grid[k, 0], grid[k, 1] = _placed(px[k, 0], px[k, 1], centre, scale, p)
+
+
+@compiled
+def _turned(
+    left: int, top: int, centre: FloatArray, scale: FloatArray, p: FloatArray, turns: FloatImage
+) -> None:
+    """Write the phases (2, h, w) of both waves, -π to π; 0 where there is none."""
+    for row in range(turns.shape[1]):
+        for column in range(turns.shape[2]):
+            u, v = _placed(float(left + column), float(top + row), centre, scale, p)
+            turns[0, row, column] = 2.0 * np.pi * (u - np.rint(u)) if u == u else 0.0
+            turns[1, row, column] = 2.0 * np.pi * (v - np.rint(v)) if v == v else 0.0
 
 
 @dataclass(frozen=True)
@@ -376,17 +417,20 @@ class GridMap:
 
     def __call__(self, px: ArrayLike) -> FloatArray:
         """Grid coordinates (..., 2) of pixels (..., 2)."""
-        n = (np.asarray(px, dtype=np.float64) - self.centre) / self.scale
-        p = self.parameters
-        # a sum along an axis of two takes three times as long
-        r2 = (n[..., 0] ** 2 + n[..., 1] ** 2)[..., np.newaxis]
-        u = n * (1.0 + r2 * (p[8] + r2 * p[9]))
-        x, y = u[..., 0], u[..., 1]
-        depth = 1.0 + p[6] * x + p[7] * y
-        depth = np.where(depth > 0.05, depth, np.nan)
-        return np.stack(
-            [(p[0] * x + p[1] * y + p[2]) / depth, (p[3] * x + p[4] * y + p[5]) / depth], axis=-1
-        )
+        places = np.ascontiguousarray(px, dtype=np.float64)
+        found = np.empty_like(places)
+        flat = (-1, 2)
+        _mapped(places.reshape(flat), self.centre, self.scale, self.parameters, found.reshape(flat))
+        return found
+
+    def turns(
+        self, shape: tuple[int, ...], part: tuple[slice, slice] = (slice(None), slice(None))
+    ) -> FloatImage:
+        """Phases of both waves over a part of a picture, (2, h, w), -π to π; 0 where none."""
+        rows, columns = (range(*one.indices(size)) for one, size in zip(part, shape, strict=True))
+        found = np.empty((2, len(rows), len(columns)), dtype=np.float32)
+        _turned(columns.start, rows.start, self.centre, self.scale, self.parameters, found)
+        return found
 
     def jacobian(self, px: ArrayLike) -> FloatArray:
         """Wave vectors: derivative of the grid coordinates by px, (..., 2, 2)."""
@@ -405,24 +449,6 @@ class GridMap:
         for _ in range(12):
             px = px - np.linalg.solve(self.jacobian(px), (self(px) - grid)[..., np.newaxis])[..., 0]
         return px
-
-    def derivative(self, px: FloatArray) -> FloatArray:
-        """Derivative of the grid coordinates of pixels (N, 2) by the parameters, (N, 2, 10)."""
-        n = (px - self.centre) / self.scale
-        p = self.parameters
-        r2 = n[:, 0] ** 2 + n[:, 1] ** 2
-        bent = r2 * (p[8] + r2 * p[9])
-        x, y = (1.0 + bent) * n.T
-        depth = 1.0 + p[6] * x + p[7] * y
-        depth = np.where(depth > 0.05, depth, np.nan)
-        found = np.zeros((len(n), 2, 10))
-        for row, (a, b, c) in enumerate((p[0:3], p[3:6])):
-            value = (a * x + b * y + c) / depth
-            found[:, row, 3 * row : 3 * row + 3] = np.stack([x, y, np.ones_like(x)], axis=-1)
-            found[:, row, 6], found[:, row, 7] = -value * x, -value * y
-            along = (a - value * p[6]) * n[:, 0] + (b - value * p[7]) * n[:, 1]
-            found[:, row, 8], found[:, row, 9] = along * r2, along * r2**2
-        return np.asarray(np.nan_to_num(found / depth[:, np.newaxis, np.newaxis]))
 
     def rebased(self, matrix: ArrayLike, shift: ArrayLike) -> "GridMap":
         """Map to other grid coordinates, matrix @ old + shift."""
@@ -462,13 +488,13 @@ class MapSupport:
     coherence: FloatArray
     share: FloatArray
 
-    @property
+    @cached_property
     def area(self) -> NDArray[np.bool_]:
         """Pixels at which both families are seen where the map has them, (H, W)."""
         seen = (self.coherence > COHERENT) & (np.abs(self.phase) < 0.25)
         return np.asarray(seen.all(axis=0))
 
-    @property
+    @cached_property
     def explained(self) -> float:
         """Share of the whole picture's variance that both waves explain together."""
         return float(np.where(self.area, self.share.sum(axis=0), 0.0).mean())
@@ -510,16 +536,17 @@ class _Contrast:
         """A part of the picture."""
         return replace(self, flat=self.flat[part], energy=self.energy[part])
 
-    def demodulated(self, phase: FloatArray) -> MapSupport:
-        """Compare with the waves of a map, whose grid coordinates of every pixel are (H, W, 2)."""
+    def demodulated(self, turns: FloatImage, at: BoolArray | None = None) -> MapSupport:
+        """Compare with a map's waves, whose phases are (2, H, W); `at` some pixels (H, W) only."""
         independent = np.float32(4.0 * np.pi * self.sigma**2)
+        energy = self.energy if at is None else self.energy[at]
         angles, coherences, shares = [], [], []
-        for family in range(2):
-            cycles = np.nan_to_num(phase[..., family])
-            turn = np.float32(2.0 * np.pi) * (cycles - np.rint(cycles)).astype(np.float32)
+        for turn in turns:
             real = smoothed(self.flat * np.cos(turn), self.sigma)
             imaginary = smoothed(self.flat * np.sin(turn), self.sigma)
-            share = (real**2 + imaginary**2) / self.energy
+            if at is not None:
+                real, imaginary = real[at], imaginary[at]
+            share = (real**2 + imaginary**2) / energy
             angles.append(np.arctan2(-imaginary, real) / np.float32(2.0 * np.pi))
             coherences.append(share * independent)
             shares.append(np.float32(2.0) * share)
@@ -581,11 +608,10 @@ def grow(image: FloatArray, seed: Seed) -> tuple[GridMap, MapSupport]:
         part = contrast.around(near)
         there, here = contrast.cut(part), near[part]
         for _ in range(2):
-            seen = there.demodulated(current(pixels[part]))
-            phase, coherence = seen.phase[:, here], seen.coherence[:, here]
-            current = _fitted(current, pixels[near], phase, coherence)
+            seen = there.demodulated(current.turns(image.shape, part), here)
+            current = _fitted(current, pixels[near], seen.phase, seen.coherence)
         if reach > distance.max():
-            return current, contrast.demodulated(current(pixels))
+            return current, contrast.demodulated(current.turns(image.shape))
         reach *= GROWTH
 
 
@@ -606,6 +632,42 @@ def _fitted(current: GridMap, px: FloatArray, phase: FloatArray, coherence: Floa
     return refitted(current, px, phase.T, weight.T)
 
 
+@compiled
+def _pulled(
+    px: FloatArray,
+    shift: FloatArray,
+    weight: FloatArray,
+    centre: FloatArray,
+    scale: FloatArray,
+    p: FloatArray,
+    normal: FloatArray,
+    right: FloatArray,
+) -> None:
+    """Add what shifts (N, 2) of pixels (N, 2) ask of a map's parameters: normal equations."""
+    row = np.zeros(10)
+    for k in range(len(px)):
+        u, v = (px[k, 0] - centre[0]) / scale[0], (px[k, 1] - centre[1]) / scale[1]
+        r2 = u * u + v * v
+        bent = 1.0 + r2 * (p[8] + r2 * p[9])
+        x, y = u * bent, v * bent
+        depth = 1.0 + p[6] * x + p[7] * y
+        if not depth > _LEAST_DEPTH:
+            continue
+        for family in range(2):
+            first = 3 * family
+            value = (p[first] * x + p[first + 1] * y + p[first + 2]) / depth
+            along = (p[first] - value * p[6]) * u + (p[first + 1] - value * p[7]) * v
+            row[0:6] = 0.0
+            row[first], row[first + 1], row[first + 2] = x / depth, y / depth, 1.0 / depth
+            row[6], row[7] = -value * x / depth, -value * y / depth
+            row[8], row[9] = along * r2 / depth, along * r2 * r2 / depth
+            for i in range(10):
+                part = weight[k, family] * row[i]
+                right[i] += part * shift[k, family]
+                for j in range(10):
+                    normal[i, j] += part * row[j]
+
+
 def refitted(current: GridMap, px: FloatArray, shift: FloatArray, weight: FloatArray) -> GridMap:
     """Map moved to meet measured shifts.
 
@@ -619,9 +681,8 @@ def refitted(current: GridMap, px: FloatArray, shift: FloatArray, weight: FloatA
     weight : (N, 2) array
         Inverse variances, periods^-2.
     """
-    derivative = current.derivative(px).reshape(-1, 10)
-    weighed = derivative.T * weight.reshape(-1)
-    normal, right = weighed @ derivative, weighed @ shift.reshape(-1)
+    normal, right = np.zeros((10, 10)), np.zeros(10)
+    _pulled(px, shift, weight, current.centre, current.scale, current.parameters, normal, right)
     normal[np.arange(6, 10), np.arange(6, 10)] += PRIOR_STD**-2
     right[6:] -= current.parameters[6:] * PRIOR_STD**-2
     normal[np.arange(6), np.arange(6)] += 1e-6
@@ -988,7 +1049,8 @@ def _normal_equations(
     Block after block, some thousand pixels at a time: what is worked on stays in the caches.
     """
     count = np.bincount(label, minlength=size)
-    order = np.argsort(label, kind="stable")
+    # short numbers are sorted by their digits, not by comparing them
+    order = np.argsort(label.astype(np.min_scalar_type(size)), kind="stable")
     ends = np.cumsum(count)
     unknowns = 3 + 2 * sum(len(some) for some in orders)
     products = np.zeros((size, unknowns + 1, unknowns + 1))
@@ -1009,11 +1071,12 @@ def _normal_equations(
     return count, products[:, :-1, :-1], products[:, :-1, -1], products[:, -1, -1]
 
 
-def _waves(coordinates: FloatArray, orders: tuple[tuple[int, ...], ...]) -> FloatArray:
+def _waves(coordinates: FloatArray, orders: tuple[tuple[int, ...], ...]) -> FloatImage:
     """Cosine and sine of every order of both families, (N, 2 O)."""
     columns = []
+    turns = np.float32(2.0 * np.pi) * (coordinates - np.rint(coordinates)).astype(np.float32)
     for family in range(2):
-        once = np.exp(2j * np.pi * coordinates[:, family])
+        once = np.cos(turns[:, family]) + np.complex64(1j) * np.sin(turns[:, family])
         power = once
         for order in range(1, max(orders[family]) + 1):
             power = power * once if order > 1 else once
@@ -1367,10 +1430,9 @@ def find_wall_grid(
     """
     gray = np.asarray(image, dtype=np.float64)
     gray = np.asarray(gray - min(float(gray.min()), 0.0))
-    grid_map, area, lattices = _lattice(gray)
+    grid_map, area, lattices, flat = _lattice(gray)
     pixels = pixel_grid(gray.shape)
     seen = pixels[area]
-    flat = flattened(gray, 1.5 * float(_periods(grid_map, seen).max()))
     sign = -1.0 if lattices[0].dark else 1.0
     templates = (sign * lattices[0].template, sign * lattices[1].template)
     frequency = np.linalg.norm(grid_map.jacobian(seen), axis=-1).max(axis=0)
@@ -1423,8 +1485,8 @@ def _require_an_even_grid(nodes: Nodes, px: FloatArray) -> None:
         )
 
 
-def _lattice(gray: FloatArray) -> tuple[GridMap, NDArray[np.bool_], list[Lattice]]:
-    """Map to grid coordinates, where it holds, and its two families of lines.
+def _lattice(gray: FloatArray) -> tuple[GridMap, NDArray[np.bool_], list[Lattice], FloatArray]:
+    """Map to grid coordinates, where it holds, its two families of lines, and the contrast.
 
     Fine lines folded over by the pixels make waves of their own: where the best waves make no
     squares, the next may.
@@ -1442,7 +1504,7 @@ def _lattice(gray: FloatArray) -> tuple[GridMap, NDArray[np.bool_], list[Lattice
 
 def _squares(
     gray: FloatArray, grid_map: GridMap, support: MapSupport
-) -> tuple[GridMap, NDArray[np.bool_], list[Lattice]]:
+) -> tuple[GridMap, NDArray[np.bool_], list[Lattice], FloatArray]:
     shape = gray.shape[::-1]
     area = cv2.resize(support.area.astype(np.uint8), shape, interpolation=cv2.INTER_NEAREST) > 0
     seen = pixel_grid(gray.shape)[area]
@@ -1463,7 +1525,7 @@ def _squares(
         )
     flat = flattened(gray, 1.5 * float(periods.max()))
     _require_squares(flat[area], grid_map(seen), grid_map)
-    return grid_map, area, lattices
+    return grid_map, area, lattices, flat
 
 
 def _periods(grid_map: GridMap, px: FloatArray) -> FloatArray:

@@ -321,7 +321,8 @@ class _Seen:
             x, y = self.choice.ball.centre_px[-1]
             return [
                 f"What is followed to x = {x:.0f}, y = {y:.0f} px takes an even part of the wall's "
-                "light, as a shadow does. If it is none, or to measure what cast it, point with --ball-at X,Y,FRAME."
+                "light, as a shadow does. If it is none, or to measure what cast it, point with "
+                "--ball-at X,Y,FRAME."
             ]
         if self.tinted is None:
             return []
