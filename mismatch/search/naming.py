@@ -652,7 +652,9 @@ def _supported(forward: Forward, larger: Hypothesis, smaller: Hypothesis, thresh
     # A law that does not stay leaves nothing over: other laws in its place have chance to beat.
     stays = replace(smaller, members=tuple(m for m in smaller.members if m.id in larger.ids))
     share = max(second_effect_share(stays, one) for one in further)
-    if more > max(threshold, share * smaller.gain):
+    # The evidence has weighed errors of form already: a share of the gain is held against what the
+    # laws as they are written gain by the further one.
+    if more > threshold and max(more, larger.gain - smaller.gain) > share * smaller.gain:
         return True
     # Against a baseline that runs away any share is small; then what is left over counts.
     return left > 0.5 * smaller.fit.expected and more > max(threshold, 0.5 * left)

@@ -7,7 +7,7 @@ import pytest
 
 from mismatch.candidates import Candidate
 from mismatch.fitting.fit import Fit
-from mismatch.fitting.hypotheses import Hypothesis
+from mismatch.fitting.hypotheses import EXACT, FormEvidence, Hypothesis
 from mismatch.forward import Model
 from mismatch.search.naming import _supported, _worth_a_fit
 from physics.effects import Effect, effect_named
@@ -16,13 +16,13 @@ STRIKES = SimpleNamespace(mode="impact")
 CHANCE = 12.0
 
 
-def answer(gain: float, *laws: Effect) -> Hypothesis:
-    """Laws that take `gain` off a misfit of a tenth of 10,000 rows' noise."""
+def answer(gain: float, *laws: Effect, form: FormEvidence = EXACT) -> Hypothesis:
+    """Laws that take `gain` off a misfit of a tenth of 10,000 rows' noise, and more by `form`."""
     fit = Fit(
         Model(()), np.zeros((12, 4)), np.zeros((1, 2)), 10_400.0, 0.0, 10_000, 10_000.0, (),
         np.zeros((0, 0)), np.zeros((12, 900)),
     )  # fmt: skip
-    return Hypothesis(tuple(Candidate(law, (), 1) for law in laws), fit, gain)
+    return Hypothesis(tuple(Candidate(law, (), 1) for law in laws), fit, gain, form)
 
 
 @pytest.mark.parametrize(
@@ -64,3 +64,14 @@ def test_laws_that_do_without_a_loose_one_have_only_chance_to_beat():
     assert _supported(STRIKES, answer(3475.0, wake, restitution), face, CHANCE)
     beside = answer(3475.0, effect_named("oblique_impact"), restitution)
     assert not _supported(STRIKES, beside, face, CHANCE)
+
+
+@pytest.mark.parametrize(("further", "told"), [(5580.0, True), (5235.0, False)])
+def test_what_errors_of_form_have_taken_up_is_not_asked_for_twice(further, told):
+    """Without its wind a wrong clock needs errors of form that are twice as large as is usual."""
+    clock, wind = effect_named("time_base"), effect_named("wind")
+    alone = answer(5210.0, clock, form=FormEvidence(further - 5235.0, 367.0, 2.0))
+    both = answer(further, clock, wind)
+    more = both.penalised_gain - alone.penalised_gain
+    assert CHANCE < more < 0.008 * alone.gain
+    assert _supported(STRIKES, both, alone, CHANCE) is told
