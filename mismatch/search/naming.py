@@ -153,7 +153,7 @@ def _averaged(gains: Sequence[float], forms: int, scale: float) -> float:
     top = max(gains)
     total = sum(float(np.exp((gain - top) / scale)) for gain in gains)
     # Forms that were not refitted count for nothing: the average is then a little too low.
-    return top + scale * float(np.log(total / max(forms, len(gains))))
+    return top + scale * float(np.log(total / forms))
 
 
 @dataclass(frozen=True)
@@ -185,7 +185,8 @@ class Naming:
     def forms(self) -> Mapping[str, int]:
         """Id → how many forms of its law there are for this campaign.
 
-        Laws in no catalogue share what they pay for being rare; none is one form of another.
+        Each law in no catalogue has paid for being rare by itself, and none is a form of another:
+        together they have the sum of their evidence.
         """
         keys = {(one.id, one.effect.form, one.effect.level) for one in self.first_scan.candidates}
         found: dict[str, int] = {}
@@ -204,6 +205,8 @@ class Naming:
         found = {}
         for ids, members in grouped.items():
             count = int(np.prod([self.forms.get(one, 1) for one in ids]))
+            if EffectId.UNNAMED not in ids:
+                count = max(count, len(members))
             ordered = tuple(sorted(members, key=lambda h: -h.penalised_gain))
             found[ids] = Family(
                 ids, ordered,

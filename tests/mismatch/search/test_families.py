@@ -47,6 +47,20 @@ def test_evidence_is_averaged_over_the_forms_of_a_law():
     assert naming.families[("lift",)].penalised_gain == pytest.approx(50.0 - 2.2 * np.log(3.0))
 
 
+def test_laws_in_no_catalogue_are_no_forms_of_one_another():
+    """A force with a power of the speed was told as wind: curves beside it, which fit worse, had
+    made the evidence of all laws without a name a sixth of its own."""
+    power, *curves = (fitted(("unnamed",), gain, str(gain)) for gain in (50.0, 40.0, 30.0, 20.0))
+    wind = fitted(("wind",), 54.0)
+    scan = scanned(("wind", ""), *(("unnamed", str(k)) for k in range(4)))
+    alone = Naming(wind, (wind, power), 12.0, scan)
+    beside = Naming(wind, (wind, power, *curves), 12.0, scan)
+    assert alone.families[("unnamed",)].penalised_gain == pytest.approx(50.0)
+    assert beside.families[("unnamed",)].penalised_gain == pytest.approx(50.0, abs=0.05)
+    alike = Naming(wind, (wind, power, power), 12.0, scan)
+    assert alike.families[("unnamed",)].penalised_gain == pytest.approx(50.0 + 2.2 * np.log(2.0))
+
+
 def test_a_ball_that_lies_lower_is_met_later_and_pushed_further_down():
     form = next(e for e in CATALOGUE["effective_mass"] if e.form == "geometry")
     after = form.contact({"arm_error": 0.01}, CONTACT, OUTCOME)
