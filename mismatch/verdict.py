@@ -176,6 +176,15 @@ class HeldOut:
         by_scatter = self.gain is not None and self.gain > PROVED
         return self.ratio_95[0] > 1.0 or (by_scatter and self.ratio_95[1] >= 1.0)
 
+    @property
+    def worse(self) -> bool:
+        """Whether the answer predicts them worse: in their error, and not better by chi-square.
+
+        A law of the contact takes from each trial's own scatter what its error of metres had.
+        """
+        better = self.gain is not None and self.gain > NO_GAIN
+        return self.ratio_95[1] < 1.0 and not better
+
     def to_json(self) -> dict[str, Any]:
         """As in the contract."""
         out: dict[str, Any] = {
@@ -533,7 +542,7 @@ def pass_gate(
             doubts.append(Doubt.UNSTEADY)
         elif _undetermined(best):
             doubts.append(Doubt.UNDETERMINED)
-    elif kept is not None and kept.ratio_95[1] < 1.0:
+    elif kept is not None and kept.worse:
         doubts.append(Doubt.WORSE_HELD_OUT)
     elif _unsteady(forward, best):
         doubts.append(Doubt.UNSTEADY)

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from bench.real.made import write_rolling
-from mismatch.verdict import DOUBTED, Doubt
+from mismatch.verdict import DOUBTED, Doubt, HeldOut
 from pipelines.explain.command import explain_files_in_full
 from pipelines.explain.report import explain_report_html
 
@@ -57,3 +57,17 @@ def test_throws_read_off_a_grid_by_hand_get_no_confident_name(tmp_path):
     verdict = explain_files_in_full(tmp_path / "ball.csv", None, tmp_path / "setup.toml").verdict
     assert verdict.verdict in ("unexplained", "ambiguous", "no_mismatch")
     assert all(effect.probability <= max(DOUBTED, 0.5) for effect in verdict.effects)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "gain", "worse"),
+    [
+        ((0.9989, 0.9999), 4.4, False),
+        ((0.9989, 0.9999), 0.2, True),
+        ((0.9989, 0.9999), None, True),
+        ((0.9989, 1.0003), -3.0, False),
+    ],
+)
+def test_what_predicts_launches_better_is_not_worse_for_a_thousandth_of_a_path(ratio, gain, worse):
+    """A friction on the support was left without a name for 0.06 % of a path's error."""
+    assert HeldOut(("1",), 0.0019412, 0.0019422, ratio, gain=gain).worse is worse
