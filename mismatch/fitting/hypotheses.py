@@ -164,17 +164,23 @@ class FormError(Effect):
 
 
 def _sizes(contact: Contact, before: Outcome, after: Outcome) -> dict[str, FloatArray]:
-    """How large an error of each part is, when the whole change is taken for unsure."""
+    """How large an error of each part is, when the whole change is taken for unsure.
+
+    The pendulum's speed is off by what changes it, and by what the ball, pushed otherwise, gives
+    back: a support that kicks the ball alone leaves the heavy pendulum nearly as it was.
+    """
     moved = {name: np.asarray(getattr(after, name) - getattr(before, name)) for name in PARTS}
     speed = np.sqrt(
         np.square(moved["vx"]) + np.square(moved["vy"]) + np.square(moved["pendulum_speed"])
     )
+    pushed = np.hypot(moved["vx"], moved["vy"])
+    returned = np.hypot(moved["pendulum_speed"], contact.ball_mass / contact.inertial_mass * pushed)
     gap = np.asarray(before.contact_time)
     longer = np.abs(moved["contact_time"]) + speed / np.maximum(contact.impact_speed, 1e-6) * gap
     way = np.hypot(moved["x"], moved["y"]) + 0.5 * gap * speed
-    angle = np.abs(moved["pendulum_angle"]) + 0.5 * gap * speed / contact.length
+    angle = np.abs(moved["pendulum_angle"]) + 0.5 * gap * returned / contact.length
     return {
-        "vx": speed, "vy": speed, "pendulum_speed": speed, "x": way, "y": way,
+        "vx": speed, "vy": speed, "pendulum_speed": returned, "x": way, "y": way,
         "contact_time": longer, "pendulum_angle": angle,
     }  # fmt: skip
 

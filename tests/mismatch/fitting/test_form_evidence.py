@@ -7,9 +7,9 @@ import pytest
 
 from mismatch import explain
 from mismatch.fitting.fit import fit_model, free_parameters
-from mismatch.fitting.hypotheses import form_evidence
+from mismatch.fitting.hypotheses import _sizes, form_evidence
 from mismatch.fitting.prepare import prepare
-from physics.effects import CATALOGUE, Effect, Parameter
+from physics.effects import CATALOGUE, Contact, Effect, Outcome, Parameter
 from tests.mismatch.synthetic import struck_campaign
 
 
@@ -92,3 +92,20 @@ def test_an_exact_law_has_no_error_of_form():
     exact = replace(CATALOGUE["magnus"][0], looseness=0.0)
     forward, fit = fitted_with(exact, (Saturating(), {"spin": 14.0}), noise=2e-4)
     assert form_evidence(forward, fit, [exact]).gain == 0.0
+
+
+def test_a_support_that_kicks_the_ball_may_not_pass_for_what_slows_the_pendulum():
+    """A recoil was put before the friction that acted, for what its form might do to the pendulum.
+
+    What the ball is given more or less, the pendulum loses or keeps: impulse for impulse.
+    """
+    contact = Contact(6.0, 0.15, 0.55, 1.6, 0.35, 0.2, 0.72, 9.81)
+    before = Outcome(0.015, 2.9, 0.2, 0.04, 0.42, 0.0, 5.2, 0.8, 0.0)
+    kicked = replace(before, vy=before.vy + 0.3)
+    sizes = _sizes(contact, before, kicked)
+    assert sizes["vx"] == sizes["vy"] == pytest.approx(0.3)
+    assert contact.inertial_mass * sizes["pendulum_speed"] == pytest.approx(0.35 * 0.3)
+    assert sizes["pendulum_angle"] < sizes["x"] / contact.length
+    # What slows both bodies alike may be off in both alike.
+    slowed = replace(before, vx=before.vx - 0.1, pendulum_speed=before.pendulum_speed - 0.1)
+    assert _sizes(contact, before, slowed)["pendulum_speed"] == pytest.approx(0.1, rel=0.01)
