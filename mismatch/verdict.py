@@ -159,6 +159,10 @@ class HeldOut:
         Chi-square units by which they fit better, with what each trial's own scatter has to take
         up: a law of the contact moves no path that the scatter of launches may not move as well.
         None where more than noise is left over, in which chi-square tells no odds.
+    extrapolation_before, extrapolation_after : float or None
+        Error of the last two fifths of each track, fitted on the rest.
+    extrapolation_95 : tuple of float or None
+        Interval of their ratio, drawn over the trials; None of one trial.
     """
 
     trials: tuple[str, ...]
@@ -169,6 +173,7 @@ class HeldOut:
     extrapolation_before: float | None = None
     extrapolation_after: float | None = None
     gain: float | None = None
+    extrapolation_95: tuple[float, float] | None = None
 
     @property
     def proves(self) -> bool:
@@ -200,6 +205,8 @@ class HeldOut:
                 f"rmse_before_{self.unit}": self.extrapolation_before,
                 f"rmse_after_{self.unit}": self.extrapolation_after,
             }
+            if self.extrapolation_95 is not None:
+                out["extrapolation"]["ratio_95"] = list(self.extrapolation_95)
         return out
 
     @property
@@ -223,8 +230,11 @@ class HeldOut:
             told += (
                 " Fitted on the first 60 % of each track, the rest is predicted to"
                 f" {self.extrapolation_after:.3g} {self.unit} instead of"
-                f" {self.extrapolation_before:.3g} {self.unit}."
+                f" {self.extrapolation_before:.3g} {self.unit}"
             )
+            if self.extrapolation_95 is not None:
+                told += " (before over after {:.4g} to {:.4g})".format(*self.extrapolation_95)
+            told += "."
         return told
 
 
@@ -783,8 +793,8 @@ def _in_blocks(rows: FloatArray, axes: int) -> FloatArray:
 
 def _extrapolation(
     forward: Forward, model_fit: Fit, free: Sequence[Free], share: float = 0.6
-) -> float | None:
-    """Root mean square error of the last part of every flight or swing, fitted on the first."""
+) -> tuple[FloatArray, FloatArray] | None:
+    """Squared error sums and counts, (T,), of the last part of every track, fitted on the first."""
     records = forward.records
     s3 = 3 * records.ball_time.shape[1]
     ball = forward.mode != "swing"
@@ -807,8 +817,34 @@ def _extrapolation(
     )
     whole = fit_model(forward, trained.model, (), (trained.nuisance, trained.law_offsets), rounds=0)
     weights = records.weights[:, part]
-    errors = whole.residual[:, part][late] / weights[late]
-    return float(np.sqrt(np.mean(errors**2)))
+    errors = np.where(late, whole.residual[:, part] / np.where(late, weights, 1.0), 0.0)
+    return np.square(errors).sum(axis=1), late.sum(axis=1).astype(np.float64)
+
+
+def _ratio_95(before: FloatArray, after: FloatArray) -> tuple[float, float]:
+    """Interval of the ratio of two root mean squares, drawn over the sums that make them up."""
+    picks = np.random.default_rng(11).integers(0, before.size, (DRAWS, before.size))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.sqrt(before[picks].sum(axis=1) / np.maximum(after[picks].sum(axis=1), 1e-300))
+    low, high = np.quantile(ratio, [0.025, 0.975])
+    return float(low), float(high)
+
+
+def _with_extrapolation(kept: HeldOut, forward: Forward, base: Fit, best: Fit) -> HeldOut:
+    """The proof with what the first part of each track foretells of the last."""
+    plain = _extrapolation(forward, base, base.free)
+    mended = _extrapolation(forward, best, best.free)
+    if plain is None or mended is None:
+        return kept
+    (before, count), (after, _) = plain, mended
+    total, seen = float(count.sum()), count > 0.0
+    return replace(
+        kept,
+        extrapolation_before=float(np.sqrt(before.sum() / total)),
+        extrapolation_after=float(np.sqrt(after.sum() / total)),
+        # An error that grows along a track is the whole trial's.
+        extrapolation_95=_ratio_95(before[seen], after[seen]) if seen.sum() > 1 else None,
+    )
 
 
 def hold_out(
@@ -830,19 +866,13 @@ def hold_out(
     mended = [_errors(forward, best.fit, free, mask) for mask in folds]
     before, count, cost = _together(plain)
     after, _, less = _together(mended)
-    rng = np.random.default_rng(11)
-    picks = rng.integers(0, before.size, (DRAWS, before.size))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.sqrt(before[picks].sum(axis=1) / np.maximum(after[picks].sum(axis=1), 1e-300))
     total = max(float(count.sum()), 1.0)
-    low, high = np.quantile(ratio, [0.025, 0.975])
-    return HeldOut(
+    kept = HeldOut(
         tuple(str(index) for index in np.flatnonzero(folds.any(axis=0))),
         float(np.sqrt(before.sum() / total)),
         float(np.sqrt(after.sum() / total)),
-        (float(low), float(high)),
+        _ratio_95(before, after),
         "rad" if forward.mode == "swing" else "m",
-        _extrapolation(forward, base, base.free),
-        _extrapolation(forward, best.fit, free),
-        float(cost - less) / best.reduced_chi2 if best.reduced_chi2 < POOR_FIT else None,
-    )  # fmt: skip
+        gain=float(cost - less) / best.reduced_chi2 if best.reduced_chi2 < POOR_FIT else None,
+    )
+    return _with_extrapolation(kept, forward, base, best.fit)

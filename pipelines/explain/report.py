@@ -762,6 +762,7 @@ def explain_report_html(
         unit="mrad" if swings else "mm",
         swings=swings,
         count=forward.records.count,
+        worth=forward.records.expected,
     )
 
 

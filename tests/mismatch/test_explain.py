@@ -66,6 +66,11 @@ def test_a_strong_effect_is_named_with_its_strength(name, values):
     assert verdict.effects[0].probability > 0.5
     assert verdict.held_out is not None
     assert verdict.held_out.rmse_after < verdict.held_out.rmse_before
+    early, late = verdict.held_out.extrapolation_before, verdict.held_out.extrapolation_after
+    low, high = verdict.held_out.extrapolation_95
+    assert low < early / late < high
+    # What acts in flight foretells the rest of each flight; each launch is its own anyway.
+    assert (low > 1.5) is (name == "magnus")
 
 
 @pytest.mark.slow

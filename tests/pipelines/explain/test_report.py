@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from bench.concealed.consistency import contradictions
@@ -39,6 +40,15 @@ def test_the_page_shows_pictures_first_and_a_caption_for_each(heavier):
     assert page.index("<figure>") < page.index("<h2>")
     assert "can't tell" not in page or "not excluded" in page
     assert ">all<" in page
+
+
+def test_the_page_says_how_many_independent_numbers_it_rests_on(heavier):
+    assert "independent ones" not in explain_report_html(heavier)
+    forward = heavier.prepared.forward
+    records = replace(forward.records, inflation=np.full(4, 2.0))
+    shared = replace(heavier.prepared, forward=replace(forward, records=records))
+    page = explain_report_html(replace(heavier, prepared=shared))
+    assert re.search(rf"worth {records.count / 2:.0f}\s+independent ones", page)
 
 
 @pytest.mark.parametrize(("gain", "doubted"), [(0.3, True), (40.0, False)])
