@@ -26,12 +26,15 @@ bent by something else. Which of them is told by the accelerations of its arcs b
 are known, over all sizes that gravity may have in a picture: neither scale nor rate is needed.
 """
 
+import math
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from metrology.compiled import compiled
 from vision.tracks import Motion, MotionKind, Track
 
 __all__ = ["bends_up", "lawful_stretch", "motion_of"]
@@ -108,42 +111,86 @@ def lawful_stretch(frame: IntArray, centre: FloatArray, radius: float) -> Lawful
         return nothing
     tolerance = _PATH_SCATTER_PX + _PATH_SCATTER_RADII * radius
     chosen = _triples(count)
-    off = _off(frame, centre, chosen, tolerance)
-    first, last = _best_runs(off, chosen)
-    best = nothing
-    # The longest runs first: what cannot beat the best is not weighed.
-    most = np.log1p(float(np.hypot(*np.ptp(centre, axis=0))) / tolerance)
-    for trial in np.argsort(first - last, kind="stable"):
-        run = slice(int(first[trial]), int(last[trial]) + 1)
-        agree = ~off[trial, run]
-        if (run.stop - run.start - 3) * most - _SEARCHED <= best.evidence:
-            break
-        place = centre[run][agree]
-        travel = float(np.hypot(*np.ptp(place, axis=0)))
-        if travel < _LEAST_TRAVEL * radius or len(place) < _FEWEST:
+    explained = np.empty(5)
+    _explained(frame.astype(np.float64), centre, chosen, tolerance, radius, explained)
+    first, last, looks = (int(value) for value in explained[:3])
+    if looks == 0:
+        return nothing
+    return LawfulStretch(
+        int(frame[first]), int(frame[last]), looks, float(explained[3]), float(explained[4])
+    )
+
+
+@compiled
+def _explained(
+    frame: FloatArray,
+    centre: FloatArray,
+    chosen: IntArray,
+    tolerance: float,
+    radius: float,
+    best: FloatArray,
+) -> None:
+    """Find the run of looks with the most evidence among those about sets of three chosen ones.
+
+    Writes its first and last look, how many agree, the evidence and how far it goes, px; nought
+    agree where no run has evidence. Of equals the longest is taken.
+    """
+    best[:] = 0.0
+    off = np.empty(len(frame), dtype=np.bool_)
+    for trial in range(len(chosen)):
+        _astray(frame, centre, chosen[trial], tolerance, off)
+        # as far on either side of the chosen ones as most agree, and no further
+        first, last, gain, most = chosen[trial, 0], chosen[trial, 2], 0.0, 0.0
+        for k in range(first - 1, -1, -1):
+            gain += -1.0 if off[k] else 0.5
+            if gain > most:
+                first, most = k, gain
+        gain, most = 0.0, 0.0
+        for k in range(last + 1, len(frame)):
+            gain += -1.0 if off[k] else 0.5
+            if gain > most:
+                last, most = k, gain
+        looks, low_x, high_x, low_y, high_y = 0, np.inf, -np.inf, np.inf, -np.inf
+        for k in range(first, last + 1):
+            if not off[k]:
+                looks += 1
+                low_x, high_x = min(low_x, centre[k, 0]), max(high_x, centre[k, 0])
+                low_y, high_y = min(low_y, centre[k, 1]), max(high_y, centre[k, 1])
+        travel = math.hypot(high_x - low_x, high_y - low_y) if looks > 0 else 0.0
+        if travel < _LEAST_TRAVEL * radius or looks < _FEWEST:
             continue
-        spare = len(place) - 3
-        evidence = spare * np.log1p(travel / tolerance) - _OFF_PRICE * np.count_nonzero(~agree)
-        evidence -= _SEARCHED
-        if evidence > best.evidence:
-            best = LawfulStretch(
-                int(frame[run.start]), int(frame[run.stop - 1]), len(place), evidence, travel
-            )
-    return best
+        evidence = (looks - 3) * math.log1p(travel / tolerance) - _SEARCHED
+        evidence -= _OFF_PRICE * (last + 1 - first - looks)
+        longer = last - first > best[1] - best[0]
+        if evidence > best[3] or (evidence == best[3] and longer and best[2] > 0.0):
+            best[0], best[1], best[2], best[3], best[4] = first, last, looks, evidence, travel
 
 
-def _off(
-    frame: IntArray, centre: FloatArray, chosen: IntArray, tolerance: float
-) -> NDArray[np.bool_]:
-    """Which looks (T, N) lie off the parabolas through each set of three chosen ones."""
-    begin, end = frame[chosen[:, 0]], frame[chosen[:, 2]]
-    time = (frame[None] - begin[:, None]) / np.maximum(end - begin, 1).astype(np.float64)[:, None]
-    powers = np.stack([np.ones_like(time), time, time * time], axis=2)
-    motion = np.linalg.solve(np.take_along_axis(powers, chosen[:, :, None], axis=1), centre[chosen])
-    away = centre - powers @ motion
-    return np.asarray(np.hypot(away[..., 0], away[..., 1]) > tolerance)
+@compiled
+def _astray(
+    frame: FloatArray,
+    centre: FloatArray,
+    chosen: IntArray,
+    tolerance: float,
+    off: NDArray[np.bool_],
+) -> None:
+    """Write which looks lie off the parabola through three chosen ones."""
+    begin, middle, end = chosen
+    span = max(frame[end] - frame[begin], 1.0)
+    part = (frame[middle] - frame[begin]) / span
+    x, y = centre[begin]
+    dx, dy = centre[end, 0] - x, centre[end, 1] - y
+    bend = part * part - part
+    bend_x = (centre[middle, 0] - x - part * dx) / bend
+    bend_y = (centre[middle, 1] - y - part * dy) / bend
+    for k in range(len(frame)):
+        time = (frame[k] - frame[begin]) / span
+        away_x = centre[k, 0] - x - time * (dx - bend_x + time * bend_x)
+        away_y = centre[k, 1] - y - time * (dy - bend_y + time * bend_y)
+        off[k] = math.hypot(away_x, away_y) > tolerance
 
 
+@cache
 def _triples(count: int) -> IntArray:
     """Sets of three looks at all distances, the same for all paths of a length.
 
@@ -155,18 +202,6 @@ def _triples(count: int) -> IntArray:
     start = np.floor(rng.uniform(size=_TRIALS) * (count - span)).astype(np.int64)
     middle = start + 1 + np.floor(rng.uniform(size=_TRIALS) * (span - 1)).astype(np.int64)
     return np.column_stack([start, middle, start + span])
-
-
-def _best_runs(off: NDArray[np.bool_], chosen: IntArray) -> tuple[IntArray, IntArray]:
-    """First and last look of the run about each set of chosen ones in which most agree."""
-    gain = np.where(off, -1.0, 0.5)
-    total = np.concatenate([np.zeros((len(off), 1)), np.cumsum(gain, axis=1)], axis=1)
-    place = np.arange(off.shape[1] + 1)
-    before = np.where(place <= chosen[:, :1], total, np.inf)
-    after = np.where(place > chosen[:, 2:], total, -np.inf)
-    # Of equals the nearest to the chosen ones.
-    first = off.shape[1] - np.argmin(before[:, ::-1], axis=1)
-    return first, np.argmax(after, axis=1) - 1
 
 
 _FREQUENCIES = 80

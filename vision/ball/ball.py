@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from metrology.compiled import compiled
 from vision.ball.choice import BallPath
 from vision.ball.edges import Cutouts, CutPlaces, EdgeProfile, cut_out, ring_widths
 from vision.ball.outline import (
@@ -242,33 +243,100 @@ def _expected_place(
     The variance is what is stated, or what the residuals say where that is more; NaN where too few
     rows are near. Through only just enough of them goes a line.
     """
-    rows, near = _neighbours(frame, steps)
-    enough = near.sum(axis=1)
-    time = (frame[rows] - frame[:, None]) / float(_FURTHEST)
-    design = np.stack([np.ones_like(time), time, time * time], axis=2)
-    stated = variance[rows] + 1e-6
-    held = np.zeros((len(frame), 3, 3))
-    held[:, [0, 1, 2], [0, 1, 2]] = 1e-9
-    held[enough <= _FEWEST, 2, 2] = 1e9
-    weight = near / stated
-    known = np.where(near, stated, np.nan)
-    known[enough < _FEWEST] = 1.0
-    typical = _middle_of_known(known)
-    for _ in range(_ROUNDS):
-        weighted = design * weight[:, :, None]
-        inverse = np.linalg.inv(np.einsum("nki,nkj->nij", weighted, design) + held)
-        fitted = inverse @ np.einsum("nki,nkj->nij", weighted, centre[rows])
-        square = np.sum((centre[rows] - design @ fitted) ** 2, axis=2)
-        left = np.where(near, square, np.nan)
-        left[enough < _FEWEST] = 1.0
-        middle = _middle_of_known(left)
-        usual = np.maximum(middle, typical)[:, None]
-        weight = near / (stated * (1.0 + square / (4.0 * usual)) ** 2)
-    spread = inverse[:, 0, 0] * np.maximum(1.0, middle / (1.4 * typical))
-    place = fitted[:, 0]
-    place[enough < _FEWEST] = np.nan
-    spread[enough < _FEWEST] = np.nan
+    place, spread = np.empty((len(frame), 2)), np.empty(len(frame))
+    _foretold(frame, centre, variance, steps, place, spread)
     return place, spread
+
+
+@compiled
+def _foretold(
+    frame: IntArray,
+    centre: FloatArray,
+    variance: FloatArray,
+    steps: IntArray,
+    place: FloatArray,
+    spread: FloatArray,
+) -> None:
+    """Write what `_expected_place` hands back."""
+    most = len(steps)
+    time, x, y, stated, weight, square, room = np.empty((7, most))
+    motion = np.empty(7)
+    for row in range(len(frame)):
+        place[row, :] = np.nan
+        spread[row] = np.nan
+        near = 0
+        for step in steps:
+            other = row + step
+            if 0 <= other < len(frame) and abs(frame[other] - frame[row]) <= _FURTHEST:
+                time[near] = (frame[other] - frame[row]) / _FURTHEST
+                x[near] = centre[other, 0] - centre[row, 0]
+                y[near] = centre[other, 1] - centre[row, 1]
+                stated[near] = variance[other] + 1e-6
+                weight[near] = 1.0 / stated[near]
+                near += 1
+        if near < _FEWEST:
+            continue
+        typical, middle = _middle_of(stated, near, room), 0.0
+        for _ in range(_ROUNDS):
+            _parabola(time[:near], x, y, weight, 1e9 if near <= _FEWEST else 1e-9, motion)
+            for k in range(near):
+                left_x = x[k] - motion[0] - time[k] * (motion[1] + time[k] * motion[2])
+                left_y = y[k] - motion[3] - time[k] * (motion[4] + time[k] * motion[5])
+                square[k] = left_x * left_x + left_y * left_y
+            middle = _middle_of(square, near, room)
+            usual = 4.0 * max(middle, typical)
+            for k in range(near):
+                weight[k] = 1.0 / (stated[k] * (1.0 + square[k] / usual) ** 2)
+        place[row, 0], place[row, 1] = centre[row, 0] + motion[0], centre[row, 1] + motion[3]
+        spread[row] = motion[6] * max(1.0, middle / (1.4 * typical))
+
+
+@compiled
+def _middle_of(values: FloatArray, count: int, room: FloatArray) -> float:
+    """Median of the first few values."""
+    for k in range(count):
+        value, j = values[k], k
+        while j > 0 and room[j - 1] > value:
+            room[j] = room[j - 1]
+            j -= 1
+        room[j] = value
+    return 0.5 * float(room[(count - 1) // 2] + room[count // 2])
+
+
+@compiled
+def _parabola(
+    time: FloatArray,
+    x: FloatArray,
+    y: FloatArray,
+    weight: FloatArray,
+    straight: float,
+    motion: FloatArray,
+) -> None:
+    """Write level, slope and bend of x and of y over time, and the variance of a level.
+
+    `straight` is information on the bend.
+    """
+    a, b, c, d, e = 1e-9, 0.0, 0.0, 0.0, straight
+    pull = np.zeros((2, 3))
+    for k in range(len(time)):
+        first = weight[k] * time[k]
+        second = first * time[k]
+        a, b, c = a + weight[k], b + first, c + second
+        d, e = d + second * time[k], e + second * time[k] * time[k]
+        pull[0, 0], pull[1, 0] = pull[0, 0] + weight[k] * x[k], pull[1, 0] + weight[k] * y[k]
+        pull[0, 1], pull[1, 1] = pull[0, 1] + first * x[k], pull[1, 1] + first * y[k]
+        pull[0, 2], pull[1, 2] = pull[0, 2] + second * x[k], pull[1, 2] + second * y[k]
+    # by Cramer's rule; the sum of squared times stands in two places
+    middle = c + 1e-9
+    one, two, three = middle * e - d * d, c * d - b * e, b * d - c * middle
+    four, five, six = a * e - c * c, b * c - a * d, a * middle - b * b
+    whole = a * one + b * two + c * three
+    for axis in range(2):
+        p, q, r = pull[axis]
+        motion[3 * axis] = (one * p + two * q + three * r) / whole
+        motion[3 * axis + 1] = (two * p + four * q + five * r) / whole
+        motion[3 * axis + 2] = (three * p + five * q + six * r) / whole
+    motion[6] = one / whole
 
 
 LEAST_CONTRAST = 0.35

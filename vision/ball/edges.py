@@ -14,6 +14,7 @@ sphere falls off near its limb. Both are blurred by a Gaussian point spread, the
 and the exposure's smear along the outline's normal.
 """
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -22,6 +23,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from metrology.compiled import compiled
 from vision.scene import FilmedScene, Window
 
 __all__ = [
@@ -252,34 +254,49 @@ def edge_points(level: FloatImage, left: int, top: int) -> EdgePoints:
     EdgePoints
     """
     smooth = cv2.GaussianBlur(level, (0, 0), 0.8)
-    gx = cv2.Scharr(smooth, cv2.CV_32F, 1, 0, scale=0.1)
-    gy = cv2.Scharr(smooth, cv2.CV_32F, 0, 1, scale=0.1)
-    steepness = cv2.magnitude(gx, gy)
+    gx = np.asarray(cv2.Scharr(smooth, cv2.CV_32F, 1, 0, scale=0.1), dtype=np.float32)
+    gy = np.asarray(cv2.Scharr(smooth, cv2.CV_32F, 0, 1, scale=0.1), dtype=np.float32)
+    steepness = np.asarray(cv2.magnitude(gx, gy), dtype=np.float32)
     steepness[:1], steepness[-1:], steepness[:, :1], steepness[:, -1:] = 0, 0, 0, 0
-    rows, columns = places(steepness > np.float32(_STEEP))
-    if len(rows) > 4 * _MOST_EDGES:
-        values = steepness[rows, columns]
-        keep = np.argpartition(values, -4 * _MOST_EDGES)[-4 * _MOST_EDGES :]
-        rows, columns = rows[keep], columns[keep]
-    strength = steepness[rows, columns]
-    nx, ny = gx[rows, columns] / strength, gy[rows, columns] / strength
-    step_x, step_y = np.rint(nx).astype(int), np.rint(ny).astype(int)
-    crest = (strength >= steepness[rows + step_y, columns + step_x]) & (
-        strength > steepness[rows - step_y, columns - step_x]
-    )
-    rows, columns, nx, ny, strength = (part[crest] for part in (rows, columns, nx, ny, strength))
-    ahead = steepness[rows + step_y[crest], columns + step_x[crest]]
-    behind = steepness[rows - step_y[crest], columns - step_x[crest]]
-    offset = 0.5 * (ahead - behind) / np.maximum(2 * strength - ahead - behind, 1e-6)
-    length = np.hypot(step_x[crest], step_y[crest])
-    offset = np.clip(offset, -0.5, 0.5) * length
-    return EdgePoints(
-        (columns + left + offset * nx).astype(np.float32),
-        (rows + top + offset * ny).astype(np.float32),
-        nx,
-        ny,
-        strength,
-    )
+    count, least = int(np.count_nonzero(steepness > np.float32(_STEEP))), _STEEP
+    if count > 4 * _MOST_EDGES:
+        least = float(np.partition(steepness, -4 * _MOST_EDGES, axis=None)[-4 * _MOST_EDGES])
+    points = np.empty((5, count), dtype=np.float32)
+    count = _crests(steepness, gx, gy, least, left, top, points)
+    return EdgePoints(*points[:, :count])
+
+
+@compiled
+def _crests(
+    steepness: FloatImage,
+    gx: FloatImage,
+    gy: FloatImage,
+    least: float,
+    left: int,
+    top: int,
+    points: FloatImage,
+) -> int:
+    """Write what `EdgePoints` holds of pixels steeper than those up and down their slope."""
+    count = 0
+    for row in range(1, steepness.shape[0] - 1):
+        for column in range(1, steepness.shape[1] - 1):
+            strength = steepness[row, column]
+            if not strength > least:
+                continue
+            nx, ny = gx[row, column] / strength, gy[row, column] / strength
+            step_x, step_y = int(np.rint(nx)), int(np.rint(ny))
+            ahead = steepness[row + step_y, column + step_x]
+            behind = steepness[row - step_y, column - step_x]
+            if strength < ahead or strength <= behind:
+                continue
+            bend = max(np.float32(2.0) * strength - ahead - behind, np.float32(1e-6))
+            offset = np.float32(0.5) * (ahead - behind) / bend
+            offset = min(max(offset, np.float32(-0.5)), np.float32(0.5))
+            away = offset * math.sqrt(float(step_x * step_x + step_y * step_y))
+            points[0, count], points[1, count] = column + left + away * nx, row + top + away * ny
+            points[2, count], points[3, count], points[4, count] = nx, ny, strength
+            count += 1
+    return count
 
 
 def places(mask: NDArray[np.bool_]) -> tuple[IntArray, IntArray]:
