@@ -6,7 +6,6 @@ A command's module is imported when the command is called, so that help and erro
 import functools
 import os
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any, NamedTuple
 
 import typer
@@ -187,6 +186,8 @@ app = typer.Typer(
 def _version(wanted: bool) -> None:
     if not wanted:
         return
+    from importlib.metadata import PackageNotFoundError, version
+
     try:
         typer.echo(f"vision {version('impact-vision')}")
     except PackageNotFoundError:

@@ -839,7 +839,10 @@ class FilmedScene:
         self.background = replace(self.background, image=image, noise=noise)
 
     def _gray(self, frame: GrayFrame) -> FloatImage:
-        return np.asarray(frame.astype(np.float32) * self._full_scale)
+        gray = frame.astype(np.float32)
+        if self._full_scale != 1.0:
+            gray *= self._full_scale
+        return gray
 
     @property
     def known(self) -> "SceneKnown":

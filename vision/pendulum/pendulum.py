@@ -258,6 +258,7 @@ class Follower:
         self.scene, self.rest, self.ball, self.before = scene, rest, ball, before
         self.radius = float(np.median(ball.radius))
         self.after = Backdrop(scene, scene.background.image, self.radius, relit=before.relit)
+        self._latest: tuple[int, FloatImage] | None = None
 
     def frames(self, radii: float, least: int = 1) -> int:
         """In how many frames, at least so many, the ball flies so many of its radii."""
@@ -277,7 +278,10 @@ class Follower:
 
     def glimpses(self, index: int) -> Iterator[Glimpse]:
         """A picture before each scene that may lie behind: the ball's shadow leaves late."""
-        picture = self.scene.picture(index)
+        # one frame is looked at several times in a row
+        if self._latest is None or self._latest[0] != index:
+            self._latest = index, self.scene.picture(index)
+        picture = self._latest[1]
         gain = self.scene.views[index].gain
         left = self.rest.last + self.frames(_SHADOW_LEAVES)
         behind = [self.before.in_frame(index)] if index <= left else []
