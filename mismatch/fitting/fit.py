@@ -906,6 +906,21 @@ class Fit:
         return True
 
     @property
+    def may_be_inside(self) -> bool:
+        """Whether what nature allows is not excluded: no strength beyond it by more than its doubt.
+
+        Where a law is seen begin and not end, its strength and its place stand in for each other:
+        on the bound, away from nought, it fits as well to less than one unit of chi-square.
+        """
+        for index, item in enumerate(self.free):
+            (value, std), p = self.value(index), item.parameter
+            doubt = 0.0 if p.is_shape else std
+            below, above = (doubt if bound != p.neutral else 0.0 for bound in (p.lower, p.upper))
+            if not np.isfinite(std) or not p.lower - below <= value <= p.upper + above:
+                return False
+        return True
+
+    @property
     def believable(self) -> bool:
         """Whether what is named also has a size that is met in practice.
 

@@ -236,7 +236,9 @@ class Naming:
         alike = [
             h
             for h in self.tried
-            if h is not best and h.fit.inside_bounds and len(h.members) == len(best.members)
+            if h is not best
+            and (h.fit.inside_bounds or h.fit.may_be_inside)
+            and len(h.members) == len(best.members)
         ]
         near = [best, *(h for h in alike if min(behind(h), best.quality - h.quality) <= tolerance)]
         gaps = {tuple(sorted(h.ids)): behind(h) for h in near}

@@ -1,16 +1,19 @@
 """Answers that nature forbids are no answers, but where they fit best nothing else is sure."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from mismatch.candidates import Candidate
-from mismatch.fitting.fit import Ending
-from mismatch.fitting.hypotheses import fit_hypothesis
+from mismatch.fitting.fit import Ending, Fit, free_parameters
+from mismatch.fitting.hypotheses import Hypothesis, fit_hypothesis
 from mismatch.fitting.prepare import prepare
+from mismatch.forward import Model
 from mismatch.records import BallModel, Baseline, CampaignRecords, Trial
 from mismatch.search.naming import Naming
 from mismatch.verdict import DOUBTED, Doubt, pass_gate
-from physics.effects import CATALOGUE, EffectId
+from physics.effects import CATALOGUE, EffectId, effect_named
 
 GRAVITY = 9.806
 
@@ -59,3 +62,27 @@ def test_a_forbidden_answer_that_fits_no_better_says_nothing(pushed):
     forbidden = _fitted(pushed, EffectId.DRAG)
     assert not Naming(forbidden, (forbidden, other), 12.0, None).outdone
     assert not Naming(other, (other,), 12.0, None).outdone
+
+
+def _told(effect, values, stds, gain):
+    """A law fitted to strikes with given values and standard uncertainties."""
+    model = Model(((effect, values),))
+    fit = Fit(
+        model, np.zeros((12, 4)), np.zeros((1, 2)), 6700.0, 0.0, 6700, 6700.0,
+        free_parameters(model), np.diag(np.square(stds)), np.zeros((12, 600)),
+    )  # fmt: skip
+    return Hypothesis((Candidate(effect, (), 1),), fit, gain)
+
+
+@pytest.mark.parametrize(
+    ("drop", "std", "excluded"), [(0.66, 0.78, False), (0.66, 0.02, True), (-0.05, 0.3, True)]
+)
+def test_a_crisis_whose_end_was_not_seen_is_not_excluded(drop, std, excluded):
+    """Its fall and the speed where it falls stand in for each other; 0.6, the most, fits alike."""
+    crisis, lens = effect_named("drag_crisis"), effect_named("lens_distortion")
+    values = {"coefficient_drop": drop, "critical_reynolds": 8.5e4, "width": 0.2}
+    fallen = _told(crisis, values, (std, 2.8e4, 0.06), 300.0)
+    bent = _told(lens, lens.neutral | {"radial": 7e-4}, (2e-4, 0.3, 0.2), 302.0)
+    assert not fallen.allowed
+    naming = Naming(bent, (bent, fallen), 12.0, SimpleNamespace(candidates=()))
+    assert (fallen not in naming.rivals()) is excluded
