@@ -250,8 +250,9 @@ class Naming:
     def with_likeliest(self) -> "Naming":
         """The same, its answer the best form of the set that all forms together make likeliest.
 
-        One form among five that fits best was chosen among five. Where nothing fits to the noise,
-        or what fits best has no name, the search has weighed more than evidence.
+        One form among five that fits best was chosen among five. A name goes before a law that has
+        none as long as that is no likelier, and it has paid for being rare. Where nothing fits to
+        the noise, or what fits best has no name, the search has weighed more than evidence.
         """
         best = self.best
         if best is None or best.has_unnamed or best.reduced_chi2 >= POOR_FIT:
@@ -263,7 +264,12 @@ class Naming:
             if len(ids) == size and not one.best.has_unnamed and one.best.fit.inside_bounds
         ]
         first = max(alike, key=lambda one: one.penalised_gain, default=None)
-        return self if first is None else replace(self, best=first.best)
+        if first is None:
+            return self
+        nameless = self.families.get((str(EffectId.UNNAMED),)) if size == 1 else None
+        if nameless is not None and nameless.penalised_gain > first.penalised_gain:
+            first = nameless
+        return replace(self, best=first.best)
 
     def suspects(self) -> tuple[str, ...]:
         """Faults of clock or ruler that take a part of the misfit, though not enough to be named.

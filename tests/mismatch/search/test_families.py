@@ -20,7 +20,8 @@ def fitted(ids, gain, form=""):
         for one in ids
     )
     return SimpleNamespace(
-        ids=ids, members=members, penalised_gain=gain, quality=gain, allowed=True, reduced_chi2=1.0
+        ids=ids, members=members, penalised_gain=gain, quality=gain, allowed=True, reduced_chi2=1.0,
+        has_unnamed="unnamed" in ids, fit=SimpleNamespace(inside_bounds=True),
     )  # fmt: skip
 
 
@@ -59,6 +60,25 @@ def test_laws_in_no_catalogue_are_no_forms_of_one_another():
     assert beside.families[("unnamed",)].penalised_gain == pytest.approx(50.0, abs=0.05)
     alike = Naming(wind, (wind, power, power), 12.0, scan)
     assert alike.families[("unnamed",)].penalised_gain == pytest.approx(50.0 + 2.2 * np.log(2.0))
+
+
+@pytest.mark.parametrize(
+    ("gain", "beside", "first"),
+    [
+        (50.0, (), "lens"),
+        (56.0, (), "unnamed"),
+        (53.0, (52.9,), "unnamed"),
+        (56.0, ("wind",), "lens"),
+    ],
+)
+def test_a_name_goes_first_as_long_as_no_law_without_one_is_likelier(gain, beside, first):
+    """A push in a stretch of the way, 8.6 units ahead though rare, was told as a turned camera."""
+    further = tuple(one for one in beside if isinstance(one, str))
+    lens = fitted(("lens", *further), 54.0)
+    nameless = [fitted(("unnamed", *further), one) for one in (gain, *beside) if one not in further]
+    scan = scanned(("lens", ""), ("wind", ""), ("unnamed", "a"), ("unnamed", "b"))
+    found = Naming(lens, (lens, *nameless), 12.0, scan).with_likeliest()
+    assert found.best.ids[0] == first
 
 
 def test_a_ball_that_lies_lower_is_met_later_and_pushed_further_down():
