@@ -27,6 +27,8 @@ CONTRACT_ID = {
     "aging": "unnamed",
 }
 PHASE = {"camera": "measurement"}
+# What drifts with the order of the trials has a word of its own in the contract.
+DRIFTS = frozenset({"aging"})
 CHANNELS = {
     "power13": ("along_velocity", "horizontal"),
     "gust": ("along_velocity", "horizontal"),
@@ -40,7 +42,9 @@ def _hidden(effect: dict[str, Any], delta_chi2: float, alike: list[str]) -> Hidd
     return Hidden(
         name=name,
         id=CONTRACT_ID.get(name, name),
-        phase=PHASE.get(effect["acts_in"], effect["acts_in"]),
+        phase=(
+            "across_trials" if name in DRIFTS else PHASE.get(effect["acts_in"], effect["acts_in"])
+        ),
         knob=effect["strength_parameter"],
         amplitude=effect["parameters"][effect["strength_parameter"]],
         constants={},

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from bench.concealed.foreign import convert
+from bench.concealed.foreign_keys import foreign_key
 from bench.concealed.setup_toml import BallFacts, LabFacts, Outcome, setup_text
 from tests.shared_data import shared_folder
 
@@ -63,3 +64,23 @@ def test_converted_campaign_says_what_the_public_half_says(tmp_path):
         pd.read_csv(tmp_path / "01" / "ball.csv"), pd.read_csv(source / "ball.csv")
     )
     assert not (tmp_path / "01" / "answer.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "acts_in", "phase"),
+    [
+        ("aging", "contact", "across_trials"),
+        ("cor_velocity", "contact", "contact"),
+        ("frame_rate", "camera", "measurement"),
+    ],
+)
+def test_a_key_tells_phases_by_the_contracts_words(tmp_path, name, acts_in, phase):
+    """A contact that ages drifts from trial to trial: so the contract and the own keys have it."""
+    effect = {"name": name, "acts_in": acts_in, "strength_parameter": "a", "parameters": {"a": 0.1}}
+    key = {
+        "case": 1, "kind": "single", "level": "strong", "delta_chi2": 200.0, "trials": [],
+        "delta_chi2_of_each_effect_alone": {}, "indistinguishable_single_effects_expected": [],
+        "effects": [effect],
+    }  # fmt: skip
+    (tmp_path / "answer.json").write_text(json.dumps(key))
+    assert foreign_key(tmp_path / "answer.json").effects[0].phase == phase
