@@ -4,6 +4,7 @@ A command's module is imported when the command is called, so that help and erro
 """
 
 import functools
+import gc
 import os
 from importlib import import_module
 from typing import Any, NamedTuple
@@ -17,6 +18,9 @@ __all__ = ["app"]
 
 # matrices are small here: threads inside a product wait for each other longer than they work
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# what a command imports stays: looking for waste among it after every 700 objects is in vain
+gc.set_threshold(50_000)
 
 
 class _Command(NamedTuple):

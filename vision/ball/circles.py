@@ -46,8 +46,9 @@ def same(circle: Circle, other: Circle) -> bool:
 
 def shown(circle: Circle, other: Circle, normalised: FloatImage) -> bool:
     """Whether the circle of what changed is no more than the softness about another one."""
-    gap = math.hypot(circle[0] - other[0], circle[1] - other[1])
-    if gap > 0.6 * circle[2] or other[2] > circle[2] or other[3] <= circle[3] - _AS_COMPLETE:
+    if other[2] > circle[2] or other[3] <= circle[3] - _AS_COMPLETE:
+        return False
+    if math.hypot(circle[0] - other[0], circle[1] - other[1]) > 0.6 * circle[2]:
         return False
     return not _larger(circle, other) or _much_fainter(circle, other, normalised)
 
@@ -65,11 +66,12 @@ def _much_fainter(circle: Circle, other: Circle, normalised: FloatImage) -> bool
     x, y, radius = circle[:3]
     top, left = max(0, int(y - radius)), max(0, int(x - radius))
     window = np.abs(normalised[top : int(y + radius) + 2, left : int(x + radius) + 2])
-    rows, columns = np.ogrid[top : top + window.shape[0], left : left + window.shape[1]]
-    away = np.hypot(columns - x, rows - y)
-    from_other = np.hypot(columns - other[0], rows - other[1])
-    beside = window[(away < radius - 0.5) & (from_other > other[2] + 0.5)]
-    within = window[from_other < other[2]]
+    rows = np.arange(top, top + window.shape[0])[:, np.newaxis]
+    columns = np.arange(left, left + window.shape[1])
+    away = (columns - x) ** 2 + (rows - y) ** 2
+    from_other = (columns - other[0]) ** 2 + (rows - other[1]) ** 2
+    beside = window[(away < max(radius - 0.5, 0.0) ** 2) & (from_other > (other[2] + 0.5) ** 2)]
+    within = window[from_other < other[2] ** 2]
     if len(beside) < 5 or len(within) < 5:
         return True
     return middle(beside) < _FAINT_SHARE * middle(within)
