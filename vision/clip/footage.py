@@ -117,8 +117,26 @@ def _cells(frame: GrayImage) -> FloatImage:
     size = (max(1, width // cell), max(1, height // cell))
     trimmed = frame[: max(1, size[1] * cell), : max(1, size[0] * cell)]
     half = (min(2 * size[0], width), min(2 * size[1], height))
-    fine = cv2.resize(trimmed, half, interpolation=cv2.INTER_AREA).astype(np.float32)
+    if cell % 2 == 0 and trimmed.shape == (half[1] * cell // 2, half[0] * cell // 2):
+        fine = _averaged(trimmed, cell // 2)
+    else:
+        fine = cv2.resize(trimmed, half, interpolation=cv2.INTER_AREA).astype(np.float32)
     return np.asarray(cv2.resize(fine, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
+
+
+def _averaged(frame: GrayImage, factor: int) -> FloatImage:
+    """Whole gray levels nearest to the means of squares: OpenCV's takes half as long again."""
+    wide: type[np.unsignedinteger] = np.uint16 if frame.dtype == np.uint8 else np.uint32
+    sums = np.asarray(frame[::factor], dtype=wide)
+    for k in range(1, factor):
+        sums += frame[k::factor]
+    left = factor
+    while left % 2 == 0:
+        sums, left = sums[:, ::2] + sums[:, 1::2], left // 2
+    columns = sums[:, ::left].astype(np.float32)
+    for k in range(1, left):
+        columns += sums[:, k::left]
+    return np.asarray(np.rint(columns * np.float32(1.0 / factor**2)), dtype=np.float32)
 
 
 def _differ(cells: FloatImage, reference: FloatImage, gain: float, full: float) -> bool:
