@@ -353,10 +353,19 @@ _LENS_BENDS = 0.01
 supposed."""
 
 # How often what falls was thrown under any camera, thrown under an upright one, or goes up and down
-# along one line; and how often what goes straight on does so evenly, braked, or down a slope.
+# along one line; and how often what does not fall goes straight on evenly, braked, or down a slope,
+# or is held on an arc.
 _ANY, _UNDER, _PLUMB = 0.1, 0.6, 0.3
-_EVENLY, _BRAKED, _DOWNHILL = 0.5, 0.35, 0.15
+_EVENLY, _BRAKED, _DOWNHILL, _HELD = 0.45, 0.3, 0.15, 0.1
 """Supposed, each sums to one; twice as much of one is a factor of two in the odds at most."""
+
+_HELD_ASLANT = 0.5
+"""rad: how far from upright the pull on a bob is that passes its lowest point, one standard
+deviation: a swing of 30° to either side."""
+
+_ARC_LESS_PARABOLA = 1.0 / (3.0 * 175.0**0.5)
+"""Of S³/L²: root mean square of what a parabola leaves of an arc of radius L, S to either side of
+its middle: the s³/6L² by which its chord is shorter, less the straight part of that."""
 
 _SIZES = 600
 """Sizes of the acceleration summed over, log-evenly, and again about what is measured."""
@@ -664,7 +673,7 @@ def _arc(seen: Track, scatter: float, area: float, frames: int, ends: int) -> _F
         motion[2],
         std,
         radius,
-        _bend(motion[2], std, place[-1] - place[0], radius),
+        _bend(motion[2], std, _Way(place[-1] - place[0], float(time[-1]), scatter), radius),
     )
 
 
@@ -722,15 +731,29 @@ def bends_up(frame: IntArray, centre: FloatArray, radius: float) -> bool:
     return down < -(_SURE_SIGMAS * random + _lens_acceleration(place, powers))
 
 
-def _bend(acceleration: FloatArray, std: float, way: FloatArray, radius: float) -> _Bend:
+@dataclass(frozen=True)
+class _Way:
+    """Where a stretch leads: its chord (2,) and a law's scatter, px, and its frames."""
+
+    chord: FloatArray
+    frames: float
+    scatter: float
+
+    def off_arc(self, sizes: FloatArray) -> FloatArray:
+        """What a parabola would leave of an arc of such centripetal accelerations, px."""
+        speed = max(float(np.hypot(*self.chord)) / self.frames, 1e-9)
+        return _ARC_LESS_PARABOLA * (0.5 * self.frames) ** 3 * sizes**2 / speed
+
+
+def _bend(acceleration: FloatArray, std: float, way: _Way, radius: float) -> _Bend:
     """How likely an acceleration (2,), px per frame², is of what falls, rolls or is bent otherwise.
 
     Its size is anything that gravity may look like, log-evenly; the direction of what falls is any,
-    or down, or, where it goes up and down, that of its way (2,); what rolls is braked or sped up
-    along its way.
+    or down, or, where it goes up and down, that of its way; what rolls is braked or sped up along
+    its way; what is held from above, as a bob is, turns upwards, along an arc and no parabola.
     """
     size = float(np.hypot(*acceleration))
-    course = way / max(float(np.hypot(*way)), 1e-9)
+    course = way.chord / max(float(np.hypot(*way.chord)), 1e-9)
     along = float(acceleration @ course)
     across = float(acceleration[0] * course[1] - acceleration[1] * course[0])
     low, high = _SLOWEST_FALL * radius, _FASTEST_FALL * radius
@@ -752,6 +775,9 @@ def _bend(acceleration: FloatArray, std: float, way: FloatArray, radius: float) 
     plumb = float(like(tilt, _UPRIGHT)) * np.sqrt(0.5 * np.pi) / _UPRIGHT
     falling = _ANY * anywhere + _UNDER * under + _PLUMB * plumb * 0.5 * (sped_up + braked)
     rolling = _EVENLY * float(like(size)) + _BRAKED * braked + _DOWNHILL * sped_up
+    aslant = np.hypot(std, _HELD_ASLANT * sizes)
+    upwards = like(sizes + acceleration[1]) * like(acceleration[0], aslant) * std / aslant
+    rolling += _HELD * float(share @ (upwards * like(way.off_arc(sizes), way.scatter)))
     return _Bend(float(falling), float(rolling), max(float(anywhere), _UNHEARD_OF))
 
 

@@ -244,3 +244,12 @@ def test_a_bob_bends_up_where_it_is_lowest_and_nothing_that_falls_or_brakes_does
     assert not bends(thrown)
     # it comes down in the picture, and slows down: its acceleration points up
     assert not bends(braked)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_a_bob_that_passes_once_is_no_flight_under_a_camera_upside_down(way: float) -> None:
+    angle = way * np.linspace(-0.3, 0.25, 100)
+    centre = 90.0 * np.column_stack([np.sin(angle), np.cos(angle)]) + 200.0
+    motion = motion_of(_track(centre), None, pendulum=False)
+    share = {motion.kind: motion.probability} | dict(motion.alternatives)
+    assert share[MotionKind.FLIGHT] + share[MotionKind.DROP] + share[MotionKind.STRIKE] < 0.4
