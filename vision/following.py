@@ -126,6 +126,7 @@ def follow(
     seen = _seen(scene, _located(ball_at, footage.first))
     if seen is None:
         raise _no_ball(ball_at)
+    scene = seen.scene
     choice, rough = seen.choice, seen.rough
     _tell(progress, 0.6)
     rest = find_rest(rough.frame, rough.centre, float(np.median(rough.radius)))
@@ -310,9 +311,25 @@ class _Seen:
     @property
     def speaks_for_itself(self) -> bool:
         """Whether it is clearly seen and moves as a law asks for that is no bob's."""
+        return _clearly_seen(self.rough) and self.worth > _LEAST_WORTH and not self.like_a_bob
+
+    @property
+    def like_a_bob(self) -> bool:
+        """Whether its way bends upwards, and nothing came to it where it lay still."""
         ball = self.choice.ball
-        told = _clearly_seen(self.rough) and self.worth > _LEAST_WORTH
-        return told and not bends_up(ball.frame, ball.centre_px, ball.radius)
+        return not self.choice.reached and bends_up(ball.frame, ball.centre_px, ball.radius)
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether something else may be the ball."""
+        return self.only_dims or not self.speaks_for_itself
+
+    def outdoes(self, other: "_Seen") -> bool:
+        """Whether it is rather the ball than what was seen against another scene."""
+        is_none, other_is_none = (seen.only_dims or seen.like_a_bob for seen in (self, other))
+        if is_none != other_is_none:
+            return other_is_none
+        return self.speaks_for_itself and self.worth > other.worth
 
     @property
     def warnings(self) -> list[str]:
@@ -340,10 +357,24 @@ class _Seen:
 
 
 def _seen(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Seen | None:
+    """Find the ball against what most frames show and, if in doubt, against what the first show.
+
+    What lay in the scene for about as long as it was gone is in the one a patchwork, and in the
+    other whole: it leaves a whole outline there, which tells where it lay.
+    """
+    best = _seen_against(scene, at)
+    if best is not None and (at is not None or not best.doubtful):
+        return best
+    begun = scene.as_it_began()
+    found = None if begun is None else _seen_in_gray(begun, at)
+    if found is not None and (best is None or found.outdoes(best)):
+        return found
+    return best
+
+
+def _seen_against(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Seen | None:
     """Find the ball in gray and, where that leaves doubt, in the colours of what moves."""
     gray = _seen_in_gray(scene, at)
-    if gray is not None and at is None:
-        gray = replace(gray, only_dims=_only_dims(scene, gray))
     # Of several alike, one colour may show another one, and loses the rest; a single one beside the
     # ball is often the ball once more, seen in part.
     if (
@@ -423,7 +454,10 @@ def _seen_in_gray(scene: FilmedScene, at: tuple[float, float, int | None] | None
         return None
     choice, rough = _followed(looks, choice, at)
     rough = _followed_back(scene, choice.ball, rough)
-    return _Seen(scene, None, choice, rough) if len(rough) >= _FEWEST_ROWS else None
+    if len(rough) < _FEWEST_ROWS:
+        return None
+    seen = _Seen(scene, None, choice, rough)
+    return seen if at is not None else replace(seen, only_dims=_only_dims(scene, seen))
 
 
 def _clearly_seen(rough: BallFits) -> bool:

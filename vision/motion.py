@@ -403,6 +403,9 @@ _SURE_SIGMAS = 5.0
 """Standard deviations of an acceleration from which its direction is told: to a fifth of a radian.
 """
 
+_LIKELY_SIGMAS = 3.0
+"""Standard deviations from which a bend is no chance: of straight ways one in 740 seems to."""
+
 _UNHEARD_OF = 1e-12
 """Relative likelihood of an acceleration beyond all sizes: something makes a path do that, too."""
 
@@ -704,7 +707,7 @@ def _lens_acceleration(place: FloatArray, powers: FloatArray) -> float:
 
 
 def bends_up(frame: IntArray, centre: FloatArray, radius: float) -> bool:
-    """Whether a way surely bends upwards, as a bob's does where it is lowest; what falls does not.
+    """Whether a way very likely bends upwards, as a bob's does where it is lowest; no fall does.
 
     What is braked as it comes down the picture goes straight.
 
@@ -728,7 +731,7 @@ def bends_up(frame: IntArray, centre: FloatArray, radius: float) -> bool:
     course = motion[1] / max(float(np.hypot(*motion[1])), 1e-9)
     down = float(motion[2, 1] - (motion[2] @ course) * course[1])
     random = _scattered(powers, place - powers @ motion, _LEAST_STD_PX)
-    return down < -(_SURE_SIGMAS * random + _lens_acceleration(place, powers))
+    return down < -_LIKELY_SIGMAS * float(np.hypot(random, _lens_acceleration(place, powers)))
 
 
 @dataclass(frozen=True)

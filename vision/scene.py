@@ -279,10 +279,19 @@ class Background:
         Gray levels (0 to 255, also for deeper clips).
     noise : (H, W) float32 array
         Standard deviation of one frame's pixel about it, gray levels.
+    begun : (H, W) float32 array or None
+        What the clip begins with where nothing moved then, else what most frames show: whole things
+        that lay there, where `image` may be a patchwork of them and of what they hid.
     """
 
     image: FloatImage
     noise: FloatImage
+    begun: FloatImage | None = None
+
+    @property
+    def at_first(self) -> "Background":
+        """The scene as the clip begins."""
+        return self if self.begun is None else replace(self, image=self.begun)
 
 
 class LightMeter:
@@ -376,13 +385,19 @@ def estimate_background(frames: Sequence[NDArray[Any]], scale: float = 1.0) -> B
     noise = _noise_by_level(usual, median_of(spreads))
     stable = [spread < np.float32(_STABLE) * noise for spread in spreads]
     clean = without_ghosts(epochs, stable, usual, noise)
-    total, count = np.zeros_like(clean), np.zeros_like(clean)
+    begun = np.where(stable[0], epochs[0], usual)
+    return Background(_averaged(clean, epochs, noise), noise, _averaged(begun, epochs, noise))
+
+
+def _averaged(shown: FloatImage, epochs: list[FloatImage], noise: FloatImage) -> FloatImage:
+    """A picture of the scene, with the mean of all epochs that show the same for less noise."""
+    total, count = np.zeros_like(shown), np.zeros_like(shown)
     for epoch in epochs:
-        agrees = (np.abs(epoch - clean) < np.float32(3.0) * noise).astype(np.float32)
+        agrees = (np.abs(epoch - shown) < np.float32(3.0) * noise).astype(np.float32)
         total += agrees * epoch
         count += agrees
-    image = np.where(count > 0, total / np.maximum(count, np.float32(1.0)), clean)
-    return Background(image.astype(np.float32), noise)
+    image = np.where(count > 0, total / np.maximum(count, np.float32(1.0)), shown)
+    return image.astype(np.float32)
 
 
 def _states(frames: list[NDArray[np.uint16]], parts: int) -> list[FloatImage]:
@@ -730,6 +745,7 @@ class FilmedScene:
         self.noise = float(np.median(self.background.noise))
         self.views: dict[int, FrameView] = {}
         self._until, self._earlier = 0, self.background
+        self._first = self.background
         self._aligner = Aligner(self.background.image, self.noise)
         self._meter = LightMeter(self.background.image, self.noise)
 
@@ -752,6 +768,18 @@ class FilmedScene:
         wanted = other._footage.spread_index(_SAMPLES)
         other.background = estimate_background([picture for _, picture in other.pictures(wanted)])
         other.noise = float(np.median(other.background.noise))
+        other._until, other._earlier = 0, other.background
+        return other
+
+    def as_it_began(self) -> "FilmedScene | None":
+        """The same frames against the scene as the clip begins; None where it is much the same."""
+        known = self._first
+        apart = np.abs(known.at_first.image - known.image) > _DIFFERENT * known.noise
+        apart = cv2.morphologyEx(apart.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+        if not apart.any():
+            return None
+        other = copy.copy(self)
+        other.background = known.at_first
         other._until, other._earlier = 0, other.background
         return other
 

@@ -1,12 +1,21 @@
 import csv
 import re
 
+import cv2
 import numpy as np
 import pytest
 
 from metrology import NotFoundError
 from tests.shared_data import shared_folder
-from tests.vision.ball.painted import PaintedClip, exposed, struck_ball, wall, with_ball
+from tests.vision.ball.painted import (
+    PaintedClip,
+    cover,
+    exposed,
+    struck_ball,
+    wall,
+    with_ball,
+    with_box,
+)
 from vision.clip.clip import ClipReader
 from vision.following import follow
 from vision.tracks import MotionKind, Track, Tracks
@@ -177,6 +186,36 @@ def test_a_ball_that_lies_still_for_most_of_a_clip_is_followed_from_the_first_fr
     assert len(tracks.ball.frame) == 64
     assert tracks.rest_frames == (0, 40)
     assert np.hypot(*(tracks.ball.centre_px - centres).T).max() < 0.1
+
+
+def _pale_ball(seed: int) -> tuple[PaintedClip, np.ndarray]:
+    """A ball of the wall's lightness, which lies for nearly half of the clip and leaves slowly."""
+    scene, radius, rest = wall(120, 240), 13.0, np.array([81.0, 74.0])
+    pictures, centres = [], []
+    for index in range(100):
+        time = (index - 45.0) / 3.0
+        angle = (0.03 if time < 0 else 0.022) * time
+        flown = max(time, 0.0)
+        centre = rest + np.array([2.3 * flown, -0.9 * flown + 0.015 * flown**2])
+        x, y = centre.tolist()
+        shadow = cv2.GaussianBlur(cover(120, 240, (x + 9.0, y + 13.0), radius), (0, 0), 2.0)
+        light = with_box(scene * (1.0 - 0.35 * shadow), (60.0, 12.0), 62.0, angle, 8.0, 0.0, 8.0)
+        light = with_ball(light, (x, y), radius, 0.75)
+        pictures.append(exposed(light, 1.0, index + 1000 * seed))
+        centres.append(centre)
+    return PaintedClip(pictures), np.array(centres)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_ball_that_lay_for_about_as_long_as_it_is_gone_is_told_from_a_patchwork_of_both(
+    seed: int,
+) -> None:
+    clip, centres = _pale_ball(seed)
+    ball = follow(clip, 600.0).ball  # type: ignore[arg-type]
+    gone = ball.frame >= 45
+    off = np.hypot(*(ball.centre_px - centres[ball.frame]).T)[gone]
+    assert len(off) >= 50
+    assert np.mean(off < 3.0) >= 0.9
 
 
 @pytest.mark.slow

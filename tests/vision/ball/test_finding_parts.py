@@ -33,6 +33,13 @@ def test_a_ball_that_rests_for_most_of_the_clip_is_not_background() -> None:
     assert np.abs(background.image - bare)[32:49, 32:49].mean() < 2.0
 
 
+def test_the_scene_as_a_clip_begins_has_what_lay_there_whole_whatever_was_seen_later() -> None:
+    places = [(40.0, 40.0)] * 22 + [(43.0 + 1.5 * i, 40.0) for i in range(26)]
+    films = _film(places)
+    begun = estimate_background(films).at_first.image
+    assert np.abs(begun - films[0])[26:54, 26:54].mean() < 2.0
+
+
 def test_flicker_does_not_blur_the_background() -> None:
     background = estimate_background(_film([(20.0 + 5 * i, 40.0) for i in range(28)], 0.2))
     bare = exposed(wall(80, 160), 0.0, 0).astype(np.float32)
