@@ -205,13 +205,14 @@ class _Strike:
 
     @cached_property
     def contact(self) -> tuple[float, float] | None:
-        """Onset and release, s; None where no contact is seen."""
+        """Onset and release, s; None where no contact is seen, or they never meet."""
         view, contact = self.parts.view, self.impact.contact
         if view is None or contact is None:
             return None
-        return touch_times(
+        times = touch_times(
             view, self.parts.face_offset, 0.5 * (contact.onset_s + contact.release_s)
         )
+        return times if np.isfinite(times).all() else None
 
     @cached_property
     def release_s(self) -> float:

@@ -22,6 +22,7 @@ from pipelines.measure.metres import MetricTracks
 from pipelines.report import Check, CheckKind, CheckOutcome
 
 __all__ = [
+    "CONTACT",
     "COR",
     "FLIGHT",
     "LEAST_POWER",

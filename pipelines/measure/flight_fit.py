@@ -232,6 +232,8 @@ def slow_error_whitening(
     callable
         (N, ...) residuals over their random standard uncertainty to whitened ones.
     """
+    if len(time_s) == 0:
+        return lambda left: left
     phase = (time_s - time_s[0]) / max(float(np.ptp(time_s)), 1e-9)
     order = np.arange(0 if offset else 1, _MODES + 1)
     modes = np.cos(np.pi * phase[:, np.newaxis] * order)

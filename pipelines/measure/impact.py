@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from metrology import MeasurementError, NotFoundError
+from metrology import MeasurementError, NoFitError, NotFoundError
 from physics.contact import contact_time_bound, damping_for_cor
 from pipelines.measure.flight_fit import (
     LONGEST_CONTACT_S,
@@ -303,6 +303,8 @@ def fit_contact(view: ImpactView, around_s: float) -> ContactFit:
     ------
     NotFoundError
         If face and ball never meet, or never part, or if no such ball stays in touch so long.
+    NoFitError
+        If they would part before they meet: one of the two paths is wrong.
     """
     offsets = view.face_offset + view.face_offset_std * _OFFSETS
     whitening = _Whitening(
@@ -350,10 +352,10 @@ def _beyond(tried: "list[_Tried | None]", view: ImpactView) -> FloatArray:
     return np.asarray(over**2 + np.minimum(last / frame_s, 0.0) ** 2)
 
 
-def _no_contact(likely: "_Tried", view: ImpactView) -> NotFoundError:
+def _no_contact(likely: "_Tried", view: ImpactView) -> MeasurementError:
     lasts = 1e3 * likely.lasting_s
     if lasts < 0.0:
-        return NotFoundError(
+        return NoFitError(
             f"the mass would part from the ball {-lasts:.0f} ms before it meets it: what was "
             "followed is not what struck, or not what was struck",
             hint="Point at the ball with --ball-at X,Y and at the mass with --mass-at X,Y.",
@@ -818,6 +820,8 @@ class Impact:
     reason : str
     last_flight_s : float
         Last frame of the flight that is in view, s.
+    paths_contradict : bool
+        Whether mass and ball would part before they meet: the flight may be the wrong one.
     landing : LandingSeen or None
         Touch-down from the frames around it alone; `landing_reason` says why there is none.
     landing_reason : str
@@ -832,6 +836,7 @@ class Impact:
     last_flight_s: float
     landing: LandingSeen | None = None
     landing_reason: str = ""
+    paths_contradict: bool = False
 
 
 def departure(tracks: MetricTracks) -> float:
@@ -931,14 +936,17 @@ def find_impact(
     view: ImpactView | None = None
     contact: ContactFit | None = None
     reason = "no pendulum mass is found in the clip; point at it with --mass-at X,Y"
+    contradict = False
     flight = _flight(tracks, inputs, release, landed, free=False)
     for _ in range(_ROUNDS if started is None else 1):
         if tracks.pivot_m is None:
             break
+        view = None
         try:
             view = _view(tracks, inputs, flight, _Frames.of(tracks, onset, release))
             contact = fit_contact(view, 0.5 * (onset + release))
         except MeasurementError as problem:
+            contradict = view is not None and isinstance(problem, NoFitError)
             view, contact, reason = None, None, problem.in_one_line
             break
         onset, release = contact.onset_s, contact.release_s
@@ -961,7 +969,7 @@ def find_impact(
     _require_flight(free, tracks)
     landing, unseen = _landing(tracks, inputs, flight)
     last = float(flight.time_s[-1])
-    return Impact(tracks, flight, free, view, contact, reason, last, landing, unseen)
+    return Impact(tracks, flight, free, view, contact, reason, last, landing, unseen, contradict)
 
 
 def _landing(

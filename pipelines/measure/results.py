@@ -14,6 +14,7 @@ from calib.calibration import Calibration
 from metrology import Contribution, Quantity, UncertaintySource
 from pipelines.measure.budget import DERIVED, ClipConditions, merged
 from pipelines.measure.checks import (
+    CONTACT,
     COR,
     FLIGHT,
     OTHER_SPEEDS,
@@ -27,6 +28,7 @@ from pipelines.measure.checks import (
     doubted,
     speeds_agree,
 )
+from pipelines.measure.flight_fit import LONGEST_CONTACT_S
 from pipelines.measure.gravity import (
     ESTIMATES,
     contradicts_gravity,
@@ -72,6 +74,10 @@ _DEPTHS = (
     UncertaintySource.BALL_PLANE_OFFSET,
     UncertaintySource.BALL_DIAMETER,
     UncertaintySource.CAMERA_DISTANCE,
+)
+_UNPLACED = (
+    "where the mass meets the ball is not seen well enough: within the noise of their paths they"
+    " may never meet"
 )
 _MAYBE_SHADOW = (
     "what was followed takes an even part of the wall's light, as a shadow does: point at the ball"
@@ -193,7 +199,8 @@ def results_of(
     for index, (name, unit) in enumerate(DERIVED.items()):
         found[name] = _quantity(evaluated, index, name, unit, reasons)
     found["contact_frames"] = _contact_frames(evaluated, tracks, reasons)
-    found |= _if_too_short(found["contact_time"])
+    lasting = found["contact_time"]
+    found |= _if_too_short(lasting)
     found |= _met_by_another(evaluated, tracks)
     if _asked(wanted, _OF_GEOMETRY):
         found |= _geometry(evaluated, found, no_grid.reason, motion)
@@ -211,8 +218,9 @@ def results_of(
     doubts = _doubts(evaluated, found, agreement, speeds, gravity, by_gravity)
     doubts += () if size is None else size.doubts
     touching = None if speeds is None else contact_doubted(speeds, bound)
-    found = doubted(found, [*doubts, *([] if touching is None else [touching])])
     motion = motion or MotionResults()
+    doubts += _not_met_as_followed(evaluated, lasting, motion)
+    found = doubted(found, [*doubts, *([] if touching is None else [touching])])
     checks += motion.checks
     gravity = motion.gravity or gravity
     found |= motion.quantities
@@ -336,6 +344,29 @@ def _doubts(
     return doubts
 
 
+def _not_met_as_followed(
+    evaluated: Evaluated, lasting: Quantity, motion: MotionResults
+) -> list[Contradiction]:
+    """What is in doubt where the paths of mass and ball, or the ball's own, are no strike's."""
+    impact, doubts = evaluated.impact, []
+    if impact is not None and impact.paths_contradict:
+        doubts.append(Contradiction(FLIGHT, math.inf, True, impact.reason))
+    if impact is not None and impact.view is not None and lasting.std is not None:
+        longest = impact.view.longest_s
+        longest = longest if math.isfinite(longest) else LONGEST_CONTACT_S
+        if lasting.std > longest:
+            said = (
+                f"where the mass meets the ball is not seen well enough: {1e3 * lasting.std:.0f} ms"
+                f" of doubt, where such a ball stays on for {1e3 * longest:.0f} ms at most"
+            )
+            doubts.append(Contradiction(CONTACT | PENDULUM, math.inf, True, said))
+    for check in motion.checks:
+        if check.kind is CheckKind.STEADY_FALL and check.outcome is CheckOutcome.FAILED:
+            everything = FLIGHT | CONTACT | PENDULUM
+            doubts.append(Contradiction(everything, math.inf, True, check.statement))
+    return doubts
+
+
 def _quantity(
     evaluated: Evaluated, index: int, name: str, unit: str, reasons: dict[str, str]
 ) -> Quantity:
@@ -345,7 +376,10 @@ def _quantity(
         return Quantity.missing(name, unit, NOT_ASKED)
     if evaluated.impact is None or not np.isfinite(evaluated.values[index]):
         return Quantity.missing(name, unit, evaluated.refusal or _unknown(evaluated, name))
-    noise = math.sqrt(max(float(evaluated.random[index, index]), 0.0))
+    variance = float(evaluated.random[index, index])
+    if math.isnan(variance):
+        return Quantity.missing(name, unit, _UNPLACED)
+    noise = math.sqrt(max(variance, 0.0))
     budget = merged(evaluated.systematic, index, noise)
     if evaluated.impact.contact is None and name in (
         QuantityName.BALL_SPEED,

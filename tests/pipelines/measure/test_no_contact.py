@@ -1,5 +1,6 @@
 """Contacts that no frame rate resolves, and paths between which there was none."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from pipelines.measure.inputs import gather_inputs
 from sample_videos import Scene, Shot
 from sample_videos.shot import HermiteCurve
 from vision.clip.footage import CaptureRate, RateSource
-from vision.tracks import Tracks
+from vision.tracks import Motion, MotionKind, Tracks
 
 FILMING = Filming(width=432, height=240, tape_std_m=0.005, fps=300.0)
 TIMES = ("contact_time", "contact_end", "contact_frames")
@@ -50,8 +51,11 @@ def struck_at_once(scene: Scene, shot: Shot, early_s: float) -> Tracks:
 
 
 def told(
-    monkeypatch: pytest.MonkeyPatch, early_s: float, *, maybe_shadow: bool = False
+    monkeypatch: pytest.MonkeyPatch,
+    change: Callable[[Tracks], Tracks],
+    early_s: float | None = None,
 ) -> dict[str, Quantity]:
+    """What is told of a strike, or of one whose contact was cut out, after a change."""
     scene, shot = film_scene(FILMING)
     grid = planned_grid(scene.camera)
 
@@ -59,19 +63,28 @@ def told(
         return grid
 
     monkeypatch.setattr(metres, "find_wall_grid", seen)
-    tracks = replace(struck_at_once(scene, shot, early_s), maybe_shadow=maybe_shadow)
+    tracks = planned_tracks(FILMING, scene, shot)
+    if early_s is not None:
+        tracks = struck_at_once(scene, shot, early_s)
     inputs = gather_inputs(planned_setup(FILMING, scene), None, None)
+    assert inputs.ball is not None
+    # an angle at which the bar is set up to strike would tell where the face is
+    inputs = replace(inputs, ball=replace(inputs.ball, launch_angle=None))
     rate = CaptureRate(FILMING.fps, 0.1, RateSource.OPTION)
     clock = np.arange(scene.frames, dtype=float)
-    results = measure_tracks(FollowedClip(tracks, clock, rate, inputs)).results
+    results = measure_tracks(FollowedClip(change(tracks), clock, rate, inputs)).results
     everything = (*results.quantities, *results.other_speeds, results.gravity)
     return {item.name: item for item in everything}
+
+
+def as_it_is(tracks: Tracks) -> Tracks:
+    return tracks
 
 
 def test_a_contact_too_short_for_the_frame_rate_gets_a_bound_and_no_number(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    found = told(monkeypatch, 0.0)
+    found = told(monkeypatch, as_it_is, 0.0)
     for name in TIMES:
         assert found[name].value is None
         assert "too short for this frame rate" in str(found[name].reason)
@@ -80,11 +93,11 @@ def test_a_contact_too_short_for_the_frame_rate_gets_a_bound_and_no_number(
         assert found[name].std
 
 
-def test_a_mass_that_would_part_before_it_meets_did_not_strike(
+def test_a_mass_that_would_part_before_it_meets_did_not_strike_or_not_this(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    found = told(monkeypatch, 0.02)
-    for name in (*TIMES, "cor_speeds", "pendulum_speed_after"):
+    found = told(monkeypatch, as_it_is, 0.02)
+    for name in (*TIMES, "cor_speeds", "pendulum_speed_after", "ball_speed", "launch_angle"):
         assert found[name].value is None
         assert "before it meets" in str(found[name].reason)
 
@@ -92,6 +105,53 @@ def test_a_mass_that_would_part_before_it_meets_did_not_strike(
 def test_of_what_may_be_the_ball_s_shadow_no_number_is_told(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    found = told(monkeypatch, 0.0, maybe_shadow=True)
+    found = told(monkeypatch, lambda tracks: replace(tracks, maybe_shadow=True))
     assert all(item.value is None for item in found.values())
     assert "--ball-at" in str(found["ball_speed"].reason)
+
+
+def test_where_the_mass_is_hardly_seen_after_the_contact_the_flight_alone_is_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def blurred(tracks: Tracks) -> Tracks:
+        swing, rest = tracks.pendulum, tracks.rest_frames
+        assert swing is not None
+        assert rest is not None
+        unsure = np.where(swing.track.frame > rest[1], 100.0, 1.0) * swing.angle_std_rad
+        stray = np.random.default_rng(3).normal(0.0, 1.0, len(unsure))
+        return replace(
+            tracks,
+            pendulum=replace(
+                swing, angle_rad=swing.angle_rad + unsure * stray, angle_std_rad=unsure
+            ),
+        )
+
+    found = told(monkeypatch, blurred)
+    for name in ("cor_speeds", "cor", "pendulum_speed_after", "energy_loss", "contact_start"):
+        assert found[name].value is None
+        assert "not seen well enough" in str(found[name].reason)
+    assert found["ball_speed"].value is not None
+
+
+def test_a_contact_in_which_the_ball_is_hidden_is_told_from_both_sides(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def hidden(tracks: Tracks) -> Tracks:
+        onset = tracks.rest_frames[1] / FILMING.fps if tracks.rest_frames else 0.0
+        seen = np.abs(tracks.ball.time_s - onset) > 0.03
+        return replace(tracks, ball=tracks.ball.where(seen))
+
+    found = told(monkeypatch, hidden)
+    assert found["ball_speed"].value is not None
+
+
+def test_what_does_not_fall_freely_was_not_struck_either(monkeypatch: pytest.MonkeyPatch) -> None:
+    def unsteady(tracks: Tracks) -> Tracks:
+        assert tracks.rest_frames is not None
+        mostly_rest = tracks.ball.frame < tracks.rest_frames[1] + 18
+        ball = tracks.ball.where(mostly_rest)
+        return replace(tracks, ball=ball, motion=Motion(MotionKind.FLIGHT, 0.7))
+
+    found = told(monkeypatch, unsteady)
+    for name in ("ball_speed", "cor_speeds", "contact_time"):
+        assert found[name].value is None
