@@ -57,6 +57,7 @@ __all__ = [
     "group_tolerance",
     "is_known",
     "least_gain",
+    "left_by_forms",
     "null_threshold",
     "scan_beyond_forms",
     "second_effect_share",
@@ -313,6 +314,30 @@ def scan_beyond_forms(
         start=both.start[:first],
         scattered=both.scattered[: len(pool)],
     )
+
+
+def left_by_forms(forward: Forward, fit: Fit, laws: Sequence[Effect], further: Candidate) -> float:
+    """What a further law gains on average from laws whose forms are off by twice what is usual.
+
+    Laws that state no error of their form say nothing of what they leave: it may be anything.
+
+    Returns
+    -------
+    float
+        Chi-square units. Errors of the forms are Gaussian; they pass for the further law, in the
+        direction that it is found in, as far as they do the same in units of the noise, with
+        everything else projected out.
+    """
+    errors, usual = loose_candidates(forward, fit, laws)
+    if not errors:
+        return np.inf
+    both = scan(forward, fit, (further, *errors))
+    first = both.score.size - len(errors)
+    alone = both.information[:first, :first]
+    along = np.linalg.pinv(alone, rcond=1e-9, hermitian=True) @ both.score[:first]
+    whole = float(along @ alone @ along)
+    made = SIZES[-1] * usual * (both.information[first:, :first] @ along)
+    return float(made @ made) / whole if whole > 0.0 else np.inf
 
 
 MEMBER_PENALTY = 9.0

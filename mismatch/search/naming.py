@@ -23,6 +23,7 @@ from mismatch.fitting.hypotheses import (
     group_tolerance,
     is_known,
     least_gain,
+    left_by_forms,
     null_threshold,
     scan_beyond_forms,
     second_effect_share,
@@ -658,17 +659,28 @@ def _supported(forward: Forward, larger: Hypothesis, smaller: Hypothesis, thresh
     if forward.mode == "swing":
         # A baseline that is out of step makes any share of the gain a small one.
         return more > max(threshold, 0.5 * left)
-    added = [m.effect for m in larger.members if m.id not in smaller.ids]
-    further = added or [larger.members[-1].effect]
+    further = [m for m in larger.members if m.id not in smaller.ids] or larger.members[-1:]
     # A law that does not stay leaves nothing over: other laws in its place have chance to beat.
     stays = replace(smaller, members=tuple(m for m in smaller.members if m.id in larger.ids))
-    share = max(second_effect_share(stays, one) for one in further)
     # The evidence has weighed errors of form already: a share of the gain is held against what the
     # laws as they are written gain by the further one.
-    if more > threshold and max(more, larger.gain - smaller.gain) > share * smaller.gain:
+    gained = max(more, larger.gain - smaller.gain)
+    if more > threshold and all(_beyond_form(forward, stays, m, gained) for m in further):
         return True
     # Against a baseline that runs away any share is small; then what is left over counts.
     return left > 0.5 * smaller.fit.expected and more > max(threshold, 0.5 * left)
+
+
+def _beyond_form(forward: Forward, seed: Hypothesis, further: Candidate, gained: float) -> bool:
+    """Whether a further law gains more than an imperfect law of the seed leaves over for it.
+
+    A share of what the seed gains is more than that where errors of its form hardly do what the
+    further law does: a turned camera gains a thousand times what friction on the axis gains.
+    """
+    if gained > second_effect_share(seed, further.effect) * seed.gain:
+        return True
+    laws = [member.effect for member in seed.members]
+    return gained > left_by_forms(forward, seed.fit, laws, further)
 
 
 def _best_allowed(hypotheses: Sequence[Hypothesis]) -> Hypothesis | None:
@@ -732,7 +744,7 @@ def _grow(
         scored = scan_beyond_forms(forward, seed.fit, laws, seed.form.size, pool)
         ranked = _best_by_law(scored, 1.0, forward.mode == "swing")
         strained = number == 0 and seed.form.gain > threshold
-        if strained and not _worth_a_fit(seed, pool, ranked, threshold):
+        if strained and not _worth_a_fit(forward, seed, pool, ranked, threshold):
             # What errors of form take up at that size may as well be a law of its own: both are
             # fitted, and their evidence tells.
             exact = scan(forward, seed.fit, pool)
@@ -742,8 +754,8 @@ def _grow(
             ranked = [*known, *ranked]
         elif forward.mode != "swing":
             ranked = [one for one in ranked if not is_known(pool[one[1]].effect)]
-        worth = bool(known) or _worth_a_fit(seed, pool, ranked, threshold)
-        if forward.mode != "swing" and not worth:
+        tells = swinging or bool(known)
+        if not tells and not _worth_a_fit(forward, seed, pool, ranked, threshold):
             idle = ranked and ranked[0][0] < threshold and not strained
             if number == 0 and seed is foremost and idle:
                 # The best smaller set leaves nothing to explain: a larger one would be idle.
@@ -766,11 +778,15 @@ def _grow(
 
 
 def _worth_a_fit(
-    seed: Hypothesis, pool: Sequence[Candidate], ranked: Ranked, threshold: float
+    forward: Forward,
+    seed: Hypothesis,
+    pool: Sequence[Candidate],
+    ranked: Ranked,
+    threshold: float,
 ) -> bool:
     """Whether a further law promises more than chance, and more than an imperfect law leaves."""
     return any(
-        gain >= max(threshold, second_effect_share(seed, pool[index].effect) * seed.gain)
+        gain >= threshold and _beyond_form(forward, seed, pool[index], gain)
         for gain, index, _ in ranked
     )
 
@@ -811,7 +827,7 @@ def _corrected(
         ranked = _best_by_law(scan(forward, seed.fit, pool), 1.0)
         for _, index, values in ranked[:1]:
             new = frozenset({seed.members[0].key, pool[index].key}) not in done
-            if new and _worth_a_fit(seed, pool, ranked[:1], threshold):
+            if new and _worth_a_fit(forward, seed, pool, ranked[:1], threshold):
                 found.append(_extended(forward, base, seed, pool[index], values, _ahead(tried)))
     return found
 

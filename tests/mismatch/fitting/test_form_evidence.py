@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from mismatch import explain
+from mismatch.candidates import Candidate
 from mismatch.fitting.fit import fit_model, free_parameters
-from mismatch.fitting.hypotheses import _sizes, form_evidence
+from mismatch.fitting.hypotheses import _sizes, form_evidence, left_by_forms
 from mismatch.fitting.prepare import prepare
 from physics.effects import CATALOGUE, Contact, Effect, Outcome, Parameter
 from tests.mismatch.synthetic import struck_campaign
@@ -44,6 +45,22 @@ class Saturating(Effect):
     def force(self, values, flight):
         ratio = 0.5 * flight.diameter * values["spin"] / flight.speed
         k = flight.dynamic_area * flight.speed * ratio / (2.0 * ratio + 0.4)
+        return -k * flight.vy, k * flight.vx, np.zeros_like(k)
+
+
+@dataclass(frozen=True)
+class Steeper(Effect):
+    """Lift that grows with the square of the speed."""
+
+    id: str = "steeper"
+    statement: str = "made for this test"
+    law: str = r"C_L = a"
+    source: str = "made for this test"
+    phase: str = "flight"
+    parameters: tuple[Parameter, ...] = (Parameter("a", "1", 0.1, -1.0, 1.0),)
+
+    def force(self, values, flight):
+        k = values["a"] * flight.dynamic_area * flight.speed
         return -k * flight.vy, k * flight.vx, np.zeros_like(k)
 
 
@@ -109,3 +126,32 @@ def test_a_support_that_kicks_the_ball_may_not_pass_for_what_slows_the_pendulum(
     # What slows both bodies alike may be off in both alike.
     slowed = replace(before, vx=before.vx - 0.1, pendulum_speed=before.pendulum_speed - 0.1)
     assert _sizes(contact, before, slowed)["pendulum_speed"] == pytest.approx(0.1, rel=0.01)
+
+
+def test_a_law_may_leave_over_what_its_other_form_does_and_hardly_anything_of_a_swing():
+    magnus, friction = CATALOGUE["magnus"][0], CATALOGUE["bearing_friction"][0]
+    forward, fit = fitted_with(magnus, (Steeper(), {"a": 0.3}), noise=2e-4)
+    left = {
+        law.id: left_by_forms(forward, fit, [magnus], Candidate(law, (), 1))
+        for law in (Steeper(), friction)
+    }
+    over = fit.chi2 - fit.expected
+    assert over > 100.0
+    assert 0.5 * over < left["steeper"] < 5.0 * over
+    assert left["bearing_friction"] < 0.01 * left["steeper"]
+
+
+def test_a_law_that_acts_twice_as_much_leaves_four_times_as_much():
+    magnus = CATALOGUE["magnus"][0]
+    left = []
+    for spin in (7.0, 14.0):
+        forward, fit = fitted_with(magnus, (magnus, {"spin": spin}), noise=2e-4)
+        left.append(left_by_forms(forward, fit, [magnus], Candidate(Steeper(), (), 1)))
+    assert left[1] / left[0] == pytest.approx(4.0, rel=0.3)
+
+
+def test_what_a_law_without_an_error_of_form_leaves_over_may_be_anything():
+    exact = replace(CATALOGUE["magnus"][0], looseness=0.0)
+    forward, fit = fitted_with(exact, (exact, {"spin": 14.0}))
+    friction = Candidate(CATALOGUE["bearing_friction"][0], (), 1)
+    assert left_by_forms(forward, fit, [exact], friction) == np.inf

@@ -5,12 +5,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from mismatch import explain
 from mismatch.candidates import Candidate
 from mismatch.fitting.fit import Fit
 from mismatch.fitting.hypotheses import EXACT, FormEvidence, Hypothesis
 from mismatch.forward import Model
 from mismatch.search.naming import _supported, _worth_a_fit
 from physics.effects import Effect, effect_named
+from tests.mismatch.synthetic import struck_campaign
 
 STRIKES = SimpleNamespace(mode="impact")
 CHANCE = 12.0
@@ -45,7 +47,7 @@ def test_a_contact_of_loose_form_doubts_a_further_law_of_the_contact_alone(furth
     assert both.penalised_gain - alone.penalised_gain > CHANCE
     assert _supported(STRIKES, both, alone, CHANCE) is not as_contact
     pool = [Candidate(law, (), 1)]
-    assert _worth_a_fit(alone, pool, [(130.0, 0, np.zeros(1))], CHANCE) is not as_contact
+    assert _worth_a_fit(STRIKES, alone, pool, [(130.0, 0, np.zeros(1))], CHANCE) is not as_contact
     # A gain of a quarter is beyond what a form is wrong by.
     assert _supported(STRIKES, answer(5000.0, arm, law), alone, CHANCE)
 
@@ -53,8 +55,8 @@ def test_a_contact_of_loose_form_doubts_a_further_law_of_the_contact_alone(furth
 def test_a_further_law_of_any_phase_has_to_beat_chance():
     arm, law = effect_named("effective_mass"), effect_named("parallax")
     assert not _supported(STRIKES, answer(420.0, arm, law), answer(410.0, arm), CHANCE)
-    assert not _worth_a_fit(answer(410.0, arm), [Candidate(law, (), 1)], [(10.0, 0, np.zeros(1))],
-                            CHANCE)  # fmt: skip
+    pool = [Candidate(law, (), 1)]
+    assert not _worth_a_fit(STRIKES, answer(410.0, arm), pool, [(10.0, 0, np.zeros(1))], CHANCE)
 
 
 def test_laws_that_do_without_a_loose_one_have_only_chance_to_beat():
@@ -75,3 +77,16 @@ def test_what_errors_of_form_have_taken_up_is_not_asked_for_twice(further, told)
     more = both.penalised_gain - alone.penalised_gain
     assert CHANCE < more < 0.008 * alone.gain
     assert _supported(STRIKES, both, alone, CHANCE) is told
+
+
+@pytest.mark.slow
+def test_friction_beside_a_turned_camera_is_told_however_much_the_camera_is_turned():
+    """It gains less than a hundredth of what the camera does, and nothing that a camera can do."""
+    turned = (effect_named("camera_roll"), {"roll": 0.02})
+    slowed = (effect_named("viscous_damping"), {"viscous_coefficient": 0.06})
+    verdict = explain(*struck_campaign(turned, slowed))
+    told = {effect.id for effect in verdict.effects}
+    alike = {one for group in verdict.indistinguishable for one in group}
+    assert len(told) == 2
+    assert "camera_roll" in told
+    assert "viscous_damping" in told | alike
