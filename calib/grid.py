@@ -32,6 +32,7 @@ __all__ = [
     "GridMap",
     "MapSupport",
     "Seed",
+    "StripesError",
     "WallGrid",
     "find_seeds",
     "find_wall_grid",
@@ -1259,9 +1260,13 @@ def no_grid() -> CalibrationError:
     )
 
 
-def only_stripes() -> CalibrationError:
+class StripesError(CalibrationError):
+    """Lines are seen in one direction only: stripes, or a grid that is seen far aslant."""
+
+
+def only_stripes() -> StripesError:
     """Refusal of lines in one direction only."""
-    return CalibrationError(
+    return StripesError(
         "there are lines in one direction, but none that cross them: stripes are no grid",
         hint="The wall needs lines both along and across.",
     )

@@ -471,6 +471,10 @@ _STEP_SIGMAS = 0.3
 
 """Standard deviations of a step: the chain is straight over it, and it is far above rounding."""
 
+_SMALLER_STEPS = (0.5, 0.2)
+
+"""Standard deviations of a step where a whole one leads to where there is no such motion."""
+
 _LEAST_AXIS = 1e-12
 
 """Of the correlation's largest: below lies rounding, not knowledge."""
@@ -499,6 +503,8 @@ class ClipConditions:
         Factor on lengths where there is no calibration.
     roll_rad, slant_rad : float
         How far the camera is turned about its axis, and about the vertical, where there is none.
+    slant_std_rad : float
+        How well the latter is known.
     metres_per_px : (2,) tuple of float or None
         Scale in the plane of motion that somebody gives, with its standard uncertainty.
     zero_rad, zero_std_rad : float
@@ -513,6 +519,7 @@ class ClipConditions:
     scale: float = 1.0
     roll_rad: float = 0.0
     slant_rad: float = 0.0
+    slant_std_rad: float = Defaults.CAMERA_SLANT.std
     metres_per_px: tuple[float, float] | None = None
     zero_rad: float = 0.0
     zero_std_rad: float = 0.0
@@ -588,8 +595,13 @@ def systematic_budget(
     """
     base = values(scene)
     table: dict[UncertaintySource, FloatArray] = {}
-    for source, moved in _moved(scene, scale_std):
+    for source, moved in _moved(scene, scale_std, 1.0):
         table[source] = np.abs(values(moved) - base)
+    # an input so unsure that nothing can be evaluated a whole step away counts all the more
+    for share in _SMALLER_STEPS:
+        lost = [name for name in table if np.isnan(table[name][np.isfinite(base)]).any()]
+        nearer = dict(_moved(scene, scale_std, share)) if lost else {}
+        table |= {name: np.abs(values(nearer[name]) - base) / share for name in lost}
     if scene.calibration is not None:
         table |= _by_calibration(
             scene.calibration, base, lambda c: values(replace(scene, calibration=c))
@@ -628,52 +640,56 @@ def _by_calibration(
 
 
 def _moved(
-    scene: ClipConditions, scale_std: float
+    scene: ClipConditions, scale_std: float, share: float
 ) -> list[tuple[UncertaintySource, ClipConditions]]:
+    """The scene with each input a share of its standard uncertainty larger."""
     inputs, rate = scene.inputs, scene.rate
     moved: list[tuple[UncertaintySource, ClipConditions]] = []
     if rate.known:
-        faster = replace(rate, fps=rate.fps + rate.std)
+        faster = replace(rate, fps=rate.fps + share * rate.std)
         moved.append((UncertaintySource.CAPTURE_RATE, replace(scene, rate=faster)))
     rig = inputs.rig
     moved += [
         (source, replace(scene, inputs=replace(inputs, pendulum=body)))
-        for source, body in _other_pendulums(inputs)
+        for source, body in _other_pendulums(inputs, share)
     ]
-    nearer = replace(inputs, arm_share=inputs.arm_share * (1 + Defaults.VISIBLE_DEPTH.std))
+    nearer = replace(inputs, arm_share=inputs.arm_share * (1 + share * Defaults.VISIBLE_DEPTH.std))
     moved.append((UncertaintySource.PENDULUM_ARM, replace(scene, inputs=nearer)))
     if scene.zero_std_rad > 0.0:
-        turned = replace(scene, zero_rad=scene.zero_rad + scene.zero_std_rad)
+        turned = replace(scene, zero_rad=scene.zero_rad + share * scene.zero_std_rad)
         moved.append((UncertaintySource.PENDULUM_ZERO, turned))
-    ringing = replace(inputs, after_share=inputs.after_share * (1 + Defaults.RINGING.std))
+    ringing = replace(inputs, after_share=inputs.after_share * (1 + share * Defaults.RINGING.std))
     moved.append((UncertaintySource.PENDULUM_RINGING, replace(scene, inputs=ringing)))
     if scene.round_bob:
-        other = replace(inputs, normal_sigmas=inputs.normal_sigmas + 1.0)
+        other = replace(inputs, normal_sigmas=inputs.normal_sigmas + share)
         moved.append((UncertaintySource.CONTACT_NORMAL, replace(scene, inputs=other)))
     if inputs.fall is not None and rig.support_height is not None:
-        higher = replace(inputs, fall=inputs.fall + rig.support_height.std)
+        higher = replace(inputs, fall=inputs.fall + share * rig.support_height.std)
         moved.append((UncertaintySource.SUPPORT_HEIGHT, replace(scene, inputs=higher)))
     if inputs.ball is not None and inputs.ball.mass is not None and rig.ball_mass is not None:
-        ball = replace(inputs.ball, mass=inputs.ball.mass + rig.ball_mass.std)
+        ball = replace(inputs.ball, mass=inputs.ball.mass + share * rig.ball_mass.std)
         moved.append(
             (UncertaintySource.BALL_MASS, replace(scene, inputs=replace(inputs, ball=ball)))
         )
     if scene.calibration is None:
         moved.append(
-            (UncertaintySource.CAMERA_ROLL, replace(scene, roll_rad=Defaults.CAMERA_ROLL.std))
+            (
+                UncertaintySource.CAMERA_ROLL,
+                replace(scene, roll_rad=share * Defaults.CAMERA_ROLL.std),
+            )
         )
         moved.append(
-            (UncertaintySource.CAMERA_SLANT, replace(scene, slant_rad=Defaults.CAMERA_SLANT.std))
+            (UncertaintySource.CAMERA_SLANT, replace(scene, slant_rad=share * scene.slant_std_rad))
         )
         if np.isfinite(scale_std):
             by_ball = scene.metres_per_px is None
             source = UncertaintySource.BALL_DIAMETER if by_ball else UncertaintySource.SCALE
-            moved.append((source, replace(scene, scale=scene.scale * (1 + scale_std))))
+            moved.append((source, replace(scene, scale=scene.scale * (1 + share * scale_std))))
     return moved
 
 
-def _other_pendulums(inputs: Inputs) -> list[tuple[UncertaintySource, Pendulum]]:
-    """The pendulum with each of its numbers one standard uncertainty larger.
+def _other_pendulums(inputs: Inputs, share: float) -> list[tuple[UncertaintySource, Pendulum]]:
+    """The pendulum with each of its numbers a share of its standard uncertainty larger.
 
     Mass and centre of mass only enter the stiffness of the swing, whose uncertainty its fit takes.
     """
@@ -681,15 +697,17 @@ def _other_pendulums(inputs: Inputs) -> list[tuple[UncertaintySource, Pendulum]]
     others = [
         (
             UncertaintySource.PENDULUM_INERTIA,
-            replace(body, inertia=body.inertia * (1 + rig.inertia.relative_std)),
+            replace(body, inertia=body.inertia * (1 + share * rig.inertia.relative_std)),
         ),
         (
             UncertaintySource.PENDULUM_LENGTH,
-            replace(body, length=body.length * (1 + rig.length.relative_std)),
+            replace(body, length=body.length * (1 + share * rig.length.relative_std)),
         ),
     ]
     if rig.effective_mass is not None:
-        heavier = replace(body, effective_mass=rig.effective_mass.value + rig.effective_mass.std)
+        heavier = replace(
+            body, effective_mass=rig.effective_mass.value + share * rig.effective_mass.std
+        )
         others.append((UncertaintySource.EFFECTIVE_MASS, heavier))
     return others
 

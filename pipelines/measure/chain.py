@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.calibration import Calibration, ContradictionError
-from calib.grid import WallGrid
+from calib.grid import StripesError, WallGrid
 from calib.solve import FOCAL_OVER_WIDTH, Solved
-from metrology import CalibrationError, MeasurementError, UncertaintySource
+from metrology import CalibrationError, Defaults, MeasurementError, UncertaintySource
 from pipelines.cache import Cache, clip_digest
 from pipelines.measure.budget import (
     ClipConditions,
@@ -516,11 +516,12 @@ def _timed(tracks: Tracks, time_s: FloatArray) -> Tracks:
 
 def _conditions(followed: FollowedClip, wall: "WallScene") -> ClipConditions:
     """What may be off for the whole clip, at its best estimate."""
-    pendulum = followed.tracks.pendulum
+    pendulum, stripes = followed.tracks.pendulum, wall.refusal.stripes
     return ClipConditions(
         followed.inputs,
         followed.rate,
         wall.calibration,
+        slant_std_rad=(Defaults.SLANT_TO_STRIPES if stripes else Defaults.CAMERA_SLANT).std,
         metres_per_px=followed.scale_m_per_px,
         zero_std_rad=0.0 if pendulum is None else pendulum.zero_std_rad,
         round_bob=pendulum is not None and pendulum.face.spherical,
@@ -627,7 +628,8 @@ def _calibrated(tracks: Tracks, inputs: Inputs) -> WallScene:
         text = f"{problem.message}; {_sizes(inputs)}"
         return WallScene(refusal=NoScale(text, contradicts=True))
     except CalibrationError as problem:
-        return WallScene(refusal=NoScale(problem.in_one_line))
+        stripes = isinstance(problem, StripesError)
+        return WallScene(refusal=NoScale(problem.in_one_line, stripes=stripes))
 
 
 def _weighed(wall: WallScene, followed: FollowedClip, scene: ClipConditions) -> WallScene:
@@ -718,6 +720,7 @@ def _in_metres(scene: ClipConditions, times: FloatArray, tracks: Tracks) -> Metr
         np.median(ball.centre_px, axis=0),
         scene.roll_rad,
         float(np.tan(scene.slant_rad)) / (FOCAL_OVER_WIDTH * tracks.background.shape[1]),
+        float(np.cos(scene.slant_rad)),
     )
     return tracks_in_metres(tracks, scale, times, scene.zero_rad)
 

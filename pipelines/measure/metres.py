@@ -111,6 +111,8 @@ class BallScale:
         Turn of the camera about its axis.
     growth_per_px : float
         What a camera that looks aslant adds to the scale along the picture's rows.
+    foreshortening : float
+        Part of a length along the rows that is left where such a camera sees it.
     """
 
     metres_per_px: float
@@ -118,6 +120,7 @@ class BallScale:
     usual_px: FloatArray
     roll_rad: float = 0.0
     growth_per_px: float = 0.0
+    foreshortening: float = 1.0
 
     def ball(self, px: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Ball centres and covariances."""
@@ -125,13 +128,16 @@ class BallScale:
 
     def point(self, px: FloatArray) -> FloatArray:
         """Points of the ball plane behind pixels."""
-        x, y = np.moveaxis(px - self.usual_px, -1, 0)
-        grown = np.stack([x + self.growth_per_px * x * x, y * (1 + self.growth_per_px * x)], -1)
-        x, y = self.rest_px - self.usual_px
-        rest = np.array([x + self.growth_per_px * x * x, y * (1 + self.growth_per_px * x)])
+        grown, rest = self._grown(px), self._grown(self.rest_px)
         cosine, sine = np.cos(self.roll_rad), np.sin(self.roll_rad)
         turned = (grown - rest) @ np.array([[cosine, -sine], [-sine, -cosine]])
         return np.asarray(turned * self.metres_per_px)
+
+    def _grown(self, px: FloatArray) -> FloatArray:
+        """Places as a camera square to the plane would see them about the usual one, px."""
+        x, y = np.moveaxis(px - self.usual_px, -1, 0)
+        along = (x + self.growth_per_px * x * x) / self.foreshortening
+        return np.stack([along, y * (1 + self.growth_per_px * x)], -1)
 
     def eye(self) -> None:
         """Nothing tells where such a camera stands."""

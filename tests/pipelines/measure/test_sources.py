@@ -4,9 +4,11 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pytest
+from numpy.typing import NDArray
 
 from metrology import Contribution, Quantity, UncertaintySource
-from pipelines.measure.budget import DERIVED, systematic_budget
+from pipelines.measure.budget import DERIVED, ClipConditions, systematic_budget
 from pipelines.measure.impact import find_impact
 from pipelines.measure.inputs import gather_inputs
 from pipelines.measure.results import Evaluated, reading_on_wall
@@ -40,3 +42,16 @@ def test_a_rate_that_nobody_knows_adds_no_finite_line() -> None:
     table = systematic_budget(scene, lambda moved: np.array([moved.rate.fps]), np.inf)
     assert UncertaintySource.CAPTURE_RATE not in table
     assert all(np.isfinite(column).all() for column in table.values())
+
+
+def test_an_input_so_unsure_that_a_whole_step_leads_nowhere_counts_by_a_smaller_one() -> None:
+    scene = a_scene(a_calibration(0.05, 0.001))
+    scene = replace(scene, rate=replace(scene.rate, std=0.5))
+    known, std = scene.rate.fps, scene.rate.std
+
+    def values(moved: ClipConditions) -> NDArray[np.float64]:
+        off = (moved.rate.fps - known) / std
+        return np.array([math.nan if off > 0.6 else 7.0 + 3.0 * off, math.nan])
+
+    column = systematic_budget(scene, values, np.inf)[UncertaintySource.CAPTURE_RATE]
+    assert column[0] == pytest.approx(3.0, rel=1e-6)
