@@ -32,7 +32,6 @@ __all__ = [
     "GridMap",
     "MapSupport",
     "Seed",
-    "StripesError",
     "WallGrid",
     "find_seeds",
     "find_wall_grid",
@@ -1260,13 +1259,9 @@ def no_grid() -> CalibrationError:
     )
 
 
-class StripesError(CalibrationError):
-    """Lines are seen in one direction only: stripes, or a grid that is seen far aslant."""
-
-
-def only_stripes() -> StripesError:
+def only_stripes() -> CalibrationError:
     """Refusal of lines in one direction only."""
-    return StripesError(
+    return CalibrationError(
         "there are lines in one direction, but none that cross them: stripes are no grid",
         hint="The wall needs lines both along and across.",
     )

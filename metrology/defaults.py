@@ -153,11 +153,6 @@ class Defaults:
         "slant of a camera set up by eye", 0.0, math.radians(6.0), "rad",
         "a wall's vanishing lines are not seen below some 10°, a rectangle of 6° deviation",
     )  # fmt: skip
-    SLANT_TO_STRIPES = Default(
-        "slant of a camera that sees of a grid the lines in one direction alone", 0.0,
-        math.radians(30.0), "rad",
-        "a grid is found up to 25° and, of lines drawn closer, not beyond some 35°",
-    )  # fmt: skip
     LENS_DISTORTION = Default(
         "distortion of a lens that nobody measured", 0.0, 0.01, "1",
         "share of its distance from the axis by which the picture's edge is displaced: lenses of"

@@ -503,8 +503,6 @@ class ClipConditions:
         Factor on lengths where there is no calibration.
     roll_rad, slant_rad : float
         How far the camera is turned about its axis, and about the vertical, where there is none.
-    slant_std_rad : float
-        How well the latter is known.
     metres_per_px : (2,) tuple of float or None
         Scale in the plane of motion that somebody gives, with its standard uncertainty.
     zero_rad, zero_std_rad : float
@@ -519,7 +517,6 @@ class ClipConditions:
     scale: float = 1.0
     roll_rad: float = 0.0
     slant_rad: float = 0.0
-    slant_std_rad: float = Defaults.CAMERA_SLANT.std
     metres_per_px: tuple[float, float] | None = None
     zero_rad: float = 0.0
     zero_std_rad: float = 0.0
@@ -594,14 +591,18 @@ def systematic_budget(
         Source to (Q,) one-sigma contributions, NaN where a value is missing.
     """
     base = values(scene)
-    table: dict[UncertaintySource, FloatArray] = {}
-    for source, moved in _moved(scene, scale_std, 1.0):
-        table[source] = np.abs(values(moved) - base)
+    moves = _moved(scene, scale_std, 1.0)
+    columns = [np.abs(values(moved) - base) for _, moved in moves]
     # an input so unsure that nothing can be evaluated a whole step away counts all the more
     for share in _SMALLER_STEPS:
-        lost = [name for name in table if np.isnan(table[name][np.isfinite(base)]).any()]
-        nearer = dict(_moved(scene, scale_std, share)) if lost else {}
-        table |= {name: np.abs(values(nearer[name]) - base) / share for name in lost}
+        nearer = _moved(scene, scale_std, share)
+        for place, column in enumerate(columns):
+            if np.isnan(column[np.isfinite(base)]).any():
+                columns[place] = np.abs(values(nearer[place][1]) - base) / share
+    table: dict[UncertaintySource, FloatArray] = {}
+    for (source, _), column in zip(moves, columns, strict=True):
+        # what may be off to either side counts by the worse one
+        table[source] = np.fmax(table.get(source, column), column)
     if scene.calibration is not None:
         table |= _by_calibration(
             scene.calibration, base, lambda c: values(replace(scene, calibration=c))
@@ -678,9 +679,11 @@ def _moved(
                 replace(scene, roll_rad=share * Defaults.CAMERA_ROLL.std),
             )
         )
-        moved.append(
-            (UncertaintySource.CAMERA_SLANT, replace(scene, slant_rad=share * scene.slant_std_rad))
-        )
+        aslant = share * Defaults.CAMERA_SLANT.std
+        moved += [
+            (UncertaintySource.CAMERA_SLANT, replace(scene, slant_rad=side))
+            for side in (aslant, -aslant)
+        ]
         if np.isfinite(scale_std):
             by_ball = scene.metres_per_px is None
             source = UncertaintySource.BALL_DIAMETER if by_ball else UncertaintySource.SCALE

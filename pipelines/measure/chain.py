@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib.calibration import Calibration, ContradictionError
-from calib.grid import StripesError, WallGrid
+from calib.grid import WallGrid
 from calib.solve import FOCAL_OVER_WIDTH, Solved
-from metrology import CalibrationError, Defaults, MeasurementError, UncertaintySource
+from metrology import CalibrationError, MeasurementError, UncertaintySource
 from pipelines.cache import Cache, clip_digest
 from pipelines.measure.budget import (
     ClipConditions,
@@ -516,12 +516,11 @@ def _timed(tracks: Tracks, time_s: FloatArray) -> Tracks:
 
 def _conditions(followed: FollowedClip, wall: "WallScene") -> ClipConditions:
     """What may be off for the whole clip, at its best estimate."""
-    pendulum, stripes = followed.tracks.pendulum, wall.refusal.stripes
+    pendulum = followed.tracks.pendulum
     return ClipConditions(
         followed.inputs,
         followed.rate,
         wall.calibration,
-        slant_std_rad=(Defaults.SLANT_TO_STRIPES if stripes else Defaults.CAMERA_SLANT).std,
         metres_per_px=followed.scale_m_per_px,
         zero_std_rad=0.0 if pendulum is None else pendulum.zero_std_rad,
         round_bob=pendulum is not None and pendulum.face.spherical,
@@ -628,8 +627,7 @@ def _calibrated(tracks: Tracks, inputs: Inputs) -> WallScene:
         text = f"{problem.message}; {_sizes(inputs)}"
         return WallScene(refusal=NoScale(text, contradicts=True))
     except CalibrationError as problem:
-        stripes = isinstance(problem, StripesError)
-        return WallScene(refusal=NoScale(problem.in_one_line, stripes=stripes))
+        return WallScene(refusal=NoScale(problem.in_one_line))
 
 
 def _weighed(wall: WallScene, followed: FollowedClip, scene: ClipConditions) -> WallScene:

@@ -289,7 +289,7 @@ def _reach(arm: FloatArray, phi: FloatArray) -> FloatArray:
     return np.asarray((arm * normal).sum(axis=-1))
 
 
-def fit_contact(view: ImpactView, around_s: float) -> ContactFit:
+def fit_contact(view: ImpactView, around_s: float, *, doubting: bool = True) -> ContactFit:
     """Fit onset and release.
 
     Parameters
@@ -298,6 +298,9 @@ def fit_contact(view: ImpactView, around_s: float) -> ContactFit:
         Both sides of the contact.
     around_s : float
         A time near the contact, s.
+    doubting : bool
+        Whether a contact that no such ball can have is refused: of inputs moved off their best
+        estimate to see what follows, none is.
 
     Raises
     ------
@@ -323,7 +326,7 @@ def fit_contact(view: ImpactView, around_s: float) -> ContactFit:
     cost = np.array([np.inf if one is None else one.cost(widened) for one in tried])
     cost += _OFFSETS**2
     beyond = _beyond(tried, view)
-    if float((cost + beyond).min()) > float(cost.min()) + CONTRADICTS:
+    if doubting and float((cost + beyond).min()) > float(cost.min()) + CONTRADICTS:
         raise _no_contact(likely, view)
     unbound, _ = _weighed(cost, offsets)
     face_offset, std = _weighed(cost + beyond, offsets)
@@ -1016,7 +1019,7 @@ def moved_impact(near: Impact, tracks: MetricTracks, inputs: Inputs) -> Impact:
     frames = _Frames.of(near.tracks, near.view.before.reference_s, near.view.after.reference_s)
     view = _view(tracks, inputs, flight, frames.on_clock(share), near.view)
     middle = 0.5 * share * (near.contact.onset_s + near.contact.release_s)
-    contact = fit_contact(view, middle)
+    contact = fit_contact(view, middle, doubting=False)
     near = replace(near, tracks=tracks, flight=flight, free_flight=free, view=view, contact=contact)
     return replace(near, landing=_landing(tracks, inputs, flight)[0])
 

@@ -165,13 +165,10 @@ class NoScale:
         Empty where it does.
     contradicts : bool
         There is a grid, but it contradicts the ball's size: then neither can be trusted.
-    stripes : bool
-        Lines are seen in one direction alone: of a grid seen far aslant, perhaps.
     """
 
     reason: str = ""
     contradicts: bool = False
-    stripes: bool = False
 
 
 @dataclass(frozen=True)

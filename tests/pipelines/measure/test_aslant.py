@@ -1,21 +1,17 @@
 """Scales without a grid: what a camera that looks aslant may do to them."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from calib.grid import no_grid, only_stripes
-from metrology import CalibrationError
-from pipelines.calibrate.plan import Filming, film_scene, planned_setup, planned_tracks
-from pipelines.measure import metres
-from pipelines.measure.chain import FollowedClip, measure_tracks
+from metrology import Defaults, UncertaintySource
+from pipelines.measure.budget import ClipConditions, systematic_budget
 from pipelines.measure.inputs import gather_inputs
 from pipelines.measure.metres import BallScale
+from pipelines.setup.file import Setup
 from vision.clip.footage import CaptureRate, RateSource
-
-FILMING = Filming(width=432, height=240, tape_std_m=0.005, fps=300.0)
 
 
 def test_lengths_along_the_rows_are_as_long_as_a_camera_square_to_them_sees_them() -> None:
@@ -28,31 +24,13 @@ def test_lengths_along_the_rows_are_as_long_as_a_camera_square_to_them_sees_them
     assert scale.point(seen) == pytest.approx(places, abs=1e-9)
 
 
-def _share_of_speed(
-    monkeypatch: pytest.MonkeyPatch, refusal: Callable[[], CalibrationError]
-) -> float:
-    scene, shot = film_scene(FILMING)
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_camera_aslant_to_either_side_counts_by_the_worse_one(side: float) -> None:
+    inputs = gather_inputs(Setup(), "jokku", None)
+    scene = ClipConditions(inputs, CaptureRate(600.0, 0.0, RateSource.OPTION), None)
 
-    def refused(*_: object, **__: object) -> None:
-        raise refusal()
+    def values(moved: ClipConditions) -> NDArray[np.float64]:
+        return np.array([5.0 + (3.0 if side * moved.slant_rad > 0 else 1.0) * moved.slant_rad])
 
-    monkeypatch.setattr(metres, "find_wall_grid", refused)
-    inputs = gather_inputs(planned_setup(FILMING, scene), None, None)
-    rate = CaptureRate(FILMING.fps, 0.1, RateSource.OPTION)
-    clock = np.arange(scene.frames, dtype=float)
-    tracks = planned_tracks(FILMING, scene, shot)
-    results = measure_tracks(FollowedClip(tracks, clock, rate, inputs)).results
-    speed = next(item for item in results.quantities if item.name == "ball_speed")
-    assert speed.value is not None
-    assert speed.std is not None
-    true = float(shot.contact.outcome.ball_speed)
-    assert abs(speed.value - true) < 3.0 * speed.std
-    return speed.std / speed.value
-
-
-def test_lines_in_one_direction_alone_may_be_a_grid_seen_far_aslant(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    # a camera 30° aside sees rows shorter by 13 %: that is 2.6 standard uncertainties at most
-    assert _share_of_speed(monkeypatch, only_stripes) > 0.05
-    assert _share_of_speed(monkeypatch, no_grid) < 0.05
+    column = systematic_budget(scene, values, np.inf)[UncertaintySource.CAMERA_SLANT]
+    assert column[0] == pytest.approx(3.0 * Defaults.CAMERA_SLANT.std)
