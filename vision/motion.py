@@ -664,6 +664,7 @@ def _arc(seen: Track, scatter: float, area: float, frames: int, ends: int) -> _F
     std = _acceleration_std(seen, powers, left)
     radius = float(np.median(seen.radius_px))
     off = np.hypot(*left.T)
+    left_over = max(float(np.sqrt(np.mean(off**2))), _LEAST_STD_PX)
     fits = _log_evidence(off, scatter, area, 6, frames)
     if np.mean(off < _OFF_LAW * scatter) < _WHOLE:
         # pieces of several motions, or of none
@@ -676,7 +677,7 @@ def _arc(seen: Track, scatter: float, area: float, frames: int, ends: int) -> _F
         motion[2],
         std,
         radius,
-        _bend(motion[2], std, _Way(place[-1] - place[0], float(time[-1]), scatter), radius),
+        _bend(motion[2], std, _Way(place[-1] - place[0], float(time[-1]), left_over), radius),
     )
 
 
@@ -736,11 +737,11 @@ def bends_up(frame: IntArray, centre: FloatArray, radius: float) -> bool:
 
 @dataclass(frozen=True)
 class _Way:
-    """Where a stretch leads: its chord (2,) and a law's scatter, px, and its frames."""
+    """Where a stretch leads: its chord (2,), its frames, and what a parabola leaves of it, px."""
 
     chord: FloatArray
     frames: float
-    scatter: float
+    left: float
 
     def off_arc(self, sizes: FloatArray) -> FloatArray:
         """What a parabola would leave of an arc of such centripetal accelerations, px."""
@@ -780,7 +781,7 @@ def _bend(acceleration: FloatArray, std: float, way: _Way, radius: float) -> _Be
     rolling = _EVENLY * float(like(size)) + _BRAKED * braked + _DOWNHILL * sped_up
     aslant = np.hypot(std, _HELD_ASLANT * sizes)
     upwards = like(sizes + acceleration[1]) * like(acceleration[0], aslant) * std / aslant
-    rolling += _HELD * float(share @ (upwards * like(way.off_arc(sizes), way.scatter)))
+    rolling += _HELD * float(share @ (upwards * like(way.off_arc(sizes), way.left)))
     return _Bend(float(falling), float(rolling), max(float(anywhere), _UNHEARD_OF))
 
 
