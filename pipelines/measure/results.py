@@ -228,6 +228,8 @@ def results_of(
         found = {name: _of_a_shadow(item) for name, item in found.items()}
         other_speeds = tuple(_of_a_shadow(item) for item in other_speeds)
         gravity = _of_a_shadow(gravity)
+        # what a shadow's numbers agree with says nothing of the ball
+        checks = []
     found = _of_this_motion(found, tracks, wanted)
     return Results(
         tuple(found.values()),

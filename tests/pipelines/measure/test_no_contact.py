@@ -14,6 +14,7 @@ from pipelines.calibrate.plan import Filming, film_scene, planned_setup, planned
 from pipelines.measure import metres
 from pipelines.measure.chain import FollowedClip, measure_tracks
 from pipelines.measure.inputs import gather_inputs
+from pipelines.measure.results import Results
 from sample_videos import Scene, Shot
 from sample_videos.shot import HermiteCurve
 from vision.clip.footage import CaptureRate, RateSource
@@ -50,11 +51,11 @@ def struck_at_once(scene: Scene, shot: Shot, early_s: float) -> Tracks:
     return replace(tracks, rest_frames=(0, tracks.rest_frames[1] - int(early_s * FILMING.fps) - 1))
 
 
-def told(
+def results(
     monkeypatch: pytest.MonkeyPatch,
     change: Callable[[Tracks], Tracks],
     early_s: float | None = None,
-) -> dict[str, Quantity]:
+) -> Results:
     """What is told of a strike, or of one whose contact was cut out, after a change."""
     scene, shot = film_scene(FILMING)
     grid = planned_grid(scene.camera)
@@ -72,8 +73,17 @@ def told(
     inputs = replace(inputs, ball=replace(inputs.ball, launch_angle=None))
     rate = CaptureRate(FILMING.fps, 0.1, RateSource.OPTION)
     clock = np.arange(scene.frames, dtype=float)
-    results = measure_tracks(FollowedClip(change(tracks), clock, rate, inputs)).results
-    everything = (*results.quantities, *results.other_speeds, results.gravity)
+    return measure_tracks(FollowedClip(change(tracks), clock, rate, inputs)).results
+
+
+def told(
+    monkeypatch: pytest.MonkeyPatch,
+    change: Callable[[Tracks], Tracks],
+    early_s: float | None = None,
+) -> dict[str, Quantity]:
+    """Its quantities and what stands beside them, by name."""
+    found = results(monkeypatch, change, early_s)
+    everything = (*found.quantities, *found.other_speeds, found.gravity)
     return {item.name: item for item in everything}
 
 
@@ -108,6 +118,12 @@ def test_of_what_may_be_the_ball_s_shadow_no_number_is_told(
     found = told(monkeypatch, lambda tracks: replace(tracks, maybe_shadow=True))
     assert all(item.value is None for item in found.values())
     assert "--ball-at" in str(found["ball_speed"].reason)
+
+
+def test_no_check_of_a_shadow_s_numbers_is_passed(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert any(check.passed for check in results(monkeypatch, as_it_is).checks)
+    shade = results(monkeypatch, lambda tracks: replace(tracks, maybe_shadow=True))
+    assert shade.checks == ()
 
 
 def test_where_the_mass_is_hardly_seen_after_the_contact_the_flight_alone_is_told(
