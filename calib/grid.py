@@ -682,6 +682,8 @@ def refitted(current: GridMap, px: FloatArray, shift: FloatArray, weight: FloatA
         Inverse variances, periods^-2.
     """
     normal, right = np.zeros((10, 10)), np.zeros(10)
+    # one layout, for which alone the loop is compiled
+    px, shift, weight = (np.ascontiguousarray(one) for one in (px, shift, weight))
     _pulled(px, shift, weight, current.centre, current.scale, current.parameters, normal, right)
     normal[np.arange(6, 10), np.arange(6, 10)] += PRIOR_STD**-2
     right[6:] -= current.parameters[6:] * PRIOR_STD**-2

@@ -14,13 +14,15 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from functools import cached_property, update_wrapper
+from functools import cache, cached_property, update_wrapper
 from threading import RLock
+from types import FunctionType
 from typing import Any, TypeVar, cast
 
 __all__ = [
     "compiled",
     "side_by_side",
+    "with_room",
 ]
 
 Function = TypeVar("Function", bound=Callable[..., object])
@@ -31,6 +33,9 @@ _MATH = {"reassoc", "contract", "arcp", "nsz", "afn"}
 
 _OPTIMISED = 1
 """Of the compiler's levels 0 to 3: a third of what compiling costs at 3, and as fast (measured)."""
+
+_ROOM = 33_000
+"""Words of 8 bytes: just more than 256 KB, so that 512 KB are taken and half of them are left."""
 
 _COMPILING = RLock()
 
@@ -43,6 +48,27 @@ def compiled(function: Function) -> Function:
     return cast(Function, _Compiled(function))
 
 
+def with_room(function: Function) -> Function:
+    """Let a function take room for the calls below it at once.
+
+    Python before 3.13 holds calls in pieces of 16 KB that it fetches and gives back one by one
+    (python/cpython issue 142183). Where the end of one falls into a loop that is deep down, every
+    turn asks the system for memory: half a million times while one clip's loops are compiled.
+    """
+    plain = cast(FunctionType, function)
+    plain.__code__ = plain.__code__.replace(co_stacksize=_ROOM)
+    return function
+
+
+@cache
+def _compiler() -> Any:
+    # the compiler colours the messages of what it tries in vain, which nobody reads
+    os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
+    import numba
+
+    return numba
+
+
 class _Compiled:
     """Stands for a function until it is called, or met in another one that is compiled."""
 
@@ -53,8 +79,7 @@ class _Compiled:
 
     @cached_property
     def _made(self) -> Any:
-        import numba
-
+        numba = _compiler()
         options: dict[str, Any] = {"nogil": True, "fastmath": _MATH, "error_model": "numpy"}
         try:
             return numba.njit(cache=True, **options)(self._function)
@@ -64,8 +89,7 @@ class _Compiled:
     @cached_property
     def _part(self) -> Any:
         """The same to be called by other compiled functions alone."""
-        import numba
-
+        numba = _compiler()
         options: dict[str, Any] = {"fastmath": _MATH, "error_model": "numpy"}
         options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
         part: Any = numba.njit(**options)(self._function)
@@ -87,6 +111,10 @@ class _Compiled:
     def __call__(self, *values: Any) -> Any:
         if self._ready:
             return self._made(*values)
+        return self._called_first(*values)
+
+    @with_room
+    def _called_first(self, *values: Any) -> Any:
         with _COMPILING, _lightly_optimised():
             result = self._made(*values)
         self._ready = True
@@ -95,9 +123,7 @@ class _Compiled:
 
 @contextmanager
 def _lightly_optimised() -> Iterator[None]:
-    import numba
-
-    config: Any = numba.config
+    config = _compiler().config
     level, vectors, collecting = config.OPT, config.LOOP_VECTORIZE, gc.isenabled()
     config.OPT, config.LOOP_VECTORIZE = type(level)(_OPTIMISED), 0
     # the compiler makes millions of small objects that all stay: looking for waste takes 6 %
@@ -106,6 +132,8 @@ def _lightly_optimised() -> Iterator[None]:
         yield
     finally:
         config.OPT, config.LOOP_VECTORIZE = level, vectors
+        # nor are they looked through later: a fifth of a second at the end of each command
+        gc.freeze()
         if collecting:
             gc.enable()
 

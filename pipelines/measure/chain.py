@@ -19,6 +19,7 @@ from calib.calibration import Calibration, ContradictionError
 from calib.grid import WallGrid
 from calib.solve import FOCAL_OVER_WIDTH, Solved
 from metrology import CalibrationError, MeasurementError, UncertaintySource
+from metrology.compiled import with_room
 from pipelines.cache import Cache, clip_digest
 from pipelines.measure.budget import (
     ClipConditions,
@@ -270,6 +271,7 @@ class Found:
 
 
 @remembered
+@with_room
 def measure_clip(
     path: Path,
     options: MeasureOptions | None = None,

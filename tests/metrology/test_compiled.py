@@ -1,7 +1,9 @@
+import resource
 import subprocess
 import sys
+from collections.abc import Callable
 
-from metrology.compiled import compiled
+from metrology.compiled import compiled, with_room
 
 
 @compiled
@@ -31,3 +33,35 @@ def test_a_comparison_with_no_number_is_false() -> None:
 
     assert not inside(float("nan"))
     assert inside(1.5)
+
+
+_TURNS = 2000
+
+
+def _nothing() -> None:
+    pass
+
+
+# larger than any of the calls below which it is called, so that at some depth it does not fit
+_nothing.__code__ = _nothing.__code__.replace(co_stacksize=100)
+
+
+def _below(calls: int) -> int:
+    """Times that memory was asked for in a loop below so many calls."""
+    if calls:
+        return _below(calls - 1)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    for _ in range(_TURNS):
+        _nothing()
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+
+def _at_any_depth(below: Callable[[int], int]) -> list[int]:
+    return [below(calls) for calls in range(300)]
+
+
+def test_no_call_with_room_asks_for_memory_in_every_turn() -> None:
+    most = with_room(lambda: max(_at_any_depth(_below)))
+    assert most() < _TURNS // 10
+    if sys.version_info < (3, 13):
+        assert max(_at_any_depth(_below)) >= _TURNS
