@@ -45,6 +45,10 @@ __all__ = [
 PARTING_SHARE = 0.12
 """Hunt–Crossley contacts with exponents of 1 to 1.6 lie between 0.06 and 0.17."""
 
+SPRING = 1.25
+"""n in the force of a pressed ball, as the way to the n: between a linear spring's 1 and Hertz's
+3/2, where the time goes with the mass to the 1/(n + 1) and the speed to the (1 − n)/(n + 1)."""
+
 REFERENCE_SPEED = 2.5
 """m/s, where the slope of a velocity-dependent COR adds nothing (middle of the paper's range)."""
 
@@ -67,6 +71,26 @@ def add_normal_speeds(
         y=outcome.y + way * ball * np.sin(normal),
         pendulum_speed=outcome.pendulum_speed + pendulum,
         pendulum_angle=outcome.pendulum_angle + way * pendulum / contact.length,
+    )
+
+
+def last_longer(contact: Contact, outcome: Outcome, change: Number) -> Outcome:
+    """Outcome of a contact that lasts longer by a share, at unchanged velocities.
+
+    Released later, the ball has moved further by that share, and the pendulum at the mean of its
+    speeds.
+    """
+    longer = change * outcome.contact_time
+    mean_rate = 0.5 * (contact.omega + outcome.pendulum_speed / contact.length)
+    rise = 0.5 * (contact.angle + outcome.pendulum_angle)
+    pull = contact.gravity * longer
+    return replace(
+        outcome,
+        x=outcome.x * (1.0 + change),
+        y=outcome.y + change * outcome.x * np.tan(rise) - 0.5 * pull * outcome.contact_time,
+        vy=outcome.vy - pull,
+        contact_time=outcome.contact_time + longer,
+        pendulum_angle=outcome.pendulum_angle + mean_rate * longer,
     )
 
 
@@ -178,7 +202,10 @@ class EffectiveMass(Effect):
     looseness: float = 0.15
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
-        """Share the momentum with another mass; on another arm also hit at another speed."""
+        """Share the momentum with another mass; on another arm also hit at another speed.
+
+        The contact lasts as long as mass and speed then ask for: m u² = F x, with F as x to the n.
+        """
         light, heavy, e = contact.ball_mass, contact.inertial_mass, contact.restitution
         u = contact.impact_speed
         (error,) = values.values()
@@ -190,7 +217,10 @@ class EffectiveMass(Effect):
         ball = (1.0 + e) * (speed * other / (other + light) - u * heavy / (heavy + light))
         after = (other - e * light) / (other + light) * speed * seen
         pendulum = after - (heavy - e * light) / (heavy + light) * u
-        return add_normal_speeds(contact, outcome, ball, pendulum)
+        reduced = other / (other + light) * (heavy + light) / heavy
+        longer = (reduced * (speed / u) ** (1.0 - SPRING)) ** (1.0 / (1.0 + SPRING)) - 1.0
+        pushed = add_normal_speeds(contact, outcome, ball, pendulum)
+        return last_longer(contact, pushed, longer)
 
 
 @dataclass(frozen=True)
@@ -470,21 +500,9 @@ class ContactDisplacement(Effect):
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
         """Stretch the way, at unchanged velocity; a softer ball also stays longer in contact."""
         change = values["relative_change"]
-        stretched = replace(outcome, x=outcome.x * (1.0 + change))
         if self.form == Form.WAY_ALONE:
-            return stretched
-        # Released later by the share, at the mean of the pendulum's speeds during contact.
-        longer = change * outcome.contact_time
-        mean_rate = 0.5 * (contact.omega + outcome.pendulum_speed / contact.length)
-        rise = 0.5 * (contact.angle + outcome.pendulum_angle)
-        pull = contact.gravity * longer
-        return replace(
-            stretched,
-            y=outcome.y + change * outcome.x * np.tan(rise) - 0.5 * pull * outcome.contact_time,
-            vy=outcome.vy - pull,
-            contact_time=outcome.contact_time + longer,
-            pendulum_angle=outcome.pendulum_angle + mean_rate * longer,
-        )
+            return replace(outcome, x=outcome.x * (1.0 + change))
+        return last_longer(contact, outcome, change)
 
 
 @dataclass(frozen=True)
