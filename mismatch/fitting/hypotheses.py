@@ -642,12 +642,14 @@ def _lacking(forward: Forward, model: Model) -> tuple[str, ...]:
 def _price_of_weights(fit: Fit, added: Sequence[Effect]) -> float:
     """What the evidence asks for weights that a prior holds: ln det of prior over posterior.
 
-    What the baseline leaves open costs either the same.
+    What the baseline leaves open costs either the same; a shape has paid for its looks.
     """
     held = [
         k
         for k, item in enumerate(fit.free)
-        if item.parameter.is_held and any(fit.model.entries[item.entry][0] is e for e in added)
+        if item.parameter.is_held
+        and not item.parameter.is_shape
+        and any(fit.model.entries[item.entry][0] is e for e in added)
     ]
     if not held:
         return 0.0

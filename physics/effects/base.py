@@ -629,6 +629,8 @@ class Form(StrEnum):
     ABOUT_A_POINT = "about a point"
     THREE_AXES = "three axes"
     PERSPECTIVE = "perspective"
+    LEANING = "leaning plane"
+    TWO_TERMS = "two radial terms"
     BALL_ONLY = "ball only"
     OTHER_ROWS = "other rows"
     SPIN_VECTOR = "spin about any axis"

@@ -36,6 +36,8 @@ from physics.effects.impact import (
     YieldingCor,
 )
 from physics.effects.measurement import (
+    FURTHER_TERM,
+    LEANING,
     OTHER_ROWS,
     PITCH,
     SHIFT,
@@ -119,7 +121,9 @@ _ALL: tuple[Effect, ...] = (
     ),
     CameraRoll(form=Form.THREE_AXES, parameters=(*CameraRoll().parameters, PITCH), axes=3),
     Parallax(),
+    Parallax(form=Form.LEANING, parameters=(*Parallax().parameters, *LEANING)),
     LensDistortion(),
+    LensDistortion(form=Form.TWO_TERMS, parameters=(*LensDistortion().parameters, FURTHER_TERM)),
     RollingShutter(),
     RollingShutter(form=Form.BALL_ONLY),
     RollingShutter(form=Form.OTHER_ROWS, parameters=(*RollingShutter().parameters, OTHER_ROWS)),

@@ -17,6 +17,8 @@ from physics.effects.base import (
 )
 
 __all__ = [
+    "FURTHER_TERM",
+    "LEANING",
     "OTHER_ROWS",
     "PITCH",
     "SHIFT",
@@ -42,6 +44,13 @@ TURNED = tuple(
     )
     for axis in ("yaw", "pitch")
 )  # fmt: skip
+LEANING = tuple(
+    Parameter(
+        f"lean_{way}_per_distance", "1/m", 0.005, -0.3, 0.3, width=0.012, expected=0.0,
+        meaning="slope of the ball's plane over the distance: two degrees at three metres",
+    )
+    for way in ("along", "up")
+)  # fmt: skip
 PITCH = Parameter("pitch", "rad", 0.005, -0.5, 0.5, meaning="turned about the x axis")
 WRONG_RATES = tuple(
     ratio - 1.0
@@ -49,6 +58,22 @@ WRONG_RATES = tuple(
     for ratio in (1.0 / n, n)
 )
 """What comes of one rate in use taken for another: 50 for 60, 25 for 30, 30 for 600 a second."""
+
+WITHIN_PICTURE = 3.0**-0.5
+"""Half widths of the balls' ways, of the optical axis from their middle: a picture that the ways
+fill half of, and that holds them whole, has its middle at most one away, anywhere as likely."""
+AXIS = tuple(
+    Parameter(
+        f"centre_{way}", "1", 0.5, -3.0, 3.0, grid=grid, width=WITHIN_PICTURE, expected=0.0,
+        meaning=f"optical axis from the middle of the balls' ways, {way}, in their half widths",
+    )
+    for way, grid in (("along", (-0.6, -0.2, 0.2, 0.6)), ("up", (-0.2, 0.1, 0.4)))
+)  # fmt: skip
+
+FURTHER_TERM = Parameter(
+    "radial_4", "1/m^4", 5e-4, -0.1, 0.1, width=1.2e-3, expected=0.0,
+    meaning="second radial term, over the fourth power of the distance: 0.1 at three metres",
+)  # fmt: skip
 
 PLUMB = "a plumb line in view"
 RULER = "a ruler in the ball's plane, at two places in view"
@@ -184,6 +209,13 @@ class CameraRoll(Effect):
         return view.phi + values["roll"]
 
 
+def _off_axis(values: Values, view: CameraView) -> tuple[Number, Number]:
+    """Where the ball is from the optical axis, m."""
+    x0 = view.centre_x + values["centre_along"] * view.half_width
+    y0 = view.centre_y + values["centre_up"] * view.half_width
+    return view.x - x0, view.y - y0
+
+
 @dataclass(frozen=True)
 class Parallax(Effect):
     """A ball that flies in another plane than the one the scale holds for."""
@@ -203,8 +235,7 @@ class Parallax(Effect):
             meaning="relative error of the distance",
             width=0.05,
         ),
-        Parameter("foot_x", "m", 1.0, -20.0, 20.0, grid=(0.5, 1.1, 2.0), meaning="optical axis"),
-        Parameter("foot_y", "m", 0.5, -10.0, 10.0, grid=(0.1, 0.6), meaning="optical axis"),
+        *AXIS,
     )
     confusable: tuple[str, ...] = ("length_scale", "time_base", "origin_offset")
     separating: str = RULER
@@ -214,13 +245,14 @@ class Parallax(Effect):
     coordinate: Coordinate = Coordinate.PLACE
 
     def image(self, values: Values, view: CameraView) -> Vector:
-        """Stretch about the foot of the optical axis."""
+        """Stretch about the foot of the optical axis, by what the plane is nearer at each place."""
         k = values["plane_error"]
-        return (
-            view.x + k * (view.x - values["foot_x"]),
-            view.y + k * (view.y - values["foot_y"]),
-            view.z,
-        )
+        if self.form == Form.LEANING:
+            along, up = view.x - view.centre_x, view.y - view.centre_y
+            k = k + values["lean_along_per_distance"] * along
+            k = k + values["lean_up_per_distance"] * up
+        dx, dy = _off_axis(values, view)
+        return view.x + k * dx, view.y + k * dy, view.z
 
 
 @dataclass(frozen=True)
@@ -236,18 +268,7 @@ class LensDistortion(Effect):
     phase: Phase = "measurement"
     parameters: tuple[Parameter, ...] = (
         Parameter("radial", "1/m^2", 0.005, -0.3, 0.3, meaning="positive: pincushion"),
-        Parameter(
-            "centre_along",
-            "1",
-            0.5,
-            -3.0,
-            3.0,
-            grid=(-0.6, -0.2, 0.2, 0.6),
-            meaning="axis from the middle of the balls' ways, in half widths",
-        ),
-        Parameter(
-            "centre_up", "1", 0.5, -3.0, 3.0, grid=(-0.2, 0.1, 0.4), meaning="likewise, upward"
-        ),
+        *AXIS,
     )
     confusable: tuple[str, ...] = ("parallax", "length_scale", "drag", "rolling_shutter")
     separating: str = "a picture of a grid with this lens"
@@ -258,10 +279,11 @@ class LensDistortion(Effect):
 
     def image(self, values: Values, view: CameraView) -> Vector:
         """Displace radially with the cube of the distance from the axis."""
-        x0 = view.centre_x + values["centre_along"] * view.half_width
-        y0 = view.centre_y + values["centre_up"] * view.half_width
-        dx, dy = view.x - x0, view.y - y0
-        k = values["radial"] * (np.square(dx) + np.square(dy))
+        dx, dy = _off_axis(values, view)
+        square = np.square(dx) + np.square(dy)
+        k = values["radial"] * square
+        if self.form == Form.TWO_TERMS:
+            k = k + values["radial_4"] * np.square(square)
         return view.x + k * dx, view.y + k * dy, view.z
 
 
