@@ -9,6 +9,7 @@ hats); positions are linear in it through the forward model, so its posterior is
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 from typing import TypeAlias
 
 import numpy as np
@@ -16,6 +17,7 @@ import numpy as np
 from mismatch.candidates import Candidate, candidates_for
 from mismatch.fitting.fit import Ending, Fit
 from mismatch.fitting.hypotheses import (
+    MEMBER_PENALTY,
     POOR_FIT,
     SLACK,
     Hypothesis,
@@ -102,6 +104,10 @@ LAW_REACH = 16.0
 MOST_SINGLES = 16
 
 """Effects that are tried in groups, the best alone first; supposed."""
+
+MOST_INSTEAD = 6
+
+"""Pairs of laws that are fitted in place of one that leaves nothing over; supposed."""
 
 SCALES = frozenset({"length_scale", "time_base"})
 
@@ -506,7 +512,7 @@ def name_effects(
         return Naming(None, _sorted(tried), threshold, first)
     most = min(most, 2) if _one_throw(forward) else most
     for size in range(2, most + 1):
-        grown = _grow(forward, base, effects, tried, size, threshold * inflation)
+        grown = _grow(forward, base, effects, tried, size, threshold * inflation, first)
         if size == 2:
             known = [*tried, *grown]
             grown += _corrected(forward, base, effects, known, threshold * inflation)
@@ -715,6 +721,7 @@ def _grow(
     tried: Sequence[Hypothesis],
     size: int,
     threshold: float,
+    first: Scan,
 ) -> list[Hypothesis]:
     """Sets one larger than the best ones so far."""
     # A law without a name is for what nothing else explains, never for the rest of it; but every
@@ -756,9 +763,13 @@ def _grow(
             ranked = [one for one in ranked if not is_known(pool[one[1]].effect)]
         tells = swinging or bool(known)
         if not tells and not _worth_a_fit(forward, seed, pool, ranked, threshold):
-            idle = ranked and ranked[0][0] < threshold and not strained
-            if number == 0 and seed is foremost and idle:
-                # The best smaller set leaves nothing to explain: a larger one would be idle.
+            idle = number == 0 and seed is foremost and ranked and ranked[0][0] < threshold
+            if idle and not strained:
+                # The best smaller set leaves nothing to explain: a larger one would be idle, but
+                # where two laws without it promise as much.
+                for members, strengths in _two_instead(first, seed) if size == 2 else ():
+                    law = frozenset(member.key for member in members)
+                    grown[law] = fit_hypothesis(forward, base, members, strengths)
                 break
             continue
         share = -np.inf if forward.mode == "swing" else 0.6
@@ -775,6 +786,28 @@ def _grow(
             rival = _ahead([*tried, *grown.values()])
             grown[law] = _extended(forward, base, seed, pool[index], values, rival)
     return list(grown.values())
+
+
+def _two_instead(first: Scan, best: Hypothesis) -> list[tuple[list[Candidate], list[FloatArray]]]:
+    """Pairs of other names, with strengths, that together promise what the best has alone.
+
+    One law may do by chance what two did. The look is the linear one around the baseline.
+    """
+    leading = [
+        (gain, at) for gain, at, _ in _by_law(_best_by_law(first, 1.0), first.candidates)[0]
+        if first.candidates[at].id != EffectId.UNNAMED
+    ]  # fmt: skip
+    own = max((gain for gain, at in leading if first.candidates[at].id in best.ids), default=np.inf)
+    others = [at for _, at in leading if first.candidates[at].id not in best.ids][:MOST_SINGLES]
+    found = []
+    for pair in combinations(others, 2):
+        gain, values = first.gain(*pair)
+        members = [first.candidates[at] for at in pair]
+        gain -= MEMBER_PENALTY + sum(member.complexity_penalty for member in members)
+        if gain > own - group_tolerance(best):
+            found.append((gain, members, np.split(values, [len(first.columns[pair[0]])])))
+    found.sort(key=lambda one: -one[0])
+    return [(members, strengths) for _, members, strengths in found[:MOST_INSTEAD]]
 
 
 def _worth_a_fit(

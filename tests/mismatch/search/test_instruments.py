@@ -1,4 +1,4 @@
-"""Faults of a camera that bend to much: what they cost."""
+"""Faults of a camera that bend to much: what they cost, and what two plain laws would do."""
 
 from dataclasses import replace
 
@@ -8,8 +8,12 @@ from mismatch.candidates import candidates_for
 from mismatch.fitting.hypotheses import fit_hypothesis
 from mismatch.fitting.prepare import prepare
 from mismatch.fitting.scan import scan
-from physics.effects import effect_named
+from mismatch.search.naming import _two_instead
+from physics.effects import CATALOGUE, Form, effect_named
 from tests.mismatch.synthetic import struck_campaign
+
+ALL = [form for forms in CATALOGUE.values() for form in forms]
+SHUTTER = next(one for one in CATALOGUE["rolling_shutter"] if one.form == Form.BALL_ONLY)
 
 
 def best_of(known, effect):
@@ -35,3 +39,24 @@ def test_an_optical_axis_beside_the_picture_has_to_be_paid_for(identity, size):
     effect = effect_named(identity)
     assert cost_of(effect, size, 0.1) == pytest.approx(0.0, abs=1.5)
     assert cost_of(effect, size, 1.8) > 2.5
+
+
+def scanned(*added, seed):
+    known = prepare(*struck_campaign(*added, seed=seed))
+    pool = candidates_for(known.forward, known.fit.model, ALL)
+    return known, scan(known.forward, known.fit, pool)
+
+
+def test_one_law_that_does_by_chance_what_two_did_is_held_against_them():
+    wind, spin = (effect_named("wind"), {"wind_x": -0.3}), (effect_named("magnus"), {"spin": 1.2})
+    known, first = scanned(wind, spin, seed=3)
+    shutter = best_of(known, SHUTTER)
+    assert shutter.reduced_chi2 == pytest.approx(1.0, abs=0.01)
+    pairs = _two_instead(first, shutter)
+    fits = [fit_hypothesis(known.forward, known.fit, *pair) for pair in pairs]
+    assert max(fit.penalised_gain for fit in fits) > shutter.penalised_gain
+
+
+def test_a_law_that_no_two_others_replace_is_the_answer():
+    known, first = scanned((effect_named("backswing_offset"), {"offset": 0.02}), seed=3)
+    assert not _two_instead(first, best_of(known, effect_named("backswing_offset")))
