@@ -531,9 +531,10 @@ def name_effects(
         best = _best_allowed([best, *smaller]) or best
         if not _goes_first(forward, larger, best, tried, threshold * inflation):
             break
-        simpler = _simpler_forms(forward, base, effects, larger)
-        tried.extend(simpler)
-        best = _best_allowed([larger, *simpler]) or larger
+        larger, best = _in_best_forms(forward, base, effects, larger, best, tried)
+        if not _goes_first(forward, larger, best, tried, threshold * inflation):
+            break
+        best = larger
     steady = _steady(forward, best, tried)
     if steady is None:
         return Naming(None, _sorted(tried), threshold, first)
@@ -884,26 +885,49 @@ def _without_each(forward: Forward, base: Fit, found: Hypothesis) -> list[Hypoth
     return smaller
 
 
-def _simpler_forms(
+def _in_best_forms(
+    forward: Forward,
+    base: Fit,
+    effects: Sequence[Effect],
+    larger: Hypothesis,
+    best: Hypothesis,
+    tried: list[Hypothesis],
+) -> tuple[Hypothesis, Hypothesis]:
+    """A set in the forms that fit best together, and the best smaller one in those forms.
+
+    What is fitted on the way joins those `tried`.
+    """
+    others = _in_other_forms(forward, base, effects, larger)
+    tried.extend(others)
+    found = _best_allowed([larger, *others]) or larger
+    if found is larger or forward.mode == "swing":
+        return found, best
+    # A law may have been taken in for what another form of its fellow says.
+    smaller = _without_each(forward, base, found)
+    tried.extend(smaller)
+    return found, _best_allowed([best, *smaller]) or best
+
+
+def _in_other_forms(
     forward: Forward, base: Fit, effects: Sequence[Effect], found: Hypothesis
 ) -> list[Hypothesis]:
-    """The set with each law in turn in its forms of fewer strengths.
+    """The set with each law in turn in its other forms of no more strengths.
 
-    Alone, a form with more freedom also takes up what its fellow explains, and so was chosen.
+    The form that was chosen alone also took up what its fellow explains.
     """
     simpler = []
     for place, member in enumerate(found.members):
         held = _held_values(found.fit, member.effect)
         for effect in effects:
             names = [p.name for p in effect.strengths]
-            fewer = effect.id == member.id and len(names) < len(member.effect.strengths)
-            if not fewer or effect.shapes or not set(names) <= held.keys():
+            other = effect.id == member.id and effect.form != member.effect.form
+            if not other or effect.shapes or not set(names) <= held.keys():
                 continue
             pool = candidates_for(forward, base.model, [effect], unnamed=False)
-            other = next((one for one in pool if one.effect.level is effect.level), None)
-            if other is None:
+            law = next((one for one in pool if one.effect.level is effect.level), None)
+            if law is None:
                 continue
-            members = [other if k == place else one for k, one in enumerate(found.members)]
+            members = [law if k == place else one for k, one in enumerate(found.members)]
             strengths = [
                 np.array([(held | _held_values(found.fit, one.effect))[p.name]
                           for p in one.effect.strengths])
