@@ -426,12 +426,58 @@ def _laid_out(
 
 
 @compiled
-def _dot(work: FloatImage, one: int, other: int, count: int) -> float:
-    """Scalar product of two rows."""
-    total = Single(0.0)
+def _light_sums(work: FloatImage, count: int, plain: FloatArray, right: FloatArray) -> float:
+    """Normal equations of a sector's light; returns their trace.
+
+    Sums that are kept side by side don't wait for each other.
+    """
+    zero = Single(0.0)
+    p00, p01, p02, p11, p12, p22 = zero, zero, zero, zero, zero, zero
+    r0, r1, r2 = zero, zero, zero
     for k in range(count):
-        total += work[one, k] * work[other, k]
-    return float(total)
+        scene, light, shading, seen = work[0, k], work[1, k], work[2, k], work[3, k]
+        p00 += scene * scene
+        p01 += scene * light
+        p02 += scene * shading
+        p11 += light * light
+        p12 += light * shading
+        p22 += shading * shading
+        r0 += scene * seen
+        r1 += light * seen
+        r2 += shading * seen
+    plain[0, 0], plain[1, 1], plain[2, 2] = p00, p11, p22
+    plain[0, 1] = plain[1, 0] = p01
+    plain[0, 2] = plain[2, 0] = p02
+    plain[1, 2] = plain[2, 1] = p12
+    right[0], right[1], right[2] = r0, r1, r2
+    return plain[0, 0] + plain[1, 1] + plain[2, 2]
+
+
+@compiled
+def _outline_sums(
+    work: FloatImage,
+    count: int,
+    size: int,
+    cross: FloatArray,
+    information: FloatArray,
+    score: FloatArray,
+) -> None:
+    """Products of the outline's derivatives with the light's, the residuals and each other."""
+    for j in range(size):
+        c0, c1, c2, pull = Single(0.0), Single(0.0), Single(0.0), Single(0.0)
+        for k in range(count):
+            along = work[7 + j, k] * work[4, k]
+            work[7 + j, k] = along
+            c0 += along * work[0, k]
+            c1 += along * work[1, k]
+            c2 += along * work[2, k]
+            pull += along * work[3, k]
+        cross[0, j], cross[1, j], cross[2, j], score[j] = c0, c1, c2, pull
+        for i in range(j + 1):
+            total = Single(0.0)
+            for k in range(count):
+                total += work[7 + i, k] * work[7 + j, k]
+            information[i, j] = total
 
 
 @compiled
@@ -446,15 +492,11 @@ def _summed(
 ) -> float:
     """Solve a sector's light, and sum up residuals and derivatives; the squared residuals.
 
-    `small` (5, 3, 5) is room to work in.
+    `small` (5, 5, 5) is room to work in.
     """
     plain, inverse, cross, carried, linear = small[0], small[1], small[2], small[3], small[4]
-    trace = 0.0
+    trace = _light_sums(work, count, plain, linear[0])
     for i in range(_BASIS):
-        for j in range(i, _BASIS):
-            plain[i, j] = plain[j, i] = _dot(work, i, j, count)
-        linear[0, i] = _dot(work, i, _BASIS, count)
-        trace += plain[i, i]
         plain[i, i] += priors[i]
     # the priors keep this regular even for a sector without pixels
     _inverted(plain, _BASIS, 1e-9, inverse)
@@ -467,28 +509,21 @@ def _summed(
     square = Single(0.0)
     for k in range(count):
         left = work[3, k] - shadow * work[0, k] - level * work[1, k] - shade * work[2, k]
-        slope = shadow * work[4, k] - level * work[5, k] - shade * work[6, k]
+        work[4, k] = shadow * work[4, k] - level * work[5, k] - shade * work[6, k]
         work[3, k] = left
         square += left * left
-        for i in range(size):
-            work[7 + i, k] *= slope
     _inverted(plain, _BASIS, _RIDGE * trace + 1e-6, inverse)
     for i in range(_BASIS):
         linear[2, i] = linear[0, i]
         for j in range(_BASIS):
             linear[2, i] -= plain[i, j] * linear[1, j]
-        for j in range(size):
-            cross[i, j] = _dot(work, i, 7 + j, count)
+    _outline_sums(work, count, size, cross, information, score)
     for j in range(size):
-        score[j] = _dot(work, _BASIS, 7 + j, count)
         for i in range(_BASIS):
             carried[i, j] = 0.0
             for k in range(_BASIS):
                 carried[i, j] += inverse[i, k] * cross[k, j]
             score[j] -= carried[i, j] * linear[2, i]
-    for i in range(size):
-        for j in range(size):
-            information[i, j] = _dot(work, 7 + i, 7 + j, count) if j >= i else information[j, i]
     for i in range(size):
         for j in range(i, size):
             for k in range(_BASIS):
