@@ -132,7 +132,7 @@ def _lightly_optimised() -> Iterator[None]:
         yield
     finally:
         config.OPT, config.LOOP_VECTORIZE = level, vectors
-        # nor are they looked through later: a fifth of a second at the end of each command
+        # nor are they looked through later
         gc.freeze()
         if collecting:
             gc.enable()
