@@ -105,3 +105,18 @@ def test_measuring_loads_neither_plots_nor_tables_nor_the_web_before_they_are_wa
     unwanted = {"matplotlib", "pandas", "nicegui", "scipy.stats", "sample_videos", "PIL.ImageDraw"}
     unwanted |= {"scipy.special", "scipy.optimize", "jinja2", "pint", "numba"}
     assert unwanted.isdisjoint(loaded)
+
+
+def test_what_is_there_at_the_end_of_a_command_is_not_looked_through_for_waste() -> None:
+    script = (
+        "import atexit, gc\n"
+        "atexit.register(lambda: print(gc.get_freeze_count(), len(gc.get_objects())))\n"
+        "from pipelines.cli import app\n"
+        "app(['--version'])"
+    )
+    told = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=ROOT
+    ).stdout.split()
+    frozen, looked_through = int(told[-2]), int(told[-1])
+    assert frozen > 1000
+    assert looked_through < 0.1 * frozen
