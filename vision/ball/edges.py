@@ -207,8 +207,9 @@ def _fill(
     into[2] = _looked_up(gray, _tables()[1]) / scene.noise_in(index, window)
     hidden = None if hides is None else hides(index)
     if hidden is not None:
-        y, x = np.mgrid[window].astype(np.float64)
-        into[2][hidden(x.ravel(), y.ravel()).reshape(x.shape)] = 0.0
+        rows, columns = (np.arange(part.start, part.stop, dtype=np.float64) for part in window)
+        x, y = np.tile(columns, len(rows)), np.repeat(rows, len(columns))
+        into[2][hidden(x, y).reshape(gray.shape)] = 0.0
 
 
 _STEEP = 6.0

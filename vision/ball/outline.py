@@ -450,7 +450,7 @@ def _light_sums(work: FloatImage, count: int, plain: FloatArray, right: FloatArr
     plain[0, 2] = plain[2, 0] = p02
     plain[1, 2] = plain[2, 1] = p12
     right[0], right[1], right[2] = r0, r1, r2
-    return plain[0, 0] + plain[1, 1] + plain[2, 2]
+    return float(plain[0, 0] + plain[1, 1] + plain[2, 2])
 
 
 @compiled

@@ -16,6 +16,7 @@ Whether what was followed can have struck the ball: what two bodies do in a blow
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from enum import IntEnum
 
 import cv2
@@ -78,17 +79,22 @@ class MassPoses:
         """Anchors (N, 2), px."""
         return np.array([pose.anchor for pose in self.poses])
 
-    def hides(self, index: int) -> Hides | None:
-        """Where the mass stands in a frame, as something that may hide the ball."""
-        place = int(np.searchsorted(self.frame, index))
-        if place >= len(self.frame) or self.frame[place] != index:
-            return None
-        pose = self.poses[place]
+    @cached_property
+    def _solid(self) -> tuple[NDArray[np.bool_], int, int]:
+        """Which pixels of the patch hide what is behind, and x and y of the first of them, px."""
         left, top = int(np.floor(self.patch.x.min())) - 1, int(np.floor(self.patch.y.min())) - 1
         columns = np.rint(self.patch.x - left).astype(np.int64)
         rows = np.rint(self.patch.y - top).astype(np.int64)
         solid = np.zeros((rows.max() + 2, columns.max() + 2), dtype=bool)
         solid[rows, columns] = self.patch.opacity > _SOLID
+        return solid, left, top
+
+    def hides(self, index: int) -> Hides | None:
+        """Where the mass stands in a frame, as something that may hide the ball."""
+        place = int(np.searchsorted(self.frame, index))
+        if place >= len(self.frame) or self.frame[place] != index:
+            return None
+        pose, (solid, left, top) = self.poses[place], self._solid
         cosine, sine = np.cos(pose.turn), np.sin(pose.turn)
 
         def inside(x: FloatArray, y: FloatArray) -> NDArray[np.bool_]:

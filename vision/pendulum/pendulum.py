@@ -9,6 +9,7 @@ A piece of what moved, registered freely from frame to frame on its way to the b
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -271,10 +272,15 @@ class Follower:
             return None
         if index < frames[0]:
             return (*self.rest.centre_px, self.radius + _BALL_MARGIN_PX)
-        centre = self.ball.centre
-        x = float(np.interp(index, frames, centre[:, 0]))
-        y = float(np.interp(index, frames, centre[:, 1]))
+        x, y = self._flown[index - frames[0]].tolist()
         return x, y, self.radius + _BALL_MARGIN_PX
+
+    @cached_property
+    def _flown(self) -> FloatArray:
+        """Where the ball is in each frame from its first on (n, 2), px."""
+        frames, centre = self.ball.frame, self.ball.centre
+        every = np.arange(frames[0], frames[-1] + 4)
+        return np.column_stack([np.interp(every, frames, axis) for axis in centre.T])
 
     def glimpses(self, index: int) -> Iterator[Glimpse]:
         """A picture before each scene that may lie behind: the ball's shadow leaves late."""
