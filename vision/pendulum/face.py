@@ -16,8 +16,8 @@ Whether what was followed can have struck the ball: what two bodies do in a blow
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from enum import IntEnum
+from functools import cached_property
 
 import cv2
 import numpy as np
