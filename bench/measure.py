@@ -12,7 +12,7 @@ is the one that they say.
 import argparse
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -402,6 +402,19 @@ def overview(outcomes: list[Outcome]) -> str:
     )
 
 
+def printed_overview(wanted: Iterable[Case]) -> list[Outcome]:
+    """Measure each clip and print a row for each; those of which something was measured."""
+    outcomes, failed = [], []
+    for case in wanted:
+        try:
+            outcomes.append(measured(case))
+        except ImpactVisionError as problem:
+            failed.append(f"{case.name}: {problem.message}")
+    print(overview(outcomes))
+    print(f"Nothing measured: {'; '.join(failed) or 'none'}.\n")
+    return outcomes
+
+
 def main() -> None:
     """Print a table for each clip and the targets."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
@@ -420,14 +433,7 @@ def main() -> None:
     if chosen.draw is not None:
         rng = np.random.default_rng(chosen.draw)
         wanted = [as_written_down(case, rng) for case in wanted]
-    outcomes, failed = [], []
-    for case in wanted:
-        try:
-            outcomes.append(measured(case))
-        except ImpactVisionError as problem:
-            failed.append(f"{case.name}: {problem.message}")
-    print(overview(outcomes))
-    print(f"Nothing measured: {'; '.join(failed) or 'none'}.\n")
+    outcomes = printed_overview(wanted)
     print(summary(outcomes))
     if not chosen.summary_only:
         print("\n".join(table(outcome) for outcome in outcomes))

@@ -131,6 +131,13 @@ def true_quantities(truth: dict[str, Any], lab: dict[str, Any]) -> dict[str, flo
 
 def shipped(truth_path: Path) -> Case:
     """A clip that comes with the package."""
+    name = truth_path.name.removesuffix(".truth.json")
+    lab = load_setup(truth_path.with_name(f"{name}.toml"))
+    return rendered(truth_path, f"{name} (shipped)", MeasureOptions(setup=lab))
+
+
+def rendered(truth_path: Path, called: str, options: MeasureOptions) -> Case:
+    """A clip of the project's own renderer, to be measured with the given options."""
     truth = json.loads(truth_path.read_text())
     name = truth_path.name.removesuffix(".truth.json")
     quantities = {key: line["value"] for key, line in truth["quantities"].items()}
@@ -138,9 +145,9 @@ def shipped(truth_path: Path) -> Case:
     known |= {"cor": known["cor_speeds"], "gravity_check": truth["physics"]["gravity"]}
     rows, events, camera = truth["frames"], truth["events_s"], truth["camera"]
     return Case(
-        name=f"{name} (shipped)",
+        name=called,
         path=truth_path.with_name(f"{name}.mp4"),
-        options=MeasureOptions(setup=load_setup(truth_path.with_name(f"{name}.toml"))),
+        options=options,
         fps=truth["shutter"]["fps"],
         truth=known,
         centre_px=in_flight(

@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.rooms.draw import draw_room
+from bench.rooms.draw import DrawnRoom, draw_room
 from metrology import MeasurementError
 from sample_videos.render import render_clip
 from sample_videos.truth import FrameTruth, truth_path
@@ -139,12 +139,18 @@ def kept_truth(clip: Path) -> FrameTruth:
     return FrameTruth(**columns)
 
 
-def followed_room(seed: int, folder: Path) -> Judged:
-    """Film a room and follow its pendulum."""
+def filmed_room(seed: int, folder: Path) -> tuple[DrawnRoom, Path]:
+    """Draw a room and film it, unless the folder holds its clip."""
     room = draw_room(seed)
     path = folder / f"room_{seed:03d}.mp4"
     if not truth_path(path).exists():
         render_clip(room.scene, room.shot, path)
+    return room, path
+
+
+def followed_room(seed: int, folder: Path) -> Judged:
+    """Film a room and follow its pendulum."""
+    room, path = filmed_room(seed, folder)
     truth = kept_truth(path)
     try:
         tracks = follow(ClipReader.open(path), room.scene.shutter.fps)
