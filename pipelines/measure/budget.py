@@ -503,6 +503,8 @@ class ClipConditions:
         Factor on lengths where there is no calibration.
     roll_rad, slant_rad : float
         How far the camera is turned about its axis, and about the vertical, where there is none.
+    slant_std_rad : float
+        How well the latter is known.
     metres_per_px : (2,) tuple of float or None
         Scale in the plane of motion that somebody gives, with its standard uncertainty.
     zero_rad, zero_std_rad : float
@@ -517,6 +519,7 @@ class ClipConditions:
     scale: float = 1.0
     roll_rad: float = 0.0
     slant_rad: float = 0.0
+    slant_std_rad: float = Defaults.CAMERA_SLANT.std
     metres_per_px: tuple[float, float] | None = None
     zero_rad: float = 0.0
     zero_std_rad: float = 0.0
@@ -679,7 +682,7 @@ def _moved(
                 replace(scene, roll_rad=share * Defaults.CAMERA_ROLL.std),
             )
         )
-        aslant = share * Defaults.CAMERA_SLANT.std
+        aslant = share * scene.slant_std_rad
         moved += [
             (UncertaintySource.CAMERA_SLANT, replace(scene, slant_rad=side))
             for side in (aslant, -aslant)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from calib.calibration import Calibration, ContradictionError
 from calib.grid import WallGrid
-from calib.solve import FOCAL_OVER_WIDTH, Solved
+from calib.solve import Solved
 from metrology import CalibrationError, MeasurementError, UncertaintySource
 from metrology.compiled import with_room
 from pipelines.cache import Cache, clip_digest
@@ -39,6 +39,7 @@ from pipelines.measure.metres import (
     MetricTracks,
     calibrate_clip,
     radius_share,
+    supposed_lens,
     tracks_in_metres,
 )
 from pipelines.measure.motions import (
@@ -524,6 +525,9 @@ def _conditions(followed: FollowedClip, wall: "WallScene") -> ClipConditions:
         followed.rate,
         wall.calibration,
         metres_per_px=followed.scale_m_per_px,
+        slant_std_rad=supposed_lens(
+            followed.tracks.ball, followed.tracks.background.shape
+        ).slant_std_rad,
         zero_std_rad=0.0 if pendulum is None else pendulum.zero_std_rad,
         round_bob=pendulum is not None and pendulum.face.spherical,
     )
@@ -714,13 +718,15 @@ def _in_metres(scene: ClipConditions, times: FloatArray, tracks: Tracks) -> Metr
     if scene.metres_per_px is not None:
         per_px = scene.metres_per_px[0]
     rest = np.median(ball.centre_px[still], axis=0)
+    lens = supposed_lens(ball, tracks.background.shape)
     scale = BallScale(
         scene.scale * per_px,
         rest,
         np.median(ball.centre_px, axis=0),
         scene.roll_rad,
-        float(np.tan(scene.slant_rad)) / (FOCAL_OVER_WIDTH * tracks.background.shape[1]),
+        float(np.tan(scene.slant_rad)) / lens.focal_px,
         float(np.cos(scene.slant_rad)),
+        lens,
     )
     return tracks_in_metres(tracks, scale, times, scene.zero_rad)
 

@@ -589,10 +589,9 @@ THICKNESSES = (0.4, 2.0)
 
 """Thickness a mass may have, over that of such a cube."""
 
-SLANT_STD, _TELLING_SLANT = 0.03, 0.1
+_PLAINLY = 3.0
 
-"""Slope of the line of sight to the face: how far it is unsure, and from where on the face is
-plainly seen, three times that."""
+"""Times its uncertainty: from such a slope of the line of sight on the face is plainly seen."""
 
 NEAR_SHARE = 1.0 / 3.0
 
@@ -618,6 +617,10 @@ IMPACT_ANGLE_STD = np.radians(0.4)
 
 """rad, of the bar at contact where the face is not seen, supposed: a bubble level is good to 0.3°,
 and the bar swings on during contact."""
+
+_TWO_WAYS_APART = 2.0
+
+"""Standard deviations between two ways to the same number from which on one of them is wrong."""
 
 PIVOT_SHARE = 0.15
 
@@ -646,7 +649,8 @@ def pivot_in_plane(tracks: MetricTracks, inputs: Inputs) -> FloatArray:
     if tracks.eye_m is None or tracks.spherical:
         return tracks.pivot_m
     half = _half_thickness(inputs)
-    if _shows_its_face(tracks, inputs) and abs(tracks.face_slant or 0.0) > _TELLING_SLANT:
+    telling = abs(tracks.face_slant or 0.0) > _PLAINLY * tracks.face_slant_std
+    if telling and _shows_its_face(tracks, inputs):
         half = (tracks.edge_offset_m - tracks.middle_offset_m) / abs(tracks.face_slant or 1.0)
     nearer = NEAR_SHARE * half / float(tracks.eye_m[2])
     foot = tracks.eye_m[:2]
@@ -686,9 +690,12 @@ def offset_of_face(
     angle = inputs.ball.launch_angle
     written = float(arm[0] * np.cos(angle) + arm[1] * np.sin(angle)) - radius
     pivot_std = PIVOT_SHARE * _half_thickness(inputs)
-    weights = np.array([seen_std, float(np.hypot(IMPACT_ANGLE_STD * reach, pivot_std))]) ** -2.0
-    mean = float(weights @ [seen, written] / weights.sum())
-    return mean, float(weights.sum() ** -0.5)
+    written_std = float(np.hypot(IMPACT_ANGLE_STD * reach, pivot_std))
+    # Of two that contradict each other either may be wrong: both count for less, by what is between
+    # them (Mandel and Paule 1970).
+    excess = (seen - written) ** 2 - _TWO_WAYS_APART**2 * (seen_std**2 + written_std**2)
+    weights = 1.0 / (np.array([seen_std, written_std]) ** 2 + 0.5 * max(excess, 0.0))
+    return float(weights @ [seen, written] / weights.sum()), float(weights.sum() ** -0.5)
 
 
 def _seen_offset(tracks: MetricTracks, inputs: Inputs) -> tuple[float, float]:
@@ -715,7 +722,7 @@ def _outline_outside(tracks: MetricTracks, inputs: Inputs) -> tuple[float, float
     which nobody knows: it moves every edge of a dark thing before a bright wall alike. The ball,
     whose size is known, shows by how much; between two rims of one strip it cancels.
     """
-    if inputs.ball is None or tracks.eye_m is None:
+    if inputs.ball is None or not tracks.by_the_wall:
         return 0.0, 0.0
     outside = tracks.radius_m - 0.5 * inputs.ball.diameter
     if abs(outside) > MOST_OUTSIDE_SHARE * tracks.radius_m:
@@ -730,7 +737,8 @@ def _shows_its_face(tracks: MetricTracks, inputs: Inputs) -> bool:
     if tracks.face_slant is None:
         low, high = 0.0, UNSEEN_SLANT
     else:
-        low, high = -tracks.face_slant - SLANT_STD, -tracks.face_slant + SLANT_STD
+        std = tracks.face_slant_std
+        low, high = -tracks.face_slant - std, -tracks.face_slant + std
     strip = (tracks.edge_offset_m - tracks.middle_offset_m) / _half_thickness(inputs)
     return THICKNESSES[0] * low < strip < THICKNESSES[1] * high
 
@@ -750,7 +758,7 @@ def _edge_before_face(tracks: MetricTracks, inputs: Inputs) -> tuple[float, floa
     if tracks.face_slant is None:
         return 0.0, UNSEEN_SLANT * half
     ahead = abs(tracks.face_slant) * half
-    return ahead, half * float(np.hypot(THICKNESS_SHARE * tracks.face_slant, SLANT_STD))
+    return ahead, half * float(np.hypot(THICKNESS_SHARE * tracks.face_slant, tracks.face_slant_std))
 
 
 def _half_thickness(inputs: Inputs) -> float:

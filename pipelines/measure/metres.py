@@ -19,8 +19,8 @@ from calib.calibration import (
 )
 from calib.grid import find_wall_grid
 from calib.lens import LensPrior, read_lens
-from calib.solve import Solved, solve
-from metrology import NotFoundError
+from calib.solve import FOCAL_OVER_WIDTH, LOG_FOCAL_STD, Solved, solve
+from metrology import Defaults, NotFoundError
 from metrology.least_squares import minimise
 from pipelines.measure.inputs import Inputs
 from vision.ball.outline import RADIUS_STD_PX
@@ -28,13 +28,16 @@ from vision.ball.refine import MODEL_STD_PX
 from vision.tracks import PendulumTrack, Track, Tracks
 
 __all__ = [
+    "SLANT_STD",
     "BallScale",
     "CameraMapping",
     "MetricTracks",
+    "SupposedLens",
     "calibrate_clip",
     "centre_of_arc",
     "radius_share",
     "scene_evidence",
+    "supposed_lens",
     "tracks_in_metres",
 ]
 
@@ -55,6 +58,13 @@ BEND_SHARE = 0.003
 """Of the length: a path that is straight to this is a slide, since a throw of a tenth of a second
 sags by 5 cm."""
 
+SLANT_STD = 0.03
+"""Slope of the line of sight to the face through a calibrated camera: how far it is unsure."""
+
+_INDEPENDENT = 8.0
+"""Of the frames of a flight, so many have radii that are off independently: the ball's look turns
+slowly, and light changes along its way."""
+
 CREEP_SHARE = 0.25
 """Of the median speed after the strike: a ball that moves with a quarter of it beforehand does not
 lie still."""
@@ -71,6 +81,13 @@ class PlaneMapping(Protocol):
 
     def eye(self) -> FloatArray | None:
         """Where the camera stands: x, y and distance from the ball plane; None if unknown."""
+
+    def slope_std(self, slope: float) -> float:
+        """How well the slope of a line of sight across the plane is known."""
+
+    @property
+    def by_the_wall(self) -> bool:
+        """Whether a calibrated wall is the scale, not the ball itself or what somebody gives."""
 
 
 @dataclass(frozen=True)
@@ -94,6 +111,34 @@ class CameraMapping:
         x, y = c.grid_camera.position[:2] + c.origin[:2]
         return np.array([x, y, c.camera_distance - c.ball_plane_offset])
 
+    def slope_std(self, slope: float) -> float:
+        """How well the slope of a line of sight across the plane is known."""
+        return SLANT_STD
+
+    @property
+    def by_the_wall(self) -> bool:
+        """A calibrated wall is the scale."""
+        return True
+
+
+@dataclass(frozen=True)
+class SupposedLens:
+    """A lens that nobody named.
+
+    Attributes
+    ----------
+    middle_px : (2,) array
+        The middle of the picture.
+    focal_px : float
+        The usual one for a picture as wide, known to `LOG_FOCAL_STD`.
+    slant_std_rad : float
+        How square to the plane its camera stands.
+    """
+
+    middle_px: FloatArray
+    focal_px: float
+    slant_std_rad: float
+
 
 @dataclass(frozen=True)
 class BallScale:
@@ -113,6 +158,8 @@ class BallScale:
         What a camera that looks aslant adds to the scale along the picture's rows.
     foreshortening : float
         Part of a length along the rows that is left where such a camera sees it.
+    lens : SupposedLens or None
+        What tells where such a camera about stands.
     """
 
     metres_per_px: float
@@ -121,6 +168,7 @@ class BallScale:
     roll_rad: float = 0.0
     growth_per_px: float = 0.0
     foreshortening: float = 1.0
+    lens: SupposedLens | None = None
 
     def ball(self, px: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Ball centres and covariances."""
@@ -139,9 +187,24 @@ class BallScale:
         along = (x + self.growth_per_px * x * x) / self.foreshortening
         return np.stack([along, y * (1 + self.growth_per_px * x)], -1)
 
-    def eye(self) -> None:
-        """Nothing tells where such a camera stands."""
-        return None
+    def eye(self) -> FloatArray | None:
+        """Where a camera square to the plane stands, behind its lens's middle."""
+        if self.lens is None:
+            return None
+        away = self.lens.focal_px * self.metres_per_px
+        return np.append(self.point(self.lens.middle_px), away)
+
+    def slope_std(self, slope: float) -> float:
+        """How well the slope of a line of sight across the plane is known."""
+        if self.lens is None:
+            return SLANT_STD
+        aslant = math.tan(min(self.lens.slant_std_rad, 1.0))
+        return float(np.linalg.norm([SLANT_STD, LOG_FOCAL_STD * slope, aslant]))
+
+    @property
+    def by_the_wall(self) -> bool:
+        """The ball is the scale, or what somebody gives."""
+        return False
 
 
 @dataclass(frozen=True)
@@ -174,6 +237,10 @@ class MetricTracks:
         Apparent radius of the ball.
     direction : float
         +1 where the ball flies to the right in the picture, −1 to the left.
+    face_slant_std : float
+        How well that slope is known.
+    by_the_wall : bool
+        Whether a calibrated wall is the scale, not the ball itself or what somebody gives.
     """
 
     ball_frame: NDArray[np.int64]
@@ -195,6 +262,8 @@ class MetricTracks:
     eye_m: FloatArray | None
     radius_m: float
     direction: float
+    face_slant_std: float = SLANT_STD
+    by_the_wall: bool = True
 
     @property
     def spherical(self) -> bool:
@@ -258,6 +327,7 @@ def tracks_in_metres(
     scale = radius / float(np.median(ball.radius_px))
     eye = mapping.eye()
     eye = None if eye is None else eye * np.append(flip, 1.0)
+    slope = None if eye is None else float((rest[0] * direction - radius - eye[0]) / eye[2])
     return MetricTracks(
         ball_frame=ball.frame,
         ball_time_s=time_s[ball.frame],
@@ -275,10 +345,12 @@ def tracks_in_metres(
         middle_offset_m=swing.middle[0],
         middle_offset_std_m=swing.middle[1],
         bob_arm_m=swing.arm if pendulum is not None and pendulum.face.spherical else None,
-        face_slant=None if eye is None else float((rest[0] * direction - radius - eye[0]) / eye[2]),
+        face_slant=slope,
         eye_m=eye,
         radius_m=radius,
         direction=direction,
+        face_slant_std=SLANT_STD if slope is None else mapping.slope_std(slope),
+        by_the_wall=mapping.by_the_wall,
     )
 
 
@@ -303,6 +375,45 @@ def radius_share(ball: Track) -> float:
     unclean = math.sqrt(max(random**2 - MODEL_STD_PX**2, 0.0))
     common = math.hypot(RADIUS_STD_PX, RADIUS_COMMON_OVER_RANDOM * unclean)
     return common / float(np.median(ball.radius_px))
+
+
+def supposed_lens(ball: Track, shape: tuple[int, int]) -> SupposedLens:
+    """What a lens is supposed to be that nobody named, before a plane whose slant nothing tells.
+
+    A camera is set up square to the plane by eye. The ball looks smaller where a plane that is seen
+    aslant is further away; where its size changes more along the rows than a camera set up so
+    allows, the slant may be as large as that.
+
+    Parameters
+    ----------
+    ball : Track
+        The ball, px.
+    shape : (2,) tuple of int
+        Height and width of the picture, px.
+    """
+    height, width = shape
+    focal = FOCAL_OVER_WIDTH * width
+    middle = 0.5 * np.array([width - 1.0, height - 1.0])
+    offset = (ball.centre_px - middle) / focal
+    # a sphere off the axis is seen longer, not wider
+    radius = ball.radius_px * 2.0 / (1.0 + np.hypot(1.0, np.hypot(*offset.T)))
+    usual = SupposedLens(middle, focal, Defaults.CAMERA_SLANT.std)
+    spread = float(offset[:, 0].std())
+    if len(radius) < _INDEPENDENT or spread == 0.0:
+        return usual
+    design = np.column_stack([offset[:, 0], np.ones(len(radius))])
+    std = np.hypot(ball.radius_std_px, MODEL_STD_PX) / radius
+    fitted = minimise(
+        lambda line: (np.log(radius) - line @ design.T) / std,
+        np.array([0.0, math.log(float(np.median(radius)))]),
+        soft_from=1.0,
+        stacked=True,
+    )
+    left = (np.log(radius) - design @ fitted.values) / std
+    scatter = max(1.0, float(np.median(np.abs(left))) / 0.6745)
+    off = scatter * float(np.median(std)) / (spread * math.sqrt(_INDEPENDENT))
+    excess = math.atan(fitted.values[0]) ** 2 - math.atan(off) ** 2
+    return replace(usual, slant_std_rad=math.sqrt(max(usual.slant_std_rad**2, excess)))
 
 
 def _apparent_radius(tracks: Tracks, mapping: PlaneMapping) -> float:

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from metrology import Defaults, UncertaintySource
 from pipelines.measure.budget import ClipConditions, systematic_budget
 from pipelines.measure.inputs import gather_inputs
-from pipelines.measure.metres import BallScale
+from pipelines.measure.metres import BallScale, supposed_lens
 from pipelines.setup.file import Setup
 from vision.clip.footage import CaptureRate, RateSource
+from vision.tracks import Track
 
 
 def test_lengths_along_the_rows_are_as_long_as_a_camera_square_to_them_sees_them() -> None:
@@ -34,3 +35,63 @@ def test_a_camera_aslant_to_either_side_counts_by_the_worse_one(side: float) -> 
 
     column = systematic_budget(scene, values, np.inf)[UncertaintySource.CAMERA_SLANT]
     assert column[0] == pytest.approx(3.0 * Defaults.CAMERA_SLANT.std)
+
+
+def seen_by(yaw_rad: float, noise_px: float) -> Track:
+    """A ball of 0.11 m on its way through a plane 3.5 m away, as a pinhole turned by `yaw` sees it.
+
+    Of each outline the mean half axis: the bundle of rays that touch the ball, cut by the picture.
+    """
+    focal, rng = 560.0, np.random.default_rng(4)
+    x = np.linspace(-0.2, 0.7, 40)
+    place = np.column_stack([x, 0.1 + 0.3 * x - 0.2 * x * x, np.zeros(40)])
+    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
+    turn = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
+    seen = place @ turn.T + [0.0, 0.0, 3.5]
+    away = np.linalg.norm(seen, axis=1)
+    opening = np.arcsin(0.11 / away)
+    off_axis = np.arccos(seen[:, 2] / away)
+    long = 0.5 * focal * (np.tan(off_axis + opening) - np.tan(off_axis - opening))
+    across = focal * np.tan(opening) / np.cos(off_axis)
+    radius = 0.5 * (long + across) + rng.normal(0.0, noise_px, 40)
+    centre = focal * seen[:, :2] / seen[:, 2:] * [1.0, -1.0] + [223.5, 119.5]
+    return Track(
+        frame=np.arange(40),
+        time_s=np.arange(40) / 600.0,
+        centre_px=centre,
+        covariance_px2=np.tile(np.eye(2) * 0.01, (40, 1, 1)),
+        bound_px2=np.tile(np.eye(2) * 0.002, (40, 1, 1)),
+        radius_px=radius,
+        radius_std_px=np.full(40, max(noise_px, 0.02)),
+        quality=np.ones(40),
+    )
+
+
+@pytest.mark.parametrize("yaw_deg", [-25.0, 25.0])
+def test_a_ball_that_looks_smaller_along_its_way_leaves_the_cameras_slant_open(
+    yaw_deg: float,
+) -> None:
+    lens = supposed_lens(seen_by(math.radians(yaw_deg), 0.05), (240, 448))
+    assert 18.0 < math.degrees(lens.slant_std_rad) < 32.0
+
+
+@pytest.mark.parametrize(("yaw_deg", "noise_px"), [(0.0, 0.05), (3.0, 0.05), (25.0, 4.0)])
+def test_a_ball_whose_size_tells_nothing_leaves_the_slant_of_a_camera_set_up_by_eye(
+    yaw_deg: float, noise_px: float
+) -> None:
+    lens = supposed_lens(seen_by(math.radians(yaw_deg), noise_px), (240, 448))
+    assert lens.slant_std_rad == Defaults.CAMERA_SLANT.std
+
+
+def test_a_camera_square_to_the_plane_stands_behind_the_middle_of_its_picture() -> None:
+    ball = seen_by(0.0, 0.0)
+    per_px = 3.5 / 560.0
+    scale = BallScale(
+        per_px, ball.centre_px[0], ball.centre_px[20], lens=supposed_lens(ball, (240, 448))
+    )
+    eye = scale.eye()
+    assert eye is not None
+    # the lens is the usual one for a picture as wide, as this one is
+    assert eye == pytest.approx([0.2, -0.032, 3.5], abs=0.01)
+    assert scale.slope_std(0.0) > math.tan(Defaults.CAMERA_SLANT.std)
+    assert scale.slope_std(0.4) > 0.2

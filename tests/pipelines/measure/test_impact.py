@@ -1,5 +1,6 @@
 """Contact, launch and landing from tracks of a stroke that is known exactly."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from pipelines.measure.impact import (
     departure,
     find_impact,
     fit_contact,
+    offset_of_face,
     strikes_apart,
     struck_again,
 )
@@ -214,7 +216,7 @@ def test_a_transfer_curve_that_widens_all_outlines_does_not_lengthen_the_contact
     found, std = measured(wide, "jokku")
     assert found["contact_time"] == pytest.approx(true, abs=0.25 / 600.0)
     # nothing shows how far outlines lie outside where no camera is calibrated
-    blind, sure = measured(replace(wide, eye_m=None), "jokku")
+    blind, sure = measured(replace(wide, by_the_wall=False), "jokku")
     assert blind["contact_time"] > true + 0.4 / 600.0
     assert std["contact_time"] > 1.2 * sure["contact_time"]
 
@@ -460,3 +462,25 @@ def test_how_a_round_bob_met_the_ball_is_told_by_the_way_the_push_went(
         assert flat == pytest.approx(true, abs=0.004)
     elif above_deg > 20.0:
         assert true - flat > 0.08
+
+
+@pytest.mark.parametrize("off_m", [0.0, 0.05, -0.05])
+def test_a_face_seen_where_the_written_angle_has_none_is_as_unsure_as_they_are_apart(
+    off_m: float,
+) -> None:
+    scene, shot = known_stroke("jokku", 60.0)
+    tracks = ideal_tracks(scene, shot, Noise())
+    inputs = gather_inputs(Setup(), "jokku", None)
+    assert inputs.ball is not None
+    written = replace(inputs.ball, launch_angle=math.radians(truth(shot)["launch_angle"]))
+    inputs = replace(inputs, ball=written)
+    seen = replace(
+        tracks,
+        edge_offset_m=tracks.edge_offset_m + off_m,
+        middle_offset_m=tracks.middle_offset_m + off_m,
+    )
+    onset = truth(shot)["contact_start"]
+    lead, std = offset_of_face(seen, inputs, scene.ball.radius, onset)
+    assert abs(lead - scene.pendulum.face_offset) < 3.0 * std
+    if off_m == 0.0:
+        assert std < 0.006
