@@ -37,6 +37,7 @@ class UncertaintySource(StrEnum):
     CENTRE_OF_MASS = "pivot to centre of mass"
     PENDULUM_ARM = "depth of the mass' visible side"
     PENDULUM_ZERO = "zero of the pendulum's angle"
+    PENDULUM_PIVOT = "pivot of the pendulum in the picture"
     PENDULUM_RINGING = "pendulum just after contact"
     CONTACT_NORMAL = "direction of a round bob's contact"
     SUPPORT_HEIGHT = "height of the support"

@@ -11,6 +11,7 @@ from collections.abc import Callable, Container
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 import scipy
@@ -509,6 +510,10 @@ class ClipConditions:
         Scale in the plane of motion that somebody gives, with its standard uncertainty.
     zero_rad, zero_std_rad : float
         Added to all angles of the pendulum, and how well that is known.
+    pivot_px : (2,) tuple of float
+        Added to the pivot in the picture.
+    pivot_ways_px : tuple of (2,) tuples of float
+        One standard deviation along either principal axis of how well that is known.
     round_bob : bool
         Whether a round bob strikes: its contact's direction is not its arm's of itself.
     """
@@ -523,6 +528,8 @@ class ClipConditions:
     metres_per_px: tuple[float, float] | None = None
     zero_rad: float = 0.0
     zero_std_rad: float = 0.0
+    pivot_px: tuple[float, float] = (0.0, 0.0)
+    pivot_ways_px: tuple[tuple[float, float], ...] = ()
     round_bob: bool = False
 
     def places_as(self, other: "ClipConditions") -> bool:
@@ -530,9 +537,13 @@ class ClipConditions:
         return (
             self.calibration is other.calibration
             and self.rate is other.rate
-            and (self.scale, self.roll_rad, self.slant_rad, self.metres_per_px, self.zero_rad)
-            == (other.scale, other.roll_rad, other.slant_rad, other.metres_per_px, other.zero_rad)
+            and self._moved_by == other._moved_by
         )
+
+    @property
+    def _moved_by(self) -> tuple[object, ...]:
+        turned = self.roll_rad, self.slant_rad, self.zero_rad
+        return (self.scale, *turned, self.metres_per_px, self.pivot_px)
 
 
 def values_after_move(
@@ -573,6 +584,9 @@ def values_after_move(
         return np.full(len(DERIVED), np.nan)
 
 
+_Sides: TypeAlias = tuple[ClipConditions, ...]
+
+
 def systematic_budget(
     scene: ClipConditions, values: Callable[[ClipConditions], FloatArray], scale_std: float
 ) -> dict[UncertaintySource, FloatArray]:
@@ -594,18 +608,24 @@ def systematic_budget(
         Source to (Q,) one-sigma contributions, NaN where a value is missing.
     """
     base = values(scene)
+
+    def column(sides: _Sides) -> FloatArray:
+        # what may be off to either side counts by the worse one
+        away = [np.abs(values(side) - base) for side in sides]
+        return np.asarray(np.fmax.reduce(away))
+
     moves = _moved(scene, scale_std, 1.0)
-    columns = [np.abs(values(moved) - base) for _, moved in moves]
+    columns = [column(sides) for _, sides in moves]
     # an input so unsure that nothing can be evaluated a whole step away counts all the more
     for share in _SMALLER_STEPS:
         nearer = _moved(scene, scale_std, share)
-        for place, column in enumerate(columns):
-            if np.isnan(column[np.isfinite(base)]).any():
-                columns[place] = np.abs(values(nearer[place][1]) - base) / share
+        for place, found in enumerate(columns):
+            if np.isnan(found[np.isfinite(base)]).any():
+                columns[place] = column(nearer[place][1]) / share
     table: dict[UncertaintySource, FloatArray] = {}
-    for (source, _), column in zip(moves, columns, strict=True):
-        # what may be off to either side counts by the worse one
-        table[source] = np.fmax(table.get(source, column), column)
+    for (source, _), found in zip(moves, columns, strict=True):
+        known = table.get(source, found * 0.0)
+        table[source] = np.fmax(np.hypot(known, found), np.fmax(known, found))
     if scene.calibration is not None:
         table |= _by_calibration(
             scene.calibration, base, lambda c: values(replace(scene, calibration=c))
@@ -645,52 +665,49 @@ def _by_calibration(
 
 def _moved(
     scene: ClipConditions, scale_std: float, share: float
-) -> list[tuple[UncertaintySource, ClipConditions]]:
-    """The scene with each input a share of its standard uncertainty larger."""
+) -> list[tuple[UncertaintySource, _Sides]]:
+    """The scene with each input a share of its standard uncertainty larger, and smaller if told."""
     inputs, rate = scene.inputs, scene.rate
-    moved: list[tuple[UncertaintySource, ClipConditions]] = []
+    moved: list[tuple[UncertaintySource, _Sides]] = []
+
+    def move(source: UncertaintySource, *sides: ClipConditions) -> None:
+        moved.append((source, sides))
+
     if rate.known:
         faster = replace(rate, fps=rate.fps + share * rate.std)
-        moved.append((UncertaintySource.CAPTURE_RATE, replace(scene, rate=faster)))
+        move(UncertaintySource.CAPTURE_RATE, replace(scene, rate=faster))
     rig = inputs.rig
-    moved += [
-        (source, replace(scene, inputs=replace(inputs, pendulum=body)))
-        for source, body in _other_pendulums(inputs, share)
-    ]
+    for source, body in _other_pendulums(inputs, share):
+        move(source, replace(scene, inputs=replace(inputs, pendulum=body)))
     nearer = replace(inputs, arm_share=inputs.arm_share * (1 + share * Defaults.VISIBLE_DEPTH.std))
-    moved.append((UncertaintySource.PENDULUM_ARM, replace(scene, inputs=nearer)))
+    move(UncertaintySource.PENDULUM_ARM, replace(scene, inputs=nearer))
     if scene.zero_std_rad > 0.0:
         turned = replace(scene, zero_rad=scene.zero_rad + share * scene.zero_std_rad)
-        moved.append((UncertaintySource.PENDULUM_ZERO, turned))
+        move(UncertaintySource.PENDULUM_ZERO, turned)
+    for x, y in scene.pivot_ways_px:
+        elsewhere = replace(scene, pivot_px=(share * x, share * y))
+        move(UncertaintySource.PENDULUM_PIVOT, elsewhere)
     ringing = replace(inputs, after_share=inputs.after_share * (1 + share * Defaults.RINGING.std))
-    moved.append((UncertaintySource.PENDULUM_RINGING, replace(scene, inputs=ringing)))
+    move(UncertaintySource.PENDULUM_RINGING, replace(scene, inputs=ringing))
     if scene.round_bob:
         other = replace(inputs, normal_sigmas=inputs.normal_sigmas + share)
-        moved.append((UncertaintySource.CONTACT_NORMAL, replace(scene, inputs=other)))
+        move(UncertaintySource.CONTACT_NORMAL, replace(scene, inputs=other))
     if inputs.fall is not None and rig.support_height is not None:
         higher = replace(inputs, fall=inputs.fall + share * rig.support_height.std)
-        moved.append((UncertaintySource.SUPPORT_HEIGHT, replace(scene, inputs=higher)))
+        move(UncertaintySource.SUPPORT_HEIGHT, replace(scene, inputs=higher))
     if inputs.ball is not None and inputs.ball.mass is not None and rig.ball_mass is not None:
         ball = replace(inputs.ball, mass=inputs.ball.mass + share * rig.ball_mass.std)
-        moved.append(
-            (UncertaintySource.BALL_MASS, replace(scene, inputs=replace(inputs, ball=ball)))
-        )
+        move(UncertaintySource.BALL_MASS, replace(scene, inputs=replace(inputs, ball=ball)))
     if scene.calibration is None:
-        moved.append(
-            (
-                UncertaintySource.CAMERA_ROLL,
-                replace(scene, roll_rad=share * Defaults.CAMERA_ROLL.std),
-            )
-        )
+        rolled = replace(scene, roll_rad=share * Defaults.CAMERA_ROLL.std)
+        move(UncertaintySource.CAMERA_ROLL, rolled)
         aslant = share * scene.slant_std_rad
-        moved += [
-            (UncertaintySource.CAMERA_SLANT, replace(scene, slant_rad=side))
-            for side in (aslant, -aslant)
-        ]
+        sides = (replace(scene, slant_rad=side) for side in (aslant, -aslant))
+        move(UncertaintySource.CAMERA_SLANT, *sides)
         if np.isfinite(scale_std):
             by_ball = scene.metres_per_px is None
             source = UncertaintySource.BALL_DIAMETER if by_ball else UncertaintySource.SCALE
-            moved.append((source, replace(scene, scale=scene.scale * (1 + share * scale_std))))
+            move(source, replace(scene, scale=scene.scale * (1 + share * scale_std)))
     return moved
 
 

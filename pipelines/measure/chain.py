@@ -529,8 +529,16 @@ def _conditions(followed: FollowedClip, wall: "WallScene") -> ClipConditions:
             followed.tracks.ball, followed.tracks.background.shape
         ).slant_std_rad,
         zero_std_rad=0.0 if pendulum is None else pendulum.zero_std_rad,
+        pivot_ways_px=() if pendulum is None else _ways(pendulum.pivot_covariance_px2),
         round_bob=pendulum is not None and pendulum.face.spherical,
     )
+
+
+def _ways(covariance: FloatArray) -> tuple[tuple[float, float], ...]:
+    """One standard deviation along each principal axis of a covariance (2, 2)."""
+    squares, axes = np.linalg.eigh(covariance)
+    ways = (axes * np.sqrt(np.maximum(squares, 0.0))).T
+    return tuple((float(x), float(y)) for x, y in ways)
 
 
 def _rate_by_fall(followed: FollowedClip, wall: "WallScene") -> CaptureRate:
@@ -705,7 +713,8 @@ def _evaluate(
 
 def _in_metres(scene: ClipConditions, times: FloatArray, tracks: Tracks) -> MetricTracks:
     if scene.calibration is not None:
-        return tracks_in_metres(tracks, CameraMapping(scene.calibration), times, scene.zero_rad)
+        mapping = CameraMapping(scene.calibration)
+        return tracks_in_metres(tracks, mapping, times, scene.zero_rad, scene.pivot_px)
     ball = tracks.ball
     diameter = 1.0 if scene.inputs.ball is None else scene.inputs.ball.diameter
     still = slice(None)
@@ -728,7 +737,7 @@ def _in_metres(scene: ClipConditions, times: FloatArray, tracks: Tracks) -> Metr
         float(np.cos(scene.slant_rad)),
         lens,
     )
-    return tracks_in_metres(tracks, scale, times, scene.zero_rad)
+    return tracks_in_metres(tracks, scale, times, scene.zero_rad, scene.pivot_px)
 
 
 def _scale_std(scene: ClipConditions, tracks: Tracks) -> float:

@@ -278,7 +278,11 @@ def flight_direction(tracks: Tracks) -> float:
 
 
 def tracks_in_metres(
-    tracks: Tracks, mapping: PlaneMapping, time_s: FloatArray, zero_rad: float = 0.0
+    tracks: Tracks,
+    mapping: PlaneMapping,
+    time_s: FloatArray,
+    zero_rad: float = 0.0,
+    pivot_moved_px: tuple[float, float] = (0.0, 0.0),
 ) -> MetricTracks:
     """Map tracks into the ball plane.
 
@@ -292,6 +296,8 @@ def tracks_in_metres(
         Mid-exposure time of every frame of the clip, s.
     zero_rad : float
         Added to all angles of the pendulum, rad.
+    pivot_moved_px : (2,) tuple of float
+        Added to the pivot in the picture.
 
     Raises
     ------
@@ -320,7 +326,7 @@ def tracks_in_metres(
         )
     std = np.sqrt(np.diagonal(covariance[still], axis1=1, axis2=2)).mean(axis=0)
     scatter = position[still].std(axis=0) if still.sum() > 3 else std
-    swing = _swing(tracks.pendulum, mapping, direction, zero_rad)
+    swing = _swing(tracks.pendulum, mapping, direction, zero_rad, np.array(pivot_moved_px))
     pendulum = tracks.pendulum
     rest = np.median(position[still], axis=0)
     radius = _apparent_radius(tracks, mapping)
@@ -440,16 +446,22 @@ class _SwingInMetres:
 
 
 def _swing(
-    pendulum: PendulumTrack | None, mapping: PlaneMapping, direction: float, zero_rad: float
+    pendulum: PendulumTrack | None,
+    mapping: PlaneMapping,
+    direction: float,
+    zero_rad: float,
+    pivot_moved_px: FloatArray,
 ) -> _SwingInMetres:
     if pendulum is None:
         return _SwingInMetres(None, 0.0, np.zeros(0), np.zeros(0), (0.0, 1.0), (0.0, math.inf))
     flip = np.array([direction, 1.0])
     mass = mapping.point(pendulum.track.centre_px) * flip
     pivot = mapping.point(pendulum.pivot_px) * flip
+    moved = mapping.point(pendulum.pivot_px + pivot_moved_px) * flip - pivot
     if _bends(mapping, pendulum.pivot_px, pendulum.track.centre_px):
         # a lens that bends lines bends the arc: its centre has to be found in metres
         pivot = centre_of_arc(mass)
+    pivot = pivot + moved
     arm = mass - pivot
     angle = np.arctan2(arm[:, 0], -arm[:, 1]) + zero_rad
     length = float(np.median(np.hypot(*arm.T)))

@@ -433,7 +433,8 @@ class _Walk:
         follower = self._follower
         order = np.array(sorted(self.known), dtype=np.int64)
         poses = tuple(self.known[int(frame)] for frame in order)
-        swing = fit_imaged_swing(self.swing, poses)
+        through = fit_imaged_swing(self.swing, poses)
+        swing = through.swing
         points = np.array([pose.anchor for pose in poses])
         angle = swing.angle_of(points)
         arm = float(np.hypot(*(swing.centre_px - swing.pivot_px)))
@@ -441,7 +442,9 @@ class _Walk:
             *(np.array([swing.middle(one) for one in angle]) - [p.anchor for p in poses]).T
         )
         scatter = 1.4826 * float(np.median(off))
-        arc = Arc(swing.pivot_px, arm, np.eye(3), scatter, float(np.ptp(np.unwrap(angle))))
+        covariance = np.eye(3)
+        covariance[:2, :2] = through.pivot_covariance_px2
+        arc = Arc(swing.pivot_px, arm, covariance, scatter, float(np.ptp(np.unwrap(angle))))
         mass = MassPoses(order, poses, self._patch, arc, self._reference)
         last = follower.rest.last
         near = follower.frames(_LAST_WAY, _FEWEST_STRAYING)

@@ -214,6 +214,22 @@ def test_the_zero_of_the_angles_is_a_source_of_the_back_swing() -> None:
     assert table[UncertaintySource.PENDULUM_ZERO][0] == pytest.approx(0.01)
 
 
+def test_the_pivot_is_a_source_of_the_angle_along_both_axes_of_its_doubt() -> None:
+    ways = ((0.6, 0.8), (2.4, -1.8))
+    scene = replace(a_scene(a_calibration(0.4, 0.001)), pivot_ways_px=ways)
+
+    def first_angle(moved: ClipConditions) -> NDArray[np.float64]:
+        scale = BallScale(1e-3, np.array([140.0, 120.0]), np.zeros(2), 0.0, 0.0)
+        times = np.arange(60) / 600.0
+        metric = tracks_in_metres(a_swing(), scale, times, 0.0, moved.pivot_px)
+        return np.array([metric.swing_rad[0]])
+
+    table = systematic_budget(scene, first_angle, np.inf)
+    # the body hangs 100 px from the pivot, at -0.6 rad: what is across its arm turns it
+    across = [(x * np.cos(-0.6) - y * np.sin(-0.6)) / 100.0 for x, y in ways]
+    assert table[UncertaintySource.PENDULUM_PIVOT][0] == pytest.approx(np.hypot(*across), rel=0.03)
+
+
 def test_a_ball_seen_less_clearly_tells_a_scale_less_surely() -> None:
     ball = a_swing().ball
     clean = replace(ball, radius_std_px=np.full(60, 0.07))

@@ -82,4 +82,33 @@ def test_poses_that_state_little_do_not_bend_the_swing() -> None:
         anchor = pivot + arm * np.array([np.sin(turn), np.cos(turn)]) + stray
         poses.append(Pose(anchor, -turn, one**2 * np.eye(3), 1.0, 1.0))
     start = ImagedSwing(np.array([61.0, 10.0]), 0.0, 1.0, poses[30].anchor, True)
-    assert fit_imaged_swing(start, poses).pivot_px == pytest.approx(pivot, abs=0.7)
+    assert fit_imaged_swing(start, poses).swing.pivot_px == pytest.approx(pivot, abs=0.7)
+
+
+@pytest.mark.parametrize("arm", [50.0, 120.0])
+@pytest.mark.parametrize("pulled_px", [-0.8, 0.0, 0.8])
+def test_a_pivot_is_as_unsure_as_what_pulls_the_track_at_its_ends_leaves_it(
+    arm: float, pulled_px: float
+) -> None:
+    pivot = np.array([60.0, 12.0])
+    angle = np.linspace(-0.3, 0.5, 110)
+    off = np.random.default_rng(8).normal(0.0, 0.05, (110, 2))
+    # one of its sides that turns to the camera pulls it to and fro
+    off[:, 0] += pulled_px * angle / 0.5
+    poses = [
+        Pose(
+            pivot + arm * np.array([np.sin(turn), np.cos(turn)]) + stray,
+            -turn,
+            0.01 * np.eye(3),
+            1.0,
+            1.0,
+        )
+        for turn, stray in zip(angle, off, strict=True)
+    ]
+    start = ImagedSwing(np.array([61.0, 10.0]), 0.0, 1.0, poses[30].anchor, True)
+    found = fit_imaged_swing(start, poses)
+    error, std = found.swing.pivot_px - pivot, np.sqrt(np.diag(found.pivot_covariance_px2))
+    assert np.all(np.abs(error) < 2.0 * std)
+    assert np.all(std < 0.15 * arm)
+    if pulled_px and arm == 50.0:
+        assert abs(error[1]) > 1.0
