@@ -1,11 +1,13 @@
 """One shape for a whole clip, learnt from the outlines that are the ball's."""
 
+import json
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from tests.shared_data import shared_folder
 from tests.vision.ball.painted import (
     PIVOT_PX,
     PaintedClip,
@@ -20,7 +22,9 @@ from vision.ball.choice import BallPath
 from vision.ball.edges import Hides
 from vision.ball.outline import nothing_found
 from vision.ball.refine import _between, _evenly, _lowest, _Refiner, _unrest, refine_ball
+from vision.clip.clip import ClipReader
 from vision.clip.footage import Footage
+from vision.following import follow
 from vision.scene import FilmedScene
 
 FRAMES = 20
@@ -148,3 +152,17 @@ def test_frames_missed_beside_the_mass_are_fitted_once_the_mass_is_known() -> No
     found = refine_ball(scene, BallFits(frame, fits), hides)
     assert np.isin([36, 37, 38], found.frame).all()
     assert np.hypot(*(found.centre - centres[found.frame]).T).max() < 0.15
+
+
+def test_centres_of_outlines_seen_in_part_are_as_unsure_as_they_are_off() -> None:
+    folder = shared_folder("rendered") / "jokku_120"
+    truth = json.loads((folder / "truth.json").read_text())
+    ball = follow(ClipReader.open(folder / "clip.mp4"), truth["fps_true"]).ball
+    part = ball.quality < 0.8
+    assert np.count_nonzero(part) > 15
+    frames = truth["frames"]
+    place = np.column_stack([frames["u_px"], frames["v_px"]])[ball.frame]
+    variance = np.diagonal(ball.covariance_px2, axis1=1, axis2=2)
+    chi2 = ((ball.centre_px - place) ** 2 / variance).sum(axis=1)[part]
+    # 95 % of a chi-square of two
+    assert np.mean(chi2 < 5.99) > 0.85
