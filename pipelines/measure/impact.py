@@ -618,7 +618,7 @@ IMPACT_ANGLE_STD = np.radians(0.4)
 """rad, of the bar at contact where the face is not seen, supposed: a bubble level is good to 0.3°,
 and the bar swings on during contact."""
 
-_TWO_WAYS_APART = 2.0
+_TWO_WAYS_APART = 3.0
 
 """Standard deviations between two ways to the same number from which on one of them is wrong."""
 
