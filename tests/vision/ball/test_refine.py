@@ -162,6 +162,9 @@ def test_centres_of_outlines_seen_in_part_are_as_unsure_as_they_are_off() -> Non
     assert np.count_nonzero(part) > 15
     frames = truth["frames"]
     place = np.column_stack([frames["u_px"], frames["v_px"]])[ball.frame]
+    # a sphere's outline lies further out than its centre
+    camera, radius = truth["camera"], np.array(frames["r_px"])[ball.frame, np.newaxis]
+    place += (place - [camera["u0"], camera["v0"]]) * (radius / camera["F_px"]) ** 2
     variance = np.diagonal(ball.covariance_px2, axis1=1, axis2=2)
     chi2 = ((ball.centre_px - place) ** 2 / variance).sum(axis=1)[part]
     # 95 % of a chi-square of two
