@@ -728,13 +728,15 @@ def _in_metres(scene: ClipConditions, times: FloatArray, tracks: Tracks) -> Metr
         per_px = scene.metres_per_px[0]
     rest = np.median(ball.centre_px[still], axis=0)
     lens = supposed_lens(ball, tracks.background.shape)
+    usual = np.median(ball.centre_px, axis=0)
+    shortened = lens.foreshortening(usual, scene.slant_rad)
     scale = BallScale(
         scene.scale * per_px,
         rest,
-        np.median(ball.centre_px, axis=0),
+        usual,
         scene.roll_rad,
-        float(np.tan(scene.slant_rad)) / lens.focal_px,
-        float(np.cos(scene.slant_rad)),
+        float(np.sin(scene.slant_rad)) / (shortened * lens.focal_px),
+        shortened,
         lens,
     )
     return tracks_in_metres(tracks, scale, times, scene.zero_rad, scene.pivot_px)

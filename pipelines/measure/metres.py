@@ -61,6 +61,9 @@ sags by 5 cm."""
 SLANT_STD = 0.03
 """Slope of the line of sight to the face through a calibrated camera: how far it is unsure."""
 
+_LEAST_LEFT = 0.2
+"""Part of its length that a plane is seen at: beyond some 80° aslant nobody films."""
+
 _INDEPENDENT = 8.0
 """Of the frames of a flight, so many have radii that are off independently: the ball's look turns
 slowly, and light changes along its way."""
@@ -138,6 +141,12 @@ class SupposedLens:
     middle_px: FloatArray
     focal_px: float
     slant_std_rad: float
+
+    def foreshortening(self, px: FloatArray, slant_rad: float) -> float:
+        """Part of a length along the rows that is left at a point, where the plane recedes so."""
+        off_axis = float(px[0] - self.middle_px[0]) / self.focal_px
+        left = math.cos(slant_rad) - off_axis * math.sin(slant_rad)
+        return max(left, _LEAST_LEFT)
 
 
 @dataclass(frozen=True)
@@ -418,7 +427,10 @@ def supposed_lens(ball: Track, shape: tuple[int, int]) -> SupposedLens:
     left = (np.log(radius) - design @ fitted.values) / std
     scatter = max(1.0, float(np.median(np.abs(left))) / 0.6745)
     off = scatter * float(np.median(std)) / (spread * math.sqrt(_INDEPENDENT))
-    excess = math.atan(fitted.values[0]) ** 2 - math.atan(off) ** 2
+    # off the axis a plane that recedes is seen shorter, or longer, and its growth is so much more
+    growth = -float(fitted.values[0])
+    slant = math.atan(growth / max(1.0 + growth * float(offset[:, 0].mean()), _LEAST_LEFT))
+    excess = slant**2 - math.atan(off) ** 2
     return replace(usual, slant_std_rad=math.sqrt(max(usual.slant_std_rad**2, excess)))
 
 

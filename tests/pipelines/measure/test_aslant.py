@@ -95,3 +95,19 @@ def test_a_camera_square_to_the_plane_stands_behind_the_middle_of_its_picture() 
     assert eye == pytest.approx([0.2, -0.032, 3.5], abs=0.01)
     assert scale.slope_std(0.0) > math.tan(Defaults.CAMERA_SLANT.std)
     assert scale.slope_std(0.4) > 0.2
+
+
+@pytest.mark.parametrize("yaw_deg", [-15.0, 15.0])
+def test_lengths_off_the_axis_of_a_camera_aslant_are_as_long_as_they_are(yaw_deg: float) -> None:
+    yaw = math.radians(yaw_deg)
+    ball = seen_by(yaw, 0.0)
+    lens = supposed_lens(ball, (240, 448))
+    usual = ball.centre_px[20]
+    # a camera turned towards +x sees the plane recede towards -x
+    shortened = lens.foreshortening(usual, -yaw)
+    growth = math.sin(-yaw) / (shortened * lens.focal_px)
+    per_px = 0.11 / ball.radius_px[20]
+    scale = BallScale(per_px, usual, usual, 0.0, growth, shortened)
+    near = slice(14, 27)
+    along = np.ptp(scale.point(ball.centre_px[near])[:, 0])
+    assert along == pytest.approx(0.9 * 12 / 39, rel=0.01)
