@@ -16,6 +16,8 @@ further off than three pixels is one of something else.
 import argparse
 import json
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -161,9 +163,10 @@ def followed_room(seed: int, folder: Path) -> Judged:
     return replace(found, words=f"{room.words}: {found.words}", ball=ball)
 
 
-def main() -> None:
-    """Print a line for each room and the count."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+@contextmanager
+def rooms_asked_for(described: str) -> Iterator[tuple[range, Path]]:
+    """Seeds that the command line asks for, and the folder in which their clips are."""
+    parser = argparse.ArgumentParser(description=described)
     parser.add_argument("--rooms", type=int, default=40)
     parser.add_argument("--first", type=int, default=0, help="seed of the first room")
     parser.add_argument("--keep", type=Path, help="folder in which the clips are kept")
@@ -171,8 +174,14 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) if chosen.keep is None else chosen.keep
         folder.mkdir(parents=True, exist_ok=True)
+        yield range(chosen.first, chosen.first + chosen.rooms), folder
+
+
+def main() -> None:
+    """Print a line for each room and the count."""
+    with rooms_asked_for((__doc__ or "").splitlines()[0]) as (seeds, folder):
         rows = []
-        for seed in range(chosen.first, chosen.first + chosen.rooms):
+        for seed in seeds:
             rows.append(followed_room(seed, folder))
             row = rows[-1]
             ball = "–" if row.ball is None else f"{row.ball.verdict} {row.ball.near:.2f}"

@@ -7,14 +7,11 @@ seen, the wall's pitch. No tape, no pendulum, no lens. A clip that the folder ho
 filmed again.
 """
 
-import argparse
-import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 
 from bench.measure import printed_overview
 from bench.measure_truth import Case, rendered
-from bench.rooms.__main__ import filmed_room
+from bench.rooms.__main__ import filmed_room, rooms_asked_for
 from pipelines.measure.chain import MeasureOptions
 from pipelines.setup.tables import CameraSetup, Setup, WallSetup
 from sample_videos.truth import truth_path
@@ -35,20 +32,8 @@ def room_case(seed: int, folder: Path) -> Case:
 
 def main() -> None:
     """Print a row for each room and what holds over all."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--rooms", type=int, default=40)
-    parser.add_argument("--first", type=int, default=0, help="seed of the first room")
-    parser.add_argument("--keep", type=Path, help="folder in which the clips are kept")
-    chosen = parser.parse_args()
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = Path(scratch) if chosen.keep is None else chosen.keep
-        folder.mkdir(parents=True, exist_ok=True)
-
-        def cases() -> Iterator[Case]:
-            for seed in range(chosen.first, chosen.first + chosen.rooms):
-                yield room_case(seed, folder)
-
-        printed_overview(cases())
+    with rooms_asked_for((__doc__ or "").splitlines()[0]) as (seeds, folder):
+        printed_overview(room_case(seed, folder) for seed in seeds)
 
 
 if __name__ == "__main__":
