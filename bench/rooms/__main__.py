@@ -1,8 +1,9 @@
 """Rooms drawn at random, filmed and followed: are ball and mass, and nothing else taken for them?
 
-Run: python -m bench.rooms [--rooms 40] [--first 0] [--keep FOLDER]
+Run: python -m bench.rooms [--rooms 40] [--first 0] [--keep FOLDER] [--traced]
 
-A clip that the folder holds already is not filmed again.
+A clip that the folder holds already is not filmed again. With --traced, rooms and strikes are those
+of `bench.rooms.traced`, which share nothing with the project's renderer (mitsuba must be there).
 
 Of the ball, the part of the frames from the first touch on, in which it is wholly in view, that are
 followed to within half its radius; it is followed where that is 0.9, and something else is where
@@ -24,7 +25,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.rooms.draw import DrawnRoom, draw_room
+from bench.rooms.draw import draw_room
+from bench.rooms.traced import draw_traced, film_traced
 from metrology import MeasurementError
 from sample_videos.render import render_clip
 from sample_videos.truth import FrameTruth, truth_path
@@ -36,6 +38,8 @@ FloatArray = NDArray[np.float64]
 GOOD_PX, WRONG_PX = 1.0, 3.0
 SIDE_FRAMES = 10
 NEARLY_ALL = 0.9
+FAINT = 0.03
+"""Contrast of lines that nobody would lay a pitch to."""
 
 
 @dataclass(frozen=True)
@@ -141,48 +145,91 @@ def kept_truth(clip: Path) -> FrameTruth:
     return FrameTruth(**columns)
 
 
-def filmed_room(seed: int, folder: Path) -> tuple[DrawnRoom, Path]:
-    """Draw a room and film it, unless the folder holds its clip."""
-    room = draw_room(seed)
-    path = folder / f"room_{seed:03d}.mp4"
-    if not truth_path(path).exists():
-        render_clip(room.scene, room.shot, path)
-    return room, path
+@dataclass(frozen=True)
+class FilmedRoom:
+    """A clip of a room, and what anybody in it knows.
+
+    Attributes
+    ----------
+    pitch : float or None
+        Of the wall's grid, m; None where nobody would lay a rule to it.
+    mirrored : bool
+        Whether the pendulum comes from the right.
+    """
+
+    path: Path
+    words: str
+    ball: str
+    fps: float
+    pitch: float | None
+    mirrored: bool
 
 
-def followed_room(seed: int, folder: Path) -> Judged:
-    """Film a room and follow its pendulum."""
-    room, path = filmed_room(seed, folder)
-    truth = kept_truth(path)
+@dataclass(frozen=True)
+class RoomsAskedFor:
+    """Seeds that the command line asks for, and who films them into which folder."""
+
+    seeds: range
+    folder: Path
+    traced: bool
+
+    def filmed(self, seed: int) -> FilmedRoom:
+        """Draw a room and film it, unless the folder holds its clip."""
+        return self._traced(seed) if self.traced else self._drawn(seed)
+
+    def _drawn(self, seed: int) -> FilmedRoom:
+        room = draw_room(seed)
+        path = self.folder / f"room_{seed:03d}.mp4"
+        if not truth_path(path).exists():
+            render_clip(room.scene, room.shot, path)
+        scene, wall = room.scene, room.scene.room.wall
+        pitch = wall.pitch if wall.contrast > FAINT else None
+        return FilmedRoom(
+            path, room.words, scene.ball.name, scene.shutter.fps, pitch, scene.mirrored
+        )
+
+    def _traced(self, seed: int) -> FilmedRoom:
+        room = draw_traced(seed)
+        path = self.folder / f"traced_{seed:03d}.mp4"
+        if not truth_path(path).exists():
+            film_traced(room, path)
+        return FilmedRoom(path, room.words, room.ball, room.fps, room.pitch, room.mirrored)
+
+
+def followed_room(room: FilmedRoom) -> Judged:
+    """Follow a room's pendulum and ball."""
+    truth = kept_truth(room.path)
     try:
-        tracks = follow(ClipReader.open(path), room.scene.shutter.fps)
+        tracks = follow(ClipReader.open(room.path), room.fps)
     except MeasurementError as problem:
         return Judged(False, False, float("nan"), f"{room.words}: {problem.in_one_line}")
-    found = judged(tracks.pendulum, truth, room.scene.mirrored)
+    found = judged(tracks.pendulum, truth, room.mirrored)
     ball = judged_ball(tracks.ball, truth, tracks.background.shape)
     return replace(found, words=f"{room.words}: {found.words}", ball=ball)
 
 
 @contextmanager
-def rooms_asked_for(described: str) -> Iterator[tuple[range, Path]]:
-    """Seeds that the command line asks for, and the folder in which their clips are."""
+def rooms_asked_for(described: str) -> Iterator[RoomsAskedFor]:
+    """What the command line asks for; clips that need not be kept go at the end."""
     parser = argparse.ArgumentParser(description=described)
     parser.add_argument("--rooms", type=int, default=40)
     parser.add_argument("--first", type=int, default=0, help="seed of the first room")
     parser.add_argument("--keep", type=Path, help="folder in which the clips are kept")
+    parser.add_argument("--traced", action="store_true", help="rooms of the path tracer")
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) if chosen.keep is None else chosen.keep
         folder.mkdir(parents=True, exist_ok=True)
-        yield range(chosen.first, chosen.first + chosen.rooms), folder
+        seeds = range(chosen.first, chosen.first + chosen.rooms)
+        yield RoomsAskedFor(seeds, folder, chosen.traced)
 
 
 def main() -> None:
     """Print a line for each room and the count."""
-    with rooms_asked_for((__doc__ or "").splitlines()[0]) as (seeds, folder):
+    with rooms_asked_for((__doc__ or "").splitlines()[0]) as asked:
         rows = []
-        for seed in seeds:
-            rows.append(followed_room(seed, folder))
+        for seed in asked.seeds:
+            rows.append(followed_room(asked.filmed(seed)))
             row = rows[-1]
             ball = "–" if row.ball is None else f"{row.ball.verdict} {row.ball.near:.2f}"
             print(
