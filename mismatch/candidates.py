@@ -237,6 +237,7 @@ def _levels(effect: Effect, forward: Forward) -> list[Level]:
     """
     count = {
         Level.CAMPAIGN: LEAST_GROUPS,
+        Level.SESSION: len(forward.records.session_names) if forward.mode != "swing" else 0,
         Level.BALL: len(set(forward.records.ball_index)) if forward.mode != "swing" else 0,
         Level.TRIAL: forward.records.trials if forward.mode == "flight" else 0,
     }

@@ -470,7 +470,7 @@ def _strengths_of_each(
     if own is None:
         return None
     units = {p.name: p.unit for p in effect.parameters}
-    names = trials if effect.level is Level.TRIAL else forward.records.ball_names
+    names = trials if effect.level is Level.TRIAL else forward.records.groups(effect.level)[1]
     return StrengthsOfEach(
         effect.level.value,
         {name: float(size) for name, size in zip(own.names, own.spread, strict=True)},

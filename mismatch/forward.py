@@ -47,7 +47,7 @@ BUILT_ON = frozenset({EffectId.DRAG, EffectId.MAGNUS})
 
 @dataclass(frozen=True)
 class OwnStrength:
-    """A strength that each ball, or each trial, has a value of its own of.
+    """A strength that each ball, session or trial has a value of its own of.
 
     Attributes
     ----------

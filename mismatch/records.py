@@ -19,7 +19,7 @@ with white noise plus a first-order autoregression (Whittle's likelihood on the 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ from scipy.special import chdtri, fdtrc
 from metrology import Defaults, SetupError, TooLittleDataError, UsageError
 from physics.bodies import GRAVITY, Pendulum
 from physics.domain import FloatArray
+from physics.effects import Level
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -222,6 +223,8 @@ class Trial:
         Nominal back-swing angle, rad.
     position_std : (n, 3) array or None
         Claimed standard uncertainty, m. Tested against the data, not believed.
+    session : str or None
+        Name of the sitting that it was recorded in, for which instruments were set up anew.
     """
 
     name: str
@@ -232,6 +235,7 @@ class Trial:
     ball: str | None = None
     backswing: float | None = None
     position_std: FloatArray | None = None
+    session: str | None = None
 
     def __post_init__(self) -> None:
         for name, times in (("ball", self.ball_time), ("pendulum", self.pendulum_time)):
@@ -311,6 +315,10 @@ class Records:
         Balls in the campaign.
     inflation : (4,) array
         Variance in `sigma` over that of one sample, by channel: memory of the noise.
+    session_index : (T,) int array
+        Which of `session_names` a trial belongs to; empty where none is named.
+    session_names : tuple of str
+        Sessions of the campaign.
     """
 
     ball_time: FloatArray
@@ -327,6 +335,19 @@ class Records:
     ball_index: NDArray[np.int64]
     ball_names: tuple[str, ...]
     inflation: FloatArray = field(default_factory=lambda: np.ones(4))
+    session_index: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    session_names: tuple[str, ...] = ()
+
+    def groups(self, level: Level) -> tuple[NDArray[np.int64], tuple[str, ...]]:
+        """Which trials share a value at a level: group of each trial (T,), names of the groups.
+
+        None of either where nothing says so; trials have no names here, and share nothing.
+        """
+        if level is Level.BALL:
+            return self.ball_index, self.ball_names
+        if level is Level.SESSION:
+            return self.session_index, self.session_names
+        return np.zeros(0, dtype=np.int64), ()
 
     @property
     def trials(self) -> int:
@@ -438,7 +459,23 @@ def lay_out(campaign: CampaignRecords, baseline: Baseline) -> Records:
         ),
         np.array([0 if b is None else names.index(b.name) for b in bodies], dtype=np.int64),
         names or ("",),
+        **_sessions(trials),
     )
+
+
+class _Sessions(TypedDict, total=False):
+    session_index: NDArray[np.int64]
+    session_names: tuple[str, ...]
+
+
+def _sessions(trials: Sequence[Trial]) -> _Sessions:
+    """Sessions in the order of their first trials; trials of none belong to one without a name."""
+    told = [trial.session or "" for trial in trials]
+    names = tuple(dict.fromkeys(told))
+    if names == ("",):
+        return {}
+    index = np.array([names.index(one) for one in told], dtype=np.int64)
+    return {"session_index": index, "session_names": names}
 
 
 DEGREE = 6

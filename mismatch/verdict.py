@@ -62,16 +62,16 @@ class ParameterValue:
 
 @dataclass(frozen=True)
 class StrengthsOfEach:
-    """Strengths that differ from ball to ball, or from trial to trial.
+    """Strengths that differ from ball to ball, session to session or trial to trial.
 
     Attributes
     ----------
     level : str
-        "ball" or "trial".
+        "ball", "session" or "trial".
     scatter : mapping
         Parameter → one sigma about the campaign's value.
     values : mapping
-        Ball or trial → its strengths.
+        Ball, session or trial → its strengths.
     """
 
     level: str
@@ -93,8 +93,8 @@ class StrengthsOfEach:
 class NamedEffect:
     """Something that was left out, in words and numbers.
 
-    Where strengths differ from ball to ball or trial to trial, `parameters` are their means and
-    `each` holds the rest.
+    Where strengths differ from ball to ball, session to session or trial to trial, `parameters` are
+    their means and `each` holds the rest.
     """
 
     id: str

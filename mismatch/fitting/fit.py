@@ -16,7 +16,7 @@ States of a swinging pendulum read off the record itself, with no model of its l
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TypeAlias
@@ -32,6 +32,7 @@ from physics.integrator import Trajectory, integrate
 
 __all__ = [
     "FROM_THE_RECORD",
+    "GROUPED",
     "PIECE_STEPS",
     "Ending",
     "Fit",
@@ -41,11 +42,11 @@ __all__ = [
     "SwingSeen",
     "SwingStart",
     "arcs_of",
-    "ball_columns",
     "closed",
     "fit_model",
     "fitting_start",
     "free_parameters",
+    "grouped_columns",
     "held_information",
     "inverse_of",
     "kept_free",
@@ -86,7 +87,7 @@ class Linearised:
     own : (T, M, q) array
         Derivatives of the scaled prediction by the trial's own values.
     shared : (T, M, n) array
-        Derivatives by the shared parameters: two per ball (impact mode), then the model's.
+        Derivatives by the shared parameters: those of each ball and session, then the model's.
     prior : (q,) array, and
     shared_prior : (n,) array
         Inverse variances.
@@ -125,9 +126,10 @@ def held_information(free: Sequence[Free]) -> FloatArray:
 
 
 def priors(forward: Forward, model: Model) -> tuple[FloatArray, FloatArray]:
-    """Inverse prior variances of the trial-to-trial values, and of each ball's offsets.
+    """Inverse prior variances of the trial-to-trial values, and of each group's offsets.
 
-    Those of the model's own strengths come last; what a ball's trials share is no trial's own.
+    Those of the model's own strengths come last; what trials of a ball or of a session share is no
+    trial's own.
     """
     scatter = forward.baseline.scatter
     if forward.mode == "impact":
@@ -142,17 +144,26 @@ def priors(forward: Forward, model: Model) -> tuple[FloatArray, FloatArray]:
         own = np.array([np.inf, np.inf, scatter.natural_frequency, scatter.angle_zero])
         laws = np.zeros(0)
     mine = [one.spread if one.level is Level.TRIAL else 0.0 for one in model.own]
-    balls = [one.spread for one in model.own if one.level is Level.BALL]
-    own, laws = np.concatenate([own, mine]), np.concatenate([laws, balls])
+    groups = [one.spread for one in model.own if one.level in GROUPED]
+    own, laws = np.concatenate([own, mine]), np.concatenate([laws, groups])
     return 1.0 / np.maximum(own, 1e-12) ** 2, 1.0 / np.maximum(laws, 1e-12) ** 2
 
 
-def ball_columns(forward: Forward, model: Model) -> tuple[int, ...]:
-    """Columns of the trial-to-trial values that the trials of a ball share an offset of."""
+GROUPED = frozenset({Level.BALL, Level.SESSION})
+"""Levels of which several trials, but not all, share a value."""
+
+
+def grouped_columns(forward: Forward, model: Model) -> Mapping[int, Level]:
+    """Columns of the trial-to-trial values of which the trials of a group share an offset."""
     first = len(NUISANCES[forward.mode])
-    laws = (2, 3) if forward.mode == "impact" else ()
-    shared = (first + k for k, one in enumerate(model.own) if one.level is Level.BALL)
-    return (*laws, *shared)
+    laws = dict.fromkeys((2, 3), Level.BALL) if forward.mode == "impact" else {}
+    return laws | {first + k: s.level for k, s in enumerate(model.own) if s.level in GROUPED}
+
+
+def _most_groups(forward: Forward, model: Model) -> int:
+    """Groups at the level that has most of them: rows that a level has not stay at nought."""
+    levels = {Level.BALL, *grouped_columns(forward, model).values()}
+    return max(len(forward.records.groups(level)[1]) for level in levels)
 
 
 def fitting_start(
@@ -160,26 +171,27 @@ def fitting_start(
 ) -> tuple[FloatArray, FloatArray]:
     """Start values in the shape that a model needs: its further own strengths start at the mean."""
     own = len(NUISANCES[forward.mode]) + len(model.own)
-    shape = (len(forward.records.ball_names), len(ball_columns(forward, model)))
+    shape = (_most_groups(forward, model), len(grouped_columns(forward, model)))
     if not shape[1]:
         shape = (0, 0)
     wide, offsets = np.zeros((forward.records.trials, own)), np.zeros(shape)
     held = min(own, nuisance.shape[1])
     wide[:, :held] = nuisance[:, :held]
     if laws.size and offsets.size:
-        kept = min(shape[1], laws.shape[1])
-        offsets[:, :kept] = laws[:, :kept]
+        rows, kept = min(shape[0], laws.shape[0]), min(shape[1], laws.shape[1])
+        offsets[:rows, :kept] = laws[:rows, :kept]
     return wide, offsets
 
 
 def spread_laws(
     forward: Forward, model: Model, nuisance: FloatArray, laws: FloatArray
 ) -> FloatArray:
-    """Add each ball's offsets to its trials' own values."""
+    """Add each group's offsets to its trials' own values."""
     if not laws.size:
         return nuisance
     total = nuisance.copy()
-    total[:, list(ball_columns(forward, model))] += laws[forward.records.ball_index]
+    for place, (column, level) in enumerate(grouped_columns(forward, model).items()):
+        total[:, column] += laws[forward.records.groups(level)[0], place]
     return total
 
 
@@ -220,11 +232,11 @@ def linearise(
     theirs = np.moveaxis(slopes[q:], 0, -1) / np.array(sizes or [1.0])[: len(sizes)]
     own_prior, law_prior = priors(forward, model)
     parts, shared_prior = [], [np.zeros(len(sizes))]
-    columns = list(ball_columns(forward, model))
+    columns = grouped_columns(forward, model)
     if columns:
-        for index in range(len(forward.records.ball_names)):
-            mask = (forward.records.ball_index == index)[:, None, None]
-            parts.append(np.where(mask, mine[..., columns], 0.0))
+        group = np.stack([forward.records.groups(one)[0] for one in columns.values()], axis=-1)
+        for index in range(_most_groups(forward, model)):
+            parts.append(np.where((group == index)[:, None], mine[..., list(columns)], 0.0))
             shared_prior.insert(0, law_prior)
     parts.append(theirs)
     return Linearised(

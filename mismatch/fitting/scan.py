@@ -22,14 +22,15 @@ from scipy.special import chdtrc
 from mismatch.candidates import Candidate, start_values, steps_of
 from mismatch.fitting.fit import (
     FROM_THE_RECORD,
+    GROUPED,
     Fit,
     Free,
     Linearised,
     SwingStart,
     arcs_of,
-    ball_columns,
     fit_model,
     fitting_start,
+    grouped_columns,
     held_information,
     inverse_of,
     linearise,
@@ -72,7 +73,7 @@ LEAST = 1e-4
 
 @dataclass(frozen=True)
 class OwnValues:
-    """What an effect's strengths are for each ball, or each trial.
+    """What an effect's strengths are for each ball, session or trial.
 
     Attributes
     ----------
@@ -82,7 +83,7 @@ class OwnValues:
     spread : (n,) array
         One sigma of their scatter about the campaign's values.
     value, std : (groups, n) array
-        One row for each ball, or each trial.
+        One row for each ball, session or trial.
     """
 
     effect: Effect
@@ -137,10 +138,11 @@ def grouped(
     """Sums over the trials that share a value."""
     if level is Level.TRIAL:
         return score, information
-    count = len(forward.records.ball_names)
+    index, names = forward.records.groups(level)
+    count = len(names)
     total, weight = np.zeros((count, score.shape[1])), np.zeros((count, *information.shape[1:]))
-    np.add.at(total, forward.records.ball_index, score)
-    np.add.at(weight, forward.records.ball_index, information)
+    np.add.at(total, index, score)
+    np.add.at(weight, index, information)
     return total, weight
 
 
@@ -193,9 +195,10 @@ def _around(
     )  # fmt: skip
     score, information = grouped(forward, effect.level, score, information)
     values = nuisance[:, mine]
-    if effect.level is Level.BALL:
-        columns = ball_columns(forward, model)
-        values = laws[:, [columns.index(k) for k in mine]]
+    if effect.level in GROUPED:
+        columns = list(grouped_columns(forward, model))
+        count = len(forward.records.groups(effect.level)[1])
+        values = laws[:count, [columns.index(k) for k in mine]]
     return score, information, values
 
 
@@ -266,7 +269,7 @@ def price_of_levels(forward: Forward, fit: Fit) -> float:
 
 
 def own_values(forward: Forward, fit: Fit, effect: Effect) -> OwnValues | None:
-    """The strengths of an effect for each ball, or each trial; None where all share one."""
+    """The strengths of an effect for each ball, session or trial; None where all share one."""
     mine = [one for one in fit.model.own if one.effect is effect]
     if not mine:
         return None
@@ -304,13 +307,13 @@ def _own_std(forward: Forward, fit: Fit, mine: Sequence[OwnStrength]) -> FloatAr
         for k, item in enumerate(fit.free)
         if fit.model.entries[item.entry][0] is one.effect and item.parameter.name == one.name
     ]
-    columns, first = ball_columns(forward, fit.model), len(NUISANCES[forward.mode])
+    columns, first = list(grouped_columns(forward, fit.model)), len(NUISANCES[forward.mode])
     places = [first + next(k for k, o in enumerate(fit.model.own) if o is one) for one in mine]
-    if mine[0].level is Level.BALL:
-        balls = len(forward.records.ball_names)
+    if mine[0].level in GROUPED:
+        count = len(forward.records.groups(mine[0].level)[1])
         rows = [
-            [ball * len(columns) + columns.index(place) for place in places]
-            for ball in range(balls)
+            [group * len(columns) + columns.index(place) for place in places]
+            for group in range(count)
         ]
         parts = [shared[np.ix_([*row, *of_mean], [*row, *of_mean])] for row in rows]
     else:

@@ -620,8 +620,8 @@ def _steady(forward: Forward, best: Hypothesis, tried: Sequence[Hypothesis]) -> 
 def _significance(fit: Fit, effect: Effect, spreads: FloatArray) -> float:
     """Sigma by which the strongest strength of an effect is off neutral.
 
-    One that each ball or trial has of its own may have a mean of nought; the evidence has weighed
-    its scatter already.
+    One that each ball, session or trial has of its own may have a mean of nought; the evidence has
+    weighed its scatter already.
     """
     if effect.level is not Level.CAMPAIGN:
         return np.inf

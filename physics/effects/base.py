@@ -126,6 +126,7 @@ class Level(Enum):
     """What shares one value of a law's strengths; below the campaign they scatter about a mean."""
 
     CAMPAIGN = "campaign"
+    SESSION = "session"
     BALL = "ball"
     TRIAL = "trial"
 
@@ -496,8 +497,8 @@ class Effect:
     by_air : bool
         Whether the air does it, which then resists the motion as well.
     levels : tuple of Level
-        At which its strengths may live: a coefficient of drag differs from ball to ball, the spin
-        of a throw from throw to throw.
+        At which its strengths may live: a coefficient of drag differs from ball to ball, a draught
+        from day to day, the spin of a throw from throw to throw.
     level : Level
         At which they do in this one.
     sharp : bool

@@ -274,6 +274,7 @@ class Wind(Effect):
     separating: str = "one shot in the opposite direction, or one drop from rest"
     requires: tuple[str, ...] = ("drag",)
     looseness: float = 0.15
+    levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.SESSION)
     by_air: bool = True
     coordinate: Coordinate = Coordinate.HEIGHT
 

@@ -11,6 +11,7 @@ from physics.effects.base import (
     Effect,
     Extent,
     Form,
+    Level,
     Parameter,
     Phase,
     Values,
@@ -104,6 +105,7 @@ class TimeBase(Effect):
     confusable: tuple[str, ...] = ("length_scale", "buoyancy", "drag")
     separating: str = CLOCK
     looseness: float = 0.02
+    levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.SESSION)
     coordinate: Coordinate = Coordinate.TIME
 
     def clock(self, values: Values, time: Number) -> Number:
@@ -136,6 +138,7 @@ class LengthScale(Effect):
     confusable: tuple[str, ...] = ("time_base", "parallax", "drag")
     separating: str = RULER
     looseness: float = 0.03
+    levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.SESSION)
     coordinate: Coordinate = Coordinate.PLACE
 
     def image(self, values: Values, view: CameraView) -> Vector:
@@ -175,6 +178,7 @@ class CameraRoll(Effect):
     confusable: tuple[str, ...] = ("oblique_impact", "effective_mass", "support_recoil")
     separating: str = PLUMB
     looseness: float = 0.03
+    levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.SESSION)
     axes: int = 2
     coordinate: Coordinate = Coordinate.PLACE
 
@@ -342,6 +346,7 @@ class OriginOffset(Effect):
     confusable: tuple[str, ...] = ("contact_displacement", "parallax")
     separating: str = "the ball at rest in view together with the wall scale"
     looseness: float = 0.0
+    levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.SESSION)
 
     def image(self, values: Values, view: CameraView) -> Vector:
         """Displace."""

@@ -9,6 +9,7 @@ from physics.effects.base import (
     Coordinate,
     Effect,
     Form,
+    Level,
     Parameter,
     Phase,
     Size,
@@ -173,6 +174,7 @@ class BackswingOffset(Effect):
     confusable: tuple[str, ...] = ("bearing_friction", "viscous_damping", "effective_mass")
     separating: str = "a plumb line in view, or the start of the swing in view"
     looseness: float = 0.0
+    levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.SESSION)
 
     def start(self, values: Values, backswing: Number) -> Number:
         """Reading plus offset."""

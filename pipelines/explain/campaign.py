@@ -64,6 +64,9 @@ NUMBERS = (
     "t_s", "x_m", "y_m", "z_m", "phi_rad", "backswing_deg", "x_m_std", "y_m_std", "z_m_std",
 )  # fmt: skip
 
+STATED = ("ball", "session")
+"""Columns of words that say one thing of each trial."""
+
 COARSE = 0.2
 """Share of rows that repeat a time from which it is the clock that is wrong, not a few rows."""
 MOST_ROWS = 8000
@@ -148,8 +151,9 @@ def _tidied(
 
 
 def _of_one_mind(table: pd.DataFrame, what: str, notes: list[str]) -> pd.DataFrame:
-    """Without trials that state two balls, or two back-swings."""
-    for column, said in (("backswing_deg", "two back-swings"), ("ball", "two balls")):
+    """Without trials that state two balls, two sessions or two back-swings."""
+    told = {"backswing_deg": "two back-swings", "ball": "two balls", "session": "two sessions"}
+    for column, said in told.items():
         if column not in table:
             continue
         stated = table.groupby("trial", sort=False)[column].nunique()
@@ -214,7 +218,7 @@ def _samples(
         from pipelines.interop.measured import track_table
 
         source = track_table(source, setup.columns)
-    sheet = read_sheet(source, UNITS, ("trial", "ball"))
+    sheet = read_sheet(source, UNITS, ("trial", *STATED))
     table = sheet.table
     if is_track_table(table):
         if "phi_rad" in needed:
@@ -335,7 +339,8 @@ def _by_trial(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 def _trial(name: str, ball: pd.DataFrame | None, swing: pd.DataFrame | None) -> Trial:
     time, position, std = np.zeros(0), np.zeros((0, 3)), None
-    ball_name, backswing = None, None
+    words: dict[str, str | None] = dict.fromkeys(STATED)
+    backswing = None
     if ball is not None:
         time = _numbers(ball, "t_s")
         blank = np.full(time.shape, np.nan)
@@ -349,14 +354,21 @@ def _trial(name: str, ball: pd.DataFrame | None, swing: pd.DataFrame | None) -> 
                     for axis in ("x_m_std", "y_m_std", "z_m_std")
                 ]
             )
-        if "ball" in ball and ball["ball"].notna().any():
-            ball_name = str(ball["ball"].dropna().iloc[0]).strip()
+        words = {name: _word(ball, name) for name in STATED}
         if "backswing_deg" in ball and ball["backswing_deg"].notna().any():
             backswing = math.radians(float(ball["backswing_deg"].dropna().iloc[0]))
     swing_time, angle = np.zeros(0), np.zeros(0)
     if swing is not None:
         swing_time, angle = _numbers(swing, "t_s"), _numbers(swing, "phi_rad")
-    return Trial(name, time, position, swing_time, angle, ball_name, backswing, std)
+    return Trial(
+        name, time, position, swing_time, angle, words["ball"], backswing, std, words["session"]
+    )
+
+
+def _word(table: pd.DataFrame, column: str) -> str | None:
+    """What a trial's rows say in a column of words; None where they don't."""
+    said = [] if column not in table else table[column].dropna().tolist()
+    return str(said[0]).strip() if said else None
 
 
 def baseline_from_setup(setup: Setup, campaign: CampaignRecords) -> Baseline:

@@ -457,10 +457,19 @@ MOST_WARNINGS = 3
 
 @dataclass(frozen=True)
 class ClipFacts:
-    """What the lab wrote down about one clip: back-swing (rad) and ball; None where it did not."""
+    """What the lab wrote down about one clip; None where it did not.
+
+    Attributes
+    ----------
+    backswing : float or None
+        rad.
+    ball, session : str or None
+        Their names.
+    """
 
     backswing: float | None = None
     ball: str | None = None
+    session: str | None = None
 
 
 @dataclass(frozen=True)
@@ -480,7 +489,7 @@ class ClipCampaign(CampaignRecords):
 
 
 def clip_facts(path: Path) -> dict[str, ClipFacts]:
-    """Read a table of clips: columns ``clip``, and ``backswing_deg`` or ``ball`` or both.
+    """Read a table of clips: ``clip``, and ``backswing_deg``, ``ball``, ``session``, or some.
 
     Returns
     -------
@@ -492,11 +501,11 @@ def clip_facts(path: Path) -> dict[str, ClipFacts]:
     UsageError
         If the file can't be read, or has no column ``clip``.
     """
-    table = read_sheet(path, {"backswing": "deg"}, ("clip", "ball")).table
-    if "clip" not in table or not {"backswing_deg", "ball"} & set(table.columns):
+    table = read_sheet(path, {"backswing": "deg"}, ("clip", "ball", "session")).table
+    if "clip" not in table or not {"backswing_deg", "ball", "session"} & set(table.columns):
         raise UsageError(
             f"{path} has the columns {', '.join(table.columns)}",
-            hint="A table of clips has the columns clip and backswing_deg, and may have ball.",
+            hint="A table of clips has a column clip, and backswing_deg, ball or session.",
         )
     nothing = pd.Series(np.nan, index=table.index)
     angles = nothing.to_numpy()
@@ -505,12 +514,12 @@ def clip_facts(path: Path) -> dict[str, ClipFacts]:
         angles = numbers_of(table, "backswing_deg", path.name, said)
         if said:
             raise UsageError(said[0].removesuffix("; they are left out"), hint="Mend these cells.")
-    balls = table.get("ball", nothing)
+    words = [table.get(column, nothing) for column in ("ball", "session")]
     facts = {}
-    for name, angle, ball in zip(table["clip"], angles, balls, strict=True):
+    for name, angle, *said in zip(table["clip"], angles, *words, strict=True):
         facts[Path(str(name).strip()).stem] = ClipFacts(
             None if pd.isna(angle) else math.radians(float(angle)),
-            None if pd.isna(ball) else str(ball).strip(),
+            *(None if pd.isna(word) else str(word).strip() for word in said),
         )
     return facts
 
@@ -670,7 +679,7 @@ def trial_of(
     ball = facts.ball or (None if setup.ball is None else setup.ball.name)
     trial = Trial(
         name, tracks.ball_time_s[flying], np.column_stack([moved, blank]), tracks.swing_time_s,
-        tracks.swing_rad, ball, backswing, np.column_stack([std, blank]),
+        tracks.swing_rad, ball, backswing, np.column_stack([std, blank]), facts.session,
     )  # fmt: skip
     return trial, notes
 

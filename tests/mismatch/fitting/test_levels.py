@@ -1,4 +1,4 @@
-"""Strengths of each ball and of each throw, on flights that scipy integrated."""
+"""Strengths of each ball, session and throw, on flights that scipy integrated."""
 
 from dataclasses import replace
 
@@ -15,6 +15,7 @@ from mismatch.records import BallModel, Baseline, CampaignRecords, Trial
 from mismatch.verdict import Doubt, pass_gate
 from physics.effects import CATALOGUE, Effect, Level
 from physics.effects.base import Form
+from tests.mismatch.synthetic import struck_campaign
 
 GRAVITY = 9.80665
 DENSITY = 1.2
@@ -22,14 +23,16 @@ MASS, DIAMETER = 0.0027, 0.04
 NOISE = 0.002
 
 
-def _flight(drag: float, spin: np.ndarray, velocity: np.ndarray, time: np.ndarray) -> np.ndarray:
+def _flight(
+    drag: float, spin: np.ndarray, velocity: np.ndarray, time: np.ndarray, wind: float = 0.0
+) -> np.ndarray:
     area = np.pi / 4.0 * DIAMETER**2
 
     def rate(_: float, state: np.ndarray) -> np.ndarray:
         v = state[3:]
-        speed = float(np.linalg.norm(v))
+        past = v - [wind, 0.0, 0.0]
         air = 0.5 * DENSITY * area / MASS * (
-            -drag * speed * v + 0.5 * DIAMETER * np.cross(spin, v)
+            -drag * float(np.linalg.norm(past)) * past + 0.5 * DIAMETER * np.cross(spin, v)
         )  # fmt: skip
         return np.concatenate([v, air - [0.0, GRAVITY, 0.0]])
 
@@ -72,6 +75,7 @@ def _at(law: Effect, level: Level) -> Effect:
 
 
 DRAG = CATALOGUE["drag"][0]
+ROLL = next(one for one in CATALOGUE["camera_roll"] if one.form == Form.BALL_ONLY)
 SPIN = next(one for one in CATALOGUE["magnus"] if one.form == Form.SPIN_VECTOR)
 
 
@@ -121,6 +125,75 @@ def test_a_balls_own_drag_shares_the_doubt_of_the_ruler():
         pulls.append(off / own.std[:, 0])
     assert np.sqrt(np.mean(np.square(pulls))) < 1.6
     assert np.sqrt(np.mean(np.square(pulls))) > 0.4
+
+
+def _in_sessions(draughts: dict[str, float]) -> tuple[CampaignRecords, Baseline]:
+    """Four throws of two balls in each session, in the draught of that session."""
+    rng = np.random.default_rng(5)
+    time = np.arange(0.0, 0.6, 1.0 / 60.0)
+    trials = []
+    for session, draught in draughts.items():
+        for index in range(4):
+            start = np.array([rng.uniform(4.0, 7.0), rng.uniform(0.5, 2.5), 0.0])
+            seen = _flight(0.45, np.zeros(3), start, time, draught)
+            seen = seen + NOISE * rng.standard_normal(seen.shape)
+            name, ball = f"{session} {index}", ("white", "red")[index % 2]
+            blank = np.zeros(0)
+            trials.append(Trial(name, time, seen, blank, blank, ball, session=session))
+    bodies = {name: BallModel(name, MASS, DIAMETER) for name in ("white", "red")}
+    known = Baseline(bodies, air_density=DENSITY, effects={"drag": {"drag_coefficient": 0.45}})
+    return CampaignRecords(tuple(trials)), known
+
+
+WIND = CATALOGUE["wind"][0]
+
+
+def test_a_draught_of_each_session_is_told_session_by_session():
+    draughts = {"Monday": 0.9, "Tuesday": -0.7, "Friday": 0.1}
+    campaign = _in_sessions(draughts)
+    _, shared = _fitted(*campaign, [_at(WIND, Level.CAMPAIGN)])
+    forward, each = _fitted(*campaign, [_at(WIND, Level.SESSION)])
+    assert each.reduced_chi2 < 1.2
+    assert each.penalised_gain > shared.penalised_gain + 50.0
+    own = own_values(forward, each.fit, each.members[0].effect)
+    assert own is not None
+    _, names = forward.records.groups(Level.SESSION)
+    assert names == tuple(draughts)
+    assert np.all(np.abs(own.value[:, 0] - list(draughts.values())) < 4.0 * own.std[:, 0])
+    assert np.all(own.std < 0.1)
+
+
+def test_sessions_in_one_draught_share_it():
+    campaign = _in_sessions(dict.fromkeys(("Monday", "Tuesday", "Friday"), 0.8))
+    _, shared = _fitted(*campaign, [_at(WIND, Level.CAMPAIGN)])
+    _, each = _fitted(*campaign, [_at(WIND, Level.SESSION)])
+    assert shared.penalised_gain > each.penalised_gain
+
+
+def test_strikes_of_one_ball_tell_how_the_camera_stood_in_each_session():
+    campaign, baseline = struck_campaign()
+    turns = {"first": 0.012, "second": -0.009}
+    trials = []
+    for index, trial in enumerate(campaign.trials):
+        session = ("first", "second")[index % 2]
+        cosine, sine = np.cos(turns[session]), np.sin(turns[session])
+        x, y, z = trial.position.T
+        seen = np.column_stack([cosine * x - sine * y, sine * x + cosine * y, z])
+        trials.append(replace(trial, position=seen, session=session))
+    forward, each = _fitted(CampaignRecords(tuple(trials)), baseline, [_at(ROLL, Level.SESSION)])
+    own = own_values(forward, each.fit, each.members[0].effect)
+    assert own is not None
+    assert each.reduced_chi2 < 1.2
+    assert np.all(np.abs(own.value[:, 0] - list(turns.values())) < 4.0 * own.std[:, 0])
+    assert np.all(own.std < 1e-3)
+
+
+def test_without_sessions_nothing_lives_at_their_level():
+    campaign, baseline = struck_campaign()
+    forward = prepare(campaign, baseline).forward
+    assert forward.records.groups(Level.SESSION)[1] == ()
+    found = candidates_for(forward, Model(), [WIND, ROLL], unnamed=False)
+    assert {one.effect.level for one in found} == {Level.CAMPAIGN}
 
 
 def test_an_answer_without_the_drag_that_nature_always_has_pays_for_it():

@@ -136,6 +136,12 @@ def test_strikes_are_compared_only_where_that_is_asked_for():
     assert strikes.trials[0].pendulum_time.size > 0
 
 
+def test_a_clip_belongs_to_the_session_that_its_table_says():
+    facts = {"b": ClipFacts(math.radians(50.0), session="Monday")}
+    campaign = campaign_from_clips([Path("b.mp4")], SETUP, facts, chain({"b": measured()}))
+    assert campaign.trials[0].session == "Monday"
+
+
 def test_two_clips_of_one_name_are_refused():
     with pytest.raises(UsageError, match="two clips"):
         campaign_from_clips([Path("x/a.mp4"), Path("y/a.mp4")], SETUP, None, chain({}))
@@ -143,9 +149,9 @@ def test_two_clips_of_one_name_are_refused():
 
 def test_a_table_of_clips_is_read_by_name_without_ending(tmp_path):
     table = tmp_path / "trials.csv"
-    table.write_text("clip,backswing_deg,ball\nfilms/a.mp4,60,jokku\nb,,\n")
+    table.write_text("clip,backswing_deg,ball,session\nfilms/a.mp4,60,jokku,1\nb,,,\n")
     facts = clip_facts(table)
-    assert facts["a"] == ClipFacts(math.radians(60.0), "jokku")
+    assert facts["a"] == ClipFacts(math.radians(60.0), "jokku", "1")
     assert facts["b"] == ClipFacts()
     table.write_text("film,angle\na,1\n")
     with pytest.raises(UsageError, match="columns"):

@@ -166,6 +166,15 @@ def test_a_trial_that_states_two_back_swings_is_left_out_and_told(tmp_path):
     assert any("trial 0 states two back-swings" in note for note in campaign.notes)
 
 
+def test_sessions_are_read_as_words_and_a_trial_of_two_is_left_out(tmp_path):
+    ball = tmp_path / "ball.csv"
+    rows = [f"{k % 3},{k / 10},{k},{(7, 'b', '7' if k < 20 else 'b')[k % 3]}" for k in range(30)]
+    ball.write_text("trial,t_s,x_m,session\n" + "\n".join(rows) + "\n")
+    campaign = load_campaign(ball, None, read_setup(SETUP))
+    assert [(trial.name, trial.session) for trial in campaign.trials] == [("0", "7"), ("1", "b")]
+    assert any("trial 2 states two sessions" in note for note in campaign.notes)
+
+
 def test_a_clock_that_stands_still_is_refused(tmp_path):
     ball = tmp_path / "ball.csv"
     ball.write_text("trial,t_s,x_m\n" + "".join(f"1,{k // 2},{k}\n" for k in range(20)))
