@@ -19,6 +19,7 @@ __all__ = [
     "LEAST_SEEN",
     "Moments",
     "gains_along",
+    "most_gained",
     "registered",
     "registration_moments",
 ]
@@ -45,6 +46,7 @@ _A = np.float32(-0.5)
 _A2, _A3 = np.float32(1.5), np.float32(2.5)
 _A4, _A5, _A8 = np.float32(-2.0), np.float32(-2.5), np.float32(-4.0)
 _ROBUST = np.float32(3.0)
+_GAIN = float(_ROBUST * _ROBUST) / (2.0 * CORRELATED_PIXELS)
 # Standard deviation over median size of a normal variable; of the noise, what residuals have at
 # the least.
 _STD_OF_MEDIAN, _LEAST_SCALE = 1.4826, 0.7
@@ -256,8 +258,12 @@ def _compared(layer: FloatImage, noise: float, work: FloatImage) -> tuple[float,
             gained += opacity * math.log(ratio)
             there += opacity * abs(work[5, k])
             left += opacity * abs(work[1, k])
-    share = float(_ROBUST * _ROBUST) / (2.0 * CORRELATED_PIXELS)
-    return share * gained, 1.0 - left / max(there, 1e-9)
+    return _GAIN * gained, 1.0 - left / max(there, 1e-9)
+
+
+def most_gained(differs: FloatImage, opacity: FloatArray, noise: float) -> float:
+    """Log-likelihood that a layer gains which explains all that differs from the scene (n,)."""
+    return float(_GAIN * (opacity @ np.log1p((differs / (_ROBUST * noise)) ** 2)))
 
 
 @compiled

@@ -17,7 +17,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from vision.compiled import CORRELATED_PIXELS, LEAST_SEEN, gains_along, registration_moments
+from vision.compiled import (
+    CORRELATED_PIXELS,
+    LEAST_SEEN,
+    gains_along,
+    most_gained,
+    registration_moments,
+)
 from vision.pendulum.arc import ImagedSwing, Patch, disc, sampled
 
 __all__ = [
@@ -26,6 +32,7 @@ __all__ = [
     "Placed",
     "RegistrationStep",
     "bundle",
+    "differing",
     "learnt_look",
     "locate_along",
     "registration_step",
@@ -180,6 +187,19 @@ def registration_step(
         return None
     rms_residual = float(np.sqrt(squares / (weights + 1e-9))) / glimpse.noise
     return RegistrationStep(normal, pull, scale, seen, gained, explained, rms_residual)
+
+
+def differing(patch: Patch, placing: FloatArray, glimpse: Glimpse) -> float:
+    """The gain of a look that would explain all of what differs from the scene where it lies."""
+    away = placing[2:].reshape(2, 2) @ [patch.x, patch.y]
+    at = placing[:2] + away.T
+    height, width = glimpse.picture.shape
+    seen = ((at > 1) & (at < [width - 2, height - 2])).all(axis=1)
+    if glimpse.hidden is not None:
+        x, y, radius = glimpse.hidden
+        seen &= (at[:, 0] - x) ** 2 + (at[:, 1] - y) ** 2 > radius**2
+    shown, scene = (sampled(one, *at[seen].T) for one in (glimpse.picture, glimpse.behind))
+    return most_gained(shown - glimpse.gain * scene, patch.opacity[seen], glimpse.noise)
 
 
 def locate_along(

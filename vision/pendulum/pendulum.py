@@ -7,6 +7,7 @@ turn; the pictures tell which of the two, and which piece, explains more of what
 A piece of what moved, registered freely from frame to frame on its way to the ball.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -22,6 +23,7 @@ from vision.pendulum.layer import (
     Glimpse,
     Placed,
     bundle,
+    differing,
     learnt_look,
     locate_along,
     registration_step,
@@ -29,7 +31,7 @@ from vision.pendulum.layer import (
 from vision.scene import Backdrop, FilmedScene
 from vision.tracks import Rest
 
-__all__ = ["Follower", "Swinging", "follow_on", "follow_piece"]
+__all__ = ["Follower", "Swinging", "follow_on", "follow_piece", "most_explained"]
 
 FloatArray = NDArray[np.float64]
 
@@ -265,6 +267,13 @@ class Follower:
         """In how many frames, at least so many, the ball flies so many of its radii."""
         return self.rest.frames_along(radii, self.radius, least)
 
+    @property
+    def compared(self) -> list[int]:
+        """The frames around the strike in which rivals are compared."""
+        first, end = self.rest.last - self.frames(_BEFORE), self.rest.last + self.frames(_TRIAL)
+        every = range(first, end, max(1, (end - first) // _COMPARED))
+        return [index for index in every if 0 <= index < self.scene.count]
+
     def hidden(self, index: int) -> tuple[float, float, float] | None:
         """The disc in which the ball may be in front."""
         frames = self.ball.frame
@@ -455,15 +464,11 @@ class _Walk:
 
     def _gain(self) -> float:
         """What the body explains around the strike; frames in which it was lost count nothing."""
-        last = self._follower.rest.last
-        first, end = last - self._follower.frames(_BEFORE), last + self._follower.frames(_TRIAL)
         total = 0.0
-        for index in range(first, end, max(1, (end - first) // _COMPARED)):
+        for index in self._follower.compared:
             if index not in self.known:
                 continue
-            pose = self.known[index]
-            cosine, sine = np.cos(pose.turn), np.sin(pose.turn)
-            placing = np.array([*pose.anchor, cosine, -sine, sine, cosine])
+            placing = _placing(self.known[index])
             held = [
                 one
                 for glimpse in self._follower.glimpses(index)
@@ -471,6 +476,44 @@ class _Walk:
             ]
             total += min((one.gain_of_it for one in held), default=0.0)
         return total
+
+
+def most_explained(follower: Follower, piece: MassCandidate, body: Swinging) -> float:
+    """The gain, at most, that a piece can have as a part of a body that was followed.
+
+    No look explains more than all that differs from the scene where the piece lies.
+
+    Parameters
+    ----------
+    follower : Follower
+    piece : MassCandidate
+    body : Swinging
+        Which it is taken to move with.
+
+    Returns
+    -------
+    float
+        See `Swinging.gain`; infinite where the body was lost in a frame that counts.
+    """
+    poses = dict(zip(body.mass.frame.tolist(), body.mass.poses, strict=True))
+    if not {piece.frame, *follower.compared} <= set(poses):
+        return math.inf
+    own = poses[piece.frame]
+    cosine, sine = math.cos(own.turn), math.sin(own.turn)
+    x, y = piece.patch.x + piece.anchor[0] - own.anchor[0], piece.patch.y + piece.anchor[1]
+    y = y - own.anchor[1]
+    in_body = replace(piece.patch, x=cosine * x + sine * y, y=cosine * y - sine * x)
+    total = 0.0
+    for index in follower.compared:
+        placing = _placing(poses[index])
+        total += min(differing(in_body, placing, one) for one in follower.glimpses(index))
+    return total
+
+
+def _placing(pose: Pose) -> FloatArray:
+    """Where a pose puts its patch, (6,)."""
+    cosine, sine = math.cos(pose.turn), math.sin(pose.turn)
+    return np.array([*pose.anchor, cosine, -sine, sine, cosine])
 
 
 def _strays(frame: NDArray[np.int64], angle: FloatArray) -> float:

@@ -20,9 +20,15 @@ from numpy.typing import NDArray
 from metrology.least_squares import minimise
 from vision.ball.ball import BallFits
 from vision.ball.edges import TYPICAL_GAMMA
-from vision.pendulum.arc import ImagedSwing
-from vision.pendulum.face import MassPoses, Striking, find_face, find_mass
-from vision.pendulum.pendulum import Follower, Swinging, follow_on, follow_piece
+from vision.pendulum.arc import ImagedSwing, Patch
+from vision.pendulum.face import MassCandidate, MassPoses, Striking, find_face, find_mass
+from vision.pendulum.pendulum import (
+    Follower,
+    Swinging,
+    follow_on,
+    follow_piece,
+    most_explained,
+)
 from vision.scene import Backdrop, FilmedScene, scene_before_strike
 from vision.tracks import Face, PendulumTrack, Rest, Track
 
@@ -379,9 +385,14 @@ class _StrikerSearch:
         """Follow every piece; None where nothing swings towards the ball."""
         follower = Follower(scene, rest, ball, before)
         pieces = find_mass(scene, rest, follower.radius, before, at)
-        followed = [one for piece in pieces if (one := follow_piece(follower, piece)) is not None]
-        # What explains no more than the scene without it is none.
-        followed = [one for one in followed if one.gain > 0.0]
+        followed: list[Swinging] = []
+        for piece in pieces:
+            if followed and _settles(steadiest(followed), piece, follower):
+                continue
+            one = follow_piece(follower, piece)
+            # What explains no more than the scene without it is none.
+            if one is not None and one.gain > 0.0:
+                followed.append(one)
         if not followed:
             return None
         best = steadiest(followed)
@@ -431,6 +442,20 @@ def steadiest(followed: list[Swinging]) -> Swinging:
     return max(even, key=lambda one: one.gain)
 
 
+def _settles(best: Swinging, piece: MassCandidate, follower: Follower) -> bool:
+    """Whether a piece of the best body so far cannot be taken instead, so that nobody follows it.
+
+    The body swings so evenly that no other is preferred for that, and it explains more than all
+    that differs from the scene where the piece lies. What is nested in it is no rival either.
+    """
+    if best.striking is not Striking.AGREES or best.scatter_px > _EVEN_PX:
+        return False
+    if not most_explained(follower, piece, best) < best.gain:
+        return False
+    theirs = _covered_in(piece.frame, best.mass)
+    return _shared(_covered(piece.patch, piece.anchor, 0.0), theirs) > _NESTED
+
+
 def another_body(one: Swinging, best: Swinging) -> bool:
     """Whether two followed pieces are different bodies: elsewhere, and another pivot or rate.
 
@@ -458,18 +483,26 @@ def _shared_area(one: MassPoses, other: MassPoses) -> float:
     if len(common) == 0:
         return 0.0
     index = int(common[len(common) // 2])
-    ours, theirs = (_covered(mass, index) for mass in (one, other))
+    return _shared(_covered_in(index, one), _covered_in(index, other))
+
+
+def _shared(ours: set[tuple[int, int]], theirs: set[tuple[int, int]]) -> float:
     return len(ours & theirs) / max(min(len(ours), len(theirs)), 1)
 
 
-def _covered(mass: MassPoses, index: int) -> set[tuple[int, int]]:
-    """Pixels that a piece covers in a frame."""
+def _covered_in(index: int, mass: MassPoses) -> set[tuple[int, int]]:
+    """Pixels that a mass covers in a frame in which it was found."""
     pose = mass.poses[int(np.searchsorted(mass.frame, index))]
-    solid = mass.patch.opacity > _SOLID
-    x, y = mass.patch.x[solid], mass.patch.y[solid]
-    cosine, sine = np.cos(pose.turn), np.sin(pose.turn)
-    column = np.rint(pose.anchor[0] + cosine * x - sine * y).astype(np.int64)
-    row = np.rint(pose.anchor[1] + sine * x + cosine * y).astype(np.int64)
+    return _covered(mass.patch, pose.anchor, pose.turn)
+
+
+def _covered(patch: Patch, anchor: FloatArray, turn: float) -> set[tuple[int, int]]:
+    """Pixels that a patch covers where it lies so."""
+    solid = patch.opacity > _SOLID
+    x, y = patch.x[solid], patch.y[solid]
+    cosine, sine = np.cos(turn), np.sin(turn)
+    column = np.rint(anchor[0] + cosine * x - sine * y).astype(np.int64)
+    row = np.rint(anchor[1] + sine * x + cosine * y).astype(np.int64)
     return set(zip(column.tolist(), row.tolist(), strict=True))
 
 

@@ -7,12 +7,13 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.vision.ball.painted import PaintedClip
-from tests.vision.pendulum.swinging import RADIUS, Make, filmed
+from tests.vision.pendulum.swinging import RADIUS, Filmed, Make, filmed
 from vision.clip.footage import Footage
+from vision.pendulum import search
 from vision.pendulum.arc import Arc, ImagedSwing, Patch, Pose
-from vision.pendulum.face import MassPoses, Striking, find_mass
-from vision.pendulum.pendulum import Swinging
-from vision.pendulum.search import Striker, another_body, steadiest
+from vision.pendulum.face import MassCandidate, MassPoses, Striking, find_mass
+from vision.pendulum.pendulum import Follower, Swinging, follow_piece, most_explained
+from vision.pendulum.search import Striker, another_body, find_striker, steadiest
 from vision.scene import Backdrop, FilmedScene, scene_before_strike
 from vision.tracks import Face
 
@@ -104,6 +105,62 @@ def test_a_mass_is_cut_out_where_it_is_however_much_wall_is_filmed(around: int) 
             np.rint(piece.patch.x + piece.anchor[0]).astype(int),
         ]
         assert shown[solid].mean() == pytest.approx(piece.patch.look[solid].mean(), rel=0.02)
+
+
+def followed_alone(film: Filmed) -> tuple[Follower, list[tuple[MassCandidate, Swinging]]]:
+    """Every piece of what moved, followed whatever the others were."""
+    before = Backdrop(film.scene, scene_before_strike(film.scene, film.rest, RADIUS), RADIUS)
+    follower = Follower(film.scene, film.rest, film.ball, before)
+    pieces = find_mass(film.scene, film.rest, RADIUS, before)
+    found = [(piece, follow_piece(follower, piece)) for piece in pieces]
+    return follower, [(piece, one) for piece, one in found if one is not None]
+
+
+WIDE, ROUND = Make(half=(11.0, 5.0)), Make(half=(6.0, 6.0), round=True, rod=0.7, light=0.3)
+
+
+@pytest.mark.parametrize("make", [WIDE, ROUND], ids=["wide", "round"])
+def test_no_part_of_a_body_explains_more_than_all_that_differs_where_it_lies(make: Make) -> None:
+    follower, found = followed_alone(filmed(make))
+    (_, whole), *parts = found
+    assert parts
+    for piece, one in parts:
+        bound = most_explained(follower, piece, whole)
+        # gray levels between pixels are told by two interpolations
+        assert one.gain < 1.02 * bound
+        assert bound < 1.5 * one.gain
+
+
+def test_a_part_is_bound_by_nothing_where_the_body_was_lost() -> None:
+    follower, found = followed_alone(filmed(WIDE))
+    (_, whole), (piece, _), *_ = found
+    kept = whole.mass.frame != follower.compared[3]
+    poses = tuple(pose for pose, keep in zip(whole.mass.poses, kept, strict=True) if keep)
+    lost = replace(whole, mass=replace(whole.mass, frame=whole.mass.frame[kept], poses=poses))
+    assert np.isinf(most_explained(follower, piece, lost))
+
+
+@pytest.mark.parametrize(
+    ("make", "fewer"), [(WIDE, True), (replace(WIDE, half=(8.0, 8.0)), False)], ids=["even", "not"]
+)
+def test_parts_of_what_swings_evenly_are_not_followed_and_the_same_body_is_taken(
+    make: Make, fewer: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    film = filmed(make)
+    _, found = followed_alone(film)
+    best = steadiest([one for _, one in found])
+    tried: list[MassCandidate] = []
+
+    def counted(follower: Follower, piece: MassCandidate) -> Swinging | None:
+        tried.append(piece)
+        return follow_piece(follower, piece)
+
+    monkeypatch.setattr(search, "follow_piece", counted)
+    striker = find_striker(film.scene, film.rest, film.ball)
+    assert striker is not None
+    assert (len(tried) < len(found)) is fewer
+    assert striker.mass.patch.x == pytest.approx(best.mass.patch.x)
+    assert striker.doubt == 0.0
 
 
 def test_no_mass_is_looked_for_behind_a_ball_at_the_edge_of_the_picture() -> None:
