@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import permutations
 
 import numpy as np
 
@@ -393,18 +394,22 @@ def _groups(best: Hypothesis | None, rivals: Sequence[Hypothesis]) -> tuple[tupl
     """Ids that may stand for each other, one group for each member that has rivals."""
     if best is None:
         return ()
+    phases = {member.id: member.effect.phase for one in (best, *rivals) for member in one.members}
     groups: list[list[str]] = [[one] for one in best.ids]
-    for rival in rivals:
-        theirs = list(rival.ids)
-        left = list(best.ids)
-        for one in list(left):
-            if one in theirs:
-                left.remove(one)
-                theirs.remove(one)
-        for mine, other in zip(left, theirs, strict=False):
-            place = best.ids.index(mine)
-            if other not in groups[place]:
-                groups[place].append(other)
+
+    def apart(pairs: Sequence[tuple[str, str]]) -> tuple[int, int]:
+        other_kind = sum(phases[mine] != phases[other] for mine, other in pairs)
+        return other_kind, sum(other not in groups[best.ids.index(mine)] for mine, other in pairs)
+
+    # Rivals that differ in one name tell whose place it takes; of two each takes that of its kind.
+    for rival in sorted(rivals, key=lambda one: len(set(best.ids) - set(one.ids))):
+        left = [one for one in best.ids if one not in rival.ids]
+        theirs = [one for one in rival.ids if one not in best.ids]
+        ways = [list(zip(left, order, strict=False)) for order in permutations(theirs)]
+        for mine, other in min(ways, key=apart):
+            group = groups[best.ids.index(mine)]
+            if other not in group:
+                group.append(other)
     return tuple(tuple(group) for group in groups if len(group) > 1)
 
 

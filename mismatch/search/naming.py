@@ -107,7 +107,8 @@ MOST_SINGLES = 16
 
 MOST_INSTEAD = 6
 
-"""Pairs of laws that are fitted in place of one that leaves nothing over; supposed."""
+"""Pairs of laws that are fitted in place of one that leaves nothing over, and laws that are fitted
+in place of one of several; supposed."""
 
 SCALES = frozenset({"length_scale", "time_base"})
 
@@ -541,6 +542,7 @@ def name_effects(
     best = steady
     if best.reduced_chi2 >= POOR_FIT and forward.mode == "flight":
         tried.extend(_with_ruler_or_clock(forward, base, effects, best))
+    tried.extend(_in_place_of_each(forward, base, effects, best, tried))
     found = Naming(best, _sorted(tried), threshold, first).with_likeliest()
     return _confirmed(forward, base, found)
 
@@ -885,6 +887,44 @@ def _without_each(forward: Forward, base: Fit, found: Hypothesis) -> list[Hypoth
     return smaller
 
 
+def _in_place_of_each(
+    forward: Forward,
+    base: Fit,
+    effects: Sequence[Effect],
+    best: Hypothesis,
+    tried: Sequence[Hypothesis],
+) -> list[Hypothesis]:
+    """The set with each law in turn replaced by others that promise as much beside its fellows.
+
+    Sets grow by the best form of each law; another form may be what cannot be told from the answer,
+    and a law that was never fitted is not excluded.
+    """
+    if forward.mode == "swing" or len(best.members) < 2:
+        return []
+    done = {frozenset(member.key for member in h.members) for h in tried}
+    found: list[Hypothesis] = []
+    for left_out, rest in zip(best.members, _without_each(forward, base, best), strict=True):
+        pool = tuple(
+            one
+            for one in candidates_for(forward, rest.fit.model, effects, unnamed=False)
+            if one.id not in rest.ids and not is_known(one.effect)
+        )
+        laws = [member.effect for member in rest.members]
+        scored = scan_beyond_forms(forward, rest.fit, laws, rest.form.size, pool)
+        ranked = _best_by_law(scored, 1.0)
+        own = max((gain for gain, at, _ in ranked if pool[at].id == left_out.id), default=np.inf)
+        least = own - max(LAW_REACH, FORM_SHARE * abs(own))
+        keys = frozenset(member.key for member in rest.members)
+        new = [
+            (at, values) for gain, at, values in ranked
+            if gain > least and pool[at].id not in best.ids and keys | {pool[at].key} not in done
+        ]  # fmt: skip
+        found += [
+            _extended(forward, base, rest, pool[at], values) for at, values in new[:MOST_INSTEAD]
+        ]
+    return found
+
+
 def _in_best_forms(
     forward: Forward,
     base: Fit,
@@ -900,9 +940,10 @@ def _in_best_forms(
     others = _in_other_forms(forward, base, effects, larger)
     tried.extend(others)
     found = _best_allowed([larger, *others]) or larger
-    if found is larger or forward.mode == "swing":
+    if forward.mode == "swing" or (found is larger and len(found.members) < MOST_EFFECTS):
         return found, best
-    # A law may have been taken in for what another form of its fellow says.
+    # A law may have been taken in for what another form of its fellow says, or for what a fellow
+    # explains that came after it: sets grow one by one, and not every pair was fitted on the way.
     smaller = _without_each(forward, base, found)
     tried.extend(smaller)
     return found, _best_allowed([best, *smaller]) or best

@@ -1,11 +1,11 @@
 """The form of a law that was best alone need not be the best one beside a fellow."""
 
 from mismatch.candidates import candidates_for
-from mismatch.fitting.hypotheses import fit_hypothesis
-from mismatch.fitting.prepare import prepare
+from mismatch.fitting.hypotheses import Hypothesis, fit_hypothesis
+from mismatch.fitting.prepare import Prepared, prepare
 from mismatch.fitting.scan import scan
-from mismatch.search.naming import _in_best_forms
-from physics.effects import CATALOGUE, Form, effect_named
+from mismatch.search.naming import _in_best_forms, name_effects
+from physics.effects import CATALOGUE, Effect, Form, effect_named
 from tests.mismatch.synthetic import struck_campaign
 
 SOFTER, YIELDING = effect_named("contact_displacement"), effect_named("pivot_recoil")
@@ -31,3 +31,37 @@ def test_laws_are_fitted_in_the_forms_that_fit_together():
     ]  # fmt: skip
     assert smaller.penalised_gain > larger.penalised_gain
     assert smaller in tried
+
+
+def _fitted_together(known: Prepared, *laws: Effect) -> Hypothesis:
+    pool = candidates_for(known.forward, known.fit.model, laws, unnamed=False)
+    scored = scan(known.forward, known.fit, pool)
+    return fit_hypothesis(
+        known.forward, known.fit, list(pool), [scored.gain(k)[1] for k in range(len(laws))]
+    )
+
+
+def test_three_laws_are_held_against_every_two_of_them():
+    """Sets grow one by one: a shutter that came first stayed beside what made it idle."""
+    draught, shutter = effect_named("wind"), effect_named("rolling_shutter")
+    struck = ((SOFTER, {"relative_change": -0.2}), (draught, {"wind_x": 0.8}))
+    known = prepare(*struck_campaign(*struck))
+    three = _fitted_together(known, shutter, draught, SOFTER)
+    alone = _fitted_together(known, shutter, draught)
+    _, smaller = _in_best_forms(known.forward, known.fit, EFFECTS, three, alone, [alone, three])
+    assert sorted(smaller.ids) == sorted((SOFTER.id, draught.id))
+    assert smaller.penalised_gain > alone.penalised_gain + 100.0
+
+
+def test_beside_its_fellow_a_law_is_held_against_others_in_all_their_forms():
+    """A camera turned about a point shifts the picture, too; another form does so in part."""
+    slowed = (effect_named("viscous_damping"), {"viscous_coefficient": 0.06})
+    shifted = (effect_named("origin_offset"), {"offset_x": 1e-3})
+    known = prepare(*struck_campaign(slowed, shifted))
+    turns = CATALOGUE["camera_roll"]
+    found = name_effects(known.forward, known.fit, [slowed[0], shifted[0], *turns], unnamed=False)
+    assert found.best is not None
+    told = {frozenset(h.ids) for h in (found.best, *found.rivals())}
+    assert told == {frozenset((slowed[0].id, one)) for one in ("origin_offset", "camera_roll")}
+    forms = {h.members[-1].effect.form for h in found.rivals() if h.ids[0] == slowed[0].id}
+    assert {Form.ABOUT_A_POINT, Form.BALL_ONLY, Form.PERSPECTIVE} <= forms

@@ -7,6 +7,7 @@ import pytest
 
 from mismatch import explain
 from mismatch.candidates import Candidate
+from mismatch.explain import _groups
 from mismatch.fitting.fit import Fit
 from mismatch.fitting.hypotheses import EXACT, FormEvidence, Hypothesis
 from mismatch.forward import Model
@@ -77,6 +78,16 @@ def test_what_errors_of_form_have_taken_up_is_not_asked_for_twice(further, told)
     more = both.penalised_gain - alone.penalised_gain
     assert CHANCE < more < 0.008 * alone.gain
     assert _supported(STRIKES, both, alone, CHANCE) is told
+
+
+def test_of_two_names_each_takes_the_place_of_its_kind():
+    """Friction was grouped with a shifted origin, and a turned camera with friction."""
+    best = answer(200.0, effect_named("viscous_damping"), effect_named("camera_roll"))
+    both = answer(199.0, effect_named("origin_offset"), effect_named("bearing_friction"))
+    one = answer(198.0, effect_named("viscous_damping"), effect_named("origin_offset"))
+    told = (("viscous_damping", "bearing_friction"), ("camera_roll", "origin_offset"))
+    assert _groups(best, [both]) == told
+    assert _groups(best, [both, one]) == told
 
 
 @pytest.mark.slow
