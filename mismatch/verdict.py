@@ -655,7 +655,7 @@ def _undetermined(best: Hypothesis) -> bool:
     return any(
         member.effect.shapes
         and member.effect.level is Level.CAMPAIGN
-        and _most_seen(best, member.effect) < SEEN
+        and _most_seen(best.fit, member.effect) < SEEN
         for member in best.members
     )
 
@@ -667,22 +667,22 @@ def _own_like_noise(forward: Forward, best: Hypothesis) -> bool:
     common is not told from it.
     """
     return bool(np.any(forward.records.inflation > 1.0)) and any(
-        member.effect.level is Level.TRIAL and _most_seen(best, member.effect) < SEEN
+        member.effect.level is Level.TRIAL and _most_seen(best.fit, member.effect) < SEEN
         for member in best.members
     )
 
 
-def _most_seen(best: Hypothesis, effect: Effect) -> float:
+def _most_seen(fit: Fit, effect: Effect) -> float:
     """Standard uncertainties, misfit counted, by which an effect's surest strength is off nought.
 
     Infinite where it has no strength that was fitted.
     """
-    misfit = math.sqrt(best.fit.reduced_chi2)
+    misfit = math.sqrt(fit.reduced_chi2)
     sizes = [
         abs(value - item.parameter.neutral) / max(std * misfit, 1e-300)
-        for k, item in enumerate(best.fit.free)
-        for value, std in (best.fit.value(k),)
-        if best.fit.model.entries[item.entry][0] is effect and not item.parameter.is_shape
+        for k, item in enumerate(fit.free)
+        for value, std in (fit.value(k),)
+        if fit.model.entries[item.entry][0] is effect and not item.parameter.is_shape
     ]
     return max(sizes, default=math.inf)
 
@@ -750,19 +750,49 @@ def choose_held_out(forward: Forward) -> np.ndarray:
     return np.asarray(np.arange(trials) % 3 == 2)[None]
 
 
+def _trained(forward: Forward, model_fit: Fit, held: np.ndarray) -> Fit:
+    """The model fitted to the trials that are not held out."""
+    train = replace(forward, records=forward.records.chosen(~held))
+    start = (model_fit.nuisance, model_fit.law_offsets)
+    return fit_model(train, model_fit.model, model_fit.free, start, rounds=5)
+
+
+def _foretold(
+    forward: Forward, best: Hypothesis, folds: np.ndarray, *, chosen: bool
+) -> tuple[np.ndarray, list[Fit]]:
+    """Folds whose other trials tell all that is named, and the answer trained on those.
+
+    Where the trials that are left leave a strength open that all of them tell, they foretell
+    nothing: a crisis that two trials went through was foretold fifty times too large. Then each
+    trial is kept out in turn, and those without which nothing is told stay in. Folds that a user
+    has `chosen` stay as they are.
+    """
+
+    def tell(trained: Fit) -> bool:
+        return all(
+            _most_seen(trained, member.effect) >= SEEN
+            for member in best.members
+            if _most_seen(best.fit, member.effect) >= SEEN
+        )
+
+    trained = [_trained(forward, best.fit, mask) for mask in folds]
+    if chosen or all(tell(one) for one in trained):
+        return folds, trained
+    each = np.eye(forward.records.trials, dtype=bool)
+    alone = [_trained(forward, best.fit, mask) for mask in each]
+    kept = [index for index, one in enumerate(alone) if tell(one)]
+    return (each[kept], [alone[index] for index in kept]) if kept else (folds, trained)
+
+
 def _errors(
-    forward: Forward, model_fit: Fit, free: Sequence[Free], held: np.ndarray
+    forward: Forward, model_fit: Fit, trained: Fit, held: np.ndarray
 ) -> tuple[FloatArray, FloatArray, float]:
     """Squared error sums and counts (held-out trials × blocks), after training on the others.
 
     And what the held-out trials cost in all: their misfit, and how far each had to be moved from
     what repeats, which takes up errors of metres that a law would else show.
     """
-    train = type(forward)(**{**vars(forward), "records": forward.records.chosen(~held)})
-    trained = fit_model(
-        train, model_fit.model, free, (model_fit.nuisance, model_fit.law_offsets), rounds=5
-    )
-    test = type(forward)(**{**vars(forward), "records": forward.records.chosen(held)})
+    test = replace(forward, records=forward.records.chosen(held))
     # Trained parameters and law offsets stay; only what belongs to the trial is refitted.
     fitted = fit_model(test, trained.model, (), (model_fit.nuisance, trained.law_offsets), rounds=4)
     weights = test.records.weights
@@ -861,9 +891,9 @@ def hold_out(
     folds = folds[folds.any(axis=1) & ~folds.all(axis=1)]
     if not folds.size:
         return None
-    free = best.fit.free
-    plain = [_errors(forward, base, base.free, mask) for mask in folds]
-    mended = [_errors(forward, best.fit, free, mask) for mask in folds]
+    folds, learnt = _foretold(forward, best, folds, chosen=held is not None)
+    plain = [_errors(forward, base, _trained(forward, base, mask), mask) for mask in folds]
+    mended = [_errors(forward, best.fit, *one) for one in zip(learnt, folds, strict=True)]
     before, count, cost = _together(plain)
     after, _, less = _together(mended)
     total = max(float(count.sum()), 1.0)

@@ -1,20 +1,24 @@
 """A law whose place, or the setup's pendulum, leaves it open is no sure answer."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from mismatch.candidates import Candidate
+from mismatch.candidates import Candidate, candidates_for
 from mismatch.fitting.fit import Fit, free_parameters
-from mismatch.fitting.hypotheses import Hypothesis
+from mismatch.fitting.hypotheses import Hypothesis, fit_hypothesis
+from mismatch.fitting.prepare import prepare
 from mismatch.forward import Model
+from mismatch.records import CampaignRecords
 from mismatch.search.unnamed import Notch, TorqueField
-from mismatch.verdict import _like_its_weight, _own_like_noise, _undetermined
+from mismatch.verdict import _like_its_weight, _own_like_noise, _undetermined, hold_out
 from physics.bodies import PAPER_PENDULUM
-from physics.effects import Effect, Level, effect_named
+from physics.domain import Vector
+from physics.effects import Effect, FlightState, Level, Parameter, Values, effect_named
 from physics.effects.measurement import DroppedFrames
+from tests.mismatch.synthetic import struck_campaign
 
 
 @pytest.mark.parametrize(("std", "open_"), [(0.1, False), (0.24, True)])
@@ -98,3 +102,33 @@ def test_a_torque_at_one_angle_is_not_the_pendulums_weight():
     )
     values = {"strength": 0.5, "place": -0.3, "reach": 0.03}
     assert not _like_its_weight(forward, _answer(law, values))
+
+
+@dataclass(frozen=True)
+class Fan(Effect):
+    """Blows upward two metres away, where hard shots alone come by."""
+
+    def force(self, values: Values, flight: FlightState) -> Vector:
+        """Up, from there on."""
+        nothing = np.zeros_like(np.asarray(flight.x))
+        return nothing, values["strength"] / (1.0 + np.exp((2.0 - flight.x) / 0.02)), nothing
+
+
+def test_trials_that_cannot_foretell_a_law_are_not_asked_to():
+    """Only the two hard shots reach it, and both are the third of three."""
+    law = Fan("fan", "", "", "", "flight", (Parameter("strength", "N", 0.1, -10.0, 10.0),))
+    campaign, baseline = struck_campaign((law, {"strength": 1.0}))
+    order = (0, 1, 3, 2, 4, 7, 5, 6)
+    known = prepare(CampaignRecords(tuple(campaign.trials[k] for k in order)), baseline)
+    pool = candidates_for(known.forward, known.fit.model, [law], unnamed=False)
+    found = fit_hypothesis(known.forward, known.fit, pool, [np.zeros(1)])
+    proof = hold_out(known.forward, known.fit, found)
+    assert proof is not None
+    assert {"2", "5"} < set(proof.trials)
+    assert proof.rmse_after < proof.rmse_before
+    assert proof.gain is not None
+    assert proof.gain > 100.0
+    asked = hold_out(known.forward, known.fit, found, np.arange(8) % 3 == 2)
+    assert asked is not None
+    assert asked.trials == ("2", "5")
+    assert asked.rmse_after > 2.0 * asked.rmse_before
