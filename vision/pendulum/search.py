@@ -32,7 +32,7 @@ from vision.pendulum.pendulum import (
 from vision.scene import Backdrop, FilmedScene, scene_before_strike
 from vision.tracks import Face, PendulumTrack, Rest, Track
 
-__all__ = ["Striker", "another_body", "find_striker", "pendulum_track", "steadiest"]
+__all__ = ["Striker", "another_body", "find_striker", "pendulum_track", "settles", "steadiest"]
 
 FloatArray = NDArray[np.float64]
 
@@ -387,7 +387,7 @@ class _StrikerSearch:
         pieces = find_mass(scene, rest, follower.radius, before, at)
         followed: list[Swinging] = []
         for piece in pieces:
-            if followed and _settles(steadiest(followed), piece, follower):
+            if followed and settles(steadiest(followed), piece, follower):
                 continue
             one = follow_piece(follower, piece)
             # What explains no more than the scene without it is none.
@@ -442,7 +442,7 @@ def steadiest(followed: list[Swinging]) -> Swinging:
     return max(even, key=lambda one: one.gain)
 
 
-def _settles(best: Swinging, piece: MassCandidate, follower: Follower) -> bool:
+def settles(best: Swinging, piece: MassCandidate, follower: Follower) -> bool:
     """Whether a piece of the best body so far cannot be taken instead, so that nobody follows it.
 
     The body swings so evenly that no other is preferred for that, and it explains more than all

@@ -13,7 +13,7 @@ from vision.pendulum import search
 from vision.pendulum.arc import Arc, ImagedSwing, Patch, Pose
 from vision.pendulum.face import MassCandidate, MassPoses, Striking, find_mass
 from vision.pendulum.pendulum import Follower, Swinging, follow_piece, most_explained
-from vision.pendulum.search import Striker, another_body, find_striker, steadiest
+from vision.pendulum.search import Striker, another_body, find_striker, settles, steadiest
 from vision.scene import Backdrop, FilmedScene, scene_before_strike
 from vision.tracks import Face
 
@@ -138,6 +138,18 @@ def test_a_part_is_bound_by_nothing_where_the_body_was_lost() -> None:
     poses = tuple(pose for pose, keep in zip(whole.mass.poses, kept, strict=True) if keep)
     lost = replace(whole, mass=replace(whole.mass, frame=whole.mass.frame[kept], poses=poses))
     assert np.isinf(most_explained(follower, piece, lost))
+
+
+def test_a_body_settles_only_what_lies_on_it_and_can_add_less() -> None:
+    follower, found = followed_alone(filmed(WIDE))
+    (_, whole), (part, _), *_ = found
+    most = most_explained(follower, part, whole)
+    assert settles(replace(whole, gain=1.01 * most), part, follower)
+    assert not settles(replace(whole, gain=0.99 * most), part, follower)
+    beside = replace(part, anchor=part.anchor - [30.0, 0.0])
+    assert not settles(whole, beside, follower)
+    unsure = replace(whole, striking=Striking.UNKNOWN)
+    assert not settles(unsure, part, follower)
 
 
 @pytest.mark.parametrize(
