@@ -36,7 +36,7 @@ from pipelines.measure.impact import (
     touch_times,
 )
 from pipelines.measure.inputs import Inputs
-from pipelines.measure.metres import MetricTracks
+from pipelines.measure.metres import MetricTracks, SupposedLens
 from vision.clip.footage import CaptureRate
 
 __all__ = [
@@ -44,10 +44,12 @@ __all__ = [
     "ClipConditions",
     "Propagation",
     "derived_values",
+    "impact_after_move",
     "merged",
     "random_covariance",
     "systematic_budget",
     "values_after_move",
+    "values_of",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -504,8 +506,8 @@ class ClipConditions:
         Factor on lengths where there is no calibration.
     roll_rad, slant_rad : float
         How far the camera is turned about its axis, and about the vertical, where there is none.
-    slant_std_rad : float
-        How well the latter is known.
+    lens : SupposedLens or None
+        What a lens that nobody named is supposed to be, there; it hangs on nothing that is moved.
     metres_per_px : (2,) tuple of float or None
         Scale in the plane of motion that somebody gives, with its standard uncertainty.
     zero_rad, zero_std_rad : float
@@ -524,13 +526,18 @@ class ClipConditions:
     scale: float = 1.0
     roll_rad: float = 0.0
     slant_rad: float = 0.0
-    slant_std_rad: float = Defaults.CAMERA_SLANT.std
+    lens: SupposedLens | None = None
     metres_per_px: tuple[float, float] | None = None
     zero_rad: float = 0.0
     zero_std_rad: float = 0.0
     pivot_px: tuple[float, float] = (0.0, 0.0)
     pivot_ways_px: tuple[tuple[float, float], ...] = ()
     round_bob: bool = False
+
+    @property
+    def slant_std_rad(self) -> float:
+        """How well the slant is known."""
+        return Defaults.CAMERA_SLANT.std if self.lens is None else self.lens.slant_std_rad
 
     def places_as(self, other: "ClipConditions") -> bool:
         """Whether pixels and frames come to the same metres and seconds as under other ones."""
@@ -572,16 +579,41 @@ def values_after_move(
     (Q,) array
         In the order of `DERIVED`; NaN where nothing can be told or is wanted.
     """
+    return values_of(impact_after_move(impact, tracks, inputs, propagation), inputs, names)
+
+
+def values_of(
+    impact: Impact | None, inputs: Inputs, names: Container[str] = frozenset(DERIVED)
+) -> FloatArray:
+    """`derived_values` of an impact where there is one, NaN where nothing can be told."""
+    try:
+        if impact is not None:
+            return derived_values(impact, inputs, names)
+    except MeasurementError:
+        pass
+    return np.full(len(DERIVED), np.nan)
+
+
+def impact_after_move(
+    impact: Impact, tracks: MetricTracks, inputs: Inputs, propagation: Propagation
+) -> Impact | None:
+    """The impact after inputs moved a little; None where there is none any more.
+
+    Parameters
+    ----------
+    impact, tracks, inputs, propagation
+        See `values_after_move`.
+    """
     try:
         if propagation is Propagation.RESPONSE:
-            return derived_values(moved_impact(impact, tracks, inputs), inputs, names)
+            return moved_impact(impact, tracks, inputs)
         times = None
         if impact.contact is not None:
             share = float(tracks.ball_time_s[-1] / impact.tracks.ball_time_s[-1])
             times = (impact.contact.onset_s * share, impact.contact.release_s * share)
-        return derived_values(find_impact(tracks, inputs, times), inputs, names)
+        return find_impact(tracks, inputs, times)
     except MeasurementError:
-        return np.full(len(DERIVED), np.nan)
+        return None
 
 
 _Sides: TypeAlias = tuple[ClipConditions, ...]

@@ -25,9 +25,11 @@ from pipelines.measure.budget import (
     ClipConditions,
     Propagation,
     derived_values,
+    impact_after_move,
     random_covariance,
     systematic_budget,
     values_after_move,
+    values_of,
 )
 from pipelines.measure.gravity import seen_fall
 from pipelines.measure.impact import Impact, find_impact, strikes_apart, struck_again
@@ -37,6 +39,7 @@ from pipelines.measure.metres import (
     BallScale,
     CameraMapping,
     MetricTracks,
+    SupposedLens,
     calibrate_clip,
     radius_share,
     supposed_lens,
@@ -525,13 +528,15 @@ def _conditions(followed: FollowedClip, wall: "WallScene") -> ClipConditions:
         followed.rate,
         wall.calibration,
         metres_per_px=followed.scale_m_per_px,
-        slant_std_rad=supposed_lens(
-            followed.tracks.ball, followed.tracks.background.shape
-        ).slant_std_rad,
+        lens=None if wall.calibration is not None else _supposed(followed.tracks),
         zero_std_rad=0.0 if pendulum is None else pendulum.zero_std_rad,
         pivot_ways_px=() if pendulum is None else _ways(pendulum.pivot_covariance_px2),
         round_bob=pendulum is not None and pendulum.face.spherical,
     )
+
+
+def _supposed(tracks: Tracks) -> SupposedLens:
+    return supposed_lens(tracks.ball, tracks.background.shape)
 
 
 def _ways(covariance: FloatArray) -> tuple[tuple[float, float], ...]:
@@ -694,10 +699,16 @@ def _evaluate(
         nonlocal steps
         steps += 1
         tell("propagating uncertainty", min(1.0, steps / 30))
-        again = metric
         if not moved.places_as(scene):
             again = _in_metres(moved, followed.seconds(moved.rate.fps), followed.tracks)
-        return values_after_move(impact, again, moved.inputs, propagation, names)
+            return values_after_move(impact, again, moved.inputs, propagation, names)
+        if moved.inputs.fitted_alike(scene.inputs):
+            return values_of(unmoved(), moved.inputs, names)
+        return values_after_move(impact, metric, moved.inputs, propagation, names)
+
+    @functools.cache
+    def unmoved() -> Impact | None:
+        return impact_after_move(impact, metric, scene.inputs, propagation)
 
     return Evaluated(
         scene,
@@ -727,7 +738,7 @@ def _in_metres(scene: ClipConditions, times: FloatArray, tracks: Tracks) -> Metr
     if scene.metres_per_px is not None:
         per_px = scene.metres_per_px[0]
     rest = np.median(ball.centre_px[still], axis=0)
-    lens = supposed_lens(ball, tracks.background.shape)
+    lens = scene.lens or _supposed(tracks)
     usual = np.median(ball.centre_px, axis=0)
     shortened = lens.foreshortening(usual, scene.slant_rad)
     scale = BallScale(

@@ -185,6 +185,9 @@ one."""
 
 _SOFT_FROM = 2.0
 
+_NEAR_CROSSING = 6
+"""Times about a crossing that a cubic is laid through: half as many again as it has unknowns."""
+
 BOUND_SHARE = 0.05
 
 """Share: how sharp the bound of contact times is; damping makes a contact some per cent longer."""
@@ -314,26 +317,36 @@ def fit_contact(view: ImpactView, around_s: float, *, doubting: bool = True) -> 
         slow_error_whitening(view.time_s, offset=True),
         slow_error_whitening(view.swing_time_s, offset=True),
     )
-    tried = _all_tried(view, whitening, offsets, around_s)
-    if all(one is None for one in tried):
+    gaps = _Gaps.of(view, around_s)
+    tried = _all_tried(view, whitening, gaps, offsets)
+    if tried is None:
         raise NotFoundError(
             "the mass and the ball never meet along their paths",
             hint="Check --ball-at and --mass-at, or film square to the plane of the swing.",
         )
-    likely = min((one for one in tried if one is not None), key=lambda one: one.cost(1.0))
-    left = likely.left
+    likely = int(np.argmin(tried.cost(1.0)))
+    left = tried.left[:, likely]
     widened = max(1.0, float(np.mean(np.minimum(left**2, 9.0))))
-    cost = np.array([np.inf if one is None else one.cost(widened) for one in tried])
+    cost, beyond = np.full((2, len(offsets)), np.inf)
+    cost[tried.place] = tried.cost(widened)
     cost += _OFFSETS**2
-    beyond = _beyond(tried, view)
+    beyond[tried.place] = _beyond(tried.lasting_s, view)
     if doubting and float((cost + beyond).min()) > float(cost.min()) + CONTRADICTS:
-        raise _no_contact(likely, view)
+        raise _no_contact(float(tried.lasting_s[likely]), view)
     unbound, _ = _weighed(cost, offsets)
     face_offset, std = _weighed(cost + beyond, offsets)
     # what a bound moves it leaves in doubt: it does not say why the paths would have it otherwise
     std = math.hypot(std, unbound - face_offset)
-    found = _all_tried(view, whitening, np.array([face_offset]), around_s)[0] or likely
-    return ContactFit(found.onset_s, found.release_s, face_offset, std, found.exponent, found.left)
+    at_mean = _all_tried(view, whitening, gaps, np.array([face_offset]))
+    found, row = (tried, likely) if at_mean is None else (at_mean, 0)
+    return ContactFit(
+        float(found.onset_s[row]),
+        float(found.release_s[row]),
+        face_offset,
+        std,
+        float(found.exponent[row]),
+        found.left[:, row],
+    )
 
 
 def _weighed(cost: FloatArray, offsets: FloatArray) -> tuple[float, float]:
@@ -344,19 +357,18 @@ def _weighed(cost: FloatArray, offsets: FloatArray) -> tuple[float, float]:
     return mean, float(np.sqrt(share @ (offsets - mean) ** 2))
 
 
-def _beyond(tried: "list[_Tried | None]", view: ImpactView) -> FloatArray:
-    """Prior penalty, for each offset, of contacts that last longer than the ball can, or end first.
+def _beyond(lasting_s: FloatArray, view: ImpactView) -> FloatArray:
+    """Prior penalty of contacts that last longer than the ball can, or end before they begin.
 
     When the mass meets the ball and when it parts are each told to a frame at worst.
     """
-    last = np.array([0.0 if one is None else one.lasting_s for one in tried])
     frame_s = float(np.median(np.diff(view.flight.time_s)))
-    over = np.maximum(last / view.longest_s - 1.0, 0.0) / BOUND_SHARE
-    return np.asarray(over**2 + np.minimum(last / frame_s, 0.0) ** 2)
+    over = np.maximum(lasting_s / view.longest_s - 1.0, 0.0) / BOUND_SHARE
+    return np.asarray(over**2 + np.minimum(lasting_s / frame_s, 0.0) ** 2)
 
 
-def _no_contact(likely: "_Tried", view: ImpactView) -> MeasurementError:
-    lasts = 1e3 * likely.lasting_s
+def _no_contact(lasting_s: float, view: ImpactView) -> MeasurementError:
+    lasts = 1e3 * lasting_s
     if lasts < 0.0:
         return NoFitError(
             f"the mass would part from the ball {-lasts:.0f} ms before it meets it: what was "
@@ -381,58 +393,72 @@ class _Whitening:
 
 @dataclass(frozen=True)
 class _Tried:
-    """An offset of the face with the contact it implies, and how well that fits.
+    """Offsets of the face at which the two meet (M,), the contacts implied, and how well they fit.
 
     Attributes
     ----------
-    onset_s, release_s : float
+    place : (M,) int array
+        Which of the offsets tried.
+    onset_s, release_s : (M,) arrays
         Of the contact that was fitted, which lasts 0.1 ms at least.
-    lasting_s : float
+    lasting_s : (M,) array
         From meeting to parting; below 0 where they would part first.
+    exponent : (M,) array
+        The likeliest.
+    left : (R, M) array
+        Whitened residuals.
+    priors : (M,) array
+        What exponent and lag cost.
     """
 
-    onset_s: float
-    release_s: float
-    lasting_s: float
-    exponent: float
+    place: NDArray[np.int64]
+    onset_s: FloatArray
+    release_s: FloatArray
+    lasting_s: FloatArray
+    exponent: FloatArray
     left: FloatArray
-    priors: float
+    priors: FloatArray
 
-    def cost(self, widened: float) -> float:
-        """Robust sum of squares, residuals over the root of `widened`, and the priors."""
-        soft = _SOFT_FROM**2 * 2.0 * (np.sqrt(1.0 + self.left**2 / _SOFT_FROM**2) - 1.0)
-        return float(soft.sum()) / widened + self.priors
+    def cost(self, widened: float) -> FloatArray:
+        """Robust sums of squares, residuals over the root of `widened`, and the priors, (M,)."""
+        return _robust(self.left) / widened + self.priors
+
+
+def _robust(left: FloatArray) -> FloatArray:
+    """Sum of the squares of residuals (R, ...), those beyond a few deviations linear."""
+    soft = _SOFT_FROM**2 * 2.0 * (np.sqrt(1.0 + left**2 / _SOFT_FROM**2) - 1.0)
+    return np.asarray(soft.sum(axis=0))
 
 
 def _all_tried(
-    view: ImpactView, whitening: _Whitening, offsets: FloatArray, around_s: float
-) -> list[_Tried | None]:
-    """For each offset the best of a few exponents, with the outline's lag solved for."""
-    onset, release = _touches(view, offsets, around_s)
+    view: ImpactView, whitening: _Whitening, gaps: "_Gaps", offsets: FloatArray
+) -> _Tried | None:
+    """For each offset the best of a few exponents, with the outline's lag solved for.
+
+    None where the two meet at no offset.
+    """
+    onset, release = gaps.touches(offsets)
     meet = np.isfinite(onset) & np.isfinite(release)
-    found: list[_Tried | None] = [None] * len(offsets)
     if not meet.any():
-        return found
+        return None
     lasting = (release - onset)[meet]
     ends = _Ends.of(view, onset[meet], onset[meet] + np.maximum(lasting, _BRIEFEST_S))
-    left, per_lag = _path_residuals(view, whitening, ends, _EXPONENTS)
+    left, per_lag = _path_residuals(view, whitening, ends)
     left = left - OUTLINE_AHEAD * per_lag
     lag = (per_lag * left).sum(axis=0) / ((per_lag**2).sum(axis=0) + OUTLINE_AHEAD_STD**-2)
+    left = left - lag * per_lag
     priors = ((_EXPONENTS - EXPONENT) / EXPONENT_STD) ** 2 + (lag / OUTLINE_AHEAD_STD) ** 2
-    for place, index in enumerate(np.flatnonzero(meet)):
-        alike = [
-            _Tried(
-                float(ends.onset_s[place]),
-                float(ends.onset_s[place] + ends.duration[place]),
-                float(lasting[place]),
-                float(exponent),
-                left[:, place, column] - lag[place, column] * per_lag[:, place, column],
-                float(priors[place, column]),
-            )
-            for column, exponent in enumerate(_EXPONENTS)
-        ]
-        found[index] = min(alike, key=lambda one: one.cost(1.0))
-    return found
+    best = np.argmin(_robust(left) + priors, axis=1)
+    every = np.arange(len(best))
+    return _Tried(
+        np.flatnonzero(meet),
+        ends.onset_s,
+        ends.onset_s + ends.duration,
+        lasting,
+        _EXPONENTS[best],
+        left[:, every, best],
+        priors[every, best],
+    )
 
 
 def touch_times(view: ImpactView, face_offset: float, around_s: float) -> tuple[float, float]:
@@ -440,7 +466,7 @@ def touch_times(view: ImpactView, face_offset: float, around_s: float) -> tuple[
 
     What is too short for the frame rate may seem to part first.
     """
-    onset, release = _touches(view, np.array([face_offset]), around_s)
+    onset, release = _Gaps.of(view, around_s).touches(np.array([face_offset]))
     return float(onset[0]), float(release[0])
 
 
@@ -469,28 +495,40 @@ def arm_along_bar(arm: FloatArray, phi: ArrayLike) -> Any:
     return arm[0] * np.sin(phi) - arm[1] * np.cos(phi)
 
 
-def _touches(
-    view: ImpactView, offsets: FloatArray, around_s: float
-) -> tuple[FloatArray, FloatArray]:
-    """Onset and release (L,) for offsets of the face (L,), s; NaN where they never meet or part."""
-    grid = around_s + np.linspace(-0.06, 0.06, 121)
-    closing, opening = gap_before(view, grid), gap_after(view, grid)
-    onset = np.array([_crossing(grid, closing - face_offset) for face_offset in offsets])
-    release = np.array([_crossing(grid, face_offset - opening) for face_offset in offsets])
-    return onset, release
+@dataclass(frozen=True)
+class _Gaps:
+    """From the bar's line to the ball before and after a contact (T,), m, at times around it, s."""
+
+    time_s: FloatArray
+    closing: FloatArray
+    opening: FloatArray
+
+    @classmethod
+    def of(cls, view: ImpactView, around_s: float) -> "_Gaps":
+        time = around_s + np.linspace(-0.06, 0.06, 121)
+        return cls(time, gap_before(view, time), gap_after(view, time))
+
+    def touches(self, offsets: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Onset and release (L,) for offsets of the face (L,), s; NaN where there is none."""
+        face = offsets[:, np.newaxis]
+        return _crossings(self.time_s, self.closing - face), _crossings(
+            self.time_s, face - self.opening
+        )
 
 
-def _crossing(time_s: FloatArray, gap: FloatArray) -> float:
-    """Where a gap falls through zero, from a cubic through its neighbourhood, s; NaN if nowhere."""
-    places = np.flatnonzero((gap[:-1] > 0) & (gap[1:] <= 0))
-    if len(places) == 0:
-        return math.nan
-    place = int(places[0])
-    lo, hi = max(place - 2, 0), min(place + 4, len(gap))
-    # time as a cubic of the gap in units of its size here, by its four nearest powers
-    scale = float(np.abs(gap[lo:hi]).max())
-    powers = (gap[lo:hi, np.newaxis] / scale) ** np.arange(4)
-    return float(time_s[lo] + np.linalg.lstsq(powers, time_s[lo:hi] - time_s[lo])[0][0])
+def _crossings(time_s: FloatArray, gap: FloatArray) -> FloatArray:
+    """Where gaps (L, T) first fall through zero, from a cubic near there, s; NaN if nowhere."""
+    falls = (gap[:, :-1] > 0) & (gap[:, 1:] <= 0)
+    rows = np.flatnonzero(falls.any(axis=1))
+    first = np.clip(np.argmax(falls[rows], axis=1) - 2, 0, len(time_s) - _NEAR_CROSSING)
+    near = first[:, np.newaxis] + np.arange(_NEAR_CROSSING)
+    gaps, times = gap[rows[:, np.newaxis], near], time_s[near]
+    # time as a cubic of the gap in units of its size here, by its nearest powers
+    scaled = gaps / np.abs(gaps).max(axis=1, keepdims=True)
+    solved = np.linalg.pinv(scaled[..., np.newaxis] ** np.arange(4))[:, 0]
+    found = np.full(len(gap), math.nan)
+    found[rows] = times[:, 0] + (solved * (times - times[:, :1])).sum(axis=1)
+    return found
 
 
 @dataclass(frozen=True)
@@ -528,39 +566,64 @@ class _Ends:
 
 
 def _path_residuals(
-    view: ImpactView, whitening: _Whitening, ends: _Ends, exponents: FloatArray
+    view: ImpactView, whitening: _Whitening, ends: _Ends
 ) -> tuple[FloatArray, FloatArray]:
     """Whitened residuals of ball, pendulum and COR, and what one unit of outline lag adds.
 
     Both (R, L, E) for L contacts and E exponents.
     """
-    shape = (len(ends.duration), len(exponents))
-    pulses = [[contact_pulse(float(n), float(e)) for n in exponents] for e in ends.cor]
-    path, lagging = np.empty((2, len(view.time_s), *shape))
-    swung = np.empty((len(view.swing_time_s), *shape))
-    for index, (onset, duration) in enumerate(zip(ends.onset_s, ends.duration, strict=True)):
-        phase = (view.time_s - onset) / duration
-        swing_phase = (view.swing_time_s - onset) / duration
-        for column, pulse in enumerate(pulses[index]):
-            path[:, index, column] = duration * _way(pulse, phase)
-            lagging[:, index, column] = np.interp(phase, pulse.phase, pulse.compression)
-            swung[:, index, column] = duration * _way(pulse, swing_phase)
-    lagging *= (ends.approach * ends.duration)[:, np.newaxis]
+    pulses = _Pulses.of(ends.cor)
+    duration = ends.duration[:, np.newaxis]
+    phase = (view.time_s[:, np.newaxis] - ends.onset_s) / ends.duration
+    path = duration * pulses.way(phase)
+    lagging = pulses.at(phase, pulses.compression) * (ends.approach * ends.duration)[:, np.newaxis]
+    swung = duration * pulses.way((view.swing_time_s[:, np.newaxis] - ends.onset_s) / ends.duration)
     moved = (view.position_m - view.rest) @ ends.normal.T
     std = np.hypot(view.std_m[:, np.newaxis], SHAPE_STD * ends.speed * ends.duration)
     off = (moved[..., np.newaxis] - path * ends.speed[:, np.newaxis]) / std[..., np.newaxis]
     ball = whitening.ball(off)
     held = whitening.mass(_pendulum_held_back(view, ends, swung))
-    speeds = np.broadcast_to(ends.by_speeds[:, np.newaxis], (1, *shape))
+    speeds = np.broadcast_to(ends.by_speeds[:, np.newaxis], (1, *path.shape[1:]))
     left = np.concatenate([ball, held, speeds])
     per_lag = np.zeros_like(left)
     per_lag[: len(view.time_s)] = whitening.ball(lagging / std[..., np.newaxis])
     return left, per_lag
 
 
-def _way(pulse: ContactPulse, phase: FloatArray) -> FloatArray:
-    """Way gone at phases of a contact and after it, over speed at release × duration."""
-    return np.asarray(np.interp(phase, pulse.phase, pulse.path) + np.maximum(phase - 1.0, 0.0))
+@dataclass(frozen=True)
+class _Pulses:
+    """Compression and path (L, E, P) at even phases of L contacts with each of the exponents."""
+
+    compression: FloatArray
+    path: FloatArray
+
+    @classmethod
+    def of(cls, cor: FloatArray) -> "_Pulses":
+        every = [_pulses_of(round(float(one), 2)) for one in cor]
+        return cls(*(np.stack(columns) for columns in zip(*every, strict=True)))
+
+    def at(self, phase: FloatArray, table: FloatArray) -> FloatArray:
+        """What such a table says at phases (N, L) of each contact, (N, L, E)."""
+        last = table.shape[-1] - 1
+        place = np.clip(phase, 0.0, 1.0) * last
+        below = np.minimum(place.astype(np.int64), last - 1)
+        part = (place - below)[..., np.newaxis]
+        contact = np.arange(len(table))
+        return np.asarray(
+            table[contact, :, below] * (1.0 - part) + table[contact, :, below + 1] * part
+        )
+
+    def way(self, phase: FloatArray) -> FloatArray:
+        """Way gone at phases (N, L) and after them, over speed at release × duration, (N, L, E)."""
+        beyond = np.maximum(phase - 1.0, 0.0)
+        return self.at(phase, self.path) + beyond[..., np.newaxis]
+
+
+@lru_cache(maxsize=128)
+def _pulses_of(cor: float) -> tuple[FloatArray, FloatArray]:
+    """Compression and path (E, P) for one coefficient of restitution."""
+    pulses = [contact_pulse(float(exponent), cor) for exponent in _EXPONENTS]
+    return np.array([one.compression for one in pulses]), np.array([one.path for one in pulses])
 
 
 def _pendulum_held_back(view: ImpactView, ends: _Ends, swung: FloatArray) -> FloatArray:

@@ -77,6 +77,13 @@ class Inputs:
         body = self.pendulum
         return body.mass * self.gravity * body.com / body.inertia
 
+    def fitted_alike(self, other: "Inputs") -> bool:
+        """Whether motions are fitted with the same: the rest only enters what follows from them."""
+        body = replace(self.pendulum, length=other.pendulum.length)
+        same = replace(self, pendulum=body, arm_share=other.arm_share)
+        same = replace(same, after_share=other.after_share, normal_sigmas=other.normal_sigmas)
+        return same == other
+
     @property
     def drag_per_metre(self) -> tuple[float, float]:
         """K = ρ S C_D / 2 m with its std, 1/m; a guess where the mass is unknown."""

@@ -13,10 +13,12 @@ from pipelines.measure.budget import (
     DERIVED,
     ClipConditions,
     Propagation,
+    impact_after_move,
     merged,
     random_covariance,
     systematic_budget,
     values_after_move,
+    values_of,
 )
 from pipelines.measure.impact import find_impact
 from pipelines.measure.inputs import gather_inputs
@@ -237,3 +239,34 @@ def test_a_ball_seen_less_clearly_tells_a_scale_less_surely() -> None:
     unclear = replace(ball, radius_std_px=np.full(60, 0.3))
     # four times what frames state beyond a clean outline's own
     assert radius_share(unclear) == pytest.approx(1.2 / 20.0, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("changed", "alike"),
+    [
+        ({"arm_share": 1.01}, True),
+        ({"after_share": 0.98}, True),
+        ({"normal_sigmas": 1.0}, True),
+        ({"gravity": 9.9}, False),
+    ],
+)
+def test_only_what_no_fit_takes_leaves_the_fits_alone(
+    changed: dict[str, float], alike: bool
+) -> None:
+    inputs = replace(gather_inputs(Setup(), "jokku", None), fall=1.0)
+    others = replace(inputs, **changed)  # type: ignore[arg-type]
+    assert others.fitted_alike(inputs) is alike
+    tracks = ideal_tracks(*known_stroke("jokku", 60.0), Noise())
+    impact = find_impact(tracks, inputs)
+    moved = impact_after_move(impact, tracks, others, Propagation.RESPONSE)
+    unmoved = impact_after_move(impact, tracks, inputs, Propagation.RESPONSE)
+    here, there = values_of(moved, others), values_of(unmoved, others)
+    assert np.array_equal(here, there, equal_nan=True) is alike
+
+
+def test_of_the_body_its_length_alone_enters_no_fit() -> None:
+    inputs = gather_inputs(Setup(), "jokku", None)
+    longer = replace(inputs.pendulum, length=1.01 * inputs.pendulum.length)
+    heavier = replace(inputs.pendulum, inertia=1.01 * inputs.pendulum.inertia)
+    assert replace(inputs, pendulum=longer).fitted_alike(inputs)
+    assert not replace(inputs, pendulum=heavier).fitted_alike(inputs)
