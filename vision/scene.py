@@ -31,7 +31,6 @@ from typing import Any, TypeVar
 import cv2
 import numpy as np
 import scipy
-import skimage
 from numpy.typing import NDArray
 
 from vision.clip.footage import Footage, GrayFrame
@@ -51,6 +50,7 @@ __all__ = [
     "scene_before_strike",
     "sorted_stack",
     "warp_to_scene",
+    "without_ghosts",
 ]
 
 FloatImage = NDArray[np.float32]
@@ -103,20 +103,55 @@ def without_ghosts(
     # Pixels that differ in the same epochs belong together: the ball that left, apart from the mass
     # that swung into its place.
     least = float(np.median(noise))
-    pieces = skimage.measure.label(code, connectivity=2)  # type: ignore[no-untyped-call]
-    for piece in skimage.measure.regionprops(pieces, intensity_image=code):  # type: ignore[no-untyped-call]
-        value = int(piece.intensity_max)
-        if piece.area < _SMALLEST or not _at_one_end(value, len(epochs)):
-            continue
-        window = _window(piece.bbox, usual.shape)
-        region = (pieces[window] == piece.label).astype(np.uint8)
-        others = [epochs[bit][window] for bit in range(len(epochs)) if value >> bit & 1]
+    values = [value for value in np.unique(code).tolist() if _at_one_end(value, len(epochs))]
+    for piece in _pieces_of(code, values):
+        window = _window(piece.box, usual.shape)
+        region = (piece.labels[window] == piece.label).astype(np.uint8)
+        others = [epochs[bit][window] for bit in range(len(epochs)) if piece.value >> bit & 1]
         steps = [_step_along(other, region) for other in others]
         best, seen = int(np.argmin(steps)), _step_along(usual[window], region)
         if seen > _LEAST_STEP * least and steps[best] < _SMOOTHER * seen:
             wide = cv2.dilate(region, np.ones((7, 7), np.uint8)) > 0
             clean[window][wide] = others[best][wide]
     return clean
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Pixels of one value that touch one another, where `labels` is `label`; box as rows, columns.
+
+    Attributes
+    ----------
+    value, label : int
+    labels : (H, W) int32 array
+    box : (4,) tuple of int
+        Top, left, bottom, right.
+    """
+
+    value: int
+    label: int
+    labels: NDArray[np.int32]
+    box: tuple[int, int, int, int]
+
+    @property
+    def first(self) -> tuple[int, int]:
+        """Its first pixel, row by row."""
+        row = self.box[0]
+        return row, int(np.argmax(self.labels[row] == self.label))
+
+
+def _pieces_of(code: NDArray[np.uint8], values: list[int]) -> list[_Piece]:
+    """Pieces of these values that are not too small, in the order of their first pixels."""
+    found = []
+    for value in values:
+        alike = (code == value).astype(np.uint8)
+        count, labels, boxes, _ = cv2.connectedComponentsWithStats(alike, connectivity=8)
+        for label in range(1, count):
+            left, top, wide, tall, area = boxes[label].tolist()
+            if area >= _SMALLEST:
+                box = (top, left, top + tall, left + wide)
+                found.append(_Piece(value, label, np.asarray(labels, np.int32), box))
+    return sorted(found, key=lambda piece: piece.first)
 
 
 def _at_one_end(code: int, epochs: int) -> bool:
