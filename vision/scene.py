@@ -117,7 +117,7 @@ def without_ghosts(
 
 
 @dataclass(frozen=True)
-class _Piece:
+class _MaybeGhost:
     """Pixels of one value that touch one another, where `labels` is `label`; box as rows, columns.
 
     Attributes
@@ -140,7 +140,7 @@ class _Piece:
         return row, int(np.argmax(self.labels[row] == self.label))
 
 
-def _pieces_of(code: NDArray[np.uint8], values: list[int]) -> list[_Piece]:
+def _pieces_of(code: NDArray[np.uint8], values: list[int]) -> list[_MaybeGhost]:
     """Pieces of these values that are not too small, in the order of their first pixels."""
     found = []
     for value in values:
@@ -150,7 +150,7 @@ def _pieces_of(code: NDArray[np.uint8], values: list[int]) -> list[_Piece]:
             left, top, wide, tall, area = boxes[label].tolist()
             if area >= _SMALLEST:
                 box = (top, left, top + tall, left + wide)
-                found.append(_Piece(value, label, np.asarray(labels, np.int32), box))
+                found.append(_MaybeGhost(value, label, np.asarray(labels, np.int32), box))
     return sorted(found, key=lambda piece: piece.first)
 
 
