@@ -29,7 +29,7 @@ from scipy.special import chdtri, fdtrc
 from metrology import Defaults, SetupError, TooLittleDataError, UsageError
 from physics.bodies import GRAVITY, Pendulum
 from physics.domain import FloatArray
-from physics.effects import Level
+from physics.effects import Effect, Level
 
 if TYPE_CHECKING:
     from scipy.interpolate import CubicSpline
@@ -165,6 +165,9 @@ class Baseline:
         Priors of the trial-to-trial differences.
     position_noise, angle_noise : float or None
         A claim, m and rad.
+    instruments : tuple of Effect
+        Faults that the instrument may have in each trial anew, and in all alike: each parameter as
+        far as its width says.
     """
 
     balls: Mapping[str, BallModel]
@@ -178,6 +181,7 @@ class Baseline:
     scatter: Scatter = Scatter()
     position_noise: float | None = None
     angle_noise: float | None = None
+    instruments: tuple[Effect, ...] = ()
 
     def ball(self, name: str | None) -> BallModel:
         """Body of a trial.

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from metrology import Defaults, TooLittleDataError
 from mismatch.fitting.fit import PIECE_STEPS, Fit, fit_model, free_parameters, seen_swings
-from mismatch.forward import Forward, Mode, Model
+from mismatch.forward import Forward, Mode, Model, OwnStrength
 from mismatch.records import (
     Baseline,
     CampaignRecords,
@@ -19,7 +19,7 @@ from mismatch.records import (
     lay_out,
 )
 from physics.domain import FloatArray
-from physics.effects import CATALOGUE, Effect, EffectId, Form
+from physics.effects import CATALOGUE, Effect, EffectId, Form, Level
 from physics.effects.measurement import PITCH, CameraRoll, LengthScale, TimeBase
 
 __all__ = ["Prepared", "baseline_model", "prepare"]
@@ -352,7 +352,9 @@ def prepare(
             f"{records.count} usable samples in {records.trials} trials are too few for any fit",
             hint=f"At least {nuisance.shape[1] + 4} samples in each trial are needed.",
         )
-    fit = fit_model(forward, model, (), (nuisance, laws))
+    known = model
+    model = _with_instruments(forward, model)
+    fit = fit_model(forward, model, free_parameters(model, baseline.instruments), (nuisance, laws))
     if mode == "swing":
         # A baseline out of phase says nothing about strays; the local estimate has found them.
         return Prepared(forward, model, noise, fit)
@@ -366,9 +368,19 @@ def prepare(
     opened = tuple(_opened(entry, forward) for entry in model.entries)
     whole = replace(model, entries=(*opened, *((one, one.neutral) for one in faults)))
     drag = [effect for effect, _ in opened if all(effect is not e for e, _ in model.entries)]
-    free = free_parameters(whole, [*drag, *faults])
+    free = free_parameters(whole, [*drag, *faults, *baseline.instruments])
     fit = fit_model(forward, whole, free, (fit.nuisance, fit.law_offsets))
-    return Prepared(forward, model, noise, fit)
+    return Prepared(forward, known, noise, fit)
+
+
+def _with_instruments(forward: Forward, model: Model) -> Model:
+    """The model with what the instrument leaves open in each strike, and in all of them."""
+    if forward.mode != "impact":
+        return model
+    faults = forward.baseline.instruments
+    own = tuple(OwnStrength(e, p.name, Level.TRIAL, p.width) for e in faults for p in e.strengths)
+    entries = (*model.entries, *((one, one.neutral) for one in faults))
+    return replace(model, entries=entries, own=own)
 
 
 def _told_again(

@@ -96,16 +96,18 @@ class OwnValues:
 def with_own_strengths(model: Model, effects: Sequence[Effect], like: Model) -> Model:
     """The model with own values of all strengths of those effects that live below the campaign.
 
-    Scatters are those that `like` holds, the strengths' scales where it holds none.
+    Scatters are those that `like` holds, the strengths' scales where it holds none. What `like`
+    leaves open of the instrument in each trial stays open.
     """
     known = {(id(one.effect), one.name): one.spread for one in like.own}
+    open_still = tuple(one for one in like.own if one.effect.level is Level.CAMPAIGN)
     own = tuple(
         OwnStrength(e, p.name, e.level, known.get((id(e), p.name), p.scale))
         for e in effects
         if e.level is not Level.CAMPAIGN
         for p in e.strengths
     )
-    return replace(model, own=own)
+    return replace(model, own=(*open_still, *own))
 
 
 def marginal_by_trial(
@@ -203,9 +205,10 @@ def _around(
 
 
 def _scattered(model: Model) -> list[Effect]:
+    """Effects whose scatter is learnt: how far an instrument may be off is known."""
     found: list[Effect] = []
     for one in model.own:
-        if not any(one.effect is e for e in found):
+        if one.effect.level is not Level.CAMPAIGN and not any(one.effect is e for e in found):
             found.append(one.effect)
     return found
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial import legendre
 
 from physics.domain import FloatArray, Number, Vector
 from physics.effects.base import (
@@ -30,8 +31,10 @@ __all__ = [
     "LensDistortion",
     "OriginOffset",
     "Parallax",
+    "PivotElsewhere",
     "RollingShutter",
     "TimeBase",
+    "WanderingCentre",
 ]
 
 SHIFT = (
@@ -351,6 +354,79 @@ class OriginOffset(Effect):
     def image(self, values: Values, view: CameraView) -> Vector:
         """Displace."""
         return view.x + values["offset_x"], view.y + values["offset_y"], view.z
+
+
+@dataclass(frozen=True)
+class PivotElsewhere(Effect):
+    """A pendulum's angle read about another point than its axis."""
+
+    id: str = "pivot_elsewhere"
+    statement: str = "The pendulum's angle was read about another point than its axis."
+    law: str = r"\varphi_{rec} = \varphi - (d_x \cos\varphi + d_y \sin\varphi) / L"
+    source: str = "an axis found from the arc that the mass was seen on"
+    phase: Phase = "measurement"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("pivot_x", "m", 0.005, -0.2, 0.2, meaning="forward"),
+        Parameter("pivot_y", "m", 0.005, -0.2, 0.2, meaning="up"),
+    )
+    separating: str = "the axis itself in view"
+    looseness: float = 0.0
+    sharp: bool = False
+
+    def angle(self, values: Values, view: CameraView) -> Number:
+        """Where the mass is seen from the wrong point."""
+        across = values["pivot_x"] * np.cos(view.phi) + values["pivot_y"] * np.sin(view.phi)
+        return view.phi - across / view.length
+
+
+SLOW_ORDERS = (2, 3, 4)
+"""Legendre orders by which a centre may wander along its way: a shift and a stretch are faults of
+their own, and what is faster is noise with a memory."""
+
+SLOW_TURNS = (2, 3)
+"""Turns of the light over a body in one turn of its pendulum: of none and one, zero and axis."""
+
+
+@dataclass(frozen=True)
+class WanderingCentre(Effect):
+    """Centres seen beside the bodies' own, by their shade, what hides them, what is behind them."""
+
+    id: str = "wandering_centre"
+    statement: str = "The centres wander about where the bodies are, with light and what is hidden."
+    law: str = r"\mathbf r_{rec} = \mathbf r + \sum_n \mathbf a_n P_n(x)"
+    source: str = "outlines of shaded bodies, partly hidden"
+    phase: Phase = "measurement"
+    parameters: tuple[Parameter, ...] = (
+        *(
+            Parameter(f"{way}_{n}", "m", 1e-3, -0.1, 0.1, meaning="of the ball's centre")
+            for way in ("along", "up")
+            for n in SLOW_ORDERS
+        ),
+        *(
+            Parameter(f"{way}_{n}", "rad", 3e-3, -0.3, 0.3, meaning="of the pendulum's angle")
+            for way in ("cosine", "sine")
+            for n in SLOW_TURNS
+        ),
+    )
+    looseness: float = 0.0
+    sharp: bool = False
+
+    def image(self, values: Values, view: CameraView) -> Vector:
+        """The ball's centre, a polynomial of its way off."""
+        place = np.clip((view.x - view.centre_x) / view.half_width, -1.2, 1.2)
+        x, y = view.x, view.y
+        for n in SLOW_ORDERS:
+            shape = legendre.legval(place, np.eye(n + 1)[n])
+            x, y = x + values[f"along_{n}"] * shape, y + values[f"up_{n}"] * shape
+        return x, y, view.z
+
+    def angle(self, values: Values, view: CameraView) -> Number:
+        """The mass, as light and background go over it."""
+        phi = view.phi
+        for n in SLOW_TURNS:
+            phi = phi + values[f"cosine_{n}"] * np.cos(n * view.phi)
+            phi = phi + values[f"sine_{n}"] * np.sin(n * view.phi)
+        return phi
 
 
 @dataclass(frozen=True)

@@ -745,6 +745,8 @@ def explain_campaign(
 ) -> Explained:
     """Explain a campaign that has been read or measured already."""
     baseline = baseline_from_setup(known, campaign)
+    if isinstance(campaign, ClipCampaign):
+        baseline = replace(baseline, instruments=campaign.instruments)
     own = _own(effects)
     with under_guard(own):
         explained = explain_in_full(

@@ -23,6 +23,14 @@ from mismatch import EngineVerdict
 from mismatch.records import CampaignRecords, Trial
 from mismatch.verdict import DOUBTED, Doubt, NamedEffect
 from physics.bodies import GRAVITY, PAPER_PENDULUM, PAPER_SUPPORT, Pendulum
+from physics.effects import Effect, Form
+from physics.effects.measurement import (
+    CameraRoll,
+    LengthScale,
+    OriginOffset,
+    PivotElsewhere,
+    WanderingCentre,
+)
 from pipelines.explain.tabular import numbers_of, read_sheet
 from pipelines.setup.file import Setup
 
@@ -342,6 +350,53 @@ def _scale_and_roll(calibration: "Calibration", px: np.ndarray) -> tuple[float, 
     )
 
 
+def left_open(measured: "ClipMeasurement") -> tuple[Effect, ...]:
+    """What one clip's strike leaves open: faults whose parameters have its uncertainties as widths.
+
+    Where the axis is and where the ball rests, as measured; scale and roll as in
+    `calibration_widths`.
+    """
+    if measured.impact is None or measured.tracks.pendulum is None:
+        return ()
+    # comes with the measuring chain
+    from vision.pendulum.arc import LOOK_PX
+
+    tracks = measured.impact.tracks
+    metres_per_px = tracks.radius_m / float(np.median(measured.tracks.ball.radius_px))
+    axis = np.sqrt(np.diag(measured.tracks.pendulum.pivot_covariance_px2)) * metres_per_px
+    widths = calibration_widths(measured)
+    arm = float(measured.tracks.pendulum.arm_px) * metres_per_px
+    about = Form.ABOUT_THE_START
+    wander = WanderingCentre()
+    slow = {"m": OUTLINE_PX * metres_per_px, "rad": LOOK_PX * metres_per_px / arm}
+    return (
+        _held(wander, [slow[p.unit] for p in wander.parameters]),
+        _held(PivotElsewhere(), axis),
+        _held(OriginOffset(id="rest_elsewhere"), tracks.rest_std_m),
+        _held(LengthScale(id="scale_of_the_clip", form=about), [widths["length_scale"]]),
+        _held(CameraRoll(id="roll_of_the_clip", form=about), [widths["camera_roll"]]),
+    )
+
+
+def _held(fault: Effect, widths: Sequence[float] | FloatArray) -> Effect:
+    held = tuple(
+        replace(p, width=float(width), expected=0.0)
+        for p, width in zip(fault.parameters, widths, strict=True)
+    )
+    return replace(fault, sharp=False, parameters=held)
+
+
+def common_faults(clips: Sequence[tuple[Effect, ...]]) -> tuple[Effect, ...]:
+    """Faults of a campaign, each as wide as the median of its clips says; none if a clip has none.
+
+    One camera errs alike in all clips, and each clip anew: either takes the whole width.
+    """
+    return tuple(
+        _held(alike[0], np.median([[p.width for p in one.parameters] for one in alike], axis=0))
+        for alike in zip(*clips, strict=False)
+    )
+
+
 def common_widths(clips: Iterable[Mapping[str, float]]) -> dict[str, float]:
     """Widths of a campaign: clips of one camera err together, so the median of theirs."""
     rows = list(clips)
@@ -482,10 +537,14 @@ class ClipCampaign(CampaignRecords):
         Id of a fault of the instrument → standard uncertainty of the calibration in it.
     calibrated : bool
         Whether the widths are of the clips' own calibration, or what is usual of one.
+    instruments : tuple of Effect
+        What each clip leaves open of where its axis, its resting ball, its scale and its horizontal
+        are, and all clips of a camera alike.
     """
 
     widths: Mapping[str, float] = field(default_factory=dict)
     calibrated: bool = True
+    instruments: tuple[Effect, ...] = ()
 
 
 def clip_facts(path: Path) -> dict[str, ClipFacts]:
@@ -548,8 +607,8 @@ def campaign_from_clips(
     measure : callable, optional
         The measuring chain, if another than `measure_clip`.
     strikes : bool
-        Compare swing and contact, too. All clips of a camera share errors of the pendulum's pivot,
-        about half a degree in its angles, which are told as physics where there is none.
+        Compare swing and contact, too: what clips leave open of axis, rest, scale, horizontal and
+        centres is then open in the model, as far as it is stated.
 
     Raises
     ------
@@ -569,6 +628,7 @@ def campaign_from_clips(
     known, setup = facts or {}, with_rig(setup)
     trials: list[Trial] = []
     widths: list[dict[str, float]] = []
+    faults: list[tuple[Effect, ...]] = []
     releases: list[float] = []
     notes: list[str] = []
     refused: list[tuple[Path, ClipError | MeasurementError]] = []
@@ -583,6 +643,7 @@ def campaign_from_clips(
         trials.append(trial)
         releases.append(_release(measured))
         widths.append(calibration_widths(measured))
+        faults.append(left_open(measured))
         notes += [f"{path.name}: {text}" for text in said]
     if not trials:
         raise refused[0][1]
@@ -594,7 +655,9 @@ def campaign_from_clips(
         # Without a whole strike to compare, rest and contact are no part of a free flight.
         trials = [_flight_only(t, r) for t, r in zip(trials, releases, strict=True)]
         notes.insert(0, _why_flights(told))
-    return ClipCampaign(tuple(trials), (*left_out, *notes), common_widths(widths))
+    return ClipCampaign(
+        tuple(trials), (*left_out, *notes), common_widths(widths), instruments=common_faults(faults)
+    )
 
 
 def with_rig(setup: Setup) -> Setup:
@@ -610,8 +673,8 @@ def _why_flights(told: bool) -> str:
     if not told:
         return "not every strike is known from its back-swing on: flights are compared"
     return (
-        "flights are compared; --strikes compares swing and contact, too, but clips of one camera "
-        "share errors of about half a degree in the pendulum's angles"
+        "flights are compared; --strikes compares swing and contact, too, where slow errors of"
+        " half a pixel leave names in doubt"
     )
 
 

@@ -27,6 +27,7 @@ from metrology.least_squares import minimise
 from vision.compiled import CORRELATED_PIXELS, registered
 
 __all__ = [
+    "LOOK_PX",
     "Arc",
     "ImagedSwing",
     "Patch",
@@ -292,7 +293,7 @@ _PIVOT_STD_SHARE = 0.5
 # px: what light and depth move a body off its arc; of the frames, so many are independent.
 _OFF_ARC_PX, _INDEPENDENT = 0.15, 8.0
 
-_LOOK_PX = 1.0
+LOOK_PX = 1.0
 """px: what a body's depth, its light and its rod do to the track between the ends of its way. The
 pivot is off by what is stated with it, to a factor of 1.3, over rooms at random and ray-traced
 clips."""
@@ -489,7 +490,7 @@ def _swing_through(start: ImagedSwing, poses: Sequence[Pose], view_std: float) -
     # A body's look pulls its track about as a view aslant does, by more than the camera is aslant.
     slopes = found.jacobian.copy()
     look = slice(len(points) + 2, len(points) + 4)
-    slopes[look] *= view_std / math.hypot(view_std, _LOOK_PX / arm)
+    slopes[look] *= view_std / math.hypot(view_std, LOOK_PX / arm)
     widened = max(1.0, 2.0 * found.cost / _INDEPENDENT)
     covariance = np.asarray(widened * np.linalg.pinv(slopes.T @ slopes)[:2, :2], dtype=np.float64)
     return SwingThrough(swing_of(found.values), covariance, found.cost)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from physics.effects import CATALOGUE, CameraView, Form
+from physics.effects.measurement import PivotElsewhere, WanderingCentre
 
 DISTANCE, AXIS = 3.0, np.array([0.9, 0.55])
 MIDDLE, HALF = np.array([0.9, 0.4]), 0.9
@@ -38,3 +39,32 @@ def test_a_lens_of_two_terms_is_brown_s():
     shown = np.array([AXIS[0] + DISTANCE * u * bent, AXIS[1] + DISTANCE * v * bent])
     terms = {"radial": first / DISTANCE**2, "radial_4": second / DISTANCE**4}
     assert seen_by("lens_distortion", Form.TWO_TERMS, terms) == pytest.approx(shown, abs=1e-12)
+
+
+def _pendulum(phi):
+    return CameraView(0.0, *(0.0,) * 6, phi, 0.0, 0.0, 0.4, *MIDDLE, HALF, 0.6)
+
+
+def test_an_angle_is_read_about_the_point_that_is_taken_for_the_axis():
+    phi = np.linspace(-0.6, 1.6, 23)
+    told = PivotElsewhere().angle({"pivot_x": 4e-3, "pivot_y": -7e-3}, _pendulum(phi))
+    seen = np.arctan2(0.6 * np.sin(phi) - 4e-3, 0.6 * np.cos(phi) - 7e-3)
+    # What goes with the square of the distance is left out.
+    assert told == pytest.approx(seen, abs=2.0 * (8.1e-3 / 0.6) ** 2)
+
+
+def test_a_centre_wanders_with_no_shift_no_stretch_and_no_turn():
+    """Those are faults of their own: what is left has none of them, over the way evenly passed."""
+    law = WanderingCentre()
+    x, weights = np.polynomial.legendre.leggauss(9)
+    x = MIDDLE[0] + HALF * x
+    view = CameraView(0.0, x, 0.0 * x, *(0.0,) * 7, 0.4, *MIDDLE, HALF)
+    values = {p.name: 0.01 * (k + 1) for k, p in enumerate(law.parameters)}
+    seen_x, seen_y, _ = law.image(values, view)
+    for off in (np.asarray(seen_x) - x, np.asarray(seen_y)):
+        assert np.abs(off).max() > 0.01
+        assert np.abs([weights @ off, weights @ (off * (x - MIDDLE[0]))]).max() < 1e-12
+    phi = np.linspace(0.0, 2.0 * np.pi, 65)[:-1]
+    turned = np.asarray(law.angle(values, _pendulum(phi))) - phi
+    assert np.abs(turned).max() > 0.01
+    assert np.abs([turned.mean(), turned @ np.cos(phi), turned @ np.sin(phi)]).max() < 1e-12

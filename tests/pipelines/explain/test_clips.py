@@ -36,6 +36,7 @@ def measured(speed: float | None = 2.0, backswing_deg: float | None = None):
         ball_time_s=time, ball_m=path, rest_m=np.array([0.7, 1.1]), radius_m=0.1,
         ball_cov_m2=np.broadcast_to(np.diag([1e-6, 4e-6]), (time.size, 2, 2)),
         swing_time_s=time[:20], swing_rad=np.linspace(-0.5, 0.3, 20),
+        rest_std_m=np.array([1e-3, 3e-3]),
     )  # fmt: skip
     impact = SimpleNamespace(
         tracks=tracks, last_flight_s=0.4, flight=SimpleNamespace(time_s=time[(time > 0.12)])
@@ -48,9 +49,13 @@ def measured(speed: float | None = 2.0, backswing_deg: float | None = None):
         return Quantity.measured(name, value, "1", ())
 
     rate = SimpleNamespace(fps=600.0, std=0.6)
+    seen = SimpleNamespace(
+        ball=SimpleNamespace(radius_px=np.full(time.size, 50.0)),
+        pendulum=SimpleNamespace(pivot_covariance_px2=np.diag([4.0, 9.0]), arm_px=250.0),
+    )
     return SimpleNamespace(
         impact=impact, warnings=("a", "b", "c", "d"), quantity=quantity, rate=rate,
-        calibration=None,
+        calibration=None, tracks=seen,
     )  # fmt: skip
 
 
@@ -140,6 +145,26 @@ def test_a_clip_belongs_to_the_session_that_its_table_says():
     facts = {"b": ClipFacts(math.radians(50.0), session="Monday")}
     campaign = campaign_from_clips([Path("b.mp4")], SETUP, facts, chain({"b": measured()}))
     assert campaign.trials[0].session == "Monday"
+
+
+def test_a_strike_leaves_open_what_its_clip_leaves_open():
+    """Two millimetres a pixel: the axis to two and three pixels, the rest as it is measured."""
+    answers = chain({"a": measured(), "b": measured()})
+    clips = [Path("a.mp4"), Path("b.mp4")]
+    campaign = campaign_from_clips(clips, SETUP, None, answers, strikes=True)
+    found = {p.name: p for fault in campaign.instruments for p in fault.parameters}
+    told = {"pivot_x": 4e-3, "pivot_y": 6e-3, "offset_x": 1e-3, "offset_y": 3e-3}
+    assert {name: found[name].width for name in told} == pytest.approx(told)
+    widths = calibration_widths(answers(Path("a.mp4"), None))
+    assert found["scale_error"].width == pytest.approx(widths["length_scale"])
+    assert found["roll"].width == pytest.approx(widths["camera_roll"])
+    assert found["up_2"].width == pytest.approx(0.15 * 2e-3)
+    assert found["sine_2"].width == pytest.approx(1.0 / 250.0)
+    assert all(p.is_held for p in found.values())
+    bare = measured()
+    bare.tracks.pendulum = None
+    answers = chain({"a": measured(), "b": bare})
+    assert campaign_from_clips(clips, SETUP, None, answers).instruments == ()
 
 
 def test_two_clips_of_one_name_are_refused():

@@ -1,0 +1,73 @@
+"""Strikes whose clips leave open where the axis, the ball at rest and the horizontal are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mismatch import explain
+from mismatch.fitting.prepare import prepare
+from mismatch.records import Baseline, CampaignRecords
+from physics.bodies import PAPER_PENDULUM
+from physics.effects import Effect, effect_named
+from physics.effects.measurement import OriginOffset, PivotElsewhere
+from tests.mismatch.synthetic import struck_campaign
+
+ARM = PAPER_PENDULUM.length
+SLOWED = (effect_named("bearing_friction"), {"dry_torque": 0.8})
+
+
+def _held(fault: Effect, width: float) -> Effect:
+    parameters = tuple(replace(p, width=width, expected=0.0) for p in fault.parameters)
+    return replace(fault, parameters=parameters)
+
+
+FAULTS = (_held(PivotElsewhere(), 0.01), _held(OriginOffset(id="rest_elsewhere"), 2e-3))
+
+
+def _read_off_wrong_points(
+    campaign: CampaignRecords, seed: int = 3
+) -> tuple[CampaignRecords, np.ndarray]:
+    """Angles as the picture shows them about points beside the axis, and those points (T, 2)."""
+    rng = np.random.default_rng(seed)
+    wrong = np.array([8e-3, -9e-3]) + 5e-3 * rng.standard_normal((len(campaign.trials), 2))
+    trials = []
+    for trial, (dx, dy) in zip(campaign.trials, wrong, strict=True):
+        x, down = ARM * np.sin(trial.pendulum_angle), ARM * np.cos(trial.pendulum_angle)
+        shifted = trial.position + 1.5e-3 * rng.standard_normal(3)
+        angle = np.arctan2(x - dx, down + dy)
+        trials.append(replace(trial, pendulum_angle=angle, position=shifted))
+    return CampaignRecords(tuple(trials)), wrong
+
+
+def _campaign(*added: tuple[Effect, dict[str, float]]) -> tuple[CampaignRecords, Baseline]:
+    campaign, baseline = struck_campaign(*added)
+    return _read_off_wrong_points(campaign)[0], baseline
+
+
+def test_axes_that_every_clip_has_elsewhere_are_found():
+    campaign, baseline = struck_campaign()
+    seen, wrong = _read_off_wrong_points(campaign)
+    assert prepare(seen, baseline).fit.reduced_chi2 > 5.0
+    fit = prepare(seen, replace(baseline, instruments=FAULTS)).fit
+    assert fit.reduced_chi2 < 1.2
+    names = [one.name for one in fit.model.own]
+    shared = {item.parameter.name: fit.value(k)[0] for k, item in enumerate(fit.free)}
+    for axis, name in enumerate(("pivot_x", "pivot_y")):
+        found = shared[name] + fit.nuisance[:, 4 + names.index(name)]
+        assert np.sqrt(np.mean(np.square(found - wrong[:, axis]))) < 3e-3
+
+
+@pytest.mark.slow
+def test_an_axis_elsewhere_is_no_physics():
+    campaign, baseline = _campaign()
+    assert explain(campaign, replace(baseline, instruments=FAULTS)).effects == ()
+
+
+@pytest.mark.slow
+def test_friction_on_the_axis_is_told_wherever_that_is():
+    campaign, baseline = _campaign(SLOWED)
+    verdict = explain(campaign, replace(baseline, instruments=FAULTS))
+    alike = {one for group in verdict.indistinguishable for one in group}
+    assert len(verdict.effects) == 1
+    assert "bearing_friction" in alike | {verdict.effects[0].id}
