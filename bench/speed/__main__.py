@@ -3,12 +3,13 @@
 Run: python -m bench.speed [--fast] [--against COMMIT] [--lens FOLDER] [--rows ROW…] [--kept FILE]
 
 COMMIT (default a1dcaa4) is checked out beside this one and run by the same interpreter on the same
-machine. A figure is the median of five runs, of processor time (user and system) of the whole
-command with start-up; one run is taken of the earlier commit, of single commands, of a first use
-and of the longest clips. --fast takes one run of everything and leaves out the long clips. FOLDER
-holds pictures of a chessboard; by default it is looked for among the shared recordings. What was
-timed is kept in FILE, under the commit that it belongs to: a run that was stopped goes on where it
-was, and a row that fails says so and leaves the others alone.
+machine, both with their modules compiled to bytecode as an installer leaves them. A figure is the
+median of five runs, of processor time (user and system) of the whole command with start-up; one run
+is taken of the earlier commit, of single commands, of a first use and of the longest clips. --fast
+takes one run of everything and leaves out the long clips. FOLDER holds pictures of a chessboard; by
+default it is looked for among the shared recordings. What was timed is kept in FILE, under the
+commit that it belongs to: a run that was stopped goes on where it was, and a row that fails says so
+and leaves the others alone.
 """
 
 import argparse
@@ -100,6 +101,7 @@ def cost(
 ) -> Cost:
     """Run Python with the code under `root` and tell what it took."""
     environment = dict(os.environ, PYTHONPATH=str(root), IMPACT_VISION_CACHE=kept)
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
     if fresh:
         environment["NUMBA_CACHE_DIR"] = kept
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -367,6 +369,12 @@ def with_earlier(commit: str, act: Callable[[Path], None]) -> None:
             subprocess.run([*git, "remove", "--force", str(place)], check=True)
 
 
+def as_installed(root: Path) -> None:
+    """Compile the modules to what Python reads, as an installer does."""
+    packages = [str(path.parent) for path in root.glob("*/__init__.py")]
+    subprocess.run([sys.executable, "-m", "compileall", "-q", *packages], check=True)
+
+
 def boards() -> Path | None:
     """Pictures of a chessboard among the shared recordings, where there are any."""
     shared = os.environ.get("IMPACT_VISION_SHARED")
@@ -393,9 +401,11 @@ def main() -> None:
     ]
 
     def act(place: Path) -> None:
+        as_installed(place)
         for line in table(timed, place, said.against, wanted, runs):
             print(line, flush=True)
 
+    as_installed(ROOT)
     # what is compiled at a first use is compiled before anything is timed
     cost(ROOT, VISION, rows(None)[0].arguments, "off")
     with_earlier(said.against, act)
