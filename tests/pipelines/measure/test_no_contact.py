@@ -7,20 +7,21 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from calib.grid import WallGrid
-from calib.solve import planned_grid
 from metrology import Quantity
-from pipelines.calibrate.plan import Filming, film_scene, planned_setup, planned_tracks
-from pipelines.measure import metres
-from pipelines.measure.chain import FollowedClip, measure_tracks
-from pipelines.measure.inputs import gather_inputs
+from pipelines.calibrate.plan import planned_tracks
 from pipelines.measure.results import Results
 from sample_videos import Scene, Shot
 from sample_videos.shot import HermiteCurve
+from tests.pipelines.measure.planned_stroke import (
+    FILMING,
+    inputs_as_planned,
+    measured,
+    planned,
+    tracks_as_planned,
+)
 from vision.clip.footage import CaptureRate, RateSource
 from vision.tracks import Motion, MotionKind, Tracks
 
-FILMING = Filming(width=432, height=240, tape_std_m=0.005, fps=300.0)
 TIMES = ("contact_time", "contact_end", "contact_frames")
 
 
@@ -57,23 +58,13 @@ def results(
     early_s: float | None = None,
 ) -> Results:
     """What is told of a strike, or of one whose contact was cut out, after a change."""
-    scene, shot = film_scene(FILMING)
-    grid = planned_grid(scene.camera)
-
-    def seen(*_: object, **__: object) -> WallGrid:
-        return grid
-
-    monkeypatch.setattr(metres, "find_wall_grid", seen)
-    tracks = planned_tracks(FILMING, scene, shot)
-    if early_s is not None:
-        tracks = struck_at_once(scene, shot, early_s)
-    inputs = gather_inputs(planned_setup(FILMING, scene), None, None)
+    tracks = tracks_as_planned() if early_s is None else struck_at_once(*planned(), early_s)
+    inputs = inputs_as_planned()
     assert inputs.ball is not None
     # an angle at which the bar is set up to strike would tell where the face is
     inputs = replace(inputs, ball=replace(inputs.ball, launch_angle=None))
     rate = CaptureRate(FILMING.fps, 0.1, RateSource.OPTION)
-    clock = np.arange(scene.frames, dtype=float)
-    return measure_tracks(FollowedClip(change(tracks), clock, rate, inputs)).results
+    return measured(change(tracks), rate, inputs, monkeypatch).results
 
 
 def told(
