@@ -9,7 +9,7 @@ Circles beside one another: the same one, a panel of a larger one, the softness 
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -44,13 +44,20 @@ def same(circle: Circle, other: Circle) -> bool:
     return bool(gap < 0.5 * max(circle[2], other[2]) and 0.6 < circle[2] / other[2] < 1.6)
 
 
-def shown(circle: Circle, other: Circle, normalised: FloatImage) -> bool:
-    """Whether the circle of what changed is no more than the softness about another one."""
+def shown(circle: Circle, others: Sequence[Circle], normalised: FloatImage) -> bool:
+    """Whether the circle of what changed is no more than the softness about one of the others."""
+    about = [other for other in others if _is_about(circle, other)]
+    # pixels are asked last: that takes far longer than comparing the circles
+    return any(not _larger(circle, other) for other in about) or any(
+        _much_fainter(circle, other, normalised) for other in about
+    )
+
+
+def _is_about(circle: Circle, other: Circle) -> bool:
+    """Whether a circle lies about another one that is as complete."""
     if other[2] > circle[2] or other[3] <= circle[3] - _AS_COMPLETE:
         return False
-    if math.hypot(circle[0] - other[0], circle[1] - other[1]) > 0.6 * circle[2]:
-        return False
-    return not _larger(circle, other) or _much_fainter(circle, other, normalised)
+    return math.hypot(circle[0] - other[0], circle[1] - other[1]) <= 0.6 * circle[2]
 
 
 def halo_of(blob: Circle, circle: Circle, normalised: FloatImage) -> bool:
@@ -265,9 +272,7 @@ def find_circles(
             sharp = [_resharpened(circle, edges) for circle in circles]
             whole += [_enlarged(circle, scale) for circle in sharp if circle[3] >= least_coverage]
     # The change grows a little beyond a soft outline: where both show a circle, it is not needed.
-    solid = [
-        circle for circle in whole if not any(shown(circle, other, normalised) for other in found)
-    ]
+    solid = [circle for circle in whole if not shown(circle, found, normalised)]
     found = [circle for circle in found if not any(part_of(circle, other) for other in solid)]
     found += solid
     if radii is None:
