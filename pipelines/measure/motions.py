@@ -15,6 +15,7 @@ A free swing by itself: period and damping of what comes and goes along one line
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 import scipy
@@ -163,8 +164,8 @@ class FreeFlight:
         The frames that belong to it.
     residual : (N, 2) array
         Measured minus fitted.
-    halves_apart : float
-        How far the accelerations of both halves are apart, in standard uncertainties.
+    priors : FreeFlightPriors
+        It was fitted with.
     """
 
     acceleration: float
@@ -175,7 +176,17 @@ class FreeFlight:
     air: FloatArray
     path: FlightFrames
     residual: FloatArray
-    halves_apart: float
+    priors: FreeFlightPriors
+
+    @property
+    def outcome(self) -> FloatArray:
+        """Acceleration, speed and angle, (3,)."""
+        return np.array([self.acceleration, self.speed, self.angle_deg])
+
+    @cached_property
+    def halves_apart(self) -> float:
+        """How far the accelerations of both halves are apart, in standard uncertainties."""
+        return _halves_apart(self.path, self.priors)
 
     @property
     def length(self) -> float:
@@ -294,7 +305,7 @@ def fit_free_flight(path: FlightFrames, priors: FreeFlightPriors) -> FreeFlight:
         np.sqrt(np.maximum(by_square - by_noise, 0.0)) * [1.0, 1.0, math.degrees(1.0)],
         path,
         residual,
-        _halves_apart(path, priors),
+        priors,
     )
 
 
@@ -316,11 +327,15 @@ def _fitted(path: FlightFrames, priors: FreeFlightPriors) -> tuple[Fitted, _Unit
     design = _design(tau, place)
     whiten = slow_error_whitening(tau)
     size, size_rows = _size_trend(path, place)
+    # the unknowns enter linearly: what turns them into residuals is whitened once
+    rows = np.zeros((2 * len(tau) + 2 * len(size), len(_PLACE)))
+    seen = np.zeros(len(rows))
+    rows[: 2 * len(tau)] = whiten(design / std[..., np.newaxis]).reshape(-1, len(_PLACE))
+    seen[: 2 * len(tau)] = whiten(place / std).ravel()
+    rows[2 * len(tau) :: 2, -2:], seen[2 * len(tau) :: 2] = size_rows, size
 
     def residuals(values: FloatArray) -> FloatArray:
-        left = whiten((design @ values - place) / std).ravel()
-        trend = size_rows @ values[-2:] - size
-        return np.concatenate([left, trend, np.zeros(len(trend) % 2)])
+        return np.asarray(values @ rows.T - seen)
 
     start = np.zeros(len(_PLACE))
     for axis in range(2):
@@ -333,7 +348,7 @@ def _fitted(path: FlightFrames, priors: FreeFlightPriors) -> tuple[Fitted, _Unit
     spread[_PLACE["drag"]] = max(priors.drag_std * units.length, 1e-9)
     spread[_PLACE["ax"]] = max(ROLL_STD * pull, 1e-9)
     spread[[_PLACE["growth_x"], _PLACE["growth_y"]]] = max(priors.growth_std, 1e-9)
-    fitted = fit(residuals, start, prior, spread, channels=2)
+    fitted = fit(residuals, start, prior, spread, channels=2, stacked=True)
     left = (place - design @ fitted.values) * units.length
     return fitted, units, left
 
@@ -944,8 +959,7 @@ def rate_by_fall(tracks: Tracks, scene: MotionScene) -> RateByFall | None:
     in_frames = replace(scene, fps=1.0, fps_std=math.inf)
     ball = applicable(tracks)
     flight = flight_of(ball, in_frames)
-    values = np.array([flight.acceleration, flight.speed, flight.angle_deg])
-    budget = _Lines(values, flight).budget(0, in_frames, ball)
+    budget = _Lines.of(flight, in_frames, ball).budget(0, in_frames)
     std = math.sqrt(sum(line.std**2 for line in budget))
     if flight.acceleration <= 0 or _steady(flight, len(ball)).outcome is CheckOutcome.FAILED:
         return None
@@ -1025,9 +1039,8 @@ def _falling(tracks: Tracks, scene: MotionScene) -> MotionResults:
     require_upright(tracks)
     ball = applicable(tracks)
     flight = flight_of(ball, scene)
-    values = np.array([flight.acceleration, flight.speed, flight.angle_deg])
-    lines = [_Lines(values, flight)]
-    budgets = [lines[0].budget(index, scene, ball) for index in range(3)]
+    values, lines = flight.outcome, _Lines.of(flight, scene, ball)
+    budgets = [lines.budget(index, scene) for index in range(3)]
     found: dict[str, Quantity] = {}
     angle = _angle(float(values[2]), budgets[2], tracks.motion.kind)
     found[angle.name] = angle
@@ -1091,12 +1104,26 @@ def _by_gravity(fall: Quantity, scene: MotionScene) -> tuple[Quantity | None, Ch
 
 @dataclass(frozen=True)
 class _Lines:
-    """Budget lines of acceleration, speed and angle of a flight."""
+    """Budget lines of acceleration, speed and angle of a flight.
 
-    values: FloatArray
+    Attributes
+    ----------
+    flight : FreeFlight
+    apart : tuple of (source, (3,) array)
+        By how much the three change with each step of the mapping.
+    """
+
     flight: FreeFlight
+    apart: tuple[tuple[UncertaintySource, FloatArray], ...]
 
-    def budget(self, index: int, scene: MotionScene, ball: Track) -> tuple[Contribution, ...]:
+    @classmethod
+    def of(cls, flight: FreeFlight, scene: MotionScene, ball: Track) -> "_Lines":
+        moved = [(source, flight_of(ball, scene, to)) for source, to in scene.mapping_steps]
+        return cls(
+            flight, tuple((source, np.abs(o.outcome - flight.outcome)) for source, o in moved)
+        )
+
+    def budget(self, index: int, scene: MotionScene) -> tuple[Contribution, ...]:
         flight = self.flight
         lines = [
             Contribution(UncertaintySource.TRACK_NOISE, float(flight.noise[index])),
@@ -1105,15 +1132,12 @@ class _Lines:
         ]
         powers = {0: (1.0, 2.0), 1: (1.0, 1.0), 2: (0.0, 0.0)}[index]
         if scene.scale is not None:
-            share = powers[0] * scene.scale.share * abs(float(self.values[index]))
+            share = powers[0] * scene.scale.share * abs(float(flight.outcome[index]))
             lines.append(Contribution(scene.scale.source, share))
         if scene.timed:
-            clock = powers[1] * scene.fps_std / scene.fps * abs(float(self.values[index]))
+            clock = powers[1] * scene.fps_std / scene.fps * abs(float(flight.outcome[index]))
             lines.append(Contribution(UncertaintySource.CAPTURE_RATE, clock))
-        for source, moved in scene.mapping_steps:
-            other = flight_of(ball, scene, moved)
-            there = np.array([other.acceleration, other.speed, other.angle_deg])
-            lines.append(Contribution(source, abs(float(there[index] - self.values[index]))))
+        lines += [Contribution(source, float(by[index])) for source, by in self.apart]
         kept = [line for line in lines if line.std > 0 and math.isfinite(line.std)]
         return tuple(sorted(kept, key=lambda line: -line.std))
 

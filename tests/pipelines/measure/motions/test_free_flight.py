@@ -8,11 +8,19 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.stats import binom
 
-from metrology import MeasurementError, NotFoundError, TooLittleDataError
+from metrology import (
+    MeasurementError,
+    NotFoundError,
+    TooLittleDataError,
+    UncertaintySource,
+)
 from pipelines.measure.motions import (
     FlightFrames,
     FreeFlightPriors,
+    Mapping,
+    MotionScene,
     fit_free_flight,
+    motion_quantities,
     require_upright,
     steady_stretch,
 )
@@ -144,3 +152,45 @@ def test_a_clip_in_which_things_fall_sideways_is_refused(
 @pytest.mark.parametrize("fall_px", [None, (0.0, 2.0), (0.9, 2.0), (-0.9, 2.0)])
 def test_a_camera_that_leans_is_upright(fall_px: tuple[float, float] | None) -> None:
     require_upright(falling(fall_px))
+
+
+def scaled(by: float, turned_rad: float = 0.0) -> Mapping:
+    """A calibrated camera of 2 mm/px whose scale and roll are off."""
+    per_px, cosine, sine = 0.002 * by, math.cos(turned_rad), math.sin(turned_rad)
+    turn = per_px * np.array([[cosine, -sine], [-sine, -cosine]])
+    return lambda px, covariance: (px @ turn, covariance * per_px**2)
+
+
+def test_what_a_calibration_leaves_open_moves_fall_speed_and_angle_as_far_as_it_goes() -> None:
+    fps = 500.0
+    time, place = flown(4.0, 20.0, 0.4, fps)
+    frame, one = np.arange(len(time)), np.ones(len(time))
+    px = place * [500.0, -500.0] + np.random.default_rng(3).normal(0.0, 0.05, place.shape)
+    square = np.tile(0.05**2 * np.eye(2), (len(time), 1, 1))
+    ball = Track(frame, time, px, square, square, 20.0 * one, 0.1 * one, one)
+    pitch, roll = UncertaintySource.GRID_PITCH, UncertaintySource.CAMERA_ROLL
+    scene = MotionScene(
+        frame.astype(float),
+        fps,
+        0.1,
+        None,
+        scaled(1.0),
+        ((pitch, scaled(1.02)), (roll, scaled(1.0, math.radians(0.5)))),
+        (0.0, 1e-4),
+        G,
+        1000.0,
+    )
+    motion = Motion(MotionKind.FLIGHT, 0.9)
+    tracks = Tracks(ball, None, np.zeros((9, 9), np.float32), None, motion=motion)
+    found = motion_quantities(tracks, scene).quantities
+
+    def share(name: str, source: UncertaintySource) -> float:
+        return {line.source: line.std for line in found[name].budget}[source]
+
+    assert share("fall_acceleration", pitch) == pytest.approx(0.02 * G, rel=0.02)
+    assert share("flight_speed", pitch) == pytest.approx(0.02 * 4.0, rel=0.02)
+    # which way is down is told by the fall itself, a little by the picture
+    assert share("flight_angle", pitch) < 0.01
+    assert share("flight_angle", roll) < 0.5
+    for name, true in (("fall_acceleration", G), ("flight_speed", 4.0), ("flight_angle", 20.0)):
+        assert abs(found[name].value - true) < 3.0 * found[name].std
