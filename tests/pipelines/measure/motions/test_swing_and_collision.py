@@ -1,6 +1,7 @@
 """Swings from a solved pendulum equation, collisions from the laws of momentum and restitution."""
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -21,6 +22,15 @@ def swung(
     start_rad: float, damping: float, count: int, fps: float, noise: float, seed: int = 0
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """A bob on its arc, px."""
+    time, place = without_noise(start_rad, damping, count, fps)
+    scatter = np.random.default_rng(seed).normal(0.0, noise, place.shape)
+    return time, place + scatter, np.full(count, noise)
+
+
+@cache
+def without_noise(
+    start_rad: float, damping: float, count: int, fps: float
+) -> tuple[FloatArray, FloatArray]:
     time = np.arange(count) / fps
     stiffness = (2 * math.pi / PERIOD) ** 2
     solved = solve_ivp(
@@ -32,9 +42,7 @@ def swung(
         atol=1e-12,
     )
     angle = solved.y[0]
-    place = LENGTH_PX * np.stack([np.sin(angle), np.cos(angle)], axis=1)
-    scatter = np.random.default_rng(seed).normal(0.0, noise, place.shape)
-    return time, place + scatter, np.full(count, noise)
+    return time, LENGTH_PX * np.stack([np.sin(angle), np.cos(angle)], axis=1)
 
 
 def test_period_and_damping_of_a_small_swing() -> None:
