@@ -9,7 +9,7 @@ touch.
 
 import json
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -522,6 +522,7 @@ def _moving(room: TracedRoom, place: FloatArray, phi: float, pivot: FloatArray) 
 def film_traced(room: TracedRoom, path: Path) -> None:
     """Render a room, write the clip as H.264 and its truth beside it."""
     strike = strike_of(room.rig)
+    room = _loaded(room)
     times = room.first + np.arange(room.frames) / room.fps
     rng = np.random.default_rng([room.seed, 7])
     with av.open(str(path), "w") as file:
@@ -545,6 +546,17 @@ def film_traced(room: TracedRoom, path: Path) -> None:
         for packet in stream.encode():
             file.mux(packet)
     truth_path(path).write_text(json.dumps(_truth(room, strike, times)))
+
+
+def _loaded(room: TracedRoom) -> TracedRoom:
+    """The same room, with what does not change handed to the renderer once for all frames."""
+    mi = _renderer()
+    scenery = {name: mi.load_dict(thing) for name, thing in room.scenery.items()}
+    looks = {
+        name: mi.load_dict(thing) if isinstance(thing, dict) else thing
+        for name, thing in room.looks.items()
+    }
+    return replace(room, scenery=scenery, looks=looks)
 
 
 def _exposed(room: TracedRoom, strike: Strike, time: float) -> FloatArray:
