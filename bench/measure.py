@@ -81,7 +81,10 @@ def zero_error(measurement: ClipMeasurement, true_rad: FloatArray) -> tuple[floa
     if not near.any():
         return math.nan, math.nan
     off = float(np.mean(impact.tracks.swing_rad[near] - true_rad[frame[near]]))
-    return math.degrees(off), math.degrees(pendulum.zero_std_rad)
+    arm = np.mean(pendulum.track.centre_px[near], axis=0) - pendulum.pivot_px
+    across = np.array([-arm[1], arm[0]]) / float(arm @ arm)
+    by_pivot = math.sqrt(across @ pendulum.pivot_covariance_px2 @ across)
+    return math.degrees(off), math.degrees(math.hypot(pendulum.zero_std_rad, by_pivot))
 
 
 def measured(case: Case) -> Outcome:

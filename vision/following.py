@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,7 +28,7 @@ from vision.ball.circles import Circles, find_circles
 from vision.ball.refine import refine_ball
 from vision.ball.silhouette import follow_silhouette, moving_colours
 from vision.clip.footage import Footage
-from vision.motion import bends_up, motion_of
+from vision.motion import LawfulCourse, bends_up, lawful_course, motion_of
 from vision.pendulum.search import Striker, find_striker, pendulum_track
 from vision.scene import FilmedScene
 from vision.tracks import (
@@ -70,6 +71,14 @@ _FEWEST_ROWS = 3
 _LEAST_WORTH = 20.0
 """Nats, weighed by how clear it is, from which on no colour is asked: balls of clips in which they
 stand out from the wall have 60 to 330, shadows and parts of a pendulum taken for one 3 to 20."""
+_ALL_ALONG = 0.95
+"""Part of the frames from the clip's first to the end of the law that a rest and a law explain:
+less leaves doubt where it lay, or whether it is one thing."""
+_TELLING = 10.0
+"""Nats by which one course is the likelier whatever else speaks for either, supposed."""
+_FEWEST_STILL = 5
+"""Frames at rest that a scene as the clip begins must show: what goes on from the first frame to
+the last, as a pendulum does, is seen no better in it."""
 _AS_GOOD = 0.5
 """Share of the score of what is unclear in gray from which what is clear in colour is taken."""
 _SHADE_LOOKS, _INNER_PART, _FEWEST_SHADED, _LEAST_LIT = 7, 0.6, 8, 8.0
@@ -308,6 +317,12 @@ class _Seen:
         found = np.isin(self.choice.ball.frame, self.rough.frame)
         return path_score(self.choice.ball) * float(np.mean(found))
 
+    @cached_property
+    def course(self) -> LawfulCourse:
+        """The rest and the law that explain the frames in which it was followed."""
+        rough = self.rough
+        return lawful_course(rough.frame, rough.centre, float(np.median(rough.radius)))
+
     @property
     def speaks_for_itself(self) -> bool:
         """Whether it is clearly seen and moves as a law asks for that is no bob's."""
@@ -322,13 +337,21 @@ class _Seen:
     @property
     def doubtful(self) -> bool:
         """Whether something else may be the ball."""
-        return self.only_dims or not self.speaks_for_itself
+        agree = self.course.still + self.course.moving
+        whole = agree >= _ALL_ALONG * (self.course.last + 1)
+        return self.only_dims or not (whole and self.speaks_for_itself)
 
     def outdoes(self, other: "_Seen") -> bool:
         """Whether it is rather the ball than what was seen against another scene."""
-        is_none, other_is_none = (seen.only_dims or seen.like_a_bob for seen in (self, other))
+        is_none, other_is_none = (
+            seen.only_dims or seen.like_a_bob or seen.course.moving == 0 for seen in (self, other)
+        )
         if is_none != other_is_none:
             return other_is_none
+        size = max(float(np.median(seen.rough.radius)) for seen in (self, other))
+        more = self.course.evidence(size) - other.course.evidence(size)
+        if abs(more) > _TELLING and (more < 0.0 or self.course.still >= _FEWEST_STILL):
+            return more > 0.0
         return self.speaks_for_itself and self.worth > other.worth
 
     @property

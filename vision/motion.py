@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 from metrology.compiled import compiled
 from vision.tracks import Motion, MotionKind, Track
 
-__all__ = ["bends_up", "lawful_stretch", "motion_of"]
+__all__ = ["LawfulCourse", "bends_up", "lawful_course", "lawful_stretch", "motion_of"]
 
 FloatArray = NDArray[np.float64]
 
@@ -63,6 +63,12 @@ _PATH_SCATTER_RADII = 0.12
 _OFF_PRICE = 1.0
 
 _LEAST_TRAVEL = 1.0
+
+_STILL_FROM = 3
+"""Frames whose median tells where a thing lies at first."""
+
+_STRAY_PRICE = 2.0
+"""Nats: a fine fit off its course, or a gap in it, is rarer than a rough look that is."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +115,7 @@ def lawful_stretch(frame: IntArray, centre: FloatArray, radius: float) -> Lawful
     nothing = LawfulStretch(int(frame[0]), int(frame[0]), 0, 0.0, 0.0)
     if count < _FEWEST:
         return nothing
-    tolerance = _PATH_SCATTER_PX + _PATH_SCATTER_RADII * radius
+    tolerance = _tolerance(radius)
     chosen = _triples(count)
     explained = np.empty(5)
     _explained(frame.astype(np.float64), centre, chosen, tolerance, radius, explained)
@@ -119,6 +125,72 @@ def lawful_stretch(frame: IntArray, centre: FloatArray, radius: float) -> Lawful
     return LawfulStretch(
         int(frame[first]), int(frame[last]), looks, float(explained[3]), float(explained[4])
     )
+
+
+@dataclass(frozen=True)
+class LawfulCourse:
+    """A thing that lies still, leaves, and follows one law of motion from then on.
+
+    Attributes
+    ----------
+    still, moving : int
+        Frames in which it is where it lay, and where the law has it.
+    astray, missed : int
+        Frames in which it is elsewhere, and in which it is not seen in between.
+    last : int
+        The last frame in which the law has it, or it lies still.
+    travel_px : float
+        How far it goes by the law, px.
+    """
+
+    still: int
+    moving: int
+    astray: int
+    missed: int
+    last: int
+    travel_px: float
+
+    def evidence(self, radius: float) -> float:
+        """How much more likely it is so than by chance, nats, told as finely as by that radius."""
+        agree = self.still + self.moving - _FEWEST
+        gained = agree * math.log1p(self.travel_px / _tolerance(radius))
+        return gained - _STRAY_PRICE * (self.astray + self.missed)
+
+
+def lawful_course(frame: IntArray, centre: FloatArray, radius: float) -> LawfulCourse:
+    """Find the rest and the law that explain most of a path from its start on.
+
+    Parameters
+    ----------
+    frame : (N,) int array
+        Frames, increasing.
+    centre : (N, 2) array
+        Centres, px.
+    radius : float
+        Radius, px.
+
+    Returns
+    -------
+    LawfulCourse
+    """
+    away = np.hypot(*(centre - np.median(centre[:_STILL_FROM], axis=0)).T)
+    near = away < _tolerance(radius)
+    run = np.cumsum(np.where(near, 0.5, -1.0))
+    ends = int(np.argmax(run)) + 1 if len(run) and run.max() > 0.0 else 0
+    found = []
+    for left in sorted({0, ends}):
+        law = lawful_stretch(frame[left:], centre[left:], radius) if left < len(frame) else None
+        moving, travel = (law.looks, law.travel_px) if law is not None else (0, 0.0)
+        last = law.last if law is not None and moving else int(frame[max(left - 1, 0)])
+        still = int(np.count_nonzero(near[:left]))
+        missed = int(np.ptp(frame)) + 1 - len(frame)
+        astray = len(frame) - still - moving
+        found.append(LawfulCourse(still, moving, astray, missed, last, travel))
+    return max(found, key=lambda course: course.evidence(radius))
+
+
+def _tolerance(radius: float) -> float:
+    return _PATH_SCATTER_PX + _PATH_SCATTER_RADII * radius
 
 
 @compiled

@@ -10,8 +10,9 @@ followed to within half its radius; it is followed where that is 0.9, and someth
 more than half of what was followed then lies further off.
 
 Each clip is written as H.264, read back and followed unattended. The mass counts as followed where
-its track is one fixed point of it, to a pixel, for ten frames on either side of the strike; a track
-further off than three pixels is one of something else.
+its track is one fixed point of it, to a pixel, for ten frames on either side of the strike, of the
+thirty before and those from the thirteenth to the thirtieth after the first touch; a track further
+off than three pixels is one of something else.
 """
 
 import argparse
@@ -36,7 +37,7 @@ from vision.tracks import PendulumTrack, Track
 
 FloatArray = NDArray[np.float64]
 GOOD_PX, WRONG_PX = 1.0, 3.0
-SIDE_FRAMES = 10
+SIDE_FRAMES, FROM_FRAMES, TO_FRAMES = 10, 12, 30
 NEARLY_ALL = 0.9
 FAINT = 0.03
 """Contrast of lines that nobody would lay a pitch to."""
@@ -107,14 +108,15 @@ def judged_ball(ball: Track, truth: FrameTruth, shape: tuple[int, int]) -> Judge
     return JudgedBall(float(np.mean(near)), bool(len(off) and np.mean(off) > 0.5))
 
 
-def judged(pendulum: PendulumTrack | None, truth: FrameTruth, mirrored: bool) -> Judged:
+def judged(pendulum: PendulumTrack | None, truth: FrameTruth, fps: float, mirrored: bool) -> Judged:
     """Hold a track against where the mass was, near the strike."""
     if pendulum is None:
         return Judged(False, False, float("nan"), "not found")
     frame = pendulum.track.frame
-    near = (truth.time[frame] > -0.05) & (truth.time[frame] < 0.05)
-    before = int(np.count_nonzero(near & (truth.time[frame] < 0.0)))
-    after = int(np.count_nonzero(near & (truth.time[frame] > 0.02)))
+    since = truth.time[frame] * fps
+    near = np.abs(since) < TO_FRAMES
+    before = int(np.count_nonzero(near & (since < 0.0)))
+    after = int(np.count_nonzero(near & (since > FROM_FRAMES)))
     if before < 3:
         return Judged(False, False, float("nan"), f"{before} frames before, {after} after")
     gap = pendulum.track.centre_px[near] - truth.mass_px[frame[near]]
@@ -203,7 +205,7 @@ def followed_room(room: FilmedRoom) -> Judged:
         tracks = follow(ClipReader.open(room.path), room.fps)
     except MeasurementError as problem:
         return Judged(False, False, float("nan"), f"{room.words}: {problem.in_one_line}")
-    found = judged(tracks.pendulum, truth, room.mirrored)
+    found = judged(tracks.pendulum, truth, room.fps, room.mirrored)
     ball = judged_ball(tracks.ball, truth, tracks.background.shape)
     return replace(found, words=f"{room.words}: {found.words}", ball=ball)
 

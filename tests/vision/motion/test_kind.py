@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from vision.motion import bends_up, lawful_stretch, motion_of
+from vision.motion import bends_up, lawful_course, lawful_stretch, motion_of
 from vision.tracks import MotionKind, Track
 
 RADIUS = 12.0
@@ -119,6 +119,50 @@ def test_the_lawful_stretch_ends_at_the_bounce() -> None:
     stretch = lawful_stretch(np.arange(54), np.concatenate([fall, rise]), 6.0)
     assert (stretch.first, stretch.last) in {(0, 29), (0, 30), (0, 31)}
     assert stretch.evidence > 50.0
+
+
+def _struck(still: int, flown: int) -> np.ndarray:
+    """Lies at (90, 60), then flies on a parabola; centres scatter by 0.1 px."""
+    time = np.arange(flown) + 0.6
+    flight = np.column_stack([90.0 + 1.4 * time, 60.0 - 0.7 * time + 0.012 * time**2])
+    rest = np.tile([90.0, 60.0], (still, 1))
+    scatter = np.random.default_rng(8).normal(0.0, 0.1, (still + flown, 2))
+    return np.concatenate([rest, flight]) + scatter
+
+
+def test_a_course_is_the_rest_and_the_flight() -> None:
+    course = lawful_course(np.arange(120), _struck(50, 70), 9.0)
+    # a ball that hardly moved yet may count for either
+    assert course.still == pytest.approx(50, abs=3)
+    assert course.still + course.moving == 120
+    assert (course.astray, course.missed, course.last) == (0, 0, 119)
+
+
+def test_a_rest_told_as_another_thing_speaks_less_for_a_course() -> None:
+    whole = _struck(50, 70)
+    shadow = whole.copy()
+    shadow[:50] += np.column_stack([np.linspace(40.0, 12.0, 50), np.full(50, 30.0)])
+    shadow[::7] += 9.0
+    frame = np.arange(120)
+    best = lawful_course(frame, whole, 9.0).evidence(9.0)
+    assert best > lawful_course(frame, shadow, 9.0).evidence(9.0) + 50.0
+    assert best > lawful_course(frame[52:], whole[52:], 9.0).evidence(9.0) + 50.0
+
+
+def test_a_course_ends_with_its_law_and_counts_what_is_not_seen() -> None:
+    path = _struck(50, 70)
+    bounced = path[-1] + np.column_stack([1.4 * TIME[1:16], -2.0 * TIME[1:16]])
+    frame = np.setdiff1d(np.arange(135), [70, 71, 72])
+    course = lawful_course(frame, np.concatenate([path, bounced])[frame], 9.0)
+    assert course.missed == 3
+    assert course.last == pytest.approx(119, abs=2)
+    assert course.astray == pytest.approx(15, abs=2)
+
+
+def test_what_never_leaves_its_place_has_no_law() -> None:
+    course = lawful_course(np.arange(60), _struck(60, 0), 9.0)
+    assert course.moving == 0
+    assert course.evidence(9.0) <= 0.0
 
 
 def test_what_bounces_often_is_lawful_in_between() -> None:
