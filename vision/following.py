@@ -29,6 +29,7 @@ from vision.ball.refine import refine_ball
 from vision.ball.silhouette import follow_silhouette, moving_colours
 from vision.clip.footage import Footage
 from vision.motion import LawfulCourse, bends_up, lawful_course, motion_of
+from vision.pendulum.face import Striking
 from vision.pendulum.search import Striker, find_striker, pendulum_track
 from vision.scene import FilmedScene
 from vision.tracks import (
@@ -143,7 +144,7 @@ def follow(
     if rest is not None:
         # What lay elsewhere until then was another thing.
         rough = rough.at(rough.frame >= rest.first)
-        striker = find_striker(scene, rest, rough, mass_at)
+        striker = _striker(scene, rest, rough, mass_at)
     choice, striker = _what_struck(choice, striker, pointed_at=mass_at is not None)
     seen = replace(seen, choice=choice)
     _tell(progress, 0.8)
@@ -179,6 +180,23 @@ def follow(
         maybe_shadow=seen.only_dims,
     )
     return tracks.later(footage.first, whole_count, capture_fps)
+
+
+def _striker(scene: FilmedScene, rest: Rest, rough: BallFits, at: Point | None) -> Striker | None:
+    """What struck the ball, in gray; where nothing shows there, in the colours of what moves.
+
+    A mass that is small beside the ball is looked for last.
+    """
+    found = find_striker(scene, rest, rough, at)
+    if found is not None:
+        return found
+    colours = [scene.tinted(float(blue), float(red)) for blue, red in moving_colours(scene)]
+    for small, pictures in ((False, colours), (True, [scene, *colours])):
+        for picture in pictures:
+            found = find_striker(picture, rest, rough, at, small=small)
+            if found is not None and found.striking is Striking.AGREES:
+                return found
+    return None
 
 
 def _what_struck(

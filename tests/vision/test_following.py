@@ -8,7 +8,10 @@ import pytest
 from metrology import NotFoundError
 from tests.shared_data import shared_folder
 from tests.vision.ball.painted import (
+    PIVOT_PX,
     PaintedClip,
+    PaintedColourClip,
+    bar,
     cover,
     exposed,
     struck_ball,
@@ -216,6 +219,56 @@ def test_a_ball_that_lay_for_about_as_long_as_it_is_gone_is_told_from_a_patchwor
     off = np.hypot(*(ball.centre_px - centres[ball.frame]).T)[gone]
     assert len(off) >= 50
     assert np.mean(off < 3.0) >= 0.9
+
+
+def _hard_to_see(half: float, radius: float) -> tuple[PaintedColourClip, np.ndarray]:
+    """A mass of the wall's lightness, which only its colour shows, strikes; centres of the mass."""
+    scene, arm, middles = wall(120, 240), 62.0, []
+    pivot, pictures = np.array(PIVOT_PX), []
+    rest = pivot + np.array([half + radius, arm])
+    # blue, green, red: by the weights of gray they cancel
+    colour = np.array([0.0, 25.5, -50.0])
+    for index in range(80):
+        time = index - 40.0
+        angle = (0.03 if time < 0 else 0.022) * time
+        flown = max(time, 0.0)
+        x, y = (rest + np.array([2.3 * flown, -0.9 * flown + 0.015 * flown**2])).tolist()
+        gray = exposed(with_ball(scene, (x, y), radius), 1.0, index).astype(float)
+        mass = bar(scene.shape, (pivot[0], pivot[1]), arm, angle, half, (-half, half))
+        ball = cover(120, 240, (x, y), radius)
+        picture = gray[..., None] + (mass * (1.0 - ball))[..., None] * colour
+        pictures.append(np.clip(np.rint(picture), 0, 255).astype(np.uint8))
+        middles.append(pivot + arm * np.array([np.sin(angle), np.cos(angle)]))
+    return PaintedColourClip(pictures), np.array(middles)
+
+
+def test_a_mass_of_the_walls_lightness_is_followed_by_its_colour() -> None:
+    clip, middles = _hard_to_see(8.0, 11.0)
+    pendulum = follow(clip, 600.0).pendulum  # type: ignore[arg-type]
+    assert pendulum is not None
+    frame = pendulum.track.frame
+    assert np.count_nonzero(frame < 40) > 20
+    off = pendulum.track.centre_px - middles[frame]
+    assert np.hypot(*(off - off.mean(axis=0)).T).max() < 1.0
+
+
+def test_a_mass_that_is_small_beside_the_ball_is_followed() -> None:
+    scene, half, radius, arm = wall(160, 280), 3.0, 24.0, 62.0
+    pivot = np.array([70.0, 20.0])
+    rest = pivot + np.array([half + radius, arm])
+    pictures, angles = [], []
+    for index in range(80):
+        time = index - 40.0
+        angles.append((0.03 if time < 0 else 0.022) * time)
+        flown = max(time, 0.0)
+        x, y = (rest + np.array([2.3 * flown, -0.9 * flown + 0.015 * flown**2])).tolist()
+        light = with_box(scene, (pivot[0], pivot[1]), arm, angles[-1], half)
+        pictures.append(exposed(with_ball(light, (x, y), radius), 1.0, index))
+    pendulum = follow(PaintedClip(pictures), 600.0).pendulum  # type: ignore[arg-type]
+    assert pendulum is not None
+    assert pendulum.pivot_px == pytest.approx(pivot, abs=6.0)
+    turned = pendulum.angle_rad - np.array(angles)[pendulum.track.frame]
+    assert np.abs(turned - np.median(turned)).max() < 0.05
 
 
 @pytest.mark.slow

@@ -127,6 +127,9 @@ _LEVELS = 5
 """Thresholds that are tried, each a fixed factor above the last, from noise to the strongest
 difference."""
 
+_THICKNESS, _SMALL_THICKNESS = 0.15, 0.06
+"""Ball's radii: the least half thickness of a mass, and that of a small one before a large ball,
+which is looked for where nothing else struck; an arm or a cord is thinner, supposed."""
 _BEHIND, _BESIDE = 4.0, 2.2
 """Ball's radii, behind its middle and to either side, in which a mass is looked for: it is near
 when it strikes, and hardly larger than the ball, supposed."""
@@ -167,6 +170,8 @@ def find_mass(
     radius: float,
     before: Backdrop,
     at: tuple[float, float] | None = None,
+    *,
+    small: bool = False,
 ) -> tuple[MassCandidate, ...]:
     """Find what may be about to strike the ball.
 
@@ -182,6 +187,8 @@ def find_mass(
         The scene before the strike (`vision.scene.scene_before_strike`).
     at : tuple of float, optional
         A point on the mass just before contact, px, where the user gave one.
+    small : bool
+        Whether to look for masses that are small beside the ball, too.
 
     Returns
     -------
@@ -194,7 +201,7 @@ def find_mass(
     # Late enough to be near the ball, early enough to be seen free of it.
     back = rest.frames_along(_LOOK_BACK, radius, _LEAST_LOOKS)
     step = -2 if back >= 2 * _LEAST_LOOKS else -1
-    behind = _Behind(rest, radius, scene.shape)
+    behind = _Behind(rest, radius, scene.shape, _SMALL_THICKNESS if small else _THICKNESS)
     if not np.any(behind.region):
         return ()
     lowest = _LOWEST_SIGMA * scene.usual_noise[behind.window]
@@ -244,8 +251,8 @@ def _pieces(
 class _Behind:
     """The part of the picture behind the ball, and distances in a window (rows, columns) of it."""
 
-    def __init__(self, rest: Rest, radius: float, shape: tuple[int, ...]) -> None:
-        self.rest, self.radius = rest, radius
+    def __init__(self, rest: Rest, radius: float, shape: tuple[int, ...], thick: float) -> None:
+        self.rest, self.radius, self.thick = rest, radius, thick
         self.window = _window_behind(rest, radius, shape)
         self.rows, self.columns = np.mgrid[self.window]
         x, y = self.columns - rest.centre_px[0], self.rows - rest.centre_px[1]
@@ -258,16 +265,17 @@ class _Behind:
 
     def nearest(self, moved: BoolArray, at: tuple[float, float] | None) -> BoolArray | None:
         """The thick piece nearest to the ball's rear, or to where the user points."""
-        kernel = _disc(max(1, int(0.15 * self.radius)))
+        kernel = _disc(max(1, int(self.thick * self.radius)))
         thick = cv2.morphologyEx(moved.astype(np.uint8), cv2.MORPH_OPEN, kernel)
         count, labels = cv2.connectedComponents(thick)
         rear = self.rest.centre_px - self.rest.direction * (self.radius + 1.0)
         target = rear if at is None else np.array(at)
         away = np.hypot(self.columns - target[0], self.rows - target[1])
+        least = max(12.0, self.thick**2 / _THICKNESS * self.radius**2)
         best, best_gap = 0, 1.5 * self.radius
         for label in range(1, count):
             member = labels == label
-            if np.count_nonzero(member) < max(12.0, 0.15 * self.radius**2):
+            if np.count_nonzero(member) < least:
                 continue
             gap = float(away[member].min())
             if gap < best_gap:

@@ -252,6 +252,10 @@ _AS_EVEN = 1.5
 """Factor: scatters that differ by less are alike, as those of forty frames are that follow the same
 body; a mass with its shadow strays twice as far as the mass."""
 
+_AS_CLEAR = 2.0
+"""Factor: what leaves more of the pictures where it lies than that is another thing than it was cut
+out as, supposed; rivals that follow the same body differ by up to 1.4 in two renderers."""
+
 _EVEN_PX = 0.1
 """px: what strays less swings evenly, whatever else does so better; outlines of one frame are known
 to about that."""
@@ -324,7 +328,12 @@ class Striker:
 
 
 def find_striker(
-    scene: FilmedScene, rest: Rest, ball: BallFits, mass_at: Point | None = None
+    scene: FilmedScene,
+    rest: Rest,
+    ball: BallFits,
+    mass_at: Point | None = None,
+    *,
+    small: bool = False,
 ) -> Striker | None:
     """Find and follow what strikes the ball.
 
@@ -338,6 +347,8 @@ def find_striker(
         The ball.
     mass_at : tuple, optional
         x, y (px) of a point on the striker just before contact, where the user gave one.
+    small : bool
+        Whether it may be small beside the ball.
 
     Returns
     -------
@@ -349,9 +360,9 @@ def find_striker(
     image = scene_before_strike(scene, rest, radius)
     before = Backdrop(scene, image, radius)
     lit = Backdrop(scene, image, radius, relit=True)
-    search = _StrikerSearch.through(scene, rest, ball, before, at)
+    search = _StrikerSearch.through(scene, rest, ball, before, at, small)
     if search is None or not search.explains_all:
-        again = _StrikerSearch.through(scene, rest, ball, lit, at)
+        again = _StrikerSearch.through(scene, rest, ball, lit, at, small)
         if again is not None and (search is None or again.explains_more_than(search)):
             search = again
     return None if search is None else search.striker((search.follower.before, lit))
@@ -381,10 +392,11 @@ class _StrikerSearch:
         ball: BallFits,
         before: Backdrop,
         at: tuple[float, float] | None,
+        small: bool,
     ) -> "_StrikerSearch | None":
         """Follow every piece; None where nothing swings towards the ball."""
         follower = Follower(scene, rest, ball, before)
-        pieces = find_mass(scene, rest, follower.radius, before, at)
+        pieces = find_mass(scene, rest, follower.radius, before, at, small=small)
         followed: list[Swinging] = []
         for piece in pieces:
             if followed and settles(steadiest(followed), piece, follower):
@@ -437,6 +449,8 @@ def steadiest(followed: list[Swinging]) -> Swinging:
     likely = [one for one in followed if one.striking == agreeing]
     most = max(one.gain for one in likely)
     likely = [one for one in likely if one.gain >= _RIVAL * most]
+    clearest = min(one.misfit for one in likely)
+    likely = [one for one in likely if one.misfit <= _AS_CLEAR * clearest]
     least = min(one.scatter_px for one in likely)
     even = [one for one in likely if one.scatter_px <= max(_AS_EVEN * least, _EVEN_PX)]
     return max(even, key=lambda one: one.gain)

@@ -110,14 +110,14 @@ def with_box(
     Its foremost `strip` is darker, as a face in shade; its shadow on the wall reaches `shadow`
     ahead of it.
     """
-    light = light * (1 - 0.35 * _bar(light.shape, pivot, arm, angle, half, (0.0, half + shadow)))
-    whole = _bar(light.shape, pivot, arm, angle, half, (-half, half))
-    side = _bar(light.shape, pivot, arm, angle, half, (-half, half - strip))
+    light = light * (1 - 0.35 * bar(light.shape, pivot, arm, angle, half, (0.0, half + shadow)))
+    whole = bar(light.shape, pivot, arm, angle, half, (-half, half))
+    side = bar(light.shape, pivot, arm, angle, half, (-half, half - strip))
     shade = 0.03 if strip else 0.15
     return light * (1 - whole) + (0.15 * side + shade * (whole - side))
 
 
-def _bar(
+def bar(
     shape: tuple[int, ...],
     pivot: tuple[float, float],
     arm: float,

@@ -32,8 +32,10 @@ def on_the_arc(count: int, rate: float) -> list[Pose]:
     return [Pose(here.middle(rate * k), rate * k, NO_COVARIANCE, 1.0, 1.0) for k in range(count)]
 
 
-def followed(scatter_px: float, gain: float, striking: Striking = Striking.AGREES) -> Swinging:
-    poses = tuple(on_the_arc(40, 0.01))
+def followed(
+    scatter_px: float, gain: float, striking: Striking = Striking.AGREES, misfit: float = 1.0
+) -> Swinging:
+    poses = tuple(replace(pose, rms_residual=misfit) for pose in on_the_arc(40, 0.01))
     patch = Patch(np.zeros(1), np.zeros(1), np.zeros(1), np.ones(1))
     mass = MassPoses(np.arange(40), poses, patch, Arc(PIVOT, ARM, np.eye(3), 0.1, 1.0), 0)
     return Swinging(mass, swing(), striking, gain, scatter_px)
@@ -57,6 +59,11 @@ def test_what_explains_next_to_nothing_is_not_taken_however_evenly_it_moves() ->
 def test_what_contradicts_the_strike_is_not_taken_however_evenly_it_moves() -> None:
     mass, shadow = followed(0.06, 4e4), followed(0.01, 9e4, Striking.CONTRADICTS)
     assert steadiest([shadow, mass]) is mass
+
+
+def test_what_leaves_much_of_the_pictures_is_not_taken_however_evenly_it_moves() -> None:
+    mass, part = followed(0.12, 6e4, misfit=2.5), followed(0.04, 2.3e4, misfit=6.2)
+    assert steadiest([mass, part]) is mass
 
 
 def at(offset: FloatArray, pivot: FloatArray) -> Swinging:
