@@ -367,9 +367,11 @@ class _Seen:
         if is_none != other_is_none:
             return other_is_none
         size = max(float(np.median(seen.rough.radius)) for seen in (self, other))
-        more = self.course.evidence(size) - other.course.evidence(size)
-        if abs(more) > _TELLING and (more < 0.0 or self.course.still >= _FEWEST_STILL):
-            return more > 0.0
+        own, theirs = self.course.evidence(size), other.course.evidence(size)
+        # What lies and flies in neither, as a bag that swings, is told by neither.
+        told = max(own, theirs) > 0.0 and abs(own - theirs) > _TELLING
+        if told and (own < theirs or self.course.still >= _FEWEST_STILL):
+            return own > theirs
         return self.speaks_for_itself and self.worth > other.worth
 
     @property
