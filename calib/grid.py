@@ -312,11 +312,12 @@ def _refined(power: FloatImage, places: NDArray[np.int64], size: int) -> FloatAr
     """Wave vectors (N, 2, 2) of peaks, by parabolas through the logarithm of their neighbours."""
     each = np.arange(len(power))[:, np.newaxis]
     row, column = places[..., 0], places[..., 1]
+    least = np.finfo(power.dtype).tiny
 
     def log(row: NDArray[np.int64], column: NDArray[np.int64]) -> FloatArray:
         # The spectrum of a real picture is even: the column left of 0 is the one right of it
         column = np.minimum(np.abs(column), power.shape[2] - 1)
-        return np.asarray(np.log(np.maximum(power[each, row % power.shape[1], column], 1e-300)))
+        return np.asarray(np.log(np.maximum(power[each, row % power.shape[1], column], least)))
 
     middle = log(row, column)
     offsets = []
@@ -1097,7 +1098,7 @@ def _shifts(
     blocks = solution.shape[0]
     maps = np.zeros((blocks, 2, solution.shape[1]))
     strength = np.empty((blocks, 2))
-    clarity = []
+    clarity = [np.inf if blocks else 0.0]
     at = 3
     for family in range(2):
         ks = np.array(orders[family])
@@ -1111,7 +1112,8 @@ def _shifts(
         weight = slope**2 / noise[:, sines]
         maps[:, family, sines] = weight / slope / weight.sum(axis=1, keepdims=True)
         amplitude = np.abs(strength[:, family]) * np.linalg.norm(template)
-        clarity.append(np.median(amplitude / np.sqrt(noise[:, cosines].mean(axis=1))))
+        if blocks:
+            clarity.append(np.median(amplitude / np.sqrt(noise[:, cosines].mean(axis=1))))
     shift = np.einsum("nfi,ni->nf", maps, solution)
     spread = np.einsum("nfi,nij,ngj->nfg", maps, covariance, maps)
     return shift, spread, strength, float(min(clarity))
@@ -1319,6 +1321,9 @@ MOST_ROUNDS, SETTLED = 4, 0.1
 """Rounds of measuring the nodes and moving the map; it has settled where it moves by less than this
 share of their standard uncertainty, for the nodes hang on it to second order only."""
 
+FEWEST_PERIODS = 3.0
+"""Periods of a wave that a part of the picture must hold: less shows no grid, and no spectrum."""
+
 LEAST_PERIOD = 2.5
 
 """Px; what repeats faster may as well be something finer that the pixels have folded over."""
@@ -1515,6 +1520,8 @@ def _squares(
         raise no_grid()
     flat = flattened(gray, 1.5 * float(periods.max()))
     first = grid_map(seen)
+    if not np.ptp(first, axis=0).min() >= FEWEST_PERIODS:
+        raise no_grid()
     lattices = [analysed(flat[area], first[:, f], periods[f]) for f in range(2)]
     if not all(lattice.clear for lattice in lattices):
         raise only_stripes()

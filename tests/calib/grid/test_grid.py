@@ -221,6 +221,16 @@ def test_what_is_no_grid_is_refused_with_the_reason(
     assert refusal.value.hint
 
 
+@pytest.mark.parametrize("pitch", [6, 14])
+def test_a_few_lines_on_an_even_picture_are_refused_with_a_reason(pitch: int) -> None:
+    y, x = np.mgrid[0:180, 0:320]
+    end = 40 + int(2.6 * pitch)
+    lines = ((x % pitch < 1.5) | (y % pitch < 1.5)) & (x >= 40) & (x < end) & (y >= 40) & (y < end)
+    with pytest.raises(CalibrationError) as refusal:
+        find_wall_grid(np.where(lines, 100, 120).astype(np.uint8))
+    assert refusal.value.hint
+
+
 def test_gradations_that_contradict_the_stated_pitch_are_reported() -> None:
     camera = Camera.facing_wall(Lens.centred(640, 360, 760.0), [0.4, 0.3, 1.2])
     grid = find_wall_grid(rendered(camera, shadow=False), pitch_m=0.1, fine_pitch_m=0.01)
