@@ -370,8 +370,11 @@ class _Seen:
         own, theirs = self.course.evidence(size), other.course.evidence(size)
         # What lies and flies in neither, as a bag that swings, is told by neither.
         told = max(own, theirs) > 0.0 and abs(own - theirs) > _TELLING
-        if told and (own < theirs or self.course.still >= _FEWEST_STILL):
-            return own > theirs
+        if told and own > theirs and self.course.still >= _FEWEST_STILL:
+            return True
+        # A ball and its shadow as one may have a course, too, but no clear outline.
+        if told and own < theirs and _clearly_seen(other.rough):
+            return False
         return self.speaks_for_itself and self.worth > other.worth
 
     @property
