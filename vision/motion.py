@@ -183,6 +183,12 @@ def lawful_course(frame: IntArray, centre: FloatArray, radius: float) -> LawfulC
         moving, travel = (law.looks, law.travel_px) if law is not None else (0, 0.0)
         last = law.last if law is not None and moving else int(frame[max(left - 1, 0)])
         still = int(np.count_nonzero(near[:left]))
+        if law is not None and moving and still:
+            # What lay further off than it can have gone since is another thing.
+            speed = travel / max(law.last - law.first, 1)
+            gone = float(away[frame == law.first][0])
+            if gone > speed * (law.first - int(frame[left - 1])) + 2.0 * _tolerance(radius):
+                still = 0
         missed = int(np.ptp(frame)) + 1 - len(frame)
         astray = len(frame) - still - moving
         found.append(LawfulCourse(still, moving, astray, missed, last, travel))

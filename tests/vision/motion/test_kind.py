@@ -159,6 +159,14 @@ def test_a_course_ends_with_its_law_and_counts_what_is_not_seen() -> None:
     assert course.astray == pytest.approx(15, abs=2)
 
 
+def test_what_lay_elsewhere_is_no_rest_of_what_flies() -> None:
+    path = _struck(50, 70)
+    path[:50] += [40.0, 28.0]
+    course = lawful_course(np.arange(120), path, 9.0)
+    assert course.still == 0
+    assert course.astray == pytest.approx(50, abs=3)
+
+
 def test_what_never_leaves_its_place_has_no_law() -> None:
     course = lawful_course(np.arange(60), _struck(60, 0), 9.0)
     assert course.moving == 0
