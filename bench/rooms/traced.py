@@ -344,27 +344,8 @@ def _matt(colour: list[float]) -> dict[str, Any]:
     return {"type": "diffuse", "reflectance": {"type": "rgb", "value": colour}}
 
 
-def _scenery(rng: np.random.Generator, rig: Rig, pitch: float | None) -> tuple[dict[str, Any], str]:
-    mi = _renderer()
-    move = mi.ScalarTransform4f
-    kind = str(rng.choice(["plain", "plain", "bricks", "boards", "speckled", "paper"]))
-    wall = _wall_picture(rng, kind, pitch)
-    things: dict[str, Any] = {
-        "wall": {
-            "type": "rectangle",
-            "to_world": move().translate([0.0, 1.5, 0.0]).scale([3.0, 1.5, 1.0]),
-            "bsdf": {"type": "diffuse", "reflectance": _picture(wall)},
-        },
-        "floor": {
-            "type": "rectangle",
-            "to_world": move().rotate([1, 0, 0], -90.0).scale([6.0, 6.0, 1.0]),
-            "bsdf": _matt(_level(rng, 0.15, 0.5)),
-        },
-        "sky": {
-            "type": "constant",
-            "radiance": {"type": "rgb", "value": [float(rng.uniform(0.15, 0.6))] * 3},
-        },
-    }
+def _lamps(rng: np.random.Generator) -> dict[str, Any]:
+    move, things = _renderer().ScalarTransform4f, {}
     for index in range(int(rng.integers(1, 3))):
         spread = float(rng.uniform(0.05, 0.5))
         at = [
@@ -383,6 +364,12 @@ def _scenery(rng: np.random.Generator, rig: Rig, pitch: float | None) -> tuple[d
                 "radiance": {"type": "rgb", "value": [power, power * 0.95, power * 0.88]},
             },
         }
+    return things
+
+
+def _furniture(rng: np.random.Generator, rig: Rig) -> dict[str, Any]:
+    """Boxes on the floor and on the wall, and balls that lie about."""
+    things: dict[str, Any] = {}
     for index in range(int(rng.integers(0, 5))):
         half = [float(v) for v in rng.uniform([0.05, 0.08, 0.02], [0.35, 0.5, 0.12])]
         side = float(rng.uniform(-1.6, 2.2))
@@ -407,6 +394,32 @@ def _scenery(rng: np.random.Generator, rig: Rig, pitch: float | None) -> tuple[d
             "radius": radius,
             "bsdf": _matt(_level(rng, 0.05, 0.85)),
         }
+    return things
+
+
+def _scenery(rng: np.random.Generator, rig: Rig, pitch: float | None) -> tuple[dict[str, Any], str]:
+    """What does not move, and what kind of wall it stands before."""
+    move = _renderer().ScalarTransform4f
+    kind = str(rng.choice(["plain", "plain", "bricks", "boards", "speckled", "paper"]))
+    wall = _wall_picture(rng, kind, pitch)
+    things: dict[str, Any] = {
+        "wall": {
+            "type": "rectangle",
+            "to_world": move().translate([0.0, 1.5, 0.0]).scale([3.0, 1.5, 1.0]),
+            "bsdf": {"type": "diffuse", "reflectance": _picture(wall)},
+        },
+        "floor": {
+            "type": "rectangle",
+            "to_world": move().rotate([1, 0, 0], -90.0).scale([6.0, 6.0, 1.0]),
+            "bsdf": _matt(_level(rng, 0.15, 0.5)),
+        },
+        "sky": {
+            "type": "constant",
+            "radiance": {"type": "rgb", "value": [float(rng.uniform(0.15, 0.6))] * 3},
+        },
+    }
+    things |= _lamps(rng)
+    things |= _furniture(rng, rig)
     post = float(rng.uniform(0.008, 0.03))
     things["post"] = {
         "type": "cylinder",
