@@ -286,9 +286,14 @@ def _renderer() -> Any:
     """The path tracer, loaded where it is asked for: it is no part of what the project needs."""
     try:
         import mitsuba
-    except ImportError:
-        raise SystemExit("the path tracer is missing: pip install impact-vision[traced]") from None
-    mitsuba.set_variant("llvm_ad_rgb")
+
+        mitsuba.set_variant("llvm_ad_rgb")
+    except ImportError as problem:
+        raise SystemExit(
+            f"the path tracer can't start: {problem}\nInstall it (pip install "
+            "impact-vision[traced]) and LLVM 16 or later (libllvm19 in Debian), and point "
+            "DRJIT_LIBLLVM_PATH at the library if it is not found."
+        ) from None
     return mitsuba
 
 
