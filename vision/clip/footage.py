@@ -31,6 +31,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from metrology import CalibrationError, ClipError, NotFoundError, UsageError
+from metrology.compiled import compiled
 from vision.clip.picture import ClipInfo, GrayImage, refuse_giant
 
 if TYPE_CHECKING:
@@ -57,6 +58,9 @@ _CELL = 8
 
 _FINEST_CELL = 4
 """px: smaller cells are noisier than what moves is strong."""
+
+_BYTES = 8
+"""Of a word: a cell's width in gray levels of 8 bits for which its rows are words."""
 
 # A small picture still gets so many cells across.
 _CELLS_ACROSS = 24
@@ -113,30 +117,39 @@ class MotionClock:
 
 def _cells(frame: GrayImage) -> FloatImage:
     height, width = frame.shape
-    cell = int(np.clip(min(height, width) // _CELLS_ACROSS, _FINEST_CELL, _CELL))
+    cell = min(max(min(height, width) // _CELLS_ACROSS, _FINEST_CELL), _CELL)
     size = (max(1, width // cell), max(1, height // cell))
     trimmed = frame[: max(1, size[1] * cell), : max(1, size[0] * cell)]
+    if frame.dtype == np.uint8 and cell == _BYTES:
+        cells = np.empty(size[::-1], dtype=np.float32)
+        _cells_of_words(np.ascontiguousarray(trimmed).view(np.uint64), cells)
+        return cells
     half = (min(2 * size[0], width), min(2 * size[1], height))
-    if cell % 2 == 0 and trimmed.shape == (half[1] * cell // 2, half[0] * cell // 2):
-        fine = _averaged(trimmed, cell // 2)
-    else:
-        fine = cv2.resize(trimmed, half, interpolation=cv2.INTER_AREA).astype(np.float32)
+    fine = cv2.resize(trimmed, half, interpolation=cv2.INTER_AREA).astype(np.float32)
     return np.asarray(cv2.resize(fine, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
 
 
-def _averaged(frame: GrayImage, factor: int) -> FloatImage:
-    """Whole gray levels nearest to the means of squares: OpenCV's takes half as long again."""
-    wide: type[np.unsignedinteger] = np.uint16 if frame.dtype == np.uint8 else np.uint32
-    sums = np.asarray(frame[::factor], dtype=wide)
-    for k in range(1, factor):
-        sums += frame[k::factor]
-    left = factor
-    while left % 2 == 0:
-        sums, left = sums[:, ::2] + sums[:, 1::2], left // 2
-    columns = sums[:, ::left].astype(np.float32)
-    for k in range(1, left):
-        columns += sums[:, k::left]
-    return np.asarray(np.rint(columns * np.float32(1.0 / factor**2)), dtype=np.float32)
+@compiled
+def _cells_of_words(words: NDArray[np.uint64], cells: FloatImage) -> None:
+    """Means of cells of eight by eight gray levels, each row of one read as a word.
+
+    Of the means of its quarters in whole gray levels, as OpenCV gives them. Bytes are summed as
+    four numbers of 16 bits in one addition: 0.03 ms of a picture that takes 0.27 to decode.
+    """
+    bytes_of, pairs_of = np.uint64(0x00FF00FF00FF00FF), np.uint64(0x0000FFFF0000FFFF)
+    one, two, four = np.uint64(8), np.uint64(16), np.uint64(32)
+    for row in range(cells.shape[0]):
+        for column in range(cells.shape[1]):
+            total = 0.0
+            for half in range(2):
+                pairs = np.uint64(0)
+                for k in range(4):
+                    word = words[8 * row + 4 * half + k, column]
+                    pairs += (word & bytes_of) + ((word >> one) & bytes_of)
+                quarters = (pairs & pairs_of) + ((pairs >> two) & pairs_of)
+                total += np.rint(np.int64(quarters & np.uint64(0xFFFFFFFF)) / 16.0)
+                total += np.rint(np.int64(quarters >> four) / 16.0)
+            cells[row, column] = 0.25 * total
 
 
 def _differ(cells: FloatImage, reference: FloatImage, gain: float, full: float) -> bool:
@@ -152,7 +165,9 @@ def _differ(cells: FloatImage, reference: FloatImage, gain: float, full: float) 
 def _middle(values: FloatImage) -> float:
     """Upper median; `numpy.median` takes twice as long, and it is taken of every frame."""
     half = values.size // 2
-    return float(np.partition(values, half, axis=None)[half])
+    ordered = values.ravel().copy()
+    ordered.partition(half)
+    return float(ordered[half])
 
 
 # Pictures of one scene correlate by more than the second, of two by less than the first, whatever
@@ -195,8 +210,8 @@ def _structure(cells: FloatImage) -> FloatImage:
     """What stands out of its surroundings, of unit norm; zero where nothing does."""
     fine = cells - cv2.blur(cells, (7, 7))
     # Compressed, so that one bright edge is not all there is.
-    fine = np.sign(fine) * np.sqrt(np.abs(fine))
-    norm = float(np.linalg.norm(fine))
+    fine = np.copysign(np.sqrt(np.abs(fine)), fine)
+    norm = math.sqrt(np.vdot(fine, fine))
     return np.asarray(fine / norm if norm > 0.0 else fine, dtype=np.float32)
 
 
@@ -205,11 +220,11 @@ def _alike(one: FloatImage, other: FloatImage) -> float:
 
     One without structure is like anything: it shows no scene.
     """
-    if not (one.any() and other.any()):
-        return 1.0
     straight = float(np.vdot(one, other))
     if straight > _SAME_SCENE:
         return straight
+    if not (one.any() and other.any()):
+        return 1.0
     product = np.fft.rfft2(one) * np.conj(np.fft.rfft2(other))
     return max(straight, float(np.fft.irfft2(product, one.shape).max()))
 

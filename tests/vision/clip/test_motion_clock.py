@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from vision.clip.footage import MotionClock
 
@@ -28,3 +29,19 @@ def test_a_small_ball_ticks_with_how_far_it_goes() -> None:
         slow.tick(_picture(index, 20.0 + 0.3 * index))
     assert 30 < quick.time < 45
     assert 30 < slow.time < 300
+
+
+@pytest.mark.parametrize("shape", [(200, 320), (195, 333)])
+@pytest.mark.parametrize("white", [255, 65535])
+def test_cells_are_means_of_their_quarters_in_whole_levels(
+    shape: tuple[int, int], white: int
+) -> None:
+    rng = np.random.default_rng(1)
+    picture = rng.integers(0, white + 1, shape).astype(np.uint8 if white == 255 else np.uint16)
+    picture[:8, :8] = white  # nothing overflows
+    clock = MotionClock()
+    clock.tick(picture)
+    height, width = (side // 8 for side in shape)
+    blocks = picture[: 8 * height, : 8 * width].reshape(height, 2, 4, width, 2, 4)
+    quarters = np.round(blocks.mean(axis=(2, 5), dtype=np.float64))
+    assert clock.cells == pytest.approx(quarters.mean(axis=(1, 3)))
