@@ -29,7 +29,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from calib.camera import Lens, rotation_matrix
@@ -622,15 +621,22 @@ dozen pictures of a board give (udacity's 27 pictures of 1280 × 960 px: 1.3e-3,
 3e-3)."""
 
 
-class _Loader(yaml.SafeLoader):
-    """YAML without objects, but for the matrices that OpenCV tags."""
+def _parsed_yaml(text: str) -> Any:
+    """YAML without objects, but for the matrices that OpenCV tags; ValueError where it is none."""
+    # few measure with such a lens: not loaded before
+    import yaml
 
+    class Loader(yaml.SafeLoader):
+        pass
 
-def _matrix(loader: yaml.SafeLoader, node: yaml.MappingNode) -> Any:
-    return loader.construct_mapping(node, deep=True)
+    def matrix(loader: yaml.SafeLoader, node: yaml.MappingNode) -> Any:
+        return loader.construct_mapping(node, deep=True)
 
-
-_Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", _matrix)
+    Loader.add_constructor("tag:yaml.org,2002:opencv-matrix", matrix)
+    try:
+        return yaml.load(text, Loader=Loader)
+    except yaml.YAMLError as problem:
+        raise ValueError(str(problem)) from problem
 
 
 def read_lens_yaml(path: Path) -> LensPrior:
@@ -693,8 +699,8 @@ def _document(path: Path) -> dict[str, Any]:
     # OpenCV's "%YAML:1.0" is no directive of YAML
     text = re.sub(r"\A%YAML[^\n]*\n", "", text.lstrip("\ufeff"))
     try:
-        table = yaml.load(text, Loader=_Loader)
-    except (yaml.YAMLError, ValueError, RecursionError) as problem:
+        table = _parsed_yaml(text)
+    except (ValueError, RecursionError) as problem:
         raise SetupError(
             f"{path} is no YAML: {problem}",
             hint="Save it anew: it is TOML from `vision calibrate`, or YAML from OpenCV or ROS.",

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache, cached_property, update_wrapper
+from itertools import chain, islice
 from threading import RLock
 from types import FunctionType
 from typing import Any, TypeVar, cast
@@ -162,12 +163,15 @@ def side_by_side(work: Callable[[Item], Result], items: Iterable[Item]) -> Itera
         In the order of the items.
     """
     count = min(_MOST_WORKERS, os.cpu_count() or 1)
-    if count == 1:
-        yield from map(work, items)
+    every = iter(items)
+    first = list(islice(every, 2))
+    if count == 1 or len(first) < 2:
+        # one thing alone keeps nobody else busy
+        yield from map(work, chain(first, every))
         return
     waiting: deque[Future[Result]] = deque()
     with ThreadPoolExecutor(count) as pool:
-        for item in items:
+        for item in chain(first, every):
             waiting.append(pool.submit(work, item))
             if len(waiting) > count * _AHEAD:
                 yield waiting.popleft().result()

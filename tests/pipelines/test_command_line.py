@@ -103,7 +103,7 @@ def test_measuring_loads_neither_plots_nor_tables_nor_the_web_before_they_are_wa
         [sys.executable, "-c", script], capture_output=True, text=True, check=True, cwd=ROOT
     ).stdout.split()
     unwanted = {"matplotlib", "pandas", "nicegui", "scipy.stats", "sample_videos", "PIL.ImageDraw"}
-    unwanted |= {"scipy.special", "scipy.optimize", "jinja2", "pint", "numba"}
+    unwanted |= {"scipy.special", "scipy.optimize", "jinja2", "pint", "numba", "yaml"}
     assert unwanted.isdisjoint(loaded)
 
 

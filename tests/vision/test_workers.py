@@ -30,3 +30,12 @@ def test_a_failure_is_handed_on() -> None:
 
     with pytest.raises(ValueError, match="0 in"):
         list(side_by_side(fail, range(3)))
+
+
+def test_one_thing_alone_starts_no_worker() -> None:
+    def where(_: int) -> threading.Thread:
+        return threading.current_thread()
+
+    here = threading.current_thread()
+    assert list(side_by_side(where, [1])) == [here]
+    assert here not in list(side_by_side(where, range(4)))

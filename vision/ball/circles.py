@@ -481,9 +481,9 @@ def _blobs(normalised: FloatImage, low: float, high: float) -> tuple[list[Circle
         rows, columns = np.nonzero(labels[top : top + tall, left : left + wide] == label)
         rows, columns = rows + top, columns + left
         half = 0.5 * (scale - 1)
-        strength = float(np.median(np.abs(level[rows, columns])))
         streak = _streak_of(rows, columns, low / scale, high / scale)
         if streak is not None:
+            strength = float(np.median(np.abs(level[rows, columns])))
             x, y = streak.x * scale + half, streak.y * scale + half
             circle = (x, y, streak.radius * scale, _STREAK_COVERAGE * streak.share, strength)
             smeared.append(_Smeared(circle, streak.length * scale))
@@ -494,6 +494,7 @@ def _blobs(normalised: FloatImage, low: float, high: float) -> tuple[list[Circle
         round_part = float(np.mean(reach <= 1.1 * radius))
         if round_part < 0.8:
             continue
+        strength = float(np.median(np.abs(level[rows, columns])))
         found.append(
             (x * scale + half, y * scale + half, radius * scale, 0.7 * round_part, strength)
         )

@@ -35,6 +35,7 @@ __all__ = [
     "Hides",
     "cut_out",
     "edge_points",
+    "piece_bytes",
     "places",
     "ring_widths",
 ]
@@ -155,8 +156,8 @@ def cut_out(scene: FilmedScene, wanted: CutPlaces) -> Iterator[tuple[slice, Cuto
         Which of the wanted pieces the block holds.
     cutouts : Cutouts
     """
-    size = 2 * int(np.ceil(wanted.reach)) + 1
-    block = max(1, _BLOCK_BYTES // (12 * size * size))
+    size = _side(wanted.reach)
+    block = max(1, _BLOCK_BYTES // piece_bytes(wanted.reach))
     corner = np.rint(wanted.centre).astype(np.int64) - size // 2
     whole = _whole_windows(corner, size, scene.shape)
     windows = scene.windows(wanted.frame, whole)
@@ -170,6 +171,15 @@ def cut_out(scene: FilmedScene, wanted: CutPlaces) -> Iterator[tuple[slice, Cuto
             inner = _inner(window, corner[start + row])
             _fill(scene, index, window, gray, pieces[:, row][(slice(None), *inner)], wanted.hides)
         yield places, Cutouts(corner[places], pieces[0], pieces[1], pieces[2])
+
+
+def piece_bytes(reach: float) -> int:
+    """Bytes of a piece so wide to either side, px: gray level, scene and noise in float32."""
+    return 12 * _side(reach) ** 2
+
+
+def _side(reach: float) -> int:
+    return 2 * int(np.ceil(reach)) + 1
 
 
 def _whole_windows(corner: IntArray, size: int, shape: tuple[int, int]) -> list[Window]:

@@ -7,7 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vision.ball.ball import LEAST_CONTRAST, SMALL_RADIUS, BallFits, trusted_rows
-from vision.ball.edges import Cutouts, CutPlaces, EdgeProfile, Hides, cut_out, ring_widths
+from vision.ball.edges import (
+    Cutouts,
+    CutPlaces,
+    EdgeProfile,
+    Hides,
+    cut_out,
+    piece_bytes,
+    ring_widths,
+)
 from vision.ball.outline import (
     FitRules,
     OutlineFits,
@@ -27,6 +35,8 @@ _SPREADS = (0.25, 0.45, 0.7, 1.0, 1.5)
 """px, standard deviations of the point spread that are tried: each about half as much again."""
 _DUTIES = (0.1, 0.35, 0.6, 0.85)
 """Share of the time between frames that the shutter is open, from a flash to nearly all of it."""
+_SMEARED = 0.7
+"""px that a ball goes from frame to frame: of less the shutter smears next to nothing."""
 _TRIAL_FRAMES = 9
 """Frames on which blur and shutter are tried, supposed: their sum tells one from the next."""
 _SHAPE_FRAMES = 40
@@ -38,6 +48,9 @@ _FEWEST_SHARP = 5
 """Frames: optics and shape of one ball are not told by fewer."""
 _BEGIN_ROUNDS = 6
 """Rounds of reweighting, supposed: outliers are out after a few."""
+_KEPT_BYTES = 50_000_000
+"""Bytes of pieces that are kept for the next fit, supposed: some hundred frames of a ball of 100 px
+across; cutting them out takes as long as fitting half of them."""
 # Scatter of a radius that is fitted free, in radii.
 _FREE_RADIUS = 0.02
 _TOLERANCE = 5e-3
@@ -204,13 +217,11 @@ class _Refiner:
         speed = np.hypot(*self._velocity[self.clear].T)
         quick = self.clear[speed >= np.median(speed)]
         trial = _evenly(quick, _TRIAL_FRAMES)
-        for name, values in (
-            ("spread", _SPREADS),
-            ("duty", _DUTIES if np.median(speed) > 0.7 else ()),
-            ("spread", _SPREADS),
-        ):
-            if values:
-                self._learn(name, values, trial)
+        self._learn("spread", _SPREADS, trial)
+        if np.median(speed) > _SMEARED:
+            self._learn("duty", _DUTIES, trial)
+            # what another smear leaves of the blur
+            self._learn("spread", _SPREADS, trial)
 
     def _learn(self, name: str, values: tuple[float, ...], trial: IntArray) -> None:
         before = self.optics
@@ -222,14 +233,14 @@ class _Refiner:
         self.optics = replace(before, **{name: _lowest(np.array(values), np.array(rms_residuals))})
 
     def _pieces(self, places: IntArray) -> Iterable[tuple[slice, Cutouts]]:
-        """Cut-outs of these places; those of the last few asked for are kept."""
+        """Cut-outs of these places; those asked for last are kept if they are not too large."""
         if self._kept is not None and np.array_equal(self._kept[0], places):
             return self._kept[1]
         reach = self._radius + ring_widths(self._radius)[1] + min(4.0, 0.4 * self._radius) + 1.0
         rough = self._rough
         wanted = CutPlaces(rough.frame[places], rough.centre[places], reach, self._hides)
         pieces = cut_out(self._scene, wanted)
-        if len(places) > _SHAPE_FRAMES:
+        if len(places) * piece_bytes(reach) > _KEPT_BYTES:
             return pieces
         self._kept = (places, list(pieces))
         return self._kept[1]
