@@ -374,11 +374,10 @@ def prepare(
 
 
 def _with_instruments(forward: Forward, model: Model) -> Model:
-    """The model with what the instrument leaves open in each strike, and in all of them."""
-    if forward.mode != "impact":
-        return model
+    """The model with what the instrument leaves open in each trial, and in all of them."""
     faults = forward.baseline.instruments
-    own = tuple(OwnStrength(e, p.name, Level.TRIAL, p.width) for e in faults for p in e.strengths)
+    anew = [effect for effect in faults if Level.TRIAL in effect.levels]
+    own = tuple(OwnStrength(e, p.name, Level.TRIAL, p.width) for e in anew for p in e.strengths)
     entries = (*model.entries, *((one, one.neutral) for one in faults))
     return replace(model, entries=entries, own=own)
 

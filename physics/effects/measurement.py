@@ -1,5 +1,6 @@
 """The instrument as a suspect: what clock and camera do to a true motion."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +25,9 @@ __all__ = [
     "OTHER_ROWS",
     "PITCH",
     "SHIFT",
+    "SLOW_ORDERS",
     "TURNED",
+    "BehindTheBall",
     "CameraRoll",
     "DroppedFrames",
     "LengthScale",
@@ -35,6 +38,7 @@ __all__ = [
     "RollingShutter",
     "TimeBase",
     "WanderingCentre",
+    "WanderingMass",
 ]
 
 SHIFT = (
@@ -383,42 +387,72 @@ SLOW_ORDERS = (2, 3, 4)
 """Legendre orders by which a centre may wander along its way: a shift and a stretch are faults of
 their own, and what is faster is noise with a memory."""
 
+FINE_ORDERS = tuple(range(5, 13))
+"""Orders by which what hangs on the wall may draw a centre: of the two metres of a flight the last
+ones follow some centimetres near its ends."""
+
 SLOW_TURNS = (2, 3)
 """Turns of the light over a body in one turn of its pendulum: of none and one, zero and axis."""
 
 
+def _of_orders(orders: Sequence[int]) -> tuple[Parameter, ...]:
+    return tuple(
+        Parameter(f"{way}_{n}", "m", 1e-3, -0.1, 0.1, meaning="of the ball's centre")
+        for way in ("along", "up")
+        for n in orders
+    )
+
+
 @dataclass(frozen=True)
 class WanderingCentre(Effect):
-    """Centres seen beside the bodies' own, by their shade, what hides them, what is behind them."""
+    """A ball's centre seen beside its own, by its shade, what hides it, what is behind it."""
 
     id: str = "wandering_centre"
-    statement: str = "The centres wander about where the bodies are, with light and what is hidden."
+    statement: str = "The centre wanders about where the ball is, with light and what is hidden."
     law: str = r"\mathbf r_{rec} = \mathbf r + \sum_n \mathbf a_n P_n(x)"
     source: str = "outlines of shaded bodies, partly hidden"
     phase: Phase = "measurement"
-    parameters: tuple[Parameter, ...] = (
-        *(
-            Parameter(f"{way}_{n}", "m", 1e-3, -0.1, 0.1, meaning="of the ball's centre")
-            for way in ("along", "up")
-            for n in SLOW_ORDERS
-        ),
-        *(
-            Parameter(f"{way}_{n}", "rad", 3e-3, -0.3, 0.3, meaning="of the pendulum's angle")
-            for way in ("cosine", "sine")
-            for n in SLOW_TURNS
-        ),
-    )
+    parameters: tuple[Parameter, ...] = _of_orders(SLOW_ORDERS)
     looseness: float = 0.0
     sharp: bool = False
+    orders: tuple[int, ...] = SLOW_ORDERS
 
     def image(self, values: Values, view: CameraView) -> Vector:
         """The ball's centre, a polynomial of its way off."""
         place = np.clip((view.x - view.centre_x) / view.half_width, -1.2, 1.2)
         x, y = view.x, view.y
-        for n in SLOW_ORDERS:
+        for n in self.orders:
             shape = legendre.legval(place, np.eye(n + 1)[n])
             x, y = x + values[f"along_{n}"] * shape, y + values[f"up_{n}"] * shape
         return x, y, view.z
+
+
+@dataclass(frozen=True)
+class BehindTheBall(WanderingCentre):
+    """A wall behind the outline that draws the centre alike wherever any ball passes it."""
+
+    id: str = "behind_the_ball"
+    statement: str = "What is behind the ball's outline draws its centre, alike in all trials."
+    parameters: tuple[Parameter, ...] = _of_orders(FINE_ORDERS)
+    orders: tuple[int, ...] = FINE_ORDERS
+
+
+@dataclass(frozen=True)
+class WanderingMass(Effect):
+    """A pendulum's mass seen beside its own place, likewise."""
+
+    id: str = "wandering_mass"
+    statement: str = "The mass wanders about where it is, with light and what is hidden."
+    law: str = r"\varphi_{rec} = \varphi + \sum_n a_n \cos n\varphi + b_n \sin n\varphi"
+    source: str = "outlines of shaded bodies, partly hidden"
+    phase: Phase = "measurement"
+    parameters: tuple[Parameter, ...] = tuple(
+        Parameter(f"{way}_{n}", "rad", 3e-3, -0.3, 0.3, meaning="of the pendulum's angle")
+        for way in ("cosine", "sine")
+        for n in SLOW_TURNS
+    )
+    looseness: float = 0.0
+    sharp: bool = False
 
     def angle(self, values: Values, view: CameraView) -> Number:
         """The mass, as light and background go over it."""

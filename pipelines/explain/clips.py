@@ -23,13 +23,15 @@ from mismatch import EngineVerdict
 from mismatch.records import CampaignRecords, Trial
 from mismatch.verdict import DOUBTED, Doubt, NamedEffect
 from physics.bodies import GRAVITY, PAPER_PENDULUM, PAPER_SUPPORT, Pendulum
-from physics.effects import Effect, Form
+from physics.effects import Effect, Form, Level
 from physics.effects.measurement import (
+    BehindTheBall,
     CameraRoll,
     LengthScale,
     OriginOffset,
     PivotElsewhere,
     WanderingCentre,
+    WanderingMass,
 )
 from pipelines.explain.tabular import numbers_of, read_sheet
 from pipelines.setup.file import Setup
@@ -42,6 +44,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ClipCampaign",
     "ClipFacts",
+    "before_the_wall",
     "calibration_widths",
     "campaign_from_clips",
     "clip_facts",
@@ -351,26 +354,36 @@ def _scale_and_roll(calibration: "Calibration", px: np.ndarray) -> tuple[float, 
 
 
 def left_open(measured: "ClipMeasurement") -> tuple[Effect, ...]:
-    """What one clip's strike leaves open: faults whose parameters have its uncertainties as widths.
+    """What one clip leaves open: faults whose parameters have its uncertainties as widths.
 
-    Where the axis is and where the ball rests, as measured; scale and roll as in
+    How far the ball's centre may wander along its flight comes first. Of a strike, how far the mass
+    may, where the axis is and where the ball rests, as measured; scale and roll as in
     `calibration_widths`.
     """
-    if measured.impact is None or measured.tracks.pendulum is None:
+    if measured.impact is None:
         return ()
     # comes with the measuring chain
     from vision.pendulum.arc import LOOK_PX
 
     tracks = measured.impact.tracks
+    # What is stated of a centre and does not show from frame to frame is slow.
+    flying = tracks.ball_cov_m2[tracks.ball_time_s >= _release(measured) - 1e-9]
+    seen = np.sqrt(np.diag(np.median(flying, axis=0)))
+    slow, fixed = WanderingCentre(), BehindTheBall()
+    wander = (
+        _held(slow, np.repeat(seen, len(slow.orders))),
+        _held(fixed, np.repeat(seen, len(fixed.orders)), (Level.CAMPAIGN,)),
+    )
+    if measured.tracks.pendulum is None:
+        return wander
     metres_per_px = tracks.radius_m / float(np.median(measured.tracks.ball.radius_px))
     axis = np.sqrt(np.diag(measured.tracks.pendulum.pivot_covariance_px2)) * metres_per_px
     widths = calibration_widths(measured)
     arm = float(measured.tracks.pendulum.arm_px) * metres_per_px
-    about = Form.ABOUT_THE_START
-    wander = WanderingCentre()
-    slow = {"m": OUTLINE_PX * metres_per_px, "rad": LOOK_PX * metres_per_px / arm}
+    about, turns = Form.ABOUT_THE_START, WanderingMass()
     return (
-        _held(wander, [slow[p.unit] for p in wander.parameters]),
+        *wander,
+        _held(turns, [LOOK_PX * metres_per_px / arm] * len(turns.parameters)),
         _held(PivotElsewhere(), axis),
         _held(OriginOffset(id="rest_elsewhere"), tracks.rest_std_m),
         _held(LengthScale(id="scale_of_the_clip", form=about), [widths["length_scale"]]),
@@ -378,12 +391,18 @@ def left_open(measured: "ClipMeasurement") -> tuple[Effect, ...]:
     )
 
 
-def _held(fault: Effect, widths: Sequence[float] | FloatArray) -> Effect:
+IN_EACH = (Level.CAMPAIGN, Level.TRIAL)
+"""One camera errs alike in all clips, and each clip anew: either takes the whole width."""
+
+
+def _held(
+    fault: Effect, widths: Sequence[float] | FloatArray, levels: tuple[Level, ...] = IN_EACH
+) -> Effect:
     held = tuple(
         replace(p, width=float(width), expected=0.0)
         for p, width in zip(fault.parameters, widths, strict=True)
     )
-    return replace(fault, sharp=False, parameters=held)
+    return replace(fault, sharp=False, parameters=held, levels=levels)
 
 
 def common_faults(clips: Sequence[tuple[Effect, ...]]) -> tuple[Effect, ...]:
@@ -392,7 +411,11 @@ def common_faults(clips: Sequence[tuple[Effect, ...]]) -> tuple[Effect, ...]:
     One camera errs alike in all clips, and each clip anew: either takes the whole width.
     """
     return tuple(
-        _held(alike[0], np.median([[p.width for p in one.parameters] for one in alike], axis=0))
+        _held(
+            alike[0],
+            np.median([[p.width for p in one.parameters] for one in alike], axis=0),
+            alike[0].levels,
+        )
         for alike in zip(*clips, strict=False)
     )
 
@@ -629,7 +652,7 @@ def campaign_from_clips(
     trials: list[Trial] = []
     widths: list[dict[str, float]] = []
     faults: list[tuple[Effect, ...]] = []
-    releases: list[float] = []
+    clear: list[tuple[float, float]] = []
     notes: list[str] = []
     refused: list[tuple[Path, ClipError | MeasurementError]] = []
     for path in clips:
@@ -641,7 +664,7 @@ def campaign_from_clips(
             refused.append((path, problem))
             continue
         trials.append(trial)
-        releases.append(_release(measured))
+        clear.append(before_the_wall(measured, setup))
         widths.append(calibration_widths(measured))
         faults.append(left_open(measured))
         notes += [f"{path.name}: {text}" for text in said]
@@ -653,7 +676,8 @@ def campaign_from_clips(
     told = all(_struck(trial, setup) for trial in trials)
     if not (strikes and told):
         # Without a whole strike to compare, rest and contact are no part of a free flight.
-        trials = [_flight_only(t, r) for t, r in zip(trials, releases, strict=True)]
+        trials = [_flight_only(t, c) for t, c in zip(trials, clear, strict=True)]
+        faults = [tuple(f for f in one if isinstance(f, WanderingCentre)) for one in faults]
         notes.insert(0, _why_flights(told))
     return ClipCampaign(
         tuple(trials), (*left_out, *notes), common_widths(widths), instruments=common_faults(faults)
@@ -692,8 +716,32 @@ def _struck(trial: Trial, setup: Setup) -> bool:
     return told and trial.backswing is not None
 
 
-def _flight_only(trial: Trial, release: float) -> Trial:
-    flying = trial.ball_time >= release - 1e-9
+def before_the_wall(measured: "ClipMeasurement", setup: Setup) -> tuple[float, float]:
+    """From when to when the wall alone is seen behind and beside the ball in flight, s.
+
+    Until it has left its place by its own radius the mass is beside it; where its lower rim covers
+    the foot of the wall it is seen before the floor and its own shadow. Where no camera is known,
+    nor is where the floor is seen.
+    """
+    impact = measured.impact
+    if impact is None:
+        return -math.inf, math.inf
+    tracks, radius = impact.tracks, impact.tracks.radius_m
+    away = np.hypot(*(tracks.ball_m - tracks.rest_m).T)
+    gone = (away > radius) & (tracks.ball_time_s >= _release(measured))
+    first = float(tracks.ball_time_s[gone][0]) if gone.any() else _release(measured)
+    if measured.calibration is None or setup.support is None:
+        return first, math.inf
+    floor = float(tracks.rest_m[1]) - setup.support.height - radius
+    camera = measured.calibration.camera.position
+    nearer = measured.calibration.ball_plane_offset / measured.calibration.camera_distance
+    foot = floor + (float(camera[1]) - floor) * nearer
+    over = (tracks.ball_m[:, 1] - radius < foot) & (tracks.ball_time_s > first)
+    return first, float(tracks.ball_time_s[over][0]) if over.any() else math.inf
+
+
+def _flight_only(trial: Trial, clear: tuple[float, float]) -> Trial:
+    flying = (trial.ball_time >= clear[0] - 1e-9) & (trial.ball_time < clear[1] - 1e-9)
     std = None if trial.position_std is None else trial.position_std[flying]
     return replace(
         trial,

@@ -1,4 +1,4 @@
-"""Six campaigns that are filmed: what is concealed in each, its scenes and what the lab knows."""
+"""Twelve campaigns that are filmed: what each conceals, its scenes and what the lab knows."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -69,6 +69,19 @@ FILMED = (
     ),
     Filmed("bearing", "bearing_friction", "a dry bearing of 0.8 N m",
            effects={"bearing_friction": {"dry_torque": 0.8}}),
+    Filmed("topspin", "magnus", "top-spin of 12 rad/s", effects={"magnus": {"spin": -12.0}}),
+    Filmed("seam", "asymmetric_wake", "a wake that lifts, C_S = 0.12",
+           effects={"asymmetric_wake": {"side_coefficient": 0.12}}),
+    Filmed(
+        "crisis", "drag_crisis", "a drag that falls by 0.25 about a Reynolds number of 50,000",
+        effects={"drag_crisis": {"coefficient_drop": 0.25, "critical_reynolds": 5e4, "width": 0.1}},
+    ),
+    Filmed("faster", "time_base", "612 instead of 600 frames a second", fps=612.0),
+    Filmed(
+        "following", "wind", "a draught of 1.5 m/s with a plain ball",
+        effects={"wind": {"wind_x": 1.5}}, look="plain",
+    ),
+    Filmed("none_plain", "", "nothing, of a plain ball", look="plain"),
 )  # fmt: skip
 
 

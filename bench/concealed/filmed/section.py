@@ -57,7 +57,7 @@ def section(folder: Path) -> list[str]:
     missing = [filmed.name for filmed in FILMED if filmed.name not in results]
     left = f"; not answered for this page: {', '.join(missing)}" if missing else ""
     return [
-        f"Six campaigns of eight clips of {SIZE[0]} × {SIZE[1]} px, filmed by `sample_videos`,"
+        f"Twelve campaigns of eight clips of {SIZE[0]} × {SIZE[1]} px, filmed by `sample_videos`,"
         " measured by the chain and explained as `vision explain CLIP…` does"
         f" (`python -m bench.concealed.filmed.pixels`): {hits} of {len(rows)} right{left}.",
         "",

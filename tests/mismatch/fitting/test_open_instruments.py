@@ -1,4 +1,4 @@
-"""Strikes whose clips leave open where the axis, the ball at rest and the horizontal are."""
+"""Trials whose clips leave open where axis, resting ball and horizontal are, and the centres."""
 
 from dataclasses import replace
 
@@ -9,9 +9,14 @@ from mismatch import explain
 from mismatch.fitting.prepare import prepare
 from mismatch.records import Baseline, CampaignRecords
 from physics.bodies import PAPER_PENDULUM
-from physics.effects import Effect, effect_named
-from physics.effects.measurement import OriginOffset, PivotElsewhere
-from tests.mismatch.synthetic import struck_campaign
+from physics.effects import Effect, Level, effect_named
+from physics.effects.measurement import (
+    BehindTheBall,
+    OriginOffset,
+    PivotElsewhere,
+    WanderingCentre,
+)
+from tests.mismatch.synthetic import struck_campaign, thrown_campaign
 
 ARM = PAPER_PENDULUM.length
 SLOWED = (effect_named("bearing_friction"), {"dry_torque": 0.8})
@@ -19,9 +24,13 @@ SLOWED = (effect_named("bearing_friction"), {"dry_torque": 0.8})
 
 def _held(fault: Effect, width: float) -> Effect:
     parameters = tuple(replace(p, width=width, expected=0.0) for p in fault.parameters)
-    return replace(fault, parameters=parameters)
+    return replace(fault, parameters=parameters, levels=(Level.CAMPAIGN, Level.TRIAL))
 
 
+WANDERING = (
+    _held(WanderingCentre(), 1e-3),
+    replace(_held(BehindTheBall(), 1e-3), levels=(Level.CAMPAIGN,)),
+)
 FAULTS = (_held(PivotElsewhere(), 0.01), _held(OriginOffset(id="rest_elsewhere"), 2e-3))
 
 
@@ -71,3 +80,42 @@ def test_friction_on_the_axis_is_told_wherever_that_is():
     alike = {one for group in verdict.indistinguishable for one in group}
     assert len(verdict.effects) == 1
     assert "bearing_friction" in alike | {verdict.effects[0].id}
+
+
+def _outlines_drawn(campaign: CampaignRecords, seed: int = 5) -> CampaignRecords:
+    """Throws whose centres are off by half a millimetre: slowly in each, and by the wall in all."""
+    rng = np.random.default_rng(seed)
+    trials = []
+    for trial in campaign.trials:
+        x = trial.position[:, :1]
+        share = (x - x[0]) / (x[-1] - x[0])
+        slow = np.cos(np.pi * np.array([2.0, 3.0]) * share) @ rng.normal(0.0, 5e-4, (2, 2))
+        wall = 1e-3 * np.exp(-0.5 * ((x - 0.15) / 0.06) ** 2) * np.array([1.0, -1.0])
+        position = trial.position.copy()
+        position[:, :2] += slow + wall
+        trials.append(replace(trial, position=position))
+    return CampaignRecords(tuple(trials))
+
+
+@pytest.mark.slow
+def test_outlines_that_are_drawn_aside_are_no_physics():
+    campaign, baseline = thrown_campaign()
+    seen = _outlines_drawn(campaign)
+    assert explain(seen, baseline).effects != ()
+    assert explain(seen, replace(baseline, instruments=WANDERING)).effects == ()
+
+
+@pytest.mark.slow
+def test_a_push_in_flight_is_told_whatever_draws_the_outlines():
+    campaign, baseline = thrown_campaign()
+    pushed = tuple(
+        replace(
+            t, position=t.position + np.outer(np.maximum(t.ball_time - 0.3, 0.0) ** 2, [1, 0, 0])
+        )
+        for t in campaign.trials
+    )
+    seen = _outlines_drawn(CampaignRecords(pushed))
+    verdict = explain(seen, replace(baseline, instruments=WANDERING))
+    assert [effect.id for effect in verdict.effects] == ["unnamed"]
+    assert verdict.location is not None
+    assert verdict.location.phase == "flight"

@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from physics.effects import CATALOGUE, CameraView, Form
-from physics.effects.measurement import PivotElsewhere, WanderingCentre
+from physics.effects.measurement import (
+    BehindTheBall,
+    PivotElsewhere,
+    WanderingCentre,
+    WanderingMass,
+)
 
 DISTANCE, AXIS = 3.0, np.array([0.9, 0.55])
 MIDDLE, HALF = np.array([0.9, 0.4]), 0.9
@@ -53,10 +58,10 @@ def test_an_angle_is_read_about_the_point_that_is_taken_for_the_axis():
     assert told == pytest.approx(seen, abs=2.0 * (8.1e-3 / 0.6) ** 2)
 
 
-def test_a_centre_wanders_with_no_shift_no_stretch_and_no_turn():
+@pytest.mark.parametrize("law", [WanderingCentre(), BehindTheBall()])
+def test_a_centre_wanders_with_no_shift_no_stretch_and_no_turn(law):
     """Those are faults of their own: what is left has none of them, over the way evenly passed."""
-    law = WanderingCentre()
-    x, weights = np.polynomial.legendre.leggauss(9)
+    x, weights = np.polynomial.legendre.leggauss(17)
     x = MIDDLE[0] + HALF * x
     view = CameraView(0.0, x, 0.0 * x, *(0.0,) * 7, 0.4, *MIDDLE, HALF)
     values = {p.name: 0.01 * (k + 1) for k, p in enumerate(law.parameters)}
@@ -64,6 +69,11 @@ def test_a_centre_wanders_with_no_shift_no_stretch_and_no_turn():
     for off in (np.asarray(seen_x) - x, np.asarray(seen_y)):
         assert np.abs(off).max() > 0.01
         assert np.abs([weights @ off, weights @ (off * (x - MIDDLE[0]))]).max() < 1e-12
+
+
+def test_an_angle_wanders_with_no_zero_and_about_no_other_axis():
+    law = WanderingMass()
+    values = {p.name: 0.01 * (k + 1) for k, p in enumerate(law.parameters)}
     phi = np.linspace(0.0, 2.0 * np.pi, 65)[:-1]
     turned = np.asarray(law.angle(values, _pendulum(phi))) - phi
     assert np.abs(turned).max() > 0.01

@@ -12,8 +12,10 @@ from metrology import ClipError, NotFoundError, Quantity, UsageError
 from mismatch import EngineVerdict
 from mismatch.verdict import Location, NamedEffect, ParameterValue, Remainder
 from physics.bodies import PAPER_PENDULUM
+from physics.effects import Level
 from pipelines.explain.clips import (
     ClipFacts,
+    before_the_wall,
     calibration_widths,
     campaign_from_clips,
     clip_facts,
@@ -158,13 +160,46 @@ def test_a_strike_leaves_open_what_its_clip_leaves_open():
     widths = calibration_widths(answers(Path("a.mp4"), None))
     assert found["scale_error"].width == pytest.approx(widths["length_scale"])
     assert found["roll"].width == pytest.approx(widths["camera_roll"])
-    assert found["up_2"].width == pytest.approx(0.15 * 2e-3)
     assert found["sine_2"].width == pytest.approx(1.0 / 250.0)
     assert all(p.is_held for p in found.values())
+
+
+@pytest.mark.parametrize("strikes", [False, True])
+def test_a_centre_may_be_off_by_what_is_stated_of_it(strikes):
+    """One millimetre along and two up: slowly in each clip, and alike in all where they pass."""
+    answers = chain({"a": measured(), "b": measured()})
+    clips = [Path("a.mp4"), Path("b.mp4")]
+    campaign = campaign_from_clips(clips, SETUP, None, answers, strikes=strikes)
+    for fault in campaign.instruments[:2]:
+        for p in fault.parameters:
+            assert p.width == pytest.approx(1e-3 if p.name.startswith("along_") else 2e-3)
+    assert [Level.TRIAL in fault.levels for fault in campaign.instruments[:2]] == [True, False]
     bare = measured()
     bare.tracks.pendulum = None
     answers = chain({"a": measured(), "b": bare})
-    assert campaign_from_clips(clips, SETUP, None, answers).instruments == ()
+    assert len(campaign_from_clips(clips, SETUP, None, answers).instruments) == 2
+
+
+def test_a_flight_is_compared_where_the_wall_alone_is_behind_the_ball():
+    """From a camera at 1.4 m, 4 m off, the foot of the wall is seen 0.175 m high half a metre
+    nearer."""
+    clip = measured()
+    tracks, rig = clip.impact.tracks, with_rig(SETUP)
+    floor = tracks.rest_m[1] - rig.support.height - tracks.radius_m
+    foot = floor + 1.4 * 0.5 / 4.0
+    clip.calibration = SimpleNamespace(
+        camera=SimpleNamespace(position=np.array([0.8, floor + 1.4, 4.0])),
+        ball_plane_offset=0.5, camera_distance=4.0,
+    )  # fmt: skip
+    clip.impact.last_flight_s = 0.49
+    flown = before_the_wall(clip, rig)
+    lowest = tracks.ball_m[:, 1] - tracks.radius_m
+    seen = tracks.ball_time_s[lowest >= foot]
+    away = np.hypot(*(tracks.ball_m - tracks.rest_m).T)
+    assert flown[0] == tracks.ball_time_s[away > tracks.radius_m][0]
+    assert flown[1] == pytest.approx(seen[-1] + 0.01)
+    clip.calibration = None
+    assert before_the_wall(clip, rig)[1] == math.inf
 
 
 def test_two_clips_of_one_name_are_refused():
