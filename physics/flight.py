@@ -37,7 +37,7 @@ from physics.domain import (
     require_positive,
 )
 from physics.effects.base import FlightState, Term
-from physics.effects.flight import Drag, DragByReynolds, Magnus
+from physics.effects.flight import Drag, DragByReynolds, DragThroughLayer, Magnus
 from physics.integrator import Event, SolvedPath, follow_until, runge_kutta_step
 
 __all__ = [
@@ -163,7 +163,7 @@ class FlightModel:
                     drag = drag + _spread(here, at, state.shape)
                 elif isinstance(term.effect, Magnus):
                     spin = spin + _spread(term.values["spin"], at, state.shape)
-        if not any(isinstance(term.effect, DragByReynolds) for term in self._acting):
+        if not any(isinstance(t.effect, DragByReynolds | DragThroughLayer) for t in self._acting):
             self._held_by_size[size] = drag, spin
         return drag, spin
 

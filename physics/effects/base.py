@@ -639,6 +639,8 @@ class Form(StrEnum):
     SATURATING_VECTOR = "saturating, spin about any axis"
     STEADILY = "steadily"
     BY_REYNOLDS_NUMBER = "by Reynolds number"
+    THICKENING_LAYER = "a layer that thickens"
+    HELD_BY_THE_FLOOR = "held back by the floor"
 
 
 @dataclass(frozen=True)

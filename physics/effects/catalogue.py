@@ -13,10 +13,12 @@ from physics.effects.flight import (
     DensityLapse,
     Drag,
     DragCrisis,
+    DragThroughLayer,
     Magnus,
     SaturatingLift,
     SpinDecay,
     Wind,
+    WindOverFloor,
 )
 from physics.effects.impact import (
     MASS_ERROR,
@@ -64,6 +66,7 @@ __all__ = ["CATALOGUE", "MEASUREMENT_IDS", "effect_named"]
 
 _ALL: tuple[Effect, ...] = (
     Drag(),
+    DragThroughLayer(),
     DragCrisis(),
     DensityLapse(),
     Magnus(),
@@ -74,6 +77,7 @@ _ALL: tuple[Effect, ...] = (
     ),
     SpinDecay(),
     Wind(),
+    WindOverFloor(),
     Buoyancy(),
     AsymmetricWake(),
     VelocityDependentCor(),

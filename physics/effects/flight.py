@@ -28,10 +28,12 @@ __all__ = [
     "Drag",
     "DragByReynolds",
     "DragCrisis",
+    "DragThroughLayer",
     "Magnus",
     "SaturatingLift",
     "SpinDecay",
     "Wind",
+    "WindOverFloor",
 ]
 
 
@@ -101,6 +103,36 @@ class DragByReynolds(Drag):
     def coefficient(self, values: Values, flight: FlightState) -> Number:
         """C_D of the curve at the ball's Reynolds number."""
         return self.curve(flight.reynolds)
+
+
+USUAL_REYNOLDS = 4e4
+"""Reynolds number at which a coefficient that changes has the value that is stated: a ball of 20 cm
+at 3 m/s."""
+
+
+@dataclass(frozen=True)
+class DragThroughLayer(Drag):
+    """Resistance of the air that grows as the flow slows and its boundary layer gets thicker."""
+
+    form: str = Form.THICKENING_LAYER
+    law: str = (
+        r"\mathbf F = -\tfrac12 \rho C_d A |\mathbf v| \mathbf v,\quad"
+        r" C_d \propto (1 + \delta / \sqrt{Re})^2"
+    )
+    source: str = "Abraham, Phys. Fluids 13, 2194 (1970), with 9.06 for a smooth sphere"
+    parameters: tuple[Parameter, ...] = (
+        *Drag().parameters,
+        Parameter("layer", "1", 9.06, 0.0, 200.0, meaning="thickness times the root of Re"),
+    )
+    requires: tuple[str, ...] = ("drag",)
+    levels: tuple[Level, ...] = (Level.CAMPAIGN,)
+
+    def coefficient(self, values: Values, flight: FlightState) -> Number:
+        """C_D of the ball and the layer around it."""
+        around = 1.0 + values["layer"] / np.sqrt(np.maximum(flight.reynolds, 1.0))
+        usual = 1.0 + values["layer"] / np.sqrt(USUAL_REYNOLDS)
+        thicker: Number = np.square(around / usual)
+        return values["drag_coefficient"] * thicker
 
 
 @dataclass(frozen=True)
@@ -278,11 +310,15 @@ class Wind(Effect):
     by_air: bool = True
     coordinate: Coordinate = Coordinate.HEIGHT
 
+    def blowing(self, values: Values, flight: FlightState) -> Number:
+        """How fast the air moves where the ball is, m/s."""
+        return values["wind_x"]
+
     def force(self, values: Values, flight: FlightState) -> Vector:
         """Drag on the relative velocity less drag on the velocity."""
         k = flight.dynamic_area * flight.drag_coefficient
         still = flight.speed
-        ux = flight.vx - values["wind_x"]
+        ux = flight.vx - self.blowing(values, flight)
         moving = np.sqrt(np.square(ux) + np.square(flight.vy) + np.square(flight.vz))
         difference = k * (still - moving)
         return (
@@ -290,6 +326,22 @@ class Wind(Effect):
             difference * flight.vy,
             difference * flight.vz,
         )
+
+
+@dataclass(frozen=True)
+class WindOverFloor(Wind):
+    """A draught that the floor holds back, the more the lower the ball is."""
+
+    form: str = Form.HELD_BY_THE_FLOOR
+    law: str = (
+        r"\mathbf F = -\tfrac12 \rho C_d A |\mathbf v - \mathbf w| (\mathbf v - \mathbf w),\quad"
+        r" w \propto y^{1/7}"
+    )
+    source: str = "Prandtl (1925): the seventh-root profile of a turbulent layer over a plane"
+
+    def blowing(self, values: Values, flight: FlightState) -> Number:
+        """How fast the air moves at the ball's height; as stated one metre above the floor."""
+        return values["wind_x"] * np.maximum(flight.y, 0.0) ** (1.0 / 7.0)
 
 
 @dataclass(frozen=True)

@@ -114,6 +114,36 @@ def test_wind_as_fast_as_the_ball_leaves_the_drag_of_the_rest():
     assert drag + wind == pytest.approx(0.0)
 
 
+def _flying(height=1.0, speed=3.0, drag=0.5, diameter=0.2):
+    return FlightState(
+        0.0, 0.0, height, 0.0, speed, 0.0, 0.0, 0.35, diameter, 1.2, 1.8e-5, 9.81, drag
+    )
+
+
+def test_a_floor_holds_the_wind_back():
+    """By the seventh root: at a 128th of a metre half as fast, on the floor not at all."""
+    uniform, held = CATALOGUE["wind"]
+    at_one_metre = held.force({"wind_x": 2.0}, _flying(1.0))[0]
+    assert at_one_metre == pytest.approx(uniform.force({"wind_x": 2.0}, _flying(1.0))[0])
+    low = held.force({"wind_x": 2.0}, _flying(1.0 / 128.0))[0]
+    assert low == pytest.approx(uniform.force({"wind_x": 1.0}, _flying())[0])
+    assert held.force({"wind_x": 2.0}, _flying(0.0))[0] == pytest.approx(0.0)
+
+
+def test_a_layer_that_thickens_drags_as_spheres_are_dragged():
+    """Clift, Grace and Weber's table: 1.09 at a Reynolds number of 100, 0.47 at 1000."""
+    constant, layer = CATALOGUE["drag"]
+    values = {"drag_coefficient": 0.4, "layer": 9.06}
+
+    def coefficient(reynolds):
+        slow = _flying(speed=reynolds * 1.8e-5 / (1.2 * 0.2))
+        push = layer.force(values, slow)[0]
+        return 0.4 * push / constant.force({"drag_coefficient": 0.4}, slow)[0]
+
+    assert coefficient(4e4) == pytest.approx(0.4)
+    assert coefficient(100.0) / coefficient(1000.0) == pytest.approx(1.09 / 0.47, rel=0.06)
+
+
 def test_more_restitution_keeps_the_momentum():
     after = effect_named("velocity_dependent_cor").contact({"slope": 0.02}, CONTACT, OUTCOME)
     normal = 0.5 * (CONTACT.angle + OUTCOME.pendulum_angle)
