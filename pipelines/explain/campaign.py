@@ -34,6 +34,7 @@ from pipelines.explain.clips import (
     clip_facts,
     flight_rows,
     is_track_table,
+    states_the_rig,
     swing_rows,
     unknown_widths,
     with_rig,
@@ -686,7 +687,7 @@ def explain_clips(
     effects: OwnEffects = None,
     trials: Path | None = None,
     *,
-    strikes: bool = False,
+    strikes: bool | None = None,
 ) -> Explained:
     """Measure clips and explain them as one campaign, one trial a clip.
 
@@ -702,17 +703,20 @@ def explain_clips(
         A user's own.
     trials : Path, optional
         A table of the clips with their back-swings and balls.
-    strikes : bool
-        Compare swing and contact, too, where all back-swings are known.
+    strikes : bool, optional
+        Compare the swing before each strike, too, where all back-swings are known; by default where
+        the setup states pendulum and support.
 
     Raises
     ------
     ClipError, MeasurementError
         If no clip can be read and measured.
     """
-    known = with_rig(setup if isinstance(setup, Setup) else load_setup(setup))
+    stated = setup if isinstance(setup, Setup) else load_setup(setup)
+    known = with_rig(stated)
     facts = None if trials is None else clip_facts(trials)
-    campaign = campaign_from_clips(clips, known, facts, strikes=strikes)
+    compared = states_the_rig(stated) if strikes is None else strikes
+    campaign = campaign_from_clips(clips, known, facts, strikes=compared)
     return explain_campaign(campaign, known, hold_out, effects)
 
 

@@ -52,6 +52,7 @@ __all__ = [
     "flight_rows",
     "is_track_table",
     "outline_shares",
+    "states_the_rig",
     "swing_rows",
     "trial_of",
     "unknown_widths",
@@ -616,8 +617,8 @@ def campaign_from_clips(
 ) -> ClipCampaign:
     """Measure clips and lay their tracks out as trials.
 
-    Flights are compared; with `strikes` the swing and the contact, too. A clip whose back-swing is
-    neither told nor in view starts from the angle that its speed before contact implies without
+    Flights are compared; with `strikes` the swing that leads to them, too. A clip whose back-swing
+    is neither told nor in view starts from the angle that its speed before contact implies without
     losses; losses of the swing can then only be seen in the recorded part.
     A clip that can't be measured is left out and noted, unless none can.
 
@@ -630,8 +631,8 @@ def campaign_from_clips(
     measure : callable, optional
         The measuring chain, if another than `measure_clip`.
     strikes : bool
-        Compare swing and contact, too: what clips leave open of axis, rest, scale, horizontal and
-        centres is then open in the model, as far as it is stated.
+        Compare the swing before the strike, too: what clips leave open of axis, rest, scale,
+        horizontal and centres is then open in the model, as far as it is stated.
 
     Raises
     ------
@@ -652,7 +653,7 @@ def campaign_from_clips(
     trials: list[Trial] = []
     widths: list[dict[str, float]] = []
     faults: list[tuple[Effect, ...]] = []
-    clear: list[tuple[float, float]] = []
+    clear: list[tuple[float, float, float]] = []
     notes: list[str] = []
     refused: list[tuple[Path, ClipError | MeasurementError]] = []
     for path in clips:
@@ -674,9 +675,10 @@ def campaign_from_clips(
         f"{path.name} could not be measured and is left out: {why.message}" for path, why in refused
     ]
     told = all(_struck(trial, setup) for trial in trials)
+    trials = [_seen_clearly(t, c) for t, c in zip(trials, clear, strict=True)]
     if not (strikes and told):
-        # Without a whole strike to compare, rest and contact are no part of a free flight.
-        trials = [_flight_only(t, c) for t, c in zip(trials, clear, strict=True)]
+        # Without a whole strike to compare, a swing is no part of a free flight.
+        trials = [_flight_only(trial) for trial in trials]
         faults = [tuple(f for f in one if isinstance(f, WanderingCentre)) for one in faults]
         notes.insert(0, _why_flights(told))
     return ClipCampaign(
@@ -693,13 +695,15 @@ def with_rig(setup: Setup) -> Setup:
     )
 
 
+def states_the_rig(setup: Setup) -> bool:
+    """Whether a setup says what struck: a supposed rig would be told from the real one."""
+    return None not in (setup.pendulum, setup.support)
+
+
 def _why_flights(told: bool) -> str:
     if not told:
         return "not every strike is known from its back-swing on: flights are compared"
-    return (
-        "flights are compared; --strikes compares swing and contact, too, where slow errors of"
-        " half a pixel leave names in doubt"
-    )
+    return "flights are compared; --strikes compares the swing that leads to them, too"
 
 
 def _release(measured: "ClipMeasurement") -> float:
@@ -716,8 +720,8 @@ def _struck(trial: Trial, setup: Setup) -> bool:
     return told and trial.backswing is not None
 
 
-def before_the_wall(measured: "ClipMeasurement", setup: Setup) -> tuple[float, float]:
-    """From when to when the wall alone is seen behind and beside the ball in flight, s.
+def before_the_wall(measured: "ClipMeasurement", setup: Setup) -> tuple[float, float, float]:
+    """From when to when the wall alone is behind and beside the ball, and the swing ends, s.
 
     Until it has left its place by its own radius the mass is beside it; where its lower rim covers
     the foot of the wall it is seen before the floor and its own shadow. Where no camera is known,
@@ -725,33 +729,45 @@ def before_the_wall(measured: "ClipMeasurement", setup: Setup) -> tuple[float, f
     """
     impact = measured.impact
     if impact is None:
-        return -math.inf, math.inf
+        return -math.inf, math.inf, math.inf
     tracks, radius = impact.tracks, impact.tracks.radius_m
     away = np.hypot(*(tracks.ball_m - tracks.rest_m).T)
     gone = (away > radius) & (tracks.ball_time_s >= _release(measured))
     first = float(tracks.ball_time_s[gone][0]) if gone.any() else _release(measured)
+    # A ball takes longer to go its own radius than a contact lasts.
+    touched = _release(measured) - (first - _release(measured))
     if measured.calibration is None or setup.support is None:
-        return first, math.inf
+        return first, math.inf, touched
     floor = float(tracks.rest_m[1]) - setup.support.height - radius
     camera = measured.calibration.camera.position
     nearer = measured.calibration.ball_plane_offset / measured.calibration.camera_distance
     foot = floor + (float(camera[1]) - floor) * nearer
     over = (tracks.ball_m[:, 1] - radius < foot) & (tracks.ball_time_s > first)
-    return first, float(tracks.ball_time_s[over][0]) if over.any() else math.inf
+    return first, float(tracks.ball_time_s[over][0]) if over.any() else math.inf, touched
 
 
-def _flight_only(trial: Trial, clear: tuple[float, float]) -> Trial:
+def _seen_clearly(trial: Trial, clear: tuple[float, float, float]) -> Trial:
+    """The flight where it is clear, and the swing that leads to it.
+
+    Beside the mass the ball at rest is drawn aside, and the mass itself behind the ball and about
+    where it turns: ten times as far as before it struck.
+    """
     flying = (trial.ball_time >= clear[0] - 1e-9) & (trial.ball_time < clear[1] - 1e-9)
     std = None if trial.position_std is None else trial.position_std[flying]
+    falling = trial.pendulum_time < clear[2]
     return replace(
         trial,
         ball_time=trial.ball_time[flying],
         position=trial.position[flying],
-        pendulum_time=np.zeros(0),
-        pendulum_angle=np.zeros(0),
-        backswing=None,
+        pendulum_time=trial.pendulum_time[falling],
+        pendulum_angle=trial.pendulum_angle[falling],
         position_std=std,
     )
+
+
+def _flight_only(trial: Trial) -> Trial:
+    nothing = np.zeros(0)
+    return replace(trial, pendulum_time=nothing, pendulum_angle=nothing, backswing=None)
 
 
 def trial_of(

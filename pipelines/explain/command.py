@@ -99,7 +99,12 @@ _TrialsOption = Annotated[
     typer.Option(help="Clips only: a table clip,backswing_deg,ball of what was written down."),
 ]
 _StrikesOption = Annotated[
-    bool, typer.Option(help="Clips only: compare swing and contact, too, not flights alone.")
+    bool | None,
+    typer.Option(
+        "--strikes/--flights",
+        help="Clips only: compare the swing before each strike, too, or flights alone; by default"
+        " the swing where the setup states pendulum and support.",
+    ),
 ]
 _ColumnsOption = Annotated[
     str | None,
@@ -135,7 +140,7 @@ def explain_command(
     setup: SetupOption = None,
     pendulum: _PendulumOption = None,
     trials: _TrialsOption = None,
-    strikes: _StrikesOption = False,
+    strikes: _StrikesOption = None,
     columns: _ColumnsOption = None,
     cor_law: CorLawOption = None,
     hold_out: _HoldOutOption = None,

@@ -91,7 +91,9 @@ def _explain(task: tuple[Path, int, str]) -> str:
         clips = sorted(home.glob("*.mp4"))
         facts = clip_facts(home / "trials.csv")
         try:
-            campaign = campaign_from_clips(clips, setup, facts, partial(_measured, version))
+            campaign = campaign_from_clips(
+                clips, setup, facts, partial(_measured, version), strikes=True
+            )
             raw = explain_campaign(campaign, setup).verdict.to_json()
             raw["clips"] = len(campaign.trials)
         except ImpactVisionError as problem:

@@ -21,6 +21,7 @@ from pipelines.explain.clips import (
     clip_facts,
     common_widths,
     outline_shares,
+    states_the_rig,
     with_rig,
     within_calibration,
 )
@@ -71,12 +72,15 @@ def chain(answers):
     return measure
 
 
-def test_tracks_start_at_rest_on_the_support_and_end_where_the_flight_does():
+def test_tracks_are_told_from_the_ball_at_rest_and_end_where_the_flight_does():
+    """At 0.14 s, the first row a radius off: 12 cm on, and up by 4 cm less 4.9 × 0.04²."""
     answers = chain({"one": measured()})
     campaign = campaign_from_clips([Path("one.mp4")], SETUP, None, answers, strikes=True)
     trial = campaign.trials[0]
     rig = with_rig(SETUP)
-    assert trial.position[0, :2] == pytest.approx([0.0, rig.support.height + 0.201750 / 2])
+    height = rig.support.height + 0.201750 / 2
+    assert trial.ball_time[0] == pytest.approx(0.14)
+    assert trial.position[0, :2] == pytest.approx([0.12, height + 0.04 - 4.9 * 0.04**2])
     assert trial.ball_time[-1] == pytest.approx(0.4)
     assert trial.position_std[3, :2].tolist() == pytest.approx([1e-3, 2e-3])
     assert rig.pendulum is PAPER_PENDULUM
@@ -140,7 +144,18 @@ def test_strikes_are_compared_only_where_that_is_asked_for():
     assert flights.trials[0].backswing is None
     assert "--strikes" in flights.notes[0]
     assert strikes.trials[0].backswing == pytest.approx(math.radians(50.0))
-    assert strikes.trials[0].pendulum_time.size > 0
+    # The ball needs 10 ms from its release to be clear; as long before that none has touched it.
+    assert 0.0 < strikes.trials[0].pendulum_time[-1] < 0.12
+
+
+def test_strikes_are_compared_by_default_only_of_a_stated_rig():
+    pendulum = (
+        '[pendulum]\nlength = "0.55 m"\ninertia = "1.6 kg m^2"\nmass = "6 kg"\ncom = "0.45 m"\n'
+    )
+    support = '[support]\nheight = "0.3 m"\n'
+    assert states_the_rig(read_setup(pendulum + support))
+    assert not states_the_rig(read_setup(pendulum))
+    assert not states_the_rig(read_setup(support))
 
 
 def test_a_clip_belongs_to_the_session_that_its_table_says():
