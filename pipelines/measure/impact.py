@@ -17,6 +17,7 @@ The shape of a contact: how far the ball has come while the force between mass a
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from enum import Enum, auto
 from functools import lru_cache
 from typing import Any
 
@@ -24,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from metrology import MeasurementError, NoFitError, NotFoundError
+from physics import bodies
 from physics.contact import contact_time_bound, damping_for_cor
 from pipelines.measure.flight_fit import (
     LONGEST_CONTACT_S,
@@ -39,6 +41,7 @@ from pipelines.measure.flight_fit import (
 )
 from pipelines.measure.inputs import Inputs
 from pipelines.measure.metres import MetricTracks
+from pipelines.setup.file import Origin
 from vision.tracks import FollowedObject, Track, Tracks
 
 __all__ = [
@@ -204,6 +207,14 @@ COR_STD = 0.05
 and spin take their part of an oblique blow."""
 
 
+class FaceTold(Enum):
+    """What tells where the face is: only what is seen, both ways together, or either of them."""
+
+    SEEN = auto()
+    BOTH = auto()
+    EITHER = auto()
+
+
 @dataclass(frozen=True)
 class ImpactView:
     """What is known on each side of the contact, in the ball plane, x towards the flight, m and s.
@@ -225,11 +236,15 @@ class ImpactView:
     swing_time_s, swing_rad, swing_std_rad : (K,) arrays
         Pendulum's angle in the frames around contact.
     face_offset, face_offset_std : float
-        How far the face leads the line from pivot to mass, as seen.
+        How far the face leads the line from pivot to mass.
     longest_s : float
         The longest contact that such a ball can have (`physics.contact`), s.
     bob_arm : float or None
         Pivot to the centre of a round bob; None where the mass has a flat face.
+    face_otherwise : (2,) tuple of float or None
+        The same and its uncertainty by another way that contradicts it; either may hold.
+    face_told : FaceTold
+        What tells them.
     """
 
     before: SwingFit
@@ -249,6 +264,8 @@ class ImpactView:
     face_offset_std: float
     longest_s: float = math.inf
     bob_arm: float | None = None
+    face_otherwise: tuple[float, float] | None = None
+    face_told: FaceTold = FaceTold.BOTH
 
 
 @dataclass(frozen=True)
@@ -312,7 +329,10 @@ def fit_contact(view: ImpactView, around_s: float, *, doubting: bool = True) -> 
     NoFitError
         If they would part before they meet: one of the two paths is wrong.
     """
-    offsets = view.face_offset + view.face_offset_std * _OFFSETS
+    ways = [(view.face_offset, view.face_offset_std)]
+    ways += [] if view.face_otherwise is None else [view.face_otherwise]
+    # in units of its own uncertainty either way is as likely beforehand
+    offsets = np.concatenate([lead + std * _OFFSETS for lead, std in ways])
     whitening = _Whitening(
         slow_error_whitening(view.time_s, offset=True),
         slow_error_whitening(view.swing_time_s, offset=True),
@@ -329,7 +349,7 @@ def fit_contact(view: ImpactView, around_s: float, *, doubting: bool = True) -> 
     widened = max(1.0, float(np.mean(np.minimum(left**2, 9.0))))
     cost, beyond = np.full((2, len(offsets)), np.inf)
     cost[tried.place] = tried.cost(widened)
-    cost += _OFFSETS**2
+    cost += np.tile(_OFFSETS**2, len(ways))
     beyond[tried.place] = _beyond(tried.lasting_s, view)
     if doubting and float((cost + beyond).min()) > float(cost.min()) + CONTRADICTS:
         raise _no_contact(float(tried.lasting_s[likely]), view)
@@ -681,6 +701,10 @@ IMPACT_ANGLE_STD = np.radians(0.4)
 """rad, of the bar at contact where the face is not seen, supposed: a bubble level is good to 0.3°,
 and the bar swings on during contact."""
 
+_ANOTHER_ARM = 0.1
+"""Relative: an arm whose length differs by more is another rig's. In path-traced rooms arms look
+0.05 too long or short, root mean square, where the ball is the scale."""
+
 _TWO_WAYS_APART = 3.0
 
 """Standard deviations between two ways to the same number from which on one of them is wrong."""
@@ -721,8 +745,12 @@ def pivot_in_plane(tracks: MetricTracks, inputs: Inputs) -> FloatArray:
 
 
 def offset_of_face(
-    tracks: MetricTracks, inputs: Inputs, radius: float, onset: float
-) -> tuple[float, float]:
+    tracks: MetricTracks,
+    inputs: Inputs,
+    radius: float,
+    onset: float,
+    told: FaceTold | None = None,
+) -> tuple[FaceTold, tuple[tuple[float, float], ...]]:
     """Offset of the face before contact is looked at: as seen, and from the impact angle.
 
     Parameters
@@ -735,30 +763,47 @@ def offset_of_face(
         Of the ball, m.
     onset : float
         About when they touch, s.
+    told : FaceTold, optional
+        What tells it, where that is settled.
 
     Returns
     -------
-    lead, std : float
-        Of the face before the line from pivot to mass, m.
+    told : FaceTold
+    ways : tuple of (lead, std)
+        Of the face before the line from pivot to mass, m: one, or two of which either may hold.
     """
     assert tracks.pivot_m is not None
     pivot = pivot_in_plane(tracks, inputs)
     arm = tracks.rest_m - pivot
-    reach = float(np.hypot(*arm))
     seen, seen_std = _seen_offset(tracks, inputs)
     phi = float(np.interp(onset, tracks.swing_time_s, tracks.swing_rad))
     seen += float((tracks.pivot_m - pivot) @ [np.cos(phi), np.sin(phi)])
-    if inputs.ball is None or inputs.ball.launch_angle is None:
-        return seen, seen_std
-    angle = inputs.ball.launch_angle
-    written = float(arm[0] * np.cos(angle) + arm[1] * np.sin(angle)) - radius
+    angle = inputs.rig.launch_angle
+    if angle is None:
+        return FaceTold.SEEN, ((seen, seen_std),)
+    cosine, sine = math.cos(angle.value), math.sin(angle.value)
+    written = float(arm[0] * cosine + arm[1] * sine) - radius
     pivot_std = PIVOT_SHARE * _half_thickness(inputs)
-    written_std = float(np.hypot(IMPACT_ANGLE_STD * reach, pivot_std))
-    # Of two that contradict each other either may be wrong: both count for less, by what is between
-    # them (Mandel and Paule 1970).
-    excess = (seen - written) ** 2 - _TWO_WAYS_APART**2 * (seen_std**2 + written_std**2)
-    weights = 1.0 / (np.array([seen_std, written_std]) ** 2 + 0.5 * max(excess, 0.0))
-    return float(weights @ [seen, written] / weights.sum()), float(weights.sum() ** -0.5)
+    written_std = math.hypot(IMPACT_ANGLE_STD * float(np.hypot(*arm)), pivot_std)
+    if told is None:
+        told = FaceTold.BOTH
+        if angle.value_from is Origin.PRESET and not _arm_as_presets(arm, phi):
+            told = FaceTold.SEEN
+        elif abs(seen - written) > _TWO_WAYS_APART * math.hypot(seen_std, written_std):
+            told = FaceTold.EITHER
+    if told is FaceTold.SEEN:
+        return told, ((seen, seen_std),)
+    if told is FaceTold.EITHER:
+        return told, ((seen, seen_std), (written, written_std))
+    weights = np.array([seen_std, written_std]) ** -2.0
+    lead = float(weights @ [seen, written] / weights.sum())
+    return told, ((lead, float(weights.sum() ** -0.5)),)
+
+
+def _arm_as_presets(arm: FloatArray, phi: float) -> bool:
+    """Whether an arm (2,), m, may be that of the rig to which the presets' impact angles belong."""
+    usual = bodies.PAPER_PENDULUM.length
+    return abs(float(arm_along_bar(arm, phi)) - usual) < _ANOTHER_ARM * usual
 
 
 def _seen_offset(tracks: MetricTracks, inputs: Inputs) -> tuple[float, float]:
@@ -1011,14 +1056,16 @@ def find_impact(
     contact: ContactFit | None = None
     reason = "no pendulum mass is found in the clip; point at it with --mass-at X,Y"
     contradict = False
+    told: FaceTold | None = None
     flight = _flight(tracks, inputs, release, landed, free=False)
     for _ in range(_ROUNDS if started is None else 1):
         if tracks.pivot_m is None:
             break
         view = None
         try:
-            view = _view(tracks, inputs, flight, _Frames.of(tracks, onset, release))
-            contact = fit_contact(view, 0.5 * (onset + release))
+            view = _view(tracks, inputs, flight, _Frames.of(tracks, onset, release), told=told)
+            view, contact = _contact_told(view, tracks, inputs, 0.5 * (onset + release))
+            told = view.face_told
         except MeasurementError as problem:
             contradict = view is not None and isinstance(problem, NoFitError)
             view, contact, reason = None, None, problem.in_one_line
@@ -1209,6 +1256,8 @@ def _view(
     flight: FlightFit,
     frames: _Frames,
     moved_from: ImpactView | None = None,
+    *,
+    told: FaceTold | None = None,
 ) -> ImpactView:
     assert tracks.pivot_m is not None
     time = tracks.swing_time_s
@@ -1220,9 +1269,10 @@ def _view(
         return fit_swing(time[used], angle, std, reference_s, stiffness, spread, near)
 
     radius = tracks.radius_m if inputs.ball is None else 0.5 * inputs.ball.diameter
-    face_offset, face_offset_std = offset_of_face(tracks, inputs, radius, frames.onset)
+    if moved_from is not None:
+        told = moved_from.face_told
     near, swinging = frames.ball_near, frames.swing_near
-    return ImpactView(
+    view = ImpactView(
         before=swing(frames.swing_before, frames.onset, moved_from.before if moved_from else None),
         after=swing(frames.swing_after, frames.release, moved_from.after if moved_from else None),
         flight=flight,
@@ -1236,11 +1286,41 @@ def _view(
         swing_time_s=time[swinging],
         swing_rad=tracks.swing_rad[swinging],
         swing_std_rad=tracks.swing_std_rad[swinging],
-        face_offset=face_offset,
-        face_offset_std=face_offset_std,
+        face_offset=0.0,
+        face_offset_std=math.inf,
         longest_s=_longest_contact(inputs),
         bob_arm=tracks.bob_arm_m,
     )
+    return _with_face(view, tracks, inputs, frames.onset, told)
+
+
+def _with_face(
+    view: ImpactView, tracks: MetricTracks, inputs: Inputs, onset: float, told: FaceTold | None
+) -> ImpactView:
+    """The view with where the face is before contact is looked at."""
+    told, faces = offset_of_face(tracks, inputs, view.radius, onset, told)
+    otherwise = faces[1] if len(faces) > 1 else None
+    lead, std = faces[0]
+    return replace(
+        view, face_offset=lead, face_offset_std=std, face_otherwise=otherwise, face_told=told
+    )
+
+
+def _contact_told(
+    view: ImpactView, tracks: MetricTracks, inputs: Inputs, around_s: float
+) -> tuple[ImpactView, ContactFit]:
+    """The contact, and the view that led to it.
+
+    Where what is seen of the face and the written angle rule out any contact together, one of the
+    two is wrong.
+    """
+    try:
+        return view, fit_contact(view, around_s)
+    except MeasurementError:
+        if view.face_told is not FaceTold.BOTH:
+            raise
+    view = _with_face(view, tracks, inputs, view.before.reference_s, FaceTold.EITHER)
+    return view, fit_contact(view, around_s)
 
 
 def _longest_contact(inputs: Inputs) -> float:

@@ -432,6 +432,10 @@ _STRIP, _WALL, _LEAST_WALL_PX = 0.5, 0.2, 3.0
 """Radii of the ball, and px at least, supposed: what stands around the edge, the strip of the face
 behind it and the wall ahead of it."""
 
+_CUT_OFF, _CUT_OFF_PX = 0.2, 1.0
+"""Radii of the ball, and px at least, by which a piece that was cut out ends elsewhere than its
+face: 0.17, root mean square, over rooms of two renderers."""
+
 # How far ahead of the anchor a face may be, in ball radii.
 _REACH = 1.2
 
@@ -545,8 +549,8 @@ def find_face(
     Returns
     -------
     Face
-        Where no edge stands out, as far ahead as half of the mass that was followed is wide, and
-        as unsure.
+        Where no edge stands out, as far ahead as the piece that was followed reaches at the ball's
+        height.
     """
     body = _Body.of(mass, rest)
     found, place = None, len(body.poses) - 1
@@ -562,9 +566,9 @@ def find_face(
             place = int(places[-1])
         if found is not None:
             break
-    if found is None:
-        half = 0.5 * float(np.sqrt(mass.patch.opacity.sum()))
-        found = _Edges(half, 0.5 * half, None, np.inf)
+    cut_std = max(_CUT_OFF * radius, _CUT_OFF_PX)
+    if found is None or found.edge_std > cut_std:
+        found = _Edges(_front(body, mass.patch, radius), cut_std, None, np.inf)
 
     def picture_px(ahead: float) -> FloatArray:
         return np.asarray(body.placed(np.array([[ahead, 0.0]]), place)[0])
@@ -576,6 +580,17 @@ def find_face(
         middle_px=None if found.middle is None else picture_px(found.middle),
         middle_std_px=found.middle_std,
     )
+
+
+def _front(body: "_Body", patch: Patch, radius: float) -> float:
+    """How far ahead of the anchor a piece reaches at the ball's height, or anywhere, px."""
+    pose = body.poses[-1]
+    cosine, sine = np.cos(pose.turn), np.sin(pose.turn)
+    solid = patch.opacity > 0.5
+    x, y = patch.x[solid], patch.y[solid]
+    own = np.column_stack([cosine * x - sine * y, sine * x + cosine * y]) @ body.axes.T
+    level = np.abs(own[:, 1] - body.height) < max(_HALF_HEIGHT * radius, _LEAST_HALF_HEIGHT_PX)
+    return float(own[level if level.any() else slice(None), 0].max())
 
 
 @dataclass(frozen=True)

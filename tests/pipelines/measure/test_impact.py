@@ -14,6 +14,7 @@ from pipelines.measure.flight_fit import flight_end
 from pipelines.measure.impact import (
     NEAR_SHARE,
     STEEL,
+    FaceTold,
     Impact,
     departure,
     find_impact,
@@ -22,9 +23,9 @@ from pipelines.measure.impact import (
     strikes_apart,
     struck_again,
 )
-from pipelines.measure.inputs import gather_inputs
+from pipelines.measure.inputs import Inputs, gather_inputs
 from pipelines.measure.metres import MetricTracks
-from pipelines.setup.file import Setup
+from pipelines.setup.file import Origin, Setup
 from sample_videos import Shot
 from tests.pipelines.measure.ideal_tracks import Noise, ideal_tracks, known_stroke
 from vision.tracks import FollowedObject, Track, Tracks
@@ -464,23 +465,50 @@ def test_how_a_round_bob_met_the_ball_is_told_by_the_way_the_push_went(
         assert true - flat > 0.08
 
 
-@pytest.mark.parametrize("off_m", [0.0, 0.05, -0.05])
-def test_a_face_seen_where_the_written_angle_has_none_is_as_unsure_as_they_are_apart(
-    off_m: float,
-) -> None:
+def told_of_a_face(off_m: float, arm: float = 1.0) -> tuple[MetricTracks, Inputs]:
+    """A known stroke whose face is seen elsewhere, on an arm that looks longer or shorter."""
     scene, shot = known_stroke("jokku", 60.0)
     tracks = ideal_tracks(scene, shot, Noise())
     inputs = gather_inputs(Setup(), "jokku", None)
-    assert inputs.ball is not None
-    written = replace(inputs.ball, launch_angle=math.radians(truth(shot)["launch_angle"]))
-    inputs = replace(inputs, ball=written)
+    assert inputs.rig.launch_angle is not None
+    assert tracks.pivot_m is not None
+    written = math.radians(truth(shot)["launch_angle"])
+    rig = replace(inputs.rig, launch_angle=replace(inputs.rig.launch_angle, value=written))
     seen = replace(
         tracks,
         edge_offset_m=tracks.edge_offset_m + off_m,
         middle_offset_m=tracks.middle_offset_m + off_m,
+        pivot_m=tracks.rest_m + arm * (tracks.pivot_m - tracks.rest_m),
     )
+    return seen, replace(inputs, rig=rig)
+
+
+@pytest.mark.parametrize("off_m", [0.0, 0.05, -0.05])
+def test_the_push_tells_which_holds_of_a_face_seen_and_a_written_angle_that_contradict(
+    off_m: float,
+) -> None:
+    scene, shot = known_stroke("jokku", 60.0)
+    tracks, inputs = told_of_a_face(off_m)
     onset = truth(shot)["contact_start"]
-    lead, std = offset_of_face(seen, inputs, scene.ball.radius, onset)
-    assert abs(lead - scene.pendulum.face_offset) < 3.0 * std
-    if off_m == 0.0:
-        assert std < 0.006
+    told, ways = offset_of_face(tracks, inputs, scene.ball.radius, onset)
+    assert told is (FaceTold.BOTH if off_m == 0.0 else FaceTold.EITHER)
+    assert len(ways) == (1 if off_m == 0.0 else 2)
+    contact = find_impact(tracks, inputs).contact
+    assert contact is not None
+    off = contact.face_offset - scene.pendulum.face_offset
+    assert abs(off) < 3.0 * contact.face_offset_std < 0.03
+    assert contact.onset_s == pytest.approx(onset, abs=2e-3)
+
+
+def test_an_angle_of_the_paper_tells_nothing_of_an_arm_that_is_not_its() -> None:
+    scene, shot = known_stroke("jokku", 60.0)
+    tracks, inputs = told_of_a_face(0.0, arm=1.2)
+    onset = truth(shot)["contact_start"]
+    told, ways = offset_of_face(tracks, inputs, scene.ball.radius, onset)
+    assert told is FaceTold.SEEN
+    assert len(ways) == 1
+    assert inputs.rig.launch_angle is not None
+    by_hand = replace(inputs.rig.launch_angle, value_from=Origin.SETUP)
+    inputs = replace(inputs, rig=replace(inputs.rig, launch_angle=by_hand))
+    told, _ = offset_of_face(tracks, inputs, scene.ball.radius, onset)
+    assert told is not FaceTold.SEEN
