@@ -5,6 +5,8 @@ When a check that found nothing may say "passed".
 The ball's speed the paper's ways, beside the fit: per frame (Fig. 18), and by Eqs 7 and 8.
 
 Whether the ball looks as large as it is said to be, where something else tells the scale.
+
+Whether the pendulum is as long as the one whose inertia is used.
 """
 
 import math
@@ -17,9 +19,10 @@ import scipy
 from metrology import Contribution, Quantity, UncertaintySource
 from physics.bodies import Pendulum
 from pipelines.measure.flight_fit import SLOW_OVER_RANDOM, FlightFit
-from pipelines.measure.inputs import QuantityName
+from pipelines.measure.inputs import Inputs, QuantityName
 from pipelines.measure.metres import MetricTracks
 from pipelines.report import Check, CheckKind, CheckOutcome
+from pipelines.setup.file import Origin
 
 __all__ = [
     "CONTACT",
@@ -30,13 +33,14 @@ __all__ = [
     "PENDULUM",
     "RATE_AND_SCALE",
     "WITHHELD_BEYOND",
-    "BallSize",
     "Contradiction",
+    "HeldAgainst",
     "SpeedsAgree",
     "ball_size",
     "contact_doubted",
     "doubted",
     "gravity_share",
+    "pendulum_length",
     "speed_by_pendulum",
     "speed_per_frame",
     "speeds_agree",
@@ -78,6 +82,9 @@ PENDULUM = COR | {
 }
 
 """What hangs on the pendulum's motion, its inertia and the masses."""
+
+_BY_MASSES = frozenset({QuantityName.COR_LAUNCH, QuantityName.COR_RANGE, QuantityName.COR})
+"""What the ratio of ball and pendulum enters."""
 
 CONTACT = frozenset(
     {
@@ -322,7 +329,7 @@ RELEVANT_SIZE_SHARE = 0.05
 
 
 @dataclass(frozen=True)
-class BallSize:
+class HeldAgainst:
     """The check, and what it puts in doubt.
 
     Attributes
@@ -338,7 +345,7 @@ class BallSize:
 
 def ball_size(
     looks_m: float, share: float, given_m: float, found: dict[str, Quantity]
-) -> BallSize | None:
+) -> HeldAgainst | None:
     """Hold the size that was followed, at the scale of the ball plane, against the diameter.
 
     Parameters
@@ -354,7 +361,7 @@ def ball_size(
 
     Returns
     -------
-    BallSize or None
+    HeldAgainst or None
         None where no speed tells how sure the scale is.
     """
     speed, lasts = found[QuantityName.BALL_SPEED], found[QuantityName.CONTACT_TIME]
@@ -369,14 +376,57 @@ def ball_size(
     )
     if abs(apart) <= _SIGMAS * std:
         outcome = CheckOutcome.PASSED if power >= LEAST_POWER else CheckOutcome.UNDECIDED
-        return BallSize(Check(CheckKind.BALL_SIZE, outcome, text, power), ())
+        return HeldAgainst(Check(CheckKind.BALL_SIZE, outcome, text, power), ())
     text += ": check the diameter, the grid's pitch and the taped distances"
     doubts = [Contradiction(RATE_AND_SCALE, abs(apart), False, text)]
     if lasts.value is not None:
         # face and surface of the ball meet and part by so much earlier or later
         moved = abs(apart) * given_m / (speed.value * lasts.value)
         doubts.append(Contradiction(CONTACT, moved, False, text))
-    return BallSize(
+    return HeldAgainst(
         Check(CheckKind.BALL_SIZE, CheckOutcome.FAILED, text, power),
         tuple(doubts),
     )
+
+
+ARM_SHARE = 0.05
+"""Of the arm: how far it looks too long or too short in the plane of the ball, root mean square
+over path-traced rooms."""
+
+RELEVANT_ARM_SHARE = 0.2
+"""Of the length: a fifth more or less makes the inertia that was measured on another pendulum
+another by half."""
+
+
+def pendulum_length(seen_m: float, inputs: Inputs) -> HeldAgainst:
+    """Hold the arm to the point of contact against that of the pendulum whose inertia is used.
+
+    Parameters
+    ----------
+    seen_m : float
+        As it looks in the plane of the ball, m.
+    inputs : Inputs
+        The pendulum's numbers, and whether anybody gave them.
+    """
+    length = inputs.rig.length
+    std = math.hypot(ARM_SHARE, length.relative_std)
+    apart = math.log(seen_m / length.value)
+    power = float(scipy.special.ndtr(-_SIGMAS + RELEVANT_ARM_SHARE / std))
+    given = "the paper's" if length.value_from is Origin.PRESET else "that of the setup file"
+    text = (
+        f"the pendulum's arm looks {seen_m:.2f} m long up to where it meets the ball, and {given}"
+        f" is {length.value:.2f} m"
+    )
+    if abs(apart) <= _SIGMAS * std:
+        outcome = CheckOutcome.PASSED if power >= LEAST_POWER else CheckOutcome.UNDECIDED
+        return HeldAgainst(Check(CheckKind.PENDULUM_LENGTH, outcome, text, power), ())
+    text += ": give length, inertia and mass of this pendulum ([pendulum] in the setup file)"
+    # the inertia goes with the square of the length at least
+    off = 2.0 * abs(apart)
+    doubts = [Contradiction(frozenset({QuantityName.ENERGY_LOSS}), off, False, text)]
+    ball = inputs.ball
+    if ball is not None and ball.mass is not None:
+        by_masses = off * ball.mass / inputs.pendulum.mass_at_contact
+        doubts.append(Contradiction(_BY_MASSES, by_masses, False, text))
+    check = Check(CheckKind.PENDULUM_LENGTH, CheckOutcome.FAILED, text, power)
+    return HeldAgainst(check, tuple(doubts))

@@ -20,12 +20,13 @@ from pipelines.measure.checks import (
     OTHER_SPEEDS,
     PENDULUM,
     RATE_AND_SCALE,
-    BallSize,
     Contradiction,
+    HeldAgainst,
     SpeedsAgree,
     ball_size,
     contact_doubted,
     doubted,
+    pendulum_length,
     speeds_agree,
 )
 from pipelines.measure.flight_fit import LONGEST_CONTACT_S
@@ -35,7 +36,12 @@ from pipelines.measure.gravity import (
     fused_cor,
     gravity_check,
 )
-from pipelines.measure.impact import UNSEEN_HALF_CONTACT_STD_S, Impact, disc_contact
+from pipelines.measure.impact import (
+    UNSEEN_HALF_CONTACT_STD_S,
+    Impact,
+    arm_along_bar,
+    disc_contact,
+)
 from pipelines.measure.inputs import QUANTITY_UNITS, Inputs, QuantityName, kinds_of
 from pipelines.measure.metres import MetricTracks, radius_share
 from pipelines.measure.motions import MotionResults
@@ -212,11 +218,13 @@ def results_of(
     speeds = speeds_agree(found)
     bound = _contact_bound(evaluated)
     size = _size(evaluated, tracks, found)
-    held = (agreement, speeds and speeds.check, by_gravity, bound, size and size.check)
-    checks = [one for one in held if one]
+    arm = _arm(evaluated)
+    held = (agreement, speeds and speeds.check, by_gravity, bound)
+    against = [one for one in (size, arm) if one]
+    checks = [*(one for one in held if one), *(one.check for one in against)]
     other_speeds = tuple(found[name] for name in OTHER_SPEEDS)
     doubts = _doubts(evaluated, found, agreement, speeds, gravity, by_gravity)
-    doubts += () if size is None else size.doubts
+    doubts += [doubt for one in against for doubt in one.doubts]
     touching = None if speeds is None else contact_doubted(speeds, bound)
     motion = motion or MotionResults()
     doubts += _not_met_as_followed(evaluated, lasting, motion)
@@ -271,7 +279,7 @@ def _of_this_motion(
     return out | {name: item for name, item in found.items() if name in _PIXELS}
 
 
-def _size(evaluated: Evaluated, tracks: Tracks, found: dict[str, Quantity]) -> BallSize | None:
+def _size(evaluated: Evaluated, tracks: Tracks, found: dict[str, Quantity]) -> HeldAgainst | None:
     """The ball's size against its diameter, where more than the diameter tells where it flies.
 
     Numbers of one origin agree by themselves.
@@ -285,6 +293,17 @@ def _size(evaluated: Evaluated, tracks: Tracks, found: dict[str, Quantity]) -> B
         return None
     share = math.hypot(radius_share(tracks.ball), diameter.relative_std)
     return ball_size(2.0 * metric.radius_m, share, diameter.value, found)
+
+
+def _arm(evaluated: Evaluated) -> HeldAgainst | None:
+    """The arm that is seen against the pendulum's length."""
+    impact = evaluated.impact
+    if impact is None or impact.contact is None or impact.view is None:
+        return None
+    view = impact.view
+    angle = float(view.before.angles(np.array([impact.contact.onset_s]))[0])
+    seen = float(arm_along_bar(view.rest - view.pivot, angle))
+    return pendulum_length(seen, evaluated.scene.inputs) if seen > 0.0 else None
 
 
 def _contact_bound(evaluated: Evaluated) -> Check | None:

@@ -436,6 +436,9 @@ _CUT_OFF, _CUT_OFF_PX = 0.2, 1.0
 """Radii of the ball, and px at least, by which a piece that was cut out ends elsewhere than its
 face: 0.17, root mean square, over rooms of two renderers."""
 
+_APART = 0.5
+"""The same for a piece that does not reach to the ball's height, supposed."""
+
 # How far ahead of the anchor a face may be, in ball radii.
 _REACH = 1.2
 
@@ -550,7 +553,7 @@ def find_face(
     -------
     Face
         Where no edge stands out, as far ahead as the piece that was followed reaches at the ball's
-        height.
+        height; where it does not reach there, what it is a part of may end far from it.
     """
     body = _Body.of(mass, rest)
     found, place = None, len(body.poses) - 1
@@ -566,9 +569,9 @@ def find_face(
             place = int(places[-1])
         if found is not None:
             break
-    cut_std = max(_CUT_OFF * radius, _CUT_OFF_PX)
-    if found is None or found.edge_std > cut_std:
-        found = _Edges(_front(body, mass.patch, radius), cut_std, None, np.inf)
+    cut = _cut_out_front(body, mass.patch, radius)
+    if found is None or not found.edge_std < cut.edge_std < _APART * radius:
+        found = cut
 
     def picture_px(ahead: float) -> FloatArray:
         return np.asarray(body.placed(np.array([[ahead, 0.0]]), place)[0])
@@ -580,17 +583,6 @@ def find_face(
         middle_px=None if found.middle is None else picture_px(found.middle),
         middle_std_px=found.middle_std,
     )
-
-
-def _front(body: "_Body", patch: Patch, radius: float) -> float:
-    """How far ahead of the anchor a piece reaches at the ball's height, or anywhere, px."""
-    pose = body.poses[-1]
-    cosine, sine = np.cos(pose.turn), np.sin(pose.turn)
-    solid = patch.opacity > 0.5
-    x, y = patch.x[solid], patch.y[solid]
-    own = np.column_stack([cosine * x - sine * y, sine * x + cosine * y]) @ body.axes.T
-    level = np.abs(own[:, 1] - body.height) < max(_HALF_HEIGHT * radius, _LEAST_HALF_HEIGHT_PX)
-    return float(own[level if level.any() else slice(None), 0].max())
 
 
 @dataclass(frozen=True)
@@ -695,6 +687,19 @@ class _Edges:
     edge_std: float
     middle: float | None
     middle_std: float
+
+
+def _cut_out_front(body: _Body, patch: Patch, radius: float) -> _Edges:
+    """How far ahead of the anchor a piece reaches at the ball's height, or anywhere, px."""
+    pose = body.poses[-1]
+    cosine, sine = np.cos(pose.turn), np.sin(pose.turn)
+    solid = patch.opacity > 0.5
+    x, y = patch.x[solid], patch.y[solid]
+    ahead, along = body.axes @ [cosine * x - sine * y, sine * x + cosine * y]
+    level = np.abs(along - body.height) < max(_HALF_HEIGHT * radius, _LEAST_HALF_HEIGHT_PX)
+    if level.any():
+        return _Edges(float(ahead[level].max()), max(_CUT_OFF * radius, _CUT_OFF_PX), None, np.inf)
+    return _Edges(float(ahead.max(initial=0.0)), _APART * radius, None, np.inf)
 
 
 def _fitted(strip: _Strip, start: float, radius: float) -> _Edges | None:

@@ -492,7 +492,8 @@ def test_the_push_tells_which_holds_of_a_face_seen_and_a_written_angle_that_cont
     onset = truth(shot)["contact_start"]
     told, ways = offset_of_face(tracks, inputs, scene.ball.radius, onset)
     assert told is (FaceTold.BOTH if off_m == 0.0 else FaceTold.EITHER)
-    assert len(ways) == (1 if off_m == 0.0 else 2)
+    assert len(ways) == (1 if off_m == 0.0 else 3)
+    assert sum(way.share for way in ways) == pytest.approx(1.0)
     contact = find_impact(tracks, inputs).contact
     assert contact is not None
     off = contact.face_offset - scene.pendulum.face_offset
@@ -506,7 +507,7 @@ def test_an_angle_of_the_paper_tells_nothing_of_an_arm_that_is_not_its() -> None
     onset = truth(shot)["contact_start"]
     told, ways = offset_of_face(tracks, inputs, scene.ball.radius, onset)
     assert told is FaceTold.SEEN
-    assert len(ways) == 1
+    assert len(ways) == 2
     assert inputs.rig.launch_angle is not None
     by_hand = replace(inputs.rig.launch_angle, value_from=Origin.SETUP)
     inputs = replace(inputs, rig=replace(inputs.rig, launch_angle=by_hand))

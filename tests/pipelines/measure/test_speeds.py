@@ -1,5 +1,7 @@
 """The ball's speed the paper's ways, and what is said when they disagree."""
 
+import math
+
 import pytest
 
 from metrology import Contribution, Quantity
@@ -10,10 +12,13 @@ from pipelines.measure.checks import (
     contact_doubted,
     doubted,
     gravity_share,
+    pendulum_length,
     speed_by_pendulum,
     speeds_agree,
 )
+from pipelines.measure.inputs import gather_inputs
 from pipelines.report import Check, CheckKind, CheckOutcome
+from pipelines.setup.file import Setup
 
 
 def test_eq_7_less_the_share_of_gravity_is_the_balls_speed() -> None:
@@ -134,3 +139,28 @@ def test_a_ball_of_another_size_than_it_is_said_to_have_is_told_and_its_contact_
     vague = ball_size(0.2465, 0.05, 0.2459, values)
     assert vague is not None
     assert vague.check.outcome is CheckOutcome.UNDECIDED
+
+
+@pytest.mark.parametrize("longer", [0.8, 1.0, 1.08, 1.2])
+def test_an_arm_that_is_not_the_papers_puts_in_doubt_what_hangs_on_its_inertia(
+    longer: float,
+) -> None:
+    inputs = gather_inputs(Setup(), "basketball", None)
+    length = inputs.pendulum.length
+    held = pendulum_length(longer * length, inputs)
+    names = ("energy_loss", "cor_launch", "cor_speeds", "ball_speed")
+    sure = {name: Quantity.measured(name, 1.0, "1", ()) for name in names}
+    found = doubted(sure, held.doubts)
+    if abs(math.log(longer)) < 0.1:
+        assert held.check.outcome is CheckOutcome.PASSED
+        assert found == sure
+        return
+    assert held.check.outcome is CheckOutcome.FAILED
+    assert "[pendulum]" in held.check.statement
+    assert found["energy_loss"].value is None
+    # a bar that is scaled as a whole has an inertia that goes with the square of its length
+    launch = found["cor_launch"].std
+    assert launch is not None
+    assert 0.02 < launch < 0.3 * abs(longer**2 - 1.0)
+    assert found["cor_speeds"] == sure["cor_speeds"]
+    assert found["ball_speed"] == sure["ball_speed"]
