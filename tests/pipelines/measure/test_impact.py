@@ -513,3 +513,18 @@ def test_an_angle_of_the_paper_tells_nothing_of_an_arm_that_is_not_its() -> None
     inputs = replace(inputs, rig=replace(inputs.rig, launch_angle=by_hand))
     told, _ = offset_of_face(tracks, inputs, scene.ball.radius, onset)
     assert told is not FaceTold.SEEN
+
+
+def test_a_written_angle_that_allows_no_contact_with_what_is_seen_gives_way() -> None:
+    scene, shot = known_stroke("jokku", 60.0)
+    tracks, inputs = told_of_a_face(0.0)
+    vague = replace(tracks, middle_offset_std_m=0.02, edge_offset_std_m=0.02)
+    assert inputs.rig.launch_angle is not None
+    wrong = replace(inputs.rig.launch_angle, value=inputs.rig.launch_angle.value + math.radians(4))
+    inputs = replace(inputs, rig=replace(inputs.rig, launch_angle=wrong))
+    onset = truth(shot)["contact_start"]
+    told, _ = offset_of_face(vague, inputs, scene.ball.radius, onset)
+    assert told is FaceTold.BOTH
+    impact = find_impact(vague, inputs)
+    assert impact.contact is not None
+    assert impact.contact.onset_s == pytest.approx(onset, abs=6e-3)

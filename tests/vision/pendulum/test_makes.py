@@ -1,11 +1,13 @@
 """Pendulums of several makes: each is followed through the strike, on its own arc."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.vision.pendulum.swinging import STRIKE, Filmed, Make, filmed
 from vision.pendulum.arc import sampled
-from vision.pendulum.face import Striking, restitution_px
+from vision.pendulum.face import Striking, find_face, restitution_px
 from vision.pendulum.search import Striker, find_striker
 
 ROUND = Make(half=(6.0, 6.0), round=True, rod=0.7, light=0.3)
@@ -111,3 +113,19 @@ def test_a_close_up_has_more_points_than_fit_in_a_row_of_opencv() -> None:
     picture = np.arange(12.0, dtype=np.float32).reshape(3, 4)
     x = np.full(40_000, 2.0)
     assert sampled(picture, x, np.full(40_000, 1.0)) == pytest.approx(np.full(40_000, 6.0))
+
+
+@pytest.mark.parametrize("beside", [0.0, 60.0])
+def test_a_face_whose_edge_does_not_stand_out_is_where_the_piece_ends(beside: float) -> None:
+    film = filmed(Make())
+    found = struck(film)
+    radius = float(np.median(film.ball.radius))
+    patch = replace(found.mass.patch, y=found.mass.patch.y - beside)
+    face = find_face(film.scene, replace(found.mass, patch=patch), film.rest, radius)
+    angle = film.angle[face.frame]
+    ahead = face.edge_px - film.middle[face.frame]
+    lead = float(ahead @ [np.cos(angle), -np.sin(angle)])
+    assert face.middle_px is None
+    assert abs(lead - 8.0) < 2.0 * face.edge_std_px
+    # what hangs far from the ball's height may be a part of what strikes it
+    assert face.edge_std_px == pytest.approx((0.5 if beside else 0.2) * radius, rel=0.1)
