@@ -179,8 +179,8 @@ out."""
 # How far balls' paths through the contact differ from such a law's, over the speed gained × Δt.
 SHAPE_STD = 0.003
 
-_REACH, _FEWEST_TRIED, _MOST_TRIED = 3.0, 19, 101
-"""Standard uncertainties within which the face is tried, and at how many places."""
+_FEWEST_TRIED, _MOST_TRIED = 19, 101
+"""At how many places the face is tried."""
 
 _FINE_M = 2.5e-3
 """m, between places that are tried: the mass comes as far in half a frame at 600 fps."""
@@ -220,17 +220,21 @@ class FaceWay:
         m.
     share : float
         Probability beforehand that it is this one that holds.
+    reach : float
+        Standard uncertainties beyond which it does not.
     """
 
     lead: float
     std: float
     share: float = 1.0
+    reach: float = 3.0
 
     @property
     def offsets(self) -> FloatArray:
         """Leads to try, m."""
-        fine = min(math.ceil(2.0 * _REACH * self.std / _FINE_M), _MOST_TRIED)
-        return self.lead + self.std * np.linspace(-_REACH, _REACH, max(_FEWEST_TRIED, fine))
+        fine = min(math.ceil(2.0 * self.reach * self.std / _FINE_M), _MOST_TRIED)
+        tried = np.linspace(-self.reach, self.reach, max(_FEWEST_TRIED, fine))
+        return self.lead + self.std * tried
 
     def prior_penalty(self, offsets: FloatArray) -> FloatArray:
         """Twice the negative log-probability of each of evenly spaced leads, but for a constant."""
@@ -739,6 +743,9 @@ ELSEWHERE_SHARE, ELSEWHERE_STD_RADII = 0.1, 0.25
 """Probability that what is seen for the face is something else of the mass, and ball's radii by
 which that is off: a shaded bob, a rim that is not seen. So in 8 of 37 path-traced rooms."""
 
+ON_THE_MASS_RADII = 0.4
+"""Ball's radii by which it is off at most, supposed: what is further away is no part of a mass."""
+
 _TWO_WAYS_APART = 3.0
 
 """Standard deviations between two ways to the same number from which on one of them is wrong."""
@@ -813,7 +820,7 @@ def offset_of_face(
     phi = float(np.interp(onset, tracks.swing_time_s, tracks.swing_rad))
     seen += float((tracks.pivot_m - pivot) @ [np.cos(phi), np.sin(phi)])
     angle = inputs.rig.launch_angle
-    elsewhere = FaceWay(seen, math.hypot(seen_std, ELSEWHERE_STD_RADII * radius), ELSEWHERE_SHARE)
+    elsewhere = _elsewhere(seen, seen_std, radius)
     if angle is None:
         return FaceTold.SEEN, (FaceWay(seen, seen_std, 1.0 - elsewhere.share), elsewhere)
     cosine, sine = math.cos(angle.value), math.sin(angle.value)
@@ -835,6 +842,12 @@ def offset_of_face(
     weights = np.array([seen_std, written_std]) ** -2.0
     lead = float(weights @ [seen, written] / weights.sum())
     return told, (FaceWay(lead, float(weights.sum() ** -0.5)),)
+
+
+def _elsewhere(seen: float, seen_std: float, radius: float) -> FaceWay:
+    """Where the face is if what is seen for it is something else of the mass."""
+    std = math.hypot(seen_std, ELSEWHERE_STD_RADII * radius)
+    return FaceWay(seen, std, ELSEWHERE_SHARE, ON_THE_MASS_RADII * radius / std)
 
 
 def _arm_as_presets(arm: FloatArray, phi: float) -> bool:

@@ -62,7 +62,8 @@ def results(
     inputs = inputs_as_planned()
     assert inputs.ball is not None
     # an angle at which the bar is set up to strike would tell where the face is
-    inputs = replace(inputs, ball=replace(inputs.ball, launch_angle=None))
+    unsaid = replace(inputs.rig, launch_angle=None)
+    inputs = replace(inputs, ball=replace(inputs.ball, launch_angle=None), rig=unsaid)
     rate = CaptureRate(FILMING.fps, 0.1, RateSource.OPTION)
     return measured(change(tracks), rate, inputs, monkeypatch).results
 
