@@ -125,6 +125,7 @@ class DragThroughLayer(Drag):
         Parameter("layer", "1", 9.06, 0.0, 200.0, meaning="thickness times the root of Re"),
     )
     requires: tuple[str, ...] = ("drag",)
+    certain: bool = False
     levels: tuple[Level, ...] = (Level.CAMPAIGN,)
 
     def coefficient(self, values: Values, flight: FlightState) -> Number:
