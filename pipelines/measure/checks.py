@@ -420,7 +420,10 @@ def pendulum_length(seen_m: float, inputs: Inputs) -> HeldAgainst:
     if abs(apart) <= _SIGMAS * std:
         outcome = CheckOutcome.PASSED if power >= LEAST_POWER else CheckOutcome.UNDECIDED
         return HeldAgainst(Check(CheckKind.PENDULUM_LENGTH, outcome, text, power), ())
-    text += ": give length, inertia and mass of this pendulum ([pendulum] in the setup file)"
+    text += (
+        ": give this pendulum's length, inertia and mass ([pendulum] in the setup file), or check"
+        " the scale"
+    )
     # the inertia goes with the square of the length at least
     off = 2.0 * abs(apart)
     doubts = [Contradiction(frozenset({QuantityName.ENERGY_LOSS}), off, False, text)]
