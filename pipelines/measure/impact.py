@@ -232,7 +232,7 @@ class FaceWay:
     @property
     def offsets(self) -> FloatArray:
         """Leads to try, m."""
-        fine = min(math.ceil(2.0 * self.reach * self.std / _FINE_M), _MOST_TRIED)
+        fine = math.ceil(min(2.0 * self.reach * self.std / _FINE_M, _MOST_TRIED))
         tried = np.linspace(-self.reach, self.reach, max(_FEWEST_TRIED, fine))
         return self.lead + self.std * tried
 

@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 
 from physics.contact import damping_for_cor
 from pipelines.measure.impact import (
+    FaceWay,
     ImpactView,
     contact_pulse,
     find_impact,
@@ -108,3 +109,17 @@ def test_the_stated_offset_holds_as_often_as_it_says() -> None:
     # 95 % of 200 are 190, give or take 3.1: four times that is allowed
     assert np.count_nonzero(np.abs(z) < 1.96) >= 178
     assert 0.75 < np.sqrt(np.mean(z**2)) < 1.25
+
+
+@pytest.mark.parametrize("std", [1e-4, 0.005, 0.03, 1.0, 1e9])
+def test_a_face_is_tried_finely_enough_for_the_push_and_at_no_more_places_than_that(
+    std: float,
+) -> None:
+    way = FaceWay(0.04, std)
+    offsets = way.offsets
+    assert 19 <= len(offsets) <= 101
+    assert offsets[[0, -1]] == pytest.approx([0.04 - 3.0 * std, 0.04 + 3.0 * std])
+    if std < 0.04:
+        assert np.diff(offsets).max() < 2.8e-3
+    share = np.exp(-0.5 * way.prior_penalty(offsets)).sum() / np.sqrt(2.0 * np.pi)
+    assert share == pytest.approx(1.0, abs=0.01)
