@@ -610,7 +610,10 @@ def impact_after_move(
         times = None
         if impact.contact is not None:
             share = float(tracks.ball_time_s[-1] / impact.tracks.ball_time_s[-1])
-            times = (impact.contact.onset_s * share, impact.contact.release_s * share)
+            # a frame gained or lost at the floor moves gravity by its noise, not by the input
+            ended = impact.last_flight_s + 0.5 * float(np.median(np.diff(impact.flight.time_s)))
+            contact = impact.contact
+            times = (share * contact.onset_s, share * contact.release_s, share * ended)
         return find_impact(tracks, inputs, times)
     except MeasurementError:
         return None

@@ -1081,7 +1081,7 @@ def _lay_at(track: Track, rest: FloatArray, radius: float, ball: Track) -> bool:
 
 
 def find_impact(
-    tracks: MetricTracks, inputs: Inputs, started: tuple[float, float] | None = None
+    tracks: MetricTracks, inputs: Inputs, started: tuple[float, float, float] | None = None
 ) -> Impact:
     """Fit swing, flight and contact, each on its own frames; the events settle in a few rounds.
 
@@ -1091,8 +1091,8 @@ def find_impact(
         Ball plane.
     inputs : Inputs
         Forces and bodies.
-    started : (2,) tuple of float, optional
-        Onset and release to start from, s.
+    started : (3,) tuple of float, optional
+        Onset and release to start from, and the end of the flight, s.
 
     Raises
     ------
@@ -1100,8 +1100,11 @@ def find_impact(
         If the ball never leaves, or is not seen long enough after it left.
     """
     left = departure(tracks)
-    onset, release = started or (left - 0.008, left + LONGEST_CONTACT_S)
-    landed = flight_end(tracks, inputs, left)
+    onset, release, landed = started or (
+        left - 0.008,
+        left + LONGEST_CONTACT_S,
+        flight_end(tracks, inputs, left),
+    )
     view: ImpactView | None = None
     contact: ContactFit | None = None
     reason = "no pendulum mass is found in the clip; point at it with --mass-at X,Y"
