@@ -4,25 +4,27 @@ Run: python -m bench.speed [--fast] [--against COMMIT] [--lens FOLDER] [--rows R
 
 COMMIT (default a1dcaa4) is checked out beside this one and run by the same interpreter on the same
 machine, both with their modules compiled to bytecode as an installer leaves them. A figure is the
-median of five runs, of processor time (user and system) of the whole command with start-up; one run
-is taken of the earlier commit, of single commands, of a first use and of the longest clips. --fast
-takes one run of everything and leaves out the long clips. FOLDER holds pictures of a chessboard; by
-default it is looked for among the shared recordings. What was timed is kept in FILE, under the
-commit that it belongs to: a run that was stopped goes on where it was, and a row that fails says so
-and leaves the others alone.
+median of five runs, of processor time (user and system) of the whole command with start-up, and of
+the time until it is done; one run is taken of the earlier commit, of single commands, of a first
+use, of campaigns and of the longest clips. --fast takes one run of everything and leaves out the
+long clips. FOLDER holds pictures of a chessboard; by default it is looked for among the shared
+recordings. What was timed is kept in FILE, under the commit that it belongs to: a run that was
+stopped goes on where it was, and a row that fails says so and leaves the others alone.
 """
 
 import argparse
 import hashlib
 import json
+import math
 import os
 import resource
 import statistics
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 import av
@@ -38,6 +40,8 @@ CLIPS = ROOT / "sample_videos" / "clips"
 EARLIER = "a1dcaa4"
 RUNS = 5
 LENGTHS = (300, 3000, 36_000)
+CAMPAIGNS = (1, 2, 4, 8)
+"""Clips."""
 LONG = 20_000
 """Frames: of clips this long one run is taken."""
 SEGMENT = 600
@@ -58,10 +62,14 @@ LOOKS = (("decoding", DECODE), ("following", FOLLOW))
 
 @dataclass(frozen=True)
 class Cost:
-    """Of one process: processor time, s, and the most memory it held, MB."""
+    """Of one process with those it starts: processor time, s, most memory, MB, and time passed, s.
+
+    What the machine does beside it is in the last one.
+    """
 
     cpu_s: float
     memory_mb: float
+    passed_s: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -104,7 +112,7 @@ def cost(
     environment.pop("PYTHONDONTWRITEBYTECODE", None)
     if fresh:
         environment["NUMBA_CACHE_DIR"] = kept
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    before, begun = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     inner = (
         "import resource, runpy, sys\n"
         f"try:\n exec({script!r})\n"
@@ -125,11 +133,11 @@ def cost(
     )
     if done.returncode:
         raise RuntimeError(f"{arguments} failed: {done.stderr[-400:]}")
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    after, passed = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter() - begun
     used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     if SPENT in done.stdout:
         used = float(done.stdout.rpartition(SPENT)[2])
-    return Cost(used, float(done.stderr.rpartition("PEAK ")[2]) / 1024.0)
+    return Cost(used, float(done.stderr.rpartition("PEAK ")[2]) / 1024.0, passed)
 
 
 def rows(lens: Path | None) -> list[Row]:
@@ -233,7 +241,7 @@ class Timed:
                 with tempfile.TemporaryDirectory() as empty:
                     kept = empty if row.before is None else prepared
                     done.append(cost(root, row.script, row.arguments, kept, fresh=row.fresh))
-                every[key] = [(one.cpu_s, one.memory_mb) for one in done]
+                every[key] = [astuple(one) for one in done]
                 if self.file is not None:
                     self.file.write_text(json.dumps(every, indent=1), encoding="utf-8")
         return done
@@ -241,10 +249,8 @@ class Timed:
     def median(self, root: Path, row: Row, runs: int) -> Cost:
         """Medians over the runs."""
         costs = self.costs(root, row, runs)
-        return Cost(
-            statistics.median(one.cpu_s for one in costs),
-            statistics.median(one.memory_mb for one in costs),
-        )
+        columns = zip(*(astuple(one) for one in costs), strict=True)
+        return Cost(*(statistics.median(column) for column in columns))
 
 
 def commit_of(root: Path) -> str:
@@ -313,10 +319,10 @@ def length_table(timed: Timed, lengths: Sequence[int]) -> Iterator[str]:
     """How following grows with the length of a clip, over decoding alone."""
     yield (
         "| frames | decoding, s | following, s | following over decoding |"
-        " frames/s over those of decoding | most memory, MB |"
+        " frames/s over those of decoding | most memory, MB | waited for following, s |"
     )
-    yield "|---|---|---|---|---|---|"
-    bare = timed.median(ROOT, Row("nothing", "import vision.following", ()), RUNS).cpu_s
+    yield "|---|---|---|---|---|---|---|"
+    bare = timed.median(ROOT, Row("nothing", "import vision.following", ()), RUNS)
     with tempfile.TemporaryDirectory() as folder:
         for frames in lengths:
             runs = 1 if frames >= LONG else 3
@@ -324,11 +330,37 @@ def length_table(timed: Timed, lengths: Sequence[int]) -> Iterator[str]:
             rows = [Row(f"{name} {frames}", script, (str(clip),)) for name, script in LOOKS]
             lengthened(CLIPS / "jokku_120.mp4", frames, clip)
             read, follow = (timed.median(ROOT, row, runs) for row in rows)
-            decoding, following = (max(one.cpu_s - bare, 1e-3) for one in (read, follow))
+            decoding, following = (max(one.cpu_s - bare.cpu_s, 1e-3) for one in (read, follow))
             yield (
                 f"| {frames} | {decoding:.2f} | {following:.2f} | {following / decoding:.1f} |"
                 f" {decoding / following:.2f} | {follow.memory_mb:.0f} |"
+                f" {follow.passed_s - bare.passed_s:.2f} |"
             )
+
+
+def clip_table(timed: Timed, counts: Sequence[int]) -> Iterator[str]:
+    """How a campaign grows with its clips: what each one more costs, and what it lets wait."""
+    yield "| clips | processor time, s | of it each clip more, s | waited, s | each clip more, s |"
+    yield "|---|---|---|---|---|"
+    clip = CLIPS / "jokku_120.mp4"
+    one: Cost | None = None
+    with tempfile.TemporaryDirectory() as folder:
+        for count in counts:
+            campaign = Path(folder) / f"{count}"
+            campaign.mkdir()
+            for number in range(count):
+                # empty boxes at the end make each file another clip
+                copy = clip.read_bytes() + (number + 1) * b"\0\0\0\x08free"
+                (campaign / f"{number}.mp4").write_bytes(copy)
+            out = str(campaign / "out")
+            setup = ("--setup", str(clip.with_suffix(".toml")))
+            arguments = ("campaign", str(campaign), *setup, "--out", out, "--quiet")
+            cost = timed.median(ROOT, Row(f"{count} clips", VISION, arguments), 1)
+            one = one or cost
+            more = max(count - counts[0], 1)
+            each = (cost.cpu_s - one.cpu_s) / more, (cost.passed_s - one.passed_s) / more
+            told = ("–", "–") if count == counts[0] else tuple(f"{s:.2f}" for s in each)
+            yield f"| {count} | {cost.cpu_s:.2f} | {told[0]} | {cost.passed_s:.2f} | {told[1]} |"
 
 
 def table(
@@ -339,20 +371,24 @@ def table(
     bare = timed.median(ROOT, Row("clip alone", "import vision.clip.clip", ()), runs[0])
     read = timed.median(ROOT, Row("decoding", DECODE, (clip,)), runs[0]).cpu_s - bare.cpu_s
     yield f"Decoding the 640×360 clip alone takes {read:.2f} s of processor time.\n"
-    yield f"| command | at least | aim | now, s | {commit}, s | ratio | over decoding |"
-    yield "|---|---|---|---|---|---|---|"
+    yield f"| command | at least | aim | now, s | {commit}, s | ratio | over decoding | waited, s |"
+    yield "|---|---|---|---|---|---|---|---|"
     for row in wanted:
         beside = "– | –"
         try:
-            now = timed.median(ROOT, row, 1 if row.once else runs[0]).cpu_s
+            cost = timed.median(ROOT, row, 1 if row.once else runs[0])
+            now = cost.cpu_s
             if row.earlier:
                 then = timed.median(earlier, row, runs[1]).cpu_s
                 beside = f"{then:.2f} | {then / now:.1f}"
         except RuntimeError as problem:
             sys.stderr.write(f"{problem}\n")
-            yield f"| {row.name} | {row.targets} | failed | – | – | – |"
+            yield f"| {row.name} | {row.targets} | failed | – | – | – | – |"
             continue
-        yield f"| {row.name} | {row.targets} | {now:.2f} | {beside} | {now / max(read, 1e-3):.1f} |"
+        yield (
+            f"| {row.name} | {row.targets} | {now:.2f} | {beside} |"
+            f" {now / max(read, 1e-3):.1f} | {cost.passed_s:.2f} |"
+        )
 
 
 def with_earlier(commit: str, act: Callable[[Path], None]) -> None:
@@ -390,6 +426,7 @@ def main() -> None:
     parser.add_argument("--lens", type=Path, default=boards())
     parser.add_argument("--rows", nargs="*", help="Only rows with one of these words.")
     parser.add_argument("--lengths", nargs="*", type=int, default=LENGTHS)
+    parser.add_argument("--campaigns", nargs="*", type=int, default=CAMPAIGNS)
     parser.add_argument("--kept", type=Path, default=KEPT, help="Where to keep what was timed.")
     said = parser.parse_args()
     timed = Timed(said.kept)
@@ -409,6 +446,10 @@ def main() -> None:
     # what is compiled at a first use is compiled before anything is timed
     cost(ROOT, VISION, rows(None)[0].arguments, "off")
     with_earlier(said.against, act)
+    if said.campaigns and not said.rows:
+        print("\nCampaigns of so many clips, 640×360, on all cores:\n")
+        for line in clip_table(timed, said.campaigns[: 2 if said.fast else None]):
+            print(line, flush=True)
     if not said.rows and said.lengths:
         print(
             "\nAsked of 3,000 frames: 0.35 of the frames/s of decoding; of 36,000: 2 × decoding.\n"
