@@ -345,7 +345,8 @@ def _scale(
 
 
 def _of_clip(path: Path, external: ExternalTracks) -> _Filmed:
-    clip = ClipReader.open(path)
+    # marks of another program are in the file's own pixels
+    clip = ClipReader.open(path, whole=True)
     last = max(int(track.frame.max()) for track in external.tracks)
     size = (clip.info.width, clip.info.height)
     if external.size is not None and external.size != size:

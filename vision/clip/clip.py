@@ -65,6 +65,7 @@ from vision.clip.picture import (
     decoded_image,
     luma_image,
     refuse_giant,
+    shrink_of,
     upright_of,
 )
 
@@ -296,16 +297,20 @@ class VideoFile:
                 else "top_first"
             )
         self._by_order = False
-        trial = list(islice(self.pictures(), _TRIAL_PICTURES))
-        if not trial:
+        first, stamps, interlaced = None, [], False
+        # of pictures of 68 MB, not all are held at once
+        for picture in islice(self.pictures(), _TRIAL_PICTURES):
+            first = first or picture.frame
+            stamps.append(picture.frame.pts)
+            interlaced |= bool(picture.frame.interlaced_frame)
+        if first is None:
             raise ClipError(
                 f"no picture of {path} can be decoded",
                 hint="The file is damaged. Copy it from the camera once more.",
             )
-        stamps = [picture.frame.pts for picture in trial]
         self._by_order = None in stamps or bool(np.any(np.diff(np.array(stamps)) <= 0))
-        self.first_picture = trial[0].frame
-        self.declared_interlaced = any(picture.frame.interlaced_frame for picture in trial)
+        self.first_picture = first
+        self.declared_interlaced = interlaced
 
     def pictures(self) -> Iterator[VideoPicture]:
         """Decode from the beginning; damaged packets are left out and counted in `damaged`."""
@@ -678,7 +683,9 @@ _BROADCAST_HEIGHTS = (480, 486, 512, 576, 608, 1080, 1088)
 that codecs add."""
 
 
-def open_video(path: Path, fields: Fields) -> tuple[VideoFile, ClipInfo, Upright]:
+def open_video(
+    path: Path, fields: Fields, *, whole: bool = False
+) -> tuple[VideoFile, ClipInfo, Upright]:
     """Open a video file.
 
     Parameters
@@ -686,6 +693,8 @@ def open_video(path: Path, fields: Fields) -> tuple[VideoFile, ClipInfo, Upright
     path : Path
         An existing file that is not empty.
     fields : {"auto", "progressive", "top_first", "bottom_first"}
+        As in `ClipReader.open`.
+    whole : bool
         As in `ClipReader.open`.
 
     Returns
@@ -712,12 +721,17 @@ def open_video(path: Path, fields: Fields) -> tuple[VideoFile, ClipInfo, Upright
             f"Stored pixels are {upright.stretch:.4f} times as wide as high; pictures are "
             "stretched to square pixels."
         )
+    if upright.swap:
+        height, width = width, height
+    shrink, note = (1, None) if whole else shrink_of(height, width)
+    notes += [note] if note else []
+    upright = replace(upright, shrink=shrink)
     rate = 1.0 / times.interval_s if times.interval_s > 0 else video.declared_rate
     info = ClipInfo(
         path=path,
         sha256=video.sha256(),
-        width=height if upright.swap else width,
-        height=width if upright.swap else height,
+        width=width // shrink,
+        height=height // shrink,
         frames=parts * len(times.seconds),
         codec=video.codec,
         container_fps=parts * rate,
@@ -852,6 +866,8 @@ class ImageFolder:
     ----------
     path : Path
         The folder.
+    whole : bool
+        As in `ClipReader.open`.
 
     Raises
     ------
@@ -859,7 +875,7 @@ class ImageFolder:
         If there is no image in it, or the first can't be read.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, whole: bool = False) -> None:
         self._paths = sorted((item for item in path.iterdir() if is_image(item)), key=_natural)
         if not self._paths:
             raise ClipError(
@@ -869,11 +885,13 @@ class ImageFolder:
         first = ImageFrame(0, self._paths[0], None).gray()
         self._shape = (int(first.shape[0]), int(first.shape[1]))
         self.damage: tuple[str, ...] = ()
+        shrink, note = (1, None) if whole else shrink_of(*self._shape)
+        self.upright = Upright(shrink=shrink)
         self.info = ClipInfo(
             path=path,
             sha256=self._digest(),
-            width=self._shape[1],
-            height=self._shape[0],
+            width=self._shape[1] // shrink,
+            height=self._shape[0] // shrink,
             frames=len(self._paths),
             codec=self._paths[0].suffix.lower().lstrip("."),
             container_fps=1.0,
@@ -884,6 +902,7 @@ class ImageFolder:
             bit_depth=8 * first.dtype.itemsize,
             capture_fps_metadata=None,
             variable_rate=False,
+            warnings=() if note is None else (note,),
         )
 
     @property
@@ -939,7 +958,12 @@ class ClipReader:
 
     @classmethod
     def open(
-        cls, path: str | os.PathLike[str], *, fields: Fields = "auto", least_frames: int = 2
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        fields: Fields = "auto",
+        least_frames: int = 2,
+        whole: bool = False,
     ) -> "ClipReader":
         """Open a video file or a folder of images.
 
@@ -951,6 +975,8 @@ class ClipReader:
             Whether pictures are two woven fields; "auto" asks the file and then looks for combing.
         least_frames : int
             Fewer frames than this are refused.
+        whole : bool
+            Whether pictures keep their size, however large; without, very large ones are shrunk.
 
         Returns
         -------
@@ -965,8 +991,8 @@ class ClipReader:
         if not os.path.exists(place):
             raise ClipError(f"there is no file {place}", hint="Check the name and the folder.")
         if place.is_dir():
-            folder = ImageFolder(place)
-            clip = cls(folder, folder.info, Upright())
+            folder = ImageFolder(place, whole=whole)
+            clip = cls(folder, folder.info, folder.upright)
         else:
             if not place.is_file():
                 raise ClipError(
@@ -978,7 +1004,7 @@ class ClipReader:
                     f"{place} is empty",
                     hint="Copy it from the camera once more; it has 0 bytes here.",
                 )
-            clip = cls(*open_video(place, fields))
+            clip = cls(*open_video(place, fields, whole=whole))
         if clip.info.frames < least_frames:
             raise ClipError(
                 f"{place} holds {clip.info.frames} frame; nothing moves in a still picture",

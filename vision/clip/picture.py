@@ -29,6 +29,7 @@ __all__ = [
     "decoded_image",
     "luma_image",
     "refuse_giant",
+    "shrink_of",
     "upright_of",
 ]
 
@@ -140,12 +141,15 @@ class Upright:
     stretch : float
         Width over height of a stored pixel; pictures are resampled along their lines to
         square pixels.
+    shrink : int
+        Pixels of a side whose mean is one pixel of what is seen.
     """
 
     swap: bool = False
     mirror_x: bool = False
     mirror_y: bool = False
     stretch: float = 1.0
+    shrink: int = 1
 
     @property
     def rotation(self) -> int:
@@ -158,6 +162,8 @@ class Upright:
         """Turn one image (H, W) or (H, W, 3)."""
         if self.stretch != 1.0:
             image = _stretched(image, self.stretch)
+        if self.shrink > 1:
+            image = _shrunk(image, self.shrink)
         if self.swap:
             image = image.swapaxes(0, 1)
         if self.mirror_x:
@@ -177,6 +183,42 @@ def _stretched(image: NDArray[Any], stretch: float) -> NDArray[Any]:
         (round(width * stretch), height),
         flags=cv2.INTER_LINEAR,
         borderMode=cv2.BORDER_REPLICATE,
+    )
+
+
+def _shrunk(image: NDArray[Any], shrink: int) -> NDArray[Any]:
+    height, width = image.shape[0] // shrink, image.shape[1] // shrink
+    whole = image[: shrink * height, : shrink * width]
+    return np.asarray(cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA))
+
+
+def shrink_of(height: int, width: int) -> tuple[int, str | None]:
+    """By how much pictures are shrunk before anything is measured in them.
+
+    What is measured of an object is limited by its light and texture beyond some hundred pixels,
+    while the work grows with their number.
+
+    Parameters
+    ----------
+    height, width : int
+        px.
+
+    Returns
+    -------
+    shrink : int
+        As in `Upright`.
+    warning : str or None
+        Said where it is not one.
+    """
+    shrink = 1
+    while (height // shrink) * (width // shrink) > _FULLY_MEASURED:
+        shrink += 1
+    if shrink == 1:
+        return 1, None
+    return shrink, (
+        f"The pictures, {width} × {height} px, are measured at 1/{shrink} of their size; all "
+        "pixels, those of points and scales that are given among them, are of pictures of "
+        f"{width // shrink} × {height // shrink} px."
     )
 
 
@@ -298,8 +340,11 @@ def _full_table(depth: int) -> GrayImage:
 _LARGEST_SIDE = 32_766
 """px: OpenCV's resampling counts pixels in 15 bits."""
 _LARGEST_PICTURE = 1 << 26
-"""px, 8192 × 8192: the largest sensors that film have 50 million. Followed, a picture is held about
-twenty times (colour, gray, background, blurred), which fills a gigabyte or two."""
+"""px, 8192 × 8192: the largest sensors that film have 50 million."""
+_FULLY_MEASURED = 2560 * 1600
+"""px of a picture that is measured at its full size; larger ones are shrunk. Of a ball a tenth as
+high as such a picture, the outline has 500 px, and 0.07 px that every outline may be off are 1/2000
+of its radius."""
 
 
 def refuse_giant(height: int, width: int, name: object = "") -> None:

@@ -1,4 +1,4 @@
-"""Pictures too large to work with are refused by their header, before anything is unpacked."""
+"""Very large pictures: shrunk where that loses nothing, refused by their header where not."""
 
 import io
 import struct
@@ -8,8 +8,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from metrology import ClipError
+from tests.vision.clip.written_clips import write_clip
 from vision.clip.clip import ClipReader
 from vision.clip.picture import decoded_image, refuse_giant
 
@@ -39,6 +41,55 @@ def test_the_largest_sensors_are_let_in() -> None:
     refuse_giant(8_192, 8_192)
     with pytest.raises(ClipError, match="67 million"):
         refuse_giant(8_193, 8_192)
+
+
+def _spotted(count: int) -> list[NDArray[np.uint8]]:
+    """Pictures of 2700 × 1801 px with a soft spot that goes on by 40 px, first at 1200, 600."""
+    row, column = np.arange(1801.0)[:, None], np.arange(2700.0)
+    return [
+        np.round(
+            200.0 * np.exp(-((column - 1200 - 40 * k) ** 2 + (row - 600) ** 2) / (2 * 30.0**2))
+        ).astype(np.uint8)
+        for k in range(count)
+    ]
+
+
+def _middle(picture: NDArray[np.generic]) -> NDArray[np.float64]:
+    weight = picture.astype(np.float64)
+    row, column = np.indices(picture.shape)
+    return np.array([(weight * column).sum(), (weight * row).sum()]) / weight.sum()
+
+
+@pytest.mark.parametrize(("folder", "turned"), [(True, None), (False, None), (False, 90)])
+def test_very_large_pictures_are_measured_at_half_their_size(
+    tmp_path: Path, folder: bool, turned: int | None
+) -> None:
+    if folder:
+        for k, picture in enumerate(_spotted(3)):
+            cv2.imwrite(str(tmp_path / f"{k}.png"), picture)
+        path = tmp_path
+    else:
+        stored = _spotted(3) if turned is None else [np.rot90(one, -1) for one in _spotted(3)]
+        even = [np.ascontiguousarray(one[:, :-1] if turned else one[:-1]) for one in stored]
+        path = write_clip(
+            tmp_path / "large.mp4",
+            even,
+            options={"qp": "0", "preset": "ultrafast"},
+            rotation=turned,
+        )
+    clip = ClipReader.open(path)
+    assert (clip.info.width, clip.info.height) == (1350, 900)
+    assert "2700 × 180" in clip.warnings[0]
+    assert "1350 × 900" in clip.warnings[0]
+    for k, frame in enumerate(clip.frames()):
+        # the middle of pixels 2i and 2i + 1 lies at 2i + 1/2; a turned picture lost its first row
+        there = np.array([1200.0 + 40 * k, 600.0 - (turned is not None)])
+        np.testing.assert_allclose(_middle(frame.gray), (there - 0.5) / 2.0, atol=0.02)
+    assert next(clip.colour_frames())[1].shape == (900, 1350, 3)
+    whole = ClipReader.open(path, whole=True)
+    assert whole.warnings == ()
+    assert next(whole.frames()).gray.shape == (whole.info.height, whole.info.width)
+    assert whole.info.width == 2700
 
 
 def test_what_is_no_image_is_none_and_an_image_is_itself() -> None:
