@@ -259,6 +259,7 @@ def _flight_location(forward: Forward, fit: Fit, effect: Effect) -> Location:
         "normal_to_velocity": float(np.where(flying, normal, 0.0).sum()) / total,
         "horizontal": float(np.where(flying, np.abs(force[0]), 0.0).sum()) / total - 1e-3,
         "vertical": float(np.where(flying, np.abs(force[1]), 0.0).sum()) / total - 1e-3,
+        "out_of_plane": float(np.where(flying, np.abs(force[2]), 0.0).sum()) / total - 1e-3,
     }
     channel = max(shares, key=lambda name: shares[name])
     if effect.form in shares:

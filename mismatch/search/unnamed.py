@@ -65,6 +65,9 @@ def _along(direction: str, strength: FloatArray, flight: FlightState) -> Vector:
     if direction == "vertical":
         nothing = np.zeros_like(strength)
         return nothing, strength + 0.0 * np.asarray(flight.vx), nothing
+    if direction == "out_of_plane":
+        nothing = np.zeros_like(strength)
+        return nothing, nothing, strength + 0.0 * np.asarray(flight.vx)
     k = strength / np.maximum(flight.speed, 1e-6)
     if direction == "along_velocity":
         return k * flight.vx, k * flight.vy, k * flight.vz
@@ -389,6 +392,9 @@ def unnamed_laws(mode: str) -> tuple[Effect, ...]:
         *(Bump(form=way) for way in ways),
         Magnet(),
         Pull(),
+        Gust(form="out_of_plane", axes=3),
+        PeriodicForce(form="out_of_plane", axes=3),
+        Bump(form="out_of_plane", axes=3),
     )
     if mode == "impact":
         return (*flight, Notch(), Ageing(), Ageing(form="launch angle"))
@@ -536,15 +542,7 @@ class Field(SmoothCurve):
     def force(self, values: Values, flight: FlightState) -> Vector:
         """Sum of splines, along the direction."""
         size = self.size(values, flight.along(self.coordinate)) + 0.0 * np.asarray(flight.x)
-        nothing = np.zeros_like(size)
-        if self.form == "horizontal":
-            return size, nothing, nothing
-        if self.form == "vertical":
-            return nothing, size, nothing
-        k = size / np.maximum(flight.speed, 1e-6)
-        if self.form == "along_velocity":
-            return k * flight.vx, k * flight.vy, k * flight.vz
-        return -k * flight.vy, k * flight.vx, nothing
+        return _along(self.form, size, flight)
 
 
 @dataclass(frozen=True)
@@ -600,9 +598,9 @@ def _spline(apart: FloatArray) -> FloatArray:
 
 
 FIELDS = (
-    (Coordinate.TIME, ("horizontal", "vertical")),
-    (Coordinate.PLACE, ("horizontal", "vertical")),
-    (Coordinate.HEIGHT, ("horizontal", "vertical")),
+    (Coordinate.TIME, ("horizontal", "vertical", "out_of_plane")),
+    (Coordinate.PLACE, ("horizontal", "vertical", "out_of_plane")),
+    (Coordinate.HEIGHT, ("horizontal", "vertical", "out_of_plane")),
     (Coordinate.SPEED, ("along_velocity", "normal_to_velocity")),
     (Coordinate.DIRECTION, ("along_velocity", "normal_to_velocity")),
 )
@@ -624,7 +622,8 @@ def _forces(forward: Forward) -> list[SmoothCurve]:
         found += [
             Field(form=way, coordinate=coordinate, low=low, high=max(high, low + 1e-3),
                   statement=said)
-            for way in (ways if seen[0] else ways[1:])
+            for way in ways
+            if (seen[0] or way != ways[0]) and (seen[2] or way != "out_of_plane")
         ]  # fmt: skip
     return found
 

@@ -641,6 +641,8 @@ class Form(StrEnum):
     BY_REYNOLDS_NUMBER = "by Reynolds number"
     THICKENING_LAYER = "a layer that thickens"
     HELD_BY_THE_FLOOR = "held back by the floor"
+    FROM_ANY_SIDE = "from any side"
+    FROM_ANYWHERE = "from anywhere"
 
 
 @dataclass(frozen=True)

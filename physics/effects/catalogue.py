@@ -7,7 +7,9 @@ from types import MappingProxyType
 from metrology import UsageError
 from physics.effects.base import Effect, Form
 from physics.effects.flight import (
+    ASIDE,
     SPIN_ACROSS,
+    UPWARD,
     AsymmetricWake,
     Buoyancy,
     DensityLapse,
@@ -78,6 +80,18 @@ _ALL: tuple[Effect, ...] = (
     SpinDecay(),
     Wind(),
     WindOverFloor(),
+    Wind(
+        form=Form.FROM_ANY_SIDE,
+        parameters=(*Wind().parameters, ASIDE),
+        statement="The air itself moves: a steady draught from any side.",
+        axes=3,
+    ),
+    Wind(
+        form=Form.FROM_ANYWHERE,
+        parameters=(*Wind().parameters, UPWARD, ASIDE),
+        statement="The air itself moves: a steady draught from any side, rising or sinking.",
+        axes=3,
+    ),
     Buoyancy(),
     AsymmetricWake(),
     VelocityDependentCor(),

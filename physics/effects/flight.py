@@ -20,7 +20,9 @@ from physics.effects.base import (
 )
 
 __all__ = [
+    "ASIDE",
     "SPIN_ACROSS",
+    "UPWARD",
     "AsymmetricWake",
     "Buoyancy",
     "CoefficientCurve",
@@ -291,9 +293,13 @@ class SpinDecay(Effect):
         return -k * flight.vy, k * flight.vx, np.zeros_like(np.asarray(flight.vz) * k)
 
 
+UPWARD = Parameter("wind_y", "m/s", 0.5, -15.0, 15.0, meaning="positive upward")
+ASIDE = Parameter("wind_z", "m/s", 0.5, -15.0, 15.0, meaning="positive along z")
+
+
 @dataclass(frozen=True)
 class Wind(Effect):
-    """A steady draught along the line of flight."""
+    """A steady draught along the line of flight, or as a vector where more of it is left open."""
 
     id: str = "wind"
     statement: str = "The air itself moves: a steady draught along the line of flight."
@@ -311,21 +317,27 @@ class Wind(Effect):
     by_air: bool = True
     coordinate: Coordinate = Coordinate.HEIGHT
 
-    def blowing(self, values: Values, flight: FlightState) -> Number:
+    def _share(self, flight: FlightState) -> Number:
+        """Of the stated wind that blows where the ball is."""
+        return 1.0
+
+    def blowing(self, values: Values, flight: FlightState) -> Vector:
         """How fast the air moves where the ball is, m/s."""
-        return values["wind_x"]
+        share = self._share(flight)
+        across = (values.get("wind_y", 0.0), values.get("wind_z", 0.0))
+        return share * values["wind_x"], share * across[0], share * across[1]
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """Drag on the relative velocity less drag on the velocity."""
         k = flight.dynamic_area * flight.drag_coefficient
         still = flight.speed
-        ux = flight.vx - self.blowing(values, flight)
-        moving = np.sqrt(np.square(ux) + np.square(flight.vy) + np.square(flight.vz))
-        difference = k * (still - moving)
+        wx, wy, wz = self.blowing(values, flight)
+        ux, uy, uz = flight.vx - wx, flight.vy - wy, flight.vz - wz
+        moving = np.sqrt(np.square(ux) + np.square(uy) + np.square(uz))
         return (
             k * (still * flight.vx - moving * ux),
-            difference * flight.vy,
-            difference * flight.vz,
+            k * (still * flight.vy - moving * uy),
+            k * (still * flight.vz - moving * uz),
         )
 
 
@@ -340,9 +352,9 @@ class WindOverFloor(Wind):
     )
     source: str = "Prandtl (1925): the seventh-root profile of a turbulent layer over a plane"
 
-    def blowing(self, values: Values, flight: FlightState) -> Number:
-        """How fast the air moves at the ball's height; as stated one metre above the floor."""
-        return values["wind_x"] * np.maximum(flight.y, 0.0) ** (1.0 / 7.0)
+    def _share(self, flight: FlightState) -> Number:
+        """Of the stated wind at the ball's height; all of it one metre above the floor."""
+        return np.asarray(np.maximum(flight.y, 0.0) ** (1.0 / 7.0))
 
 
 @dataclass(frozen=True)

@@ -131,3 +131,52 @@ def test_a_marker_off_the_centre_of_a_ball_that_spins_is_no_noise_with_a_memory(
     prepared = prepare(CampaignRecords(tuple(trials)), tennis())
     assert prepared.noise.inflation[:2] == pytest.approx(1.0)
     assert prepared.fit.reduced_chi2 > 5.0
+
+
+def in_moving_air(air, seed=5):
+    """Throws of a foam ball in space, in air that moves as `air` says of the place."""
+    rng = np.random.default_rng(seed)
+    drag = 0.45 * 0.5 * 1.2 * np.pi / 4.0 * 0.15**2 / 0.02
+    trials = []
+    for number in range(8):
+        time = np.arange(0.0, rng.uniform(0.6, 0.8), 1.0 / 120.0)
+        speed, up, side = rng.uniform(3.0, 6.0), rng.uniform(0.2, 0.9), rng.normal(0.0, 0.1)
+        start = speed * np.array([np.cos(up) * np.cos(side), np.sin(up), np.cos(up) * np.sin(side)])
+
+        def rate(_, s):
+            past = s[3:] - air(s[:3])
+            return [*s[3:], *(-drag * np.linalg.norm(past) * past - [0.0, GRAVITY, 0.0])]
+
+        path = solve_ivp(rate, (0.0, 1.0), [0.0, 1.2, 0.0, *start], t_eval=time, rtol=1e-9)
+        seen = path.y[:3].T + 2e-3 * rng.standard_normal((time.size, 3))
+        trials.append(Trial(str(number), time, seen, np.zeros(0), np.zeros(0)))
+    return CampaignRecords(tuple(trials)), Baseline(
+        {"": BallModel("", 0.02, 0.15)}, air_density=1.2,
+        effects={"drag": {"drag_coefficient": 0.45}},
+    )  # fmt: skip
+
+
+def test_a_draught_from_the_side_is_told_as_a_draught_alone():
+    # It was told as a draught, a turned frame and a spin, with 0.88 each.
+    verdict = explain(*in_moving_air(lambda place: np.array([-1.5, 0.0, 0.6])))
+    (named,) = verdict.effects
+    assert named.id == "wind"
+    assert named.probability > 0.9
+    found = {p.name: p for p in named.parameters}
+    for name, truth in (("wind_x", -1.5), ("wind_z", 0.6)):
+        assert found[name].value == pytest.approx(truth, abs=4.0 * found[name].std)
+        assert found[name].std < 0.1
+
+
+def test_a_jet_across_the_flight_is_a_force_in_no_catalogue_out_of_its_plane():
+    # Without a law in that direction it was told as a turned frame, a spin and a draught.
+    def jet(place):
+        return np.array([0.0, 0.0, -2.5 * np.exp(-(((place[0] - 0.8) / 0.25) ** 2))])
+
+    verdict = explain(*in_moving_air(jet))
+    named = {effect.id: effect for effect in verdict.effects}
+    assert named["unnamed"].probability == max(effect.probability for effect in verdict.effects)
+    assert "camera_roll" not in named
+    where = {p.name: p for p in named["unnamed"].parameters}["place"]
+    assert where.value == pytest.approx(0.8, abs=0.05)
+    assert named["unnamed"].form == "out_of_plane"

@@ -14,6 +14,7 @@ from physics.effects import (
     SwingState,
     effect_named,
 )
+from physics.effects.base import Form
 
 CONTRACT = [
     "drag",
@@ -114,6 +115,14 @@ def test_wind_as_fast_as_the_ball_leaves_the_drag_of_the_rest():
     assert drag + wind == pytest.approx(0.0)
 
 
+def test_wind_from_anywhere_that_goes_with_the_ball_leaves_no_drag():
+    flight = FlightState(0.0, 0.0, 1.0, 0.0, 3.0, -1.0, 2.0, 0.35, 0.2, 1.2, 1.8e-5, 9.81, 0.5)
+    drag = effect_named("drag").force({"drag_coefficient": 0.5}, flight)
+    (law,) = [one for one in CATALOGUE["wind"] if one.form == Form.FROM_ANYWHERE]
+    wind = law.force({"wind_x": 3.0, "wind_y": -1.0, "wind_z": 2.0}, flight)
+    assert np.add(drag, wind) == pytest.approx(0.0)
+
+
 def _flying(height=1.0, speed=3.0, drag=0.5, diameter=0.2):
     return FlightState(
         0.0, 0.0, height, 0.0, speed, 0.0, 0.0, 0.35, diameter, 1.2, 1.8e-5, 9.81, drag
@@ -122,7 +131,7 @@ def _flying(height=1.0, speed=3.0, drag=0.5, diameter=0.2):
 
 def test_a_floor_holds_the_wind_back():
     """By the seventh root: at a 128th of a metre half as fast, on the floor not at all."""
-    uniform, held = CATALOGUE["wind"]
+    uniform, held, *_ = CATALOGUE["wind"]
     at_one_metre = held.force({"wind_x": 2.0}, _flying(1.0))[0]
     assert at_one_metre == pytest.approx(uniform.force({"wind_x": 2.0}, _flying(1.0))[0])
     low = held.force({"wind_x": 2.0}, _flying(1.0 / 128.0))[0]
