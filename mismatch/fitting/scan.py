@@ -446,14 +446,19 @@ def price(block: FloatArray, held: FloatArray) -> float:
     Parameters
     ----------
     block : (n, n) array
-        Information on the weights.
+        Information on the strengths.
     held : (n,) array
-        Inverse prior variances.
+        Inverse prior variances; 0 for free strengths, over which the weights are marginal.
     """
-    if not held.size or not held.all():
+    known, free = held > 0.0, held <= 0.0
+    if not known.any():
         return 0.0
-    root = np.sqrt(held)
-    return float(np.linalg.slogdet(np.eye(held.size) + block / np.outer(root, root))[1])
+    inner, cross = block[np.ix_(known, known)], block[np.ix_(free, known)]
+    if free.any():
+        inner = inner - cross.T @ np.linalg.pinv(block[np.ix_(free, free)], hermitian=True) @ cross
+    root = np.sqrt(held[known])
+    size = np.linalg.slogdet(np.eye(root.size) + inner / np.outer(root, root))[1]
+    return float(max(size, 0.0))
 
 
 def _evidence(block: FloatArray, score: FloatArray, held: FloatArray) -> float:

@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from mismatch.candidates import candidates_for
 from mismatch.explain import explain
+from mismatch.fitting import hypotheses
 from mismatch.fitting.hypotheses import null_threshold
 from mismatch.fitting.prepare import prepare
-from mismatch.fitting.scan import scan
+from mismatch.fitting.scan import price, scan
 from mismatch.records import BallModel, Baseline, CampaignRecords, Trial
 from mismatch.sanity import dropped_in_each
 from mismatch.search.naming import name_effects
@@ -31,12 +33,54 @@ def test_the_threshold_holds_for_the_whole_catalogue(blameless):
     assert 14.0 < seldom < 20.0
 
 
+@pytest.fixture
+def many_draws(monkeypatch):
+    """The hundredth part of the usual draws is told to half a unit only."""
+    monkeypatch.setattr(hypotheses, "DRAWS", 30_000)
+
+
+@pytest.mark.usefixtures("many_draws")
 def test_a_law_in_no_catalogue_pays_for_being_rare(blameless):
     pool = candidates_for(blameless.forward, blameless.model, EFFECTS)
     named = scan(blameless.forward, blameless.fit, [c for c in pool if c.id != "unnamed"])
     every = scan(blameless.forward, blameless.fit, pool)
     # Looking for all of them makes it little harder to find what has a name.
-    assert null_threshold(every) - null_threshold(named) < 0.5
+    assert null_threshold(every) - null_threshold(named) < 0.3
+
+
+def test_weights_beside_free_strengths_pay_what_their_evidence_asks():
+    """Against the evidence itself: a Gaussian over all rows, the free strengths next to unknown."""
+    rng = np.random.default_rng(4)
+    columns, widths = rng.normal(size=(12, 3)), np.array([1e3, 0.7, 3.0])
+    columns[:, 0] += columns[:, 1]
+    seen = rng.normal(size=12)
+
+    def evidence(which: list[int]) -> float:
+        spread = columns[:, which] * widths[which]
+        covariance = np.eye(12) + spread @ spread.T
+        return 2.0 * float(multivariate_normal.logpdf(seen, np.zeros(12), covariance))
+
+    information, score = columns.T @ columns, columns.T @ seen
+    held = np.array([0.0, *widths[1:] ** -2.0])
+    gain = score @ np.linalg.solve(information + np.diag(held), score)
+    alone = score[0] ** 2 / information[0, 0]
+    asked = price(information, held)
+    assert gain - asked - alone == pytest.approx(evidence([0, 1, 2]) - evidence([0]), abs=1e-3)
+    assert price(information, np.zeros(3)) == 0.0
+
+
+@pytest.mark.usefixtures("many_draws")
+def test_a_law_of_many_held_weights_makes_no_other_law_harder_to_find(blameless):
+    """A camera turned about all its axes and a plane that leans held 1.5 units of the threshold."""
+    every = candidates_for(blameless.forward, blameless.model, EFFECTS)
+    partly = [c for c in every if 0 < sum(p.is_held for p in c.effect.strengths) < len(
+        c.effect.strengths)]  # fmt: skip
+    others = [c for c in every if c not in partly]
+    assert len(partly) >= 3
+    thresholds = [
+        null_threshold(scan(blameless.forward, blameless.fit, pool)) for pool in (every, others)
+    ]
+    assert thresholds[0] - thresholds[1] < 0.3
 
 
 def dropped_ball(drag: float) -> tuple[CampaignRecords, Baseline]:
