@@ -147,7 +147,10 @@ def _median(size: FloatImage, count: int) -> float:
         return 0.0
     # half of them lie below twice their mean
     per_bin = (_BINS - 1) / (2.0 * total / count)
-    bins = np.zeros(_BINS, dtype=np.int64)
+    # an array of zeros takes the compiler longer than all that is here
+    bins = np.empty(_BINS, dtype=np.int64)
+    for k in range(_BINS):
+        bins[k] = 0
     for k in range(count):
         bins[int(min(size[k] * per_bin, _BINS - 1.0))] += 1
     wanted, place = count // 2, 0
@@ -367,8 +370,9 @@ def gains_along(
     −∞ where less than a third of the layer is in view.
     """
     work = np.zeros((6, layer.shape[1]), dtype=np.float32)
-    gains = np.full(len(placings), -np.inf)
+    gains = np.empty(len(placings))
     for i in range(len(placings)):
+        gains[i] = -np.inf
         seen, bright = _lay(layer, placings[i], picture, behind, gain, hidden, True, False, work)
         if seen >= LEAST_SEEN:
             _weigh(bright, noise, work)

@@ -1,9 +1,19 @@
+import os
 import threading
 from collections.abc import Iterator
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from metrology.compiled import side_by_side
+from vision.ball.ball import BallFits, follow_ball
+from vision.clip.clip import ClipReader
+from vision.clip.footage import Footage
+from vision.following import Looks
+from vision.scene import FilmedScene
+
+CLIP = Path(__file__).parents[2] / "sample_videos" / "clips" / "basketball_60.mp4"
 
 
 def test_results_come_in_the_order_of_the_items() -> None:
@@ -39,3 +49,24 @@ def test_one_thing_alone_starts_no_worker() -> None:
     here = threading.current_thread()
     assert list(side_by_side(where, [1])) == [here]
     assert here not in list(side_by_side(where, range(4)))
+
+
+def test_a_ball_is_found_and_fitted_alike_on_one_core_and_on_several(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    footage = Footage(ClipReader.open(CLIP))
+
+    def seen(cores: int) -> tuple[list[float], BallFits]:
+        monkeypatch.setattr(os, "cpu_count", lambda: cores)
+        looks = Looks(FilmedScene(footage))
+        looks.again(looks.scene.spread(24))
+        paths = looks.joined()
+        circles = [value for path in paths for value in path.centre_px.ravel().tolist()]
+        return circles, follow_ball(looks.scene, max(paths, key=lambda path: len(path.frame)))
+
+    (found, fits), (found_alone, alone) = seen(4), seen(1)
+    assert len(fits) > 50
+    assert found == found_alone
+    assert np.array_equal(fits.frame, alone.frame)
+    assert np.array_equal(fits.centre, alone.centre)
+    assert np.array_equal(fits.fits.covariance, alone.fits.covariance)
