@@ -16,7 +16,7 @@ the noise at low frequency, so the spectrum of a record's residual about a polyn
 with white noise plus a first-order autoregression (Whittle's likelihood on the cosine transform).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, TypedDict
@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct, irfft, next_fast_len, rfft
+from scipy.optimize import minimize
 from scipy.special import chdtri, fdtrc
 
 from metrology import Defaults, SetupError, TooLittleDataError, UsageError
@@ -48,6 +49,7 @@ __all__ = [
     "lay_out",
     "shared_deviance",
     "whiteness",
+    "with_clock_jitter",
 ]
 
 COLUMNS = (
@@ -323,6 +325,9 @@ class Records:
         Which of `session_names` a trial belongs to; empty where none is named.
     session_names : tuple of str
         Sessions of the campaign.
+    jitter : (T, S, 3) array
+        How far a ball moves while its clock is off by one standard deviation, in units of `sigma`;
+        empty for a clock that is right.
     """
 
     ball_time: FloatArray
@@ -341,6 +346,7 @@ class Records:
     inflation: FloatArray = field(default_factory=lambda: np.ones(4))
     session_index: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     session_names: tuple[str, ...] = ()
+    jitter: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 3)))
 
     def groups(self, level: Level) -> tuple[NDArray[np.int64], tuple[str, ...]]:
         """Which trials share a value at a level: group of each trial (T,), names of the groups.
@@ -385,6 +391,36 @@ class Records:
             axis=1,
         )
         return np.where(self.used, 1.0 / sigma, 0.0)
+
+    def weighed(self, differences: FloatArray) -> FloatArray:
+        """Differences (..., T, 3S + P) from the record in units of their noise, white.
+
+        A clock that is off moves all coordinates of a row together, along the ball's way.
+        """
+        scaled = np.asarray(differences * self.weights)
+        return self._along_the_way(scaled, lambda size: 1.0 / np.sqrt(1.0 + size))
+
+    def unweighed(self, residual: FloatArray) -> FloatArray:
+        """What `weighed` was given, m and rad; nought where unused."""
+        weights = self.weights
+        scaled = self._along_the_way(residual, lambda size: np.sqrt(1.0 + size))
+        return np.where(weights > 0.0, scaled / np.where(weights > 0.0, weights, 1.0), 0.0)
+
+    def _along_the_way(
+        self, scaled: FloatArray, factor: Callable[[FloatArray], FloatArray]
+    ) -> FloatArray:
+        """Rows with the part along the ball's way multiplied by a function of (jitter/noise)²."""
+        if not self.jitter.size:
+            return scaled
+        s = self.ball_time.shape[1]
+        ball = scaled[..., : 3 * s].reshape(*scaled.shape[:-1], 3, s)
+        way = np.moveaxis(np.where(self.ball_used, self.jitter, 0.0), -1, 1)
+        size = np.square(way).sum(axis=1)
+        share = (factor(size) - 1.0) / np.maximum(size, 1e-30)
+        moved = ball + way * ((ball * way).sum(axis=-2) * share)[..., None, :]
+        return np.concatenate(
+            [moved.reshape(*scaled.shape[:-1], 3 * s), scaled[..., 3 * s :]], axis=-1
+        )
 
     @property
     def count(self) -> int:
@@ -745,11 +781,14 @@ class Noise:
         Noise power at low frequency over white, by channel: what slow physics competes with.
     outliers : (T, M) bool array
         Rows that do not belong, in the stacked order of `Records`.
+    jitter : float
+        s, scatter of the ball's times about those that are written.
     """
 
     sigma: FloatArray
     inflation: FloatArray
     outliers: NDArray[np.bool_]
+    jitter: float = 0.0
 
     @property
     def effective(self) -> FloatArray:
@@ -985,3 +1024,79 @@ def estimate_noise(
             inflation[channel] = spectrum.inflation
     sigma = np.where(np.isfinite(sigma), sigma, UNKNOWN_SIGMA)
     return Noise(sigma, inflation, np.concatenate(parts, axis=1))
+
+
+OVERLAP = 1.0 + 2.0 * ((2.0 / 3.0) ** 2 + (1.0 / 6.0) ** 2)
+
+"""How often second differences of white noise say the same: one plus twice the squares of their
+correlations with the next and the next but one."""
+
+LEAST_PACES = 20.0
+
+"""Second differences from which a scatter of the clock can be told from that of the places."""
+
+
+def with_clock_jitter(noise: Noise, left: Records, velocity: FloatArray) -> Noise:
+    """The noise with what a clock that jitters has of it told from that of places.
+
+    A wrong time moves a ball along its way, the more the faster it is, and all its coordinates
+    together. Second differences show it: what a model leaves over bends far less.
+
+    Parameters
+    ----------
+    noise : Noise
+        White.
+    left : Records
+        Records with a fit taken off.
+    velocity : (T, S, 3) array
+        m/s, of the ball.
+    """
+    if np.any(noise.inflation > 1.0):
+        return noise
+    shown, ways = _second_differences(noise, left, velocity)
+    axes = np.isfinite(shown).any(axis=0)
+    shown, ways = shown[:, axes], ways[:, axes]
+    if not axes.any() or shown.shape[0] < LEAST_PACES:
+        return noise
+
+    def deviance(logs: FloatArray) -> float:
+        variance, clock = np.exp(2.0 * logs[:-1]), np.exp(2.0 * logs[-1])
+        together = 1.0 + clock * (np.square(ways) / variance).sum(axis=1)
+        along = (shown * ways / variance).sum(axis=1)
+        misfit = (np.square(shown) / variance).sum(axis=1) - clock * np.square(along) / together
+        return float((misfit + np.log(together)).sum() + shown.shape[0] * np.log(variance).sum())
+
+    plain = 0.5 * np.log(np.square(shown).mean(axis=0))
+    tried = -0.5 * np.log(np.square(ways).sum(axis=1).mean())
+    none = deviance(np.append(plain, tried - 20.0))
+    found = minimize(deviance, np.append(plain - 0.3, tried), method="Nelder-Mead",
+                     options={"xatol": 1e-3, "fatol": 1e-2, "maxfev": 600})  # fmt: skip
+    if none - float(found.fun) < SIGNIFICANT * OVERLAP:
+        return noise
+    sigma = noise.sigma.copy()
+    sigma[:, np.flatnonzero(axes)] *= np.exp(found.x[:-1])
+    return replace(noise, sigma=sigma, jitter=float(np.exp(found.x[-1])))
+
+
+def _second_differences(
+    noise: Noise, left: Records, velocity: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """(n, 3) second differences of places over their noise, and velocities in the same unit.
+
+    As large as one sample's noise each; NaN along coordinates that were not recorded.
+    """
+    seen = left.ball_used.any(axis=(0, 1))
+    shown, ways = [], []
+    for trial in range(left.trials):
+        rows = np.flatnonzero(left.ball_used[trial][:, seen].all(axis=1))
+        if rows.size < 3:
+            continue
+        steps = np.diff(left.ball_time[trial, rows])
+        even = np.maximum(steps[1:], steps[:-1]) < 1.5 * np.median(steps)
+        scaled = left.position[trial, rows] / noise.sigma[trial, :3]
+        bent = (scaled[2:] - 2.0 * scaled[1:-1] + scaled[:-2]) / np.sqrt(6.0)
+        shown.append(np.where(seen, bent, np.nan)[even])
+        ways.append((velocity[trial, rows[1:-1]] / noise.sigma[trial, :3])[even])
+    if not shown:
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    return np.concatenate(shown), np.concatenate(ways)

@@ -796,7 +796,7 @@ def _errors(
     # Trained parameters and law offsets stay; only what belongs to the trial is refitted.
     fitted = fit_model(test, trained.model, (), (model_fit.nuisance, trained.law_offsets), rounds=4)
     weights = test.records.weights
-    errors = np.where(weights > 0.0, fitted.residual / np.where(weights > 0.0, weights, 1.0), 0.0)
+    errors = test.records.unweighed(fitted.residual)
     s3 = 3 * forward.records.ball_time.shape[1]
     part = slice(0, s3) if forward.mode != "swing" else slice(s3, None)
     squares, used = errors[held][:, part] ** 2, weights[held][:, part] > 0.0
@@ -846,8 +846,7 @@ def _extrapolation(
         first, model_fit.model, free, (model_fit.nuisance, model_fit.law_offsets), rounds=5
     )
     whole = fit_model(forward, trained.model, (), (trained.nuisance, trained.law_offsets), rounds=0)
-    weights = records.weights[:, part]
-    errors = np.where(late, whole.residual[:, part] / np.where(late, weights, 1.0), 0.0)
+    errors = np.where(late, records.unweighed(whole.residual)[:, part], 0.0)
     return np.square(errors).sum(axis=1), late.sum(axis=1).astype(np.float64)
 
 

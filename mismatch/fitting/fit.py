@@ -225,9 +225,8 @@ def linearise(
     sizes.extend(extra_steps)
     own = np.concatenate([own, np.repeat(base[None], len(rows) - 1 - q, axis=0)])
     predicted = forward.predict(rows, own)
-    weights = forward.records.weights
-    residual = (forward.records.values - predicted[0]) * weights
-    slopes = (predicted[1:] - predicted[:1]) * weights
+    residual = forward.records.weighed(forward.records.values - predicted[0])
+    slopes = forward.records.weighed(predicted[1:] - predicted[:1])
     mine = np.moveaxis(slopes[:q], 0, -1) / steps
     theirs = np.moveaxis(slopes[q:], 0, -1) / np.array(sizes or [1.0])[: len(sizes)]
     own_prior, law_prior = priors(forward, model)
@@ -1180,7 +1179,7 @@ def _residuals(forward: Forward, points: Sequence[Point]) -> list[tuple[float, F
     """Chi-square and the residuals over their noise at each of several points."""
     own = np.stack([spread_laws(forward, model, own, laws) for own, laws, model in points])
     predicted = forward.predict([model for _, _, model in points], own)
-    scaled = (forward.records.values - predicted) * forward.records.weights
+    scaled = forward.records.weighed(forward.records.values - predicted)
     return [(float(np.sum(one**2)), one) for one in scaled]
 
 

@@ -17,6 +17,7 @@ from mismatch.records import (
     Records,
     estimate_noise,
     lay_out,
+    with_clock_jitter,
 )
 from physics.domain import FloatArray
 from physics.effects import CATALOGUE, Effect, EffectId, Form, Level
@@ -362,7 +363,12 @@ def prepare(
     noise = replace(noise, outliers=noise.outliers | stray)
     forward = replace(forward, records=_weighed(records, noise))
     noise = _told_again(forward, fit, _segments(forward, clocks), noise)
+    left = _left_over(forward.records, fit)
+    velocity = _velocities(forward.records, left)
+    noise = with_clock_jitter(noise, left, velocity)
     records = _weighed(forward.records, noise)
+    if noise.jitter > 0.0:
+        records = replace(records, jitter=noise.jitter * velocity / records.sigma[:, None, :3])
     forward = replace(forward, records=records)
     faults = instrument_faults(forward, widths or {})
     opened = tuple(_opened(entry, forward) for entry in model.entries)
@@ -458,10 +464,21 @@ def _whole_rows(records: Records, outliers: NDArray[np.bool_]) -> NDArray[np.boo
 def _left_over(records: Records, fit: Fit) -> Records:
     """The records with the fit taken off, m and rad."""
     s = records.ball_time.shape[1]
-    weights = records.weights
-    left = np.where(weights > 0.0, fit.residual / np.where(weights > 0.0, weights, 1.0), 0.0)
+    left = records.unweighed(fit.residual)
     ball = np.moveaxis(left[:, : 3 * s].reshape(records.trials, 3, s), 1, -1)
     return replace(records, position=ball, pendulum_angle=left[:, 3 * s :])
+
+
+def _velocities(records: Records, left: Records) -> FloatArray:
+    """(T, S, 3) velocities of the ball as fitted, m/s; nought where it was not seen."""
+    found = np.zeros(records.position.shape)
+    fitted = records.position - left.position
+    for trial, axis in np.ndindex(records.trials, 3):
+        rows = np.flatnonzero(records.ball_used[trial, :, axis])
+        if rows.size > 1:
+            time = records.ball_time[trial, rows]
+            found[trial, rows, axis] = np.gradient(fitted[trial, rows, axis], time)
+    return found
 
 
 def _lengths(records: Records) -> list[int]:

@@ -447,6 +447,10 @@ def noise_notes(campaign: CampaignRecords, prepared: Prepared) -> tuple[str, ...
             f"neighbouring samples share errors: slow quantities are {np.sqrt(worst):.1f} times"
             " less certain than white noise would leave them"
         )
+    if noise.jitter > 0.0:
+        notes.append(
+            f"the times of the samples scatter by {noise.jitter:.2g} s about those that are written"
+        )
     stated = [t.position_std for t in campaign.trials if t.position_std is not None]
     if stated and position is not None:
         values = np.concatenate([one.reshape(-1) for one in stated])
