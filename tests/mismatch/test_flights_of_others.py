@@ -168,6 +168,7 @@ def test_a_draught_from_the_side_is_told_as_a_draught_alone():
         assert found[name].std < 0.1
 
 
+@pytest.mark.slow
 def test_a_jet_across_the_flight_is_a_force_in_no_catalogue_out_of_its_plane():
     # Without a law in that direction it was told as a turned frame, a spin and a draught.
     def jet(place):
