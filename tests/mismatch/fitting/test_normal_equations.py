@@ -95,7 +95,9 @@ def test_the_evidence_for_scatter_is_the_ratio_of_two_gaussians() -> None:
 def test_weights_held_by_a_prior_cost_what_they_narrow_it() -> None:
     # the prior's volume over the posterior's (MacKay, Information Theory, section 28.1)
     assert price(np.diag([99.0, 3.0]), np.ones(2)) == pytest.approx(np.log(100.0 * 4.0))
-    assert price(np.diag([99.0, 3.0]), np.array([1.0, 0.0])) == 0.0
+    # a free strength, which is in the fit either way, pays nothing; what is held beside it does
+    assert price(np.diag([99.0, 3.0]), np.array([1.0, 0.0])) == pytest.approx(np.log(100.0))
+    assert price(np.diag([99.0, 3.0]), np.zeros(2)) == 0.0
 
 
 def test_what_a_balls_trials_share_is_held_by_what_the_setup_says() -> None:
