@@ -282,9 +282,7 @@ class Forward:
                 backswing[term.rows] = term.effect.start(term.values, backswing[term.rows])
         onset_angle = np.broadcast_to(records.launch_angle, shape)
         start = np.stack([-backswing, np.zeros(shape)])
-        path = integrate(
-            self.swing_rates(terms), start, self._fall_time() * 1.35, self._steps(terms, 64)
-        )
+        path = self._swing_along(terms, start, self._fall_time() * 1.35, 64)
         fall = crossing(path, onset_angle)
         rate = path.at(fall[..., None])[1, ..., 0]
         outcome = self._contact(terms, nuisance, rate, onset_angle)
@@ -330,7 +328,9 @@ class Forward:
     ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, tuple[FloatArray, FloatArray]]:
         records, shape = self.records, nuisance.shape[:2]
         start = np.moveaxis(nuisance[..., :2], -1, 0)
-        rates = self.swing_rates(terms, np.exp(2.0 * nuisance[..., 2]))
+        rates = self.swing_rates(
+            terms, self.swing_time / self.steps, np.exp(2.0 * nuisance[..., 2])
+        )
         path = integrate(rates, start, self.swing_time, self.steps)
         label = records.pendulum_time - records.pendulum_time[:, :1]
         since = self.true_time(terms, np.broadcast_to(label, (*shape, label.shape[1])))
@@ -375,10 +375,14 @@ class Forward:
     def swing_rates(
         self,
         terms: Sequence[BatchTerm],
+        step: FloatArray,
         stiffer: FloatArray | float = 1.0,
         order: FloatArray | None = None,
     ) -> Rates:
-        """Rates of angle and angular velocity, for as many swings as `order` has entries."""
+        """Rates of angle and angular velocity, for as many swings as `order` has entries.
+
+        They are followed in steps of `step` seconds.
+        """
         body = self._pendulum()
         model = SwingModel(
             body.length,
@@ -389,6 +393,7 @@ class Forward:
             _acting(terms),
             stiffer * self.pace**2,
             self.records.order if order is None else order,
+            step,
         )
         return model.rates
 
@@ -483,7 +488,14 @@ class Forward:
                 np.broadcast_to(outcome.pendulum_speed, shape) / body.length,
             ]
         )
-        return integrate(self.swing_rates(terms), start, self.swing_time, self._steps(terms, 32))
+        return self._swing_along(terms, start, self.swing_time, 32)
+
+    def _swing_along(
+        self, terms: Sequence[BatchTerm], start: FloatArray, time: FloatArray, most: int
+    ) -> Trajectory:
+        """A strike's swing over some time, s, in a part of `most` steps where laws are smooth."""
+        steps = self._steps(terms, most)
+        return integrate(self.swing_rates(terms, time / steps), start, time, steps)
 
     def flight_span(self, coordinate: Coordinate) -> tuple[float, float]:
         """What the balls go through of a coordinate, roughly."""

@@ -251,8 +251,8 @@ class TableForward:
             if "start" in term.effect.hooks:
                 backswing[term.rows] = term.effect.start(term.values, backswing[term.rows])
         start = np.stack([-backswing, np.zeros(off.shape)])
-        rates = self.forward.swing_rates(terms)
-        path = integrate(rates, start, self.forward._fall_time() * 1.35, 64)
+        time = self.forward._fall_time() * 1.35
+        path = integrate(self.forward.swing_rates(terms, time / 64), start, time, 64)
         fall = crossing(path, np.broadcast_to(records.launch_angle, off.shape))
         speed = path.at(fall[..., None])[1, ..., 0] * pendulum.length
         return np.where(known, speed, np.nan)

@@ -118,6 +118,8 @@ class SwingModel:
         Factor on m g d, for a pendulum whose natural frequency differs from trial to trial.
     order : Number
         As in `SwingState`.
+    step : Number
+        Of the solver, s; 0 where it finds turning points by itself.
     """
 
     length: Number
@@ -128,6 +130,7 @@ class SwingModel:
     terms: Sequence[Term] = ()
     stiffer: Number = 1.0
     order: Number = 0.0
+    step: Number = 0.0
 
     @classmethod
     def of(
@@ -160,9 +163,10 @@ class SwingModel:
         slope = np.empty_like(state)
         slope[0] = state[1]
         slope[1] = self._restoring * np.sin(state[0])
+        gained = slope[1] * self.step
         for term in self._braking:
             at = term.where
-            now = self._seen(state[0][at], state[1][at])
+            now = self._seen(state[0][at], state[1][at], gained[at])
             slope[(1, at)] += term.effect.torque(term.values, now) / self.inertia
         return slope
 
@@ -175,10 +179,11 @@ class SwingModel:
         """Of the weight: angular acceleration over the sine of the angle, 1/s²."""
         return -(self.mass * self.gravity * self.com / self.inertia * self.stiffer)
 
-    def _seen(self, phi: Number, omega: Number) -> SwingState:
+    def _seen(self, phi: Number, omega: Number, gained: Number = 0.0) -> SwingState:
         return SwingState(
-            phi, omega, self.inertia, self.mass, self.com, self.length, self.gravity, self.order
-        )
+            phi, omega, self.inertia, self.mass, self.com, self.length, self.gravity, self.order,
+            gained,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)

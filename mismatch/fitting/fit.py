@@ -31,6 +31,7 @@ from physics.effects import Effect, EffectId, Level, Parameter
 from physics.integrator import Trajectory, integrate
 
 __all__ = [
+    "FEWEST",
     "FROM_THE_RECORD",
     "GROUPED",
     "PIECE_STEPS",
@@ -56,6 +57,7 @@ __all__ = [
     "moved_by_a_step",
     "priors",
     "reduce",
+    "rows_at_rest",
     "seen_in_halves",
     "seen_swings",
     "solve",
@@ -405,6 +407,47 @@ def seen_in_halves(records: Records) -> tuple[SwingSeen, ...]:
     return tuple(found)
 
 
+RESTS = 3.0
+"""Scatters of a reading from the place of rest that two readings in a row leave while it swings."""
+
+QUIET = 1.3
+"""Scatter of half a swing's readings over that of one reading, up to which nothing moves in it."""
+
+
+def rows_at_rest(records: Records, rate: float) -> NDArray[np.bool_]:
+    """(T, P) rows of a pendulum that has come to rest, held by friction beside its zero.
+
+    Parameters
+    ----------
+    rate : float
+        Of small swings, rad/s: half a swing tells rest from a turning point.
+    """
+    found = np.zeros(records.pendulum_used.shape, dtype=bool)
+    for trial in range(records.trials):
+        rows = np.flatnonzero(records.pendulum_used[trial])
+        time, angle = records.pendulum_time[trial, rows], records.pendulum_angle[trial, rows]
+        if rows.size < 2 * FEWEST:
+            continue
+        scatter = max(_scatter(angle), 1e-12)
+        back = np.floor((time[-1] - time) * rate / math.pi).astype(int)
+        last = angle[back == 0]
+        middle, moving = float(np.median(last)), 0
+        while last.size >= FEWEST:
+            apart = abs(float(np.median(last)) - middle) * math.sqrt(last.size)
+            wide = 1.4826 * float(np.median(np.abs(last - np.median(last))))
+            if wide > QUIET * scatter or apart > 2.0 * RESTS * scatter:
+                break
+            moving += 1
+            last = angle[back == moving]
+        if not moving:
+            continue
+        off = np.abs(angle - middle) > RESTS * scatter
+        swung = np.flatnonzero(off[1:] & off[:-1])
+        stopped = time[int(swung[-1]) + 1] if swung.size else time[0]
+        found[trial, rows[time > stopped]] = True
+    return found
+
+
 def _seen(time: FloatArray, angle: FloatArray) -> SwingSeen:
     if angle.size < FEWEST:
         return SwingSeen(math.nan, 0.0, 0.0, 0)
@@ -666,9 +709,10 @@ def _swung(
     # A step beyond any pendulum is turned back by its misfit, not by an overflow.
     stiffer = np.exp(2.0 * np.clip(np.repeat(frequency, pieces, axis=-1), -WILD, WILD))
     order = np.repeat(forward.records.order, pieces)
-    rates = forward.swing_rates(terms, stiffer, order)
+    span = np.repeat(arcs.span, pieces)
+    rates = forward.swing_rates(terms, span / PIECE_STEPS, stiffer, order)
     with np.errstate(over="ignore", invalid="ignore"):
-        path = integrate(rates, start, np.repeat(arcs.span, pieces), PIECE_STEPS)
+        path = integrate(rates, start, span, PIECE_STEPS)
     label = forward.records.pendulum_time - forward.records.pendulum_time[:, :1]
     clock = forward.true_time(terms, np.broadcast_to(label, (rows, *label.shape)))
     local = clock - (label - arcs.since)

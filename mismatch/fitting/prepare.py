@@ -8,7 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology import Defaults, TooLittleDataError
-from mismatch.fitting.fit import PIECE_STEPS, Fit, fit_model, free_parameters, seen_swings
+from mismatch.fitting.fit import (
+    FEWEST,
+    PIECE_STEPS,
+    Fit,
+    fit_model,
+    free_parameters,
+    rows_at_rest,
+    seen_swings,
+)
 from mismatch.forward import Forward, Mode, Model, OwnStrength
 from mismatch.records import (
     Baseline,
@@ -275,6 +283,21 @@ def _pace(forward: Forward) -> float:
     return float(np.median(rates)) / forward.setup_rate if rates else 1.0
 
 
+def _while_it_swings(forward: Forward) -> Records:
+    """The records without what comes after rest; of a pendulum that never swings all of them.
+
+    What friction holds beside the zero has no law of motion: it was told as a torque there.
+    """
+    records = forward.records
+    rate = forward.pace * forward.setup_rate
+    if not np.isfinite(rate) or rate <= 0.0:
+        return records
+    moving = records.pendulum_used & ~rows_at_rest(records, rate)
+    still = moving.sum(axis=1) < FEWEST
+    moving[still] = records.pendulum_used[still]
+    return replace(records, pendulum_used=moving)
+
+
 def _first_states(forward: Forward) -> FloatArray:
     """Rough initial states: of flights by a parabola, of swings also what their periods say."""
     records = forward.records
@@ -341,6 +364,7 @@ def prepare(
         forward = replace(forward, flight_time=ball_span * 1.02)
         if mode == "swing":
             forward = replace(forward, pace=_pace(forward))
+            forward = replace(forward, records=_while_it_swings(forward))
         nuisance = _first_states(forward)
         laws = np.zeros((0, 2))
     pace = 1.0 if mode == "impact" else FREE_STATE_PACE

@@ -432,10 +432,6 @@ LOOKS = 3.0
 
 """Chi-square units for having chosen the width among a handful."""
 
-STICTION_RATE = 0.02
-
-"""rad/s below which a torque against the motion is smoothed through a turning point."""
-
 WORDS = {
     Coordinate.TIME: "the time since release",
     Coordinate.PLACE: "the place along the way",
@@ -563,8 +559,7 @@ class TorqueField(SmoothCurve):
         """Sum of splines; over the rate it turns its sign with the motion."""
         if self.coordinate is Coordinate.ANGLE:
             return self.size(values, swing.phi)
-        against = -np.tanh(np.asarray(swing.omega) / STICTION_RATE)
-        return self.size(values, np.abs(swing.omega)) * against
+        return -self.size(values, np.abs(swing.omega)) * swing.sense
 
 
 @dataclass(frozen=True)

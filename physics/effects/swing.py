@@ -26,9 +26,6 @@ __all__ = [
     "ViscousDamping",
 ]
 
-STICTION_RATE = 0.02
-"""rad/s below which dry friction is smoothed so that a solver can step through a turning point."""
-
 
 @dataclass(frozen=True)
 class BearingFriction(Effect):
@@ -58,7 +55,7 @@ class BearingFriction(Effect):
 
     def torque(self, values: Values, swing: SwingState) -> Number:
         """Constant, against the motion."""
-        return -values["dry_torque"] * np.tanh(swing.omega / STICTION_RATE)
+        return -values["dry_torque"] * swing.sense
 
 
 @dataclass(frozen=True)

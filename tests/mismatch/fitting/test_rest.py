@@ -1,0 +1,112 @@
+"""Pendulums that come to rest, where dry friction holds them beside their zero."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from mismatch.explain import explain
+from mismatch.fitting.fit import PIECE_STEPS, rows_at_rest
+from mismatch.fitting.prepare import prepare
+from mismatch.records import Baseline, CampaignRecords, Trial
+from physics.bodies import Pendulum
+from physics.effects import CATALOGUE, Term
+from physics.integrator import integrate
+from physics.swing import SwingModel
+
+LENGTH, MASS, NOISE = 0.5, 0.4, 2e-3
+STIFFNESS = 9.80665 / LENGTH
+RATE = np.sqrt(STIFFNESS)
+DRY, LINEAR = 0.3, 0.05
+
+
+def swung(start: float, time: np.ndarray) -> np.ndarray:
+    """Angle at some times, half swing after half swing, until friction holds it for good."""
+    angle, began, way = np.full(time.size, np.nan), 0.0, -np.sign(start)
+    state = np.array([start, 0.0])
+    soon = 1e-5
+    while STIFFNESS * abs(np.sin(state[0])) > DRY:
+
+        def rate(_, s, way=way):
+            return [s[1], -STIFFNESS * np.sin(s[0]) - LINEAR * s[1] - way * DRY]
+
+        def turns(_, s, way=way):
+            return s[1] * way
+
+        turns.terminal, turns.direction = True, -1
+        gained = rate(began, state)[1] * soon
+        begin = np.add(state, [0.5 * gained * soon, gained])
+        path = solve_ivp(rate, (began + soon, began + 9.0), begin,
+                         events=turns, rtol=1e-10, atol=1e-12, dense_output=True)  # fmt: skip
+        mine = (time >= began) & (time <= path.t[-1])
+        if mine.any():
+            angle[mine] = path.sol(time[mine])[0]
+        began, state, way = path.t[-1], np.array([path.y[0, -1], 0.0]), -way
+    angle[time >= began] = state[0]
+    return angle
+
+
+@pytest.fixture(scope="module")
+def stopped():
+    """Four swings of twelve seconds, and when each was last seen away from where it ends."""
+    rng, trials, stops = np.random.default_rng(4), [], []
+    time = np.arange(0.0, 12.0, 1.0 / 60.0)
+    for number, start in enumerate((0.8, -0.5, 0.6, -0.35)):
+        angle = swung(start, time)
+        stop = time[np.flatnonzero(np.abs(angle - angle[-1]) > 3.0 * NOISE)[-1]]
+        seen = angle + NOISE * rng.standard_normal(time.size)
+        trials.append(Trial(str(number), np.zeros(0), np.zeros((0, 3)), time, seen))
+        stops.append(stop)
+    body = Pendulum(length=LENGTH, inertia=MASS * LENGTH**2, mass=MASS, com=LENGTH)
+    return CampaignRecords(tuple(trials)), Baseline({}, pendulum=body), np.array(stops)
+
+
+def test_what_comes_after_rest_is_left_out_and_a_swing_is_not(stopped):
+    campaign, baseline, stops = stopped
+    period = 2.0 * np.pi / RATE
+    at_rest = stops < 12.0 - 0.5 * period
+    assert 2 <= at_rest.sum() < 4
+    records = prepare(campaign, baseline).forward.records
+    kept = np.where(records.pendulum_used, records.pendulum_time, 0.0).max(axis=1)
+    assert kept[~at_rest] == pytest.approx(12.0 - 1.0 / 60.0)
+    assert np.all((stops - 0.5 * period < kept) & (kept < stops + 0.1 * period) | ~at_rest)
+
+
+def test_a_swing_that_only_fades_is_kept_whole():
+    """Of viscous losses, down to two scatters of one reading."""
+    rng, time = np.random.default_rng(1), np.arange(0.0, 12.0, 1.0 / 60.0)
+    fading = 0.4 * np.exp(-0.38 * time) * np.cos(RATE * time)
+    seen = fading + NOISE * rng.standard_normal(time.size)
+    trial = Trial("1", np.zeros(0), np.zeros((0, 3)), time, seen)
+    body = Pendulum(length=LENGTH, inertia=MASS * LENGTH**2, mass=MASS, com=LENGTH)
+    records = prepare(CampaignRecords((trial,)), Baseline({}, pendulum=body)).forward.records
+    assert not rows_at_rest(records, RATE).any()
+
+
+def test_dry_friction_is_followed_through_every_turning_point():
+    # A sign that jumped between two of 64 steps a period left 1.4 mrad, told as a wrong clock.
+    span = 8.0 * 2.0 * np.pi / RATE
+    steps = 8 * PIECE_STEPS
+    pendulum = Pendulum(length=LENGTH, inertia=MASS * LENGTH**2, mass=MASS, com=LENGTH)
+    inertia = pendulum.inertia
+    laws = [
+        Term(CATALOGUE["bearing_friction"][0], {"dry_torque": DRY * inertia}),
+        Term(CATALOGUE["viscous_damping"][0], {"viscous_coefficient": LINEAR * inertia}),
+    ]
+    model = replace(SwingModel.of(pendulum, laws), step=np.array(span / steps))
+    for start in (1.0, 0.8, 0.6):
+        path = integrate(model.rates, np.array([start, 0.0]), np.array(span), steps)
+        true = swung(start, np.linspace(0.0, span, steps + 1))
+        assert path.states[:, 0] == pytest.approx(true, abs=5e-4)
+
+
+def test_a_bearing_that_holds_the_pendulum_is_told_as_friction_alone(stopped):
+    # With what comes after rest it was told beside a torque near one angle, with 0.88 each.
+    campaign, baseline, _ = stopped
+    verdict = explain(campaign, baseline)
+    named = {effect.id: effect.parameters[0] for effect in verdict.effects}
+    assert set(named) == {"bearing_friction", "viscous_damping"}
+    inertia = MASS * LENGTH**2
+    for law, true in (("bearing_friction", DRY * inertia), ("viscous_damping", LINEAR * inertia)):
+        assert named[law].value == pytest.approx(true, rel=0.03)
