@@ -1073,9 +1073,11 @@ def with_clock_jitter(noise: Noise, left: Records, velocity: FloatArray) -> Nois
                      options={"xatol": 1e-3, "fatol": 1e-2, "maxfev": 600})  # fmt: skip
     if none - float(found.fun) < SIGNIFICANT * OVERLAP:
         return noise
+    # Second differences tell how noise is shared out, but see less of what is slower than they are.
+    size = max(1.0, float(np.square(shown).mean()) ** -0.5)
     sigma = noise.sigma.copy()
-    sigma[:, np.flatnonzero(axes)] *= np.exp(found.x[:-1])
-    return replace(noise, sigma=sigma, jitter=float(np.exp(found.x[-1])))
+    sigma[:, np.flatnonzero(axes)] *= size * np.exp(found.x[:-1])
+    return replace(noise, sigma=sigma, jitter=size * float(np.exp(found.x[-1])))
 
 
 def _second_differences(

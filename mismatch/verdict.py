@@ -18,6 +18,7 @@ from mismatch.fitting.hypotheses import POOR_FIT, Hypothesis, is_known
 from mismatch.fitting.prepare import Prepared
 from mismatch.fitting.scan import heterogeneity, trial_pulls
 from mismatch.forward import Forward
+from mismatch.records import Records
 from mismatch.sanity import fall_in_g, keeps_time
 from physics.bodies import GRAVITY
 from physics.domain import FloatArray
@@ -611,13 +612,25 @@ def _noise_swallows(forward: Forward) -> bool:
         seen = records.ball_used[trial]
         if forward.mode != "swing" and seen.any():
             ways = [
-                (float(np.std(records.position[trial, seen[:, k], k])), records.sigma[trial, k])
+                (
+                    float(np.std(records.position[trial, seen[:, k], k])),
+                    _noise_of(records, trial, k),
+                )
                 for k in range(3)
                 if seen[:, k].any()
             ]
             widest, sigma = max(ways)
             sizes.append(sigma / max(widest, 1e-12))
     return not sizes or float(np.median(sizes)) > SWALLOWED
+
+
+def _noise_of(records: Records, trial: int, axis: int) -> float:
+    """Noise of a ball's place along an axis, m, what a clock that jitters has of it included."""
+    sigma = float(records.sigma[trial, axis])
+    if not records.jitter.size:
+        return sigma
+    off = records.jitter[trial, records.ball_used[trial, :, axis], axis]
+    return sigma * math.sqrt(1.0 + float(np.mean(np.square(off))))
 
 
 def _unsteady(forward: Forward, best: Hypothesis) -> bool:

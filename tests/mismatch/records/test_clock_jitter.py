@@ -9,6 +9,7 @@ from scipy.integrate import solve_ivp
 from mismatch.explain import explain
 from mismatch.fitting.prepare import prepare
 from mismatch.records import BallModel, Baseline, CampaignRecords, Trial
+from mismatch.verdict import Doubt
 from tests.mismatch.synthetic import struck_campaign
 
 GRAVITY = 9.80665
@@ -51,6 +52,38 @@ def test_times_that_scatter_are_told_as_that_and_nothing_is_named():
     verdict = explain(*campaign)
     assert verdict.verdict == "no_mismatch"
     assert any("times of the samples scatter" in note for note in verdict.notes)
+
+
+def test_a_clock_that_jitters_by_a_tenth_of_the_motion_lets_nothing_be_said():
+    # "Nothing is missing" was said where places scatter by a hand's breadth along the way.
+    campaign = throws(0.02)
+    assert prepare(*campaign).noise.jitter == pytest.approx(0.02, rel=0.25)
+    verdict = explain(*campaign)
+    assert verdict.verdict == "unexplained"
+    assert Doubt.NOISE in verdict.doubts
+    assert not verdict.effects
+
+
+@pytest.mark.parametrize("seed", [1, 5, 6])
+def test_noise_that_is_slower_than_its_second_differences_keeps_its_size(seed):
+    # What second differences see of it was taken for all: a blameless fit left up to 1.76.
+    rng = np.random.default_rng(seed)
+    trials = []
+    for number in range(11):
+        written = np.arange(13) / 50.0
+        true = written + 0.05 + 6e-3 * rng.standard_normal(written.size)
+        speed, up = rng.uniform(4.0, 6.0), rng.uniform(0.5, 0.9)
+        along = speed * np.cos(up) * true
+        height = 0.3 + speed * np.sin(up) * true - 0.5 * GRAVITY * true**2
+        slow = rng.standard_normal((13, 3))
+        for row in range(1, 13):
+            slow[row] = 0.8 * slow[row - 1] + 0.6 * slow[row]
+        seen = np.stack([along + 0.03 * slow[:, 0], height + 0.012 * slow[:, 1]], axis=1)
+        seen = np.column_stack([seen, np.full(13, np.nan)])
+        trials.append(Trial(str(number), written, seen, np.zeros(0), np.zeros(0)))
+    prepared = prepare(CampaignRecords(tuple(trials)), Baseline({"": BallModel("", 2.7e-3, 0.04)}))
+    assert prepared.noise.jitter > 0.0
+    assert prepared.fit.reduced_chi2 < 1.3
 
 
 def test_drag_is_found_among_times_that_scatter():
