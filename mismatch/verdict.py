@@ -178,9 +178,11 @@ class HeldOut:
 
     @property
     def proves(self) -> bool:
-        """Whether the answer predicts them better: in their error, or by odds of twenty to one."""
-        by_scatter = self.gain is not None and self.gain > PROVED
-        return self.ratio_95[0] > 1.0 or (by_scatter and self.ratio_95[1] >= 1.0)
+        """Whether the answer predicts them better: in their error, or by odds of twenty to one.
+
+        Chi-square has the error in it, beside what each trial's own scatter took of it.
+        """
+        return self.ratio_95[0] > 1.0 or (self.gain is not None and self.gain > PROVED)
 
     @property
     def worse(self) -> bool:

@@ -8,6 +8,9 @@ __all__ = ["contradictions"]
 SURE = 0.5
 """Probability from which a name is stated rather than suggested."""
 
+HARDLY = 1.0
+"""Chi-square units below which held-out trials fit no better."""
+
 NOISE_P = 1e-3
 """Whiteness below which residuals are no noise."""
 
@@ -39,7 +42,8 @@ def contradictions(raw: Mapping[str, Any]) -> list[str]:
         found.append("in doubt, and no reason is given")
     if any(group[0] not in names for group in groups):
         found.append("a name is not excluded in place of one that is not given")
-    if sure and held and held["ratio_95"][1] < 1.0:
+    # Chi-square has the error of metres in it, beside what each launch's own scatter took of it.
+    if sure and held and held["ratio_95"][1] < 1.0 and held.get("chi2_gain", 0.0) <= HARDLY:
         found.append("a name is likely, and predicts worse")
     if groups and not raw["next_measurement"]:
         found.append("several answers, and nothing that would part them")

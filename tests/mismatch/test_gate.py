@@ -71,3 +71,12 @@ def test_throws_read_off_a_grid_by_hand_get_no_confident_name(tmp_path):
 def test_what_predicts_launches_better_is_not_worse_for_a_thousandth_of_a_path(ratio, gain, worse):
     """A friction on the support was left without a name for 0.06 % of a path's error."""
     assert HeldOut(("1",), 0.0019412, 0.0019422, ratio, gain=gain).worse is worse
+
+
+@pytest.mark.parametrize(("gain", "proved"), [(12.7, True), (2.0, False), (None, False)])
+def test_words_say_a_proof_where_launches_differ_less_though_paths_are_as_far_off(gain, proved):
+    # A sure name stood beside "no proof of a better prediction" for two ten-thousandths of a path.
+    kept = HeldOut(("1",), 0.00091281, 0.00091302, (0.9995, 0.99999), gain=gain)
+    assert kept.proves is proved
+    assert ("no proof" in kept.in_words) is not proved
+    assert ("chi-square falls by 12.7" in kept.in_words) is proved

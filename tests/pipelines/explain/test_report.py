@@ -106,6 +106,11 @@ def test_what_contradicts_itself_is_seen(said):
     assert contradictions(verdict().to_json()) == []
 
 
+def test_a_path_that_is_as_far_off_is_no_worse_where_chi_square_falls():
+    same = replace(PROVED, ratio_95=(0.9995, 0.99999), gain=12.7)
+    assert contradictions(verdict(held_out=same).to_json()) == []
+
+
 def test_the_headline_goes_with_what_is_left_and_what_is_not_excluded():
     assert verdict().headline.endswith("it has been found.")
     rest = Remainder(False, "What remains after the best model still holds structure.")
