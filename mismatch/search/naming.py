@@ -591,6 +591,14 @@ def _goes_first(
     A law or curve in no catalogue competes with sets of names on equal terms: names that carry at
     least as much evidence, each of which is needed among its fellows, go before it.
     """
+    last = larger.members[-1]
+    if is_known(last.effect) and set(larger.ids[:-1]) != set(best.ids):
+        # What a known law adds is seen beside its own fellows, not against another law's gain.
+        if larger.penalised_gain < best.penalised_gain:
+            return False
+        fellows = [h for h in tried if h.allowed and h.ids == larger.ids[:-1]]
+        beside = max(fellows, key=lambda h: h.gain, default=None)
+        return beside is not None and _supported(forward, larger, beside, threshold)
     if _supported(forward, larger, best, threshold):
         return True
     if not best.has_unnamed or larger.penalised_gain < best.penalised_gain:

@@ -4,7 +4,7 @@ from mismatch.candidates import candidates_for
 from mismatch.fitting.hypotheses import Hypothesis, fit_hypothesis
 from mismatch.fitting.prepare import Prepared, prepare
 from mismatch.fitting.scan import scan
-from mismatch.search.naming import _in_best_forms, name_effects
+from mismatch.search.naming import KNOWN_GAIN, _goes_first, _in_best_forms, name_effects
 from physics.effects import CATALOGUE, Effect, Form, effect_named
 from tests.mismatch.synthetic import struck_campaign
 
@@ -66,3 +66,14 @@ def test_beside_its_fellow_a_law_is_held_against_others_in_all_their_forms():
     forms = {h.members[-1].effect.form for h in found.rivals() if h.ids[0] == slowed[0].id}
     # a camera turned about all its axes pays for the weights that its prior holds, and is no rival
     assert {Form.ABOUT_A_POINT, Form.BALL_ONLY} <= forms
+
+
+def test_a_known_law_is_no_part_of_what_its_fellow_gains_over_another():
+    """Thinner air was taken in beside a dry bearing for what that gains over a viscous one."""
+    bearing, oil = effect_named("bearing_friction"), effect_named("viscous_damping")
+    known = prepare(*struck_campaign((bearing, {"dry_torque": 0.1})))
+    alone, rival = (_fitted_together(known, law) for law in (bearing, oil))
+    both = _fitted_together(known, bearing, effect_named("density_lapse"))
+    assert abs(both.gain - alone.gain) < 1.0
+    assert both.gain > rival.gain + KNOWN_GAIN * both.reduced_chi2
+    assert not _goes_first(known.forward, both, rival, [alone, rival, both], 12.0)
