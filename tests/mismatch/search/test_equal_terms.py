@@ -9,8 +9,9 @@ from mismatch.search.naming import _goes_first
 
 
 def answer(ids, gain):
+    members = tuple(SimpleNamespace(effect=SimpleNamespace(strengths=())) for _ in ids)
     return SimpleNamespace(
-        ids=ids, members=ids, penalised_gain=gain, allowed=True, has_unnamed="unnamed" in ids
+        ids=ids, members=members, penalised_gain=gain, allowed=True, has_unnamed="unnamed" in ids
     )
 
 
