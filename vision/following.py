@@ -414,7 +414,9 @@ def _seen(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Se
     begun = scene.as_it_began()
     found = None if begun is None else _seen_in_gray(begun, at)
     if found is not None and (best is None or found.outdoes(best)):
-        return found
+        best = found
+    if best is not None and best.only_dims:
+        return _what_casts(best) or best
     return best
 
 
@@ -485,7 +487,11 @@ def _only_dims(scene: FilmedScene, seen: _Seen) -> bool:
 
 def _casts(found: _Seen, shade: _Seen) -> bool:
     """Whether a thing lies elsewhere and moves as what casts a shadow does."""
-    ball, dark = found.choice.ball, shade.choice.ball
+    return _throws(found.choice.ball, shade.choice.ball)
+
+
+def _throws(ball: BallPath, dark: BallPath) -> bool:
+    """Whether a path lies elsewhere than another, which goes as its shadow does."""
     _, own, theirs = np.intersect1d(ball.frame, dark.frame, return_indices=True)
     if len(own) == 0:
         return False
@@ -504,6 +510,21 @@ def _seen_in_gray(scene: FilmedScene, at: tuple[float, float, int | None] | None
         return None
     seen = _Seen(scene, None, choice, rough)
     return seen if at is not None else replace(seen, only_dims=_only_dims(scene, seen))
+
+
+def _what_casts(shade: _Seen) -> _Seen | None:
+    """What a shadow that was taken for the ball falls from, where that was seen in gray, too."""
+    scene, choice = shade.scene, shade.choice
+    for path in sorted((*choice.others, *choice.dismissed), key=path_score, reverse=True):
+        if not _throws(path, choice.ball):
+            continue
+        rough = follow_ball(scene, path)
+        if len(rough) < _FEWEST_ROWS:
+            continue
+        seen = _Seen(scene, None, choice.instead(path), _followed_back(scene, path, rough))
+        if not _only_dims(scene, seen):
+            return seen
+    return None
 
 
 def _clearly_seen(rough: BallFits) -> bool:

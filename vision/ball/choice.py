@@ -557,6 +557,13 @@ class Choice:
         """Whether it lay still until something that moves reached it."""
         return bool(self.strikers)
 
+    def instead(self, ball: BallPath) -> "Choice":
+        """The choice of what casts a shadow, where the shadow was clearer."""
+        others = tuple(path for path in self.others if path is not ball)
+        rest = tuple(path for path in self.dismissed if path is not ball)
+        said = "Something clearer goes as its shadow does and takes an even part of the light."
+        return Choice(ball, others, False, None, (self.ball, *rest), (said,))
+
     @property
     def beside(self) -> tuple[BallPath, ...]:
         """Others in view with the ball; what was seen before or after may be the ball itself."""
@@ -613,7 +620,7 @@ def choose_ball(
         moving = _lit(moving, background)
     if not moving:
         return None
-    struck, reachers = _struck(clean, moving)
+    struck, reachers = _struck(clean, moving, background)
     scores = {id(path): path_score(path) for path in (*moving, *struck)}
     # What reached it is the striker, however clearly that is seen.
     wanted = sorted(struck or moving, key=lambda path: scores[id(path)], reverse=True)
@@ -762,7 +769,7 @@ def rivals(paths: list[BallPath]) -> list[BallPath]:
 
 
 def _struck(
-    paths: list[BallPath], moving: list[BallPath]
+    paths: list[BallPath], moving: list[BallPath], background: FloatImage | None
 ) -> tuple[list[BallPath], dict[int, list[BallPath]]]:
     """What lay still until something that moves reached it, and then left: wanted before all else.
 
@@ -777,12 +784,13 @@ def _struck(
         and _clarity(path) > _AS_CLEAR * clearest
         and lawful_stretch(path.frame, path.centre_px, path.radius).evidence > _SURELY_LAWFUL
     ]
-    met = {
-        id(path): [o for o in moving if o is not path and _met_at_rest(path, o)] for path in sure
-    }
-    came = {
-        id(path): [o for o in moving if o is not path and _appeared_at(path, o)] for path in sure
-    }
+    met, came = (
+        {
+            id(path): [o for o in moving if reached(path, o) and not _set_going_with(path, o)]
+            for path in sure
+        }
+        for reached in (_met_at_rest, _appeared_at)
+    )
     reachers = {place: [*others, *came[place]] for place, others in met.items()}
     reached = {place for place, others in reachers.items() if others}
     # Where a ball passes its own shadow each seems to reach the other: a striker nothing reached.
@@ -790,21 +798,39 @@ def _struck(
         place for place in reached if any(id(other) not in reached for other in reachers[place])
     }
     wanted = first or reached
-    if wanted and not any(met[place] for place in wanted):
-        # That it lay where it is first seen is supposed: what was seen to lie still and speaks for
-        # itself far more is as likely.
+    came_up = [path for path in sure if id(path) in wanted]
+    if not any(met[id(path)] and _sure_itself(path, background) for path in came_up):
         strikers = {id(other) for place in wanted for other in reachers[place]}
-        came_up = [path for path in sure if id(path) in wanted]
-        most = max(path_score(path) for path in came_up)
         wanted |= {
-            id(path)
-            for path in sure
-            if id(path) not in strikers
-            and _TIED * path_score(path) > most
-            and not any(_part_of(path, other) for other in came_up)
-            and _rested(path)
+            id(path) for path in sure if id(path) not in strikers and _as_likely(path, came_up)
         }
-    return [path for path in paths if id(path) in wanted], reachers
+    found = [path for path in paths if id(path) in wanted]
+    lay = [path for path in found if _rested(path)]
+    # What comes up as another one leaves, and goes as its shadow does, was not there before.
+    kept = [path for path in found if _rested(path) or not any(cast_by(path, one) for one in lay)]
+    return kept, reachers
+
+
+def _sure_itself(path: BallPath, background: FloatImage | None) -> bool:
+    """Whether what was met was seen to lie still, or can't be a shadow of what did."""
+    return _rested(path) or (background is not None and not _dims(path, background))
+
+
+def _as_likely(path: BallPath, came_up: list[BallPath]) -> bool:
+    """Whether what lay still is as likely the ball as what came up where something arrived.
+
+    That those lay where they are first seen is supposed; what was seen to lie still and speaks for
+    itself more, or far more than one that was seen to lie still as well, is as likely.
+    """
+    score = path_score(path)
+    return (
+        bool(came_up)
+        and all(
+            (_TIED if _rested(one) else 1.0) * score > path_score(one) and not _part_of(path, one)
+            for one in came_up
+        )
+        and _rested(path)
+    )
 
 
 def _moves(path: BallPath) -> bool:
@@ -942,6 +968,20 @@ def _rested(path: BallPath) -> bool:
         return False
     law = lawful_stretch(after.frame, after.centre_px, path.radius)
     return law.looks > _MOSTLY * len(after.frame) and law.evidence > _SURELY_LAWFUL
+
+
+def _set_going_with(path: BallPath, other: BallPath) -> bool:
+    """Whether `other` lay still, too, and left with `path`: a ball sets off with its shadow."""
+    if other is path:
+        return True
+    return _rested(other) and (cast_by(path, other) or _departure(other) >= _departure(path))
+
+
+def _departure(path: BallPath) -> int:
+    """The last frame in which it is seen where it is seen first."""
+    start = np.median(path.centre_px[:_FEWEST_STILL], axis=0)
+    away = np.hypot(*(path.centre_px - start).T)
+    return int(path.frame[max(int(np.argmax(away > 0.7 * path.radius)) - 1, 0)])
 
 
 def _met_at_rest(path: BallPath, other: BallPath) -> bool:

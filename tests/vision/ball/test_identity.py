@@ -259,3 +259,78 @@ def test_what_goes_less_than_two_radii_by_a_law_may_be_the_ball() -> None:
     choice = choose_ball([ball, glint], None)
     assert choice is not None
     assert choice.ball.radius == pytest.approx(10.0)
+
+
+def _flies(frame: np.ndarray, left: int, start: tuple[float, float], larger: float) -> np.ndarray:
+    """Rest until a frame and a flight from there, (N, 2); of a shadow the way on the wall."""
+    gone = np.maximum(frame - left, 0.0)
+    way = larger * np.column_stack([0.9 * gone, 0.0015 * gone**2 - 0.15 * gone])
+    return np.array(start) + way
+
+
+def _lying(
+    first: int, last: int, start: tuple[float, float], larger: float = 1.0, level: float = 90.0
+) -> BallPath:
+    """What lies still and leaves by a law from frame 52 on, seen in some of the frames."""
+    frame = np.arange(first, last, 2)
+    made = _path(frame, frame, 12.0)
+    noise = np.random.default_rng(first).normal(0.0, 0.2, (len(frame), 2))
+    centre = _flies(frame, 52, start, larger) + noise
+    return replace(made, centre_px=centre, level=np.full(len(frame), level))
+
+
+def _fainter(path: BallPath, by: float) -> BallPath:
+    return replace(path, coverage=by * path.coverage)
+
+
+def test_a_ball_does_not_strike_its_own_shadow() -> None:
+    # What lies still, too, and leaves with it lies close enough to be touched.
+    ball, shadow = _fainter(_lying(0, 118, (75.0, 50.0)), 0.8), _lying(0, 118, (95.0, 74.0), 1.2)
+    choice = choose_ball([ball, shadow], None)
+    assert choice is not None
+    assert choice.ball.centre_px[0, 1] == pytest.approx(50.0, abs=1.0)
+
+
+def test_what_comes_up_as_the_shadow_of_what_lay_still_is_not_the_ball() -> None:
+    # The shadow of what strikes, which is not seen itself, arrives where the ball's comes up.
+    ball, shadow = _fainter(_lying(0, 102, (75.0, 50.0)), 0.66), _lying(70, 118, (60.0, 98.0), 1.3)
+    frame = np.arange(0, 66, 2)
+    striker = _fainter(_path(frame, 20.0 + 1.0 * frame, 11.0), 0.5)
+    striker.centre_px[:, 1] = 105.0
+    choice = choose_ball([ball, shadow, striker], None)
+    assert choice is not None
+    assert choice.ball.centre_px[0, 1] == pytest.approx(50.0, abs=1.0)
+
+
+@pytest.mark.parametrize(("first", "last", "share"), [(0, 50, 0.66), (40, 38, 0.7)])
+def test_of_two_that_lay_still_the_one_that_something_reached_is_the_ball(
+    first: int, last: int, share: float
+) -> None:
+    # What reached it may be seen until it touches, or only until the ball is seen.
+    ball, other = _fainter(_lying(first, 118, (75.0, 50.0)), share), _lying(0, 118, (75.0, 150.0))
+    frame = np.arange(0, last, 2)
+    striker = _fainter(_path(frame, 58.0 - 0.9 * (last - frame), 5.0), 0.5)
+    choice = choose_ball([ball, other, striker], None)
+    assert choice is not None
+    assert choice.ball.centre_px[0, 1] == pytest.approx(50.0, abs=1.0)
+
+
+def test_a_shadow_that_something_seems_to_reach_yields_to_the_ball_that_was_reached() -> None:
+    ball, shadow = _fainter(_lying(0, 118, (75.0, 50.0)), 0.66), _lying(54, 118, (75.0, 110.0), 1.3)
+    frame = np.arange(0, 50, 2)
+    striker = _fainter(_path(frame, 13.0 + 0.9 * frame, 5.0), 0.5)
+    its_shadow = replace(striker, centre_px=striker.centre_px + np.array([0.0, 60.0]))
+    choice = choose_ball([ball, shadow, striker, its_shadow], None)
+    assert choice is not None
+    assert choice.ball.centre_px[0, 1] == pytest.approx(50.0, abs=1.0)
+
+
+def test_what_is_lighter_than_the_wall_is_no_shadow_of_what_lay_still() -> None:
+    wall = np.full((200, 400), 110.0, dtype=np.float32)
+    ball = _fainter(_lying(48, 118, (75.0, 50.0), level=150.0), 0.7)
+    shadow = _lying(0, 118, (75.0, 90.0), 1.3, level=75.0)
+    frame = np.arange(0, 50, 2)
+    striker = _fainter(_path(frame, 13.0 + 0.9 * frame, 5.0), 0.5)
+    choice = choose_ball([ball, shadow, striker], None, wall)
+    assert choice is not None
+    assert choice.ball.level[0] == 150.0
