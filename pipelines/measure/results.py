@@ -68,6 +68,10 @@ LONGEST_GAP_S = 0.03
 """Time before landing for which a ball lost near the floor may be carried on along its flight."""
 _PLASTIC = 1.32471795724474602596
 """Real root of x³ = x + 1: steps of 1/x and 1/x² fill a square evenly (Roberts 2018)."""
+_BACKSWING = "backswing_angle"
+_NOT_BEFORE = "the pendulum is not in view before the strike"
+_FIRST_ANGLES = 8
+"""Angles of which the first and each rate are the mean, supposed: 13 ms at 600 frames a second."""
 SWING_ENERGY_SHARE = 0.25
 """Of the kinetic energy of a free swing: what friction, a rig of other numbers or the arc's place
 may make of it; a pendulum that was let go elsewhere is further off."""
@@ -645,45 +649,77 @@ def reading_on_wall(evaluated: Evaluated, landing: Quantity) -> Quantity:
 
 def _backswing(evaluated: Evaluated) -> Quantity:
     """Angle at which the pendulum is let go, where that is in view."""
-    metric = evaluated.metric
-    if metric is None or len(metric.swing_rad) < 8:
-        return Quantity.missing(
-            "backswing_angle", "deg", "the pendulum is not in view before the strike"
-        )
-    first = slice(0, 8)
+    scene = evaluated.scene
+    if evaluated.metric is None:
+        return Quantity.missing(_BACKSWING, "deg", _NOT_BEFORE)
+    stiffness = scene.inputs.pendulum_stiffness if scene.rate.known else None
+    return let_go_at(evaluated.metric, scene.zero_std_rad, stiffness)
+
+
+def let_go_at(metric: MetricTracks, zero_std_rad: float, stiffness: float | None) -> Quantity:
+    """Angle at which the pendulum is let go, where its motion before the strike agrees with it.
+
+    Parameters
+    ----------
+    metric : MetricTracks
+        The pendulum's angle over time.
+    zero_std_rad : float
+        What all angles are off by together, rad.
+    stiffness : float or None
+        Square of its angular frequency, 1/s²; None where the frame rate is not known.
+
+    Returns
+    -------
+    Quantity
+        Degrees, behind the vertical; missing where another angle, or none, fits the motion.
+    """
+    if len(metric.swing_rad) < _FIRST_ANGLES:
+        return Quantity.missing(_BACKSWING, "deg", _NOT_BEFORE)
+    first = slice(0, _FIRST_ANGLES)
     rate = float(np.polyfit(metric.swing_time_s[first], metric.swing_rad[first], 1)[0])
     if abs(rate) > 0.3:
         return Quantity.missing(
-            "backswing_angle", "deg", "the pendulum is already swinging when it comes into view"
+            _BACKSWING, "deg", "the pendulum is already swinging when it comes into view"
         )
     start = float(np.median(metric.swing_rad[first]))
-    timed = evaluated.scene.rate.known
-    if timed and not _swings_from(start, metric, evaluated.scene.inputs.pendulum_stiffness):
+    fastest, angle = _fastest(metric)
+    if math.cos(angle) < 0.0:
         return Quantity.missing(
-            "backswing_angle",
+            _BACKSWING,
+            "deg",
+            "what was followed is above its pivot where it is fastest, as no pendulum is: its arc"
+            " is too short or too rough to tell where the pivot is",
+        )
+    if stiffness is not None and not _swings_from(start, angle, fastest, stiffness):
+        return Quantity.missing(
+            _BACKSWING,
             "deg",
             f"it is first seen at {-math.degrees(start):.1f}°, but moves later as no swing from"
             " there does: it was let go elsewhere, or frames are missing",
         )
     std = math.degrees(float(np.median(metric.swing_std_rad[first])))
-    zero = math.degrees(evaluated.scene.zero_std_rad)
     return Quantity.measured(
-        "backswing_angle",
+        _BACKSWING,
         -math.degrees(start),
         "deg",
         (
-            Contribution(UncertaintySource.PENDULUM_ZERO, zero),
+            Contribution(UncertaintySource.PENDULUM_ZERO, math.degrees(zero_std_rad)),
             Contribution(UncertaintySource.TRACK_NOISE, std),
         ),
     )
 
 
-def _swings_from(start: float, metric: MetricTracks, stiffness: float) -> bool:
-    """Whether the fastest stretch before the strike has the energy of a release at that angle."""
-    rows = sliding_window_view(np.arange(len(metric.swing_rad)), 8)
+def _fastest(metric: MetricTracks) -> tuple[float, float]:
+    """Rate (rad/s) and angle (rad) of the fastest stretch."""
+    rows = sliding_window_view(np.arange(len(metric.swing_rad)), _FIRST_ANGLES)
     time, angle = metric.swing_time_s[rows], metric.swing_rad[rows]
     since = time - time.mean(axis=1, keepdims=True)
     rates = (since * angle).sum(axis=1) / (since**2).sum(axis=1)
     fastest = int(np.argmax(np.abs(rates)))
-    gained = 2.0 * stiffness * (math.cos(float(angle[fastest].mean())) - math.cos(start))
-    return bool(abs(gained - rates[fastest] ** 2) < SWING_ENERGY_SHARE * rates[fastest] ** 2)
+    return float(rates[fastest]), float(angle[fastest].mean())
+
+
+def _swings_from(start: float, angle: float, rate: float, stiffness: float) -> bool:
+    """Whether a rate (rad/s) at an angle (rad) has the energy of a release at the start."""
+    gained = 2.0 * stiffness * (math.cos(angle) - math.cos(start))
+    return abs(gained - rate**2) < SWING_ENERGY_SHARE * rate**2

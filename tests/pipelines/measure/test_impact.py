@@ -25,6 +25,7 @@ from pipelines.measure.impact import (
 )
 from pipelines.measure.inputs import Inputs, gather_inputs
 from pipelines.measure.metres import MetricTracks
+from pipelines.measure.results import let_go_at
 from pipelines.setup.file import Origin, Setup
 from sample_videos import Shot
 from tests.pipelines.measure.ideal_tracks import Noise, ideal_tracks, known_stroke
@@ -528,3 +529,18 @@ def test_a_written_angle_that_allows_no_contact_with_what_is_seen_gives_way() ->
     impact = find_impact(vague, inputs)
     assert impact.contact is not None
     assert impact.contact.onset_s == pytest.approx(onset, abs=6e-3)
+
+
+def test_a_backswing_is_told_only_of_what_swings_below_its_pivot() -> None:
+    scene, shot = known_stroke("basketball", 60.0)
+    tracks = ideal_tracks(scene, shot, Noise(), first_s=-1.0)
+    stiffness = gather_inputs(Setup(), "basketball", None).pendulum_stiffness
+    held = let_go_at(tracks, 1e-3, stiffness)
+    assert held.value == pytest.approx(60.0, abs=0.5)
+    assert held.std == pytest.approx(math.degrees(1e-3), rel=0.05)
+    # An arc that is told the wrong way round is that of a pendulum on its head, which hardly moves.
+    turned = replace(tracks, swing_rad=np.pi - 1e-3 * (tracks.swing_rad - tracks.swing_rad[0]))
+    for known in (stiffness, None):
+        assert let_go_at(turned, 1e-3, known).value is None
+    late = replace(tracks, swing_rad=tracks.swing_rad + math.radians(20.0))
+    assert let_go_at(late, 1e-3, stiffness).value is None
