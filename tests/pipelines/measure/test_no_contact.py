@@ -163,3 +163,11 @@ def test_what_does_not_fall_freely_was_not_struck_either(monkeypatch: pytest.Mon
     found = told(monkeypatch, unsteady)
     for name in ("ball_speed", "cor_speeds", "contact_time"):
         assert found[name].value is None
+
+
+def test_gravity_is_told_only_of_a_flight(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert told(monkeypatch, lambda tracks: tracks)["gravity_check"].known
+    nothing = Motion(MotionKind.NONE, 0.9)
+    unseen = told(monkeypatch, lambda tracks: replace(tracks, motion=nothing))["gravity_check"]
+    assert unseen.value is None
+    assert "it needs a flight" in str(unseen.reason)
