@@ -39,6 +39,9 @@ BETWEEN_POWERS = frozenset({Form.UNDER_LOAD, Form.STRIBECK})
 """Forms that free swings can't tell from sums of the zeroth, first and second power of the rate,
 which have names of their own there."""
 
+AT_TURNS = frozenset({Form.GIVING})
+"""Forms that differ from others of their law where the motion turns back, as free swings do."""
+
 MOST_SHAPES = 200
 
 """Start values of the shapes of one effect: each costs a trajectory of every trial."""
@@ -189,6 +192,8 @@ def _admissible(effect: Effect, forward: Forward, model: Model) -> bool:
         if effect.form in BETWEEN_POWERS:
             return False
         return "torque" in hooks or effect.id == EffectId.TIME_BASE
+    if effect.form in AT_TURNS:
+        return False
     if forward.mode == "flight":
         return bool(hooks & {"force", "clock", "image"})
     return True

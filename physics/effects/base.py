@@ -639,6 +639,7 @@ class Form(StrEnum):
     CONSTANT_TORQUE = "constant torque"
     UNDER_LOAD = "under load"
     STRIBECK = "Stribeck"
+    GIVING = "gives before it slips"
     OF_IMPACT_SPEED = "of impact speed"
     OF_VERTICAL_SPEED = "of vertical speed"
     CONSTANT = "constant"

@@ -58,6 +58,7 @@ from physics.effects.measurement import (
 from physics.effects.swing import (
     BackswingOffset,
     BearingFriction,
+    GivingBearing,
     LoadedBearing,
     PendulumDrag,
     StribeckBearing,
@@ -121,6 +122,7 @@ _ALL: tuple[Effect, ...] = (
     BearingFriction(),
     LoadedBearing(),
     StribeckBearing(),
+    GivingBearing(),
     ViscousDamping(),
     PendulumDrag(),
     BackswingOffset(),

@@ -1,11 +1,13 @@
 """Torques on the pendulum, and where it really starts from."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from physics.domain import Number
 from physics.effects.base import (
+    STICTION_RATE,
     Coordinate,
     Effect,
     Form,
@@ -20,6 +22,7 @@ from physics.effects.base import (
 __all__ = [
     "BackswingOffset",
     "BearingFriction",
+    "GivingBearing",
     "LoadedBearing",
     "PendulumDrag",
     "StribeckBearing",
@@ -91,6 +94,42 @@ class StribeckBearing(BearingFriction):
         """Half as much again where the pendulum turns back."""
         more = (BREAKAWAY - 1.0) * np.exp(-np.square(swing.omega / STRIBECK_RATE))
         return (1.0 + more) * super().torque(values, swing)
+
+
+@dataclass(frozen=True)
+class GivingBearing(BearingFriction):
+    """Dry friction of a bearing that gives, like a spring, before it slips the other way."""
+
+    law: str = r"\tau = -\tau_c\,(1 - 2\,e^{-s/s_0})\,\mathrm{sign}\,\dot\varphi"
+    source: str = "Dahl, AIAA J. 14, 1675 (1976)"
+    form: str = Form.GIVING
+    parameters: tuple[Parameter, ...] = (
+        *BearingFriction().parameters,
+        Parameter(
+            "give",
+            "rad",
+            3e-4,
+            1e-6,
+            0.02,
+            grid=(2e-4,),
+            meaning="way from a turning point after which two thirds of the torque have turned",
+        ),
+    )
+
+    def torque(self, values: Values, swing: SwingState) -> Number:
+        """Pulled back where it turned: for a way so short that weight alone speeds it up.
+
+        The pull is spread over a step of the solver at least, with its impulse and its work.
+        """
+        weight = swing.mass * swing.gravity * swing.com / swing.inertia
+        most = np.sqrt(weight * np.abs(np.sin(swing.phi)) * values["give"])
+        inward = -np.sign(swing.phi)
+        width = np.sqrt(
+            (1.0 - 2.0 / math.pi) * np.square(most) + np.square(swing.gained) + STICTION_RATE**2
+        )
+        off = (inward * swing.omega - math.sqrt(2.0 / math.pi) * most) / width
+        pull = most / width * np.exp(-0.5 * np.square(off))
+        return super().torque(values, swing) + values["dry_torque"] * inward * pull
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from mismatch.fitting.fit import PIECE_STEPS, rows_at_rest
 from mismatch.fitting.prepare import prepare
 from mismatch.records import Baseline, CampaignRecords, Trial
 from physics.bodies import Pendulum
-from physics.effects import CATALOGUE, Term
+from physics.effects import CATALOGUE, Form, Term
 from physics.integrator import integrate
 from physics.swing import SwingModel
 
@@ -110,3 +110,51 @@ def test_a_bearing_that_holds_the_pendulum_is_told_as_friction_alone(stopped):
     inertia = MASS * LENGTH**2
     for law, true in (("bearing_friction", DRY * inertia), ("viscous_damping", LINEAR * inertia)):
         assert named[law].value == pytest.approx(true, rel=0.03)
+
+
+GIVE = 2e-4
+
+
+def given(start: float, time: np.ndarray) -> np.ndarray:
+    """Angle of a swing whose bearing is a bristle: it bends by 0.2 mrad before it slips (LuGre)."""
+
+    def rate(_, s):
+        angle, omega, bent = s
+        slipping = omega - abs(omega) * bent / GIVE
+        return [omega, -STIFFNESS * np.sin(angle) - DRY * bent / GIVE, slipping]
+
+    path = solve_ivp(
+        rate, (0.0, time[-1]), [start, 0.0, np.sign(start) * GIVE], "LSODA",
+        t_eval=time, rtol=1e-8, atol=1e-10, max_step=5e-3,
+    )  # fmt: skip
+    return path.y[0]
+
+
+def test_a_bearing_that_gives_is_followed_where_it_turns():
+    span, steps = 6.0 * 2.0 * np.pi / RATE, 6 * PIECE_STEPS
+    pendulum = Pendulum(length=LENGTH, inertia=MASS * LENGTH**2, mass=MASS, com=LENGTH)
+    forms = {effect.form: effect for effect in CATALOGUE["bearing_friction"]}
+    true = given(0.8, np.linspace(0.0, span, steps + 1))
+    off = {}
+    for form in (Form.CONSTANT_TORQUE, Form.GIVING):
+        law = Term(forms[form], {"dry_torque": DRY * pendulum.inertia, "give": GIVE})
+        model = replace(SwingModel.of(pendulum, [law]), step=np.array(span / steps))
+        path = integrate(model.rates, np.array([0.8, 0.0]), np.array(span), steps)
+        off[form] = float(np.abs(path.states[:, 0] - true).max())
+    assert off[Form.GIVING] < 5e-4
+    assert off[Form.CONSTANT_TORQUE] > 3e-3
+
+
+def test_a_bearing_that_gives_is_told_without_a_torque_beside_it():
+    # It was told beside a torque near the lowest point, with 0.92 each.
+    rng, trials = np.random.default_rng(8), []
+    time = np.arange(0.0, 11.0, 1.0 / 50.0)
+    for number, start in enumerate((0.7, -0.45, 0.9, -0.55, 0.62)):
+        seen = given(start, time + 0.02) + 1.5e-3 * rng.standard_normal(time.size)
+        trials.append(Trial(str(number), np.zeros(0), np.zeros((0, 3)), time, seen))
+    body = Pendulum(length=LENGTH, inertia=MASS * LENGTH**2, mass=MASS, com=LENGTH)
+    (named,) = explain(CampaignRecords(tuple(trials)), Baseline({}, pendulum=body)).effects
+    assert named.id == "bearing_friction"
+    found = {p.name: p for p in named.parameters}
+    assert found["dry_torque"].value == pytest.approx(DRY * body.inertia, rel=0.01)
+    assert found["give"].value == pytest.approx(GIVE, rel=0.35)
