@@ -7,7 +7,7 @@ from itertools import permutations
 
 import numpy as np
 
-from metrology import TooLittleDataError, UsageError
+from metrology import Defaults, TooLittleDataError, UsageError
 from mismatch.candidates import (
     Candidate,
     candidates_for,
@@ -17,7 +17,7 @@ from mismatch.candidates import (
     within_patience,
 )
 from mismatch.fitting.fit import Fit, fit_model, kept_free, spread_laws
-from mismatch.fitting.hypotheses import LOOSE_LAWS, POOR_FIT, Hypothesis
+from mismatch.fitting.hypotheses import LOOSE_LAWS, POOR_FIT, SURELY, Hypothesis
 from mismatch.fitting.prepare import Prepared, prepare
 from mismatch.fitting.scan import own_values, robust_spread, scan
 from mismatch.forward import OUTSIDE, Forward
@@ -215,12 +215,18 @@ def _instruments_off(base: Fit) -> bool:
 def _open_notes(prepared: Prepared, best: Hypothesis | None) -> tuple[str, ...]:
     """What ruler, clock and axes were found off by, where that is more than usual; and a drag."""
     fit = prepared.fit if best is None else best.fit
+    least = Defaults.LEAST_DRAG.known
     found = []
     for identity, p, value, std in _left_open(prepared.fit, fit):
         unit = "" if p.unit == "1" else f" {p.unit}"
         number = f"{p.name} = {value:.2g} ± {std:.1g}{unit}"
         if identity == EffectId.DRAG:
-            found.append(f"the setup gives no drag coefficient, so it was fitted as well: {number}")
+            told = f"the setup gives no drag coefficient, so it was fitted as well: {number}"
+            if value + SURELY * std < least:
+                told += (
+                    f"; bodies have {least:g} or more, so mass, diameter or air may be another's"
+                )
+            found.append(told)
         elif abs(value) > NOTEWORTHY * p.width:
             found.append(
                 f"{identity} was left open: {number}, more than the {p.width:.1g}{unit} of a"

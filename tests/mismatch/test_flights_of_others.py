@@ -64,7 +64,15 @@ def test_a_force_across_the_velocity_in_a_vacuum_is_no_lift_of_the_air(assumed):
 def test_a_drag_that_nobody_measured_and_nothing_shows_is_found_to_be_none():
     verdict = explain(flights(), tennis(effects=DEFAULT_DRAG, unmeasured=frozenset({"drag"})))
     assert verdict.verdict == "no_mismatch"
-    assert any("no drag coefficient" in note for note in verdict.notes)
+    (note,) = (note for note in verdict.notes if "no drag coefficient" in note)
+    assert "may be another's" in note
+
+
+def test_a_drag_as_small_as_no_body_has_is_told_only_where_it_is_sure():
+    assumed = tennis(effects=DEFAULT_DRAG, unmeasured=frozenset({"drag"}))
+    notes = explain(flights(noise=0.1), assumed).notes
+    (note,) = (note for note in notes if "no drag coefficient" in note)
+    assert "another's" not in note
 
 
 def test_a_drag_that_was_measured_and_is_not_there_is_told():

@@ -101,6 +101,7 @@ def test_dry_friction_is_followed_through_every_turning_point():
         assert path.states[:, 0] == pytest.approx(true, abs=5e-4)
 
 
+@pytest.mark.slow
 def test_a_bearing_that_holds_the_pendulum_is_told_as_friction_alone(stopped):
     # With what comes after rest it was told beside a torque near one angle, with 0.88 each.
     campaign, baseline, _ = stopped
