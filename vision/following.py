@@ -185,9 +185,15 @@ def follow(
 def _striker(scene: FilmedScene, rest: Rest, rough: BallFits, at: Point | None) -> Striker | None:
     """What struck the ball, in gray; where nothing shows there, in the colours of what moves.
 
-    A mass that is small beside the ball is looked for last.
+    Against what the first frames show a mass is whole that hangs for long where most frames show
+    it. A mass that is small beside the ball is looked for last.
     """
     found = find_striker(scene, rest, rough, at)
+    if found is None or not found.surely_struck:
+        begun = scene.as_it_began()
+        other = None if begun is None else find_striker(begun, rest, rough, at)
+        if other is not None and other.surely_struck:
+            return other
     if found is not None:
         return found
     colours = [scene.tinted(float(blue), float(red)) for blue, red in moving_colours(scene)]

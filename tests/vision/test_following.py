@@ -304,3 +304,52 @@ def test_of_a_shadow_that_was_taken_for_the_ball_what_casts_it_is_found() -> Non
     assert found is not None
     off = found.rough.centre - np.array(centres)[found.rough.frame]
     assert np.median(np.hypot(*off.T)) < 0.5
+
+
+@pytest.mark.parametrize(("half", "rate"), [(12.0, 0.0055), (14.0, 0.0045)])
+def test_a_mass_that_hangs_for_long_where_most_frames_show_it_is_followed(
+    half: float, rate: float
+) -> None:
+    # It moves by less than its width: most frames show a patchwork of it, the first show it whole.
+    scene, radius, arm = wall(140, 260), 13.0, 62.0
+    pivot, pictures, angles = np.array([70.0, 12.0]), [], []
+    rest = pivot + np.array([half + radius, arm])
+    for index in range(100):
+        time = index - 60.0
+        angles.append((rate if time < 0 else 0.6 * rate) * time)
+        flown, speed = max(time, 0.0), rate * arm
+        way = [1.6 * speed * flown, -0.3 * speed * flown + 0.004 * flown**2]
+        x, y = (rest + np.array(way)).tolist()
+        light = with_box(scene, (pivot[0], pivot[1]), arm, angles[-1], half)
+        pictures.append(exposed(with_ball(light, (x, y), radius), 1.0, index))
+    pendulum = follow(PaintedClip(pictures), 600.0).pendulum  # type: ignore[arg-type]
+    assert pendulum is not None
+    frame = pendulum.track.frame
+    assert np.count_nonzero(frame < 60) > 50
+    turned = pendulum.angle_rad - np.array(angles)[frame]
+    assert np.abs(turned - np.median(turned)).max() < 0.05
+
+
+@pytest.mark.parametrize(("bob", "dark"), [(5.0, 0.35), (7.0, 0.6)])
+def test_the_pivot_of_a_bob_that_is_followed_with_its_shadow_is_as_unsure_as_its_middle(
+    bob: float, dark: float
+) -> None:
+    # Both keep their looks and their distance, so that one round thing seems to swing.
+    scene, radius, arm, pivot = wall(150, 260), 15.0, 68.0, np.array([60.0, 12.0])
+    rest, pictures = pivot + np.array([bob + radius, arm - 3.0]), []
+    for index in range(100):
+        time = index - 50.0
+        flown, angle = max(time, 0.0), (0.011 if time < 0 else 0.008) * time
+        middle = pivot + arm * np.array([np.sin(angle), np.cos(angle)])
+        x, y = (middle + np.array([4.6, 5.7])).tolist()
+        light = scene * (1.0 - dark * cover(150, 260, (x, y), bob))
+        x, y = middle.tolist()
+        covered = cover(150, 260, (x, y), bob)
+        x, y = (rest + np.array([1.3 * flown, -0.35 * flown + 0.004 * flown**2])).tolist()
+        light = with_ball(light * (1.0 - covered) + 0.3 * covered, (x, y), radius)
+        pictures.append(exposed(light, 1.5, index))
+    pendulum = follow(PaintedClip(pictures), 600.0).pendulum  # type: ignore[arg-type]
+    assert pendulum is not None
+    off = pendulum.pivot_px - pivot
+    assert np.hypot(*off) > 3.0
+    assert np.all(np.abs(off) < 1.5 * np.sqrt(np.diag(pendulum.pivot_covariance_px2)))

@@ -165,6 +165,18 @@ def _about_centre(found: Swinging, centre: FloatArray) -> Swinging:
     return replace(found, mass=mass, swing=swing)
 
 
+def _about_any_point(found: Swinging) -> Swinging:
+    """A round bob whose outline does not stand out, with the pivot as unsure as its centre.
+
+    The piece that is followed may be the bob with its shadow: the centre is taken to be anywhere in
+    a disc of its size, by half a radius off each way, root mean square, and so is the pivot.
+    """
+    mass, arc = found.mass, found.mass.arc
+    unsure = np.zeros_like(arc.covariance)
+    unsure[:2, :2] = 0.25 * mass.patch.opacity.sum() / np.pi * np.eye(2)
+    return replace(found, mass=replace(mass, arc=replace(arc, covariance=arc.covariance + unsure)))
+
+
 def _rim(
     scene: FilmedScene,
     mass: MassPoses,
@@ -430,7 +442,9 @@ class _StrikerSearch:
         face: Face | None = None
         if not best.swing.turns:
             bob = find_bob_face(scene, best.mass, best.swing, rest, radius, scenes_before[0])
-            if bob is not None:
+            if bob is None:
+                best = _about_any_point(best)
+            else:
                 face, best = bob[0], _about_centre(best, bob[1])
         if face is None:
             face = find_face(scene, best.mass, rest, radius, *scenes_before)
