@@ -35,6 +35,10 @@ SUFFIXES = {
 
 FORMATS = {"h264": "yuv420p", "mjpeg": "yuvj420p", "ffv1": "bgr0"}
 
+# x264's AVX-512 code gives another clip at every run, of the same pictures and on one thread; what
+# every 64-bit x86 processor has gives the clip that x264 gives without any vector code
+_REPEATABLE = {"x264-params": "asm=SSE2"}
+
 
 def write_clip(frames: Iterable[Picture], path: Path, encoding: Encoding) -> None:
     """Write frames (H, W, 3), uint8, blue green red; whole or not at all.
@@ -79,7 +83,7 @@ def _write_video(frames: Iterable[Picture], path: Path, encoding: Encoding) -> N
                             f"H.264 can't hold {picture.shape[1]} x {picture.shape[0]} px",
                             hint="Give an even width and height.",
                         )
-                    stream.options = {"preset": "medium", "profile": "high"}
+                    stream.options = {"preset": "medium", "profile": "high"} | _REPEATABLE
                     if encoding.rate_factor is not None:
                         stream.options |= {"crf": f"{encoding.rate_factor:g}"}
                     stream.codec_context.colorspace = 5

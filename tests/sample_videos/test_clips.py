@@ -159,3 +159,16 @@ def test_the_clips_that_ship_are_small_and_whole(sample: object) -> None:
     assert abs(distance[0] - truth["camera"]["position_m"][2]) < 3 * distance[1]
     assert setup.ball is not None
     assert setup.ball.name == sample.ball
+
+
+def test_the_same_pictures_are_the_same_clip_at_every_writing(tmp_path: Path) -> None:
+    noise = np.random.default_rng(1)
+    scene = cv2.GaussianBlur(noise.integers(0, 256, (134, 260, 3), dtype=np.uint8), (0, 0), 2.0)
+    grain = noise.integers(0, 8, (24, 134, 240, 3), dtype=np.uint8)
+    pictures = [np.ascontiguousarray(scene[:, i // 2 : i // 2 + 240] + grain[i]) for i in range(24)]
+    clips = set()
+    for turn in range(8):
+        path = tmp_path / f"{turn}.mp4"
+        write_clip(iter(pictures), path, Encoding(rate_factor=16.0))
+        clips.add(path.read_bytes())
+    assert len(clips) == 1
