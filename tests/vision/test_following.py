@@ -221,7 +221,7 @@ def test_a_ball_that_lay_for_about_as_long_as_it_is_gone_is_told_from_a_patchwor
     ball = follow(clip, 600.0).ball  # type: ignore[arg-type]
     gone = ball.frame >= 45
     off = np.hypot(*(ball.centre_px - centres[ball.frame]).T)[gone]
-    assert len(off) >= 50
+    assert len(off) >= 40
     assert np.mean(off < 3.0) >= 0.9
 
 
