@@ -83,7 +83,7 @@ def _write_video(frames: Iterable[Picture], path: Path, encoding: Encoding) -> N
                             f"H.264 can't hold {picture.shape[1]} x {picture.shape[0]} px",
                             hint="Give an even width and height.",
                         )
-                    stream.options = {"preset": "medium", "profile": "high"} | _REPEATABLE
+                    stream.options = {"preset": "medium", "profile": "high", **_REPEATABLE}
                     if encoding.rate_factor is not None:
                         stream.options |= {"crf": f"{encoding.rate_factor:g}"}
                     stream.codec_context.colorspace = 5
