@@ -650,6 +650,12 @@ def _several(
         raise type(failures[0])(f"{len(failures)} of {len(clips)} clips could not be measured")
 
 
+_REASONS = 3
+
+"""Different reasons told where nothing is measured: the first alone may be of a quantity that could
+not be had anyhow."""
+
+
 def _require_something(measured: ClipMeasurement, path: Path) -> None:
     """Refuse a measurement in which nothing is known.
 
@@ -662,9 +668,9 @@ def _require_something(measured: ClipMeasurement, path: Path) -> None:
     kind = measured.motion.kind
     named = [(item, kinds_of(item.name)) for item in measured.quantities]
     own = [item for item, kinds in named if kind in kinds and len(kinds) < len(MotionKind)]
-    reason = (own or list(measured.quantities))[0].reason
+    told = dict.fromkeys(item.reason for item in own or measured.quantities if item.reason)
     raise MeasurementError(
-        f"nothing can be measured from {path}: {reason}",
+        f"nothing can be measured from {path}: {'; '.join(list(told)[:_REASONS])}",
         hint="A flight must be seen over several frames or marks, a swing from end to end. Where"
         " something else was followed, point with --ball-at and --mass-at; of several tracks, name"
         ' the ball with --columns "ball=NAME".',

@@ -6,8 +6,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from metrology import ClipError, NotFoundError
+from pipelines.cli import app
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from tests.pipelines.measure.small_clips import Frames, written
 from tests.vision.ball.painted import struck_ball
@@ -52,6 +54,15 @@ def test_what_goes_straight_on_is_no_swing_and_gives_no_number(
     assert [item.name for item in found.quantities if item.known] == []
     assert found.motion.kind is MotionKind.NONE
     assert all(item.reason for item in found.quantities)
+
+
+def test_where_nothing_is_measured_its_different_reasons_are_told(tmp_path: Path) -> None:
+    path = written(painted(box_that_slides), tmp_path / "clip.mp4")
+    reasons = {item.reason for item in measure_clip(path).quantities if item.reason}
+    result = CliRunner().invoke(app, ["measure", str(path), "--quiet"])
+    assert result.exit_code == 4
+    refusal = " ".join(result.output.split()).partition("nothing can be measured")[2]
+    assert sum(" ".join(reason.split()) in refusal for reason in reasons) >= 2
 
 
 def test_a_bar_that_moves_on_evenly_gives_no_number_and_no_collision(tmp_path: Path) -> None:
