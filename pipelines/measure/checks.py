@@ -7,6 +7,8 @@ The ball's speed the paper's ways, beside the fit: per frame (Fig. 18), and by E
 Whether the ball looks as large as it is said to be, where something else tells the scale.
 
 Whether the pendulum is as long as the one whose inertia is used.
+
+Whether the contact returns no more speed than it takes.
 """
 
 import math
@@ -40,6 +42,7 @@ __all__ = [
     "contact_doubted",
     "doubted",
     "gravity_share",
+    "passive_contact",
     "pendulum_length",
     "speed_by_pendulum",
     "speed_per_frame",
@@ -433,3 +436,30 @@ def pendulum_length(seen_m: float, inputs: Inputs) -> HeldAgainst:
         doubts.append(Contradiction(_BY_MASSES, by_masses, False, text))
     check = Check(CheckKind.PENDULUM_LENGTH, CheckOutcome.FAILED, text, power)
     return HeldAgainst(check, tuple(doubts))
+
+
+def passive_contact(found: dict[str, Quantity]) -> HeldAgainst | None:
+    """Hold the COR against 1: more speed than it takes, no contact without a spring returns.
+
+    Parameters
+    ----------
+    found : dict
+        Quantities by name, before anything is doubted.
+
+    Returns
+    -------
+    HeldAgainst or None
+        None where the COR is not known, or may be 1 or less: that speaks for nothing.
+    """
+    cor = found[QuantityName.COR]
+    if cor.value is None or cor.std is None or cor.value - 1.0 <= _SIGMAS * cor.std:
+        return None
+    text = (
+        f"the coefficient of restitution comes out at {cor.value:.3f} ± {cor.std:.3f}, and no"
+        " passive contact returns more speed than it takes: another thing than the mass or the"
+        " ball was followed, or the scale, the rate or the pendulum's numbers are wrong; look at"
+        " the overlay, and point with --mass-at X,Y and --ball-at X,Y"
+    )
+    # at least so far, where the excess alone is the error of one speed
+    doubt = Contradiction(PENDULUM | {QuantityName.BALL_SPEED}, 1.0 - 1.0 / cor.value, False, text)
+    return HeldAgainst(Check(CheckKind.PASSIVE, CheckOutcome.FAILED, text), (doubt,))

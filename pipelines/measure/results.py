@@ -26,6 +26,7 @@ from pipelines.measure.checks import (
     ball_size,
     contact_doubted,
     doubted,
+    passive_contact,
     pendulum_length,
     speeds_agree,
 )
@@ -225,7 +226,7 @@ def results_of(
     size = _size(evaluated, tracks, found)
     arm = _arm(evaluated)
     held = (agreement, speeds and speeds.check, by_gravity, bound)
-    against = [one for one in (size, arm) if one]
+    against = [one for one in (size, arm, passive_contact(found)) if one]
     checks = [*(one for one in held if one), *(one.check for one in against)]
     other_speeds = tuple(found[name] for name in OTHER_SPEEDS)
     doubts = _doubts(evaluated, found, agreement, speeds, gravity, by_gravity)

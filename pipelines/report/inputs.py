@@ -133,6 +133,7 @@ class CheckKind(StrEnum):
     CONTACT_BOUND = "contact time that such a ball can have"
     BALL_SIZE = "size of the ball at the scale of its plane"
     PENDULUM_LENGTH = "length of the pendulum"
+    PASSIVE = "no more speed than a passive contact returns"
     RELEASE = "where the flight begins"
     STEADY_FALL = "both halves of the flight fall alike"
     MOMENTUM = "momentum of two like bodies"

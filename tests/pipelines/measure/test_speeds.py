@@ -12,6 +12,7 @@ from pipelines.measure.checks import (
     contact_doubted,
     doubted,
     gravity_share,
+    passive_contact,
     pendulum_length,
     speed_by_pendulum,
     speeds_agree,
@@ -164,3 +165,39 @@ def test_an_arm_that_is_not_the_papers_puts_in_doubt_what_hangs_on_its_inertia(
     assert 0.02 < launch < 0.3 * abs(longer**2 - 1.0)
     assert found["cor_speeds"] == sure["cor_speeds"]
     assert found["ball_speed"] == sure["ball_speed"]
+
+
+@pytest.mark.parametrize(
+    ("cor", "std", "told", "left"),
+    [
+        (0.88, 0.01, False, True),
+        (1.05, 0.03, False, True),
+        (1.06, 0.01, True, True),
+        (1.14, 0.02, True, False),
+    ],
+)
+def test_a_contact_that_returns_more_speed_than_it_takes_is_not_believed(
+    cor: float, std: float, told: bool, left: bool
+) -> None:
+    values = {
+        name: Quantity.measured(name, value, "1", (Contribution("noise", noise),))
+        for name, value, noise in [
+            ("cor", cor, std),
+            ("pendulum_speed_before", 2.0, 0.01),
+            ("ball_speed", 3.6, 0.01),
+            ("launch_angle", 14.0, 0.1),
+        ]
+    }
+    held = passive_contact(values)
+    assert (held is not None) == told
+    if held is None:
+        return
+    assert held.check.outcome is CheckOutcome.FAILED
+    found = doubted(values, held.doubts)
+    assert found["launch_angle"] == values["launch_angle"]
+    for name in ("cor", "pendulum_speed_before", "ball_speed"):
+        assert (found[name].value is not None) == left
+    # what is left reaches down to what a contact can have
+    if left:
+        assert found["cor"].std is not None
+        assert cor - 1.0 < 1.1 * found["cor"].std
