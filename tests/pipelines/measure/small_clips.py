@@ -36,15 +36,16 @@ def written(frames: Frames, path: Path) -> Path:
     return path
 
 
-def corrupted(clip: Path, path: Path) -> Path:
-    """The clip with the pictures in its middle overwritten, its index untouched."""
+def corrupted(clip: Path, path: Path, *, parts: int = 3, seed: int = 5) -> Path:
+    """The clip with the pictures in one of its parts overwritten: the middle, its index as is."""
     with av.open(str(clip)) as container:
         packets = [packet for packet in container.demux(video=0) if packet.size]
         places = [(packet.pos, packet.size) for packet in packets if packet.pos is not None]
     data = bytearray(clip.read_bytes())
-    third = len(places) // 3
-    noise = np.random.default_rng(5)
-    for place, size in places[third : 2 * third]:
+    lost = len(places) // parts
+    first = (len(places) - lost) // 2
+    noise = np.random.default_rng(seed)
+    for place, size in places[first : first + lost]:
         data[place : place + size] = noise.bytes(size)
     path.write_bytes(data)
     return path

@@ -125,10 +125,26 @@ def test_a_clip_that_cannot_be_read(
 def test_pictures_lost_in_the_middle_are_left_out(
     whole: Path, played: tuple[Scene, Shot], tmp_path: Path, taped: Path
 ) -> None:
-    clip = corrupted(whole, tmp_path / "clip.mp4")
+    clip = corrupted(whole, tmp_path / "clip.mp4", parts=5)
     quantities, warnings = measured(clip, "--setup", str(taped))
     assert any("could not be decoded" in warning for warning in warnings)
     assert holds(quantities["ball_speed"], float(played[1].contact.outcome.ball_speed))
+
+
+@pytest.mark.parametrize("parts", [3, 8])
+def test_where_lost_pictures_leave_doubt_nothing_false_is_stated(
+    parts: int, whole: Path, played: tuple[Scene, Shot], tmp_path: Path, taped: Path
+) -> None:
+    clip = corrupted(whole, tmp_path / "clip.mp4", parts=parts)
+    out = tmp_path / "r.json"
+    result = run("measure", clip, "--setup", str(taped), "--json", str(out), "--quiet")
+    assert result.exit_code in (0, 4)
+    if result.exit_code == 4:
+        assert "nothing can be measured" in result.output
+        assert "--ball-at" in result.output
+        return
+    speed = json.loads(out.read_text(encoding="utf-8"))["quantities"]["ball_speed"]
+    assert speed["value"] is None or holds(speed, float(played[1].contact.outcome.ball_speed))
 
 
 def test_a_still_picture_has_no_ball(frames: Frames, tmp_path: Path) -> None:
