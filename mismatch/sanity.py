@@ -14,6 +14,7 @@ from enum import Enum
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from metrology import UsageError
 from mismatch.fitting.fit import (
@@ -27,7 +28,7 @@ from mismatch.fitting.fit import (
 )
 from mismatch.fitting.hypotheses import POOR_FIT
 from mismatch.fitting.prepare import Prepared, prepare
-from mismatch.forward import OUTSIDE, Forward
+from mismatch.forward import Forward
 from mismatch.records import CampaignRecords, Trial
 from physics.domain import FloatArray, Number
 from physics.effects import CATALOGUE, Values
@@ -38,10 +39,6 @@ __all__ = ["dropped_in_each", "fall_in_g", "keeps_time", "refuse_nonsense", "wit
 FAR_OFF = 30.0
 
 """Factor between recorded and expected size beyond which only a unit can be wrong."""
-
-RUNAWAY = 1e4
-
-"""As `FAR_OFF`, but beyond any unit: the refitted baseline has run off."""
 
 ASIDE = 0.3
 
@@ -108,19 +105,8 @@ def refuse_nonsense(campaign: CampaignRecords, prepared: Prepared) -> None:
         return
     x, y = records.position[..., 0][both], records.position[..., 1][both]
     px, py = predicted[:, :s][both], predicted[:, s : 2 * s][both]
-    runaway = _spread(px, py) > RUNAWAY * max(_spread(x, y), 1e-3)
-    if runaway and float(np.abs(predicted).max()) >= OUTSIDE:
-        raise UsageError(
-            "the setup contradicts the data: no motion of this apparatus comes near them",
-            hint="Check back-swing angles, ball names, pendulum and support in the setup.",
-        )
-    ratio = _spread(x, y) / max(_spread(px, py), 1e-9)
-    if ratio > FAR_OFF or ratio < 1.0 / FAR_OFF:
-        raise UsageError(
-            f"the recorded positions spread {ratio:.3g} times as far as the setup expects",
-            hint="Positions are in metres and times in seconds; were they written in millimetres,"
-            " pixels or milliseconds?",
-        )
+    names = [trial.name for trial in campaign.trials]
+    _refuse_far_off(names, records.position[..., :2], predicted[:, : 2 * s], both)
     straight = _distance(x - px, y - py)
     size = _spread(px, py)
     if straight > SUSPICIOUS * size and _fits_swapped(campaign, prepared):
@@ -203,6 +189,38 @@ def _fits_swapped(campaign: CampaignRecords, prepared: Prepared) -> bool:
     trials = tuple(replace(t, position=t.position[:, [1, 0, 2]]) for t in campaign.trials)
     other = prepare(CampaignRecords(trials), prepared.forward.baseline)
     return other.fit.chi2 / other.fit.count < SWAP_GAIN * prepared.fit.chi2 / prepared.fit.count
+
+
+def _refuse_far_off(
+    names: Sequence[str], position: FloatArray, predicted: FloatArray, used: NDArray[np.bool_]
+) -> None:
+    """Refuse paths of another size than the setup's, (trials, samples, 2) and (trials, 2 samples).
+
+    A unit is wrong in all trials alike. Where only some are far off, a refitted baseline ran away
+    from a setup that those trials contradict.
+    """
+    s = used.shape[1]
+    seen = np.flatnonzero(used.any(axis=1))
+    recorded = np.array([_spread(*position[i, used[i]].T) for i in seen])
+    expected = np.array([_spread(*predicted[i].reshape(2, s)[:, used[i]]) for i in seen])
+    # A trial that shows hardly any motion tells nothing of its size.
+    ratios = np.maximum(recorded, np.median(recorded) / FAR_OFF) / np.maximum(
+        expected, max(float(np.median(expected)) / FAR_OFF, 1e-9)
+    )
+    far = (ratios > FAR_OFF) | (ratios < 1.0 / FAR_OFF)
+    if far.all():
+        raise UsageError(
+            f"the recorded positions spread {np.median(ratios):.3g} times as far as the setup"
+            " expects",
+            hint="Positions are in metres and times in seconds; were they written in millimetres,"
+            " pixels or milliseconds?",
+        )
+    if far.any():
+        which = ", ".join(names[i] for i in seen[far])
+        raise UsageError(
+            f"the setup contradicts the data: no motion of this apparatus comes near trial {which}",
+            hint="Check back-swing angles, ball names, pendulum and support in the setup.",
+        )
 
 
 def _spread(x: FloatArray, y: FloatArray) -> float:

@@ -10,7 +10,7 @@ from metrology import TooLittleDataError, UsageError
 from mismatch import CampaignRecords, Options, Trial, explain
 from mismatch.fitting.prepare import prepare
 from mismatch.records import Baseline
-from mismatch.sanity import without_odd_trials
+from mismatch.sanity import refuse_nonsense, without_odd_trials
 from physics.bodies import GRAVITY, PAPER_PENDULUM
 from physics.effects import CATALOGUE, Effect, Parameter
 from tests.mismatch.synthetic import struck_campaign, thrown_campaign
@@ -79,6 +79,25 @@ def test_a_setup_that_contradicts_the_data_is_refused():
     wrong = tuple(replace(t, backswing=2.2 * t.backswing) for t in campaign.trials)
     with pytest.raises(UsageError, match="contradicts"):
         explain(CampaignRecords(wrong), baseline)
+
+
+def test_paths_of_another_size_are_a_wrong_unit_only_where_all_of_them_are():
+    """How far a refitted baseline runs away hangs on rounding; which trials it leaves does not."""
+    campaign, baseline = struck_campaign(seed=3)
+    prepared = prepare(campaign, baseline)
+
+    def refuse(*scales: float) -> None:
+        """With paths of so many times their size, and the baseline as it fits the true ones."""
+        forward = prepared.forward
+        position = np.array(scales)[:, None, None] * forward.records.position
+        records = replace(forward.records, position=position)
+        refuse_nonsense(campaign, replace(prepared, forward=replace(forward, records=records)))
+
+    refuse(*[1.0] * 8)
+    with pytest.raises(UsageError, match=r"comes near trial 0, 1, 4\n"):
+        refuse(400.0, 400.0, 1.0, 1.0, 400.0, 1.0, 1.0, 1.0)
+    with pytest.raises(UsageError, match=r"spread 1e\+03 times as far"):
+        refuse(*[1000.0] * 8)
 
 
 def test_a_setup_with_a_wrong_pendulum_makes_no_name_sure():
