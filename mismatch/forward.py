@@ -215,6 +215,10 @@ OUTSIDE = 1e6
 number."""
 
 
+NOWHERE = (np.zeros((1, 1, 1)), np.zeros((1, 1, 1)))
+"""Where no ball lies."""
+
+
 @dataclass(frozen=True)
 class Forward:
     """Predictor for one campaign.
@@ -361,6 +365,11 @@ class Forward:
     def small_rate(self) -> float:
         """Angular frequency of small swings about which the records' own lie, rad/s."""
         return self.setup_rate * self.pace
+
+    @property
+    def arm(self) -> float:
+        """Length of the pendulum, m."""
+        return self._pendulum().length
 
     def _pendulum(self) -> "PendulumBody":
         body = self.baseline.pendulum
@@ -549,30 +558,63 @@ class Forward:
         omega: FloatArray,
         times: tuple[FloatArray, FloatArray],
     ) -> FloatArray:
-        ball, phi = np.array(ball), np.array(phi)
+        ball = np.array(ball)
         rest = ball[0, ..., :1], ball[1, ..., :1]
+        if self.mode == "swing":
+            rest = NOWHERE
         if self.mode == "impact":
             rest = np.zeros((1, 1, 1)), self._rest_y(phi.shape[:2])[..., None]
         for term in terms:
             at = term.rows
-            values = {name: value[..., None] for name, value in term.values.items()}
-            here = (rest[0][at] if rest[0].shape[0] > 1 else rest[0], rest[1][at])
             if "image" in term.effect.hooks:
+                values = {name: value[..., None] for name, value in term.values.items()}
+                here = (_rows(rest[0], at), _rows(rest[1], at))
                 time = times[0][at] if times[0].ndim == 3 else times[0]
                 x, y, z = ball[:, at]
                 vx, vy, vz = velocity[:, at]
                 view = CameraView(time, x, y, z, vx, vy, vz, 0.0, 0.0, *here, *self.centre)
                 for axis, seen in enumerate(term.effect.image(values, view)):
                     ball[axis, at] = seen
-            if "angle" in term.effect.hooks:
-                time = times[1][at] if times[1].ndim == 3 else times[1]
-                view = CameraView(
-                    time, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, phi[at], omega[at], *here, *self.centre,
-                    self._pendulum().length,
-                )  # fmt: skip
-                phi[at] = term.effect.angle(values, view)
+        phi = self.angles_seen(terms, phi, omega, times[1], rest)
         stacked = np.concatenate([ball[0], ball[1], ball[2], phi], axis=-1)
         return np.where(np.isfinite(stacked), np.clip(stacked, -OUTSIDE, OUTSIDE), OUTSIDE)
+
+    def angles_seen(
+        self,
+        terms: Sequence[BatchTerm],
+        phi: FloatArray,
+        omega: FloatArray,
+        time: FloatArray,
+        rest: tuple[FloatArray, FloatArray] = NOWHERE,
+    ) -> FloatArray:
+        """Angles as the instrument reads them, (K, T, P), rad.
+
+        Parameters
+        ----------
+        phi, omega : (K, T, P) array
+            Where the pendulum is and how fast, rad and rad/s.
+        time : (T, P) or (K, T, P) array
+            On the recording's clock, s.
+        rest : pair of arrays
+            Ball's centre at rest, m; of swings without a ball none.
+        """
+        seen = np.array(phi)
+        for term in terms:
+            if "angle" not in term.effect.hooks:
+                continue
+            at = term.rows
+            values = {name: value[..., None] for name, value in term.values.items()}
+            view = CameraView(
+                time[at] if time.ndim == 3 else time, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+                seen[at], omega[at], _rows(rest[0], at), _rows(rest[1], at), *self.centre, self.arm,
+            )  # fmt: skip
+            seen[at] = term.effect.angle(values, view)
+        return seen
+
+
+def _rows(place: FloatArray, at: slice) -> FloatArray:
+    """A place in the models of a term; one that is the same in all models stands once."""
+    return place[at] if place.shape[0] > 1 else place
 
 
 State = TypeVar("State", Contact, Outcome)

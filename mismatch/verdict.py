@@ -458,6 +458,10 @@ class Doubt(Enum):
     )
     EACH_ITS_OWN = "each trial has values of its own, which take up a part of any misfit"
     UNPROVED = "no trial is kept out of the fit to prove it on"
+    SHAPE_OF_ONE = (
+        "its shape was fitted to one trial, and a shape describes any record: another trial would"
+        " show whether it is a law"
+    )
     KEEPS_TIME = (
         "wide swings take no longer than small ones: so it is with a spring, a torsion wire or a"
         " cycloid, and with angles that are in degrees where phi_rad says radians"
@@ -532,6 +536,8 @@ def pass_gate(
             return Passed("unexplained", doubts=(Doubt.CARRIED,))
         return Passed(kind)
     doubts = [] if kept is not None else [Doubt.UNPROVED]
+    if forward.records.trials == 1 and best.has_unnamed:
+        doubts.append(Doubt.SHAPE_OF_ONE)
     if keeps_time(forward):
         doubts.append(Doubt.KEEPS_TIME)
     if outdone:

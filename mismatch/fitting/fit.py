@@ -680,8 +680,8 @@ def _bridged(states: FloatArray, span: float, rate: float, first: FloatArray) ->
     return states
 
 
-def _read(path: Trajectory, arcs: Arcs, clock: FloatArray) -> FloatArray:
-    """Angles (L, T, P) of all rows, each read in its own piece."""
+def _read(path: Trajectory, arcs: Arcs, clock: FloatArray, component: int) -> FloatArray:
+    """Angles or their rates (L, T, P) of all rows, each read in its own piece."""
     rows = path.states.shape[2]
     trials, pieces = arcs.states.shape[:2]
     step = arcs.span / (path.states.shape[0] - 1)
@@ -690,9 +690,8 @@ def _read(path: Trajectory, arcs: Arcs, clock: FloatArray) -> FloatArray:
     u = place - cell
     column = np.arange(trials)[:, None] * pieces + arcs.index
     row = np.arange(rows)[:, None, None]
-    a, b = path.states[cell, 0, row, column], path.states[cell + 1, 0, row, column]
-    da = path.rates[cell, 0, row, column] * step[:, None]
-    db = path.rates[cell + 1, 0, row, column] * step[:, None]
+    a, b = (path.states[at, component, row, column] for at in (cell, cell + 1))
+    da, db = (path.rates[at, component, row, column] * step[:, None] for at in (cell, cell + 1))
     u2, u3 = u * u, u * u * u
     return np.asarray(
         a * (2 * u3 - 3 * u2 + 1) + da * (u3 - 2 * u2 + u) + b * (3 * u2 - 2 * u3) + db * (u3 - u2)
@@ -716,7 +715,10 @@ def _swung(
     label = forward.records.pendulum_time - forward.records.pendulum_time[:, :1]
     clock = forward.true_time(terms, np.broadcast_to(label, (rows, *label.shape)))
     local = clock - (label - arcs.since)
-    seen = _read(path, arcs, local)
+    with np.errstate(invalid="ignore"):
+        seen = _read(path, arcs, local, 0)
+        if any("angle" in term.effect.hooks for term in terms):
+            seen = forward.angles_seen(terms, seen, _read(path, arcs, local, 1), label)
     ends = np.moveaxis(path.states[-1].reshape(2, rows, trials, pieces), 0, -1)
     return seen, ends
 

@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from mismatch import explain
+from mismatch.fitting.fit import fit_model, free_parameters, kept_free
 from mismatch.fitting.prepare import prepare
-from mismatch.records import Baseline, CampaignRecords
-from physics.bodies import PAPER_PENDULUM
+from mismatch.records import Baseline, CampaignRecords, Trial
+from physics.bodies import GRAVITY, PAPER_PENDULUM
 from physics.effects import Effect, Level, effect_named
 from physics.effects.measurement import (
     BehindTheBall,
@@ -119,3 +121,38 @@ def test_a_push_in_flight_is_told_whatever_draws_the_outlines():
     assert [effect.id for effect in verdict.effects] == ["unnamed"]
     assert verdict.location is not None
     assert verdict.location.phase == "flight"
+
+
+def test_an_axis_elsewhere_is_found_in_free_swings_too():
+    """Paths by scipy, read off about a point beside the axis, as an eccentric disc reads them."""
+    arm, wrong = 0.4, np.array([5e-3, -3e-3])
+    rng = np.random.default_rng(8)
+    time = np.arange(0.0, 5.0, 0.02)
+
+    def rates(_: float, state: np.ndarray) -> list[float]:
+        return [state[1], -GRAVITY / arm * np.sin(state[0]) - 0.02 * state[1]]
+
+    trials = []
+    for number, width in enumerate((1.5, -1.1, 0.8)):
+        path = solve_ivp(rates, (0.0, 5.0), [width, 0.0], "LSODA", time, rtol=1e-9, atol=1e-10)
+        phi = path.y[0]
+        read = np.arctan2(arm * np.sin(phi) - wrong[0], arm * np.cos(phi) + wrong[1])
+        seen = read + rng.normal(0.0, 1e-3, time.size)
+        trials.append(Trial(str(number), np.zeros(0), np.zeros((0, 3)), time, seen))
+    body = replace(PAPER_PENDULUM, length=arm, com=arm, mass=0.5, inertia=0.5 * arm**2)
+    shared = replace(_held(PivotElsewhere(), 0.01), levels=(Level.CAMPAIGN,))
+    baseline = Baseline({}, body, instruments=(shared,))
+    prepared = prepare(CampaignRecords(tuple(trials)), baseline)
+    damped = effect_named("viscous_damping")
+    model = prepared.fit.model.having(damped, damped.neutral)
+    free = (*kept_free(prepared.fit, model), *free_parameters(model, [damped]))
+    start = (prepared.fit.nuisance, prepared.fit.law_offsets)
+    fit = fit_model(prepared.forward, model, free, start)
+    found = {item.parameter.name: fit.value(k) for k, item in enumerate(fit.free)}
+    assert fit.reduced_chi2 < 1.2
+    for name, true in zip(("pivot_x", "pivot_y"), wrong, strict=True):
+        value, std = found[name]
+        # A point off by a share s of the arm is read off to s² in second order.
+        assert value == pytest.approx(true, abs=3.0 * std + 1e-4)
+        assert std < 1e-3
+    assert found["viscous_coefficient"][0] == pytest.approx(0.02 * body.inertia, rel=0.02)
