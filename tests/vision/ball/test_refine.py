@@ -166,6 +166,15 @@ def test_a_size_taken_from_panels_inside_a_faint_rim_is_not_kept() -> None:
     assert np.hypot(*(found.centre - places).T).max() < 0.25
 
 
+def test_along_a_path_where_nothing_is_nothing_is_found() -> None:
+    pictures = [exposed(wall(90, 200), 6.0, seed) for seed in range(24)]
+    filmed = FilmedScene(Footage(PaintedClip(pictures)))  # type: ignore[arg-type]
+    frame, plain = np.arange(8, 15), np.ones(7)
+    places = np.column_stack([30.0 + 12.0 * np.arange(7), 45.0 * plain])
+    path = BallPath(frame, places, 11.0 * plain, plain, plain, plain, plain)
+    assert len(follow_ball(filmed, path)) == 0
+
+
 def test_frames_missed_beside_the_mass_are_fitted_once_the_mass_is_known() -> None:
     clip, centres, angles = struck_ball(80)
     frame = np.setdiff1d(np.arange(80), [36, 37, 38])
