@@ -611,8 +611,8 @@ def _disagreement(
     suspects: tuple[UncertaintySource, ...], estimates: tuple[DepthEstimate, ...]
 ) -> str:
     """Say that the inputs contradict each other, which is likely wrong, and what follows."""
-    listed = ", ".join(f"{e.source} {1e3 * e.value:.0f} ± {1e3 * e.std:.0f} mm" for e in estimates)
-    listed = f" (ball plane in front of the wall: {listed})" if listed else ""
+    told = [f"{1e3 * e.value:.0f} ± {1e3 * e.std:.0f} mm by {e.source}" for e in estimates]
+    listed = f" (how far the ball plane is from the wall: {', '.join(told)})" if told else ""
     if len(suspects) == 1:
         likeliest = f"the likeliest wrong input is: {suspects[0]}, which is left out"
     else:

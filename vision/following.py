@@ -170,7 +170,7 @@ def follow(
         dismissed=_dismissed(seen.picture, choice, capture_fps),
         warnings=tuple(
             cut
-            + _warnings(choice, rest, striker, footage.first)
+            + _warnings(choice, motion.kind, rest, striker, footage.first)
             + seen.warnings
             + _camera_warnings(scene)
         ),
@@ -796,9 +796,14 @@ def _pointer(path: BallPath, first: int) -> str:
     return f"--ball-at {x:.0f},{y:.0f},{path.frame[clearest] + first}"
 
 
-def _warnings(choice: Choice, rest: Rest | None, striker: Striker | None, first: int) -> list[str]:
+_MET = (MotionKind.STRIKE, MotionKind.COLLISION)
+
+
+def _warnings(
+    choice: Choice, kind: MotionKind, rest: Rest | None, striker: Striker | None, first: int
+) -> list[str]:
     said = []
-    if choice.struck:
+    if choice.struck and kind in _MET:
         said.append(
             "Several balls move; the one that lay still and was struck is measured, "
             "the others are listed."

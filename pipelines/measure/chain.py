@@ -54,7 +54,14 @@ from pipelines.measure.motions import (
     rate_by_fall,
     require_upright,
 )
-from pipelines.measure.results import Evaluated, NoScale, Results, needed, results_of
+from pipelines.measure.results import (
+    NO_MOTION,
+    Evaluated,
+    NoScale,
+    Results,
+    needed,
+    results_of,
+)
 from pipelines.setup.file import Setup
 from vision.clip.clip import ClipReader
 from vision.clip.footage import CaptureRate, RateSource, choose_capture_rate
@@ -432,6 +439,8 @@ def fit_tracks(
     scene = replace(scene, calibration=wall.calibration)
     tell("calibrating", 1.0)
     fitted = FittedClip(followed, wall, scene)
+    if tracks.motion.kind is MotionKind.NONE:
+        return replace(fitted, refusal=NO_MOTION)
     if tracks.motion.kind in _NOT_STRUCK:
         seen = f"what is seen is a {tracks.motion.kind.value}, not a strike"
         return replace(fitted, refusal=seen)

@@ -50,6 +50,7 @@ from pipelines.report import Check, CheckKind, CheckOutcome
 from vision.tracks import MotionKind, Tracks
 
 __all__ = [
+    "NO_MOTION",
     "Evaluated",
     "NoScale",
     "Results",
@@ -70,7 +71,7 @@ LONGEST_GAP_S = 0.03
 _PLASTIC = 1.32471795724474602596
 """Real root of x³ = x + 1: steps of 1/x and 1/x² fill a square evenly (Roberts 2018)."""
 _BACKSWING = "backswing_angle"
-_NO_MOTION = "what moves is neither in free flight nor swings to and fro"
+NO_MOTION = "what moves is neither in free flight nor swings to and fro"
 _NOT_BEFORE = "the pendulum is not in view before the strike"
 _FIRST_ANGLES = 8
 """Angles of which the first and each rate are the mean, supposed: 13 ms at 600 frames a second."""
@@ -246,7 +247,7 @@ def results_of(
         checks = []
     if tracks.motion.kind is MotionKind.NONE:
         gravity = Quantity.missing(
-            gravity.name, gravity.unit, f"it needs a flight, and {_NO_MOTION}"
+            gravity.name, gravity.unit, f"it needs a flight, and {NO_MOTION}"
         )
     found = _of_this_motion(found, tracks, wanted)
     return Results(
@@ -283,7 +284,7 @@ def _of_this_motion(
             shown_by = " or a ".join(str(one.value) for one in kinds_of(name))
             seen = f"what is seen is a {kind.value}"
             if kind is MotionKind.NONE:
-                seen = _NO_MOTION
+                seen = NO_MOTION
             item = Quantity.missing(name, unit, f"it needs a {shown_by}, and {seen}")
         out[name] = item
     return out | {name: item for name, item in found.items() if name in _PIXELS}

@@ -511,7 +511,10 @@ def follow_ball(scene: FilmedScene, path: BallPath) -> BallFits:
     fits = search.run(inside, guess, near_look)
     found = BallFits(inside, fits).at(fits.found)
     found = found.at(_plausible(found, search.radius))
-    found = _reached(scene, search, _gaps_filled(search, found, inside))
+    found = _gaps_filled(search, found, inside)
+    if len(found) == 0:
+        return found
+    found = _reached(scene, search, found)
     # Ends that were fitted in the wrong place, and led nowhere, stand right by now.
     further = _reached(scene, search, found)
     found = further if len(further) > len(found) else found

@@ -42,8 +42,9 @@ _TRIAL_FRAMES = 9
 _SHAPE_FRAMES = 40
 """Frames that tell the ball's shape: more hardly average its errors, since neighbours look
 alike."""
-_SHAPE_STEPS = 3
-"""Steps of the shape, supposed: the later ones hardly move it."""
+_SHAPE_STEPS, _SHAPE_SETTLED_PX = 24, 0.02
+"""Steps of the shape at most, supposed, and a step of any outline, px, that is the last: a third of
+what the model itself leaves. Where the rim is faint each step goes but a third of the way."""
 _FEWEST_SHARP = 5
 """Frames: optics and shape of one ball are not told by fewer."""
 _BEGIN_ROUNDS = 6
@@ -130,7 +131,8 @@ def refine_ball(
         shaped = refiner.fit(_evenly(refiner.clear, _SHAPE_FRAMES), 2, shape)
         if len(shaped.frame) < 3:
             return trusted_rows(_calibrated(rough))
-        shape.improve(shaped.fits)
+        if shape.improve(shaped.fits) < _SHAPE_SETTLED_PX:
+            break
     every = np.arange(len(whole.frame))
     refined = shape.improved_by(refiner.fit(every, 2, shape))
     refined = _between(refined, refiner.fit(every, 2, shape, panels=False))
@@ -349,8 +351,11 @@ class _CommonShape:
         # A sphere 45 degrees off the axis at the picture's corner is the most that is expected.
         return np.array([np.inf, 0.25, 0.3, 0.3, 0.25]) * radius
 
-    def improve(self, fits: OutlineFits) -> None:
-        """One Gauss–Newton step on the outlines of many frames, their centres eliminated."""
+    def improve(self, fits: OutlineFits) -> float:
+        """One Gauss–Newton step on the outlines of many frames, their centres eliminated.
+
+        Returns by how much it moves the outline that it moves most, px.
+        """
         radius = self.values[0]
         held = np.diag(self._widths(radius) ** -2.0)
         middle = np.linalg.inv(fits.normal[:, :2, :2] + 1e-9 * np.eye(2))
@@ -364,7 +369,9 @@ class _CommonShape:
         design = self._design(fits.centre)
         normal = held + np.einsum("n,nki,nkl,nlj->ij", weight, design, information, design)
         total = np.einsum("n,nki,nk->i", weight, design, pull) - held @ self.values
-        self.values = self.values + np.linalg.solve(normal + 1e-9 * np.eye(5), total)
+        step = np.linalg.solve(normal + 1e-9 * np.eye(5), total)
+        self.values = self.values + step
+        return float(np.linalg.norm(design @ step, axis=1).max())
 
 
 def _calibrated(fits: BallFits) -> BallFits:

@@ -5,7 +5,9 @@ one level, with soft edges, since codecs store colour coarsely. Its centre is th
 inside which the change is more than half of the thing's own. Where a thing ends is a matter of
 that level when it fades, as a bag about a ball does: the centres at a lower and a higher level say
 how much, and that is stated. What is partly hidden shows an arc of its outline; a circle of the
-size that it has in the other frames is laid through that.
+size that it has in the other frames is laid through that. A ball may be paler where it is lit, and
+what is behind it of another colour above than below: along each ray the outline is where the change
+is half of what it is a little inside there, so that neither moves it to one side.
 
 The colour is that in which what moves stands out: a ball as light as the wall may have another. A
 shadow has no colour of its own and neither has a change of light, so that in colour differences
@@ -92,6 +94,10 @@ _LEVELS = (0.35, 0.5, 0.65)
 """Of a thing's own change: half, and as far below and above it as the middle third of its edge."""
 _SOFT = 0.3
 """Of a thing's own change: over so much a pixel passes from outside to inside, as an edge."""
+_BAND, _BEYOND, _RAY_STEP_PX = (0.15, 0.3), 0.3, 0.25
+"""Radii inside a thing's outline whose median change is its own there, beyond the edge's softness
+and near enough to share its light, supposed; radii outside it that are looked at; and px between
+samples of a ray, a tenth of what codecs leave of an edge in colour."""
 _REACH = 2.2
 """Radii about the guess that are looked at: a streak of two diameters, and what is behind."""
 _CORE = 0.5
@@ -363,14 +369,39 @@ def _silhouette(
     contours = skimage.measure.find_contours(ratio * middle.piece, _LEVELS[1])  # type: ignore[no-untyped-call]
     points = np.concatenate([*contours, np.zeros((0, 2))])[:, ::-1]
     inside = np.all((points > 0.5) & (points < np.array(ratio.shape)[::-1] - 1.5), axis=1)
+    outline = _halfway(ratio, points[inside], middle.centre, middle.wide)
     return _Silhouette(
         middle.centre + corner,
         np.cov(np.array([patch.centre for patch in found]).T),
         middle.narrow,
         middle.wide,
         middle.solid,
-        points[inside] + corner,
+        outline + corner,
     )
+
+
+def _halfway(
+    ratio: FloatImage, outline: FloatArray, centre: FloatArray, radius: float
+) -> FloatArray:
+    """Points near an outline where the change is half of what it is a little inside there."""
+    if len(outline) == 0:
+        return outline
+    away = outline - centre
+    outwards = away / np.maximum(np.hypot(*away.T), 1e-6)[:, None]
+    steps = np.arange(-_BAND[1] * radius, _BEYOND * radius, _RAY_STEP_PX)
+    x, y = np.moveaxis(outline[:, None] + outwards[:, None] * steps[:, None], 2, 0)
+    along = scipy.ndimage.map_coordinates(ratio, [y, x], order=1, cval=np.nan)
+    band = steps <= -_BAND[0] * radius
+    half = _LEVELS[1] * np.median(along[:, band], axis=1)
+    below = (along < half[:, None]) & ~band
+    after, rows = np.argmax(below, axis=1), np.arange(len(outline))
+    # what is nothing a little inside, as before what hides it, has no edge of its own there
+    seen = below.any(axis=1) & (half > _LEVELS[0] * _LEVELS[1])
+    before = np.maximum(after - 1, 0)
+    fall = along[rows, before] - along[rows, after]
+    part = (along[rows, before] - half) / np.where(fall > 0.0, fall, 1.0)
+    found = outline + outwards * (steps[before] + np.clip(part, 0.0, 1.0) * _RAY_STEP_PX)[:, None]
+    return np.asarray(found[seen & np.isfinite(part)])
 
 
 def _patch(ratio: FloatImage, level: float, guess: FloatArray, radius: float) -> _Patch | None:

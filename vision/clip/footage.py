@@ -742,7 +742,16 @@ def _given(fps: float, std: float | None, source: RateSource, info: ClipInfo) ->
         notice = (
             f"The file itself says {told:g} fps, the {source} {fps:g} fps; the {source} is used."
         )
-    return CaptureRate(fps, nominal_rate_std(fps) if std is None else std, source, notice)
+    std = nominal_rate_std(fps) if std is None else std
+    pictures = 0.5 * info.container_fps
+    if info.interlaced and info.container_declares_rate and abs(fps / pictures - 1.0) < 0.005:
+        # that is how many pictures the file holds, and each is two fields taken apart in time
+        fps, std = 2.0 * fps, 2.0 * std
+        notice = (
+            f"The {source} gives the rate of the woven pictures, {0.5 * fps:g} fps; each is two "
+            f"fields, so {fps:g} fields per second are measured."
+        )
+    return CaptureRate(fps, std, source, notice)
 
 
 CLEAR = 8.0

@@ -54,6 +54,7 @@ def test_what_goes_straight_on_is_no_swing_and_gives_no_number(
     assert [item.name for item in found.quantities if item.known] == []
     assert found.motion.kind is MotionKind.NONE
     assert all(item.reason for item in found.quantities)
+    assert not any("was struck" in said for said in found.warnings)
 
 
 def test_where_nothing_is_measured_its_different_reasons_are_told(tmp_path: Path) -> None:

@@ -171,3 +171,12 @@ def test_gravity_is_told_only_of_a_flight(monkeypatch: pytest.MonkeyPatch) -> No
     unseen = told(monkeypatch, lambda tracks: replace(tracks, motion=nothing))["gravity_check"]
     assert unseen.value is None
     assert "it needs a flight" in str(unseen.reason)
+
+
+def test_of_what_is_no_motion_nothing_is_checked_and_no_strike_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    nothing = Motion(MotionKind.NONE, 0.9)
+    found = results(monkeypatch, lambda tracks: replace(tracks, motion=nothing))
+    assert found.checks == ()
+    assert not any(item.known for item in found.quantities)

@@ -127,6 +127,54 @@ def test_seams_and_lines_do_not_draw_the_outline_of_a_ball_that_fills_the_pictur
     assert np.abs(found.radius - radius).max() < 0.15
 
 
+def _spotted(
+    light: NDArray[np.float64], centre: tuple[float, float], radius: float, turn: float
+) -> NDArray[np.float64]:
+    """Put a white ball with dark round panels, turned by an angle, before a scene."""
+    y, x = np.mgrid[0 : light.shape[0], 0 : light.shape[1]].astype(float)
+    x, y = (x - centre[0]) / radius, (y - centre[1]) / radius
+    z = np.sqrt(np.clip(1.0 - x * x - y * y, 0.0, 1.0))
+    dark = np.zeros(light.shape, dtype=bool)
+    for tilt in (-0.8, 0.1, 0.8):
+        for round_ in turn + 0.5 * np.pi * np.arange(4):
+            along = x * np.cos(round_) + y * np.sin(round_)
+            dark |= along * np.cos(tilt) + z * np.sin(tilt) > 0.93
+    part = cover(*light.shape, centre, radius)
+    return np.asarray(with_ball(light, centre, radius, 1.0) * (1.0 - 0.85 * part * dark))
+
+
+def test_a_size_taken_from_panels_inside_a_faint_rim_is_not_kept() -> None:
+    radius, count = 18.0, 36
+    scene, time = wall(90, 420), np.arange(count)
+    places = np.column_stack([40.0 + 9.2 * time, 40.0 + 0.02 * time**2])
+    pictures = [exposed(scene, 6.0, seed) for seed in range(12)]
+    for index, (x, y) in enumerate(places):
+        seen = _spotted(scene, (float(x), float(y)), radius, 0.05 * index)
+        pictures.append(exposed(seen, 6.0, 100 + index))
+    filmed = FilmedScene(Footage(PaintedClip(pictures)))  # type: ignore[arg-type]
+    # its lower rim is where it is, and more of its upper one is taken for a panel's from frame to
+    # frame
+    share = 0.97 - 0.06 * time / count
+    fits = nothing_found(count)
+    fits.found[:], fits.radius[:], fits.contrast[:] = True, share * radius, 0.9
+    fits.centre[:] = places + np.random.default_rng(1).normal(0.0, 0.1, places.shape)
+    fits.centre[:, 1] += (1.0 - share) * radius
+    fits.covariance[:] = 0.01 * np.eye(2)
+    found = refine_ball(filmed, BallFits(12 + time, fits))
+    assert len(found) == count
+    assert np.abs(found.radius - radius).max() < 0.2
+    assert np.hypot(*(found.centre - places).T).max() < 0.25
+
+
+def test_along_a_path_where_nothing_is_nothing_is_found() -> None:
+    pictures = [exposed(wall(90, 200), 6.0, seed) for seed in range(24)]
+    filmed = FilmedScene(Footage(PaintedClip(pictures)))  # type: ignore[arg-type]
+    frame, plain = np.arange(8, 15), np.ones(7)
+    places = np.column_stack([30.0 + 12.0 * np.arange(7), 45.0 * plain])
+    path = BallPath(frame, places, 11.0 * plain, plain, plain, plain, plain)
+    assert len(follow_ball(filmed, path)) == 0
+
+
 def test_frames_missed_beside_the_mass_are_fitted_once_the_mass_is_known() -> None:
     clip, centres, angles = struck_ball(80)
     frame = np.setdiff1d(np.arange(80), [36, 37, 38])

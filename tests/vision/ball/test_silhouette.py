@@ -83,6 +83,40 @@ def test_a_circle_is_laid_through_the_arc_that_a_bar_leaves_in_view() -> None:
     assert np.abs(np.median(off, axis=0)).max() < 1.0
 
 
+@pytest.mark.parametrize("bar", [None, 111.0])
+def test_an_outline_is_halfway_where_the_ball_is_paler(bar: float | None) -> None:
+    radius, time = 20.0, np.arange(20.0)
+    places = np.column_stack([30.0 + 11.0 * time, np.full(20, 100.0)])
+    y = np.mgrid[0:160, 0:290][0].astype(float)
+    wall_ = np.where(y[:, :, None] < 105.0, np.array(BROWN) * 0.5, np.array([0.6, 0.62, 0.63]))
+
+    def painted(place: NDArray[np.float64] | None, seed: int) -> NDArray[np.uint8]:
+        light = wall_.copy()
+        if place is not None:
+            pale = 0.5 * np.clip((place[1] - y) / radius, 0.0, 1.0)[:, :, None]
+            part = cover(160, 290, (place[0], place[1]), radius)[:, :, None]
+            ball = np.array([0.2, 0.5, 0.95]) * (1.0 - pale) + np.array(PALE) * pale
+            light = light * (1.0 - part) + part * ball
+        if bar is not None:
+            light[y > bar] = 0.5, 0.2, 0.2
+        light = 255.0 * cv2.GaussianBlur(light, (0, 0), 0.7)
+        noise = np.random.default_rng(seed).normal(0.0, 1.5, light.shape)
+        return np.clip(light + noise, 0, 255).astype(np.uint8)
+
+    pictures = [painted(None, seed) for seed in range(8)]
+    pictures += [painted(place, 30 + k) for k, place in enumerate(places)]
+    scene = FilmedScene(Footage(PaintedColourClip(pictures)))  # type: ignore[arg-type]
+    blueness, redness = moving_colours(scene)[0]
+    plain = np.ones(20)
+    path = BallPath(8 + time.astype(int), places, radius * plain, plain, plain, plain, plain)
+    found = follow_silhouette(scene.tinted(blueness, redness), path)
+    known = (found.frame >= 8) & (found.frame < 28)
+    off = found.centre[known] - places[found.frame[known] - 8]
+    assert known.sum() >= 18
+    # half of the change in the ball's middle is seen 0.5 px lower, and 0.9 px above the bar
+    assert np.abs(np.mean(off, axis=0)).max() < 0.3
+
+
 def _off(pictures: list[NDArray[np.uint8]], places: NDArray[np.float64]) -> NDArray[np.float64]:
     """How far off the ball is followed, px, in frames from the eighth on in which it is."""
     ball = follow(PaintedColourClip(pictures), 30.0).ball  # type: ignore[arg-type]

@@ -48,6 +48,17 @@ def test_a_nominal_rate_covers_the_broadcast_one(info):
     assert choose_capture_rate(info, 600.0, option_std=0.01).std == 0.01
 
 
+def test_the_rate_of_woven_pictures_is_half_that_of_their_fields(info):
+    woven = replace(info, weave="top_first", container_fps=59.94)
+    of_pictures, of_fields = (choose_capture_rate(woven, rate) for rate in (29.97, 59.94))
+    assert of_pictures.fps == pytest.approx(59.94)
+    assert of_pictures.notice is not None
+    assert of_fields.fps == 59.94
+    assert of_fields.notice is None
+    assert choose_capture_rate(woven, None, 30.0, setup_std=0.01).std == 0.02
+    assert choose_capture_rate(replace(info, container_fps=59.94), 29.97).fps == 29.97
+
+
 @pytest.mark.parametrize("wrong", [0.0, -30.0, float("nan"), float("inf")])
 def test_senseless_rates_are_refused(info, wrong):
     with pytest.raises(UsageError):
