@@ -49,8 +49,8 @@ class Fitted:
     residuals : (N,) array
         Standardised residuals of the data.
     chi2_per_dof : float
-        At least one: from the median absolute residual, so that a few outliers don't count, times
-        the correlation of neighbouring residuals.
+        From the median absolute residual, so that a few outliers don't count, times the correlation
+        of neighbouring residuals; no less than was said of the data.
     jacobian : (N, P) array
         Of the residuals by the parameters.
     centre : (P,) array
@@ -374,7 +374,8 @@ def _chi2(left: FloatArray, parameters: int, channels: int) -> float:
     count = len(left)
     spread = 1.4826 * float(np.median(np.abs(left))) if count else 1.0
     share = count / max(count - parameters, 1)
-    return max(max(spread**2, 1.0) * share * _correlation(left, channels), 1.0)
+    # what scatters less than was said has room for errors that last over several frames
+    return max(spread**2 * _correlation(left, channels), 1.0) * share
 
 
 def _correlation(left: FloatArray, channels: int) -> float:

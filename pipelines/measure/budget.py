@@ -7,6 +7,7 @@ fit has no smooth optimum; it remains as the check.
 What follows from a fitted impact: speeds, angle, landing, restitution (Eqs 2, 7-10, 17, 18).
 """
 
+import math
 from collections.abc import Callable, Container
 from dataclasses import dataclass, replace
 from enum import StrEnum
@@ -18,6 +19,7 @@ import scipy
 from numpy.typing import NDArray
 
 from calib.calibration import Calibration
+from calib.solve import LOG_FOCAL_STD
 from metrology import Contribution, Defaults, MeasurementError, UncertaintySource
 from physics.bodies import Pendulum
 from pipelines.measure.checks import (
@@ -507,7 +509,7 @@ class ClipConditions:
     roll_rad, slant_rad : float
         How far the camera is turned about its axis, and about the vertical, where there is none.
     lens : SupposedLens or None
-        What a lens that nobody named is supposed to be, there; it hangs on nothing that is moved.
+        What a lens that nobody named is supposed to be, there.
     metres_per_px : (2,) tuple of float or None
         Scale in the plane of motion that somebody gives, with its standard uncertainty.
     zero_rad, zero_std_rad : float
@@ -550,7 +552,8 @@ class ClipConditions:
     @property
     def _moved_by(self) -> tuple[object, ...]:
         turned = self.roll_rad, self.slant_rad, self.zero_rad
-        return (self.scale, *turned, self.metres_per_px, self.pivot_px)
+        focal = None if self.lens is None else self.lens.focal_px
+        return (self.scale, *turned, self.metres_per_px, self.pivot_px, focal)
 
 
 def values_after_move(
@@ -739,6 +742,11 @@ def _moved(
         aslant = share * scene.slant_std_rad
         sides = (replace(scene, slant_rad=side) for side in (aslant, -aslant))
         move(UncertaintySource.CAMERA_SLANT, *sides)
+        if scene.lens is not None:
+            usual, longer = scene.lens, math.exp(share * LOG_FOCAL_STD)
+            lenses = (usual.focal_px * longer, usual.focal_px / longer)
+            sides = (replace(scene, lens=replace(usual, focal_px=focal)) for focal in lenses)
+            move(UncertaintySource.LENS_UNKNOWN, *sides)
         if np.isfinite(scale_std):
             by_ball = scene.metres_per_px is None
             source = UncertaintySource.BALL_DIAMETER if by_ball else UncertaintySource.SCALE

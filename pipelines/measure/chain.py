@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from calib.calibration import Calibration, ContradictionError
 from calib.grid import WallGrid
-from calib.solve import Solved
+from calib.solve import LOG_FOCAL_STD, Solved
 from metrology import CalibrationError, MeasurementError, UncertaintySource
 from metrology.compiled import with_room
 from pipelines.cache import Cache, clip_digest
@@ -623,11 +623,15 @@ def _plane_scale(scene: ClipConditions, tracks: Tracks, wall: "WallScene") -> Pl
     if scene.inputs.ball is None or wall.refusal.contradicts:
         return None
     ball = applicable(tracks)
-    radius = float(np.median(ball.radius_px))
-    scatter = 1.4826 * float(np.median(np.abs(ball.radius_px - radius)))
+    lens = scene.lens or _supposed(tracks)
+    across = lens.across(ball.centre_px, ball.radius_px)
+    radius = float(np.median(across))
+    scatter = 1.4826 * float(np.median(np.abs(across - radius)))
+    # what a sphere is longer by goes as the square of the focal length
+    longer = 2.0 * LOG_FOCAL_STD * (float(np.median(ball.radius_px)) / radius - 1.0)
     diameter = scene.inputs.rig.ball_diameter
     assert diameter is not None
-    share = np.hypot(diameter.relative_std, np.hypot(radius_share(ball), scatter / radius))
+    share = np.linalg.norm([diameter.relative_std, radius_share(ball), scatter / radius, longer])
     per_px = 0.5 * diameter.value / radius
     return PlaneScale(per_px, float(share), UncertaintySource.BALL_DIAMETER)
 
@@ -742,12 +746,12 @@ def _in_metres(scene: ClipConditions, times: FloatArray, tracks: Tracks) -> Metr
         first, last = tracks.rest_frames
         first_row, end_row = np.searchsorted(ball.frame, [first, last + 1])
         still = slice(first_row, max(end_row, first_row + 1))
-    radius = float(np.median(ball.radius_px))
-    per_px = diameter / (2 * radius)
+    lens = scene.lens or _supposed(tracks)
+    across = float(np.median(lens.across(ball.centre_px, ball.radius_px)))
+    per_px = diameter / (2 * across)
     if scene.metres_per_px is not None:
         per_px = scene.metres_per_px[0]
-    rest = np.median(ball.centre_px[still], axis=0)
-    lens = scene.lens or _supposed(tracks)
+    rest = np.median(lens.centres(ball.centre_px[still], across), axis=0)
     usual = np.median(ball.centre_px, axis=0)
     shortened = lens.foreshortening(usual, scene.slant_rad)
     scale = BallScale(
@@ -758,6 +762,7 @@ def _in_metres(scene: ClipConditions, times: FloatArray, tracks: Tracks) -> Metr
         float(np.sin(scene.slant_rad)) / (shortened * lens.focal_px),
         shortened,
         lens,
+        across,
     )
     return tracks_in_metres(tracks, scale, times, scene.zero_rad, scene.pivot_px)
 

@@ -868,7 +868,8 @@ def _seen_offset(tracks: MetricTracks, inputs: Inputs) -> tuple[float, float]:
         float(np.hypot(tracks.edge_offset_std_m, outside_std)),
     )
     if tracks.spherical:
-        return seen, seen_std
+        # the line of sight to a sphere's edge touches it behind or before the plane of its middle
+        return seen / math.hypot(1.0, tracks.face_slant or 0.0), seen_std
     ahead, ahead_std = _edge_before_face(tracks, inputs)
     return seen - ahead, float(np.hypot(seen_std, ahead_std))
 

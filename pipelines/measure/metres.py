@@ -82,6 +82,9 @@ class PlaneMapping(Protocol):
     def point(self, px: FloatArray) -> FloatArray:
         """Points (..., 2) of the ball plane behind pixels."""
 
+    def across(self, px: FloatArray, radius_px: FloatArray) -> float:
+        """Radius of a ball with outlines centred on pixels (N, 2) and as large (N,), m."""
+
     def eye(self) -> FloatArray | None:
         """Where the camera stands: x, y and distance from the ball plane; None if unknown."""
 
@@ -107,6 +110,11 @@ class CameraMapping:
         """Points of the ball plane behind pixels."""
         c = self.calibration
         return np.asarray(c.grid_camera.to_plane(px, c.ball_plane_offset) + c.origin)
+
+    def across(self, px: FloatArray, radius_px: FloatArray) -> float:
+        """Radius of a ball with outlines centred on pixels (N, 2) and as large (N,), m."""
+        guess = _shortest_reach(self, np.median(px, axis=0), float(np.median(radius_px)))
+        return guess * float(np.median(radius_px / self.calibration.outline_radius(px, guess)))
 
     def eye(self) -> FloatArray:
         """Where the camera stands: x, y and distance from the ball plane."""
@@ -142,6 +150,23 @@ class SupposedLens:
     focal_px: float
     slant_std_rad: float
 
+    def across(self, px: FloatArray, radius_px: FloatArray) -> FloatArray:
+        """Radii (N,) square to the line from the middle, of outlines centred on pixels (N, 2).
+
+        Off the axis a sphere is seen longer, not wider: its width is what a thing in its plane has.
+        """
+        off_axis = np.hypot(*(px - self.middle_px).T) / self.focal_px
+        return np.asarray(radius_px * 2.0 / (1.0 + np.hypot(1.0, off_axis)))
+
+    def centres(self, px: FloatArray, across_px: float) -> FloatArray:
+        """Where the middles of spheres as wide are whose outlines are centred on pixels (N, 2).
+
+        With half the angle α that it fills, a sphere at θ off the axis is seen from tan(θ - α) to
+        tan(θ + α): the middle of the two is tan θ (1 + tan² α / cos² θ), but for α⁴.
+        """
+        further = 1.0 + (across_px / self.focal_px) ** 2
+        return np.asarray(self.middle_px + (px - self.middle_px) / further)
+
     def foreshortening(self, px: FloatArray, slant_rad: float) -> float:
         """Part of a length along the rows that is left at a point, where the plane recedes so."""
         off_axis = float(px[0] - self.middle_px[0]) / self.focal_px
@@ -169,6 +194,8 @@ class BallScale:
         Part of a length along the rows that is left where such a camera sees it.
     lens : SupposedLens or None
         What tells where such a camera about stands.
+    across_px : float
+        Radius of the ball's outline, square to the line from the middle of the picture.
     """
 
     metres_per_px: float
@@ -178,10 +205,12 @@ class BallScale:
     growth_per_px: float = 0.0
     foreshortening: float = 1.0
     lens: SupposedLens | None = None
+    across_px: float = 0.0
 
     def ball(self, px: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Ball centres and covariances."""
-        return self.point(px), covariance * self.metres_per_px**2
+        centre = px if self.lens is None else self.lens.centres(px, self.across_px)
+        return self.point(centre), covariance * self.metres_per_px**2
 
     def point(self, px: FloatArray) -> FloatArray:
         """Points of the ball plane behind pixels."""
@@ -195,6 +224,11 @@ class BallScale:
         x, y = np.moveaxis(px - self.usual_px, -1, 0)
         along = (x + self.growth_per_px * x * x) / self.foreshortening
         return np.stack([along, y * (1 + self.growth_per_px * x)], -1)
+
+    def across(self, px: FloatArray, radius_px: FloatArray) -> float:
+        """Radius of a ball with outlines centred on pixels (N, 2) and as large (N,), m."""
+        wide = radius_px if self.lens is None else self.lens.across(px, radius_px)
+        return _shortest_reach(self, np.median(px, axis=0), float(np.median(wide)))
 
     def eye(self) -> FloatArray | None:
         """Where a camera square to the plane stands, behind its lens's middle."""
@@ -338,7 +372,7 @@ def tracks_in_metres(
     swing = _swing(tracks.pendulum, mapping, direction, zero_rad, np.array(pivot_moved_px))
     pendulum = tracks.pendulum
     rest = np.median(position[still], axis=0)
-    radius = _apparent_radius(tracks, mapping)
+    radius = mapping.across(ball.centre_px, ball.radius_px)
     scale = radius / float(np.median(ball.radius_px))
     eye = mapping.eye()
     eye = None if eye is None else eye * np.append(flip, 1.0)
@@ -410,9 +444,8 @@ def supposed_lens(ball: Track, shape: tuple[int, int]) -> SupposedLens:
     focal = FOCAL_OVER_WIDTH * width
     middle = 0.5 * np.array([width - 1.0, height - 1.0])
     offset = (ball.centre_px - middle) / focal
-    # a sphere off the axis is seen longer, not wider
-    radius = ball.radius_px * 2.0 / (1.0 + np.hypot(1.0, np.hypot(*offset.T)))
     usual = SupposedLens(middle, focal, Defaults.CAMERA_SLANT.std)
+    radius = usual.across(ball.centre_px, ball.radius_px)
     spread = float(offset[:, 0].std())
     if len(radius) < _INDEPENDENT or spread == 0.0:
         return usual
@@ -434,14 +467,13 @@ def supposed_lens(ball: Track, shape: tuple[int, int]) -> SupposedLens:
     return replace(usual, slant_std_rad=math.sqrt(max(usual.slant_std_rad**2, excess)))
 
 
-def _apparent_radius(tracks: Tracks, mapping: PlaneMapping) -> float:
-    """Radius of the outline in the ball plane, square to the line of sight, m.
+def _shortest_reach(mapping: PlaneMapping, px: FloatArray, radius_px: float) -> float:
+    """How far so many pixels reach in the ball plane along the way in which they reach least, m.
 
     A camera aslant stretches the plane one way; a ball looks as large from there as from anywhere.
     """
-    centre = np.median(tracks.ball.centre_px, axis=0)
-    reach = float(np.median(tracks.ball.radius_px)) * np.eye(2)
-    across = 0.5 * (mapping.point(centre + reach) - mapping.point(centre - reach))
+    reach = radius_px * np.eye(2)
+    across = 0.5 * (mapping.point(px + reach) - mapping.point(px - reach))
     return float(np.linalg.svd(across, compute_uv=False)[-1])
 
 

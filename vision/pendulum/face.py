@@ -570,7 +570,9 @@ def find_face(
         if found is not None:
             break
     cut = _cut_out_front(body, mass.patch, radius)
-    if found is None or not found.edge_std < cut.edge_std < _APART * radius:
+    # what does not move with the piece is smeared over the frames: no two rims are told apart in it
+    apart = cut.edge_std >= _APART * radius
+    if found is None or found.edge_std >= cut.edge_std or (apart and found.middle is None):
         found = cut
 
     def picture_px(ahead: float) -> FloatArray:
@@ -665,11 +667,15 @@ class _Look:
         if not inside.any():
             return None
         side = float(np.median(profile[inside]))
-        covered = np.abs(profile - 1.0) > 0.5 * abs(side - 1.0)
-        wall = np.flatnonzero((place > 0) & ~covered)
+        bare = (np.abs(profile - 1.0) <= 0.5 * abs(side - 1.0))[place > 0]
+        wall = np.flatnonzero(bare)
         if abs(side - 1.0) < _LEAST_CONTRAST or len(wall) == 0:
             return None
-        return float(place[wall[0]]) - 0.5 * _STEP_PX
+        # from light to dark a profile passes the wall's light without being wall
+        wide = int(np.ceil(max(_WALL * self.radius, _LEAST_WALL_PX) / _STEP_PX))
+        lasting = [first for first in wall if bare[first : first + wide].all()]
+        wall = np.array(lasting) if lasting else wall
+        return float(place[place > 0][wall[0]]) - 0.5 * _STEP_PX
 
 
 def _at(picture: FloatImage, spot: FloatArray) -> FloatArray:

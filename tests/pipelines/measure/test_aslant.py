@@ -1,15 +1,17 @@
 """Scales without a grid: what a camera that looks aslant may do to them."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from calib.solve import LOG_FOCAL_STD
 from metrology import Defaults, UncertaintySource
 from pipelines.measure.budget import ClipConditions, systematic_budget
 from pipelines.measure.inputs import gather_inputs
-from pipelines.measure.metres import BallScale, supposed_lens
+from pipelines.measure.metres import BallScale, SupposedLens, supposed_lens
 from pipelines.setup.file import Setup
 from vision.clip.footage import CaptureRate, RateSource
 from vision.tracks import Track
@@ -111,3 +113,49 @@ def test_lengths_off_the_axis_of_a_camera_aslant_are_as_long_as_they_are(yaw_deg
     near = slice(14, 27)
     along = np.ptp(scale.point(ball.centre_px[near])[:, 0])
     assert along == pytest.approx(0.9 * 12 / 39, rel=0.01)
+
+
+LENS = SupposedLens(np.array([223.5, 119.5]), 560.0, Defaults.CAMERA_SLANT.std)
+
+
+def test_a_ball_off_the_axis_is_where_it_is_and_as_large_as_it_is() -> None:
+    # outlines of balls of 0.11 m, 3.5 m away: rays that touch them, cut by the picture
+    place = np.column_stack([np.linspace(-1.2, -0.6, 7), np.linspace(-0.3, 0.4, 7)])
+    away = np.hypot(np.hypot(*place.T), 3.5)
+    opening, off_axis = np.arcsin(0.11 / away), np.arccos(3.5 / away)
+    ends = np.tan(off_axis + opening), np.tan(off_axis - opening)
+    outwards = place / np.hypot(*place.T)[:, np.newaxis] * [1.0, -1.0]
+    outline = LENS.middle_px + 560.0 * 0.5 * (ends[0] + ends[1])[:, np.newaxis] * outwards
+    long, short = 0.5 * (ends[0] - ends[1]), np.tan(opening) / np.cos(off_axis)
+    radius = 560.0 * 0.5 * (long + short)
+    across = LENS.across(outline, radius)
+    assert across == pytest.approx(np.full(7, 560.0 * 0.11 / 3.5), rel=2e-3)
+    middle = LENS.middle_px + 560.0 * place / 3.5 * [1.0, -1.0]
+    assert np.abs(outline - middle).max() > 0.1
+    assert LENS.centres(outline, float(across[0])) == pytest.approx(middle, abs=0.01)
+    rest = LENS.centres(outline[:1], float(across[0]))[0]
+    scale = BallScale(0.11 / float(across[0]), rest, rest, lens=LENS, across_px=float(across[0]))
+    seen, _ = scale.ball(outline, np.zeros((7, 2, 2)))
+    assert seen == pytest.approx(place - place[0], abs=1e-3)
+    assert scale.across(outline, radius) == pytest.approx(0.11, rel=2e-3)
+    # taken for circles about their middles, the same balls make all lengths too short
+    assert float(np.median(radius)) / float(np.median(across)) > 1.01
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_lens_that_nobody_named_counts_by_the_worse_of_a_longer_and_a_shorter_one(
+    side: float,
+) -> None:
+    inputs = gather_inputs(Setup(), "jokku", None)
+    rate = CaptureRate(600.0, 0.0, RateSource.OPTION)
+    scene = ClipConditions(inputs, rate, None, lens=LENS)
+
+    def values(moved: ClipConditions) -> NDArray[np.float64]:
+        assert moved.lens is not None
+        longer = math.log(moved.lens.focal_px / LENS.focal_px)
+        return np.array([5.0 + (3.0 if side * longer > 0 else 1.0) * longer])
+
+    column = systematic_budget(scene, values, np.inf)[UncertaintySource.LENS_UNKNOWN]
+    assert column[0] == pytest.approx(3.0 * LOG_FOCAL_STD)
+    longer = replace(scene, lens=replace(LENS, focal_px=2.0 * LENS.focal_px))
+    assert not longer.places_as(scene)

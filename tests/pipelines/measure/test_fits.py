@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.signal
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
@@ -151,6 +152,25 @@ def test_noise_larger_than_claimed_widens_the_uncertainty() -> None:
     seen = np.random.default_rng(5).normal(0.0, 3.0, len(at))
     found = fit(lambda v: v[0] + v[1] * at - seen, [0.0, 0.0])
     assert found.chi2_per_dof == pytest.approx(9.0, rel=0.35)
+
+
+def lasting_noise(spread: float) -> np.ndarray:
+    """Noise of which each value keeps nine tenths of the last, (400,)."""
+    fresh = np.random.default_rng(6).normal(0.0, spread * np.sqrt(1.0 - 0.9**2), 400)
+    return np.asarray(scipy.signal.lfilter([1.0], [1.0, -0.9], fresh))
+
+
+def test_errors_that_last_count_by_their_own_size_and_no_less_than_was_claimed() -> None:
+    at = np.linspace(-1.0, 1.0, 400)
+
+    def misfit(spread: float) -> float:
+        seen = lasting_noise(spread)
+        return fit(lambda v: v[0] + v[1] * at - seen, [0.0, 0.0]).chi2_per_dof
+
+    assert misfit(0.1) == pytest.approx(1.0, abs=0.02)
+    # (1 + 0.9) / (1 - 0.9) frames are worth one
+    assert 5.0 < misfit(1.0) < 19.0 * 1.5
+    assert misfit(0.5) == pytest.approx(0.25 * misfit(1.0), rel=0.05)
 
 
 def test_a_prior_holds_what_the_data_leave_open() -> None:

@@ -206,11 +206,13 @@ def test_a_transfer_curve_that_widens_all_outlines_does_not_lengthen_the_contact
     scene, shot = known_stroke("jokku", 60.0)
     ideal = ideal_tracks(scene, shot, Noise())
     outside = 0.0015
+    assert ideal.face_slant is not None
     wide = replace(
         ideal,
         bob_arm_m=0.5,
         eye_m=np.array([0.8, -0.1, 3.5]),
-        edge_offset_m=ideal.middle_offset_m + outside,
+        # the ray that touches a sphere crosses the plane of its middle beyond it
+        edge_offset_m=ideal.middle_offset_m * np.hypot(1.0, ideal.face_slant) + outside,
         edge_offset_std_m=5e-4,
         radius_m=ideal.radius_m + outside,
     )
@@ -221,6 +223,18 @@ def test_a_transfer_curve_that_widens_all_outlines_does_not_lengthen_the_contact
     blind, sure = measured(replace(wide, by_the_wall=False), "jokku")
     assert blind["contact_time"] > true + 0.4 / 600.0
     assert std["contact_time"] > 1.2 * sure["contact_time"]
+
+
+def test_a_bob_seen_aslant_strikes_with_its_own_radius() -> None:
+    scene, shot = known_stroke("jokku", 60.0)
+    ideal = ideal_tracks(scene, shot, Noise())
+    lead, slant = ideal.middle_offset_m, -0.4
+    bob = replace(ideal, bob_arm_m=0.5, face_slant=slant, edge_offset_std_m=5e-4)
+    # the ray that touches a sphere crosses the plane of its middle beyond it
+    seen = replace(bob, edge_offset_m=lead * np.hypot(1.0, slant))
+    assert seen.edge_offset_m - lead > 0.001
+    found, _ = measured(seen, "jokku")
+    assert found["contact_time"] == pytest.approx(truth(shot)["contact_time"], abs=0.25 / 600.0)
 
 
 def test_a_contact_that_no_such_ball_can_have_is_withheld_and_a_doubtful_one_drawn_in() -> None:

@@ -125,7 +125,7 @@ def test_where_the_mass_is_hardly_seen_after_the_contact_the_flight_alone_is_tol
         swing, rest = tracks.pendulum, tracks.rest_frames
         assert swing is not None
         assert rest is not None
-        unsure = np.where(swing.track.frame > rest[1], 100.0, 1.0) * swing.angle_std_rad
+        unsure = np.where(swing.track.frame > rest[1], 200.0, 1.0) * swing.angle_std_rad
         stray = np.random.default_rng(3).normal(0.0, 1.0, len(unsure))
         return replace(
             tracks,

@@ -24,8 +24,9 @@ HEIGHT, WIDTH, RADIUS = 104, 168, 11.0
 class Make:
     """How a pendulum looks: half sizes of its mass (round where they are equal and `round`), px.
 
-    A shadow of somebody out of view may sweep over the wall: what part of the light it takes, where
-    it is at the strike, px, and how far it goes in a frame.
+    Its face may be seen as a strip: how wide, px, and its light. A shadow of somebody out of view
+    may sweep over the wall: what part of the light it takes, where it is at the strike, px, and how
+    far it goes in a frame.
     """
 
     half: tuple[float, float] = (8.0, 8.0)
@@ -38,6 +39,7 @@ class Make:
     rate: float = 0.03
     swings: bool = True
     swept: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    strip: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,13 @@ def _with_mass(light: FloatArray, make: Make, view: FloatArray, angle: float) ->
         )
     width = make.rod * side
     bar = np.array([width, -width, make.arm * down - width, make.arm * down + width])
-    for shape, shade in ((bar, 0.4), (middle + ring, make.light)):
+    rear, shade_of_strip = 1.0 - make.strip[0] / wide, make.strip[1]
+    strip = np.array(
+        [a * wide * side + b * tall * down for a, b in ((1, 1), (rear, 1), (rear, -1), (1, -1))]
+    )
+    shapes = [(bar, 0.4), (middle + ring, make.light)]
+    shapes += [(middle + strip, shade_of_strip)] if make.strip[0] > 0.0 else []
+    for shape, shade in shapes:
         part = _covered(pivot + shape @ view.T)
         if make.round and shape is not bar:
             # a bob lit from above: its shading stays as it swings

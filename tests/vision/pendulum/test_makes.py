@@ -9,6 +9,7 @@ from tests.vision.pendulum.swinging import STRIKE, Filmed, Make, filmed
 from vision.pendulum.arc import sampled
 from vision.pendulum.face import Striking, find_face, restitution_px
 from vision.pendulum.search import Striker, find_striker
+from vision.scene import Backdrop, scene_before_strike
 
 ROUND = Make(half=(6.0, 6.0), round=True, rod=0.7, light=0.3)
 LATE = Make(pivot=(26.0, 12.0), rate=0.025)
@@ -129,3 +130,22 @@ def test_a_face_whose_edge_does_not_stand_out_is_where_the_piece_ends(beside: fl
     assert abs(lead - 8.0) < 2.0 * face.edge_std_px
     # what hangs far from the ball's height may be a part of what strikes it
     assert face.edge_std_px == pytest.approx((0.5 if beside else 0.2) * radius, rel=0.1)
+
+
+@pytest.mark.parametrize("beside", [0.0, 60.0])
+def test_a_face_that_moves_with_what_is_followed_is_seen_on_a_mass_of_nearly_the_walls_light(
+    beside: float,
+) -> None:
+    # from a brighter side to a darker face the profile passes the wall's own light
+    film = filmed(Make(light=0.95, strip=(3.0, 0.15)))
+    found = struck(filmed(Make()))
+    # an arm may be followed in the place of its mass, and end above the ball
+    patch = replace(found.mass.patch, y=found.mass.patch.y - beside)
+    radius = float(np.median(film.ball.radius))
+    before = Backdrop(film.scene, scene_before_strike(film.scene, film.rest, radius), radius)
+    face = find_face(film.scene, replace(found.mass, patch=patch), film.rest, radius, before)
+    assert face.middle_px is not None
+    angle = film.angle[face.frame]
+    axis = np.array([np.cos(angle), -np.sin(angle)])
+    assert float((face.middle_px - film.middle[face.frame]) @ axis) == pytest.approx(6.5, abs=0.25)
+    assert face.middle_std_px < 0.3
