@@ -12,11 +12,13 @@ from metrology import NotFoundError
 from metrology.compiled import side_by_side
 from vision.ball.ball import SMALL_RADIUS, BallFits, follow_ball, trusted_rows
 from vision.ball.choice import (
+    LEFT_AS_ONE,
     BallPath,
     Choice,
     cast_by,
     choose_ball,
     described,
+    encloses,
     lay_before,
     link_circles,
     path_score,
@@ -25,6 +27,7 @@ from vision.ball.choice import (
     untangled,
 )
 from vision.ball.circles import Circles, find_circles
+from vision.ball.leaving import discs_along, left_at_last
 from vision.ball.refine import refine_ball
 from vision.ball.silhouette import follow_silhouette, moving_colours
 from vision.clip.footage import Footage
@@ -80,6 +83,8 @@ _TELLING = 10.0
 _FEWEST_STILL = 5
 """Frames at rest that a scene as the clip begins must show: what goes on from the first frame to
 the last, as a pendulum does, is seen no better in it."""
+_LEFT_TRIED = 3
+"""Things that left that are followed at most: a ball and shadows of it are among the first."""
 _AS_GOOD = 0.5
 """Share of the score of what is unclear in gray from which what is clear in colour is taken."""
 _SHADE_LOOKS, _INNER_PART, _FEWEST_SHADED, _LEAST_LIT = 7, 0.6, 8, 8.0
@@ -415,15 +420,72 @@ def _seen(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Se
     other whole: it leaves a whole outline there, which tells where it lay.
     """
     best = _seen_against(scene, at)
-    if best is not None and (at is not None or not best.doubtful):
+    if at is not None:
         return best
+    if best is not None and not best.doubtful:
+        return _whole_of(best) or best
     begun = scene.as_it_began()
     found = None if begun is None else _seen_in_gray(begun, at)
     if found is not None and (best is None or found.outdoes(best)):
         best = found
+    left = _seen_leaving(scene, best)
+    if left is not None and (best is None or left.outdoes(best)):
+        best = left
     if best is not None and best.only_dims:
         return _what_casts(best) or best
     return best
+
+
+def _seen_leaving(scene: FilmedScene, best: "_Seen | None") -> "_Seen | None":
+    """What lay still and left as one, whether its outline was seen or not."""
+    begun = scene.as_it_began() or scene
+    found = [_followed_whole(scene, path, best) for path in left_at_last(begun)[:_LEFT_TRIED]]
+    return _most_lawful([seen for seen in found if seen is not None and not seen.only_dims])
+
+
+def _whole_of(seen: "_Seen") -> "_Seen | None":
+    """What a thing that lay still and left is a part of, if that left as lawfully."""
+    course, rough = seen.course, seen.rough
+    if seen.tinted is not None or min(course.still, course.moving) < _FEWEST_STILL:
+        return None
+    begun = seen.scene.as_it_began() or seen.scene
+    discs = discs_along(begun, rough.frame, rough.centre, float(np.median(rough.radius)))
+    enclosing = [path for path in discs if encloses(path, seen.choice.ball)][:_LEFT_TRIED]
+    found = [_followed_whole(seen.scene, path, seen) for path in enclosing]
+    whole = _most_lawful([one for one in found if one is not None and not one.only_dims])
+    if whole is None or whole.like_a_bob:
+        return None
+    size = float(np.median(whole.rough.radius))
+    return whole if whole.course.evidence(size) > course.evidence(size) - _TELLING else None
+
+
+def _followed_whole(scene: FilmedScene, path: BallPath, best: "_Seen | None") -> "_Seen | None":
+    """Follow what left as one, against the scene that shows more of its course."""
+    begun = scene.as_it_began()
+    found, known = [], {}
+    for against in (scene,) if begun is None else (begun, scene):
+        before = against.known
+        rough = _followed_back(against, path, follow_ball(against, path))
+        if len(rough) >= _FEWEST_ROWS:
+            lone = Choice(path, (), False, reasons=(LEFT_AS_ONE,))
+            choice = lone if best is None else best.choice.of_whole(path)
+            found.append(_Seen(against, None, choice, rough))
+            known[id(against)] = against.known
+        against.restore(before)
+    seen = _most_lawful(found)
+    if seen is None:
+        return None
+    seen.scene.restore(known[id(seen.scene)])
+    return replace(seen, only_dims=_only_dims(seen.scene, seen))
+
+
+def _most_lawful(found: list["_Seen"]) -> "_Seen | None":
+    """The one that a rest and a law explain best."""
+    return max(
+        found,
+        key=lambda seen: seen.course.evidence(float(np.median(seen.rough.radius))),
+        default=None,
+    )
 
 
 def _seen_against(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Seen | None:

@@ -437,10 +437,6 @@ _ANY, _UNDER, _PLUMB = 0.1, 0.6, 0.3
 _EVENLY, _BRAKED, _DOWNHILL, _HELD = 0.45, 0.3, 0.15, 0.1
 """Supposed, each sums to one; twice as much of one is a factor of two in the odds at most."""
 
-_HELD_ASLANT = 0.5
-"""rad: how far from upright the pull on a bob is that passes its lowest point, one standard
-deviation: a swing of 30° to either side."""
-
 _ARC_LESS_PARABOLA = 1.0 / (3.0 * 175.0**0.5)
 """Of S³/L²: root mean square of what a parabola leaves of an arc of radius L, S to either side of
 its middle: the s³/6L² by which its chord is shorter, less the straight part of that."""
@@ -511,17 +507,30 @@ class _Flight:
     bends: "_Bend"
     falls: float = 0.5
 
+    @property
+    def held(self) -> float:
+        """Probability that it is held from above, as a bob is, if it does not fall."""
+        bends = self.bends
+        every = bends.straight + bends.other * _BENT / _NOT_BENT
+        return float(np.clip(bends.held / max(every, np.finfo(float).tiny), 0.0, _MOST_CERTAIN))
+
 
 @dataclass(frozen=True)
 class _Bend:
-    """How likely an acceleration is of what falls, rolls, or is bent by anything else.
+    """How likely an acceleration is of what falls, rolls, is held, or is bent by anything else.
 
     In units of the likelihood at its best estimate.
     """
 
     falling: float
     rolling: float
+    held: float
     other: float
+
+    @property
+    def straight(self) -> float:
+        """Of what does not fall, and is bent by nothing else."""
+        return self.rolling + self.held
 
 
 def motion_of(
@@ -572,9 +581,13 @@ def motion_of(
         met = _exchanged(ball, rest_frames, striker)
         if not pendulum or rest_frames is None:
             # What a pendulum meets at rest may roll as well as fly, and so may a ball met by one.
-            otherwise = 1.0 - (flight.falls if met is None else met)
-            rolls = flight.log_evidence + float(np.log(otherwise))
+            otherwise = flight.log_evidence + math.log(1.0 - (flight.falls if met is None else met))
+            held = flight.held if rest_frames is None else 0.0
+            rolls = otherwise + math.log1p(-held)
             log_evidence[MotionKind.NONE] = float(np.logaddexp(straight, rolls))
+            if held > 0.0:
+                swings = otherwise + math.log(held)
+                log_evidence[MotionKind.SWING] = float(np.logaddexp(swing, swings))
         for kind, odds, reason in _beginnings(flight, rest_frames, pendulum, met):
             log_evidence[kind] = flight.log_evidence + float(np.log(odds))
             reasons[kind] = (reason,)
@@ -631,14 +644,16 @@ def _flight(moving: Track, scatter: float, area: float) -> _Flight | None:
         return None
     whole = sum(arc.log_evidence for arc in arcs)
     telling = [arc for arc in arcs if arc.log_evidence > _TELLING] or arcs[:1]
-    none = _mixed(telling, [arc.bends.rolling for arc in telling])
+    none = _mixed(telling, [arc.bends.straight for arc in telling])
     likely = [_if_falls_as(arc, telling) for arc in telling]
     upright = float(np.sum(likely))
     falls = upright / max(upright + none, np.finfo(float).tiny)
     falls = float(np.clip(falls, 1.0 - _MOST_CERTAIN, _MOST_CERTAIN))
     best = telling[int(np.argmax(likely))]
     if falls > 0.5:
-        alike = [arc for arc in telling if _as(arc, best) > max(arc.bends.rolling, arc.bends.other)]
+        alike = [
+            arc for arc in telling if _as(arc, best) > max(arc.bends.straight, arc.bends.other)
+        ]
         best = max([*alike, best], key=lambda arc: arc.log_evidence)
     else:
         best = arcs[0]
@@ -650,7 +665,7 @@ def _if_falls_as(arc: _Flight, arcs: list[_Flight]) -> float:
     others = [one for one in arcs if one is not arc]
     alike = [_FALLS_TOO * _as(one, arc) for one in others]
     straight = [
-        same + (1.0 - _FALLS_TOO) * one.bends.rolling
+        same + (1.0 - _FALLS_TOO) * one.bends.straight
         for same, one in zip(alike, others, strict=True)
     ]
     # one fall that several arcs tell of is one, and counts once
@@ -832,7 +847,8 @@ def _bend(acceleration: FloatArray, std: float, way: _Way, radius: float) -> _Be
 
     Its size is anything that gravity may look like, log-evenly; the direction of what falls is any,
     or down, or, where it goes up and down, that of its way; what rolls is braked or sped up along
-    its way; what is held from above, as a bob is, turns upwards, along an arc and no parabola.
+    its way; what is held from above, as a bob is, turns upwards, along an arc and no parabola, and
+    gravity speeds it up or brakes it along its way by anything.
     """
     size = float(np.hypot(*acceleration))
     course = way.chord / max(float(np.hypot(*way.chord)), 1e-9)
@@ -857,10 +873,13 @@ def _bend(acceleration: FloatArray, std: float, way: _Way, radius: float) -> _Be
     plumb = float(like(tilt, _UPRIGHT)) * np.sqrt(0.5 * np.pi) / _UPRIGHT
     falling = _ANY * anywhere + _UNDER * under + _PLUMB * plumb * 0.5 * (sped_up + braked)
     rolling = _EVENLY * float(like(size)) + _BRAKED * braked + _DOWNHILL * sped_up
-    aslant = np.hypot(std, _HELD_ASLANT * sizes)
-    upwards = like(sizes + acceleration[1]) * like(acceleration[0], aslant) * std / aslant
-    rolling += _HELD * float(share @ (upwards * like(way.off_arc(sizes), way.left)))
-    return _Bend(float(falling), float(rolling), max(float(anywhere), _UNHEARD_OF))
+    # towards the side of its way that faces up: half of all directions
+    inwards = across * float(np.sign(course[0]) or 1.0)
+    above = 2.0 * scipy.special.ndtr(inwards / std)
+    pulled = like(sizes - size) * scipy.special.ive(0, sizes * size / std**2)
+    turned = like(way.off_arc(sizes * abs(across) / max(size, 1e-12)), way.left)
+    held = _HELD * float(above * (share @ (pulled * turned)))
+    return _Bend(float(falling), float(rolling), held, max(float(anywhere), _UNHEARD_OF))
 
 
 def _swing_log_evidence(ball: Track, scatter: float, area: float) -> float:

@@ -37,6 +37,7 @@ __all__ = [
     "expected_places",
     "follow_ball",
     "off_flight",
+    "outlines_near",
     "trusted_rows",
 ]
 
@@ -521,6 +522,29 @@ def follow_ball(scene: FilmedScene, path: BallPath) -> BallFits:
     return _Smears(scene, path, found).filled()
 
 
+def outlines_near(
+    scene: FilmedScene, radius: float, frame: IntArray, guess: FloatArray
+) -> OutlineFits:
+    """Outlines of about a radius near some guesses, each frame by itself, however small.
+
+    Parameters
+    ----------
+    scene : FilmedScene
+        Footage with its static scene.
+    radius : float
+        px.
+    frame : (N,) int array
+        Frames.
+    guess : (N, 2) array
+        Where it may be, px.
+
+    Returns
+    -------
+    OutlineFits
+    """
+    return _Search(scene, radius).outlines(frame, guess)
+
+
 class _Smears:
     """Frames in which the ball is smeared: its area is fitted, as a disc swept along its way.
 
@@ -916,6 +940,10 @@ class _Search:
             again.put(stays, voted.at(stays))
             fits.put(lost, again)
         return fits
+
+    def outlines(self, frame: IntArray, guess: FloatArray) -> OutlineFits:
+        """Outlines near guesses from which no sharp edge need be felt."""
+        return self._fitted(frame, guess, True)
 
     def _voted(self, frame: IntArray, guess: FloatArray, trusted: BoolArray) -> OutlineFits:
         """Circles near the guesses; what stands beside the ball is not taken for it.

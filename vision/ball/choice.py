@@ -39,11 +39,13 @@ from vision.scene import FilmedScene
 from vision.tracks import MotionModel
 
 __all__ = [
+    "LEFT_AS_ONE",
     "BallPath",
     "Choice",
     "cast_by",
     "choose_ball",
     "described",
+    "encloses",
     "lay_before",
     "link_circles",
     "path_score",
@@ -522,6 +524,9 @@ _ENCLOSING = 1.4
 are."""
 
 
+LEFT_AS_ONE = "It lay still and left, and all that it consists of left together."
+
+
 @dataclass(frozen=True)
 class Choice:
     """The ball's path, other candidates', and whether the choice was close.
@@ -563,6 +568,11 @@ class Choice:
         rest = tuple(path for path in self.dismissed if path is not ball)
         said = "Something clearer goes as its shadow does and takes an even part of the light."
         return Choice(ball, others, False, None, (self.ball, *rest), (said,))
+
+    def of_whole(self, ball: BallPath) -> "Choice":
+        """The choice of what left as one, where a part of it or something else was taken."""
+        rest = (self.ball, *self.others, *self.dismissed)
+        return Choice(ball, (), False, None, rest, (LEFT_AS_ONE,))
 
     @property
     def beside(self) -> tuple[BallPath, ...]:
@@ -882,6 +892,21 @@ def _evidence(path: BallPath) -> float:
 def _outermost(paths: list[BallPath]) -> list[BallPath]:
     """Without what lies in another and moves with it: a glint, a panel, a hub."""
     return [path for path in paths if not any(_within(path, other) for other in paths)]
+
+
+def encloses(path: BallPath, other: BallPath) -> bool:
+    """Whether another, clearly smaller one lies within its outline wherever both are seen.
+
+    Parameters
+    ----------
+    path, other : BallPath
+        The paths.
+
+    Returns
+    -------
+    bool
+    """
+    return path.radius > _ENCLOSING * other.radius and _part_of(other, path)
 
 
 def _part_of(path: BallPath, other: BallPath) -> bool:

@@ -305,3 +305,29 @@ def test_a_bob_that_passes_once_is_no_flight_under_a_camera_upside_down(way: flo
     motion = motion_of(_track(centre), None, pendulum=False)
     share = {motion.kind: motion.probability} | dict(motion.alternatives)
     assert share[MotionKind.FLIGHT] + share[MotionKind.DROP] + share[MotionKind.STRIKE] < 0.4
+
+
+def _bob(start: float, speed: float, frames: int = 60, frequency: float = 0.024) -> np.ndarray:
+    """Angles of a pendulum of so small a frequency (rad per frame), stepped a tenth of a frame."""
+    angle, rate, found = start, speed, []
+    for step in range(10 * frames):
+        if step % 10 == 0:
+            found.append(angle)
+        rate -= 0.1 * frequency**2 * np.sin(angle)
+        angle += 0.1 * rate
+    return np.array(found)
+
+
+@pytest.mark.parametrize("way", [1.0, -1.0])
+@pytest.mark.parametrize(("start", "speed"), [(-0.17, 0.0165), (-0.12, 0.02), (0.05, 0.016)])
+def test_a_bob_that_climbs_past_its_lowest_point_swings_and_the_camera_stood_upright(
+    way: float, start: float, speed: float
+) -> None:
+    # Gravity brakes it while its pivot pulls it up: what is left points sideways, as a fall does
+    # in the picture of a camera that lay on its side.
+    angle = way * _bob(start, speed)
+    centre = 70.0 * np.column_stack([np.sin(angle), np.cos(angle)]) + 100.0
+    for seed in range(6):
+        motion = motion_of(_track(centre, seed), None, pendulum=False)
+        assert motion.fall_px is None
+        assert motion.kind is MotionKind.SWING
