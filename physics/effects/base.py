@@ -640,6 +640,8 @@ class Form(StrEnum):
     UNDER_LOAD = "under load"
     STRIBECK = "Stribeck"
     GIVING = "gives before it slips"
+    FALLING = "falls with the rate"
+    GIVING_FALLING = "gives before it slips and falls with the rate"
     OF_IMPACT_SPEED = "of impact speed"
     OF_VERTICAL_SPEED = "of vertical speed"
     CONSTANT = "constant"

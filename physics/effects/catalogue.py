@@ -58,7 +58,9 @@ from physics.effects.measurement import (
 from physics.effects.swing import (
     BackswingOffset,
     BearingFriction,
+    FallingBearing,
     GivingBearing,
+    GivingFallingBearing,
     LoadedBearing,
     PendulumDrag,
     StribeckBearing,
@@ -123,6 +125,8 @@ _ALL: tuple[Effect, ...] = (
     LoadedBearing(),
     StribeckBearing(),
     GivingBearing(),
+    FallingBearing(),
+    GivingFallingBearing(),
     ViscousDamping(),
     PendulumDrag(),
     BackswingOffset(),
