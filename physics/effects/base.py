@@ -663,6 +663,7 @@ class Form(StrEnum):
     BY_REYNOLDS_NUMBER = "by Reynolds number"
     THICKENING_LAYER = "a layer that thickens"
     HELD_BY_THE_FLOOR = "held back by the floor"
+    ALONG_AND_UP = "along the flight, rising or sinking"
     FROM_ANY_SIDE = "from any side"
     FROM_ANYWHERE = "from anywhere"
 

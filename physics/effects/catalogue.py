@@ -84,6 +84,13 @@ _ALL: tuple[Effect, ...] = (
     Wind(),
     WindOverFloor(),
     Wind(
+        form=Form.ALONG_AND_UP,
+        parameters=(*Wind().parameters, UPWARD),
+        statement="The air itself moves: a steady draught in the plane, rising or sinking.",
+        axes=2,
+        planar=True,
+    ),
+    Wind(
         form=Form.FROM_ANY_SIDE,
         parameters=(*Wind().parameters, ASIDE),
         statement="The air itself moves: a steady draught from any side.",
