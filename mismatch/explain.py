@@ -189,7 +189,7 @@ def _beside(prepared: Prepared, best: Hypothesis) -> Fit:
     A curve, or a law with a value in each trial, takes slow noise up itself.
     """
     takes_up = any(
-        member.effect.level is not Level.CAMPAIGN or any(p.is_held for p in member.effect.strengths)
+        member.effect.level is Level.TRIAL or any(p.is_held for p in member.effect.strengths)
         for member in best.members
     )
     return prepared.fit if takes_up else best.fit
