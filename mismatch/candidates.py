@@ -39,7 +39,7 @@ BETWEEN_POWERS = frozenset({Form.UNDER_LOAD, Form.STRIBECK})
 """Forms that free swings can't tell from sums of the zeroth, first and second power of the rate,
 which have names of their own there."""
 
-AT_TURNS = frozenset({Form.GIVING})
+AT_TURNS = frozenset({Form.GIVING, Form.FALLING, Form.GIVING_FALLING})
 """Forms that differ from others of their law where the motion turns back, as free swings do."""
 
 MOST_SHAPES = 200

@@ -18,7 +18,7 @@ from mismatch.candidates import (
 )
 from mismatch.fitting.fit import Fit, fit_model, kept_free, spread_laws
 from mismatch.fitting.hypotheses import LOOSE_LAWS, POOR_FIT, SURELY, Hypothesis
-from mismatch.fitting.prepare import Prepared, prepare
+from mismatch.fitting.prepare import Prepared, prepare, with_slow_noise
 from mismatch.fitting.scan import own_values, robust_spread, scan
 from mismatch.forward import OUTSIDE, Forward
 from mismatch.records import Baseline, CampaignRecords
@@ -168,6 +168,9 @@ def _searched(prepared: Prepared, effects: Sequence[Effect], most: int) -> tuple
     instruments that are held to be right.
     """
     found = name_effects(prepared.forward, prepared.fit, effects, most=most)
+    slow = None if found.best is None else with_slow_noise(prepared, _beside(prepared, found.best))
+    if slow is not None:
+        return _searched(slow, effects, most)
     named = INSTRUMENTS.intersection(() if found.best is None else found.best.ids)
     if named:
         # What is to be proved is held against a baseline that has it not.
@@ -178,6 +181,18 @@ def _searched(prepared: Prepared, effects: Sequence[Effect], most: int) -> tuple
     held = replace(prepared, fit=_with_held(prepared, INSTRUMENTS))
     blamed = name_effects(held.forward, held.fit, faults, most=most, unnamed=False)
     return (prepared, found) if blamed.best is None else (held, blamed)
+
+
+def _beside(prepared: Prepared, best: Hypothesis) -> Fit:
+    """The fit whose remainder tells the noise: the answer's, or the baseline's.
+
+    A curve, or a law with a value in each trial, takes slow noise up itself.
+    """
+    takes_up = any(
+        member.effect.level is Level.TRIAL or any(p.is_held for p in member.effect.strengths)
+        for member in best.members
+    )
+    return prepared.fit if takes_up else best.fit
 
 
 def _with_held(prepared: Prepared, instruments: frozenset[EffectId]) -> Fit:

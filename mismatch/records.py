@@ -48,6 +48,7 @@ __all__ = [
     "fit_spectrum",
     "lay_out",
     "shared_deviance",
+    "slow_noise",
     "whiteness",
     "with_clock_jitter",
 ]
@@ -429,9 +430,22 @@ class Records:
 
     @property
     def expected(self) -> float:
-        """Chi-square that noise alone leaves: sigma of slow quantities is wide for one sample."""
+        """Chi-square that noise alone leaves: sigma of slow quantities is wide for one sample.
+
+        What a clock that jitters adds has no memory, and is no wider than it is.
+        """
         ball = self.ball_used.sum(axis=(0, 1)) / self.inflation[:3]
-        return float(ball.sum() + self.pendulum_used.sum() / self.inflation[3])
+        total = float(ball.sum() + self.pendulum_used.sum() / self.inflation[3])
+        if self.jitter.size:
+            way = np.square(np.where(self.ball_used, self.jitter, 0.0))
+            size = way.sum(axis=-1)
+            total += float(((size - (way / self.inflation[:3]).sum(axis=-1)) / (1.0 + size)).sum())
+        return total
+
+    @property
+    def tell_memory(self) -> bool:
+        """Whether any flight is long enough to tell the memory of its noise by itself."""
+        return bool(self.ball_used.any(axis=2).sum(axis=1).max(initial=0) >= LEAST)
 
     def keeping(self, kept: NDArray[np.bool_]) -> "Records":
         """Records in which only entries marked in `kept` (T, 3S + P) still take part."""
@@ -1031,6 +1045,9 @@ OVERLAP = 1.0 + 2.0 * ((2.0 / 3.0) ** 2 + (1.0 / 6.0) ** 2)
 """How often second differences of white noise say the same: one plus twice the squares of their
 correlations with the next and the next but one."""
 
+FREE_START = 2
+"""Coefficients of a path that a throw's free place and velocity take along."""
+
 LEAST_PACES = 20.0
 
 """Second differences from which a scatter of the clock can be told from that of the places."""
@@ -1078,6 +1095,36 @@ def with_clock_jitter(noise: Noise, left: Records, velocity: FloatArray) -> Nois
     sigma = noise.sigma.copy()
     sigma[:, np.flatnonzero(axes)] *= size * np.exp(found.x[:-1])
     return replace(noise, sigma=sigma, jitter=size * float(np.exp(found.x[-1])))
+
+
+def slow_noise(residual: FloatArray, records: Records) -> FloatArray:
+    """Power of what a fit leaves at the pace of physics over that of white noise: x, y, z, angle.
+
+    One for all where the record is long enough to tell the memory of its noise by itself, and where
+    chance leaves as much. It is told from the bends that a free start does not take along, up to
+    those that the noise was told about.
+
+    Parameters
+    ----------
+    residual : (T, M) array
+        Over the noise, in the stacked order of `Records`.
+    """
+    found, s = np.ones(4), records.ball_time.shape[1]
+    if records.tell_memory:
+        return found
+    squares, counts = np.zeros(4), np.zeros(4)
+    for trial in range(records.trials):
+        for axis in range(3):
+            rows = np.flatnonzero(records.ball_used[trial, :, axis])
+            if rows.size > 2 * FREE_START:
+                bends = _polynomials(records.ball_time[trial, rows].tobytes(), 0)[:, FREE_START:]
+                left = bends.T @ residual[trial, axis * s + rows]
+                squares[axis] += float(left @ left)
+                counts[axis] += left.size
+    total = float(counts.sum())
+    if total == 0.0 or squares.sum() <= chdtri(total, APART):
+        return found
+    return np.maximum(found, squares / np.maximum(counts, 1.0))
 
 
 def _second_differences(

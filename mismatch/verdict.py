@@ -685,9 +685,10 @@ def _own_like_noise(forward: Forward, best: Hypothesis) -> bool:
     """Whether a law acts in each trial by a value of its own, about nought, under slow noise.
 
     Noise with a memory bends each trial's path in its own way, too: a law that has no strength in
-    common is not told from it.
+    common is not told from it. Nor is it where records are too short to tell whether it has one.
     """
-    return bool(np.any(forward.records.inflation > 1.0)) and any(
+    records = forward.records
+    return bool(np.any(records.inflation > 1.0) or not records.tell_memory) and any(
         member.effect.level is Level.TRIAL and _most_seen(best.fit, member.effect) < SEEN
         for member in best.members
     )

@@ -410,12 +410,21 @@ def seen_in_halves(records: Records) -> tuple[SwingSeen, ...]:
 RESTS = 3.0
 """Scatters of a reading from the place of rest that two readings in a row leave while it swings."""
 
-QUIET = 1.3
-"""Scatter of half a swing's readings over that of one reading, up to which nothing moves in it."""
+QUIET = 3.0 * 1.17
+"""Times 1/√n, by how much the scatter of n readings may exceed that of one while nothing moves:
+three standard errors of a median absolute deviation, 1.17/√n of a Gaussian's (Rousseeuw and Croux,
+J. Am. Stat. Assoc. 88, 1273 (1993))."""
+
+LAST_SWINGS = 2.0
+"""Half swings before rest in which friction is no small part of the weight where they turn back:
+each loses twice the angle that friction can hold, so that all before turn beyond three times that
+angle. A sign that is smoothed over a step is no friction that holds."""
 
 
 def rows_at_rest(records: Records, rate: float) -> NDArray[np.bool_]:
-    """(T, P) rows of a pendulum that has come to rest, held by friction beside its zero.
+    """(T, P) rows of a pendulum that comes to rest, held by friction beside its zero.
+
+    Those of its last swing are among them: it turns back with a third of what friction takes.
 
     Parameters
     ----------
@@ -435,7 +444,8 @@ def rows_at_rest(records: Records, rate: float) -> NDArray[np.bool_]:
         while last.size >= FEWEST:
             apart = abs(float(np.median(last)) - middle) * math.sqrt(last.size)
             wide = 1.4826 * float(np.median(np.abs(last - np.median(last))))
-            if wide > QUIET * scatter or apart > 2.0 * RESTS * scatter:
+            most = 1.0 + QUIET / math.sqrt(last.size)
+            if wide > most * scatter or apart > 2.0 * RESTS * scatter:
                 break
             moving += 1
             last = angle[back == moving]
@@ -444,7 +454,7 @@ def rows_at_rest(records: Records, rate: float) -> NDArray[np.bool_]:
         off = np.abs(angle - middle) > RESTS * scatter
         swung = np.flatnonzero(off[1:] & off[:-1])
         stopped = time[int(swung[-1]) + 1] if swung.size else time[0]
-        found[trial, rows[time > stopped]] = True
+        found[trial, rows[time > stopped - LAST_SWINGS * math.pi / rate]] = True
     return found
 
 

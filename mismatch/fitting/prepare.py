@@ -25,13 +25,14 @@ from mismatch.records import (
     Records,
     estimate_noise,
     lay_out,
+    slow_noise,
     with_clock_jitter,
 )
 from physics.domain import FloatArray
 from physics.effects import CATALOGUE, Effect, EffectId, Form, Level
 from physics.effects.measurement import PITCH, CameraRoll, LengthScale, TimeBase
 
-__all__ = ["Prepared", "baseline_model", "prepare"]
+__all__ = ["Prepared", "baseline_model", "prepare", "with_slow_noise"]
 
 GUARD_SAMPLES = 1.6
 """Rows this many samples around onset and release are left out: the model bends there."""
@@ -476,6 +477,30 @@ def _opened(entry: Entry, forward: Forward) -> Entry:
 def _weighed(records: Records, noise: Noise) -> Records:
     kept = records.keeping(~_whole_rows(records, noise.outliers))
     return replace(kept, sigma=noise.effective, inflation=noise.inflation)
+
+
+def with_slow_noise(prepared: Prepared, fit: Fit) -> Prepared | None:
+    """The campaign under as much slow noise as an answer leaves over; None where it leaves none.
+
+    Records of throws too short to tell the memory of their noise are first held to have none. What
+    an answer takes as a law has then to be more than what it leaves.
+    """
+    forward, noise = prepared.forward, prepared.noise
+    records = forward.records
+    if forward.mode != "flight" or np.any(noise.inflation > 1.0):
+        return None
+    noise = replace(noise, inflation=slow_noise(fit.residual, records))
+    if not np.any(noise.inflation > 1.0):
+        return None
+    wider = np.sqrt(noise.inflation)
+    records = replace(records, sigma=records.sigma * wider, inflation=noise.inflation)
+    if records.jitter.size:
+        records = replace(records, jitter=records.jitter / wider[:3])
+    forward, base = replace(forward, records=records), prepared.fit
+    start = (base.nuisance, base.law_offsets)
+    return replace(
+        prepared, forward=forward, noise=noise, fit=fit_model(forward, base.model, base.free, start)
+    )
 
 
 def _whole_rows(records: Records, outliers: NDArray[np.bool_]) -> NDArray[np.bool_]:

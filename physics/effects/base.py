@@ -640,6 +640,8 @@ class Form(StrEnum):
     UNDER_LOAD = "under load"
     STRIBECK = "Stribeck"
     GIVING = "gives before it slips"
+    FALLING = "falls with the rate"
+    GIVING_FALLING = "gives before it slips and falls with the rate"
     OF_IMPACT_SPEED = "of impact speed"
     OF_VERTICAL_SPEED = "of vertical speed"
     CONSTANT = "constant"
@@ -661,6 +663,7 @@ class Form(StrEnum):
     BY_REYNOLDS_NUMBER = "by Reynolds number"
     THICKENING_LAYER = "a layer that thickens"
     HELD_BY_THE_FLOOR = "held back by the floor"
+    ALONG_AND_UP = "along the flight, rising or sinking"
     FROM_ANY_SIDE = "from any side"
     FROM_ANYWHERE = "from anywhere"
 

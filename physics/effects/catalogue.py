@@ -58,7 +58,9 @@ from physics.effects.measurement import (
 from physics.effects.swing import (
     BackswingOffset,
     BearingFriction,
+    FallingBearing,
     GivingBearing,
+    GivingFallingBearing,
     LoadedBearing,
     PendulumDrag,
     StribeckBearing,
@@ -81,6 +83,13 @@ _ALL: tuple[Effect, ...] = (
     SpinDecay(),
     Wind(),
     WindOverFloor(),
+    Wind(
+        form=Form.ALONG_AND_UP,
+        parameters=(*Wind().parameters, UPWARD),
+        statement="The air itself moves: a steady draught in the plane, rising or sinking.",
+        axes=2,
+        planar=True,
+    ),
     Wind(
         form=Form.FROM_ANY_SIDE,
         parameters=(*Wind().parameters, ASIDE),
@@ -123,6 +132,8 @@ _ALL: tuple[Effect, ...] = (
     LoadedBearing(),
     StribeckBearing(),
     GivingBearing(),
+    FallingBearing(),
+    GivingFallingBearing(),
     ViscousDamping(),
     PendulumDrag(),
     BackswingOffset(),

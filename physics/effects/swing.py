@@ -22,7 +22,9 @@ from physics.effects.base import (
 __all__ = [
     "BackswingOffset",
     "BearingFriction",
+    "FallingBearing",
     "GivingBearing",
+    "GivingFallingBearing",
     "LoadedBearing",
     "PendulumDrag",
     "StribeckBearing",
@@ -130,6 +132,67 @@ class GivingBearing(BearingFriction):
         off = (inward * swing.omega - math.sqrt(2.0 / math.pi) * most) / width
         pull = most / width * np.exp(-0.5 * np.square(off))
         return super().torque(values, swing) + values["dry_torque"] * inward * pull
+
+
+FALL = (
+    Parameter(
+        "breakaway", "1", 0.4, 0.0, 2.0, grid=(0.5,),
+        meaning="friction at rest over that at speed, less one",
+    ),
+    Parameter(
+        "rate", "rad/s", 0.4, 0.1, 5.0, grid=(0.15, 0.5, 1.5),
+        meaning="rate at which what is more at rest has fallen to a third",
+    ),
+    Parameter(
+        "steepness", "1", 0.5, 0.5, 2.0, grid=(1.0, 2.0),
+        meaning="power of the rate in the exponent",
+    ),
+)  # fmt: skip
+"""How friction falls from rest to speed: of the powers 1 is Tustin's (1947), 2 a Gaussian, 1/2 the
+least of Bo and Pavelescu (1982); see Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30,
+1083 (1994)."""
+
+
+def _falling(at_rest: Number, values: Values, swing: SwingState) -> Number:
+    """Torque of friction that falls with the rate, from what it would be were it constant.
+
+    What is less at a rate vanishes where the motion turns, and needs no smoothing over a step.
+    """
+    slow = np.maximum(np.abs(swing.omega), 1e-9) / values["rate"]
+    less = values["breakaway"] * -np.expm1(-(slow ** values["steepness"]))
+    constant = (1.0 + values["breakaway"]) * at_rest
+    return constant + values["dry_torque"] * less * np.sign(swing.omega)
+
+
+@dataclass(frozen=True)
+class FallingBearing(BearingFriction):
+    """Dry friction that falls with the rate, by how much and how soon being open."""
+
+    law: str = r"\tau = -\tau_c\,(1 + b\,e^{-|\dot\varphi/\omega_s|^p})\,\mathrm{sign}\,\dot\varphi"
+    source: str = StribeckBearing().source
+    form: str = Form.FALLING
+    parameters: tuple[Parameter, ...] = (*BearingFriction().parameters, *FALL)
+
+    def torque(self, values: Values, swing: SwingState) -> Number:
+        """More where the pendulum turns back."""
+        return _falling(super().torque(values, swing), values, swing)
+
+
+@dataclass(frozen=True)
+class GivingFallingBearing(GivingBearing):
+    """Dry friction that falls with the rate, of a bearing that gives before it slips."""
+
+    law: str = (
+        r"\tau = -\tau_c\,(1 + b\,e^{-|\dot\varphi/\omega_s|^p})(1 - 2\,e^{-s/s_0})"
+        r"\,\mathrm{sign}\,\dot\varphi"
+    )
+    source: str = "Canudas de Wit, Olsson, Åström and Lischinsky, IEEE Trans. AC 40, 419 (1995)"
+    form: str = Form.GIVING_FALLING
+    parameters: tuple[Parameter, ...] = (*GivingBearing().parameters, *FALL)
+
+    def torque(self, values: Values, swing: SwingState) -> Number:
+        """The bristle bends under what friction there is at the rate."""
+        return _falling(super().torque(values, swing), values, swing)
 
 
 @dataclass(frozen=True)

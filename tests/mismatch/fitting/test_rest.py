@@ -70,7 +70,9 @@ def test_what_comes_after_rest_is_left_out_and_a_swing_is_not(stopped):
     records = prepare(campaign, baseline).forward.records
     kept = np.where(records.pendulum_used, records.pendulum_time, 0.0).max(axis=1)
     assert kept[~at_rest] == pytest.approx(12.0 - 1.0 / 60.0)
-    assert np.all((stops - 0.5 * period < kept) & (kept < stops + 0.1 * period) | ~at_rest)
+    # The last swing goes with it: its end is where the clock of half swings may not be told.
+    early = stops - kept
+    assert np.all((0.9 * period < early) & (early < 1.5 * period) | ~at_rest)
 
 
 def test_a_swing_that_only_fades_is_kept_whole():
