@@ -1,7 +1,7 @@
 """From a campaign and a baseline to a verdict."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from itertools import permutations
 
@@ -165,13 +165,19 @@ def _searched(prepared: Prepared, effects: Sequence[Effect], most: int) -> tuple
 
     Beside open instruments a fault of theirs explains nothing that they don't take up. Where
     nothing else is found, and one is further off than careful labs are, faults are looked for from
-    instruments that are held to be right.
+    instruments that are held to be right. One that is only assumed to be right, and surely is not,
+    is held against whatever else says as much.
     """
     found = name_effects(prepared.forward, prepared.fit, effects, most=most)
     named = INSTRUMENTS.intersection(() if found.best is None else found.best.ids)
     if named:
         # What is to be proved is held against a baseline that has it not.
         return replace(prepared, fit=_with_held(prepared, INSTRUMENTS)), found
+    assumed = prepared.forward.baseline.assumed
+    if found.best is None and _surely_off(prepared.fit, assumed):
+        held = replace(prepared, fit=_with_held(prepared, assumed))
+        told = name_effects(held.forward, held.fit, effects, most=most)
+        return (prepared, found) if told.best is None else (held, told)
     if found.best is not None or not _instruments_off(prepared.fit):
         return prepared, found
     faults = [effect for effect in effects if effect.id in INSTRUMENTS]
@@ -180,8 +186,16 @@ def _searched(prepared: Prepared, effects: Sequence[Effect], most: int) -> tuple
     return (prepared, found) if blamed.best is None else (held, blamed)
 
 
-def _with_held(prepared: Prepared, instruments: frozenset[EffectId]) -> Fit:
-    """The baseline refitted with some instruments held to be right."""
+def _surely_off(base: Fit, assumed: frozenset[str]) -> bool:
+    """Whether the records say that something is off which nothing has measured."""
+    return any(
+        identity in assumed and abs(value) > SURELY * std
+        for identity, _, value, std in _left_open(base, base)
+    )
+
+
+def _with_held(prepared: Prepared, instruments: Set[str]) -> Fit:
+    """The baseline refitted with some instruments held to be right, in all trials and in each."""
     fit = prepared.fit
     kept = {id(fit.model.entries[item.entry][0]) for item in fit.free}
     entries = tuple(
@@ -189,8 +203,13 @@ def _with_held(prepared: Prepared, instruments: frozenset[EffectId]) -> Fit:
         for entry in fit.model.entries
         if entry[0].id not in instruments or id(entry[0]) not in kept
     )
-    model = replace(fit.model, entries=entries)
-    start = (fit.nuisance, fit.law_offsets)
+    held = [effect for effect, _ in entries]
+    stays = [any(one.effect is effect for effect in held) for one in fit.model.own]
+    own = tuple(one for one, kept in zip(fit.model.own, stays, strict=True) if kept)
+    columns = fit.nuisance.shape[1] - len(stays)
+    nuisance = fit.nuisance[:, [True] * columns + stays]
+    model = replace(fit.model, entries=entries, own=own)
+    start = (nuisance, fit.law_offsets)
     return fit_model(prepared.forward, model, kept_free(fit, model), start)
 
 

@@ -170,6 +170,8 @@ class Baseline:
     instruments : tuple of Effect
         Faults that the instrument may have in each trial anew, and in all alike: each parameter as
         far as its width says.
+    assumed : frozenset of str
+        Ids among them that nothing has measured: the setup takes them to be none.
     """
 
     balls: Mapping[str, BallModel]
@@ -184,6 +186,7 @@ class Baseline:
     position_noise: float | None = None
     angle_noise: float | None = None
     instruments: tuple[Effect, ...] = ()
+    assumed: frozenset[str] = frozenset()
 
     def ball(self, name: str | None) -> BallModel:
         """Body of a trial.
