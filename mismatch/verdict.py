@@ -809,7 +809,8 @@ def _errors(
     """
     test = replace(forward, records=forward.records.chosen(held))
     # Trained parameters and law offsets stay; only what belongs to the trial is refitted.
-    fitted = fit_model(test, trained.model, (), (model_fit.nuisance, trained.law_offsets), rounds=4)
+    start = (model_fit.nuisance, trained.law_offsets)
+    fitted = fit_model(test, trained.model, (), start, rounds=4, settled=True)
     weights = test.records.weights
     errors = test.records.unweighed(fitted.residual)
     s3 = 3 * forward.records.ball_time.shape[1]
