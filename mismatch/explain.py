@@ -20,9 +20,10 @@ from mismatch.fitting.fit import Fit, fit_model, kept_free, spread_laws
 from mismatch.fitting.hypotheses import LOOSE_LAWS, POOR_FIT, SURELY, Hypothesis
 from mismatch.fitting.prepare import Prepared, prepare
 from mismatch.fitting.scan import own_values, robust_spread, scan
+from mismatch.fitting.slow_noise import slow_noise
 from mismatch.forward import OUTSIDE, Forward
-from mismatch.records import Baseline, CampaignRecords
-from mismatch.sanity import refuse_nonsense, without_odd_trials
+from mismatch.records import SIGNIFICANT, Baseline, CampaignRecords
+from mismatch.sanity import DroppedInEach, refuse_nonsense, without_odd_trials
 from mismatch.search.locate import (
     locate,
     noise_notes,
@@ -169,6 +170,12 @@ def _searched(prepared: Prepared, effects: Sequence[Effect], most: int) -> tuple
     is held against whatever else says as much.
     """
     found = name_effects(prepared.forward, prepared.fit, effects, most=most)
+    wandering = _with_slow_noise(prepared, found)
+    if wandering is not None:
+        told = name_effects(wandering.forward, wandering.fit, effects, most=most)
+        if told.best is None:
+            return prepared, replace(found, best=None)
+        prepared, found = wandering, told
     named = INSTRUMENTS.intersection(() if found.best is None else found.best.ids)
     if named:
         # What is to be proved is held against a baseline that has it not.
@@ -184,6 +191,37 @@ def _searched(prepared: Prepared, effects: Sequence[Effect], most: int) -> tuple
     held = replace(prepared, fit=_with_held(prepared, INSTRUMENTS))
     blamed = name_effects(held.forward, held.fit, faults, most=most, unnamed=False)
     return (prepared, found) if blamed.best is None else (held, blamed)
+
+
+def _with_slow_noise(prepared: Prepared, found: Naming) -> Prepared | None:
+    """The baseline among errors that wander over whole records, where these are likelier than laws.
+
+    They are held, with the best of what bends all trials alike, against the best law of any kind
+    among white noise.
+    """
+    forward, base = prepared.forward, prepared.fit
+    allowed = [h for h in found.tried if h.allowed]
+    alike = [h for h in allowed if not any(_of_each_trial(m.effect) for m in h.members)]
+    first = max(alike, key=lambda h: h.penalised_gain, default=None)
+    white = max((h.penalised_gain for h in allowed), default=0.0)
+    gained, noise = 0.0, slow_noise(forward, base.residual)
+    if first is not None:
+        # Among what wanders some law always bends as most flights do: chance has to be beaten.
+        beside = slow_noise(forward, first.fit.residual)
+        if first.penalised_gain + beside.gain > noise.gain + found.threshold:
+            gained, noise = first.penalised_gain, beside
+    if noise.gain < SIGNIFICANT or gained + noise.gain < white:
+        return None
+    records = replace(forward.records, slow=noise.excess)
+    wandering = replace(forward, records=records)
+    start = (base.nuisance, base.law_offsets)
+    fit = fit_model(wandering, base.model, base.free, start)
+    return replace(prepared, forward=wandering, fit=fit)
+
+
+def _of_each_trial(effect: Effect) -> bool:
+    """Whether each trial has a value of its own, by which it may follow its own errors."""
+    return effect.level is Level.TRIAL or isinstance(effect, DroppedInEach)
 
 
 def _surely_off(base: Fit, assumed: frozenset[str]) -> bool:

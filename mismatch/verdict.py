@@ -681,7 +681,7 @@ def _own_like_noise(forward: Forward, best: Hypothesis) -> bool:
     Noise with a memory bends each trial's path in its own way, too: a law that has no strength in
     common is not told from it.
     """
-    return bool(np.any(forward.records.inflation > 1.0)) and any(
+    return forward.records.remembers and any(
         member.effect.level is Level.TRIAL and _most_seen(best.fit, member.effect) < SEEN
         for member in best.members
     )
