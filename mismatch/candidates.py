@@ -237,12 +237,12 @@ def _at_every_shape(fitted: Effect, forward: Forward) -> list[Candidate]:
 def _levels(effect: Effect, forward: Forward) -> list[Level]:
     """Levels at which a campaign can tell an effect's strengths.
 
-    A strike repeats what it gives the ball, and free swings are one apparatus: only throws differ
-    from trial to trial.
+    A strike repeats what it gives the ball, and free swings of one session are of one apparatus:
+    only throws differ from trial to trial.
     """
     count = {
         Level.CAMPAIGN: LEAST_GROUPS,
-        Level.SESSION: len(forward.records.session_names) if forward.mode != "swing" else 0,
+        Level.SESSION: len(forward.records.session_names),
         Level.BALL: len(set(forward.records.ball_index)) if forward.mode != "swing" else 0,
         Level.TRIAL: forward.records.trials if forward.mode == "flight" else 0,
     }

@@ -1,7 +1,7 @@
 """From a campaign and a baseline to a verdict."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from itertools import permutations
 
@@ -20,9 +20,10 @@ from mismatch.fitting.fit import Fit, fit_model, kept_free, spread_laws
 from mismatch.fitting.hypotheses import LOOSE_LAWS, POOR_FIT, SURELY, Hypothesis
 from mismatch.fitting.prepare import Prepared, prepare, with_slow_noise
 from mismatch.fitting.scan import own_values, robust_spread, scan
+from mismatch.fitting.wandering import wandering_errors
 from mismatch.forward import OUTSIDE, Forward
-from mismatch.records import Baseline, CampaignRecords
-from mismatch.sanity import refuse_nonsense, without_odd_trials
+from mismatch.records import SIGNIFICANT, Baseline, CampaignRecords
+from mismatch.sanity import DroppedInEach, refuse_nonsense, without_odd_trials
 from mismatch.search.locate import (
     locate,
     noise_notes,
@@ -165,16 +166,28 @@ def _searched(prepared: Prepared, effects: Sequence[Effect], most: int) -> tuple
 
     Beside open instruments a fault of theirs explains nothing that they don't take up. Where
     nothing else is found, and one is further off than careful labs are, faults are looked for from
-    instruments that are held to be right.
+    instruments that are held to be right. One that is only assumed to be right, and surely is not,
+    is held against whatever else says as much.
     """
     found = name_effects(prepared.forward, prepared.fit, effects, most=most)
     slow = None if found.best is None else with_slow_noise(prepared, _beside(prepared, found.best))
     if slow is not None:
         return _searched(slow, effects, most)
+    wandering = _among_wandering_errors(prepared, found)
+    if wandering is not None:
+        told = name_effects(wandering.forward, wandering.fit, effects, most=most)
+        if told.best is None:
+            return prepared, replace(found, best=None)
+        prepared, found = wandering, told
     named = INSTRUMENTS.intersection(() if found.best is None else found.best.ids)
     if named:
         # What is to be proved is held against a baseline that has it not.
         return replace(prepared, fit=_with_held(prepared, INSTRUMENTS)), found
+    assumed = prepared.forward.baseline.assumed
+    if found.best is None and _surely_off(prepared.fit, assumed):
+        held = replace(prepared, fit=_with_held(prepared, assumed))
+        told = name_effects(held.forward, held.fit, effects, most=most)
+        return (prepared, found) if told.best is None else (held, told)
     if found.best is not None or not _instruments_off(prepared.fit):
         return prepared, found
     faults = [effect for effect in effects if effect.id in INSTRUMENTS]
@@ -195,8 +208,47 @@ def _beside(prepared: Prepared, best: Hypothesis) -> Fit:
     return prepared.fit if takes_up else best.fit
 
 
-def _with_held(prepared: Prepared, instruments: frozenset[EffectId]) -> Fit:
-    """The baseline refitted with some instruments held to be right."""
+def _among_wandering_errors(prepared: Prepared, found: Naming) -> Prepared | None:
+    """The baseline among errors that wander over whole records, where these are likelier than laws.
+
+    They are held, with the best of what bends all trials alike, against the best law of any kind
+    among white noise.
+    """
+    forward, base = prepared.forward, prepared.fit
+    allowed = [h for h in found.tried if h.allowed]
+    alike = [h for h in allowed if not any(_of_each_trial(m.effect) for m in h.members)]
+    first = max(alike, key=lambda h: h.penalised_gain, default=None)
+    white = max((h.penalised_gain for h in allowed), default=0.0)
+    gained, noise = 0.0, wandering_errors(forward, base.residual)
+    if first is not None:
+        # Among what wanders some law always bends as most flights do: chance has to be beaten.
+        beside = wandering_errors(forward, first.fit.residual)
+        if first.penalised_gain + beside.gain > noise.gain + found.threshold:
+            gained, noise = first.penalised_gain, beside
+    if noise.gain < SIGNIFICANT or gained + noise.gain < white:
+        return None
+    records = replace(forward.records, slow=noise.excess)
+    wandering = replace(forward, records=records)
+    start = (base.nuisance, base.law_offsets)
+    fit = fit_model(wandering, base.model, base.free, start)
+    return replace(prepared, forward=wandering, fit=fit)
+
+
+def _of_each_trial(effect: Effect) -> bool:
+    """Whether each trial has a value of its own, by which it may follow its own errors."""
+    return effect.level is Level.TRIAL or isinstance(effect, DroppedInEach)
+
+
+def _surely_off(base: Fit, assumed: frozenset[str]) -> bool:
+    """Whether the records say that something is off which nothing has measured."""
+    return any(
+        identity in assumed and abs(value) > SURELY * std
+        for identity, _, value, std in _left_open(base, base)
+    )
+
+
+def _with_held(prepared: Prepared, instruments: Set[str]) -> Fit:
+    """The baseline refitted with some instruments held to be right, in all trials and in each."""
     fit = prepared.fit
     kept = {id(fit.model.entries[item.entry][0]) for item in fit.free}
     entries = tuple(
@@ -204,8 +256,13 @@ def _with_held(prepared: Prepared, instruments: frozenset[EffectId]) -> Fit:
         for entry in fit.model.entries
         if entry[0].id not in instruments or id(entry[0]) not in kept
     )
-    model = replace(fit.model, entries=entries)
-    start = (fit.nuisance, fit.law_offsets)
+    held = [effect for effect, _ in entries]
+    stays = [any(one.effect is effect for effect in held) for one in fit.model.own]
+    own = tuple(one for one, kept in zip(fit.model.own, stays, strict=True) if kept)
+    columns = fit.nuisance.shape[1] - len(stays)
+    nuisance = fit.nuisance[:, [True] * columns + stays]
+    model = replace(fit.model, entries=entries, own=own)
+    start = (nuisance, fit.law_offsets)
     return fit_model(prepared.forward, model, kept_free(fit, model), start)
 
 

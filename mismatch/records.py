@@ -18,7 +18,7 @@ with white noise plus a first-order autoregression (Whittle's likelihood on the 
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
@@ -48,6 +48,7 @@ __all__ = [
     "fit_spectrum",
     "lay_out",
     "shared_deviance",
+    "slow_cosines",
     "slow_noise",
     "whiteness",
     "with_clock_jitter",
@@ -171,6 +172,8 @@ class Baseline:
     instruments : tuple of Effect
         Faults that the instrument may have in each trial anew, and in all alike: each parameter as
         far as its width says.
+    assumed : frozenset of str
+        Ids among them that nothing has measured: the setup takes them to be none.
     """
 
     balls: Mapping[str, BallModel]
@@ -185,6 +188,7 @@ class Baseline:
     position_noise: float | None = None
     angle_noise: float | None = None
     instruments: tuple[Effect, ...] = ()
+    assumed: frozenset[str] = frozenset()
 
     def ball(self, name: str | None) -> BallModel:
         """Body of a trial.
@@ -329,6 +333,9 @@ class Records:
     jitter : (T, S, 3) array
         How far a ball moves while its clock is off by one standard deviation, in units of `sigma`;
         empty for a clock that is right.
+    slow : (3, K) array
+        Variance of a ball's slowest errors by coordinate, beyond that of white noise and in its
+        units; empty where they are no larger.
     """
 
     ball_time: FloatArray
@@ -348,6 +355,7 @@ class Records:
     session_index: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     session_names: tuple[str, ...] = ()
     jitter: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 3)))
+    slow: FloatArray = field(default_factory=lambda: np.zeros((3, 0)))
 
     def groups(self, level: Level) -> tuple[NDArray[np.int64], tuple[str, ...]]:
         """Which trials share a value at a level: group of each trial (T,), names of the groups.
@@ -396,15 +404,18 @@ class Records:
     def weighed(self, differences: FloatArray) -> FloatArray:
         """Differences (..., T, 3S + P) from the record in units of their noise, white.
 
-        A clock that is off moves all coordinates of a row together, along the ball's way.
+        A clock that is off moves all coordinates of a row together, along the ball's way; slow
+        errors move all rows of a coordinate together.
         """
         scaled = np.asarray(differences * self.weights)
-        return self._along_the_way(scaled, lambda size: 1.0 / np.sqrt(1.0 + size))
+        scaled = self._along_the_way(scaled, lambda size: 1.0 / np.sqrt(1.0 + size))
+        return self._slowest(scaled, lambda size: 1.0 / np.sqrt(1.0 + size))
 
     def unweighed(self, residual: FloatArray) -> FloatArray:
         """What `weighed` was given, m and rad; nought where unused."""
         weights = self.weights
-        scaled = self._along_the_way(residual, lambda size: np.sqrt(1.0 + size))
+        scaled = self._slowest(residual, lambda size: np.sqrt(1.0 + size))
+        scaled = self._along_the_way(scaled, lambda size: np.sqrt(1.0 + size))
         return np.where(weights > 0.0, scaled / np.where(weights > 0.0, weights, 1.0), 0.0)
 
     def _along_the_way(
@@ -419,6 +430,30 @@ class Records:
         size = np.square(way).sum(axis=1)
         share = (factor(size) - 1.0) / np.maximum(size, 1e-30)
         moved = ball + way * ((ball * way).sum(axis=-2) * share)[..., None, :]
+        return np.concatenate(
+            [moved.reshape(*scaled.shape[:-1], 3 * s), scaled[..., 3 * s :]], axis=-1
+        )
+
+    @property
+    def remembers(self) -> bool:
+        """Whether the noise has a memory, so that a record's rows err together."""
+        return bool(np.any(self.inflation > 1.0)) or bool(np.any(self.slow > 0.0))
+
+    @cached_property
+    def _cosines(self) -> FloatArray:
+        return slow_cosines(self, self.slow.shape[1])
+
+    def _slowest(
+        self, scaled: FloatArray, factor: Callable[[FloatArray], FloatArray]
+    ) -> FloatArray:
+        """Records with their slowest cosines multiplied by a function of their excess variance."""
+        if not np.any(self.slow > 0.0):
+            return scaled
+        s = self.ball_time.shape[1]
+        ball = scaled[..., : 3 * s].reshape(*scaled.shape[:-1], 3, s)
+        found = np.einsum("...tcs,tcsk->...tck", ball, self._cosines, optimize=True)
+        found *= factor(self.slow) - 1.0
+        moved = ball + np.einsum("...tck,tcsk->...tcs", found, self._cosines, optimize=True)
         return np.concatenate(
             [moved.reshape(*scaled.shape[:-1], 3 * s), scaled[..., 3 * s :]], axis=-1
         )
@@ -464,6 +499,31 @@ class Records:
             ball_used=self.ball_used & trials[:, None, None],
             pendulum_used=self.pendulum_used & trials[:, None],
         )
+
+
+ROWS_OF_A_COSINE = 3
+"""Rows for each slow cosine at least, lest what is called slow be all there is."""
+
+
+def slow_cosines(records: Records, count: int) -> FloatArray:
+    """(T, 3, S, count) orthonormal cosines over the ball's rows, from the slowest bend on.
+
+    Place and speed, which each record has of its own, are taken out; nought where a record is too
+    short for a cosine.
+    """
+    trials, rows = records.ball_time.shape
+    found = np.zeros((trials, 3, rows, count))
+    for trial, axis in np.ndindex(trials, 3):
+        used = np.flatnonzero(records.ball_used[trial, :, axis])
+        most = min(count, used.size // ROWS_OF_A_COSINE)
+        if most < 1:
+            continue
+        time = records.ball_time[trial, used]
+        share = (time - time[0]) / max(float(time[-1] - time[0]), 1e-12)
+        bends = np.cos(np.pi * np.outer(share, np.arange(2, most + 2)))
+        basis, _ = np.linalg.qr(np.column_stack([np.ones(used.size), share, bends]))
+        found[trial, axis, used, :most] = basis[:, 2:]
+    return found
 
 
 def lay_out(campaign: CampaignRecords, baseline: Baseline) -> Records:

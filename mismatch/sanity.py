@@ -34,7 +34,14 @@ from physics.domain import FloatArray, Number
 from physics.effects import CATALOGUE, Values
 from physics.effects.measurement import DroppedFrames
 
-__all__ = ["dropped_in_each", "fall_in_g", "keeps_time", "refuse_nonsense", "without_odd_trials"]
+__all__ = [
+    "DroppedInEach",
+    "dropped_in_each",
+    "fall_in_g",
+    "keeps_time",
+    "refuse_nonsense",
+    "without_odd_trials",
+]
 
 FAR_OFF = 30.0
 

@@ -688,7 +688,7 @@ def _own_like_noise(forward: Forward, best: Hypothesis) -> bool:
     common is not told from it. Nor is it where records are too short to tell whether it has one.
     """
     records = forward.records
-    return bool(np.any(records.inflation > 1.0) or not records.tell_memory) and any(
+    return (records.remembers or not records.tell_memory) and any(
         member.effect.level is Level.TRIAL and _most_seen(best.fit, member.effect) < SEEN
         for member in best.members
     )
@@ -816,7 +816,8 @@ def _errors(
     """
     test = replace(forward, records=forward.records.chosen(held))
     # Trained parameters and law offsets stay; only what belongs to the trial is refitted.
-    fitted = fit_model(test, trained.model, (), (model_fit.nuisance, trained.law_offsets), rounds=4)
+    start = (model_fit.nuisance, trained.law_offsets)
+    fitted = fit_model(test, trained.model, (), start, rounds=4, settled=True)
     weights = test.records.weights
     errors = test.records.unweighed(fitted.residual)
     s3 = 3 * forward.records.ball_time.shape[1]

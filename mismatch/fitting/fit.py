@@ -35,6 +35,7 @@ __all__ = [
     "FROM_THE_RECORD",
     "GROUPED",
     "PIECE_STEPS",
+    "Arcs",
     "Ending",
     "Fit",
     "Free",
@@ -231,8 +232,15 @@ def linearise(
     slopes = forward.records.weighed(predicted[1:] - predicted[:1])
     mine = np.moveaxis(slopes[:q], 0, -1) / steps
     theirs = np.moveaxis(slopes[q:], 0, -1) / np.array(sizes or [1.0])[: len(sizes)]
+    return _with_groups(forward, model, residual, mine, theirs)
+
+
+def _with_groups(
+    forward: Forward, model: Model, residual: FloatArray, mine: FloatArray, theirs: FloatArray
+) -> Linearised:
+    """The system of residuals and slopes, with a column for each offset that a group shares."""
     own_prior, law_prior = priors(forward, model)
-    parts, shared_prior = [], [np.zeros(len(sizes))]
+    parts, shared_prior = [], [np.zeros(theirs.shape[-1])]
     columns = grouped_columns(forward, model)
     if columns:
         group = np.stack([forward.records.groups(one)[0] for one in columns.values()], axis=-1)
@@ -634,8 +642,8 @@ class LinearisedArcs:
         Scaled residual of the pieces as they are.
     gaps : (T, J, 2) array
         End of each piece minus start of the next; the last one zero.
-    follow : (T, J, 2, 3 + n) array
-        How the pieces' states follow from first state, frequency and shared parameters.
+    follow : (T, J, 2, 3 + k + n) array
+        How the pieces' states follow from first state, frequency, own strengths and the model's.
     close : (T, J, 2) array
         What closes the gaps.
     """
@@ -709,11 +717,19 @@ def _read(path: Trajectory, arcs: Arcs, clock: FloatArray, component: int) -> Fl
 
 
 def _swung(
-    forward: Forward, models: Sequence[Model], arcs: Arcs, states: FloatArray, frequency: FloatArray
+    forward: Forward,
+    models: Sequence[Model],
+    arcs: Arcs,
+    states: FloatArray,
+    frequency: FloatArray,
+    own: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Angles (L, T, P) of the rows, and states (L, T, J, 2) where the pieces end."""
+    """Angles (L, T, P) of the rows, and states (L, T, J, 2) where the pieces end.
+
+    `own` (L, T, k) is what own strengths are off the campaign's.
+    """
     rows, (trials, pieces) = len(models), arcs.states.shape[:2]
-    terms = batch_terms(models)
+    terms = batch_terms(models, np.repeat(own, pieces, axis=1))
     start = np.moveaxis(states, -1, 0).reshape(2, rows, trials * pieces)
     # A step beyond any pendulum is turned back by its misfit, not by an overflow.
     stiffer = np.exp(2.0 * np.clip(np.repeat(frequency, pieces, axis=-1), -WILD, WILD))
@@ -723,7 +739,9 @@ def _swung(
     with np.errstate(over="ignore", invalid="ignore"):
         path = integrate(rates, start, span, PIECE_STEPS)
     label = forward.records.pendulum_time - forward.records.pendulum_time[:, :1]
-    clock = forward.true_time(terms, np.broadcast_to(label, (rows, *label.shape)))
+    clock = forward.true_time(
+        batch_terms(models, own), np.broadcast_to(label, (rows, *label.shape))
+    )
     local = clock - (label - arcs.since)
     with np.errstate(invalid="ignore"):
         seen = _read(path, arcs, local, 0)
@@ -738,6 +756,7 @@ def linearise_arcs(
     model: Model,
     arcs: Arcs,
     nuisance: FloatArray,
+    laws: FloatArray,
     free: Sequence[Free],
     extra: Sequence[Model] = (),
     extra_steps: Sequence[float] = (),
@@ -746,7 +765,10 @@ def linearise_arcs(
 
     `extra` as in `linearise`.
     """
-    rows = [model, model, model, model]
+    base = spread_laws(forward, model, nuisance, laws)
+    first, own_steps = len(NUISANCES["swing"]), _own_steps(forward, model)
+    strengths = len(own_steps) - first
+    rows = [model] * (1 + len(STATE_STEPS) + 1 + strengths)
     sizes = []
     for item in free:
         size, moved = moved_by_a_step(model, item)
@@ -755,12 +777,15 @@ def linearise_arcs(
     rows.extend(extra)
     sizes.extend(extra_steps)
     states = np.repeat(arcs.states[None], len(rows), axis=0)
-    frequency = np.repeat(nuisance[None, :, 2], len(rows), axis=0)
+    frequency = np.repeat(base[None, :, 2], len(rows), axis=0)
+    own = np.repeat(base[None, :, first:], len(rows), axis=0)
     for column, size in enumerate(STATE_STEPS):
         states[1 + column, ..., column] += size
     frequency[3] += FREQUENCY_STEP
-    steps = np.array([*STATE_STEPS, FREQUENCY_STEP, *sizes])
-    seen, ends = _swung(forward, rows, arcs, states, frequency)
+    for column in range(strengths):
+        own[4 + column, :, column] += own_steps[first + column]
+    steps = np.array([*STATE_STEPS, FREQUENCY_STEP, *own_steps[first:], *sizes])
+    seen, ends = _swung(forward, rows, arcs, states, frequency, own)
     # What ran off to infinity is as wrong as can be, and no number to step by.
     seen, ends = (np.nan_to_num(np.clip(a, -FAR, FAR), nan=FAR) for a in (seen, ends))
     slopes = np.moveaxis(seen[1:] - seen[:1], 0, -1) / steps
@@ -768,7 +793,12 @@ def linearise_arcs(
     gaps = np.zeros_like(arcs.states)
     gaps[:, :-1] = np.where(arcs.live[:, 1:, None], ends[0, :, :-1] - arcs.states[:, 1:], 0.0)
     follow, close = _followed(transfer, gaps)
-    return _joined(forward, arcs, nuisance, seen[0], slopes, (gaps, follow, close))
+    left = np.where(
+        forward.records.pendulum_used,
+        forward.records.pendulum_angle - seen[0] - base[:, 3:4],
+        0.0,
+    )
+    return _joined(forward, model, arcs, left, slopes, (gaps, follow, close))
 
 
 def _followed(transfer: FloatArray, gaps: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -787,9 +817,9 @@ def _followed(transfer: FloatArray, gaps: FloatArray) -> tuple[FloatArray, Float
 
 def _joined(
     forward: Forward,
+    model: Model,
     arcs: Arcs,
-    nuisance: FloatArray,
-    seen: FloatArray,
+    left: FloatArray,
     slopes: FloatArray,
     joints: tuple[FloatArray, FloatArray, FloatArray],
 ) -> LinearisedArcs:
@@ -802,26 +832,32 @@ def _joined(
     columns = (here @ follow[rows, arcs.index])[..., 0, :]
     columns[..., 2:] += slopes[..., 2:]
     shift = (here @ close[rows, arcs.index][..., None])[..., 0, 0]
-    left = np.where(records.pendulum_used, records.pendulum_angle - seen - nuisance[:, 3:4], 0.0)
     zero = np.ones((*left.shape, 1))
-    own = np.concatenate([columns[..., :3], zero], axis=-1) * weights[..., None]
-    shared = columns[..., 3:] * weights[..., None]
-    blank = np.zeros((records.trials, ball))
-    system = Linearised(
-        np.concatenate([blank, (left - shift) * weights], axis=1),
-        np.concatenate([np.zeros((*blank.shape, 4)), own], axis=1),
-        np.concatenate([np.zeros((*blank.shape, shared.shape[-1])), shared], axis=1),
-        np.zeros(4),
-        np.zeros(shared.shape[-1]),
+    theirs = 3 + len(model.own)
+    own = np.concatenate([columns[..., :3], zero, columns[..., 3:theirs]], axis=-1)
+    mine, shared = (
+        np.concatenate([np.zeros((records.trials, ball, part.shape[-1])), part], axis=1)
+        for part in (own * weights[..., None], columns[..., theirs:] * weights[..., None])
     )
+    residual = np.concatenate([np.zeros((records.trials, ball)), (left - shift) * weights], axis=1)
+    system = _with_groups(forward, model, residual, mine, shared)
     return LinearisedArcs(system, left * weights, gaps, follow, close)
 
 
 def moved_arcs(
     arcs: Arcs, found: LinearisedArcs, own: FloatArray, shared: FloatArray, share: float
 ) -> Arcs:
-    """Pieces after a share of a step: own values (T, 4) and shared parameters (n,)."""
-    step = np.concatenate([own[:, :3], np.broadcast_to(shared, (len(own), shared.size))], axis=1)
+    """Pieces after a share of a step.
+
+    Parameters
+    ----------
+    own : (T, 4 + k) array
+        Steps of the trials' own values, what their groups are moved by included.
+    shared : (n,) array
+        Steps of the model's parameters.
+    """
+    everywhere = np.broadcast_to(shared, (len(own), shared.size))
+    step = np.concatenate([own[:, :3], own[:, 4:], everywhere], axis=1)
     states = (found.follow @ step[:, None, :, None])[..., 0] + found.close
     return replace(arcs, states=arcs.states + share * states)
 
@@ -1008,6 +1044,7 @@ def fit_model(
     *,
     rounds: int = 12,
     shape_priors: bool = True,
+    settled: bool = False,
     swing: SwingStart = FROM_THE_RECORD,
 ) -> Fit:
     """Gauss–Newton with step halving; free swings by multiple shooting.
@@ -1026,6 +1063,8 @@ def fit_model(
         Most steps.
     shape_priors : bool
         Hold shapes near where they start with a prior as wide as their scale.
+    settled : bool
+        Whether the offsets of balls and sessions stay as they are.
     swing : SwingStart
         Of free swings: the pieces to start from, and when to give up.
 
@@ -1034,8 +1073,14 @@ def fit_model(
     Fit
     """
     if forward.mode == "swing" and rounds:
-        return _fit_swings(forward, model, free, start[0], shape_priors, swing)
-    return _fit_in_one(forward, model, free, start, rounds, shape_priors)
+        return _fit_swings(forward, model, free, start, shape_priors, settled, swing)
+    return _fit_in_one(forward, model, free, start, rounds, shape_priors, settled)
+
+
+def _as_they_are(system: Linearised, pull: FloatArray, groups: int) -> None:
+    """Take the offsets of balls and sessions, which come first, out of a step."""
+    system.shared[..., :groups] = 0.0
+    pull[:groups] = 0.0
 
 
 def _fit_in_one(
@@ -1045,6 +1090,7 @@ def _fit_in_one(
     start: tuple[FloatArray, FloatArray],
     rounds: int,
     shape_priors: bool,
+    settled: bool,
 ) -> Fit:
     nuisance, laws = fitting_start(forward, model, *start)
     anchors = np.array([_anchor(f, model) for f in free])
@@ -1074,6 +1120,8 @@ def _fit_in_one(
         shared_prior[n_laws:] += prior_information
         system = Linearised(system.residual, system.own, system.shared, system.prior, shared_prior)
         pull = np.concatenate([-laws.reshape(-1), -(_values(model, free) - anchors)]) * shared_prior
+        if settled:
+            _as_they_are(system, pull, n_laws)
         kept = own_prior < 1e15
         own_pull = np.where(kept, -nuisance * own_prior, 0.0)
         matrix, vector, inverse, cross = reduce(system, own_pull, pull)
@@ -1243,8 +1291,7 @@ def _residuals(forward: Forward, points: Sequence[Point]) -> list[tuple[float, F
 class _PlaceOfArcs:
     """Where a fit of pieces stands, and what that costs."""
 
-    model: Model
-    nuisance: FloatArray
+    point: Point
     arcs: Arcs
     found: LinearisedArcs
     cost: float
@@ -1264,28 +1311,49 @@ class _SwingFit:
     anchors: FloatArray
     prior: FloatArray
     own_prior: FloatArray
+    law_prior: FloatArray
+    settled: bool
 
-    def penalty(self, nuisance: FloatArray, model: Model) -> float:
+    def penalty(self, point: Point) -> float:
         """How far values are from what was known of them."""
+        nuisance, laws, model = point
         own = float(np.sum(nuisance**2 * np.where(self.own_prior < 1e15, self.own_prior, 0.0)))
-        return own + float(np.sum(self.prior * (_values(model, self.free) - self.anchors) ** 2))
+        groups = float(np.sum(laws**2 * self.law_prior)) if laws.size else 0.0
+        off = _values(model, self.free) - self.anchors
+        return own + groups + float(np.sum(self.prior * off**2))
 
-    def at(self, model: Model, nuisance: FloatArray, arcs: Arcs) -> _PlaceOfArcs:
+    def at(self, point: Point, arcs: Arcs) -> _PlaceOfArcs:
         """The place of some values; each record's first state is that of its first piece."""
+        nuisance, laws, model = point
         nuisance = np.concatenate([arcs.states[:, 0], nuisance[:, 2:]], axis=1)
-        found = linearise_arcs(self.forward, model, arcs, nuisance, self.free)
+        point = nuisance, laws, model
+        found = linearise_arcs(self.forward, model, arcs, nuisance, laws, self.free)
         records = self.forward.records
         rows = records.count / max(1, arcs.states[..., 0].size)
         scale = np.array([1.0, 1.0 / self.forward.small_rate]) * float(records.weights.max())
         gaps = GAP_WEIGHT * rows * float(np.sum((found.gaps * scale) ** 2))
-        cost = float(np.sum(found.residual**2)) + gaps + self.penalty(nuisance, model)
-        return _PlaceOfArcs(model, nuisance, arcs, found, cost)
+        cost = float(np.sum(found.residual**2)) + gaps + self.penalty(point)
+        return _PlaceOfArcs(point, arcs, found, cost)
+
+    def moved(self, place: _PlaceOfArcs, step: Step, share: float) -> _PlaceOfArcs:
+        """The place after a share of a step."""
+        (_, laws, model), (own, move) = place.point, step
+        groups, shared = move[: laws.size].reshape(laws.shape), move[laws.size :]
+        together = spread_laws(self.forward, model, own, groups)
+        arcs = moved_arcs(place.arcs, place.found, together, shared, share)
+        return self.at(_moved(place.point, self.free, step, share), arcs)
 
     def normal(self, place: _PlaceOfArcs) -> _NormalEquations:
         """The step's equations about a place."""
-        system = replace(place.found.system, prior=self.own_prior, shared_prior=self.prior)
-        pull = -(_values(place.model, self.free) - self.anchors) * self.prior
-        own_pull = np.where(self.own_prior < 1e15, -place.nuisance * self.own_prior, 0.0)
+        nuisance, laws, model = place.point
+        shared_prior = place.found.system.shared_prior.copy()
+        shared_prior[laws.size :] += self.prior
+        system = replace(place.found.system, shared_prior=shared_prior)
+        off = _values(model, self.free) - self.anchors
+        pull = -np.concatenate([laws.reshape(-1), off]) * shared_prior
+        if self.settled:
+            _as_they_are(system, pull, laws.size)
+        own_pull = np.where(self.own_prior < 1e15, -nuisance * self.own_prior, 0.0)
         matrix, vector, inverse, cross = reduce(system, own_pull, pull)
         gradient = np.einsum("tmq,tm->tq", system.own, system.residual) + own_pull
         return _NormalEquations(matrix, vector, inverse, cross, gradient)
@@ -1296,13 +1364,7 @@ class _SwingFit:
         for _ in range(STEPS_OF_ARCS):
             normal = self.normal(place)
             for _ in range(8):
-                own, move = normal.step(damping)
-                share = 1.0 / (1.0 + damping)
-                moved = self.at(
-                    _stepped(place.model, self.free, move * share),
-                    place.nuisance + own * share,
-                    moved_arcs(place.arcs, place.found, own, move, share),
-                )
+                moved = self.moved(place, normal.step(damping), 1.0 / (1.0 + damping))
                 if moved.cost < place.cost:
                     break
                 damping = max(4.0 * damping, 0.25)
@@ -1318,12 +1380,12 @@ class _SwingFit:
 
     def shut(self, place: _PlaceOfArcs) -> _PlaceOfArcs:
         """The same values with the gaps closed, as far as Newton's steps close them."""
-        still = np.zeros_like(place.nuisance), np.zeros(len(self.free))
+        nuisance, laws, _ = place.point
+        still = np.zeros_like(nuisance), np.zeros(laws.size + len(self.free))
         for _ in range(CLOSINGS):
             if closed(self.forward, place.found):
                 break
-            arcs = moved_arcs(place.arcs, place.found, *still, 1.0)
-            place = self.at(place.model, place.nuisance, arcs)
+            place = self.moved(place, still, 1.0)
         return place
 
 
@@ -1331,15 +1393,18 @@ def _fit_swings(
     forward: Forward,
     model: Model,
     free: Sequence[Free],
-    nuisance: FloatArray,
+    begun: tuple[FloatArray, FloatArray],
     shape_priors: bool,
-    start: SwingStart = FROM_THE_RECORD,
+    settled: bool,
+    start: SwingStart,
 ) -> Fit:
     """Multiple shooting: states of all pieces start from the record, or from those of a fit."""
     prior = np.array([_prior_information(f.parameter, 1.0, shape_priors) for f in free])
-    pieces = _SwingFit(forward, free, _values(model, free), prior, priors(forward, model)[0])
+    own_prior, law_prior = priors(forward, model)
+    pieces = _SwingFit(forward, free, _values(model, free), prior, own_prior, law_prior, settled)
+    nuisance, laws = fitting_start(forward, model, *begun)
     arcs = arcs_of(forward, nuisance) if start.arcs is None else start.arcs
-    place = pieces.at(model, nuisance, arcs)
+    place = pieces.at((nuisance, laws, model), arcs)
     apart = np.inf
     for _ in range(DESCENTS):
         place, left = pieces.descended(place, start.hopeless)
@@ -1354,22 +1419,25 @@ def _fit_swings(
     least = LOST * max(apart, forward.records.expected)
     if closed(forward, place.found):
         return _fit_of(pieces, place, Ending.LOST if place.chi2 > least else Ending.UNFINISHED)
-    at_end = (place.nuisance, np.zeros((0, 2)))
-    whole = _fit_in_one(forward, place.model, free, at_end, ROUNDS_IN_ONE, shape_priors)
+    nuisance, laws, model = place.point
+    whole = _fit_in_one(
+        forward, model, free, (nuisance, laws), ROUNDS_IN_ONE, shape_priors, settled
+    )
     return replace(whole, ending=Ending.LOST if whole.chi2 > least else whole.ending)
 
 
 def _fit_of(pieces: _SwingFit, place: _PlaceOfArcs, ending: Ending) -> Fit:
     """The fit at a place; what closes the last gaps, a tenth of sigma, is taken to first order."""
     records, residual = pieces.forward.records, place.found.system.residual
+    nuisance, laws, model = place.point
     chi2 = float(np.sum(residual**2))
     if ending is Ending.LOST:
         # Far apart, pieces that are closed to first order say nothing.
         chi2 = max(place.cost, chi2)
+    covariance = inverse_of(pieces.normal(place).matrix)[laws.size :, laws.size :]
     return Fit(
-        place.model, place.nuisance, np.zeros((0, 0)), chi2,
-        pieces.penalty(place.nuisance, place.model), records.count, records.expected,
-        tuple(pieces.free), inverse_of(pieces.normal(place).matrix), residual, ending, place.arcs,
+        model, nuisance, laws, chi2, pieces.penalty(place.point), records.count, records.expected,
+        tuple(pieces.free), covariance, residual, ending, place.arcs,
     )  # fmt: skip
 
 

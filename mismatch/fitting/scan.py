@@ -23,6 +23,7 @@ from mismatch.candidates import Candidate, start_values, steps_of
 from mismatch.fitting.fit import (
     FROM_THE_RECORD,
     GROUPED,
+    Arcs,
     Fit,
     Free,
     Linearised,
@@ -69,6 +70,40 @@ ROUNDS = 3
 LEAST = 1e-4
 
 """Scatter, in scales of the strength, that is none."""
+
+
+@dataclass(frozen=True)
+class _Place:
+    """A model with the values that it is looked at around; of free swings their pieces, too."""
+
+    model: Model
+    nuisance: FloatArray
+    laws: FloatArray
+    arcs: Arcs | None = None
+
+
+def _place_of(fit: Fit) -> _Place:
+    return _Place(fit.model, fit.nuisance, fit.law_offsets, fit.arcs)
+
+
+def _linearised(
+    forward: Forward,
+    at: _Place,
+    free: Sequence[Free],
+    extra: Sequence[Model] = (),
+    extra_steps: Sequence[float] = (),
+) -> Linearised:
+    """Around a place; of free swings around their pieces, which are as straight as strikes are.
+
+    In one arc of many periods a small torque turns the phase around, and a law that is out of step
+    with the record has no slope that tells where the right one is.
+    """
+    if forward.mode != "swing":
+        return linearise(forward, at.model, at.nuisance, at.laws, free, extra, extra_steps)
+    arcs = arcs_of(forward, at.nuisance) if at.arcs is None else at.arcs
+    return linearise_arcs(
+        forward, at.model, arcs, at.nuisance, at.laws, free, extra, extra_steps
+    ).system
 
 
 @dataclass(frozen=True)
@@ -182,13 +217,14 @@ def scatter_evidence(
 
 
 def _around(
-    forward: Forward, model: Model, nuisance: FloatArray, laws: FloatArray, effect: Effect
+    forward: Forward, at: _Place, effect: Effect
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Score and information of an effect's own values by group, and those values (groups, n)."""
+    model, nuisance = at.model, at.nuisance
     first = len(NUISANCES[forward.mode])
     mine = [first + k for k, one in enumerate(model.own) if one.effect is effect]
     others = [k for k in range(nuisance.shape[1]) if k not in mine]
-    system = linearise(forward, model, nuisance, laws, ())
+    system = _linearised(forward, at, ())
     own_prior, _ = priors(forward, model)
     pull = np.where(own_prior < 1e15, -nuisance * own_prior, 0.0)
     score, information = marginal_by_trial(
@@ -200,7 +236,7 @@ def _around(
     if effect.level in GROUPED:
         columns = list(grouped_columns(forward, model))
         count = len(forward.records.groups(effect.level)[1])
-        values = laws[:count, [columns.index(k) for k in mine]]
+        values = at.laws[:count, [columns.index(k) for k in mine]]
     return score, information, values
 
 
@@ -217,12 +253,11 @@ def _scales(effect: Effect) -> FloatArray:
     return np.array([p.scale for p in effect.strengths])
 
 
-def _with_likely_scatter(
-    forward: Forward, model: Model, nuisance: FloatArray, laws: FloatArray, reduced_chi2: float
-) -> Model:
-    """The model with each effect's scatter at its likeliest around a point."""
+def _with_likely_scatter(forward: Forward, at: _Place, reduced_chi2: float) -> Model:
+    """The model with each effect's scatter at its likeliest around a place."""
+    model = at.model
     for effect in _scattered(model):
-        score, information, values = _around(forward, model, nuisance, laws, effect)
+        score, information, values = _around(forward, replace(at, model=model), effect)
         at_none = score + (information @ values[..., None])[..., 0]
         spread, _ = scatter_evidence(
             at_none / reduced_chi2, information / reduced_chi2, _scales(effect)
@@ -252,11 +287,12 @@ def fit_with_levels(
     """As `fit_model`, with the scatter of own strengths learnt."""
     fit = None
     for _ in range(ROUNDS if model.own else 0):
-        nuisance, laws = fitting_start(forward, model, *start)
+        at = _Place(model, *fitting_start(forward, model, *start), swing.arcs)
         reduced_chi2 = 1.0 if fit is None else fit.reduced_chi2
-        model = _with_likely_scatter(forward, model, nuisance, laws, reduced_chi2)
-        fit = fit_model(forward, model, free, start, rounds=rounds)
+        model = _with_likely_scatter(forward, at, reduced_chi2)
+        fit = fit_model(forward, model, free, start, rounds=rounds, swing=swing)
         model, start = fit.model, (fit.nuisance, fit.law_offsets)
+        swing = replace(swing, arcs=fit.arcs)
     return fit or fit_model(forward, model, free, start, rounds=rounds, swing=swing)
 
 
@@ -264,7 +300,7 @@ def price_of_levels(forward: Forward, fit: Fit) -> float:
     """What the evidence asks for the freedom of own values, chi-square units."""
     total = 0.0
     for effect in _scattered(fit.model):
-        _, information, _ = _around(forward, fit.model, fit.nuisance, fit.law_offsets, effect)
+        _, information, _ = _around(forward, _place_of(fit), effect)
         spread = np.array([one.spread for one in fit.model.own if one.effect is effect])
         root = np.eye(spread.size) + spread[:, None] * information * spread / fit.reduced_chi2
         total += float(np.linalg.slogdet(root)[1].sum())
@@ -279,7 +315,7 @@ def own_values(forward: Forward, fit: Fit, effect: Effect) -> OwnValues | None:
     spread = np.array([one.spread for one in mine])
     held = next(values for one, values in fit.model.entries if one is effect)
     mean = np.array([held[one.name] for one in mine])
-    _, _, off = _around(forward, fit.model, fit.nuisance, fit.law_offsets, effect)
+    _, _, off = _around(forward, _place_of(fit), effect)
     std = _own_std(forward, fit, mine)
     names = tuple(one.name for one in mine)
     return OwnValues(effect, names, spread, mean + off, np.where(np.isfinite(std), std, np.inf))
@@ -291,7 +327,7 @@ def _own_std(forward: Forward, fit: Fit, mine: Sequence[OwnStrength]) -> FloatAr
     Of all that was fitted together: what the records leave open stays with the campaign's value and
     shares its doubt, and a ruler that is left open moves every ball's drag alike.
     """
-    system = linearise(forward, fit.model, fit.nuisance, fit.law_offsets, fit.free)
+    system = _linearised(forward, _place_of(fit), fit.free)
     laws = fit.law_offsets.size
     prior = system.shared_prior.copy()
     prior[laws:] += held_information(fit.free)
@@ -465,27 +501,6 @@ def _evidence(block: FloatArray, score: FloatArray, held: FloatArray) -> float:
     return float(score @ np.linalg.solve(block + np.diag(held), score)) - price(block, held)
 
 
-def _linearised(
-    forward: Forward,
-    fit: Fit,
-    free: Sequence[Free],
-    extra: Sequence[Model] = (),
-    extra_steps: Sequence[float] = (),
-) -> Linearised:
-    """Around a fit; of free swings around their pieces, which are as straight as strikes are.
-
-    In one arc of many periods a small torque turns the phase around, and a law that is out of step
-    with the record has no slope that tells where the right one is.
-    """
-    if forward.mode != "swing":
-        return linearise(
-            forward, fit.model, fit.nuisance, fit.law_offsets, free, extra, extra_steps
-        )
-    arcs = arcs_of(forward, fit.nuisance) if fit.arcs is None else fit.arcs
-    found = linearise_arcs(forward, fit.model, arcs, fit.nuisance, free, extra, extra_steps)
-    return replace(found.system, prior=priors(forward, fit.model)[0])
-
-
 def scan(forward: Forward, fit: Fit, candidates: Sequence[Candidate]) -> Scan:
     """Score candidates around a fitted model."""
     models: list[Model] = []
@@ -502,12 +517,12 @@ def scan(forward: Forward, fit: Fit, candidates: Sequence[Candidate]) -> Scan:
             starts.append(values[parameter.name])
         columns.append(tuple(mine))
     free = list(fit.free)
-    base = _linearised(forward, fit, free)
+    base = _linearised(forward, _place_of(fit), free)
     held = base.shared.shape[-1]
     blocks = [base.shared]
     for first in range(0, len(models), LANES_AT_ONCE):
         part = _linearised(
-            forward, fit, (),
+            forward, _place_of(fit), (),
             models[first : first + LANES_AT_ONCE], sizes[first : first + LANES_AT_ONCE],
         )  # fmt: skip
         blocks.append(part.shared[..., fit.law_offsets.size :])
@@ -658,7 +673,7 @@ def _pulls(forward: Forward, fit: Fit) -> tuple[FloatArray, FloatArray]:
 
 def _without_own(forward: Forward, fit: Fit) -> tuple[FloatArray, Linearised]:
     """Slopes by the shared parameters less what trials' own values take up (T, M, n), and all."""
-    system = linearise(forward, fit.model, fit.nuisance, fit.law_offsets, fit.free)
+    system = _linearised(forward, _place_of(fit), fit.free)
     cross = np.swapaxes(system.own, 1, 2) @ system.shared
     inner = np.swapaxes(system.own, 1, 2) @ system.own + np.diag(system.prior)
     tiny = 1e-12 * np.einsum("tqq->tq", inner) + 1e-12

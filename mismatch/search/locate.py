@@ -447,6 +447,14 @@ def noise_notes(campaign: CampaignRecords, prepared: Prepared) -> tuple[str, ...
             f"neighbouring samples share errors: slow quantities are {np.sqrt(worst):.1f} times"
             " less certain than white noise would leave them"
         )
+    slow = prepared.forward.records.slow
+    if np.any(slow > 0.0):
+        largest = float(np.sqrt(np.square(noise.effective[:, :3]) @ slow.sum(axis=1)).max())
+        rows = float(prepared.forward.records.ball_used.any(axis=-1).sum(axis=1).mean())
+        notes.append(
+            f"positions wander by {largest / np.sqrt(rows):.2g} m over each record: slow quantities"
+            " are so much less certain"
+        )
     if noise.jitter > 0.0:
         notes.append(
             f"the times of the samples scatter by {noise.jitter:.2g} s about those that are written"

@@ -56,6 +56,7 @@ class BearingFriction(Effect):
     confusable: tuple[str, ...] = ("viscous_damping", "pendulum_drag", "backswing_offset")
     separating: str = "a free swing over many periods: amplitude falls linearly under dry friction"
     looseness: float = 0.2
+    levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.SESSION)
     coordinate: Coordinate = Coordinate.RATE
 
     def torque(self, values: Values, swing: SwingState) -> Number:
@@ -218,6 +219,7 @@ class ViscousDamping(Effect):
     confusable: tuple[str, ...] = ("bearing_friction", "pendulum_drag")
     separating: str = "a free swing over many periods: amplitude falls exponentially"
     looseness: float = 0.1
+    levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.SESSION)
     coordinate: Coordinate = Coordinate.RATE
 
     def torque(self, values: Values, swing: SwingState) -> Number:
@@ -251,6 +253,7 @@ class PendulumDrag(Effect):
     confusable: tuple[str, ...] = ("bearing_friction", "viscous_damping")
     separating: str = "a free swing over many periods from a large angle"
     looseness: float = 0.1
+    levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.SESSION)
     coordinate: Coordinate = Coordinate.RATE
 
     def torque(self, values: Values, swing: SwingState) -> Number:

@@ -750,7 +750,7 @@ def explain_campaign(
     """Explain a campaign that has been read or measured already."""
     baseline = baseline_from_setup(known, campaign)
     if isinstance(campaign, ClipCampaign):
-        baseline = replace(baseline, instruments=campaign.instruments)
+        baseline = replace(baseline, instruments=campaign.instruments, assumed=campaign.assumed)
     own = _own(effects)
     with under_guard(own):
         explained = explain_in_full(

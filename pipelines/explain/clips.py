@@ -18,7 +18,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from metrology import ClipError, Defaults, MeasurementError, NotFoundError, UsageError
+from metrology import (
+    ClipError,
+    Defaults,
+    MeasurementError,
+    NotFoundError,
+    UncertaintySource,
+    UsageError,
+)
 from mismatch import EngineVerdict
 from mismatch.records import CampaignRecords, Trial
 from mismatch.verdict import DOUBTED, Doubt, NamedEffect
@@ -292,7 +299,8 @@ PARAMETERS = {
 def calibration_widths(measured: "ClipMeasurement") -> dict[str, float]:
     """Standard uncertainties of rate and scale (relative) and of roll (rad) of one clip.
 
-    The calibration's, and what the ball's outline adds: slow errors that all clips share.
+    The calibration's, and what the ball's outline adds: slow errors that all clips share. Without
+    a calibration nothing has measured the roll.
 
     Returns
     -------
@@ -303,8 +311,7 @@ def calibration_widths(measured: "ClipMeasurement") -> dict[str, float]:
     if measured.calibration is None or measured.impact is None:
         return {
             "time_base": rate,
-            "length_scale": Defaults.BALL_DIAMETER.std,
-            "camera_roll": Defaults.CAMERA_ROLL.std,
+            "length_scale": _stretched(measured),
         }
     rows = np.isin(measured.tracks.ball.frame, measured.impact.tracks.ball_frame)
     px = measured.tracks.ball.centre_px[rows]
@@ -316,6 +323,21 @@ def calibration_widths(measured: "ClipMeasurement") -> dict[str, float]:
         "length_scale": math.hypot(scale, fall),
         "camera_roll": math.hypot(roll, along),
     }
+
+
+STRETCHING = frozenset(
+    {UncertaintySource.BALL_DIAMETER, UncertaintySource.SCALE, UncertaintySource.CAMERA_SLANT}
+)
+"""What leaves the size of a path open where no grid tells it."""
+
+
+def _stretched(measured: "ClipMeasurement") -> float:
+    """By what share a path may be too long where no grid tells, as its speed's own budget says."""
+    speed = measured.quantity("ball_speed")
+    if not speed.value:
+        return Defaults.BALL_DIAMETER.std
+    parts = [part.std for part in speed.budget if part.source in STRETCHING]
+    return max(math.hypot(*parts) / speed.value, Defaults.BALL_DIAMETER.std)
 
 
 def outline_shares(px: np.ndarray) -> tuple[float, float]:
@@ -388,9 +410,14 @@ def left_open(measured: "ClipMeasurement") -> tuple[Effect, ...]:
         _held(PivotElsewhere(), axis),
         _held(OriginOffset(id="rest_elsewhere"), tracks.rest_std_m),
         _held(LengthScale(id="scale_of_the_clip", form=about), [widths["length_scale"]]),
-        _held(CameraRoll(id="roll_of_the_clip", form=about), [widths["camera_roll"]]),
+        _held(
+            CameraRoll(id=ROLL_OF_THE_CLIP, form=about),
+            [widths.get("camera_roll", Defaults.CAMERA_ROLL.std)],
+        ),
     )
 
+
+ROLL_OF_THE_CLIP = "roll_of_the_clip"
 
 IN_EACH = (Level.CAMPAIGN, Level.TRIAL)
 """One camera errs alike in all clips, and each clip anew: either takes the whole width."""
@@ -515,10 +542,11 @@ def _allowed(effect: NamedEffect, widths: Mapping[str, float]) -> bool:
 
 
 def _told(widths: Mapping[str, float], known: bool) -> str:
+    roll = widths.get("camera_roll")
     told = (
         f"the rate to {100.0 * widths['time_base']:.2g} %, the scale to"
-        f" {100.0 * widths['length_scale']:.2g} % and the roll to"
-        f" {math.degrees(widths['camera_roll']):.2g} deg"
+        f" {100.0 * widths['length_scale']:.2g} % and the roll"
+        f" {'not at all' if roll is None else f'to {math.degrees(roll):.2g} deg'}"
     )
     if known:
         return f"the calibration knows {told}"
@@ -564,11 +592,14 @@ class ClipCampaign(CampaignRecords):
     instruments : tuple of Effect
         What each clip leaves open of where its axis, its resting ball, its scale and its horizontal
         are, and all clips of a camera alike.
+    assumed : frozenset of str
+        Ids among them of what nothing has measured.
     """
 
     widths: Mapping[str, float] = field(default_factory=dict)
     calibrated: bool = True
     instruments: tuple[Effect, ...] = ()
+    assumed: frozenset[str] = frozenset()
 
 
 def clip_facts(path: Path) -> dict[str, ClipFacts]:
@@ -681,9 +712,12 @@ def campaign_from_clips(
         trials = [_flight_only(trial) for trial in trials]
         faults = [tuple(f for f in one if isinstance(f, WanderingCentre)) for one in faults]
         notes.insert(0, _why_flights(told))
+    common = common_widths(widths)
+    level = frozenset() if "camera_roll" in common else frozenset({ROLL_OF_THE_CLIP})
     return ClipCampaign(
-        tuple(trials), (*left_out, *notes), common_widths(widths), instruments=common_faults(faults)
-    )
+        tuple(trials), (*left_out, *notes), common, instruments=common_faults(faults),
+        assumed=level,
+    )  # fmt: skip
 
 
 def with_rig(setup: Setup) -> Setup:
@@ -725,7 +759,7 @@ def before_the_wall(measured: "ClipMeasurement", setup: Setup) -> tuple[float, f
 
     Until it has left its place by its own radius the mass is beside it; where its lower rim covers
     the foot of the wall it is seen before the floor and its own shadow. Where no camera is known,
-    nor is where the floor is seen.
+    the picture tells where that is.
     """
     impact = measured.impact
     if impact is None:
@@ -737,13 +771,53 @@ def before_the_wall(measured: "ClipMeasurement", setup: Setup) -> tuple[float, f
     # A ball takes longer to go its own radius than a contact lasts.
     touched = _release(measured) - (first - _release(measured))
     if measured.calibration is None or setup.support is None:
-        return first, math.inf, touched
+        flying = gone & (tracks.ball_time_s <= impact.last_flight_s + 1e-9)
+        return first, _before_another_surface(measured, flying), touched
     floor = float(tracks.rest_m[1]) - setup.support.height - radius
     camera = measured.calibration.camera.position
     nearer = measured.calibration.ball_plane_offset / measured.calibration.camera_distance
     foot = floor + (float(camera[1]) - floor) * nearer
     over = (tracks.ball_m[:, 1] - radius < foot) & (tracks.ball_time_s > first)
     return first, float(tracks.ball_time_s[over][0]) if over.any() else math.inf, touched
+
+
+OTHER_SURFACE = 2.0
+"""Spread of the background along a ball's outline, over what is usual along its flight, from which
+another surface is behind it: a boundary that shows as much as the wall itself does."""
+
+RIM = 0.15
+"""Share of the radius on either side of an outline that its fit looks at."""
+
+OUTER = (0.02, 0.98)
+"""Quantiles between which a background spreads: two in a hundred pixels may be faulty."""
+
+
+def _before_another_surface(measured: "ClipMeasurement", flying: NDArray[np.bool_]) -> float:
+    """When the ball comes before a surface that it then stays before to the end of its flight, s.
+
+    A floor draws the outline towards its own side, and a ball's shadow lies on it.
+
+    Parameters
+    ----------
+    flying : (N,) bool array
+        Clear rows of its flight.
+    """
+    ball, impact = measured.tracks.ball, measured.impact
+    if impact is None or not flying.any():
+        return math.inf
+    flying_s = impact.tracks.ball_time_s[flying]
+    rows = np.flatnonzero(np.isin(ball.frame, impact.tracks.ball_frame[flying]))
+    background = np.asarray(measured.tracks.background, dtype=np.float64)
+    down, across = np.mgrid[: background.shape[0], : background.shape[1]]
+    spread = np.full(flying_s.size, math.inf)
+    for at, row in enumerate(rows):
+        away = np.hypot(across - ball.centre_px[row, 0], down - ball.centre_px[row, 1])
+        near = background[np.abs(away / ball.radius_px[row] - 1.0) < RIM]
+        if near.size:
+            spread[at] = np.ptp(np.quantile(near, OUTER))
+    one_surface = np.flatnonzero(spread <= OTHER_SURFACE * np.median(spread))
+    end = int(one_surface[-1]) + 1
+    return float(flying_s[end]) if end < flying_s.size else math.inf
 
 
 def _seen_clearly(trial: Trial, clear: tuple[float, float, float]) -> Trial:

@@ -1,4 +1,4 @@
-"""Film twelve campaigns, measure the clips, let the engine explain them, and score the answers.
+"""Film fourteen campaigns, measure the clips, let the engine explain them, and score the answers.
 
 ``python -m bench.concealed.filmed.pixels FOLDER``: clips, tracks and answers are kept in the folder
 and used again; `python -m bench.concealed --pixels FOLDER` puts the section into docs/proof.md.

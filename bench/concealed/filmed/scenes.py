@@ -1,4 +1,4 @@
-"""Twelve campaigns that are filmed: what each conceals, its scenes and what the lab knows."""
+"""Fourteen campaigns that are filmed: what each conceals, its scenes and what the lab knows."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -41,7 +41,9 @@ class Filmed:
     fps : float
         True capture rate; the lab believes 600.
     roll : float
-        Of the camera, rad; no grid hangs on the wall then.
+        Of the camera, rad.
+    grid : bool
+        Whether a grid hangs on the wall, and tapes measured where the camera stands.
     look
         Of the ball: patches that show its spin, or plain.
     """
@@ -52,6 +54,7 @@ class Filmed:
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     fps: float = STATED_FPS
     roll: float = 0.0
+    grid: bool = True
     look: Literal["jokku", "plain"] = "jokku"
 
 
@@ -62,7 +65,10 @@ FILMED = (
         effects={"magnus": {"spin": 15.0}}, look="plain",
     ),
     Filmed("rate", "time_base", "590 instead of 600 frames a second", fps=590.0),
-    Filmed("tilt", "camera_roll", "a camera tilted by 1.5 degrees, no grid", roll=np.radians(1.5)),
+    Filmed(
+        "tilt", "camera_roll", "a camera tilted by 1.5 degrees, no grid",
+        roll=np.radians(1.5), grid=False,
+    ),
     Filmed(
         "draught", "wind", "a draught of 2 m/s against the ball",
         effects={"wind": {"wind_x": -2.0}},
@@ -82,6 +88,11 @@ FILMED = (
         effects={"wind": {"wind_x": 1.5}}, look="plain",
     ),
     Filmed("none_plain", "", "nothing, of a plain ball", look="plain"),
+    Filmed("level", "", "nothing, no grid", grid=False),
+    Filmed(
+        "headwind", "wind", "a draught of 2 m/s against the ball, no grid",
+        effects={"wind": {"wind_x": -2.0}}, grid=False,
+    ),
 )  # fmt: skip
 
 
@@ -99,8 +110,9 @@ def _scene(filmed: Filmed) -> Scene:
     scene = default_scene(ball=BALL, size=SIZE, reach=REACH, seed=17)
     wall = scene.room.wall
     camera = scene.camera
-    if filmed.roll:
+    if not filmed.grid:
         wall = replace(wall, contrast=0.0, fine_contrast=0.0)
+    if filmed.roll:
         turn = rotation_matrix([0.0, 0.0, -filmed.roll])
         camera = replace(camera, rotation=turn @ camera.rotation)
     return replace(
@@ -160,7 +172,7 @@ principal_point_on_wall = ["{x}", "{y}"]
     return f"""[camera]
 capture_fps = {STATED_FPS:g}
 shutter = "{scene.shutter.exposure:g} s"
-{"" if filmed.roll else tape}{"" if filmed.roll else wall}
+{tape if filmed.grid else ""}{wall if filmed.grid else ""}
 [pendulum]
 length = "{body.length} m"
 inertia = "{body.inertia} kg m^2"

@@ -57,7 +57,8 @@ def section(folder: Path) -> list[str]:
     missing = [filmed.name for filmed in FILMED if filmed.name not in results]
     left = f"; not answered for this page: {', '.join(missing)}" if missing else ""
     return [
-        f"Twelve campaigns of eight clips of {SIZE[0]} × {SIZE[1]} px, filmed by `sample_videos`,"
+        f"{len(FILMED)} campaigns of eight clips of {SIZE[0]} × {SIZE[1]} px, filmed by"
+        " `sample_videos`,"
         " measured by the chain and explained as `vision explain CLIP…` does"
         f" (`python -m bench.concealed.filmed.pixels`): {hits} of {len(rows)} right{left}.",
         "",

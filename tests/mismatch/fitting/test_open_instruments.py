@@ -7,13 +7,15 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from mismatch import explain
+from mismatch.explain import _with_held
 from mismatch.fitting.fit import fit_model, free_parameters, kept_free
 from mismatch.fitting.prepare import prepare
 from mismatch.records import Baseline, CampaignRecords, Trial
-from physics.bodies import GRAVITY, PAPER_PENDULUM
-from physics.effects import Effect, Level, effect_named
+from physics.bodies import GRAVITY, JOKKU, PAPER_PENDULUM, PAPER_SUPPORT
+from physics.effects import Effect, Form, Level, effect_named
 from physics.effects.measurement import (
     BehindTheBall,
+    CameraRoll,
     OriginOffset,
     PivotElsewhere,
     WanderingCentre,
@@ -33,6 +35,7 @@ WANDERING = (
     _held(WanderingCentre(), 1e-3),
     replace(_held(BehindTheBall(), 1e-3), levels=(Level.CAMPAIGN,)),
 )
+ROLL = _held(CameraRoll(id="roll_of_the_clip", form=Form.ABOUT_THE_START), np.radians(1.0))
 FAULTS = (_held(PivotElsewhere(), 0.01), _held(OriginOffset(id="rest_elsewhere"), 2e-3))
 
 
@@ -73,6 +76,55 @@ def test_axes_that_every_clip_has_elsewhere_are_found():
 def test_an_axis_elsewhere_is_no_physics():
     campaign, baseline = _campaign()
     assert explain(campaign, replace(baseline, instruments=FAULTS)).effects == ()
+
+
+def _turned(campaign: CampaignRecords, degrees: float) -> CampaignRecords:
+    """The campaign as a tilted camera shows it about where the ball lies."""
+    tilt = np.radians(degrees)
+    turn = np.array([[np.cos(tilt), -np.sin(tilt), 0], [np.sin(tilt), np.cos(tilt), 0], [0, 0, 1]])
+    rest = np.array([0.0, PAPER_SUPPORT.height + 0.5 * JOKKU.diameter, 0.0])
+    return CampaignRecords(
+        tuple(
+            replace(t, position=np.nan_to_num(t.position - rest) @ turn.T + rest + 0.0 * t.position)
+            for t in campaign.trials
+        )
+    )
+
+
+def test_an_instrument_that_is_held_leaves_the_others_as_they_were_found():
+    campaign, baseline = struck_campaign()
+    seen, wrong = _read_off_wrong_points(_turned(campaign, 1.5))
+    prepared = prepare(seen, replace(baseline, instruments=(ROLL, *FAULTS)))
+    roll = {item.parameter.name: prepared.fit.value(k) for k, item in enumerate(prepared.fit.free)}
+    assert roll["roll"][0] == pytest.approx(np.radians(1.5), abs=3.0 * roll["roll"][1])
+    held = _with_held(prepared, frozenset({ROLL.id}))
+    names = [one.name for one in held.model.own]
+    assert names == ["pivot_x", "pivot_y", "offset_x", "offset_y"]
+    assert held.nuisance.shape[1] == 4 + len(names)
+    shared = {item.parameter.name: held.value(k)[0] for k, item in enumerate(held.free)}
+    assert "roll" not in shared
+    found = shared["pivot_y"] + held.nuisance[:, 4 + names.index("pivot_y")]
+    assert np.sqrt(np.mean(np.square(found - wrong[:, 1]))) < 5e-3
+    assert held.objective > prepared.fit.objective + 50.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("degrees", [0.0, 1.5])
+def test_a_tilt_that_nothing_has_measured_is_told_where_it_shows(degrees):
+    campaign, baseline = struck_campaign()
+    open_still = replace(baseline, instruments=(ROLL,))
+    seen = _turned(campaign, degrees)
+    assert explain(seen, open_still).effects == ()
+    verdict = explain(seen, replace(open_still, assumed=frozenset({ROLL.id})))
+    if not degrees:
+        assert verdict.effects == ()
+        return
+    (named,) = verdict.effects
+    assert named.id == "camera_roll"
+    assert named.probability > 0.5
+    (roll,) = (p for p in named.parameters if p.name == "roll")
+    assert roll.value == pytest.approx(np.radians(degrees), abs=4.0 * roll.std)
+    assert roll.std < np.radians(0.2)
 
 
 @pytest.mark.slow

@@ -8,7 +8,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from metrology import ClipError, NotFoundError, Quantity, UsageError
+from metrology import (
+    ClipError,
+    Contribution,
+    NotFoundError,
+    Quantity,
+    UncertaintySource,
+    UsageError,
+)
 from mismatch import EngineVerdict
 from mismatch.verdict import Location, NamedEffect, ParameterValue, Remainder
 from physics.bodies import PAPER_PENDULUM
@@ -35,8 +42,10 @@ def measured(speed: float | None = 2.0, backswing_deg: float | None = None):
     time = np.arange(0.0, 0.5, 0.01)
     flying = np.maximum(time - 0.1, 0.0)
     path = np.stack([0.7 + 3.0 * flying, 1.1 + flying - 4.9 * flying**2], axis=1)
+    frames = np.arange(time.size) + 7
+    px = np.column_stack([500.0 * path[:, 0], 500.0 * (1.7 - path[:, 1])])
     tracks = SimpleNamespace(
-        ball_time_s=time, ball_m=path, rest_m=np.array([0.7, 1.1]), radius_m=0.1,
+        ball_time_s=time, ball_frame=frames, ball_m=path, rest_m=np.array([0.7, 1.1]), radius_m=0.1,
         ball_cov_m2=np.broadcast_to(np.diag([1e-6, 4e-6]), (time.size, 2, 2)),
         swing_time_s=time[:20], swing_rad=np.linspace(-0.5, 0.3, 20),
         rest_std_m=np.array([1e-3, 3e-3]),
@@ -46,14 +55,21 @@ def measured(speed: float | None = 2.0, backswing_deg: float | None = None):
     )
 
     def quantity(name: str) -> Quantity:
-        value = {"pendulum_speed_before": speed, "backswing_angle": backswing_deg}[name]
+        seen = {"pendulum_speed_before": speed, "backswing_angle": backswing_deg, "ball_speed": 3.0}
+        value = seen[name]
         if value is None:
             return Quantity.missing(name, "1", "not in view")
-        return Quantity.measured(name, value, "1", ())
+        budget = {
+            UncertaintySource.BALL_DIAMETER: 0.06, UncertaintySource.CAMERA_SLANT: 0.08,
+            UncertaintySource.CAMERA_ROLL: 0.5,
+        }  # fmt: skip
+        parts = tuple(Contribution(source, std) for source, std in budget.items())
+        return Quantity.measured(name, value, "1", parts)
 
     rate = SimpleNamespace(fps=600.0, std=0.6)
     seen = SimpleNamespace(
-        ball=SimpleNamespace(radius_px=np.full(time.size, 50.0)),
+        ball=SimpleNamespace(frame=frames, centre_px=px, radius_px=np.full(time.size, 50.0)),
+        background=np.random.default_rng(3).normal(180.0, 4.0, (600, 1000)).astype(np.float32),
         pendulum=SimpleNamespace(pivot_covariance_px2=np.diag([4.0, 9.0]), arm_px=250.0),
     )
     return SimpleNamespace(
@@ -174,7 +190,11 @@ def test_a_strike_leaves_open_what_its_clip_leaves_open():
     assert {name: found[name].width for name in told} == pytest.approx(told)
     widths = calibration_widths(answers(Path("a.mp4"), None))
     assert found["scale_error"].width == pytest.approx(widths["length_scale"])
-    assert found["roll"].width == pytest.approx(widths["camera_roll"])
+    assert widths["length_scale"] == pytest.approx(0.1 / 3.0)
+    # Nothing has measured how a camera without a grid stands: by eye, to a degree.
+    assert "camera_roll" not in widths
+    assert found["roll"].width == pytest.approx(math.radians(1.0))
+    assert campaign.assumed == {"roll_of_the_clip"}
     assert found["sine_2"].width == pytest.approx(1.0 / 250.0)
     assert all(p.is_held for p in found.values())
 
@@ -213,8 +233,23 @@ def test_a_flight_is_compared_where_the_wall_alone_is_behind_the_ball():
     away = np.hypot(*(tracks.ball_m - tracks.rest_m).T)
     assert flown[0] == tracks.ball_time_s[away > tracks.radius_m][0]
     assert flown[1] == pytest.approx(seen[-1] + 0.01)
-    clip.calibration = None
-    assert before_the_wall(clip, rig)[1] == math.inf
+
+
+@pytest.mark.parametrize("edge", [False, True])
+def test_without_a_camera_the_picture_tells_where_the_floor_begins(edge):
+    """A picture of 500 px a metre, whose lowest part, from 0.94 m down, is darker than the rest."""
+    clip, rig = measured(), with_rig(SETUP)
+    tracks = clip.impact.tracks
+    clip.tracks.background[380:] -= 60.0 * edge
+    # What stands on the wall midway is no surface that it stays before.
+    clip.tracks.background[:250, 600:640] -= 80.0
+    end = before_the_wall(clip, rig)[1]
+    if not edge:
+        assert end == math.inf
+        return
+    covers = tracks.ball_m[:, 1] - tracks.radius_m < 0.94
+    expected = tracks.ball_time_s[covers & (tracks.ball_time_s > 0.2)][0]
+    assert end == pytest.approx(expected, abs=0.011)
 
 
 def test_two_clips_of_one_name_are_refused():
