@@ -48,17 +48,17 @@ def test_frames_lost_at_an_instant_that_nothing_tells_are_not_known(std, open_):
 
 
 @pytest.mark.parametrize(
-    ("mean", "inflation", "told", "doubted"),
+    ("mean", "remembers", "told", "doubted"),
     [
-        (0.12, 9.0, True, True),
-        (0.12, 1.0, True, False),
-        (1.5, 9.0, True, False),
-        (0.12, 1.0, False, True),
-        (1.5, 1.0, False, False),
+        (0.12, True, True, True),
+        (0.12, False, True, False),
+        (1.5, True, True, False),
+        (0.12, False, False, True),
+        (1.5, False, False, False),
     ],
 )
 def test_spins_of_each_throw_about_nought_are_not_told_from_slow_noise(
-    mean, inflation, told, doubted
+    mean, remembers, told, doubted
 ):
     """A spin of 0.12 ± 0.38 rad/s, each throw with its own, was told with 0.92."""
     lift = replace(effect_named("magnus"), level=Level.TRIAL)
@@ -68,8 +68,7 @@ def test_spins_of_each_throw_about_nought_are_not_told_from_slow_noise(
         free_parameters(model), np.diag([0.38]) ** 2, np.zeros((10, 320)),
     )  # fmt: skip
     answer = Hypothesis((Candidate(lift, (), 1),), fit, 60.0)
-    noise = np.array([inflation, 1.0, 1.0, 1.0])
-    seen = SimpleNamespace(inflation=noise, tell_memory=told)
+    seen = SimpleNamespace(remembers=remembers, tell_memory=told)
     forward = SimpleNamespace(records=seen)
     assert _own_like_noise(forward, answer) is doubted
 

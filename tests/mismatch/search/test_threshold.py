@@ -80,7 +80,8 @@ def test_a_law_of_many_held_weights_makes_no_other_law_harder_to_find(blameless)
     thresholds = [
         null_threshold(scan(blameless.forward, blameless.fit, pool)) for pool in (every, others)
     ]
-    assert thresholds[0] - thresholds[1] < 0.3
+    # A wind that rises or sinks is one such law more, and each look more costs what chance finds.
+    assert thresholds[0] - thresholds[1] < 0.5
 
 
 def dropped_ball(drag: float) -> tuple[CampaignRecords, Baseline]:

@@ -35,7 +35,8 @@ def test_tape_rate_and_pixels_help_where_they_should(foreseen: Foreseen) -> None
     for name in ("landing_distance", "ball_speed"):
         taped = foreseen.std(name)
         assert untaped.std(name) > 2.0 * taped
-        assert finer.std(name) < 0.8 * taped
+        # what pixels don't tell, the tape above all, stays as it is
+        assert finer.std(name) < 0.85 * taped
     # a tape tells lengths, and angles only as far as the camera's distance bends them
     assert untaped.std("launch_angle") < 1.3 * foreseen.std("launch_angle")
 
