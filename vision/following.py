@@ -68,8 +68,6 @@ _MOST_CLOSER = 150
 # An outline of which less stands out than this part of the usual is looked at again; what is found
 # further away, in radii, is something else.
 _CLEAR, _ELSEWHERE = 0.6, 0.3
-_SAME_REST = 0.05
-"""Radii between two fits of where the ball lay: their own scatter is a tenth of that."""
 _FEWEST_ROWS = 3
 """Frames in which a ball is found at least: fewer tell no motion."""
 _LEAST_WORTH = 20.0
@@ -225,7 +223,7 @@ def _still_until(rest: Rest, fits: BallFits) -> tuple[int, int]:
     """First and last frame of rest; beside the mass only fits that know of it tell how long."""
     radius = float(np.median(fits.radius))
     finer = find_rest(fits.frame, fits.centre, radius)
-    if finer is None or np.hypot(*(finer.centre_px - rest.centre_px)) > _SAME_REST * radius:
+    if finer is None or np.hypot(*(finer.centre_px - rest.centre_px)) > _ELSEWHERE * radius:
         return rest.first, rest.last
     return rest.first, finer.last
 

@@ -65,3 +65,13 @@ def test_no_call_with_room_asks_for_memory_in_every_turn() -> None:
     assert most() < _TURNS // 10
     if sys.version_info < (3, 13):
         assert max(_at_any_depth(_below)) >= _TURNS
+
+
+@compiled
+def _left_of_a_product(x: float, y: float, z: float) -> float:
+    return x * y - z
+
+
+def test_arithmetic_is_rounded_as_written() -> None:
+    """Joined into one operation the product would keep 2**-60; a code's copies differ in that."""
+    assert _left_of_a_product(1.0 + 2.0**-30, 1.0 - 2.0**-30, 1.0) == 0.0
