@@ -35,7 +35,7 @@ __all__ = [
     "within_patience",
 ]
 
-BETWEEN_POWERS = frozenset({Form.UNDER_LOAD, Form.STRIBECK})
+BETWEEN_POWERS = frozenset({Form.UNDER_LOAD, Form.STRIBECK, Form.TWO_THIRDS, Form.THREE_HALVES})
 """Forms that free swings can't tell from sums of the zeroth, first and second power of the rate,
 which have names of their own there."""
 

@@ -17,8 +17,10 @@ from physics.effects.flight import (
     DragCrisis,
     DragThroughLayer,
     Magnus,
+    RecoveringCrisis,
     SaturatingLift,
     SpinDecay,
+    SpinDecayBySquare,
     Wind,
     WindOverFloor,
 )
@@ -63,7 +65,9 @@ from physics.effects.swing import (
     GivingFallingBearing,
     LoadedBearing,
     PendulumDrag,
+    RollingDamping,
     StribeckBearing,
+    ThinRodDrag,
     ViscousDamping,
 )
 
@@ -73,6 +77,7 @@ _ALL: tuple[Effect, ...] = (
     Drag(),
     DragThroughLayer(),
     DragCrisis(),
+    RecoveringCrisis(),
     DensityLapse(),
     Magnus(),
     SaturatingLift(),
@@ -81,6 +86,7 @@ _ALL: tuple[Effect, ...] = (
         form=Form.SATURATING_VECTOR, parameters=(*Magnus().parameters, *SPIN_ACROSS), axes=3
     ),
     SpinDecay(),
+    SpinDecayBySquare(),
     Wind(),
     WindOverFloor(),
     Wind(
@@ -135,7 +141,9 @@ _ALL: tuple[Effect, ...] = (
     FallingBearing(),
     GivingFallingBearing(),
     ViscousDamping(),
+    RollingDamping(),
     PendulumDrag(),
+    ThinRodDrag(),
     BackswingOffset(),
     TimeBase(),
     LengthScale(),

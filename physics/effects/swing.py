@@ -1,7 +1,7 @@
 """Torques on the pendulum, and where it really starts from."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,7 +27,9 @@ __all__ = [
     "GivingFallingBearing",
     "LoadedBearing",
     "PendulumDrag",
+    "RollingDamping",
     "StribeckBearing",
+    "ThinRodDrag",
     "ViscousDamping",
 ]
 
@@ -228,6 +230,24 @@ class ViscousDamping(Effect):
 
 
 @dataclass(frozen=True)
+class RollingDamping(ViscousDamping):
+    """Damping by the lubricant of a ball bearing."""
+
+    form: str = Form.TWO_THIRDS
+    statement: str = "The swing is damped by a lubricant that rolling balls squeeze and shear."
+    law: str = r"\tau = -c\,|\dot\varphi|^{2/3} \operatorname{sign} \dot\varphi"
+    source: str = "Palmgren, Ball and Roller Bearing Engineering (1959): the part free of load"
+    parameters: tuple[Parameter, ...] = (
+        replace(ViscousDamping().parameters[0], unit="N m s^(2/3)"),
+    )
+
+    def torque(self, values: Values, swing: SwingState) -> Number:
+        """With the power two thirds of the rate."""
+        size = np.cbrt(np.square(swing.omega))
+        return -values["viscous_coefficient"] * size * np.sign(swing.omega)
+
+
+@dataclass(frozen=True)
 class PendulumDrag(Effect):
     """Air drag on the pendulum."""
 
@@ -259,6 +279,26 @@ class PendulumDrag(Effect):
     def torque(self, values: Values, swing: SwingState) -> Number:
         """With the square of the rate."""
         return -values["drag_torque"] * np.abs(swing.omega) * swing.omega
+
+
+@dataclass(frozen=True)
+class ThinRodDrag(PendulumDrag):
+    """Air drag on cords and thin rods, and on faces that the air passes along."""
+
+    form: str = Form.THREE_HALVES
+    statement: str = (
+        "The air brakes a thin rod, or along its faces, with the power 3/2 of the rate."
+    )
+    law: str = r"\tau = -k\,|\dot\varphi|^{1/2} \dot\varphi"
+    source: str = (
+        "C_D with the root of 1/Re: laminar boundary layer, Blasius, Z. Math. Phys. 56, 1 (1908),"
+        " and about so for cylinders and spheres between Re of 1 and 1000"
+    )
+    parameters: tuple[Parameter, ...] = (replace(PendulumDrag().parameters[0], unit="N m s^(3/2)"),)
+
+    def torque(self, values: Values, swing: SwingState) -> Number:
+        """With the power three halves of the rate."""
+        return -values["drag_torque"] * np.sqrt(np.abs(swing.omega)) * swing.omega
 
 
 @dataclass(frozen=True)

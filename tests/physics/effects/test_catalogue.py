@@ -1,7 +1,10 @@
 """Every effect is whole: documented, neutral where it says so, right in cases done by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from metrology import UsageError
 from physics.effects import (
@@ -195,3 +198,42 @@ def test_a_turned_camera_keeps_distances():
 def test_a_wrong_name_is_refused():
     with pytest.raises(UsageError, match="magnuss"):
         effect_named("magnuss")
+
+
+def _of_form(name: str, form: Form) -> Effect:
+    (found,) = (one for one in CATALOGUE[name] if one.form == form)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("over_critical", "left"), [(0.4, 0.0), (2.0, 1.0 - 0.25 * 0.30103), (10.0, 0.75)]
+)
+def test_a_fall_of_drag_is_made_up_for_by_decades(over_critical, left):
+    crisis = _of_form("drag_crisis", Form.RECOVERING)
+    critical = float(FLIGHT.reynolds) / over_critical
+    values = {"coefficient_drop": 0.3, "critical_reynolds": critical, "recovery": 0.25}
+    fx, fy, _ = crisis.force(values, FLIGHT)
+    size = 0.5 * 1.2 * 0.3 * np.pi * 0.01 * 25.0
+    assert (fx, fy) == pytest.approx((0.6 * left * size, 0.8 * left * size), rel=1e-3, abs=1e-3)
+
+
+def test_a_spin_braked_with_its_square_is_the_solution_of_that_law():
+    decay = _of_form("spin_decay", Form.BY_THE_SQUARE)
+    rate, start = 2.0, 10.0
+    spin = solve_ivp(lambda _, w: -rate * w * w / start, (0.0, 0.4), [start], rtol=1e-9).y[0, -1]
+    flight = replace(FLIGHT, time=0.4, spin=start)
+    lost = np.array(decay.force({"decay_rate": rate}, flight))
+    before, after = (
+        np.array(effect_named("magnus").force({"spin": w}, flight)) for w in (start, spin)
+    )
+    assert lost == pytest.approx(after - before, rel=1e-6)
+
+
+@pytest.mark.parametrize("rate", [-8.0, 8.0])
+def test_powers_of_the_rate_between_the_usual_ones_brake(rate):
+    swing = replace(SWING, omega=rate)
+    sticky = _of_form("viscous_damping", Form.TWO_THIRDS)
+    thin = _of_form("pendulum_drag", Form.THREE_HALVES)
+    against = -np.sign(rate)
+    assert sticky.torque({"viscous_coefficient": 0.5}, swing) == pytest.approx(against * 2.0)
+    assert thin.torque({"drag_torque": 0.5}, swing) == pytest.approx(against * 0.5 * 8.0**1.5)
