@@ -35,8 +35,8 @@ def test_the_threshold_holds_for_the_whole_catalogue(blameless):
 
 @pytest.fixture
 def many_draws(monkeypatch):
-    """The hundredth part of the usual draws is told to half a unit only."""
-    monkeypatch.setattr(hypotheses, "DRAWS", 12_000)
+    """From the usual draws the threshold is told to half a unit, from these to a tenth."""
+    monkeypatch.setattr(hypotheses, "DRAWS", 48_000)
 
 
 @pytest.mark.usefixtures("many_draws")
