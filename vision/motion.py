@@ -137,6 +137,8 @@ class LawfulCourse:
         Frames in which it is where it lay, and where the law has it.
     astray, missed : int
         Frames in which it is elsewhere, and in which it is not seen in between.
+    hidden : float
+        How many of those missed follow from others: what hides it for one frame does for the next.
     last : int
         The last frame in which the law has it, or it lies still.
     travel_px : float
@@ -147,6 +149,7 @@ class LawfulCourse:
     moving: int
     astray: int
     missed: int
+    hidden: float
     last: int
     travel_px: float
 
@@ -154,7 +157,7 @@ class LawfulCourse:
         """How much more likely it is so than by chance, nats, told as finely as by that radius."""
         agree = self.still + self.moving - _FEWEST
         gained = agree * math.log1p(self.travel_px / _tolerance(radius))
-        return gained - _STRAY_PRICE * (self.astray + self.missed)
+        return gained - _STRAY_PRICE * (self.astray + self.missed - self.hidden)
 
 
 def lawful_course(frame: IntArray, centre: FloatArray, radius: float) -> LawfulCourse:
@@ -189,10 +192,18 @@ def lawful_course(frame: IntArray, centre: FloatArray, radius: float) -> LawfulC
             gone = float(away[frame == law.first][0])
             if gone > speed * (law.first - int(frame[left - 1])) + 2.0 * _tolerance(radius):
                 still = 0
-        missed = int(np.ptp(frame)) + 1 - len(frame)
         astray = len(frame) - still - moving
-        found.append(LawfulCourse(still, moving, astray, missed, last, travel))
+        gaps = np.diff(frame) - 1
+        found.append(
+            LawfulCourse(still, moving, astray, int(gaps.sum()), _hidden(gaps), last, travel)
+        )
     return max(found, key=lambda course: course.evidence(radius))
+
+
+def _hidden(gaps: IntArray) -> float:
+    """Frames of gaps that are no further surprise: of those so long or longer, one in each is."""
+    long = gaps[gaps > 0].astype(np.float64)
+    return float((long - 1.0 - np.log(long)).sum())
 
 
 def _tolerance(radius: float) -> float:
