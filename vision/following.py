@@ -40,6 +40,7 @@ from vision.tracks import (
     MotionKind,
     MotionModel,
     PendulumTrack,
+    PlaceInClip,
     Rest,
     Track,
     Tracks,
@@ -74,8 +75,8 @@ _LEAST_WORTH = 20.0
 """Nats, weighed by how clear it is, from which on no colour is asked: balls of clips in which they
 stand out from the wall have 60 to 330, shadows and parts of a pendulum taken for one 3 to 20."""
 _ALL_ALONG = 0.95
-"""Part of the frames from the clip's first to the end of the law that a rest and a law explain:
-less leaves doubt where it lay, or whether it is one thing."""
+"""Part of the frames from the clip's first to the end of the law that a rest and a law explain,
+those in which it is hidden left aside: less leaves doubt where it lay, or if it is one thing."""
 _TELLING = 10.0
 """Nats by which one course is the likelier whatever else speaks for either, supposed."""
 _FEWEST_STILL = 5
@@ -136,7 +137,7 @@ def follow(
     footage, whole_count, cut = _one_scene(clip, ball_at or mass_at)
     scene = FilmedScene(footage)
     _tell(progress, 0.2)
-    seen = _seen(scene, _located(ball_at, footage.first))
+    seen = _seen(scene, _located(ball_at, footage))
     if seen is None:
         raise _no_ball(ball_at)
     scene = seen.scene
@@ -173,16 +174,17 @@ def follow(
         dismissed=_dismissed(seen.picture, choice, capture_fps),
         warnings=tuple(
             cut
-            + _warnings(choice, motion.kind, rest, striker, footage.first)
+            + _warnings(choice, motion.kind, rest, striker, footage)
             + seen.warnings
-            + _camera_warnings(scene)
+            + _camera_warnings(scene, footage)
         ),
         shift_px=scene.shifts(),
         motion=motion,
         reasons=choice.reasons,
         maybe_shadow=seen.only_dims,
     )
-    return tracks.later(footage.first, whole_count, capture_fps)
+    place = PlaceInClip(footage.shown, footage.first, footage.started, whole_count, capture_fps)
+    return tracks.in_clip(place)
 
 
 def _striker(scene: FilmedScene, rest: Rest, rough: BallFits, at: Point | None) -> Striker | None:
@@ -291,7 +293,7 @@ def _dismissed(scene: FilmedScene, choice: Choice, fps: float) -> tuple[Followed
     )
 
 
-def _camera_warnings(scene: FilmedScene) -> list[str]:
+def _camera_warnings(scene: FilmedScene, footage: Footage) -> list[str]:
     shifts = scene.shifts()
     if shifts is None:
         return []
@@ -300,7 +302,8 @@ def _camera_warnings(scene: FilmedScene) -> list[str]:
     worst = int(np.argmax(step))
     if step[worst] > max(1.5, 8.0 * usual):
         return [
-            f"The camera was bumped between frames {worst} and {worst + 1} "
+            f"The camera was bumped between frames {footage.in_clip(worst)} and "
+            f"{footage.in_clip(worst) + 1} "
             f"(by {step[worst]:.1f} px); the frames are registered on the scene."
         ]
     return ["The camera moved (hand-held?); all frames are registered on the still scene."]
@@ -365,7 +368,7 @@ class _Seen:
     def doubtful(self) -> bool:
         """Whether something else may be the ball."""
         agree = self.course.still + self.course.moving
-        whole = agree >= _ALL_ALONG * (self.course.last + 1)
+        whole = agree >= _ALL_ALONG * (self.course.last + 1 - self.course.hidden)
         return self.only_dims or not (whole and self.speaks_for_itself)
 
     def outdoes(self, other: "_Seen") -> bool:
@@ -795,11 +798,12 @@ def _meetings(paths: list[BallPath], looks: IntArray) -> IntArray:
     return np.array(sorted(inside)[:_MOST_CLOSER], dtype=np.int64)
 
 
-def _located(point: Point | None, first: int) -> tuple[float, float, int | None] | None:
+def _located(point: Point | None, footage: Footage) -> tuple[float, float, int | None] | None:
     """A point with its frame, if it has one, counted from the action's first."""
     if point is None:
         return None
-    return float(point[0]), float(point[1]), (int(point[2]) - first if len(point) == 3 else None)
+    frame = footage.of_clip(int(point[2])) if len(point) == 3 else None
+    return float(point[0]), float(point[1]), frame
 
 
 def _no_ball(ball_at: Point | None) -> NotFoundError:
@@ -849,18 +853,22 @@ def _pendulum(striker: Striker | None, rest: Rest | None, fps: float) -> Pendulu
     return None if striker is None or rest is None else pendulum_track(striker, rest, fps)
 
 
-def _pointer(path: BallPath, first: int) -> str:
+def _pointer(path: BallPath, footage: Footage) -> str:
     """The option that points at a thing where it was seen most clearly."""
     clearest = int(np.argmax(path.coverage * path.sharpness))
     x, y = path.centre_px[clearest]
-    return f"--ball-at {x:.0f},{y:.0f},{path.frame[clearest] + first}"
+    return f"--ball-at {x:.0f},{y:.0f},{footage.in_clip(int(path.frame[clearest]))}"
 
 
 _MET = (MotionKind.STRIKE, MotionKind.COLLISION)
 
 
 def _warnings(
-    choice: Choice, kind: MotionKind, rest: Rest | None, striker: Striker | None, first: int
+    choice: Choice,
+    kind: MotionKind,
+    rest: Rest | None,
+    striker: Striker | None,
+    footage: Footage,
 ) -> list[str]:
     said = []
     if choice.struck and kind in _MET:
@@ -871,12 +879,12 @@ def _warnings(
     elif choice.doubt is not None and all(choice.doubt is not path for path in choice.others):
         said.append(
             "Another thing moves that might be the ball as well as what was taken for it; if it "
-            f"is, point at that with {_pointer(choice.doubt, first)}."
+            f"is, point at that with {_pointer(choice.doubt, footage)}."
         )
     elif choice.others:
         said.append(
             f"{1 + len(choice.others)} round things move; the clearest is taken for the ball. "
-            f"If it is the next clearest, point at that with {_pointer(choice.others[0], first)}."
+            f"If it is the next clearest, point at that with {_pointer(choice.others[0], footage)}."
         )
     if striker is not None:
         said += striker.warnings
