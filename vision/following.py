@@ -351,12 +351,18 @@ class _Seen:
     def course(self) -> LawfulCourse:
         """The rest and the law that explain the frames in which it was followed."""
         rough = self.rough
-        return lawful_course(rough.frame, rough.centre, float(np.median(rough.radius)))
+        size = float(np.median(rough.radius))
+        return lawful_course(rough.frame, rough.centre, size, self.scene.held)
+
+    @cached_property
+    def clear(self) -> bool:
+        """Whether a sharp, whole outline of steady size was found in nearly every frame."""
+        return _clearly_seen(self.rough, self.scene.held)
 
     @property
     def speaks_for_itself(self) -> bool:
         """Whether it is clearly seen and moves as a law asks for that is no bob's."""
-        return _clearly_seen(self.rough) and self.worth > _LEAST_WORTH and not self.like_a_bob
+        return self.clear and self.worth > _LEAST_WORTH and not self.like_a_bob
 
     @property
     def like_a_bob(self) -> bool:
@@ -385,7 +391,7 @@ class _Seen:
         if told and own > theirs and self.course.still >= _FEWEST_STILL:
             return True
         # A ball and its shadow as one may have a course, too, but no clear outline.
-        if told and own < theirs and _clearly_seen(other.rough):
+        if told and own < theirs and other.clear:
             return False
         return self.speaks_for_itself and self.worth > other.worth
 
@@ -481,12 +487,12 @@ def _followed_whole(scene: FilmedScene, path: BallPath, best: "_Seen | None") ->
 
 
 def _most_lawful(found: list["_Seen"]) -> "_Seen | None":
-    """The one that a rest and a law explain best."""
-    return max(
-        found,
-        key=lambda seen: seen.course.evidence(float(np.median(seen.rough.radius))),
-        default=None,
-    )
+    """The one that a rest and a law explain best; of those about as good, one that is clear."""
+    if not found:
+        return None
+    told = [seen.course.evidence(float(np.median(seen.rough.radius))) for seen in found]
+    near = [place for place, nats in enumerate(told) if nats > max(told) - _TELLING]
+    return found[max(near, key=lambda place: (found[place].clear, told[place]))]
 
 
 def _seen_against(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Seen | None:
@@ -521,7 +527,7 @@ def _preferred(found: _Seen, best: _Seen, gray: _Seen | None) -> bool:
         # What dims the wall and moves as a law asks for is the ball, or the ball's shadow.
         return _casts(found, gray) and (best is gray or found.worth > best.worth)
     # What is clear and speaks for itself about as well is better than what is not clear.
-    share = _AS_GOOD if _clearly_seen(found.rough) else 1.0
+    share = _AS_GOOD if found.clear else 1.0
     return found.worth > share * best.worth
 
 
@@ -596,12 +602,12 @@ def _what_casts(shade: _Seen) -> _Seen | None:
     return None
 
 
-def _clearly_seen(rough: BallFits) -> bool:
-    """Whether a sharp, whole outline of steady size was found in nearly every frame."""
+def _clearly_seen(rough: BallFits, held: IntArray) -> bool:
+    """Whether a sharp, whole outline of steady size was found in nearly every frame held."""
     if len(rough) < 2 or float(np.median(rough.radius)) < SMALL_RADIUS:
         # Half as many samples of colour as of gray tell nothing of a ball of a few pixels.
         return len(rough) >= 2
-    span = int(np.ptp(rough.frame)) + 1
+    span = int(np.ptp(np.searchsorted(held, rough.frame[[0, -1]]))) + 1
     step = np.abs(np.diff(np.log(rough.radius)))
     sharp = len(rough) - len(rough.swept)
     return bool(

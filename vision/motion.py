@@ -138,7 +138,8 @@ class LawfulCourse:
     astray, missed : int
         Frames in which it is elsewhere, and in which it is not seen in between.
     hidden : float
-        How many of those missed follow from others: what hides it for one frame does for the next.
+        How many of those missed are not there, or follow from others: what hides it for one frame
+        does for the next.
     last : int
         The last frame in which the law has it, or it lies still.
     travel_px : float
@@ -160,7 +161,9 @@ class LawfulCourse:
         return gained - _STRAY_PRICE * (self.astray + self.missed - self.hidden)
 
 
-def lawful_course(frame: IntArray, centre: FloatArray, radius: float) -> LawfulCourse:
+def lawful_course(
+    frame: IntArray, centre: FloatArray, radius: float, shown: IntArray | None = None
+) -> LawfulCourse:
     """Find the rest and the law that explain most of a path from its start on.
 
     Parameters
@@ -171,6 +174,8 @@ def lawful_course(frame: IntArray, centre: FloatArray, radius: float) -> LawfulC
         Centres, px.
     radius : float
         Radius, px.
+    shown : (n,) int array, optional
+        Frames that there are, increasing; every one without.
 
     Returns
     -------
@@ -193,10 +198,10 @@ def lawful_course(frame: IntArray, centre: FloatArray, radius: float) -> LawfulC
             if gone > speed * (law.first - int(frame[left - 1])) + 2.0 * _tolerance(radius):
                 still = 0
         astray = len(frame) - still - moving
-        gaps = np.diff(frame) - 1
-        found.append(
-            LawfulCourse(still, moving, astray, int(gaps.sum()), _hidden(gaps), last, travel)
-        )
+        missed = int(np.ptp(frame)) + 1 - len(frame)
+        gaps = np.diff(frame if shown is None else np.searchsorted(shown, frame)) - 1
+        hidden = _hidden(gaps) + missed - float(gaps.sum())
+        found.append(LawfulCourse(still, moving, astray, missed, hidden, last, travel))
     return max(found, key=lambda course: course.evidence(radius))
 
 

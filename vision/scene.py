@@ -847,6 +847,11 @@ class FilmedScene:
         """Number of frames."""
         return self._footage.count
 
+    @property
+    def held(self) -> IntArray:
+        """Frames that the file holds."""
+        return np.asarray(self._footage.shown)
+
     def shown(self, wanted: IntArray) -> IntArray:
         """Those of some frames that the file holds."""
         return wanted[[not self._footage.missing(index) for index in wanted.tolist()]]

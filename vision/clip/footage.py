@@ -395,7 +395,9 @@ class Footage:
         self.first = begin + gathered.first
         beats = _beats(np.array(times))
         self.started = begin + int(beats[gathered.first])
-        self.shown = beats[gathered.first :][: len(gathered.clock)] - beats[gathered.first]
+        self.shown: NDArray[np.int64] = (
+            beats[gathered.first :][: len(gathered.clock)] - beats[gathered.first]
+        )
         self.count = int(self.shown[-1]) + 1
         self._row = np.full(self.count, -1, dtype=np.int64)
         self._row[self.shown] = np.arange(len(self.shown))
