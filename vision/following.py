@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,6 +32,7 @@ from vision.ball.leaving import discs_along, left_at_last
 from vision.ball.refine import refine_ball
 from vision.ball.silhouette import follow_silhouette, moving_colours
 from vision.clip.footage import Footage
+from vision.lost import LostFrames, lost_frames
 from vision.motion import LawfulCourse, bends_up, lawful_course, motion_of
 from vision.pendulum.face import Striking
 from vision.pendulum.search import Striker, find_striker, pendulum_track
@@ -97,6 +99,8 @@ _NEARLY_ALL, _WHOLE, _STEADY_SIZE = 0.8, 0.75, 0.03
 what is seen clearly in gray, supposed: colour is looked at where one of them fails."""
 _AGAIN = 2
 """Rounds of looking where the ball was not found along its way."""
+_MOST_LEAPS = 3
+"""Times that a clip is followed anew where it lacks frames, the last for one side of them alone."""
 _OTHERS_FOLLOWED = 3.0
 """Times the frames of the clip in which other things are followed as finely as the ball: three of
 them, or more where each is seen for a part of it; more only cost time."""
@@ -134,7 +138,90 @@ def follow(
     NotFoundError
         If nothing round moves in the clip, or nothing where the user points.
     """
-    footage, whole_count, cut = _one_scene(clip, ball_at or mass_at)
+    recording = _one_scene(clip, ball_at or mass_at)
+    for looks_left in range(_MOST_LEAPS, -1, -1):
+        footage = recording.footage
+        tracks, scene = _followed_in(recording, capture_fps, ball_at, mass_at, progress)
+        things = (tracks.ball, *(other.track for other in tracks.others + tracks.dismissed))
+        lost = lost_frames(things, tracks.pendulum)
+        if lost is None or not looks_left:
+            break
+        lost = _leap_in(scene, lost, tracks.ball)
+        recording = recording.lacking(clip, lost, surely=looks_left > 1)
+    first, started, whole = footage.first, footage.started, recording.whole
+    place = PlaceInClip(footage.shown, first, started, whole, capture_fps)
+    return replace(tracks.in_clip(place), lacks=recording.lacks)
+
+
+@dataclass(frozen=True)
+class _Recording:
+    """The part of a clip that is followed.
+
+    Attributes
+    ----------
+    footage : Footage
+    whole : int
+        Number of frames of the clip.
+    part : tuple of int
+        First frame, and the one after the last, of that part.
+    lacks : tuple of (int, int)
+        Frames of the clip after which so many are lost without a trace.
+    said : tuple of str
+        What is to be said of it.
+    """
+
+    footage: Footage
+    whole: int
+    part: tuple[int, int]
+    lacks: tuple[tuple[int, int], ...] = ()
+    said: tuple[str, ...] = ()
+
+    def lacking(self, clip: "ClipReader", lost: LostFrames, *, surely: bool) -> "_Recording":
+        """The same with lost frames counted or, where they can't be, one side of them alone."""
+        after, many = self.footage.in_clip(lost.after), lost.count
+        leap = (
+            f"FRAMES ARE MISSING between frames {after} and {after + 1} of the file, and its times "
+            f"don't tell: all that moves leaps on as far as in {many} frames"
+        )
+        if lost.sure and surely:
+            lacks = (*self.lacks, (after, many))
+            said = (*self.said, f"{leap}, which are counted as lost there.")
+            footage = Footage(clip, part=self.part, lacks=lacks)
+            return replace(self, footage=footage, lacks=lacks, said=said)
+        sides = ((self.part[0], after + 1), (after + 1, self.part[1]))
+        part = max(sides, key=self.footage.moved_in)
+        lacks = tuple(one for one in self.lacks if part[0] <= one[0] < part[1] - 1)
+        only = (
+            f"{leap}, or so: how many can't be told surely. Only frames {part[0]} to "
+            f"{part[1] - 1} are measured."
+        )
+        footage, said = Footage(clip, part=part, lacks=lacks), (*self.said, only)
+        return _Recording(footage, self.whole, part, lacks, said)
+
+
+def _leap_in(scene: FilmedScene, lost: LostFrames, ball: Track) -> LostFrames:
+    """Where the picture changes most about the ball between two laws, frames are missing."""
+    frames = np.arange(lost.after, lost.before + 1)
+    near = np.interp([lost.after, lost.before], ball.frame, np.arange(len(ball))).astype(int)
+    reach = 2.0 * float(np.median(ball.radius_px))
+    places = ball.centre_px[near[0] : near[1] + 1]
+    low = np.clip(places.min(axis=0) - reach, 0, np.array(scene.shape[::-1]) - 2).astype(int)
+    high = np.maximum(places.max(axis=0) + reach, low + 2).astype(int)
+    window = (slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0])))
+    pictures = [picture[window] for _, picture in scene.pictures(frames)]
+    change = [float(np.abs(late - early).mean()) for early, late in pairwise(pictures)]
+    return replace(lost, after=lost.after + int(np.argmax(change)))
+
+
+def _followed_in(
+    recording: _Recording,
+    capture_fps: float,
+    ball_at: Point | None,
+    mass_at: Point | None,
+    progress: Callable[[float], None] | None,
+) -> tuple[Tracks, FilmedScene]:
+    """Follow ball and pendulum through a recording, in its own frames; and the scene there."""
+    footage = recording.footage
     scene = FilmedScene(footage)
     _tell(progress, 0.2)
     seen = _seen(scene, _located(ball_at, footage))
@@ -173,7 +260,7 @@ def follow(
         others=others,
         dismissed=_dismissed(seen.picture, choice, capture_fps),
         warnings=tuple(
-            cut
+            list(recording.said)
             + _warnings(choice, motion.kind, rest, striker, footage)
             + seen.warnings
             + _camera_warnings(scene, footage)
@@ -183,8 +270,7 @@ def follow(
         reasons=choice.reasons,
         maybe_shadow=seen.only_dims,
     )
-    place = PlaceInClip(footage.shown, footage.first, footage.started, whole_count, capture_fps)
-    return tracks.in_clip(place)
+    return tracks, scene
 
 
 def _striker(scene: FilmedScene, rest: Rest, rough: BallFits, at: Point | None) -> Striker | None:
@@ -230,12 +316,11 @@ def _still_until(rest: Rest, fits: BallFits) -> tuple[int, int]:
     return rest.first, finer.last
 
 
-def _one_scene(clip: "ClipReader", at: Point | None) -> tuple[Footage, int, list[str]]:
-    """Frames of the scene pointed at, or in which most moves; frames of all; what to say of it."""
+def _one_scene(clip: "ClipReader", at: Point | None) -> _Recording:
+    """The scene pointed at, or in which most moves."""
     footage = Footage(clip)
-    whole = footage.whole_count
     if len(footage.parts) == 1:
-        return footage, whole, []
+        return _Recording(footage, footage.whole_count, footage.parts[0])
     chosen = max(footage.parts, key=footage.moved_in)
     if at is not None and len(at) == 3:
         frame = at[2]
@@ -246,7 +331,7 @@ def _one_scene(clip: "ClipReader", at: Point | None) -> tuple[Footage, int, list
         f"{chosen[1] - 1} are measured; cut the others out and measure them by themselves, or "
         "point into one with --ball-at X,Y,FRAME."
     )
-    return Footage(clip, part=chosen), whole, [said]
+    return _Recording(Footage(clip, part=chosen), footage.whole_count, chosen, said=(said,))
 
 
 def _others(seen: "_Seen", fps: float) -> tuple[FollowedObject, ...]:
@@ -543,6 +628,7 @@ def _only_dims(scene: FilmedScene, seen: _Seen) -> bool:
         index, radius = int(path.frame[row]), _INNER_PART * path.radius_px[row]
         low = np.maximum(np.ceil(path.centre_px[row] - radius), 0).astype(int)
         high = np.minimum(path.centre_px[row] + radius + 1, scene.shape[::-1]).astype(int)
+        high = np.maximum(high, low)  # it may have left the picture
         window = (slice(low[1], high[1]), slice(low[0], high[0]))
         y, x = np.mgrid[window]
         inside = np.hypot(x - path.centre_px[row, 0], y - path.centre_px[row, 1]) < radius

@@ -321,6 +321,9 @@ class Tracks:
         Why `ball` is taken for the ball, in whole sentences.
     maybe_shadow : bool
         Whether `ball` may be a shadow instead: it takes an even part of the wall's light.
+    lacks : tuple of (int, int)
+        Frames of the clip after which so many are lost without a trace in its times: what flies
+        tells it.
     """
 
     ball: Track
@@ -334,6 +337,14 @@ class Tracks:
     motion: Motion = Motion(MotionKind.NONE, 0.0)
     reasons: tuple[str, ...] = ()
     maybe_shadow: bool = False
+    lacks: tuple[tuple[int, int], ...] = ()
+
+    def on_clock(self, clock: FloatArray) -> FloatArray:
+        """Times of the clip's frames (F,), in frames of the camera, lost ones counted."""
+        later = np.zeros(len(clock))
+        for after, many in self.lacks:
+            later[after + 1 :] += many
+        return clock + later
 
     def in_clip(self, place: PlaceInClip) -> Self:
         """The same tracks with the clip's own frames."""

@@ -339,6 +339,8 @@ class Footage:
     part : tuple of int, optional
         First frame, and the one after the last, of the part of the clip that is looked at; all of
         it without.
+    lacks : sequence of (int, int)
+        The clip's frames after which it lacks so many without a trace in its times.
 
     Attributes
     ----------
@@ -372,6 +374,7 @@ class Footage:
         sample: int = 96,
         progress: Callable[[int], None] | None = None,
         part: tuple[int, int] | None = None,
+        lacks: Sequence[tuple[int, int]] = (),
     ) -> None:
         self._clip = clip
         self._block: dict[int, GrayFrame] = {}
@@ -394,6 +397,8 @@ class Footage:
         self.parts = tuple(pairwise(marks))
         self.first = begin + gathered.first
         beats = _beats(np.array(times))
+        for after, many in lacks:
+            beats[max(after + 1 - begin, 0) :] += many
         self.started = begin + int(beats[gathered.first])
         self.shown: NDArray[np.int64] = (
             beats[gathered.first :][: len(gathered.clock)] - beats[gathered.first]
