@@ -240,14 +240,18 @@ def main() -> None:
     """Print a row for each way."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("folders", type=Path, nargs="*")
-    parser.add_argument("--only", nargs="*", help="Names of clips, or parts of them.")
+    parser.add_argument(
+        "--only", nargs="*", help="Names of clips, or parts of them where none has that name."
+    )
     parser.add_argument("--ways", nargs="*", help="Names of ways, or parts of them.")
     chosen = parser.parse_args()
 
     def wanted(name: str, parts: list[str] | None) -> bool:
         return not parts or any(part in name for part in parts)
 
-    clips = [case for case in cases(*chosen.folders) if wanted(case.name, chosen.only)]
+    every = cases(*chosen.folders)
+    named = [case for case in every if case.name in (chosen.only or ())]
+    clips = named or [case for case in every if wanted(case.name, chosen.only)]
     usual = {case.name: measure_clip(case.path, case.options) for case in clips}
     print("| way | as the clip itself, within 2 | as the truth, within 2 | beyond 4 | missing |")
     print("|---|---|---|---|---|")

@@ -17,6 +17,7 @@ by its phase how far off the map is, everywhere at once; the map is then fitted 
 
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
+from itertools import product
 from math import gcd
 from typing import Self, TypeVar
 
@@ -361,6 +362,22 @@ PHASE_STD = 0.03
 """Periods, supposed: how far local phases may be from a smooth map of few parameters."""
 
 
+_COUNTS = tuple(product((0, 1, -1, 2, -2), repeat=2))
+"""Lines by which a part of the grid may be miscounted along both families, supposed: maps that fit
+one part well foretell the next to less than that."""
+
+_BEHIND = 1e300
+"""Misfit of a map that puts some of the wall behind the camera."""
+
+_COUNT_ROUNDS = 4
+"""Steps of a fit: the second is exact but for what bends."""
+
+_SURELY_COUNTED, _SHARED = 5.0, 1.0 / (4.0 * np.pi)
+"""Nats by which a count is likelier than the next, odds of 150; and how far windows whose middles
+lie a standard deviation apart count each for itself: by the area that such a window averages over.
+"""
+
+
 @compiled
 def _placed(
     x: float, y: float, centre: FloatArray, scale: FloatArray, p: FloatArray
@@ -483,17 +500,21 @@ class MapSupport:
         |mean|² over its expectation in noise.
     share : (2, H, W) array
         Share of the local variance that the wave carries.
+    counted : (H, W) array
+        Where the lines seen are surely numbered, if they are not everywhere.
     """
 
     phase: FloatArray
     coherence: FloatArray
     share: FloatArray
+    counted: BoolArray | None = None
 
     @cached_property
     def area(self) -> NDArray[np.bool_]:
         """Pixels at which both families are seen where the map has them, (H, W)."""
         seen = (self.coherence > COHERENT) & (np.abs(self.phase) < 0.25)
-        return np.asarray(seen.all(axis=0))
+        both = np.asarray(seen.all(axis=0))
+        return both if self.counted is None else both & self.counted
 
     @cached_property
     def explained(self) -> float:
@@ -551,9 +572,10 @@ class _Contrast:
             angles.append(np.arctan2(-imaginary, real) / np.float32(2.0 * np.pi))
             coherences.append(share * independent)
             shares.append(np.float32(2.0) * share)
-        return MapSupport(
-            *(np.array(one, dtype=np.float64) for one in (angles, coherences, shares))
+        phase, coherence, share = (
+            np.array(one, dtype=np.float64) for one in (angles, coherences, shares)
         )
+        return MapSupport(phase, coherence, share)
 
 
 def _between(there: BoolArray, reach: int) -> slice:
@@ -612,8 +634,103 @@ def grow(image: FloatArray, seed: Seed) -> tuple[GridMap, MapSupport]:
             seen = there.demodulated(current.turns(image.shape, part), here)
             current = _fitted(current, pixels[near], seen.phase, seen.coherence)
         if reach > distance.max():
-            return current, contrast.demodulated(current.turns(image.shape))
+            break
         reach *= GROWTH
+    support = contrast.demodulated(current.turns(image.shape))
+    label = _parts(support.area)
+    if label.max() < 2:
+        return current, support
+    current, surely = _recounted(current, _Samples.of(support, pixels, place), label[place])
+    support = contrast.demodulated(current.turns(image.shape))
+    return current, replace(support, counted=np.isin(label, [0, *surely]))
+
+
+def _parts(area: BoolArray) -> NDArray[np.int32]:
+    """Which separate part of an area each pixel lies in, the largest 1; 0 for none, or a small one.
+
+    Small ones hold too few lines to be counted, and change no map.
+    """
+    _, label = cv2.connectedComponents(area.astype(np.uint8))
+    size = np.bincount(label.ravel())
+    size[0] = 0
+    large = [int(part) for part in np.argsort(-size) if size[part] > LEAST_AREA * label.size]
+    rank = np.zeros(len(size), dtype=np.int32)
+    rank[large] = np.arange(1, len(large) + 1)
+    return np.asarray(rank[label])
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """What the picture says of a map at some pixels.
+
+    Attributes
+    ----------
+    px : (N, 2) array
+    shift : (N, 2) array
+        What is missing from the mapped grid coordinates there, periods.
+    weight : (N, 2) array
+        Inverse variances, periods^-2.
+    """
+
+    px: FloatArray
+    shift: FloatArray
+    weight: FloatArray
+
+    @classmethod
+    def of(cls, support: MapSupport, pixels: FloatArray, place: BoolArray) -> Self:
+        """Of a map's support at some pixels (H, W)."""
+        phase, coherence = support.phase[:, place], support.coherence[:, place]
+        return cls(pixels[place], phase.T, _trusted(phase, coherence).T)
+
+    def at(self, rows: BoolArray) -> Self:
+        """Some of the pixels (N,)."""
+        return replace(self, px=self.px[rows], shift=self.shift[rows], weight=self.weight[rows])
+
+
+def _recounted(
+    current: GridMap, samples: _Samples, label: NDArray[np.int32]
+) -> tuple[GridMap, list[int]]:
+    """Number the lines of each separate part of a grid anew; the map, and the parts that stand.
+
+    Where something hides the lines from top to bottom, waves of one part that are led across it
+    may meet those of the other a whole line off, and a bent map fits both. Each part is counted as
+    many lines on or back as its map is the likeliest for, the largest part first; one of which the
+    count is not sure is left out.
+
+    Parameters
+    ----------
+    current : GridMap
+    samples : _Samples
+        At N pixels.
+    label : (N,) int array
+        Which part each pixel lies in, the largest 1; 0 for none.
+    """
+    surely, aims = [1], current(samples.px) + samples.shift
+    for part in range(2, int(label.max()) + 1):
+        inside = np.isin(label, [*surely, part])
+        chosen, own = samples.at(inside), (label[inside] == part)[:, np.newaxis]
+        maps = [_aimed(current, chosen, aims[inside] + own * np.array(lines)) for lines in _COUNTS]
+        costs = np.nan_to_num([cost for _, cost in maps], nan=_BEHIND, posinf=_BEHIND)
+        best, second = np.argsort(costs)[:2]
+        spare = max(2 * len(chosen.px) - len(current.parameters), 1)
+        # errors are as large as the best map has them, where that is more than was supposed
+        usual = max(1.0, costs[best] / spare)
+        if not _SHARED * 0.5 * (costs[second] - costs[best]) > _SURELY_COUNTED * usual:
+            continue
+        surely.append(part)
+        aims[label == part] += _COUNTS[best]
+        if any(_COUNTS[best]):
+            current = maps[best][0]
+    return current, surely
+
+
+def _aimed(current: GridMap, samples: _Samples, aims: FloatArray) -> tuple[GridMap, float]:
+    """Map that takes pixels to given grid coordinates (N, 2), and its misfit as a chi-square."""
+    for _ in range(_COUNT_ROUNDS):
+        current = refitted(current, samples.px, aims - current(samples.px), samples.weight)
+    left = aims - current(samples.px)
+    strayed = current.parameters[-len(PRIOR_STD) :] / PRIOR_STD
+    return current, float((samples.weight * left**2).sum() + strayed @ strayed)
 
 
 def _affine(seed: Seed, size: tuple[int, int]) -> GridMap:
@@ -627,10 +744,14 @@ def _affine(seed: Seed, size: tuple[int, int]) -> GridMap:
 
 def _fitted(current: GridMap, px: FloatArray, phase: FloatArray, coherence: FloatArray) -> GridMap:
     """Map moved to meet the phases found at `px`: one robust Gauss–Newton step with priors."""
+    return refitted(current, px, phase.T, _trusted(phase, coherence).T)
+
+
+def _trusted(phase: FloatArray, coherence: FloatArray) -> FloatArray:
+    """Inverse variances of phases, periods^-2."""
     weight = np.where(coherence > COHERENT, np.minimum(coherence, 50.0) / 50.0, 0.0)
     # Cauchy weights: a window on a shadow's edge has a phase of its own
-    weight = weight / (1.0 + (phase / 0.1) ** 2) / PHASE_STD**2
-    return refitted(current, px, phase.T, weight.T)
+    return weight / (1.0 + (phase / 0.1) ** 2) / PHASE_STD**2
 
 
 @compiled

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -31,6 +32,7 @@ from vision.ball.leaving import discs_along, left_at_last
 from vision.ball.refine import refine_ball
 from vision.ball.silhouette import follow_silhouette, moving_colours
 from vision.clip.footage import Footage
+from vision.lost import LostFrames, lost_frames
 from vision.motion import LawfulCourse, bends_up, lawful_course, motion_of
 from vision.pendulum.face import Striking
 from vision.pendulum.search import Striker, find_striker, pendulum_track
@@ -40,6 +42,7 @@ from vision.tracks import (
     MotionKind,
     MotionModel,
     PendulumTrack,
+    PlaceInClip,
     Rest,
     Track,
     Tracks,
@@ -74,8 +77,8 @@ _LEAST_WORTH = 20.0
 """Nats, weighed by how clear it is, from which on no colour is asked: balls of clips in which they
 stand out from the wall have 60 to 330, shadows and parts of a pendulum taken for one 3 to 20."""
 _ALL_ALONG = 0.95
-"""Part of the frames from the clip's first to the end of the law that a rest and a law explain:
-less leaves doubt where it lay, or whether it is one thing."""
+"""Part of the frames from the clip's first to the end of the law that a rest and a law explain,
+those in which it is hidden left aside: less leaves doubt where it lay, or if it is one thing."""
 _TELLING = 10.0
 """Nats by which one course is the likelier whatever else speaks for either, supposed."""
 _FEWEST_STILL = 5
@@ -96,6 +99,8 @@ _NEARLY_ALL, _WHOLE, _STEADY_SIZE = 0.8, 0.75, 0.03
 what is seen clearly in gray, supposed: colour is looked at where one of them fails."""
 _AGAIN = 2
 """Rounds of looking where the ball was not found along its way."""
+_MOST_LEAPS = 3
+"""Times that a clip is followed anew where it lacks frames, the last for one side of them alone."""
 _OTHERS_FOLLOWED = 3.0
 """Times the frames of the clip in which other things are followed as finely as the ball: three of
 them, or more where each is seen for a part of it; more only cost time."""
@@ -133,10 +138,93 @@ def follow(
     NotFoundError
         If nothing round moves in the clip, or nothing where the user points.
     """
-    footage, whole_count, cut = _one_scene(clip, ball_at or mass_at)
+    recording = _one_scene(clip, ball_at or mass_at)
+    for looks_left in range(_MOST_LEAPS, -1, -1):
+        footage = recording.footage
+        tracks, scene = _followed_in(recording, capture_fps, ball_at, mass_at, progress)
+        things = (tracks.ball, *(other.track for other in tracks.others + tracks.dismissed))
+        lost = lost_frames(things, tracks.pendulum)
+        if lost is None or not looks_left:
+            break
+        lost = _leap_in(scene, lost, tracks.ball)
+        recording = recording.lacking(clip, lost, surely=looks_left > 1)
+    first, started, whole = footage.first, footage.started, recording.whole
+    place = PlaceInClip(footage.shown, first, started, whole, capture_fps)
+    return replace(tracks.in_clip(place), lacks=recording.lacks)
+
+
+@dataclass(frozen=True)
+class _Recording:
+    """The part of a clip that is followed.
+
+    Attributes
+    ----------
+    footage : Footage
+    whole : int
+        Number of frames of the clip.
+    part : tuple of int
+        First frame, and the one after the last, of that part.
+    lacks : tuple of (int, int)
+        Frames of the clip after which so many are lost without a trace.
+    said : tuple of str
+        What is to be said of it.
+    """
+
+    footage: Footage
+    whole: int
+    part: tuple[int, int]
+    lacks: tuple[tuple[int, int], ...] = ()
+    said: tuple[str, ...] = ()
+
+    def lacking(self, clip: "ClipReader", lost: LostFrames, *, surely: bool) -> "_Recording":
+        """The same with lost frames counted or, where they can't be, one side of them alone."""
+        after, many = self.footage.in_clip(lost.after), lost.count
+        leap = (
+            f"FRAMES ARE MISSING between frames {after} and {after + 1} of the file, and its times "
+            f"don't tell: all that moves leaps on as far as in {many} frames"
+        )
+        if lost.sure and surely:
+            lacks = (*self.lacks, (after, many))
+            said = (*self.said, f"{leap}, which are counted as lost there.")
+            footage = Footage(clip, part=self.part, lacks=lacks)
+            return replace(self, footage=footage, lacks=lacks, said=said)
+        sides = ((self.part[0], after + 1), (after + 1, self.part[1]))
+        part = max(sides, key=self.footage.moved_in)
+        lacks = tuple(one for one in self.lacks if part[0] <= one[0] < part[1] - 1)
+        only = (
+            f"{leap}, or so: how many can't be told surely. Only frames {part[0]} to "
+            f"{part[1] - 1} are measured."
+        )
+        footage, said = Footage(clip, part=part, lacks=lacks), (*self.said, only)
+        return _Recording(footage, self.whole, part, lacks, said)
+
+
+def _leap_in(scene: FilmedScene, lost: LostFrames, ball: Track) -> LostFrames:
+    """Where the picture changes most about the ball between two laws, frames are missing."""
+    frames = np.arange(lost.after, lost.before + 1)
+    near = np.interp([lost.after, lost.before], ball.frame, np.arange(len(ball))).astype(int)
+    reach = 2.0 * float(np.median(ball.radius_px))
+    places = ball.centre_px[near[0] : near[1] + 1]
+    low = np.clip(places.min(axis=0) - reach, 0, np.array(scene.shape[::-1]) - 2).astype(int)
+    high = np.maximum(places.max(axis=0) + reach, low + 2).astype(int)
+    window = (slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0])))
+    pictures = [picture[window] for _, picture in scene.pictures(frames)]
+    change = [float(np.abs(late - early).mean()) for early, late in pairwise(pictures)]
+    return replace(lost, after=lost.after + int(np.argmax(change)))
+
+
+def _followed_in(
+    recording: _Recording,
+    capture_fps: float,
+    ball_at: Point | None,
+    mass_at: Point | None,
+    progress: Callable[[float], None] | None,
+) -> tuple[Tracks, FilmedScene]:
+    """Follow ball and pendulum through a recording, in its own frames; and the scene there."""
+    footage = recording.footage
     scene = FilmedScene(footage)
     _tell(progress, 0.2)
-    seen = _seen(scene, _located(ball_at, footage.first))
+    seen = _seen(scene, _located(ball_at, footage))
     if seen is None:
         raise _no_ball(ball_at)
     scene = seen.scene
@@ -172,17 +260,17 @@ def follow(
         others=others,
         dismissed=_dismissed(seen.picture, choice, capture_fps),
         warnings=tuple(
-            cut
-            + _warnings(choice, motion.kind, rest, striker, footage.first)
+            list(recording.said)
+            + _warnings(choice, motion.kind, rest, striker, footage)
             + seen.warnings
-            + _camera_warnings(scene)
+            + _camera_warnings(scene, footage)
         ),
         shift_px=scene.shifts(),
         motion=motion,
         reasons=choice.reasons,
         maybe_shadow=seen.only_dims,
     )
-    return tracks.later(footage.first, whole_count, capture_fps)
+    return tracks, scene
 
 
 def _striker(scene: FilmedScene, rest: Rest, rough: BallFits, at: Point | None) -> Striker | None:
@@ -228,12 +316,11 @@ def _still_until(rest: Rest, fits: BallFits) -> tuple[int, int]:
     return rest.first, finer.last
 
 
-def _one_scene(clip: "ClipReader", at: Point | None) -> tuple[Footage, int, list[str]]:
-    """Frames of the scene pointed at, or in which most moves; frames of all; what to say of it."""
+def _one_scene(clip: "ClipReader", at: Point | None) -> _Recording:
+    """The scene pointed at, or in which most moves."""
     footage = Footage(clip)
-    whole = footage.whole_count
     if len(footage.parts) == 1:
-        return footage, whole, []
+        return _Recording(footage, footage.whole_count, footage.parts[0])
     chosen = max(footage.parts, key=footage.moved_in)
     if at is not None and len(at) == 3:
         frame = at[2]
@@ -244,7 +331,7 @@ def _one_scene(clip: "ClipReader", at: Point | None) -> tuple[Footage, int, list
         f"{chosen[1] - 1} are measured; cut the others out and measure them by themselves, or "
         "point into one with --ball-at X,Y,FRAME."
     )
-    return Footage(clip, part=chosen), whole, [said]
+    return _Recording(Footage(clip, part=chosen), footage.whole_count, chosen, said=(said,))
 
 
 def _others(seen: "_Seen", fps: float) -> tuple[FollowedObject, ...]:
@@ -291,7 +378,7 @@ def _dismissed(scene: FilmedScene, choice: Choice, fps: float) -> tuple[Followed
     )
 
 
-def _camera_warnings(scene: FilmedScene) -> list[str]:
+def _camera_warnings(scene: FilmedScene, footage: Footage) -> list[str]:
     shifts = scene.shifts()
     if shifts is None:
         return []
@@ -300,7 +387,8 @@ def _camera_warnings(scene: FilmedScene) -> list[str]:
     worst = int(np.argmax(step))
     if step[worst] > max(1.5, 8.0 * usual):
         return [
-            f"The camera was bumped between frames {worst} and {worst + 1} "
+            f"The camera was bumped between frames {footage.in_clip(worst)} and "
+            f"{footage.in_clip(worst) + 1} "
             f"(by {step[worst]:.1f} px); the frames are registered on the scene."
         ]
     return ["The camera moved (hand-held?); all frames are registered on the still scene."]
@@ -348,12 +436,18 @@ class _Seen:
     def course(self) -> LawfulCourse:
         """The rest and the law that explain the frames in which it was followed."""
         rough = self.rough
-        return lawful_course(rough.frame, rough.centre, float(np.median(rough.radius)))
+        size = float(np.median(rough.radius))
+        return lawful_course(rough.frame, rough.centre, size, self.scene.held)
+
+    @cached_property
+    def clear(self) -> bool:
+        """Whether a sharp, whole outline of steady size was found in nearly every frame."""
+        return _clearly_seen(self.rough, self.scene.held)
 
     @property
     def speaks_for_itself(self) -> bool:
         """Whether it is clearly seen and moves as a law asks for that is no bob's."""
-        return _clearly_seen(self.rough) and self.worth > _LEAST_WORTH and not self.like_a_bob
+        return self.clear and self.worth > _LEAST_WORTH and not self.like_a_bob
 
     @property
     def like_a_bob(self) -> bool:
@@ -365,7 +459,7 @@ class _Seen:
     def doubtful(self) -> bool:
         """Whether something else may be the ball."""
         agree = self.course.still + self.course.moving
-        whole = agree >= _ALL_ALONG * (self.course.last + 1)
+        whole = agree >= _ALL_ALONG * (self.course.last + 1 - self.course.hidden)
         return self.only_dims or not (whole and self.speaks_for_itself)
 
     def outdoes(self, other: "_Seen") -> bool:
@@ -382,7 +476,7 @@ class _Seen:
         if told and own > theirs and self.course.still >= _FEWEST_STILL:
             return True
         # A ball and its shadow as one may have a course, too, but no clear outline.
-        if told and own < theirs and _clearly_seen(other.rough):
+        if told and own < theirs and other.clear:
             return False
         return self.speaks_for_itself and self.worth > other.worth
 
@@ -478,12 +572,12 @@ def _followed_whole(scene: FilmedScene, path: BallPath, best: "_Seen | None") ->
 
 
 def _most_lawful(found: list["_Seen"]) -> "_Seen | None":
-    """The one that a rest and a law explain best."""
-    return max(
-        found,
-        key=lambda seen: seen.course.evidence(float(np.median(seen.rough.radius))),
-        default=None,
-    )
+    """The one that a rest and a law explain best; of those about as good, one that is clear."""
+    if not found:
+        return None
+    told = [seen.course.evidence(float(np.median(seen.rough.radius))) for seen in found]
+    near = [place for place, nats in enumerate(told) if nats > max(told) - _TELLING]
+    return found[max(near, key=lambda place: (found[place].clear, told[place]))]
 
 
 def _seen_against(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Seen | None:
@@ -518,7 +612,7 @@ def _preferred(found: _Seen, best: _Seen, gray: _Seen | None) -> bool:
         # What dims the wall and moves as a law asks for is the ball, or the ball's shadow.
         return _casts(found, gray) and (best is gray or found.worth > best.worth)
     # What is clear and speaks for itself about as well is better than what is not clear.
-    share = _AS_GOOD if _clearly_seen(found.rough) else 1.0
+    share = _AS_GOOD if found.clear else 1.0
     return found.worth > share * best.worth
 
 
@@ -534,6 +628,7 @@ def _only_dims(scene: FilmedScene, seen: _Seen) -> bool:
         index, radius = int(path.frame[row]), _INNER_PART * path.radius_px[row]
         low = np.maximum(np.ceil(path.centre_px[row] - radius), 0).astype(int)
         high = np.minimum(path.centre_px[row] + radius + 1, scene.shape[::-1]).astype(int)
+        high = np.maximum(high, low)  # it may have left the picture
         window = (slice(low[1], high[1]), slice(low[0], high[0]))
         y, x = np.mgrid[window]
         inside = np.hypot(x - path.centre_px[row, 0], y - path.centre_px[row, 1]) < radius
@@ -593,12 +688,12 @@ def _what_casts(shade: _Seen) -> _Seen | None:
     return None
 
 
-def _clearly_seen(rough: BallFits) -> bool:
-    """Whether a sharp, whole outline of steady size was found in nearly every frame."""
+def _clearly_seen(rough: BallFits, held: IntArray) -> bool:
+    """Whether a sharp, whole outline of steady size was found in nearly every frame held."""
     if len(rough) < 2 or float(np.median(rough.radius)) < SMALL_RADIUS:
         # Half as many samples of colour as of gray tell nothing of a ball of a few pixels.
         return len(rough) >= 2
-    span = int(np.ptp(rough.frame)) + 1
+    span = int(np.ptp(np.searchsorted(held, rough.frame[[0, -1]]))) + 1
     step = np.abs(np.diff(np.log(rough.radius)))
     sharp = len(rough) - len(rough.swept)
     return bool(
@@ -795,11 +890,12 @@ def _meetings(paths: list[BallPath], looks: IntArray) -> IntArray:
     return np.array(sorted(inside)[:_MOST_CLOSER], dtype=np.int64)
 
 
-def _located(point: Point | None, first: int) -> tuple[float, float, int | None] | None:
+def _located(point: Point | None, footage: Footage) -> tuple[float, float, int | None] | None:
     """A point with its frame, if it has one, counted from the action's first."""
     if point is None:
         return None
-    return float(point[0]), float(point[1]), (int(point[2]) - first if len(point) == 3 else None)
+    frame = footage.of_clip(int(point[2])) if len(point) == 3 else None
+    return float(point[0]), float(point[1]), frame
 
 
 def _no_ball(ball_at: Point | None) -> NotFoundError:
@@ -849,18 +945,22 @@ def _pendulum(striker: Striker | None, rest: Rest | None, fps: float) -> Pendulu
     return None if striker is None or rest is None else pendulum_track(striker, rest, fps)
 
 
-def _pointer(path: BallPath, first: int) -> str:
+def _pointer(path: BallPath, footage: Footage) -> str:
     """The option that points at a thing where it was seen most clearly."""
     clearest = int(np.argmax(path.coverage * path.sharpness))
     x, y = path.centre_px[clearest]
-    return f"--ball-at {x:.0f},{y:.0f},{path.frame[clearest] + first}"
+    return f"--ball-at {x:.0f},{y:.0f},{footage.in_clip(int(path.frame[clearest]))}"
 
 
 _MET = (MotionKind.STRIKE, MotionKind.COLLISION)
 
 
 def _warnings(
-    choice: Choice, kind: MotionKind, rest: Rest | None, striker: Striker | None, first: int
+    choice: Choice,
+    kind: MotionKind,
+    rest: Rest | None,
+    striker: Striker | None,
+    footage: Footage,
 ) -> list[str]:
     said = []
     if choice.struck and kind in _MET:
@@ -871,12 +971,12 @@ def _warnings(
     elif choice.doubt is not None and all(choice.doubt is not path for path in choice.others):
         said.append(
             "Another thing moves that might be the ball as well as what was taken for it; if it "
-            f"is, point at that with {_pointer(choice.doubt, first)}."
+            f"is, point at that with {_pointer(choice.doubt, footage)}."
         )
     elif choice.others:
         said.append(
             f"{1 + len(choice.others)} round things move; the clearest is taken for the ball. "
-            f"If it is the next clearest, point at that with {_pointer(choice.others[0], first)}."
+            f"If it is the next clearest, point at that with {_pointer(choice.others[0], footage)}."
         )
     if striker is not None:
         said += striker.warnings

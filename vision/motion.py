@@ -137,6 +137,9 @@ class LawfulCourse:
         Frames in which it is where it lay, and where the law has it.
     astray, missed : int
         Frames in which it is elsewhere, and in which it is not seen in between.
+    hidden : float
+        How many of those missed are not there, or follow from others: what hides it for one frame
+        does for the next.
     last : int
         The last frame in which the law has it, or it lies still.
     travel_px : float
@@ -147,6 +150,7 @@ class LawfulCourse:
     moving: int
     astray: int
     missed: int
+    hidden: float
     last: int
     travel_px: float
 
@@ -154,10 +158,12 @@ class LawfulCourse:
         """How much more likely it is so than by chance, nats, told as finely as by that radius."""
         agree = self.still + self.moving - _FEWEST
         gained = agree * math.log1p(self.travel_px / _tolerance(radius))
-        return gained - _STRAY_PRICE * (self.astray + self.missed)
+        return gained - _STRAY_PRICE * (self.astray + self.missed - self.hidden)
 
 
-def lawful_course(frame: IntArray, centre: FloatArray, radius: float) -> LawfulCourse:
+def lawful_course(
+    frame: IntArray, centre: FloatArray, radius: float, shown: IntArray | None = None
+) -> LawfulCourse:
     """Find the rest and the law that explain most of a path from its start on.
 
     Parameters
@@ -168,6 +174,8 @@ def lawful_course(frame: IntArray, centre: FloatArray, radius: float) -> LawfulC
         Centres, px.
     radius : float
         Radius, px.
+    shown : (n,) int array, optional
+        Frames that there are, increasing; every one without.
 
     Returns
     -------
@@ -189,10 +197,18 @@ def lawful_course(frame: IntArray, centre: FloatArray, radius: float) -> LawfulC
             gone = float(away[frame == law.first][0])
             if gone > speed * (law.first - int(frame[left - 1])) + 2.0 * _tolerance(radius):
                 still = 0
-        missed = int(np.ptp(frame)) + 1 - len(frame)
         astray = len(frame) - still - moving
-        found.append(LawfulCourse(still, moving, astray, missed, last, travel))
+        missed = int(np.ptp(frame)) + 1 - len(frame)
+        gaps = np.diff(frame if shown is None else np.searchsorted(shown, frame)) - 1
+        hidden = _hidden(gaps) + missed - float(gaps.sum())
+        found.append(LawfulCourse(still, moving, astray, missed, hidden, last, travel))
     return max(found, key=lambda course: course.evidence(radius))
+
+
+def _hidden(gaps: IntArray) -> float:
+    """Frames of gaps that are no further surprise: of those so long or longer, one in each is."""
+    long = gaps[gaps > 0].astype(np.float64)
+    return float((long - 1.0 - np.log(long)).sum())
 
 
 def _tolerance(radius: float) -> float:

@@ -746,6 +746,10 @@ class SceneKnown:
         return replace(self, until=0)
 
 
+_UPRIGHT_VIEW = FrameView(1.0, np.zeros(2), 0.0, 0.0)
+"""Of a frame that sees the scene as it is."""
+
+
 class FilmedScene:
     """A clip's frames seen against the static scene.
 
@@ -843,6 +847,15 @@ class FilmedScene:
         """Number of frames."""
         return self._footage.count
 
+    @property
+    def held(self) -> IntArray:
+        """Frames that the file holds."""
+        return np.asarray(self._footage.shown)
+
+    def shown(self, wanted: IntArray) -> IntArray:
+        """Those of some frames that the file holds."""
+        return wanted[[not self._footage.missing(index) for index in wanted.tolist()]]
+
     def spread(self, count: int) -> IntArray:
         """So many frames spread evenly over what moves."""
         return self._footage.spread(count)
@@ -929,15 +942,36 @@ class FilmedScene:
         return known
 
     def pictures(self, wanted: IntArray) -> Iterator[tuple[int, FloatImage]]:
-        """Give frames as the reference camera would have seen them, 0 to 255."""
-        for index, frame in self._footage.frames(wanted):
-            yield index, warp_to_scene(self._gray(frame), self.view(index, frame))
+        """Give frames as the reference camera would have seen them, 0 to 255.
+
+        One that is missing from the file shows nothing but the static scene.
+        """
+        for index, frame in self._frames(wanted):
+            if frame is None:
+                yield index, self._unseen(index, _WHOLE)
+            else:
+                yield index, warp_to_scene(self._gray(frame), self.view(index, frame))
+
+    def _frames(self, wanted: IntArray) -> Iterator[tuple[int, GrayFrame | None]]:
+        held = self._footage.frames(wanted)
+        for index in wanted.tolist():
+            yield index, None if self._footage.missing(index) else next(held)[1]
+
+    def _unseen(self, index: int, window: Window) -> FloatImage:
+        """A window of a frame that is missing from the file: the static scene with its noise."""
+        self.views.setdefault(index, self.views.get(index - 1, _UPRIGHT_VIEW))
+        still = self.expected(index, window)
+        noise = np.random.default_rng(index).normal(size=still.shape).astype(np.float32)
+        return np.clip(still + self.usual_noise[window] * noise, 0.0, 255.0)
 
     def windows(
         self, wanted: IntArray, windows: list[Window]
     ) -> Iterator[tuple[int, FloatImage | NDArray[np.uint8]]]:
         """Give a window (rows, columns) of each of these frames, 0 to 255."""
-        for (index, frame), window in zip(self._footage.frames(wanted), windows, strict=True):
+        for (index, frame), window in zip(self._frames(wanted), windows, strict=True):
+            if frame is None:
+                yield index, self._unseen(index, window)
+                continue
             view = self.view(index, frame)
             if not view.still:
                 yield index, self._warped_window(frame, view, window)
@@ -1049,7 +1083,8 @@ def scene_before_strike(scene: FilmedScene, rest: Rest, radius: float) -> FloatI
         return scene.background.image
     wanted = np.unique(np.linspace(rest.first, rest.last, _STILL_SAMPLES).astype(np.int64))
     even = [
-        picture / np.float32(scene.views[index].gain) for index, picture in scene.pictures(wanted)
+        picture / np.float32(scene.views[index].gain)
+        for index, picture in scene.pictures(scene.shown(wanted))
     ]
     stack = np.sort(np.stack(even), axis=0)
     middle, still = stack[len(stack) // 2], scene.background.image

@@ -91,6 +91,54 @@ class Motion:
 
 
 @dataclass(frozen=True)
+class PlaceInClip:
+    """Where frames that were followed on the camera's even clock are in a clip.
+
+    Attributes
+    ----------
+    shown : (n,) int array
+        Which of them the clip holds, increasing.
+    first : int
+        The clip's frame that is the first of them.
+    started : int
+        How many frames after the clip's first, missing ones included, that is.
+    count : int
+        Number of frames of the clip.
+    fps : float
+        Frames per second of the camera.
+    """
+
+    shown: NDArray[np.int64]
+    first: int
+    started: int
+    count: int
+    fps: float
+
+    def held(self, frame: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Which of some frames the clip holds."""
+        return np.isin(frame, self.shown)
+
+    def frame(self, frame: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The clip's own numbers of frames, or of the last ones before them that it holds."""
+        row = np.searchsorted(self.shown, frame, side="right") - 1
+        return self.first + np.clip(row, 0, len(self.shown) - 1)
+
+    def span(self, frames: tuple[int, int]) -> tuple[int, int]:
+        """A first and a last frame in the clip's own numbers."""
+        first, last = self.frame(np.array(frames)).tolist()
+        return first, last
+
+    def time_s(self, frame: NDArray[np.int64]) -> FloatArray:
+        """Times of frames, s from the clip's first."""
+        return (frame + self.started) / self.fps
+
+    def each(self, rows: FloatArray) -> FloatArray:
+        """Of rows for each frame followed, those for each of the clip; its ends as the nearest."""
+        inside = np.clip(np.arange(self.count) - self.first, 0, len(self.shown) - 1)
+        return np.asarray(rows[self.shown[inside]])
+
+
+@dataclass(frozen=True)
 class Track:
     """One object followed through the clip. Rows are frames in which it was found, in time order.
 
@@ -132,9 +180,10 @@ class Track:
         """Rows for which `keep` (N,) is true."""
         return replace(self, **{name: getattr(self, name)[keep] for name in Track.__annotations__})
 
-    def later(self, first: int, fps: float) -> Self:
-        """The same track in a clip that begins `first` frames earlier."""
-        return replace(self, frame=self.frame + first, time_s=self.time_s + first / fps)
+    def in_clip(self, place: "PlaceInClip") -> Self:
+        """The same track with the clip's own frames."""
+        kept = self.where(place.held(self.frame))
+        return replace(kept, frame=place.frame(kept.frame), time_s=place.time_s(kept.frame))
 
 
 @dataclass(frozen=True)
@@ -229,6 +278,17 @@ class PendulumTrack:
     face: Face
     zero_std_rad: float = 0.0
 
+    def in_clip(self, place: PlaceInClip) -> Self:
+        """The same track with the clip's own frames."""
+        held = place.held(self.track.frame)
+        return replace(
+            self,
+            track=self.track.in_clip(place),
+            angle_rad=self.angle_rad[held],
+            angle_std_rad=self.angle_std_rad[held],
+            face=replace(self.face, frame=place.span((self.face.frame, self.face.frame))[0]),
+        )
+
 
 @dataclass(frozen=True)
 class Tracks:
@@ -261,6 +321,9 @@ class Tracks:
         Why `ball` is taken for the ball, in whole sentences.
     maybe_shadow : bool
         Whether `ball` may be a shadow instead: it takes an even part of the wall's light.
+    lacks : tuple of (int, int)
+        Frames of the clip after which so many are lost without a trace in its times: what flies
+        tells it.
     """
 
     ball: Track
@@ -274,32 +337,33 @@ class Tracks:
     motion: Motion = Motion(MotionKind.NONE, 0.0)
     reasons: tuple[str, ...] = ()
     maybe_shadow: bool = False
+    lacks: tuple[tuple[int, int], ...] = ()
 
-    def later(self, first: int, count: int, fps: float) -> Self:
-        """The same tracks in a clip of `count` frames that begins `first` frames earlier."""
-        if first == 0 and (self.shift_px is None or len(self.shift_px) == count):
-            return self
-        pendulum, rest, motion, shift = self.pendulum, self.rest_frames, self.motion, self.shift_px
-        if pendulum is not None:
-            face = replace(pendulum.face, frame=pendulum.face.frame + first)
-            pendulum = replace(pendulum, track=pendulum.track.later(first, fps), face=face)
+    def on_clock(self, clock: FloatArray) -> FloatArray:
+        """Times of the clip's frames (F,), in frames of the camera, lost ones counted."""
+        later = np.zeros(len(clock))
+        for after, many in self.lacks:
+            later[after + 1 :] += many
+        return clock + later
+
+    def in_clip(self, place: PlaceInClip) -> Self:
+        """The same tracks with the clip's own frames."""
+        rest, motion, shift = self.rest_frames, self.motion, self.shift_px
         if motion.frames is not None:
-            motion = replace(motion, frames=(motion.frames[0] + first, motion.frames[1] + first))
-        if shift is not None:
-            shift = shift[np.clip(np.arange(count) - first, 0, len(shift) - 1)]
+            motion = replace(motion, frames=place.span(motion.frames))
+        others, dismissed = (
+            tuple(replace(one, track=one.track.in_clip(place)) for one in objects)
+            for objects in (self.others, self.dismissed)
+        )
         return replace(
             self,
-            ball=self.ball.later(first, fps),
-            pendulum=pendulum,
-            rest_frames=None if rest is None else (rest[0] + first, rest[1] + first),
-            others=tuple(
-                replace(other, track=other.track.later(first, fps)) for other in self.others
-            ),
-            dismissed=tuple(
-                replace(other, track=other.track.later(first, fps)) for other in self.dismissed
-            ),
+            ball=self.ball.in_clip(place),
+            pendulum=None if self.pendulum is None else self.pendulum.in_clip(place),
+            rest_frames=None if rest is None else place.span(rest),
+            others=others,
+            dismissed=dismissed,
             motion=motion,
-            shift_px=shift,
+            shift_px=None if shift is None else place.each(shift),
         )
 
 

@@ -171,7 +171,8 @@ def watched(
     if isinstance(found, FollowedTracks):
         return replace(found, info=replace(found.info, path=clip.info.path))
     tracks = follow()
-    made = FollowedTracks(tracks, clip.capture_times(1.0), clip.info, clip.warnings)
+    clock = tracks.on_clock(clip.capture_times(1.0))
+    made = FollowedTracks(tracks, clock, clip.info, clip.warnings)
     kept.put(key, made)
     return made
 

@@ -68,6 +68,8 @@ _PIXELS = frozenset(name.value for name in QuantityName if name.value not in QUA
 _NEEDS_METRES = {"m", "m/s", "N s", "J"}
 LONGEST_GAP_S = 0.03
 """Time before landing for which a ball lost near the floor may be carried on along its flight."""
+_SLOWEST = 1e-3
+"""m/s: a ball that hardly flies goes nowhere."""
 _PLASTIC = 1.32471795724474602596
 """Real root of x³ = x + 1: steps of 1/x and 1/x² fill a square evenly (Roberts 2018)."""
 _BACKSWING = "backswing_angle"
@@ -472,8 +474,9 @@ def _reasons(evaluated: Evaluated, no_grid: NoScale) -> dict[str, str]:
     if impact is not None and evaluated.metric is not None:
         landed = evaluated.values[list(DERIVED).index("landing_time")]
         if np.isfinite(landed) and not _landing_in_view(evaluated, float(landed)):
+            ends = "is last seen" if _goes_on_in_view(evaluated) else "leaves the picture"
             text = (
-                f"the ball leaves the picture at {impact.last_flight_s:.3f} s,"
+                f"the ball {ends} at {impact.last_flight_s:.3f} s,"
                 f" {landed - impact.last_flight_s:.3f} s before it lands"
             )
             reasons |= dict.fromkeys(_LANDING, text)
@@ -489,7 +492,26 @@ def _landing_in_view(evaluated: Evaluated, landed: float) -> bool:
         return True
     if landed - impact.last_flight_s > LONGEST_GAP_S or calibration is None:
         return False
-    x, y = impact.flight.states(np.array([landed]))[0, :2]
+    return _in_picture(evaluated, landed)
+
+
+def _goes_on_in_view(evaluated: Evaluated) -> bool:
+    """Whether the ball is still in the picture a diameter on from where it was last seen."""
+    impact, ball = evaluated.impact, evaluated.scene.inputs.ball
+    if impact is None or ball is None or evaluated.scene.calibration is None:
+        return False
+    last = impact.last_flight_s
+    velocity = impact.flight.states(np.array([last]))[0, 2:4]
+    on = ball.diameter / max(float(np.hypot(*velocity)), _SLOWEST)
+    return _in_picture(evaluated, last + on)
+
+
+def _in_picture(evaluated: Evaluated, moment: float) -> bool:
+    """Whether the ball's middle is inside the picture at a moment of its flight."""
+    impact, calibration = evaluated.impact, evaluated.scene.calibration
+    assert impact is not None
+    assert calibration is not None
+    x, y = impact.flight.states(np.array([moment]))[0, :2]
     spot = np.array([impact.tracks.direction * x, y, calibration.ball_plane_offset])
     u, v = calibration.camera.project(spot)
     lens = calibration.lens

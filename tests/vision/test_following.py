@@ -44,6 +44,22 @@ def test_the_struck_ball_is_followed_to_a_tenth_of_a_pixel(
     assert np.sqrt(np.mean(error**2)) < 0.1
 
 
+def test_a_ball_is_one_before_and_after_frames_that_were_dropped() -> None:
+    clip, truth, _ = struck_ball(100)
+    lost = set(range(57, 74))
+    left = np.setdiff1d(np.arange(100), sorted(lost))
+    tracks = follow(clip.without(lost), 30.0)  # type: ignore[arg-type]
+    ball = tracks.ball
+    # the clip's own frames, none of them between two of it
+    assert ball.frame[-1] >= 78
+    assert np.all(np.isin(np.arange(46, 76), ball.frame))
+    assert np.hypot(*(ball.centre_px - truth[left[ball.frame]]).T).max() < 0.4
+    assert ball.time_s == pytest.approx(left[ball.frame] / 30.0)
+    assert tracks.motion.kind is MotionKind.STRIKE
+    assert tracks.rest_frames is not None
+    assert tracks.rest_frames[1] == pytest.approx(40, abs=2)
+
+
 def test_the_ball_is_found_at_rest_too(struck: tuple[Tracks, np.ndarray, np.ndarray]) -> None:
     tracks, centres, _ = struck
     assert tracks.rest_frames is not None

@@ -504,7 +504,7 @@ def follow_ball(scene: FilmedScene, path: BallPath) -> BallFits:
         With radius free; for later refinement.
     """
     search = _Search(scene, _size(scene, path))
-    inside = np.arange(int(path.frame[0]), int(path.frame[-1]) + 1)
+    inside = scene.shown(np.arange(int(path.frame[0]), int(path.frame[-1]) + 1))
     guess = np.column_stack(
         [np.interp(inside, path.frame, path.centre_px[:, axis]) for axis in (0, 1)]
     )

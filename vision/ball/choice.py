@@ -23,7 +23,6 @@ is taken out, then the next.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import pairwise
@@ -34,6 +33,7 @@ from numpy.typing import NDArray
 
 from metrology.compiled import compiled
 from vision.ball.circles import Circles
+from vision.ball.joining import one_thing
 from vision.motion import lawful_stretch
 from vision.scene import FilmedScene
 from vision.tracks import MotionModel
@@ -1303,11 +1303,6 @@ _LOOKS_BACK = 4
 
 """Looks from which a velocity is told: two give one, two more average it."""
 
-_LOOK_SCATTER, _SLOPE_STD = 0.1, (_LOOKS_BACK - 1) / math.sqrt(5.0)
-"""Radii by which a look scatters; and what that makes of the way over which a line through four
-even looks is foretold, in their span: the sum of squares of their distances from the middle is 5.
-"""
-
 # Off its prediction by this (radii, and px) costs one; more than the cap costs no more.
 _OFF_RADII, _OFF_PX = 0.25, 1.0
 
@@ -1327,14 +1322,6 @@ _LIGHTER = 20.0
 _CLEARLY = 1.5
 
 """Nats by which joining otherwise than the chains did must be better: odds of four and a half."""
-
-_BRIDGED = 4.0
-
-"""Tolerances, supposed: two pieces that miss one another by more are of two things."""
-
-_MOMENTS = 17
-
-"""Moments in a gap at which two ways are held against one another, supposed."""
 
 _FEWEST = 3
 
@@ -1366,54 +1353,26 @@ def untangled(paths: list[BallPath]) -> list[BallPath]:
 
 def _bridged(paths: list[BallPath]) -> list[BallPath]:
     """Join pieces of one thing between which it was hidden, or not found, for a while."""
-    while len(paths) > 1:
-        cost = np.array([[_gap_cost(head, tail) for tail in paths] for head in paths])
-        if cost.min() >= _BRIDGED:
-            break
+    if len(paths) < 2:
+        return paths
+    reach = float(np.ptp(np.concatenate([path.centre_px for path in paths]), axis=0).max())
+    odds = np.array([[one_thing(head, tail, reach) for tail in paths] for head in paths])
+    # of so many pieces any may be what a thing goes on as
+    least, paths = math.log(len(paths)) + _CLEARLY, list(paths)
+    while odds.max() > least:
         # The surest first: what it takes up is no longer there for others.
-        head, tail = divmod(int(np.argmin(cost)), len(paths))
-        whole = paths[head].then(paths[tail])
-        paths = [
-            whole if place == head else path for place, path in enumerate(paths) if place != tail
-        ]
+        head, tail = divmod(int(np.argmax(odds)), len(paths))
+        paths[head] = paths[head].then(paths[tail])
+        paths = paths[:tail] + paths[tail + 1 :]
+        odds = np.delete(np.delete(odds, tail, axis=0), tail, axis=1)
+        head -= head > tail
+        odds[head] = [one_thing(paths[head], path, reach) for path in paths]
+        odds[:, head] = [one_thing(path, paths[head], reach) for path in paths]
     return paths
 
 
-def _gap_cost(head: BallPath, tail: BallPath) -> float:
-    """How far the ways on from a head and back from a tail miss one another, in tolerances.
-
-    They meet at any moment in between: a thing may be struck while it is hidden.
-    """
-    gap = int(tail.frame[0]) - int(head.frame[-1])
-    if gap < 1 or min(len(head.frame), len(tail.frame)) < _FEWEST:
-        return np.inf
-    if gap > min(int(np.ptp(head.frame)), int(np.ptp(tail.frame))):
-        return np.inf
-    forth, back = _course(head.where(_last(head))), _course(tail.where(_first(tail)))
-    moment = np.linspace(head.frame[-1], tail.frame[0], _MOMENTS)
-    apart = np.hypot(*(forth(moment) - back(moment)).T)
-    radius = min(head.radius, tail.radius)
-    # Each way goes on for half of the gap at the mean speed of a few looks.
-    looks = float(max(np.ptp(head.frame[_last(head)]), np.ptp(tail.frame[_first(tail)])))
-    led = _LOOK_SCATTER * radius * math.sqrt(2.0) * 0.5 * gap * _SLOPE_STD / looks
-    tolerance = _OFF_RADII * radius + _OFF_PX + led
-    swollen = abs(float(np.log(tail.radius / head.radius))) / _SWOLLEN
-    return float(apart.min()) / tolerance + swollen + _lighter(head, tail)
-
-
-def _first(path: BallPath) -> NDArray[np.bool_]:
-    return np.arange(len(path.frame)) < _LOOKS_BACK
-
-
 def _last(path: BallPath) -> NDArray[np.bool_]:
-    return _first(path)[::-1]
-
-
-def _course(piece: BallPath) -> Callable[[FloatArray], FloatArray]:
-    """Where a thing is at other moments if it goes straight on."""
-    frame = piece.frame.astype(np.float64)
-    slope, start = np.polyfit(frame - frame[0], piece.centre_px, 1)
-    return lambda moment: start + (moment - frame[0])[:, None] * slope
+    return np.arange(len(path.frame))[::-1] < _LOOKS_BACK
 
 
 def _lighter(head: BallPath, tail: BallPath) -> float:

@@ -325,8 +325,8 @@ class Footage:
     Still frames before the first motion and after the last are left out, but for a few. Short
     clips are decoded once and held, longer ones kept in a temporary file. Of still longer ones only
     a sample is held and the neighbours of the frames last asked for, so that memory stays flat in
-    the length of the clip; each look elsewhere decodes again what it needs. Frames are counted from
-    `first`.
+    the length of the clip; each look elsewhere decodes again what it needs. Frames are counted on
+    the camera's even clock from `first` on, those that are missing from the file among them.
 
     Parameters
     ----------
@@ -339,6 +339,8 @@ class Footage:
     part : tuple of int, optional
         First frame, and the one after the last, of the part of the clip that is looked at; all of
         it without.
+    lacks : sequence of (int, int)
+        The clip's frames after which it lacks so many without a trace in its times.
 
     Attributes
     ----------
@@ -347,8 +349,12 @@ class Footage:
         cut.
     first : int
         The clip's frame that is frame 0 here.
+    started : int
+        How many frames after the clip's first, missing ones included, that is.
+    shown : (n,) int array
+        Which frames of the action the file holds.
     count : int
-        Number of frames of the action.
+        Number of frames of the action, missing ones included.
     whole_count : int
         Number of frames of the clip.
     clock : (count,) array
@@ -368,35 +374,47 @@ class Footage:
         sample: int = 96,
         progress: Callable[[int], None] | None = None,
         part: tuple[int, int] | None = None,
+        lacks: Sequence[tuple[int, int]] = (),
     ) -> None:
         self._clip = clip
         self._block: dict[int, GrayFrame] = {}
         self._tint: FloatArray | None = None
         gathered = _Gathered(sample)
-        count = 0
+        times: list[float] = []
         begin, end = (0, None) if part is None else part
         for frame in clip.frames(begin, end):
             _check_size(*frame.gray.shape)
             gathered.add(frame.gray)
-            count += 1
+            times.append(frame.time_s)
             if progress is not None:
-                progress(count)
-        if count == 0:
+                progress(len(times))
+        if not times:
             raise NotFoundError("the clip holds no frame to look at")
         gathered.finish()
         self._held: Sequence[GrayFrame] | None = gathered.held
-        self.whole_count = begin + count
-        marks = [begin, *(begin + first for first in gathered.cuts.first), begin + count]
+        self.whole_count = begin + len(times)
+        marks = [begin, *(begin + first for first in gathered.cuts.first), self.whole_count]
         self.parts = tuple(pairwise(marks))
         self.first = begin + gathered.first
-        self.clock = np.array(gathered.clock)
-        self.count = len(self.clock)
-        self.sample_index = np.array(sorted(gathered.sample), dtype=np.int64)
-        self.sample_frames = [gathered.sample[int(index)] for index in self.sample_index]
+        beats = _beats(np.array(times))
+        for after, many in lacks:
+            beats[max(after + 1 - begin, 0) :] += many
+        self.started = begin + int(beats[gathered.first])
+        self.shown: NDArray[np.int64] = (
+            beats[gathered.first :][: len(gathered.clock)] - beats[gathered.first]
+        )
+        self.count = int(self.shown[-1]) + 1
+        self._row = np.full(self.count, -1, dtype=np.int64)
+        self._row[self.shown] = np.arange(len(self.shown))
+        self.clock = np.array(gathered.clock)[np.maximum.accumulate(self._row)]
+        rows = sorted(gathered.sample)
+        self.sample_index = self.shown[rows]
+        self.sample_frames = [gathered.sample[row] for row in rows]
         self.full_scale = 255.0 if self.sample_frames[0].dtype == np.uint8 else 65535.0
         if self._held is None:
-            size = self.count * self.sample_frames[0].nbytes
-            self._held = _kept((picture for _, picture in self._decoded(0, self.count)), size)
+            size = len(self.shown) * self.sample_frames[0].nbytes
+            pictures = (picture for _, picture in self._decoded(0, len(self.shown)))
+            self._held = _kept(pictures, size)
 
     def tinted(self, blueness: float, redness: float) -> "Footage":
         """The same frames in one colour instead of in gray.
@@ -418,32 +436,55 @@ class Footage:
         other._tint = np.array([[*(blueness * blue + redness * red), _NEUTRAL]])
         other._block, other._held, other.full_scale = {}, None, 255.0
         sample: dict[int, GrayFrame] = {}
-        wanted = set(self.sample_index.tolist())
+        wanted = set(self._row[self.sample_index].tolist())
 
         def sampled() -> Iterator[GrayFrame]:
-            for index, picture in other._decoded(0, self.count):
-                if index in wanted:
-                    sample[index] = picture
+            for row, picture in other._decoded(0, len(self.shown)):
+                if row in wanted:
+                    sample[row] = picture
                 yield picture
 
         pictures = sampled()
         if self._held is not None:
             height, width = self.shape
-            other._held = _kept(pictures, self.count * height * width)
+            other._held = _kept(pictures, len(self.shown) * height * width)
         deque(pictures, maxlen=0)  # where they are not kept, they are only looked at
-        other.sample_frames = [sample[int(index)] for index in self.sample_index]
+        other.sample_frames = [sample[row] for row in self._row[self.sample_index].tolist()]
         return other
 
     def coloured(self, wanted: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.uint8]]]:
-        """Give frames (H, W, 3), blue first, in time order."""
-        chosen = set(wanted.tolist())
-        start, stop = self.first + int(wanted[0]), self.first + int(wanted[-1]) + 1
+        """Give those of some frames that the file holds (H, W, 3), blue first, in time order."""
+        rows = self._held_of(wanted)
+        if len(rows) == 0:
+            return
+        chosen = set(rows.tolist())
+        start, stop = self.first + int(rows[0]), self.first + int(rows[-1]) + 1
         for index, image in self._clip.colour_frames(start, stop):
             if index - self.first in chosen:
-                yield index - self.first, image
+                yield int(self.shown[index - self.first]), image
+
+    def missing(self, index: int) -> bool:
+        """Whether a frame is missing from the file."""
+        return bool(self._row[index] < 0)
+
+    def in_clip(self, index: int) -> int:
+        """The clip's own number of a frame, or of the last one before it that the file holds."""
+        row = np.searchsorted(self.shown, index, side="right") - 1
+        return self.first + int(np.clip(row, 0, len(self.shown) - 1))
+
+    def of_clip(self, index: int) -> int:
+        """Which frame one of the clip is, as they are counted here; beyond the ends, by itself."""
+        row = index - self.first
+        last = len(self.shown) - 1
+        return int(self.shown[min(max(row, 0), last)]) + min(row, 0) + max(row - last, 0)
+
+    def _held_of(self, wanted: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Rows of the pictures that the file holds of some frames."""
+        rows = self._row[wanted]
+        return rows[rows >= 0]
 
     def _decoded(self, start: int, stop: int) -> Iterator[tuple[int, GrayFrame]]:
-        """Frames of the action from `start` up to, not including, `stop`, decoded anew."""
+        """Pictures of the action from `start` up to, not including, `stop`, decoded anew."""
         start, stop = self.first + start, self.first + stop
         if self._tint is None:
             for frame in self._clip.frames(start, stop):
@@ -455,7 +496,8 @@ class Footage:
 
     def moved_in(self, part: tuple[int, int]) -> float:
         """How much moved from a frame of the clip up to, not including, another one, ticks."""
-        ends = np.clip([part[0] - self.first, part[1] - 1 - self.first], 0, self.count - 1)
+        rows = np.array([part[0] - self.first, part[1] - 1 - self.first])
+        ends = self.shown[np.clip(rows, 0, len(self.shown) - 1)]
         return float(self.clock[ends[1]] - self.clock[ends[0]])
 
     @property
@@ -465,7 +507,7 @@ class Footage:
         return int(height), int(width)
 
     def frames(self, wanted: NDArray[np.int64]) -> Iterator[tuple[int, GrayFrame]]:
-        """Give the wanted frames in time order.
+        """Give those of the wanted frames that the file holds, in time order.
 
         Parameters
         ----------
@@ -477,23 +519,27 @@ class Footage:
         index : int
         gray : (H, W) array
         """
-        if len(wanted) == 0:
+        for row, picture in self._pictures(self._held_of(wanted)):
+            yield int(self.shown[row]), picture
+
+    def _pictures(self, rows: NDArray[np.int64]) -> Iterator[tuple[int, GrayFrame]]:
+        if len(rows) == 0:
             return
         if self._held is not None:
-            for index in wanted:
-                yield int(index), self._held[int(index)]
+            for row in rows.tolist():
+                yield row, self._held[row]
             return
-        if int(wanted[-1]) - int(wanted[0]) < self._block_length():
-            yield from self._from_block(wanted)
+        if int(rows[-1]) - int(rows[0]) < self._block_length():
+            yield from self._from_block(rows)
             return
-        chosen = set(wanted.tolist())
-        for index, picture in self._decoded(int(wanted[0]), int(wanted[-1]) + 1):
-            if index in chosen:
-                yield index, picture
+        chosen = set(rows.tolist())
+        for row, picture in self._decoded(int(rows[0]), int(rows[-1]) + 1):
+            if row in chosen:
+                yield row, picture
 
     def spread(self, count: int) -> NDArray[np.int64]:
         """So many frames, or all, spread evenly over what moves, some over the time between."""
-        return self._spread(np.arange(self.count), count)
+        return self._spread(self.shown, count)
 
     def spread_sample(self, count: int) -> list[GrayFrame]:
         """So many frames of the sample, or all, spread alike, in time order."""
@@ -517,16 +563,41 @@ class Footage:
     def _block_length(self) -> int:
         return max(8, _BLOCK_BYTES // self.sample_frames[0].nbytes)
 
-    def _from_block(self, wanted: NDArray[np.int64]) -> Iterator[tuple[int, GrayFrame]]:
-        """A few neighbouring frames, decoded together with those around them."""
-        if not all(int(index) in self._block for index in wanted):
-            spare = self._block_length() - (int(wanted[-1]) - int(wanted[0]) + 1)
-            first = max(0, int(wanted[0]) - spare // 2)
+    def _from_block(self, rows: NDArray[np.int64]) -> Iterator[tuple[int, GrayFrame]]:
+        """A few neighbouring pictures, decoded together with those around them."""
+        if not all(row in self._block for row in rows.tolist()):
+            spare = self._block_length() - (int(rows[-1]) - int(rows[0]) + 1)
+            first = max(0, int(rows[0]) - spare // 2)
             # The old block goes before the new one comes.
             self._block = {}
             self._block = dict(self._decoded(first, first + self._block_length()))
-        for index in wanted:
-            yield int(index), self._block[int(index)]
+        for row in rows.tolist():
+            yield row, self._block[row]
+
+
+_OFF_BEAT = 0.1
+"""Intervals that a frame may be off an even clock, supposed: times of one come free of rounding."""
+
+
+def _beats(time_s: FloatArray) -> NDArray[np.int64]:
+    """Which beat of the camera's even clock each frame is; their order where no clock fits them.
+
+    A pause longer than all that was filmed tells no motion, and counts for no more than that.
+    """
+    order = np.arange(len(time_s))
+    if len(time_s) < _FEWEST_BEATS:
+        return order
+    steps = np.diff(time_s)
+    usual = float(np.median(steps))
+    beats = (time_s - time_s[0]) / usual if usual > 0.0 else order.astype(np.float64)
+    whole = np.rint(beats)
+    if not np.all(np.diff(whole) >= 1.0) or np.abs(beats - whole).max() > _OFF_BEAT:
+        return order
+    return np.concatenate([[0], np.cumsum(np.minimum(np.diff(whole), len(whole)))]).astype(np.int64)
+
+
+_FEWEST_BEATS = 3
+"""Frames whose times tell whether a clock is even."""
 
 
 def _check_size(height: int, width: int) -> None:

@@ -63,6 +63,24 @@ def test_half_hidden_by_something_with_a_texture_of_its_own(hidden: str) -> None
     assert len(grid.nodes) > 60
 
 
+@pytest.mark.parametrize("seed", [114, 223, 226])
+def test_lines_on_both_sides_of_a_post_are_numbered_as_one_grid(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    lens = Lens.centred(432, 240, 780.0 + 60.0 * rng.random())
+    place = [0.5 + 0.1 * rng.random(), 0.5, 4.4 + 0.4 * rng.random()]
+    camera = Camera.facing_wall(lens, place, yaw=0.05 * rng.normal())
+    picture = rendered(camera, seed=seed, samples=3)
+    width, left = 432.0 * rng.uniform(0.12, 0.3), 432.0 * rng.uniform(0.3, 0.6)
+    post = picture[:, int(left) : int(left + width)]
+    texture = cv2.GaussianBlur(rng.normal(0.0, 1.0, post.shape), (0, 0), 2.0)
+    post[:] = 90.0 + 12.0 * texture / texture.std() + rng.normal(0.0, 1.5, post.shape)
+    grid = find_wall_grid(picture)
+    assert labelling_error(grid, camera)[0] == 0.0
+    # on both sides of it
+    assert np.count_nonzero(grid.points_px[:, 0] < left) > 20
+    assert np.count_nonzero(grid.points_px[:, 0] > left + width) > 20
+
+
 def test_lines_that_can_not_be_counted_surely_are_refused() -> None:
     """Hairlines sampled so coarsely that they come and go, with a false rhythm of their own."""
     rng = np.random.default_rng(13)

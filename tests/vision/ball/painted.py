@@ -16,13 +16,20 @@ PIVOT_PX = (60.0, 12.0)
 
 @dataclass(frozen=True)
 class PaintedClip:
-    """What `follow` asks of a clip."""
+    """What `follow` asks of a clip; `beats` are its frames' places on an even clock."""
 
     pictures: list[NDArray[np.uint8]]
+    beats: tuple[int, ...] | None = None
 
     def frames(self, start: int = 0, stop: int | None = None) -> Iterator[Frame]:
         for index in range(start, len(self.pictures) if stop is None else stop):
-            yield Frame(index, index / 30.0, self.pictures[index])
+            beat = index if self.beats is None else self.beats[index]
+            yield Frame(index, beat / 30.0, self.pictures[index])
+
+    def without(self, lost: set[int]) -> "PaintedClip":
+        """The same clip without some of its frames; the others keep their times."""
+        kept = [index for index in range(len(self.pictures)) if index not in lost]
+        return PaintedClip([self.pictures[index] for index in kept], tuple(kept))
 
     def colour_frames(
         self, start: int = 0, stop: int | None = None

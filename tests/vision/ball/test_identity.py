@@ -101,6 +101,37 @@ def test_pieces_between_which_a_thing_was_hidden_are_one_path() -> None:
     assert len(untangled([elsewhere, lying])) == 2
 
 
+def _flown(frame: np.ndarray, seed: int) -> BallPath:
+    """A ball on its parabola, seen to a twentieth of its radius."""
+    path = _path(frame, 100.0 + 2.3 * frame, 19.0)
+    path.centre_px[:, 1] = 260.0 - 1.1 * frame + 0.007 * frame**2
+    path.centre_px[:] += np.random.default_rng(seed).normal(0.0, 0.9, path.centre_px.shape)
+    return path
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_flight_goes_on_behind_a_post_and_its_shadow_s_does_not(seed: int) -> None:
+    before, after = np.arange(0, 40, 2), np.arange(95, 150, 4)
+    ball, beyond = _flown(before, seed), _flown(after, seed + 10)
+    # as it comes out from behind the post, circles are drawn through the half that is seen
+    beyond.centre_px[:2, 0] += [9.0, 5.0]
+    beyond.coverage[:2] = 0.5
+    shadow = _flown(before, seed + 20)
+    shadow.centre_px[:] += np.column_stack([34.0 + 0.25 * before, 40.0 - 0.1 * before])
+    paths = untangled([shadow, beyond, ball])
+    joined = next(path for path in paths if path.frame[-1] == after[-1])
+    assert joined.frame.tolist() == [*before, *after]
+    assert joined.centre_px[0] == pytest.approx(ball.centre_px[0])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_appears_elsewhere_after_a_gap_is_another_thing(seed: int) -> None:
+    before, after = np.arange(0, 40, 2), np.arange(95, 150, 4)
+    ball, other = _flown(before, seed), _flown(after, seed + 10)
+    other.centre_px[:] += [60.0, -80.0]
+    assert len(untangled([ball, other])) == 2
+
+
 def test_a_dark_thing_does_not_go_on_as_a_bright_one() -> None:
     frame = np.arange(40)
     path = _path(frame, 3.0 * frame)

@@ -139,3 +139,43 @@ def test_one_part_of_a_clip_is_looked_at_by_itself() -> None:
     clip = _Made([*_scene_of(1, 30), *_scene_of(2, 40)])
     part = Footage(clip, part=(30, 70))  # type: ignore[arg-type]
     assert (part.first, part.count, part.parts) == (30, 40, ((30, 70),))
+
+
+class _Timed(_Made):
+    """Pictures with their times, s."""
+
+    def __init__(self, pictures: list[np.ndarray], times: np.ndarray) -> None:
+        super().__init__(pictures)
+        self._times = times
+
+    def frames(self, start: int = 0, stop: int | None = None) -> Iterator[Frame]:
+        for frame in super().frames(start, stop):
+            yield Frame(frame.index, float(self._times[frame.index]), frame.gray)
+
+
+def test_frames_are_counted_on_the_camera_s_clock_and_missing_ones_show_the_scene() -> None:
+    kept = np.array([0, 1, 2, 3, 5, 6, 7, 12, 13, 14, 15, 16])
+    pictures = [_moving(int(beat)) for beat in kept]
+    footage = Footage(_Timed(pictures, kept / 240.0))  # type: ignore[arg-type]
+    assert footage.shown.tolist() == kept.tolist()
+    assert footage.count == 17
+    for index, picture in footage.frames(np.arange(17)):
+        assert np.array_equal(picture, _moving(index))
+    assert [footage.in_clip(index) for index in (3, 4, 5, 11, 12)] == [3, 3, 4, 6, 7]
+    assert [footage.of_clip(row) for row in (4, 6, 7, 11)] == [5, 7, 12, 16]
+    scene = FilmedScene(footage)
+    for index, picture in scene.pictures(np.array([9, 12])):
+        difference = np.abs(scene.difference(index, picture)).max()
+        assert (difference < 20.0) == (index == 9)
+
+
+def test_a_rate_that_varies_counts_frames_by_their_order() -> None:
+    times = np.cumsum(np.tile([1.0, 1.4, 0.7, 1.3], 5)) / 30.0
+    footage = Footage(_Timed([_moving(k) for k in range(20)], times))  # type: ignore[arg-type]
+    assert footage.shown.tolist() == list(range(20))
+
+
+def _moving(beat: int) -> np.ndarray:
+    picture = np.random.default_rng(5).integers(90, 110, (60, 120)).astype(np.uint8)
+    picture[20:32, 5 + 6 * beat : 17 + 6 * beat] = 220
+    return picture

@@ -159,6 +159,20 @@ def test_a_course_ends_with_its_law_and_counts_what_is_not_seen() -> None:
     assert course.astray == pytest.approx(15, abs=2)
 
 
+def test_one_gap_is_less_of_a_surprise_than_as_many_frames_missed_here_and_there() -> None:
+    path, frame = _struck(50, 120), np.arange(170)
+    hidden = np.setdiff1d(frame, np.arange(80, 120))
+    blinking = np.setdiff1d(frame, np.arange(60, 140, 2))
+    courses = [lawful_course(left, path[left], 9.0) for left in (hidden, blinking)]
+    assert [course.missed for course in courses] == [40, 40]
+    assert courses[0].evidence(9.0) > courses[1].evidence(9.0) + 30.0
+    assert courses[1].hidden == 0.0
+    assert lawful_course(blinking, path[blinking], 9.0, blinking).hidden == 40.0
+    # a whole course but for where it was hidden
+    told = courses[0].still + courses[0].moving
+    assert told > 0.95 * (courses[0].last + 1 - courses[0].hidden)
+
+
 def test_what_lay_elsewhere_is_no_rest_of_what_flies() -> None:
     path = _struck(50, 70)
     path[:50] += [40.0, 28.0]
