@@ -21,7 +21,7 @@ from pipelines.measure.flight_fit import (
     FlightPriors,
     fit_flight,
     flight_end,
-    slow_error_whitening,
+    flight_whitening,
 )
 from pipelines.measure.impact import departure, find_impact
 from pipelines.measure.metres import CameraMapping, radius_share, tracks_in_metres
@@ -174,7 +174,7 @@ def _seen_slant(scene: ClipConditions, tracks: Tracks, time_s: NDArray[np.float6
     bent = ((off_axis / middle[0]) ** 2).sum(axis=1, keepdims=True) * off_axis
     std = np.sqrt(np.diagonal(metric.ball_cov_m2[used], axis1=1, axis2=2))
     std = np.maximum(std, 0.3 * np.median(std, axis=0))
-    whiten = slow_error_whitening(flight.time_s)
+    whiten = flight_whitening(flight.time_s)
 
     def residuals(values: FloatArray) -> FloatArray:
         slant, roll, stretched, distorted = values[7:]
