@@ -38,8 +38,15 @@ from pipelines.measure.impact import (
     touch_times,
 )
 from pipelines.measure.inputs import Inputs
-from pipelines.measure.metres import MetricTracks, SupposedLens
+from pipelines.measure.metres import (
+    BallScale,
+    MetricTracks,
+    SupposedLens,
+    ball_scale,
+    supposed_lens,
+)
 from vision.clip.footage import CaptureRate
+from vision.tracks import Tracks
 
 __all__ = [
     "DERIVED",
@@ -480,6 +487,9 @@ _SMALLER_STEPS = (0.5, 0.2)
 
 """Standard deviations of a step where a whole one leads to where there is no such motion."""
 
+_STEEPEST = 0.98
+"""Sine of the slant: beyond some 80° nobody films a plane."""
+
 _LEAST_AXIS = 1e-12
 
 """Of the correlation's largest: below lies rounding, not knowledge."""
@@ -540,6 +550,26 @@ class ClipConditions:
     def slant_std_rad(self) -> float:
         """How well the slant is known."""
         return Defaults.CAMERA_SLANT.std if self.lens is None else self.lens.slant_std_rad
+
+    def plane_of_ball(self, tracks: Tracks) -> BallScale:
+        """The plane of motion where there is no calibration: what fills it as the ball has to."""
+        lens = self.lens or supposed_lens(tracks.ball, tracks.background.shape)
+        return ball_scale(
+            tracks,
+            lens,
+            1.0 if self.inputs.ball is None else self.inputs.ball.diameter,
+            metres_per_px=None if self.metres_per_px is None else self.metres_per_px[0],
+            stretched=self.scale,
+            roll_rad=self.roll_rad,
+            slant_rad=self.slant_rad,
+        )
+
+    def through(self, focal_px: float) -> "ClipConditions":
+        """The same seen through another lens: the plane recedes by as much for each pixel."""
+        assert self.lens is not None
+        sine = math.sin(self.slant_rad) * focal_px / self.lens.focal_px
+        slant = math.asin(min(max(sine, -_STEEPEST), _STEEPEST))
+        return replace(self, slant_rad=slant, lens=replace(self.lens, focal_px=focal_px))
 
     def places_as(self, other: "ClipConditions") -> bool:
         """Whether pixels and frames come to the same metres and seconds as under other ones."""
@@ -740,12 +770,13 @@ def _moved(
         rolled = replace(scene, roll_rad=share * Defaults.CAMERA_ROLL.std)
         move(UncertaintySource.CAMERA_ROLL, rolled)
         aslant = share * scene.slant_std_rad
-        sides = (replace(scene, slant_rad=side) for side in (aslant, -aslant))
+        slants = scene.slant_rad + aslant, scene.slant_rad - aslant
+        sides = (replace(scene, slant_rad=slant) for slant in slants)
         move(UncertaintySource.CAMERA_SLANT, *sides)
         if scene.lens is not None:
             usual, longer = scene.lens, math.exp(share * LOG_FOCAL_STD)
             lenses = (usual.focal_px * longer, usual.focal_px / longer)
-            sides = (replace(scene, lens=replace(usual, focal_px=focal)) for focal in lenses)
+            sides = (scene.through(focal) for focal in lenses)
             move(UncertaintySource.LENS_UNKNOWN, *sides)
         if np.isfinite(scale_std):
             by_ball = scene.metres_per_px is None

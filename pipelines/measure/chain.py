@@ -31,12 +31,11 @@ from pipelines.measure.budget import (
     values_after_move,
     values_of,
 )
-from pipelines.measure.gravity import seen_fall
+from pipelines.measure.gravity import as_flown_through, scale_std, seen_fall
 from pipelines.measure.impact import Impact, find_impact, strikes_apart, struck_again
 from pipelines.measure.inputs import Inputs, gather_inputs
 from pipelines.measure.measurement import ClipMeasurement
 from pipelines.measure.metres import (
-    BallScale,
     CameraMapping,
     MetricTracks,
     SupposedLens,
@@ -447,6 +446,9 @@ def fit_tracks(
         return replace(fitted, refusal=seen)
     try:
         require_upright(tracks)
+        if scene.calibration is None:
+            scene = as_flown_through(scene, tracks, followed.seconds(scene.rate.fps))
+            fitted = replace(fitted, scene=scene)
         metric = _in_metres(scene, followed.seconds(scene.rate.fps), tracks)
         return replace(fitted, metric=metric, impact=find_impact(metric, scene.inputs))
     except MeasurementError as problem:
@@ -730,7 +732,7 @@ def _evaluate(
         impact,
         derived_values(impact, scene.inputs, names),
         random_covariance(impact, scene.inputs, names),
-        systematic_budget(scene, values, _scale_std(scene, followed.tracks)),
+        systematic_budget(scene, values, scale_std(scene, followed.tracks)),
         "",
         names,
     )
@@ -740,38 +742,5 @@ def _in_metres(scene: ClipConditions, times: FloatArray, tracks: Tracks) -> Metr
     if scene.calibration is not None:
         mapping = CameraMapping(scene.calibration)
         return tracks_in_metres(tracks, mapping, times, scene.zero_rad, scene.pivot_px)
-    ball = tracks.ball
-    diameter = 1.0 if scene.inputs.ball is None else scene.inputs.ball.diameter
-    still = slice(None)
-    if tracks.rest_frames is not None:
-        first, last = tracks.rest_frames
-        first_row, end_row = np.searchsorted(ball.frame, [first, last + 1])
-        still = slice(first_row, max(end_row, first_row + 1))
-    lens = scene.lens or _supposed(tracks)
-    across = float(np.median(lens.across(ball.centre_px, ball.radius_px)))
-    per_px = diameter / (2 * across)
-    if scene.metres_per_px is not None:
-        per_px = scene.metres_per_px[0]
-    rest = np.median(lens.centres(ball.centre_px[still], across), axis=0)
-    usual = np.median(ball.centre_px, axis=0)
-    shortened = lens.foreshortening(usual, scene.slant_rad)
-    scale = BallScale(
-        scene.scale * per_px,
-        rest,
-        usual,
-        scene.roll_rad,
-        float(np.sin(scene.slant_rad)) / (shortened * lens.focal_px),
-        shortened,
-        lens,
-        across,
-    )
+    scale = scene.plane_of_ball(tracks)
     return tracks_in_metres(tracks, scale, times, scene.zero_rad, scene.pivot_px)
-
-
-def _scale_std(scene: ClipConditions, tracks: Tracks) -> float:
-    if scene.metres_per_px is not None:
-        return scene.metres_per_px[1] / scene.metres_per_px[0]
-    diameter = scene.inputs.rig.ball_diameter
-    if diameter is None:
-        return np.inf
-    return float(np.hypot(diameter.relative_std, radius_share(tracks.ball)))

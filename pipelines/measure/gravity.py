@@ -12,16 +12,32 @@ from numpy.typing import NDArray
 
 from calib.calibration import Known
 from calib.solve import SeenFall
-from metrology import MeasurementError, Quantity, UncertaintySource
+from metrology import Defaults, MeasurementError, Quantity, UncertaintySource
+from metrology.least_squares import fit
 from pipelines.measure.budget import DERIVED, ClipConditions, merged
 from pipelines.measure.checks import LEAST_POWER
-from pipelines.measure.impact import find_impact
-from pipelines.measure.metres import CameraMapping, tracks_in_metres
+from pipelines.measure.flight_fit import (
+    LONGEST_CONTACT_S,
+    FlightPriors,
+    fit_flight,
+    flight_end,
+    flight_whitening,
+)
+from pipelines.measure.impact import departure, find_impact
+from pipelines.measure.metres import CameraMapping, radius_share, tracks_in_metres
 from pipelines.report import Check, CheckKind, CheckOutcome
 from vision.clip.footage import RateSource
 from vision.tracks import Tracks
 
-__all__ = ["ESTIMATES", "contradicts_gravity", "fused_cor", "gravity_check", "seen_fall"]
+__all__ = [
+    "ESTIMATES",
+    "as_flown_through",
+    "contradicts_gravity",
+    "fused_cor",
+    "gravity_check",
+    "scale_std",
+    "seen_fall",
+]
 
 _COMMON_RATES = (
     24,
@@ -63,6 +79,9 @@ _UNTOLD = 0.1
 """Relative uncertainty of the rate from a fall beyond which it tells no rate from the next common
 one."""
 
+_SLANT_ROUNDS = 2
+"""Rounds, supposed: where a flight ends hangs on the slant, which the next round hardly moves."""
+
 BEYOND_REPAIR = 0.3
 
 """Share by which a fall may miss gravity before rate or scale must be plainly wrong: three times
@@ -102,6 +121,98 @@ def seen_fall(
     std = math.hypot(math.sqrt(float(free.fitted.covariance[6, 6])), by_rate)
     flying = np.isin(metric.ball_time_s, free.time_s)
     return SeenFall(Known(value, std), scene.inputs.gravity, tracks.ball.centre_px[flying])
+
+
+def as_flown_through(
+    scene: ClipConditions, tracks: Tracks, time_s: NDArray[np.float64]
+) -> ClipConditions:
+    """The scene with its camera as much aslant as a flight through the plane of motion shows.
+
+    A thing in free flight keeps its speed along the rows but for the drag, and falls as gravity has
+    it: seen aslant, it slows down and shrinks on its way, or the contrary.
+
+    Parameters
+    ----------
+    scene : ClipConditions
+        Without a calibration.
+    tracks : Tracks
+        In pixels.
+    time_s : (F,) array
+        Mid-exposure time of every frame of the clip, s.
+    """
+    for _ in range(_SLANT_ROUNDS):
+        try:
+            slant = _seen_slant(scene, tracks, time_s)
+        except MeasurementError:
+            return scene
+        scene = replace(scene, slant_rad=slant.value)
+    if scene.lens is None:
+        return scene
+    return replace(scene, lens=replace(scene.lens, slant_std_rad=slant.std))
+
+
+def _seen_slant(scene: ClipConditions, tracks: Tracks, time_s: NDArray[np.float64]) -> Known:
+    """The slant fitted to a flight together with all else that may bend its path.
+
+    Rate and scale stretch it alike, a roll turns gravity, a lens that nobody measured bends lines.
+    """
+    inputs, ball = scene.inputs, tracks.ball
+    metric = tracks_in_metres(tracks, scene.plane_of_ball(tracks), time_s)
+    left = departure(metric)
+    end = flight_end(metric, inputs, left)
+    used = (metric.ball_time_s > left + LONGEST_CONTACT_S) & (metric.ball_time_s < end)
+    flight = fit_flight(
+        metric.ball_time_s[used],
+        metric.ball_m[used],
+        metric.ball_cov_m2[used],
+        left,
+        FlightPriors(inputs.gravity, np.inf, *inputs.drag_per_metre, 0.0, inputs.lift_std),
+    )
+    used = np.isin(metric.ball_time_s, flight.time_s)
+    middle = 0.5 * (np.array(tracks.background.shape)[::-1] - 1.0)
+    off_axis = ball.centre_px[used] - middle
+    bent = ((off_axis / middle[0]) ** 2).sum(axis=1, keepdims=True) * off_axis
+    std = np.sqrt(np.diagonal(metric.ball_cov_m2[used], axis1=1, axis2=2))
+    std = np.maximum(std, 0.3 * np.median(std, axis=0))
+    whiten = flight_whitening(flight.time_s)
+
+    def residuals(values: FloatArray) -> FloatArray:
+        slant, roll, stretched, distorted = values[7:]
+        moved = replace(
+            scene, slant_rad=slant, roll_rad=roll, scale=scene.scale * math.exp(stretched)
+        )
+        seen = ball.centre_px[used] - distorted * bent
+        place, _ = moved.plane_of_ball(tracks).ball(seen, ball.covariance_px2[used])
+        flown = flight.states(flight.time_s, values[:7])[:, :2]
+        return whiten((place * [metric.direction, 1.0] - flown) / std).ravel()
+
+    lens = scene.lens
+    open_by = Defaults.CAMERA_SLANT.std if lens is None else lens.slant_std_rad
+    stretched = math.hypot(scale_std(scene, tracks), 2.0 * scene.rate.std / scene.rate.fps)
+    centre = np.array([*flight.fitted.values[:4], inputs.drag_per_metre[0], 0.0, inputs.gravity])
+    spread = [np.inf] * 4 + [inputs.drag_per_metre[1], inputs.lift_std, inputs.rig.gravity.std]
+    others = [Defaults.CAMERA_ROLL.std, stretched, Defaults.LENS_DISTORTION.std]
+    prior, spread = np.append(centre, np.zeros(4)), [*spread, open_by, *others]
+    start = prior + np.append(np.zeros(7), [scene.slant_rad, 0.0, 0.0, 0.0])
+    fitted = fit(residuals, start, prior, spread, channels=2)
+    return Known(float(fitted.values[7]), math.sqrt(float(fitted.covariance[7, 7])))
+
+
+def scale_std(scene: ClipConditions, tracks: Tracks) -> float:
+    """Relative uncertainty of the scale where there is no calibration; infinite if there is none.
+
+    Parameters
+    ----------
+    scene : ClipConditions
+    tracks : Tracks
+        In pixels.
+    """
+    if scene.metres_per_px is not None:
+        return scene.metres_per_px[1] / scene.metres_per_px[0]
+    diameter = scene.inputs.rig.ball_diameter
+    if diameter is None:
+        return np.inf
+    return float(np.hypot(diameter.relative_std, radius_share(tracks.ball)))
 
 
 def gravity_check(found: Quantity, scene: ClipConditions) -> tuple[Quantity, Check | None]:

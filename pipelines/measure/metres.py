@@ -33,6 +33,7 @@ __all__ = [
     "CameraMapping",
     "MetricTracks",
     "SupposedLens",
+    "ball_scale",
     "calibrate_clip",
     "centre_of_arc",
     "radius_share",
@@ -220,10 +221,16 @@ class BallScale:
         return np.asarray(turned * self.metres_per_px)
 
     def _grown(self, px: FloatArray) -> FloatArray:
-        """Places as a camera square to the plane would see them about the usual one, px."""
-        x, y = np.moveaxis(px - self.usual_px, -1, 0)
-        along = (x + self.growth_per_px * x * x) / self.foreshortening
-        return np.stack([along, y * (1 + self.growth_per_px * x)], -1)
+        """Places as a camera square to the plane would see them about the usual one, px.
+
+        Level lines of a plane that recedes meet on the horizon, which is the middle row of a camera
+        that is not tilted.
+        """
+        x = px[..., 0] - self.usual_px[0]
+        horizon = self.usual_px[1] if self.lens is None else self.lens.middle_px[1]
+        further = 1.0 / np.maximum(1.0 - self.growth_per_px * x, _LEAST_LEFT)
+        seen = np.stack([x / self.foreshortening, px[..., 1] - horizon], axis=-1)
+        return np.asarray(seen * further[..., np.newaxis])
 
     def across(self, px: FloatArray, radius_px: FloatArray) -> float:
         """Radius of a ball with outlines centred on pixels (N, 2) and as large (N,), m."""
@@ -231,11 +238,17 @@ class BallScale:
         return _shortest_reach(self, np.median(px, axis=0), float(np.median(wide)))
 
     def eye(self) -> FloatArray | None:
-        """Where a camera square to the plane stands, behind its lens's middle."""
+        """Where a camera of such a slant stands, behind its lens's middle."""
         if self.lens is None:
             return None
+        off_axis = float(self.usual_px[0] - self.lens.middle_px[0]) / self.lens.focal_px
+        sine = self.growth_per_px * self.foreshortening * self.lens.focal_px
+        cosine = self.foreshortening + off_axis * sine
         away = self.lens.focal_px * self.metres_per_px
-        return np.append(self.point(self.lens.middle_px), away)
+        level = self.point(np.array([self.usual_px[0], self.lens.middle_px[1]]))
+        along = np.array([np.cos(self.roll_rad), -np.sin(self.roll_rad)])
+        foot = level - away * (off_axis * cosine + sine) * along
+        return np.asarray(np.append(foot, away * self.foreshortening))
 
     def slope_std(self, slope: float) -> float:
         """How well the slope of a line of sight across the plane is known."""
@@ -248,6 +261,54 @@ class BallScale:
     def by_the_wall(self) -> bool:
         """The ball is the scale, or what somebody gives."""
         return False
+
+
+def ball_scale(
+    tracks: Tracks,
+    lens: SupposedLens,
+    diameter: float,
+    *,
+    metres_per_px: float | None = None,
+    stretched: float = 1.0,
+    roll_rad: float = 0.0,
+    slant_rad: float = 0.0,
+) -> BallScale:
+    """The plane of motion through such a camera, as large as the ball in it has to be.
+
+    Parameters
+    ----------
+    tracks : Tracks
+        In pixels.
+    lens : SupposedLens
+    diameter : float
+        Of the ball, m.
+    metres_per_px : float, optional
+        Scale where the ball usually is, where somebody gives it.
+    stretched : float
+        Factor on lengths.
+    roll_rad, slant_rad : float
+        How far the camera is turned about its axis, and about the vertical.
+    """
+    ball, still = tracks.ball, slice(None)
+    if tracks.rest_frames is not None:
+        first, last = tracks.rest_frames
+        first_row, end_row = np.searchsorted(ball.frame, [first, last + 1])
+        still = slice(first_row, max(end_row, first_row + 1))
+    across = float(np.median(lens.across(ball.centre_px, ball.radius_px)))
+    if metres_per_px is None:
+        metres_per_px = diameter / (2 * across)
+    usual = np.median(ball.centre_px, axis=0)
+    shortened = lens.foreshortening(usual, slant_rad)
+    return BallScale(
+        stretched * metres_per_px,
+        np.median(lens.centres(ball.centre_px[still], across), axis=0),
+        usual,
+        roll_rad,
+        math.sin(slant_rad) / (shortened * lens.focal_px),
+        shortened,
+        lens,
+        across,
+    )
 
 
 @dataclass(frozen=True)

@@ -9,12 +9,14 @@ from numpy.typing import NDArray
 
 from calib.solve import LOG_FOCAL_STD
 from metrology import Defaults, UncertaintySource
+from physics.bodies import BALLS
 from pipelines.measure.budget import ClipConditions, systematic_budget
+from pipelines.measure.gravity import as_flown_through
 from pipelines.measure.inputs import gather_inputs
 from pipelines.measure.metres import BallScale, SupposedLens, supposed_lens
 from pipelines.setup.file import Setup
 from vision.clip.footage import CaptureRate, RateSource
-from vision.tracks import Track
+from vision.tracks import Track, Tracks
 
 
 def test_lengths_along_the_rows_are_as_long_as_a_camera_square_to_them_sees_them() -> None:
@@ -44,29 +46,103 @@ def seen_by(yaw_rad: float, noise_px: float) -> Track:
 
     Of each outline the mean half axis: the bundle of rays that touch the ball, cut by the picture.
     """
-    focal, rng = 560.0, np.random.default_rng(4)
     x = np.linspace(-0.2, 0.7, 40)
-    place = np.column_stack([x, 0.1 + 0.3 * x - 0.2 * x * x, np.zeros(40)])
+    place = np.column_stack([x, 0.1 + 0.3 * x - 0.2 * x * x])
+    return outlined(place, yaw_rad, noise_px)
+
+
+def outlined(
+    place: NDArray[np.float64], yaw_rad: float, noise_px: float, radius_m: float = 0.11
+) -> Track:
+    """The same of a ball at places (N, 2) of that plane, m, in frames at 600 fps."""
+    focal, rng, count = 560.0, np.random.default_rng(4), len(place)
     cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
     turn = np.array([[cosine, 0.0, sine], [0.0, 1.0, 0.0], [-sine, 0.0, cosine]])
-    seen = place @ turn.T + [0.0, 0.0, 3.5]
+    seen = np.column_stack([place, np.zeros(count)]) @ turn.T + [0.0, 0.0, 3.5]
     away = np.linalg.norm(seen, axis=1)
-    opening = np.arcsin(0.11 / away)
+    opening = np.arcsin(radius_m / away)
     off_axis = np.arccos(seen[:, 2] / away)
     long = 0.5 * focal * (np.tan(off_axis + opening) - np.tan(off_axis - opening))
     across = focal * np.tan(opening) / np.cos(off_axis)
-    radius = 0.5 * (long + across) + rng.normal(0.0, noise_px, 40)
+    radius = 0.5 * (long + across) + rng.normal(0.0, noise_px, count)
     centre = focal * seen[:, :2] / seen[:, 2:] * [1.0, -1.0] + [223.5, 119.5]
     return Track(
-        frame=np.arange(40),
-        time_s=np.arange(40) / 600.0,
+        frame=np.arange(count),
+        time_s=np.arange(count) / 600.0,
         centre_px=centre,
-        covariance_px2=np.tile(np.eye(2) * 0.01, (40, 1, 1)),
-        bound_px2=np.tile(np.eye(2) * 0.002, (40, 1, 1)),
+        covariance_px2=np.tile(np.eye(2) * 0.01, (count, 1, 1)),
+        bound_px2=np.tile(np.eye(2) * 0.002, (count, 1, 1)),
         radius_px=radius,
-        radius_std_px=np.full(40, max(noise_px, 0.02)),
-        quality=np.ones(40),
+        radius_std_px=np.full(count, max(noise_px, 0.02)),
+        quality=np.ones(count),
     )
+
+
+def struck(yaw_rad: float, speed: float, frames: int) -> Tracks:
+    """A jokku ball that lies for 30 frames and then flies, drag and all, before such a camera."""
+    fine = 20
+    place, velocity = np.array([-0.45, 0.25]), speed * np.array([0.97, 0.24])
+    path = [place] * 30
+    for step in range(fine * frames):
+        drag = 0.0235 * float(np.hypot(*velocity)) * velocity
+        pull = -drag - [0.0, 9.806]
+        place = place + velocity / (600.0 * fine) + 0.5 * pull / (600.0 * fine) ** 2
+        velocity = velocity + pull / (600.0 * fine)
+        if step % fine == 0:
+            path.append(place)
+    ball = outlined(np.array(path), yaw_rad, 0.05, 0.5 * BALLS["jokku"].diameter)
+    noise = np.random.default_rng(8).normal(0.0, 0.05, ball.centre_px.shape)
+    ball = replace(ball, centre_px=ball.centre_px + noise)
+    return Tracks(ball, None, np.zeros((240, 448), np.float32), (0, 29))
+
+
+def as_shown(tracks: Tracks) -> ClipConditions:
+    """The camera as the flight of a jokku ball shows it, filmed at 600 fps."""
+    inputs = gather_inputs(Setup(), "jokku", None)
+    lens = supposed_lens(tracks.ball, (240, 448))
+    rate = CaptureRate(600.0, 0.0, RateSource.OPTION)
+    scene = ClipConditions(inputs, rate, None, lens=lens)
+    return as_flown_through(scene, tracks, tracks.ball.time_s)
+
+
+@pytest.mark.parametrize("yaw_deg", [-18.0, -4.0, 0.0, 18.0])
+def test_a_flight_shows_how_much_aslant_its_camera_looks(yaw_deg: float) -> None:
+    scene = as_shown(struck(math.radians(yaw_deg), 4.0, 150))
+    assert scene.lens is not None
+    # the plane recedes to the side to which the camera is not turned
+    off = math.degrees(scene.slant_rad) + yaw_deg
+    assert abs(off) < 2.0 * math.degrees(scene.slant_std_rad) < 3.0
+    # and what is as long on either side of the picture comes out so, and what is level level
+    plane = scene.plane_of_ball(struck(math.radians(yaw_deg), 4.0, 150))
+    level = outlined(np.array([[-0.5, 0.4], [0.1, 0.4], [0.7, 0.4]]), math.radians(yaw_deg), 0.0)
+    places, _ = plane.ball(level.centre_px, level.covariance_px2)
+    left, right = np.diff(places[:, 0])
+    assert left == pytest.approx(right, rel=0.012)
+    assert places[:, 1] == pytest.approx(np.full(3, places[1, 1]), abs=0.005)
+
+
+def test_a_flight_too_short_to_show_it_leaves_the_slant_of_a_camera_set_up_by_eye() -> None:
+    scene = as_shown(struck(0.0, 4.0, 30))
+    assert scene.slant_std_rad == pytest.approx(Defaults.CAMERA_SLANT.std, rel=0.15)
+    assert abs(scene.slant_rad) < 0.5 * Defaults.CAMERA_SLANT.std
+
+
+@pytest.mark.parametrize("yaw_deg", [-15.0, 15.0])
+def test_the_eye_of_a_camera_aslant_is_where_it_stands(yaw_deg: float) -> None:
+    yaw = math.radians(yaw_deg)
+    ball = seen_by(yaw, 0.0)
+    lens = supposed_lens(ball, (240, 448))
+    usual = ball.centre_px[20]
+    shortened = lens.foreshortening(usual, -yaw)
+    growth = math.sin(-yaw) / (shortened * lens.focal_px)
+    per_px = 0.11 / float(lens.across(ball.centre_px, ball.radius_px)[20])
+    scale = BallScale(per_px, usual, usual, 0.0, growth, shortened, lens)
+    eye = scale.eye()
+    assert eye is not None
+    x = 0.9 * 20 / 39 - 0.2
+    # 3.5 m from the point that it looks at, x = 0
+    there = [3.5 * math.sin(yaw) - x, -(0.1 + 0.3 * x - 0.2 * x * x), 3.5 * math.cos(yaw)]
+    assert eye == pytest.approx(there, abs=0.03)
 
 
 @pytest.mark.parametrize("yaw_deg", [-25.0, 25.0])

@@ -130,6 +130,22 @@ def test_the_stated_uncertainty_of_a_flight_holds_its_errors() -> None:
     assert np.all(np.sqrt(np.mean(np.square(z), axis=0)) < 1.3)
 
 
+def test_the_stated_uncertainty_of_a_flight_is_as_large_as_errors_that_wander() -> None:
+    rng = np.random.default_rng(6)
+    time, std = np.arange(3, 123) / 600.0, 5e-4
+    path, z = flown(time, (5.0, 1.0)), []
+    for _ in range(60):
+        # as outlines do: half of it from frame to frame, and a walk as long as that is large
+        walk = np.cumsum(rng.normal(0.0, std / np.sqrt(len(time)), path.shape), axis=0)
+        seen = path + walk - walk.mean(axis=0) + rng.normal(0.0, 0.5 * std, path.shape)
+        found = fit_flight(time, seen, covariances(len(time), std), 0.0, PRIORS)
+        spread = np.sqrt(np.diag(found.fitted.covariance))[2:4]
+        z.append((found.states(np.array([0.0]))[0, 2:] - [5.0, 1.0]) / spread)
+    scatter = np.sqrt(np.mean(np.square(z), axis=0))
+    assert np.all(scatter > 0.75)
+    assert np.all(scatter < 1.25)
+
+
 def test_a_flight_of_a_few_frames_is_refused() -> None:
     time = np.arange(5) / 600.0
     with pytest.raises(TooLittleDataError, match="only 5 frames"):
