@@ -167,6 +167,16 @@ class Defaults:
         "level of the axes that positions are told in", 0.0, math.radians(0.2), "rad",
         "a horizontal edge of 1 m in view, its ends marked to 1 px each in 400 px: 0.2 degrees",
     )  # fmt: skip
+    READING_AXIS = Default(
+        "a pendulum's axis from the point that its angles are read about, over the arm", 0.0, 0.01,
+        "1", "an encoder's disc of 10 mm radius set by hand to 0.1 mm, or an axis marked to 3 mm at"
+        " 0.3 m from the mass",
+    )  # fmt: skip
+    BEARING_REPEATS = Default(
+        "losses of a bearing from release to release", None, 0.05, "N m",
+        "supposed: three releases of an encoder's dry bearing differ by 1.5 %, of a rod's by 3 %",
+        relative=True,
+    )  # fmt: skip
     LEAST_DRAG = Default(
         "least drag coefficient of a body in air", 0.07, 0.01, "1",
         "smooth sphere beyond the crisis, read off a figure (Achenbach, J. Fluid Mech. 54, 565)",

@@ -191,7 +191,8 @@ def _admissible(effect: Effect, forward: Forward, model: Model) -> bool:
     if forward.mode == "swing":
         if effect.form in BETWEEN_POWERS:
             return False
-        return "torque" in hooks or effect.id == EffectId.TIME_BASE
+        # A record has a period of its own, which is all that its clock changes.
+        return "torque" in hooks
     if effect.form in AT_TURNS:
         return False
     if forward.mode == "flight":

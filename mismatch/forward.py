@@ -201,7 +201,7 @@ Mode: TypeAlias = Literal["impact", "flight", "swing"]
 NUISANCES: dict[Mode, tuple[str, ...]] = {
     "impact": ("clock", "backswing", "cor", "launch_angle"),
     "flight": ("x", "y", "z", "vx", "vy", "vz"),
-    "swing": ("phi", "omega", "natural_frequency", "zero"),
+    "swing": ("phi", "omega", "natural_frequency", "zero", "losses"),
 }
 
 """What may differ from trial to trial, in the order of the nuisance arrays' last axis."""
@@ -243,6 +243,9 @@ class Forward:
         period speaks for neither; 1 where back-swing and contact tie the two.
     thrown_share : int
         Into how many parts the steps of a throw may be cut where every law is smooth.
+    uneven : float
+        One sigma of what a free swing loses over what all do, less one: a bearing does not repeat
+        to a per cent. 0 where the records show none.
     """
 
     baseline: Baseline
@@ -254,6 +257,7 @@ class Forward:
     centre: tuple[float, float, float]
     pace: float = 1.0
     thrown_share: int = 1
+    uneven: float = 0.0
 
     def predict(self, models: Sequence[Model], nuisance: FloatArray) -> FloatArray:
         """Stacked records as the models have them.
@@ -333,8 +337,9 @@ class Forward:
         records, shape = self.records, nuisance.shape[:2]
         start = np.moveaxis(nuisance[..., :2], -1, 0)
         rates = self.swing_rates(
-            terms, self.swing_time / self.steps, np.exp(2.0 * nuisance[..., 2])
-        )
+            terms, self.swing_time / self.steps, np.exp(2.0 * nuisance[..., 2]),
+            losses=1.0 + nuisance[..., 4],
+        )  # fmt: skip
         path = integrate(rates, start, self.swing_time, self.steps)
         label = records.pendulum_time - records.pendulum_time[:, :1]
         since = self.true_time(terms, np.broadcast_to(label, (*shape, label.shape[1])))
@@ -387,6 +392,7 @@ class Forward:
         step: FloatArray,
         stiffer: FloatArray | float = 1.0,
         order: FloatArray | None = None,
+        losses: FloatArray | float = 1.0,
     ) -> Rates:
         """Rates of angle and angular velocity, for as many swings as `order` has entries.
 
@@ -403,6 +409,7 @@ class Forward:
             stiffer * self.pace**2,
             self.records.order if order is None else order,
             step,
+            losses,
         )
         return model.rates
 

@@ -10,7 +10,7 @@ import numpy as np
 from metrology import DomainError
 from physics.bodies import GRAVITY, Pendulum
 from physics.domain import FloatArray, FloatOrArray, Number, require_angle, require_positive
-from physics.effects.base import SwingState, Term
+from physics.effects.base import Coordinate, SwingState, Term
 from physics.integrator import Event, SolvedPath, follow_until
 
 __all__ = [
@@ -120,6 +120,8 @@ class SwingModel:
         As in `SwingState`.
     step : Number
         Of the solver, s; 0 where it finds turning points by itself.
+    losses : Number
+        Factor on torques that go with the rate, for a bearing that does not repeat.
     """
 
     length: Number
@@ -131,6 +133,7 @@ class SwingModel:
     stiffer: Number = 1.0
     order: Number = 0.0
     step: Number = 0.0
+    losses: Number = 1.0
 
     @classmethod
     def of(
@@ -163,11 +166,14 @@ class SwingModel:
         slope = np.empty_like(state)
         slope[0] = state[1]
         slope[1] = self._restoring * np.sin(state[0])
-        gained = slope[1] * self.step
+        gained, losses = slope[1] * self.step, np.asarray(self.losses)
         for term in self._braking:
             at = term.where
             now = self._seen(state[0][at], state[1][at], gained[at])
-            slope[(1, at)] += term.effect.torque(term.values, now) / self.inertia
+            gain = term.effect.torque(term.values, now) / self.inertia
+            if term.effect.coordinate is Coordinate.RATE:
+                gain = gain * (losses[at] if losses.ndim > 1 else losses)
+            slope[(1, at)] += gain
         return slope
 
     @cached_property

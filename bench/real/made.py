@@ -14,7 +14,15 @@ from scipy.integrate import solve_ivp
 
 from metrology import write_text_whole
 
-__all__ = ["CART", "STRING", "SwingRig", "write_flights", "write_rolling", "write_swings"]
+__all__ = [
+    "CART",
+    "ENCODER",
+    "STRING",
+    "SwingRig",
+    "write_flights",
+    "write_rolling",
+    "write_swings",
+]
 
 GRAVITY = 9.80665
 
@@ -37,6 +45,12 @@ class SwingRig:
         Hz, s.
     starts : tuple of float
         Angle of each release, rad.
+    beside : float
+        Axis of the reading from the pendulum's, forward, over the arm.
+    play : float
+        Way by which a reading follows late in either direction, rad.
+    of_each : tuple of float
+        Factor on the losses of each release; all alike if empty.
     """
 
     length: float
@@ -50,6 +64,9 @@ class SwingRig:
     rate: float
     duration: float
     starts: tuple[float, ...]
+    beside: float = 0.0
+    play: float = 0.0
+    of_each: tuple[float, ...] = ()
 
 
 CART = SwingRig(
@@ -63,19 +80,27 @@ STRING = SwingRig(
 )
 """A weight on a string: linear and quadratic losses, and a protractor that is not level."""
 
+ENCODER = SwingRig(
+    0.26, 0.26, 0.155, 0.0, 0.0, 0.006, 4e-4, 2.0 * np.pi / 1200, 50.0, 12.0, (1.6, 1.45, -1.5),
+    beside=0.0105, play=np.pi / 1200, of_each=(1.0, 0.97, 1.02),
+)  # fmt: skip
+"""A pendulum on a coarse encoder that counts one edge of each step, its disc beside the axis; the
+bearing rubs dry, and does not quite repeat."""
 
-def _swing(rig: SwingRig, start: float, time: np.ndarray) -> np.ndarray:
+
+def _swing(rig: SwingRig, start: float, time: np.ndarray, factor: float = 1.0) -> np.ndarray:
     stiffness = GRAVITY / rig.length
 
     def rate(_: float, state: np.ndarray) -> list[float]:
         rubbing = rig.dry * np.tanh(state[1] / 1e-3)
         loss = rubbing + rig.linear * state[1] + rig.quadratic * state[1] * abs(state[1])
-        return [state[1], -stiffness * np.sin(state[0]) - loss]
+        return [state[1], -stiffness * np.sin(state[0]) - factor * loss]
 
     path = solve_ivp(
         rate, (0.0, time[-1]), [start, 0.0], "LSODA", t_eval=time, rtol=1e-9, atol=1e-10
     )
-    return np.asarray(path.y[0])
+    angle, pace = path.y
+    return np.asarray(angle - rig.beside * np.cos(angle) - rig.play * np.sign(pace))
 
 
 def write_swings(rig: SwingRig, target: Path, rate: float | None = None, seed: int = 5) -> None:
@@ -87,7 +112,8 @@ def write_swings(rig: SwingRig, target: Path, rate: float | None = None, seed: i
     for number, start in enumerate(rig.starts, 1):
         # Nobody starts a recording at a turning point.
         before = rng.uniform(0.3, 2.0)
-        seen = _swing(rig, start, np.concatenate([[0.0], before + time]))[1:]
+        factor = rig.of_each[number - 1] if rig.of_each else 1.0
+        seen = _swing(rig, start, np.concatenate([[0.0], before + time]), factor)[1:]
         seen = seen + rig.zero + rig.noise * rng.standard_normal(time.size)
         clock = np.round(time + rng.uniform(0.0, 5.0), 5)
         phi = np.round(seen / rig.step) * rig.step

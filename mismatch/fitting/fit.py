@@ -52,6 +52,7 @@ __all__ = [
     "held_information",
     "inverse_of",
     "kept_free",
+    "left_open",
     "linearise",
     "linearise_arcs",
     "moved_arcs",
@@ -123,6 +124,17 @@ def kept_free(fit: "Fit", model: Model) -> tuple[Free, ...]:
     )
 
 
+def left_open(fit: "Fit", effects: Sequence[Effect]) -> "Fit":
+    """A fit with further effects left open where they stand, as far as their widths say."""
+    more = free_parameters(fit.model, effects)
+    widths = np.array([item.parameter.width for item in more])
+    penalty = fit.penalty + float(np.sum(np.square(_values(fit.model, more) / widths)))
+    held = len(fit.free)
+    covariance = np.diag(np.concatenate([np.zeros(held), np.square(widths)]))
+    covariance[:held, :held] = fit.covariance
+    return replace(fit, free=(*fit.free, *more), covariance=covariance, penalty=penalty)
+
+
 def held_information(free: Sequence[Free]) -> FloatArray:
     """(n,) inverse prior variances of parameters that a prior holds near nothing; else 0."""
     return np.array([f.parameter.width**-2.0 if f.parameter.is_held else 0.0 for f in free])
@@ -144,7 +156,8 @@ def priors(forward: Forward, model: Model) -> tuple[FloatArray, FloatArray]:
         free = np.where(measured, np.inf, 1e-9)
         own, laws = np.concatenate([free, free]), np.zeros(0)
     else:
-        own = np.array([np.inf, np.inf, scatter.natural_frequency, scatter.angle_zero])
+        known = (scatter.natural_frequency, scatter.angle_zero, forward.uneven)
+        own = np.array([np.inf, np.inf, *known])
         laws = np.zeros(0)
     mine = [one.spread if one.level is Level.TRIAL else 0.0 for one in model.own]
     groups = [one.spread for one in model.own if one.level in GROUPED]
@@ -259,7 +272,7 @@ def _own_steps(forward: Forward, model: Model) -> FloatArray:
     elif forward.mode == "flight":
         steps = [1e-4, 1e-4, 1e-4, 1e-3, 1e-3, 1e-3]
     else:
-        steps = [1e-5, 1e-4, 1e-5, 1e-5]
+        steps = [*STATE_STEPS, FREQUENCY_STEP, 1e-5, LOSS_STEP]
     for one in model.own:
         steps += [STEP_SHARE * p.scale for p in one.effect.strengths if p.name == one.name]
     return np.array(steps)
@@ -577,8 +590,11 @@ STATE_STEPS = (1e-5, 1e-4)
 
 FREQUENCY_STEP = 1e-5
 
-"""Relative step of a difference by the frequency: far above rounding, far below where a swing
-bends."""
+"""Likewise by the logarithm of the frequency."""
+
+LOSS_STEP = 1e-3
+
+"""Likewise by the share of the losses, which move a path far less than its frequency does."""
 
 
 @dataclass(frozen=True)
@@ -660,7 +676,7 @@ def arcs_of(forward: Forward, nuisance: FloatArray) -> Arcs:
 
     Parameters
     ----------
-    nuisance : (T, 4) array
+    nuisance : (T, q) array
         Of which frequency (logarithm of the ratio to the records' median) and zero are used.
     """
     records = forward.records
@@ -721,21 +737,24 @@ def _swung(
     models: Sequence[Model],
     arcs: Arcs,
     states: FloatArray,
-    frequency: FloatArray,
-    own: FloatArray,
+    values: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Angles (L, T, P) of the rows, and states (L, T, J, 2) where the pieces end.
 
-    `own` (L, T, k) is what own strengths are off the campaign's.
+    `values` (L, T, q) are those of each trial.
     """
+    own = values[..., len(NUISANCES["swing"]) :]
     rows, (trials, pieces) = len(models), arcs.states.shape[:2]
     terms = batch_terms(models, np.repeat(own, pieces, axis=1))
     start = np.moveaxis(states, -1, 0).reshape(2, rows, trials * pieces)
     # A step beyond any pendulum is turned back by its misfit, not by an overflow.
-    stiffer = np.exp(2.0 * np.clip(np.repeat(frequency, pieces, axis=-1), -WILD, WILD))
+    frequency = np.clip(np.repeat(values[..., 2], pieces, axis=-1), -WILD, WILD)
     order = np.repeat(forward.records.order, pieces)
     span = np.repeat(arcs.span, pieces)
-    rates = forward.swing_rates(terms, span / PIECE_STEPS, stiffer, order)
+    losses = 1.0 + np.repeat(values[..., 4], pieces, axis=-1) if values[..., 4].any() else 1.0
+    rates = forward.swing_rates(
+        terms, span / PIECE_STEPS, np.exp(2.0 * frequency), order, losses=losses
+    )
     with np.errstate(over="ignore", invalid="ignore"):
         path = integrate(rates, start, span, PIECE_STEPS)
     label = forward.records.pendulum_time - forward.records.pendulum_time[:, :1]
@@ -766,9 +785,9 @@ def linearise_arcs(
     `extra` as in `linearise`.
     """
     base = spread_laws(forward, model, nuisance, laws)
-    first, own_steps = len(NUISANCES["swing"]), _own_steps(forward, model)
-    strengths = len(own_steps) - first
-    rows = [model] * (1 + len(STATE_STEPS) + 1 + strengths)
+    own_steps = _own_steps(forward, model)
+    moved_values = [2, *range(4 if forward.uneven else 5, len(own_steps))]
+    rows = [model] * (1 + len(STATE_STEPS) + len(moved_values))
     sizes = []
     for item in free:
         size, moved = moved_by_a_step(model, item)
@@ -777,19 +796,19 @@ def linearise_arcs(
     rows.extend(extra)
     sizes.extend(extra_steps)
     states = np.repeat(arcs.states[None], len(rows), axis=0)
-    frequency = np.repeat(base[None, :, 2], len(rows), axis=0)
-    own = np.repeat(base[None, :, first:], len(rows), axis=0)
+    values = np.repeat(base[None], len(rows), axis=0)
     for column, size in enumerate(STATE_STEPS):
         states[1 + column, ..., column] += size
-    frequency[3] += FREQUENCY_STEP
-    for column in range(strengths):
-        own[4 + column, :, column] += own_steps[first + column]
-    steps = np.array([*STATE_STEPS, FREQUENCY_STEP, *own_steps[first:], *sizes])
-    seen, ends = _swung(forward, rows, arcs, states, frequency, own)
+    for lane, column in enumerate(moved_values, 1 + len(STATE_STEPS)):
+        values[lane, :, column] += own_steps[column]
+    steps = np.array([*STATE_STEPS, *own_steps[moved_values], *sizes])
+    seen, ends = _swung(forward, rows, arcs, states, values)
     # What ran off to infinity is as wrong as can be, and no number to step by.
     seen, ends = (np.nan_to_num(np.clip(a, -FAR, FAR), nan=FAR) for a in (seen, ends))
     slopes = np.moveaxis(seen[1:] - seen[:1], 0, -1) / steps
     transfer = np.moveaxis(ends[1:] - ends[:1], 0, -1) / steps
+    if not forward.uneven:
+        slopes, transfer = (np.insert(part, 3, 0.0, axis=-1) for part in (slopes, transfer))
     gaps = np.zeros_like(arcs.states)
     gaps[:, :-1] = np.where(arcs.live[:, 1:, None], ends[0, :, :-1] - arcs.states[:, 1:], 0.0)
     follow, close = _followed(transfer, gaps)
@@ -833,7 +852,7 @@ def _joined(
     columns[..., 2:] += slopes[..., 2:]
     shift = (here @ close[rows, arcs.index][..., None])[..., 0, 0]
     zero = np.ones((*left.shape, 1))
-    theirs = 3 + len(model.own)
+    theirs = 4 + len(model.own)
     own = np.concatenate([columns[..., :3], zero, columns[..., 3:theirs]], axis=-1)
     mine, shared = (
         np.concatenate([np.zeros((records.trials, ball, part.shape[-1])), part], axis=1)
@@ -851,7 +870,7 @@ def moved_arcs(
 
     Parameters
     ----------
-    own : (T, 4 + k) array
+    own : (T, 5 + k) array
         Steps of the trials' own values, what their groups are moved by included.
     shared : (n,) array
         Steps of the model's parameters.
@@ -1401,7 +1420,8 @@ def _fit_swings(
     """Multiple shooting: states of all pieces start from the record, or from those of a fit."""
     prior = np.array([_prior_information(f.parameter, 1.0, shape_priors) for f in free])
     own_prior, law_prior = priors(forward, model)
-    pieces = _SwingFit(forward, free, _values(model, free), prior, own_prior, law_prior, settled)
+    anchors = np.array([_anchor(f, model) for f in free])
+    pieces = _SwingFit(forward, free, anchors, prior, own_prior, law_prior, settled)
     nuisance, laws = fitting_start(forward, model, *begun)
     arcs = arcs_of(forward, nuisance) if start.arcs is None else start.arcs
     place = pieces.at((nuisance, laws, model), arcs)

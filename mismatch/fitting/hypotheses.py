@@ -11,20 +11,30 @@ a Gaussian prior around nothing. What a contact hands over may be off in each of
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.polynomial import legendre
 
 from metrology import Defaults
-from mismatch.candidates import Candidate, start_values
-from mismatch.fitting.fit import LOST, Ending, Fit, SwingStart, free_parameters, kept_free
+from mismatch.candidates import Candidate, start_values, steps_of
+from mismatch.fitting.fit import (
+    LOST,
+    Ending,
+    Fit,
+    SwingStart,
+    free_parameters,
+    inverse_of,
+    kept_free,
+    seen_in_halves,
+)
 from mismatch.fitting.scan import (
     Scan,
     fit_with_levels,
     price,
     price_of_levels,
     scan,
+    slopes_left,
     with_own_strengths,
 )
 from mismatch.forward import Forward, Model
@@ -44,6 +54,7 @@ from physics.effects import (
     Values,
 )
 from physics.effects.flight import Drag
+from physics.effects.swing import BearingFriction
 
 __all__ = [
     "EXPECTED",
@@ -58,6 +69,7 @@ __all__ = [
     "is_known",
     "least_gain",
     "left_by_forms",
+    "left_by_uneven_losses",
     "null_threshold",
     "scan_beyond_forms",
     "second_effect_share",
@@ -339,6 +351,99 @@ def left_by_forms(forward: Forward, fit: Fit, laws: Sequence[Effect], further: C
     made = SIZES[-1] * usual * (both.information[first:, :first] @ along)
     return float(made @ made) / whole if whole > 0.0 else np.inf
 
+
+USUAL_ORDERS = (0, 1, 2)
+
+"""Orders of the Legendre polynomials by which a release's losses differ from those of a law: their
+level, their drift while the swing dies away, and its bend."""
+
+
+@dataclass(frozen=True)
+class UnevenLosses(Effect):
+    """What a release loses otherwise than a law says, as a smooth share of its own energy.
+
+    Attributes
+    ----------
+    of, held
+        As in `FormError`.
+    order : int
+        Of the polynomial.
+    pace : float
+        Angular frequency of small swings, rad/s.
+    low, high : tuple of float
+        Range of each trial's energy over the inertia, 1/s².
+    """
+
+    of: Effect = field(default_factory=BearingFriction)
+    held: tuple[tuple[str, float], ...] = ()
+    order: int = 0
+    pace: float = 1.0
+    low: tuple[float, ...] = (0.0,)
+    high: tuple[float, ...] = (1.0,)
+
+    def torque(self, values: Values, swing: SwingState) -> Number:
+        """The law's torque times the share."""
+        trial = np.rint((np.asarray(swing.order) + 0.5) * (len(self.low) - 1)).astype(int)
+        low, high = np.array(self.low)[trial], np.array(self.high)[trial]
+        energy = 0.5 * np.square(swing.omega) + self.pace**2 * (1.0 - np.cos(swing.phi))
+        middle, half = 0.5 * (low + high), 0.5 * np.maximum(high - low, 1e-12)
+        weights = np.zeros(self.order + 1)
+        weights[-1] = 1.0
+        share = legendre.legval(np.clip((energy - middle) / half, -1.2, 1.2), weights)
+        return np.asarray(values["weight"] * share * self.of.torque(dict(self.held), swing))
+
+
+def _uneven_losses(
+    forward: Forward, fit: Fit, laws: Sequence[Effect]
+) -> tuple[list[Effect], FloatArray]:
+    """How the releases' losses may differ from laws that go with the rate; usual size of each."""
+    widest = np.array([one.amplitude for one in seen_in_halves(forward.records)])
+    energy = forward.small_rate**2 * (1.0 - np.cos(np.minimum(widest, np.pi)))
+    high, half = energy[::2], energy[1::2]
+    blank = UnevenLosses(
+        "uneven_losses", "", "", "", "swing", (WEIGHT,), pace=forward.small_rate,
+        low=tuple(np.clip(2.0 * half - high, 0.0, half)), high=tuple(high),
+    )  # fmt: skip
+    found = [
+        replace(blank, of=law, held=tuple((k, float(v)) for k, v in values.items()), order=order)
+        for law, values in fit.model.entries
+        if law.coordinate is Coordinate.RATE and any(law is one for one in laws)
+        for order in USUAL_ORDERS
+    ]
+    return list(found), np.array([one.of.looseness for one in found])
+
+
+def left_by_uneven_losses(
+    forward: Forward, fit: Fit, laws: Sequence[Effect], further: Candidate
+) -> float:
+    """What a further law gains on average from losses that are off by twice what is usual.
+
+    As `left_by_forms`, for free swings: there the powers of the rate are laws of their own, but no
+    bearing stays the same from release to release or while a swing dies away. Nothing is known of
+    what laws leave that are no losses.
+    """
+    errors, usual = _uneven_losses(forward, fit, laws)
+    if not errors:
+        return np.inf
+    # A fall of friction with the rate, left open, could take up what the law as it is leaves.
+    fit = replace(fit, free=tuple(item for item in fit.free if not item.parameter.is_shape))
+    steps = steps_of(further, start_values(further, fit.model))
+    moved = [(further.effect, values, step) for _, step, values in steps]
+    moved += [(error, {WEIGHT.name: UNEVEN_STEP}, UNEVEN_STEP) for error in errors]
+    models = [fit.model.having(effect, values).order() for effect, values, _ in moved]
+    slopes, beyond, residual = slopes_left(forward, fit, models, [step for *_, step in moved])
+    mine, losses = beyond[..., : len(steps)], slopes[..., len(steps) :]
+    information = np.einsum("tmn,tmk->nk", slopes[..., : len(steps)], mine)
+    along = inverse_of(information) @ np.einsum("tmn,tm->n", mine, residual)
+    whole = float(along @ information @ along)
+    made = np.einsum("tmk,tm->tk", losses, mine @ along)
+    sizes = SIZES[-1] * usual
+    return float(np.sum(np.square(sizes * made))) / whole if whole > 0.0 else np.inf
+
+
+UNEVEN_STEP = 1e-3
+
+"""Step of a difference by a share of the losses."""
 
 MEMBER_PENALTY = 9.0
 

@@ -14,10 +14,12 @@ from mismatch.fitting.fit import (
     Fit,
     fit_model,
     free_parameters,
+    left_open,
     rows_at_rest,
     seen_swings,
 )
-from mismatch.forward import Forward, Mode, Model, OwnStrength
+from mismatch.fitting.reading import told_beside_any_losses
+from mismatch.forward import NUISANCES, Forward, Mode, Model, OwnStrength
 from mismatch.records import (
     Baseline,
     CampaignRecords,
@@ -71,7 +73,8 @@ class Prepared:
     noise : Noise
         As estimated.
     fit : Fit
-        The baseline refitted; of free flights with what an instrument may be off by left open.
+        The baseline refitted; of free flights and swings with what an instrument may be off by
+        left open.
     """
 
     forward: Forward
@@ -303,7 +306,7 @@ def _first_states(forward: Forward) -> FloatArray:
     """Rough initial states: of flights by a parabola, of swings also what their periods say."""
     records = forward.records
     if forward.mode == "swing":
-        state = np.zeros((records.trials, 4))
+        state = np.zeros((records.trials, len(NUISANCES["swing"])))
         for trial, seen in enumerate(seen_swings(records)):
             if np.isfinite(seen.rate):
                 state[trial, 2] = np.log(seen.rate / forward.small_rate)
@@ -380,10 +383,16 @@ def prepare(
         )
     known = model
     model = _with_instruments(forward, model)
+    if mode == "swing":
+        # A baseline out of phase says nothing of strays or of the instrument; the local estimate
+        # has found those, the fit beside any losses these.
+        reading = told_beside_any_losses(forward, model, nuisance)
+        instruments = (*baseline.instruments, *reading.faults)
+        told = replace(baseline, instruments=instruments)
+        forward, model = replace(forward, baseline=told, uneven=reading.uneven), reading.model
     fit = fit_model(forward, model, free_parameters(model, baseline.instruments), (nuisance, laws))
     if mode == "swing":
-        # A baseline out of phase says nothing about strays; the local estimate has found them.
-        return Prepared(forward, model, noise, fit)
+        return Prepared(forward, known, noise, left_open(fit, reading.faults))
     stray = _strays(fit.residual * np.sqrt(np.repeat(noise.inflation, _lengths(records))), records)
     noise = replace(noise, outliers=noise.outliers | stray)
     forward = replace(forward, records=_weighed(records, noise))

@@ -53,6 +53,7 @@ __all__ = [
     "robust_spread",
     "scan",
     "scatter_evidence",
+    "slopes_left",
     "trial_pulls",
     "with_own_strengths",
 ]
@@ -671,9 +672,39 @@ def _pulls(forward: Forward, fit: Fit) -> tuple[FloatArray, FloatArray]:
     return information, pulls
 
 
-def _without_own(forward: Forward, fit: Fit) -> tuple[FloatArray, Linearised]:
-    """Slopes by the shared parameters less what trials' own values take up (T, M, n), and all."""
-    system = _linearised(forward, _place_of(fit), fit.free)
+def slopes_left(
+    forward: Forward, fit: Fit, models: Sequence[Model], steps: Sequence[float]
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Slopes by further parameters, what a fit can't take up of them, and its residual.
+
+    Parameters
+    ----------
+    models, steps
+        Each differs from the fitted model by one step of one further parameter.
+
+    Returns
+    -------
+    (T, M, n), (T, M, n) and (T, M) arrays
+    """
+    left, system = _without_own(forward, fit, models, steps)
+    held = left.shape[-1] - len(models)
+    prior = system.shared_prior[:held].copy()
+    prior[held - len(fit.free) :] += held_information(fit.free)
+    shared, slopes = system.shared[..., :held], system.shared[..., held:]
+    inner = np.einsum("tmn,tmk->nk", shared, left[..., :held]) + np.diag(prior)
+    cross = np.einsum("tmn,tmk->nk", shared, left[..., held:])
+    beyond = left[..., held:] - left[..., :held] @ (inverse_of(inner) @ cross)
+    return slopes, beyond, system.residual
+
+
+def _without_own(
+    forward: Forward, fit: Fit, models: Sequence[Model] = (), steps: Sequence[float] = ()
+) -> tuple[FloatArray, Linearised]:
+    """Slopes by the shared parameters less what trials' own values take up (T, M, n), and all.
+
+    `models` and `steps` as in `slopes_left`.
+    """
+    system = _linearised(forward, _place_of(fit), fit.free, models, steps)
     cross = np.swapaxes(system.own, 1, 2) @ system.shared
     inner = np.swapaxes(system.own, 1, 2) @ system.own + np.diag(system.prior)
     tiny = 1e-12 * np.einsum("tqq->tq", inner) + 1e-12

@@ -26,6 +26,7 @@ from mismatch.fitting.hypotheses import (
     is_known,
     least_gain,
     left_by_forms,
+    left_by_uneven_losses,
     null_threshold,
     scan_beyond_forms,
     second_effect_share,
@@ -36,6 +37,7 @@ from mismatch.forward import Forward
 from mismatch.sanity import dropped_in_each
 from physics.domain import FloatArray, Number, Vector
 from physics.effects import (
+    Coordinate,
     Effect,
     EffectId,
     FlightState,
@@ -508,7 +510,7 @@ def name_effects(
         )
     tried = _those_that_compete_finished(forward, base, tried)
     tried += _other_forms(forward, base, candidates, others, tried, inflation)
-    best = _best_allowed(tried)
+    best = _best_allowed(forward, tried)
     if best is None or best.penalised_gain / inflation < least_gain(best, base, threshold):
         return Naming(None, _sorted(tried), threshold, first)
     most = min(most, 2) if _one_throw(forward) else most
@@ -524,12 +526,12 @@ def name_effects(
         if _one_throw(forward):
             # Two strengths of one throw trade against each other; only a known size may follow.
             supported = [h for h in supported if is_known(h.members[-1].effect)]
-        larger = _best_allowed(supported)
+        larger = _best_allowed(forward, supported)
         if larger is None:
             break
         smaller = _without_each(forward, base, larger) if swinging else []
         tried.extend(smaller)
-        best = _best_allowed([best, *smaller]) or best
+        best = _best_allowed(forward, [best, *smaller]) or best
         if not _goes_first(forward, larger, best, tried, threshold * inflation):
             break
         larger, best = _in_best_forms(forward, base, effects, larger, best, tried)
@@ -675,7 +677,7 @@ def _supported(forward: Forward, larger: Hypothesis, smaller: Hypothesis, thresh
     left = smaller.fit.chi2 - smaller.fit.expected
     if forward.mode == "swing":
         # A baseline that is out of step makes any share of the gain a small one.
-        return more > max(threshold, 0.5 * left)
+        return more > max(threshold, 0.5 * left) and _beyond_losses(forward, larger, smaller)
     further = [m for m in larger.members if m.id not in smaller.ids] or larger.members[-1:]
     # A law that does not stay leaves nothing over: other laws in its place have chance to beat.
     stays = replace(smaller, members=tuple(m for m in smaller.members if m.id in larger.ids))
@@ -700,7 +702,7 @@ def _beyond_form(forward: Forward, seed: Hypothesis, further: Candidate, gained:
     return gained > left_by_forms(forward, seed.fit, laws, further)
 
 
-def _best_allowed(hypotheses: Sequence[Hypothesis]) -> Hypothesis | None:
+def _best_allowed(forward: Forward, hypotheses: Sequence[Hypothesis]) -> Hypothesis | None:
     allowed = [h for h in hypotheses if h.allowed]
     best = max(allowed, key=lambda h: h.penalised_gain, default=None)
     if best is not None and not best.has_unnamed and best.reduced_chi2 >= POOR_FIT:
@@ -718,7 +720,27 @@ def _best_allowed(hypotheses: Sequence[Hypothesis]) -> Hypothesis | None:
     if second is None:
         return best
     near = second.penalised_gain >= best.penalised_gain - group_tolerance(best)
-    return second if near or not told_apart(best, second) else best
+    if near or not told_apart(best, second) or not _beyond_losses(forward, best, second):
+        return second
+    return best
+
+
+def _beyond_losses(forward: Forward, larger: Hypothesis, named: Hypothesis) -> bool:
+    """Whether laws of a free swing that are no losses say more than uneven losses leave over.
+
+    Friction that drifts a little while a swing dies away passes for a torque at any angle that the
+    swing goes through less often.
+    """
+    if forward.mode != "swing":
+        return True
+    laws = [member.effect for member in named.members]
+    more = larger.penalised_gain - named.penalised_gain
+    members, _ = _as_fitted(larger)
+    return all(
+        more > left_by_uneven_losses(forward, named.fit, laws, member)
+        for member in members
+        if member.id not in named.ids and member.effect.coordinate is not Coordinate.RATE
+    )
 
 
 def _sorted(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
@@ -747,7 +769,7 @@ def _grow(
         return []
     top = seeds[0].penalised_gain
     least = min(SEED_SHARE * top, top - group_tolerance(seeds[0]))
-    foremost = _best_allowed([h for h in tried if len(h.members) == size - 1])
+    foremost = _best_allowed(forward, [h for h in tried if len(h.members) == size - 1])
     grown: dict[frozenset[Effect], Hypothesis] = {}
     for number, seed in enumerate(_one_per_id(seeds, 9 if size == 2 else 3)):
         if seed.penalised_gain < least:
@@ -947,14 +969,14 @@ def _in_best_forms(
     """
     others = _in_other_forms(forward, base, effects, larger)
     tried.extend(others)
-    found = _best_allowed([larger, *others]) or larger
+    found = _best_allowed(forward, [larger, *others]) or larger
     if forward.mode == "swing" or (found is larger and len(found.members) < MOST_EFFECTS):
         return found, best
     # A law may have been taken in for what another form of its fellow says, or for what a fellow
     # explains that came after it: sets grow one by one, and not every pair was fitted on the way.
     smaller = _without_each(forward, base, found)
     tried.extend(smaller)
-    return found, _best_allowed([best, *smaller]) or best
+    return found, _best_allowed(forward, [best, *smaller]) or best
 
 
 def _in_other_forms(

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import legendre
 
+from physics.bodies import GRAVITY
 from physics.domain import FloatArray, Number, Vector
 from physics.effects.base import (
+    STICTION_RATE,
     CameraView,
     Coordinate,
     Effect,
@@ -35,6 +37,7 @@ __all__ = [
     "OriginOffset",
     "Parallax",
     "PivotElsewhere",
+    "ReadingLag",
     "RollingShutter",
     "TimeBase",
     "WanderingCentre",
@@ -381,6 +384,33 @@ class PivotElsewhere(Effect):
         """Where the mass is seen from the wrong point."""
         across = values["pivot_x"] * np.cos(view.phi) + values["pivot_y"] * np.sin(view.phi)
         return view.phi - across / view.length
+
+
+@dataclass(frozen=True)
+class ReadingLag(Effect):
+    """An angle that is shown late, by the same way in either direction: play, or counted steps."""
+
+    id: str = "reading_lag"
+    statement: str = "The angle shown follows the pendulum with play."
+    law: str = r"\varphi_{rec} = \varphi - h\,\mathrm{sign}\,\dot\varphi"
+    source: str = (
+        "an encoder counted at one edge of each step shows the step that it left, on the way up as"
+        " on the way down: half a step late"
+    )
+    phase: Phase = "measurement"
+    parameters: tuple[Parameter, ...] = (
+        Parameter("lag", "rad", 1e-3, -0.1, 0.1, meaning="half of the play"),
+    )
+    separating: str = "the same angle approached slowly from either side"
+    looseness: float = 0.0
+    sharp: bool = False
+
+    def angle(self, values: Values, view: CameraView) -> Number:
+        """Late; where it turns, until the weight has moved it through the play."""
+        fallen = (
+            2.0 * GRAVITY / view.length * np.abs(np.sin(view.phi)) * 2.0 * np.abs(values["lag"])
+        )
+        return view.phi - values["lag"] * np.tanh(view.omega / np.sqrt(fallen + STICTION_RATE**2))
 
 
 SLOW_ORDERS = (2, 3, 4)

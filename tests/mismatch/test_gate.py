@@ -73,6 +73,25 @@ def test_what_predicts_launches_better_is_not_worse_for_a_thousandth_of_a_path(r
     assert HeldOut(("1",), 0.0019412, 0.0019422, ratio, gain=gain).worse is worse
 
 
+@pytest.mark.parametrize(
+    ("ratio", "claimed", "gain", "proved"),
+    [
+        ((1.001, 1.005), 0.6, None, False),
+        ((1.001, 1.005), 0.6, 0.2, False),
+        ((1.001, 1.005), 0.6, 12.0, True),
+        ((1.001, 1.005), 0.003, None, True),
+        ((1.3, 2.4), 0.6, None, True),
+        ((0.9, 2.4), 0.0, None, False),
+    ],
+)
+def test_a_thousandth_proves_no_answer_that_takes_half_of_the_error_it_was_fitted_to(
+    ratio, claimed, gain, proved
+):
+    kept = HeldOut(("1",), 0.03311, 0.03302, ratio, gain=gain, claimed=claimed)
+    assert kept.proves is proved
+    assert ("no proof" in kept.in_words) is not proved
+
+
 @pytest.mark.parametrize(("gain", "proved"), [(12.7, True), (2.0, False), (None, False)])
 def test_words_say_a_proof_where_launches_differ_less_though_paths_are_as_far_off(gain, proved):
     # A sure name stood beside "no proof of a better prediction" for two ten-thousandths of a path.

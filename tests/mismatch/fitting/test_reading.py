@@ -1,0 +1,101 @@
+"""Free swings that an encoder beside its axis reads in coarse steps, as scipy swings them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bench.real.made import CART, ENCODER, write_swings
+from mismatch.candidates import candidates_for
+from mismatch.explain import explain
+from mismatch.fitting.fit import Ending
+from mismatch.fitting.hypotheses import Hypothesis, fit_hypothesis
+from mismatch.fitting.prepare import Prepared, prepare
+from mismatch.fitting.reading import resolution
+from physics.effects import CATALOGUE
+from physics.effects.measurement import PivotElsewhere, ReadingLag
+from pipelines.explain.campaign import baseline_from_setup, load_campaign
+from pipelines.setup.file import load_setup
+
+
+def _loaded(tmp_path, rig):
+    write_swings(rig, tmp_path)
+    setup = load_setup(tmp_path / "setup.toml")
+    campaign = load_campaign(None, tmp_path / "pendulum.csv", setup)
+    return campaign, baseline_from_setup(setup, campaign)
+
+
+def _prepared(tmp_path, rig) -> Prepared:
+    return prepare(*_loaded(tmp_path, rig))
+
+
+def _fitted(known: Prepared, *ids: str) -> Hypothesis:
+    pool = candidates_for(known.forward, known.model, [CATALOGUE[one][0] for one in ids])
+    members = [next(c for c in pool if c.id == one) for one in ids]
+    strengths = [np.array([p.scale for p in m.effect.strengths]) for m in members]
+    return fit_hypothesis(known.forward, known.fit, members, strengths)
+
+
+def _found(fit, name: str) -> tuple[float, float]:
+    (index,) = (k for k, item in enumerate(fit.free) if item.parameter.name == name)
+    return fit.value(index)
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory) -> Prepared:
+    return _prepared(tmp_path_factory.mktemp("encoder"), ENCODER)
+
+
+def test_axis_and_play_of_an_encoder_are_told_beside_its_bearing(known):
+    rubbed = _fitted(known, "bearing_friction")
+    assert rubbed.fit.ending is Ending.CONVERGED
+    assert rubbed.reduced_chi2 < 1.2
+    axis, doubt = _found(rubbed.fit, "pivot_x")
+    assert axis == pytest.approx(ENCODER.beside * ENCODER.stated_length, abs=4.0 * doubt)
+    assert axis > 10.0 * doubt
+    play, doubt = _found(rubbed.fit, "lag")
+    assert play == pytest.approx(ENCODER.play, abs=4.0 * doubt)
+    assert play > 4.0 * doubt
+
+
+def test_a_bearing_that_does_not_repeat_is_told_release_by_release(known):
+    rubbed = _fitted(known, "bearing_friction")
+    factors = 1.0 + rubbed.fit.nuisance[:, 4]
+    true = np.array(ENCODER.of_each)
+    assert factors / factors.mean() == pytest.approx(true / true.mean(), abs=4e-3)
+    inertia = 0.25 * ENCODER.stated_length**2
+    torque, doubt = _found(rubbed.fit, "dry_torque")
+    assert torque == pytest.approx(ENCODER.dry * inertia, abs=3.0 * doubt)
+
+
+def test_a_good_encoder_and_a_bearing_that_repeats_are_left_alone(tmp_path):
+    known = _prepared(tmp_path, replace(CART, starts=(2.3, -1.6, 1.9)))
+    assert known.forward.baseline.instruments == ()
+    assert known.forward.uneven == 0.0
+
+
+def test_what_no_instrument_is_off_by_is_none(tmp_path):
+    """Eight times what labs have is another thing, which no fit beside any losses may take up."""
+    known = _prepared(tmp_path, replace(ENCODER, beside=0.08))
+    assert not any(isinstance(one, PivotElsewhere) for one in known.forward.baseline.instruments)
+
+
+def test_releases_that_lose_half_as_much_are_no_scatter(tmp_path):
+    known = _prepared(tmp_path, replace(ENCODER, of_each=(1.0, 0.5, 0.5)))
+    assert known.forward.uneven == 0.0
+
+
+@pytest.mark.parametrize(("step", "found"), [(2.0 * np.pi / 1200, True), (0.0, False)])
+def test_a_step_shows_in_the_readings_themselves(tmp_path, step, found):
+    known = _prepared(tmp_path, replace(ENCODER, step=step or 1e-6, noise=1e-3, play=0.0))
+    seen = resolution(known.forward.records)
+    assert seen == pytest.approx(step, rel=1e-3) if found else seen < 1e-5
+    assert not any(isinstance(one, ReadingLag) for one in known.forward.baseline.instruments)
+
+
+@pytest.mark.slow
+def test_two_releases_of_an_encoder_name_its_bearing_alone(tmp_path):
+    rig = replace(ENCODER, starts=ENCODER.starts[:2], of_each=ENCODER.of_each[:2])
+    verdict = explain(*_loaded(tmp_path, rig))
+    assert [one.id for one in verdict.effects] == ["bearing_friction"]
+    assert verdict.effects[0].probability > 0.5
