@@ -80,7 +80,7 @@ class LostFrames:
 
 
 @dataclass(frozen=True)
-class _Piece:
+class _Sightings:
     """What is known of one thing in some frames: places (N, axes) with their variances (N,)."""
 
     frame: IntArray
@@ -88,8 +88,8 @@ class _Piece:
     variance: FloatArray
     size: float
 
-    def at(self, rows: NDArray[np.bool_]) -> "_Piece":
-        return _Piece(self.frame[rows], self.place[rows], self.variance[rows], self.size)
+    def at(self, rows: NDArray[np.bool_]) -> "_Sightings":
+        return _Sightings(self.frame[rows], self.place[rows], self.variance[rows], self.size)
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ def lost_frames(
 
 
 def _told(
-    moments: Iterator["_Moment"], usual: float, swing: "_Piece | None"
+    moments: Iterator["_Moment"], usual: float, swing: "_Sightings | None"
 ) -> Iterator[tuple[float, LostFrames]]:
     """Moments at which frames are lost, each with how well that explains what was followed."""
     for moment in moments:
@@ -151,30 +151,30 @@ def _told(
             yield told[0] - _LEFT_OUT_PRICE * moment.left_out, told[1]
 
 
-def _of(track: Track) -> _Piece:
+def _of(track: Track) -> _Sightings:
     # next to a leap all is doubted, what is right as well
     usual = float(np.median(0.5 * np.trace(track.covariance_px2, axis1=1, axis2=2)))
     variance = np.full(len(track), usual)
-    return _Piece(track.frame, track.centre_px, variance, float(np.median(track.radius_px)))
+    return _Sightings(track.frame, track.centre_px, variance, float(np.median(track.radius_px)))
 
 
-def _of_swing(pendulum: PendulumTrack) -> _Piece:
+def _of_swing(pendulum: PendulumTrack) -> _Sightings:
     arm = pendulum.arm_px
     place = (arm * pendulum.angle_rad)[:, None]
-    return _Piece(pendulum.track.frame, place, (arm * pendulum.angle_std_rad) ** 2, arm)
+    return _Sightings(pendulum.track.frame, place, (arm * pendulum.angle_std_rad) ** 2, arm)
 
 
 @dataclass(frozen=True)
 class _Moment:
     """What was followed up to and from a moment, how many frames tell, and how many do not."""
 
-    head: _Piece
-    tail: _Piece
+    head: _Sightings
+    tail: _Sightings
     counts: tuple[int, ...]
     left_out: int
 
 
-def _moments(piece: _Piece, row: int, ends: Sequence[tuple[int, int]]) -> Iterator[_Moment]:
+def _moments(piece: _Sightings, row: int, ends: Sequence[tuple[int, int]]) -> Iterator[_Moment]:
     """Moments next to one of a piece's rows."""
     rows = np.arange(len(piece.frame))
     near = piece.at(np.abs(rows - row + 0.5) < _NEAR[0])
@@ -187,7 +187,7 @@ def _moments(piece: _Piece, row: int, ends: Sequence[tuple[int, int]]) -> Iterat
             yield _Moment(head, tail, _NEAR, early + late)
 
 
-def _leaping_rows(piece: _Piece, swing: _Piece | None) -> list[int]:
+def _leaping_rows(piece: _Sightings, swing: _Sightings | None) -> list[int]:
     """Rows near which a piece may leap."""
     usual = _usual_misfit(piece)
     found: set[int] = set()
@@ -197,7 +197,7 @@ def _leaping_rows(piece: _Piece, swing: _Piece | None) -> list[int]:
     return [row for row in sorted(found) if _NEAR[-1] <= row <= len(piece.frame) - _NEAR[-1]]
 
 
-def _between(head: _Piece, tail: _Piece) -> Iterator[_Moment]:
+def _between(head: _Sightings, tail: _Sightings) -> Iterator[_Moment]:
     """Moments between the end of one thing and the beginning of another."""
     if not 0 <= int(tail.frame[0]) - int(head.frame[-1]) - 1 <= _UNSEEN:
         return
@@ -210,7 +210,7 @@ def _between(head: _Piece, tail: _Piece) -> Iterator[_Moment]:
             yield _Moment(before, after, _LEAD, early + late)
 
 
-def _usual_misfit(piece: _Piece) -> float:
+def _usual_misfit(piece: _Sightings) -> float:
     """Usual misfit of a law over a piece, mean square over stated variance."""
     laws = [
         _law(piece.at((rows >= start) & (rows < start + _NEAR[0])), _NEAR, 1)
@@ -220,7 +220,7 @@ def _usual_misfit(piece: _Piece) -> float:
     return float(np.median([law.misfit for law in laws if law is not None]))
 
 
-def _law(piece: _Piece, counts: tuple[int, ...], side: int) -> _State | None:
+def _law(piece: _Sightings, counts: tuple[int, ...], side: int) -> _State | None:
     """The law of a piece's first frames, or with side -1 its last, at the outermost of them."""
     for count in counts:
         rows = slice(0, count) if side > 0 else slice(-count, None)
@@ -244,7 +244,7 @@ def _law(piece: _Piece, counts: tuple[int, ...], side: int) -> _State | None:
 
 
 def _weighed(
-    before: _State, after: _State, size: float, swing: _Piece | None
+    before: _State, after: _State, size: float, swing: _Sightings | None
 ) -> tuple[float, LostFrames] | None:
     """Log density if frames are lost between two laws, and how many; None where it is unlikely."""
     gap = after.frame - before.frame
@@ -314,7 +314,7 @@ def _shared(size: float) -> float:
     return (_LEAST_STD_PX + _LEAST_STD_RADII * size) ** 2
 
 
-def _swung(swing: _Piece, last: int, first: int, counts: IntArray) -> FloatArray:
+def _swung(swing: _Sightings, last: int, first: int, counts: IntArray) -> FloatArray:
     """Log density of where a pendulum is after so many lost frames; nought where it tells none."""
     nothing = np.zeros(len(counts))
     head, tail = swing.at(swing.frame <= last), swing.at(swing.frame >= first)
