@@ -1,6 +1,6 @@
 """From a clip to tracks without a click: static scene, what moved before it, ball, pendulum."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -11,7 +11,13 @@ from numpy.typing import NDArray
 
 from metrology import NotFoundError
 from metrology.compiled import side_by_side
-from vision.ball.ball import SMALL_RADIUS, BallFits, follow_ball, trusted_rows
+from vision.ball.ball import (
+    SMALL_RADIUS,
+    BallFits,
+    follow_ball,
+    outlines_near,
+    trusted_rows,
+)
 from vision.ball.choice import (
     LEFT_AS_ONE,
     BallPath,
@@ -29,6 +35,7 @@ from vision.ball.choice import (
 )
 from vision.ball.circles import Circles, find_circles
 from vision.ball.leaving import discs_along, left_at_last
+from vision.ball.outline import joined
 from vision.ball.refine import refine_ball
 from vision.ball.silhouette import follow_silhouette, moving_colours
 from vision.clip.footage import Footage
@@ -141,13 +148,16 @@ def follow(
     recording = _one_scene(clip, ball_at or mass_at)
     for looks_left in range(_MOST_LEAPS, -1, -1):
         footage = recording.footage
-        tracks, scene = _followed_in(recording, capture_fps, ball_at, mass_at, progress)
-        things = (tracks.ball, *(other.track for other in tracks.others + tracks.dismissed))
-        lost = lost_frames(things, tracks.pendulum)
+        tracks, scene, seen = _followed_in(recording, capture_fps, ball_at, mass_at, progress)
+        others = [other.track for other in tracks.others]
+        lost = lost_frames(seen, others, tracks.pendulum)
         if lost is None or not looks_left:
             break
-        lost = _leap_in(scene, lost, tracks.ball)
-        recording = recording.lacking(clip, lost, surely=looks_left > 1)
+        lost = _leap_in(scene, lost, seen)
+        if lost.sure and looks_left > 1:
+            recording = recording.lacking(clip, lost)
+        else:
+            recording = recording.beside(clip, lost, _left_in((seen, *others)))
     first, started, whole = footage.first, footage.started, recording.whole
     place = PlaceInClip(footage.shown, first, started, whole, capture_fps)
     return replace(tracks.in_clip(place), lacks=recording.lacks)
@@ -176,27 +186,43 @@ class _Recording:
     lacks: tuple[tuple[int, int], ...] = ()
     said: tuple[str, ...] = ()
 
-    def lacking(self, clip: "ClipReader", lost: LostFrames, *, surely: bool) -> "_Recording":
-        """The same with lost frames counted or, where they can't be, one side of them alone."""
-        after, many = self.footage.in_clip(lost.after), lost.count
-        leap = (
-            f"FRAMES ARE MISSING between frames {after} and {after + 1} of the file, and its times "
-            f"don't tell: all that moves leaps on as far as in {many} frames"
-        )
-        if lost.sure and surely:
-            lacks = (*self.lacks, (after, many))
-            said = (*self.said, f"{leap}, which are counted as lost there.")
-            footage = Footage(clip, part=self.part, lacks=lacks)
-            return replace(self, footage=footage, lacks=lacks, said=said)
+    def lacking(self, clip: "ClipReader", lost: LostFrames) -> "_Recording":
+        """The same with lost frames counted."""
+        lacks = (*self.lacks, (self.footage.in_clip(lost.after), lost.count))
+        said = (*self.said, f"{self._leap(lost)}, which are counted as lost there.")
+        footage = Footage(clip, part=self.part, lacks=lacks)
+        return replace(self, footage=footage, lacks=lacks, said=said)
+
+    def beside(self, clip: "ClipReader", lost: LostFrames, left: int | None) -> "_Recording":
+        """One side of lost frames alone: where a thing left its rest, or else more moves."""
+        after = self.footage.in_clip(lost.after)
         sides = ((self.part[0], after + 1), (after + 1, self.part[1]))
         part = max(sides, key=self.footage.moved_in)
+        if left is not None:
+            part = sides[0] if self.footage.in_clip(left) <= after else sides[1]
         lacks = tuple(one for one in self.lacks if part[0] <= one[0] < part[1] - 1)
         only = (
-            f"{leap}, or so: how many can't be told surely. Only frames {part[0]} to "
+            f"{self._leap(lost)}, or so: how many can't be told surely. Only frames {part[0]} to "
             f"{part[1] - 1} are measured."
         )
         footage, said = Footage(clip, part=part, lacks=lacks), (*self.said, only)
         return _Recording(footage, self.whole, part, lacks, said)
+
+    def _leap(self, lost: LostFrames) -> str:
+        after = self.footage.in_clip(lost.after)
+        return (
+            f"FRAMES ARE MISSING between frames {after} and {after + 1} of the file, and its times "
+            f"don't tell: all that moves leaps on as far as in {lost.count} frames"
+        )
+
+
+def _left_in(tracks: Sequence[Track]) -> int | None:
+    """The frame in which the first of some tracks that lay still left its rest."""
+    for track in tracks:
+        rest = find_rest(track.frame, track.centre_px, float(np.median(track.radius_px)))
+        if rest is not None:
+            return rest.last
+    return None
 
 
 def _leap_in(scene: FilmedScene, lost: LostFrames, ball: Track) -> LostFrames:
@@ -219,8 +245,11 @@ def _followed_in(
     ball_at: Point | None,
     mass_at: Point | None,
     progress: Callable[[float], None] | None,
-) -> tuple[Tracks, FilmedScene]:
-    """Follow ball and pendulum through a recording, in its own frames; and the scene there."""
+) -> tuple[Tracks, FilmedScene, Track]:
+    """Follow ball and pendulum through a recording; the scene, and every place the ball is seen.
+
+    All in the recording's own frames.
+    """
     footage = recording.footage
     scene = FilmedScene(footage)
     _tell(progress, 0.2)
@@ -270,7 +299,24 @@ def _followed_in(
         reasons=choice.reasons,
         maybe_shadow=seen.only_dims,
     )
-    return tracks, scene
+    seen_at = fits if seen.tinted is not None else _with_gaps(scene, fits)
+    return tracks, scene, _track(seen_at, capture_fps)
+
+
+def _with_gaps(scene: FilmedScene, fits: BallFits) -> BallFits:
+    """The same with outlines between them, wherever they lie: a leap makes all about it strays."""
+    every = np.arange(int(fits.frame[0]), int(fits.frame[-1]) + 1)
+    missed = scene.shown(np.setdiff1d(every, fits.frame))
+    if len(missed) == 0:
+        return fits
+    guess = np.column_stack(
+        [np.interp(missed, fits.frame, fits.centre[:, axis]) for axis in (0, 1)]
+    )
+    more = BallFits(missed, outlines_near(scene, float(np.median(fits.radius)), missed, guess))
+    more = more.at(more.fits.found)
+    order = np.argsort(np.concatenate([fits.frame, more.frame]), kind="stable")
+    frame = np.concatenate([fits.frame, more.frame])
+    return BallFits(frame, joined([fits.fits, more.fits])).at(order)
 
 
 def _striker(scene: FilmedScene, rest: Rest, rough: BallFits, at: Point | None) -> Striker | None:

@@ -26,15 +26,17 @@ _NEAR, _LEAD = (16, 10, 6), (72, 48, 32, 20, 12, 6)
 _UNSEEN = 16
 """Frames at most without a place: next to a leap as many are held for mistaken as foretell one."""
 
+_DIM = 0.8
+"""Share of the usual: an outline of which so much less stands out is half hidden."""
+
 _ENDS = tuple((early, late) for early, late in product(range(4), range(4)) if early + late <= 4)
 _WIDE, _AROUND = (2, 2), 4
 _LEFT_OUT_PRICE = 4.0
 """Frames left out before and after a leap, since they may be foretold from its other side; those
 with which it is looked for everywhere, and how near to that more closely; and nats for each."""
 
-_HELD_BY, _DISTINCT = 3.0, 6.0
-"""Times the usual misfit that a law leaves at most where it holds; and standard deviations by which
-things leap at least: the one and the other supposed."""
+_DISTINCT = 6.0
+"""Standard deviations by which things leap at least, supposed."""
 
 _SWING_NATS = 5.0
 """Nats that a pendulum says at most: it may be followed wrongly where it leaps."""
@@ -54,6 +56,9 @@ _SURE = 0.99
 
 _ASTRAY = 3.0
 """Radii within which another thing is followed."""
+
+_SAME_SIZE = 0.1
+"""Log radius by which one ball is told otherwise at most, supposed."""
 
 _MISFIT = 3.0
 """Times its noise, and more, that a law leaves where it does not hold, as a root mean square."""
@@ -108,14 +113,16 @@ class _State:
 
 
 def lost_frames(
-    tracks: Sequence[Track], pendulum: PendulumTrack | None = None
+    ball: Track, others: Sequence[Track] = (), pendulum: PendulumTrack | None = None
 ) -> LostFrames | None:
     """Find where a file most likely lacks frames.
 
     Parameters
     ----------
-    tracks : sequence of Track
-        What was followed, the ball first.
+    ball : Track
+        What was followed, wherever it was seen.
+    others : sequence of Track
+        What else was: it may be the ball before the leap, or after it.
     pendulum : PendulumTrack, optional
         It leaps at the same moment.
 
@@ -124,27 +131,28 @@ def lost_frames(
     LostFrames or None
         None where everything runs on.
     """
-    pieces = [_of(track) for track in tracks if len(track) >= _NEAR[-1]]
+    pieces = [_of(ball), *(_of(track) for track in others if len(track))]
     swing = None if pendulum is None else _of_swing(pendulum)
     told = [
         one
-        for piece in pieces
-        for row in _leaping_rows(piece, swing)
-        for one in _told(_moments(piece, row, _ENDS), _usual_misfit(piece), swing)
+        for row in _leaping_rows(pieces[0], swing)
+        for one in _told(_moments(pieces[0], row, _ENDS), swing)
     ]
-    for head, tail in product(pieces, pieces):
-        usual = max(_usual_misfit(head), _usual_misfit(tail))
-        told += _told(_between(head, tail), usual, swing)
+    for other in pieces[1:]:
+        for head, tail in ((pieces[0], other), (other, pieces[0])):
+            told += _told(_between(head, tail), swing)
     return max(told, key=lambda one: one[0], default=(0.0, None))[1]
 
 
 def _told(
-    moments: Iterator["_Moment"], usual: float, swing: "_Sightings | None"
+    moments: Iterator["_Moment"], swing: "_Sightings | None"
 ) -> Iterator[tuple[float, LostFrames]]:
     """Moments at which frames are lost, each with how well that explains what was followed."""
     for moment in moments:
         before, after = _law(moment.head, moment.counts, -1), _law(moment.tail, moment.counts, 1)
-        if before is None or after is None or max(before.misfit, after.misfit) > _HELD_BY * usual:
+        if before is None or after is None:
+            continue
+        if max(before.misfit, after.misfit) > _MISFIT**2:
             continue
         told = _weighed(before, after, moment.head.size, swing)
         if told is not None:
@@ -152,10 +160,12 @@ def _told(
 
 
 def _of(track: Track) -> _Sightings:
+    # an outline half hidden goes on slower than the ball
+    clear = track.where(track.quality >= _DIM * np.median(track.quality))
     # next to a leap all is doubted, what is right as well
-    usual = float(np.median(0.5 * np.trace(track.covariance_px2, axis1=1, axis2=2)))
-    variance = np.full(len(track), usual)
-    return _Sightings(track.frame, track.centre_px, variance, float(np.median(track.radius_px)))
+    usual = float(np.median(0.5 * np.trace(clear.covariance_px2, axis1=1, axis2=2)))
+    variance = np.full(len(clear), usual)
+    return _Sightings(clear.frame, clear.centre_px, variance, float(np.median(clear.radius_px)))
 
 
 def _of_swing(pendulum: PendulumTrack) -> _Sightings:
@@ -189,10 +199,9 @@ def _moments(piece: _Sightings, row: int, ends: Sequence[tuple[int, int]]) -> It
 
 def _leaping_rows(piece: _Sightings, swing: _Sightings | None) -> list[int]:
     """Rows near which a piece may leap."""
-    usual = _usual_misfit(piece)
     found: set[int] = set()
     for row in range(_NEAR[-1], len(piece.frame) - _NEAR[-1] + 1):
-        if any(_told(_moments(piece, row, [_WIDE]), usual, swing)):
+        if any(_told(_moments(piece, row, [_WIDE]), swing)):
             found |= set(range(row - _AROUND, row + _AROUND + 1))
     return [row for row in sorted(found) if _NEAR[-1] <= row <= len(piece.frame) - _NEAR[-1]]
 
@@ -201,23 +210,13 @@ def _between(head: _Sightings, tail: _Sightings) -> Iterator[_Moment]:
     """Moments between the end of one thing and the beginning of another."""
     if not 0 <= int(tail.frame[0]) - int(head.frame[-1]) - 1 <= _UNSEEN:
         return
-    if abs(np.log(tail.size / head.size)) > np.log(_ASTRAY):
+    if abs(np.log(tail.size / head.size)) > _SAME_SIZE:
         return
     for early, late in _ENDS:
         last, first = int(head.frame[-1]) - early, int(tail.frame[0]) + late
         before, after = head.at(head.frame <= last), tail.at(tail.frame >= first)
         if min(len(before.frame), len(after.frame)) >= _LEAD[-1]:
             yield _Moment(before, after, _LEAD, early + late)
-
-
-def _usual_misfit(piece: _Sightings) -> float:
-    """Usual misfit of a law over a piece, mean square over stated variance."""
-    laws = [
-        _law(piece.at((rows >= start) & (rows < start + _NEAR[0])), _NEAR, 1)
-        for rows in [np.arange(len(piece.frame))]
-        for start in range(0, len(piece.frame) - _NEAR[-1] + 1, _NEAR[0] // 2)
-    ]
-    return float(np.median([law.misfit for law in laws if law is not None]))
 
 
 def _law(piece: _Sightings, counts: tuple[int, ...], side: int) -> _State | None:

@@ -36,7 +36,7 @@ def _flight(time: np.ndarray) -> np.ndarray:
 def test_lost_frames_are_counted(many: int, seed: int) -> None:
     last = int(np.random.default_rng(seed).integers(70, 110))
     true = np.concatenate([np.arange(last + 1), np.arange(last + 1 + many, 200)])
-    found = lost_frames([_track(np.arange(len(true)), _flight(true.astype(float)), seed)])
+    found = lost_frames(_track(np.arange(len(true)), _flight(true.astype(float)), seed))
     assert found is not None
     assert found.after <= last < found.before
     assert found.count == many
@@ -47,7 +47,7 @@ def test_lost_frames_are_told_between_two_things_too(seed: int) -> None:
     true = np.concatenate([np.arange(90), np.arange(121, 190)])
     frame, centre = np.arange(len(true)), _flight(true.astype(float))
     parts = [_track(frame[:88], centre[:88], seed), _track(frame[91:], centre[91:], seed + 10)]
-    found = lost_frames(parts[::-1])
+    found = lost_frames(parts[1], parts[:1])
     assert found is not None
     assert (found.count, found.sure) == (31, True)
 
@@ -65,7 +65,7 @@ def test_a_strike_a_bounce_and_a_slip_to_another_thing_are_no_lost_frames(seed: 
     slipped[100:] += 4.0 * np.array([np.cos(turn), np.sin(turn)])
     slipped[100:] -= 0.4 * (time[100:, None] - 100.0) * np.array([0.3, -0.2])
     for path in (whole, bounced, slipped):
-        assert lost_frames([_track(frame, path, seed)]) is None
+        assert lost_frames(_track(frame, path, seed)) is None
 
 
 def test_a_clip_is_followed_as_if_its_lost_frames_had_been_there_and_told() -> None:
