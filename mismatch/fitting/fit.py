@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from mismatch.forward import NUISANCES, Forward, Model, batch_terms
 from mismatch.records import Records
 from physics.domain import FloatArray
-from physics.effects import Effect, EffectId, Level, Parameter
+from physics.effects import Coordinate, Effect, EffectId, Level, Parameter
 from physics.integrator import Trajectory, integrate
 
 __all__ = [
@@ -889,6 +889,11 @@ def closed(forward: Forward, found: LinearisedArcs) -> bool:
     return bool(np.all(np.abs(found.close[..., 0]) < SHUT * sigma[:, None]))
 
 
+def goes_with_the_rate(effect: Effect) -> bool:
+    """Whether an effect is a torque that a bearing or the air takes from a swing."""
+    return effect.coordinate is Coordinate.RATE and "torque" in effect.hooks
+
+
 STEPS_OF_ARCS = 30
 
 """Steps at most: one that has not settled by then does not settle."""
@@ -1341,9 +1346,28 @@ class _SwingFit:
         off = _values(model, self.free) - self.anchors
         return own + groups + float(np.sum(self.prior * off**2))
 
+    def _centred(self, point: Point) -> Point:
+        """The same losses of each release, told as shares of what they lose on average.
+
+        Far off the noise nothing else keeps strengths from being halved and all shares doubled.
+        """
+        nuisance, laws, model = point
+        lossy = {k for k, (effect, _) in enumerate(model.entries) if goes_with_the_rate(effect)}
+        place = NUISANCES["swing"].index("losses")
+        level = 1.0 + float(np.mean(nuisance[:, place]))
+        mine = [f for f in self.free if f.entry in lossy and not f.parameter.is_shape]
+        if not self.forward.uneven or level <= 0.0 or {f.entry for f in mine} != lossy:
+            return point
+        nuisance = nuisance.copy()
+        nuisance[:, place] = (1.0 + nuisance[:, place]) / level - 1.0
+        entries = [(effect, dict(values)) for effect, values in model.entries]
+        for item in mine:
+            entries[item.entry][1][item.parameter.name] *= level
+        return nuisance, laws, replace(model, entries=tuple(entries))
+
     def at(self, point: Point, arcs: Arcs) -> _PlaceOfArcs:
         """The place of some values; each record's first state is that of its first piece."""
-        nuisance, laws, model = point
+        nuisance, laws, model = self._centred(point)
         nuisance = np.concatenate([arcs.states[:, 0], nuisance[:, 2:]], axis=1)
         point = nuisance, laws, model
         found = linearise_arcs(self.forward, model, arcs, nuisance, laws, self.free)
@@ -1376,6 +1400,18 @@ class _SwingFit:
         matrix, vector, inverse, cross = reduce(system, own_pull, pull)
         gradient = np.einsum("tmq,tm->tq", system.own, system.residual) + own_pull
         return _NormalEquations(matrix, vector, inverse, cross, gradient)
+
+    def covariance(self, place: _PlaceOfArcs, excess: float) -> FloatArray:
+        """(n, n) of the free parameters, which readers widen by a misfit of `excess`.
+
+        How unevenly releases lose was told with the misfit counted as noise: it is not to be
+        widened once more.
+        """
+        prior = place.found.system.prior.copy()
+        prior[NUISANCES["swing"].index("losses")] *= excess
+        found = replace(place.found, system=replace(place.found.system, prior=prior))
+        laws = place.point[1].size
+        return inverse_of(self.normal(replace(place, found=found)).matrix)[laws:, laws:]
 
     def descended(self, place: _PlaceOfArcs, hopeless: float) -> tuple[_PlaceOfArcs, bool]:
         """Where steps end, and whether they were given up."""
@@ -1454,7 +1490,8 @@ def _fit_of(pieces: _SwingFit, place: _PlaceOfArcs, ending: Ending) -> Fit:
     if ending is Ending.LOST:
         # Far apart, pieces that are closed to first order say nothing.
         chi2 = max(place.cost, chi2)
-    covariance = inverse_of(pieces.normal(place).matrix)[laws.size :, laws.size :]
+    excess = max(1.0, chi2 / max(records.expected, 1.0))
+    covariance = pieces.covariance(place, excess)
     return Fit(
         model, nuisance, laws, chi2, pieces.penalty(place.point), records.count, records.expected,
         tuple(pieces.free), covariance, residual, ending, place.arcs,

@@ -22,6 +22,7 @@ from mismatch.fitting.fit import (
     linearise_arcs,
     priors,
 )
+from mismatch.fitting.hypotheses import POOR_FIT
 from mismatch.fitting.scan import marginal_by_trial, scatter_evidence
 from mismatch.forward import NUISANCES, Forward, Model
 from mismatch.records import SIGNIFICANT, Records
@@ -177,6 +178,9 @@ def told_beside_any_losses(forward: Forward, model: Model, start: FloatArray) ->
     if fit.ending is Ending.LOST:
         return Reading((), model, 0.0)
     read = _beside(forward, fit, laws, faults)
+    if read.reduced_chi2 >= POOR_FIT:
+        # Something else acts as well, and would be taken for either.
+        return Reading((), model, 0.0)
     kept = tuple(fault for fault in faults if _usual(read, fault))
     if len(kept) < len(faults):
         read = _beside(forward, fit, laws, kept)

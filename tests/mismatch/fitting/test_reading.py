@@ -68,6 +68,13 @@ def test_a_bearing_that_does_not_repeat_is_told_release_by_release(known):
     assert torque == pytest.approx(ENCODER.dry * inertia, abs=3.0 * doubt)
 
 
+def test_shares_of_the_releases_are_of_what_they_lose_on_average(known):
+    """Where a law leaves much over, nothing else keeps its strength from drifting."""
+    oiled = _fitted(known, "viscous_damping")
+    assert np.ptp(oiled.fit.nuisance[:, 4]) > 0.03
+    assert abs(oiled.fit.nuisance[:, 4].mean()) < 1e-6
+
+
 def test_a_good_encoder_and_a_bearing_that_repeats_are_left_alone(tmp_path):
     known = _prepared(tmp_path, replace(CART, starts=(2.3, -1.6, 1.9)))
     assert known.forward.baseline.instruments == ()
