@@ -85,7 +85,8 @@ _LEAST_WORTH = 20.0
 stand out from the wall have 60 to 330, shadows and parts of a pendulum taken for one 3 to 20."""
 _ALL_ALONG = 0.95
 """Part of the frames from the clip's first to the end of the law that a rest and a law explain,
-those in which it is hidden left aside: less leaves doubt where it lay, or if it is one thing."""
+those that the file lacks left aside: less leaves doubt where it lay, or whether it is one thing.
+"""
 _TELLING = 10.0
 """Nats by which one course is the likelier whatever else speaks for either, supposed."""
 _FEWEST_STILL = 5
@@ -505,7 +506,7 @@ class _Seen:
     def doubtful(self) -> bool:
         """Whether something else may be the ball."""
         agree = self.course.still + self.course.moving
-        whole = agree >= _ALL_ALONG * (self.course.last + 1 - self.course.hidden)
+        whole = agree >= _ALL_ALONG * (self.course.last + 1 - self.course.absent)
         return self.only_dims or not (whole and self.speaks_for_itself)
 
     def outdoes(self, other: "_Seen") -> bool:

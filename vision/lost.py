@@ -85,7 +85,7 @@ class LostFrames:
 
 
 @dataclass(frozen=True)
-class _Sightings:
+class _SeenThing:
     """What is known of one thing in some frames: places (N, axes) with their variances (N,)."""
 
     frame: IntArray
@@ -93,8 +93,8 @@ class _Sightings:
     variance: FloatArray
     size: float
 
-    def at(self, rows: NDArray[np.bool_]) -> "_Sightings":
-        return _Sightings(self.frame[rows], self.place[rows], self.variance[rows], self.size)
+    def at(self, rows: NDArray[np.bool_]) -> "_SeenThing":
+        return _SeenThing(self.frame[rows], self.place[rows], self.variance[rows], self.size)
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ def lost_frames(
 
 
 def _told(
-    moments: Iterator["_Moment"], swing: "_Sightings | None"
+    moments: Iterator["_Moment"], swing: "_SeenThing | None"
 ) -> Iterator[tuple[float, LostFrames]]:
     """Moments at which frames are lost, each with how well that explains what was followed."""
     for moment in moments:
@@ -159,32 +159,32 @@ def _told(
             yield told[0] - _LEFT_OUT_PRICE * moment.left_out, told[1]
 
 
-def _of(track: Track) -> _Sightings:
+def _of(track: Track) -> _SeenThing:
     # an outline half hidden goes on slower than the ball
     clear = track.where(track.quality >= _DIM * np.median(track.quality))
     # next to a leap all is doubted, what is right as well
     usual = float(np.median(0.5 * np.trace(clear.covariance_px2, axis1=1, axis2=2)))
     variance = np.full(len(clear), usual)
-    return _Sightings(clear.frame, clear.centre_px, variance, float(np.median(clear.radius_px)))
+    return _SeenThing(clear.frame, clear.centre_px, variance, float(np.median(clear.radius_px)))
 
 
-def _of_swing(pendulum: PendulumTrack) -> _Sightings:
+def _of_swing(pendulum: PendulumTrack) -> _SeenThing:
     arm = pendulum.arm_px
     place = (arm * pendulum.angle_rad)[:, None]
-    return _Sightings(pendulum.track.frame, place, (arm * pendulum.angle_std_rad) ** 2, arm)
+    return _SeenThing(pendulum.track.frame, place, (arm * pendulum.angle_std_rad) ** 2, arm)
 
 
 @dataclass(frozen=True)
 class _Moment:
     """What was followed up to and from a moment, how many frames tell, and how many do not."""
 
-    head: _Sightings
-    tail: _Sightings
+    head: _SeenThing
+    tail: _SeenThing
     counts: tuple[int, ...]
     left_out: int
 
 
-def _moments(piece: _Sightings, row: int, ends: Sequence[tuple[int, int]]) -> Iterator[_Moment]:
+def _moments(piece: _SeenThing, row: int, ends: Sequence[tuple[int, int]]) -> Iterator[_Moment]:
     """Moments next to one of a piece's rows."""
     rows = np.arange(len(piece.frame))
     near = piece.at(np.abs(rows - row + 0.5) < _NEAR[0])
@@ -197,7 +197,7 @@ def _moments(piece: _Sightings, row: int, ends: Sequence[tuple[int, int]]) -> It
             yield _Moment(head, tail, _NEAR, early + late)
 
 
-def _leaping_rows(piece: _Sightings, swing: _Sightings | None) -> list[int]:
+def _leaping_rows(piece: _SeenThing, swing: _SeenThing | None) -> list[int]:
     """Rows near which a piece may leap."""
     found: set[int] = set()
     for row in range(_NEAR[-1], len(piece.frame) - _NEAR[-1] + 1):
@@ -206,7 +206,7 @@ def _leaping_rows(piece: _Sightings, swing: _Sightings | None) -> list[int]:
     return [row for row in sorted(found) if _NEAR[-1] <= row <= len(piece.frame) - _NEAR[-1]]
 
 
-def _between(head: _Sightings, tail: _Sightings) -> Iterator[_Moment]:
+def _between(head: _SeenThing, tail: _SeenThing) -> Iterator[_Moment]:
     """Moments between the end of one thing and the beginning of another."""
     if not 0 <= int(tail.frame[0]) - int(head.frame[-1]) - 1 <= _UNSEEN:
         return
@@ -219,7 +219,7 @@ def _between(head: _Sightings, tail: _Sightings) -> Iterator[_Moment]:
             yield _Moment(before, after, _LEAD, early + late)
 
 
-def _law(piece: _Sightings, counts: tuple[int, ...], side: int) -> _State | None:
+def _law(piece: _SeenThing, counts: tuple[int, ...], side: int) -> _State | None:
     """The law of a piece's first frames, or with side -1 its last, at the outermost of them."""
     for count in counts:
         rows = slice(0, count) if side > 0 else slice(-count, None)
@@ -243,7 +243,7 @@ def _law(piece: _Sightings, counts: tuple[int, ...], side: int) -> _State | None
 
 
 def _weighed(
-    before: _State, after: _State, size: float, swing: _Sightings | None
+    before: _State, after: _State, size: float, swing: _SeenThing | None
 ) -> tuple[float, LostFrames] | None:
     """Log density if frames are lost between two laws, and how many; None where it is unlikely."""
     gap = after.frame - before.frame
@@ -313,7 +313,7 @@ def _shared(size: float) -> float:
     return (_LEAST_STD_PX + _LEAST_STD_RADII * size) ** 2
 
 
-def _swung(swing: _Sightings, last: int, first: int, counts: IntArray) -> FloatArray:
+def _swung(swing: _SeenThing, last: int, first: int, counts: IntArray) -> FloatArray:
     """Log density of where a pendulum is after so many lost frames; nought where it tells none."""
     nothing = np.zeros(len(counts))
     head, tail = swing.at(swing.frame <= last), swing.at(swing.frame >= first)

@@ -140,6 +140,8 @@ class LawfulCourse:
     hidden : float
         How many of those missed are not there, or follow from others: what hides it for one frame
         does for the next.
+    absent : int
+        How many are not there.
     last : int
         The last frame in which the law has it, or it lies still.
     travel_px : float
@@ -151,6 +153,7 @@ class LawfulCourse:
     astray: int
     missed: int
     hidden: float
+    absent: int
     last: int
     travel_px: float
 
@@ -200,8 +203,9 @@ def lawful_course(
         astray = len(frame) - still - moving
         missed = int(np.ptp(frame)) + 1 - len(frame)
         gaps = np.diff(frame if shown is None else np.searchsorted(shown, frame)) - 1
-        hidden = _hidden(gaps) + missed - float(gaps.sum())
-        found.append(LawfulCourse(still, moving, astray, missed, hidden, last, travel))
+        absent = missed - int(gaps.sum())
+        hidden = _hidden(gaps) + absent
+        found.append(LawfulCourse(still, moving, astray, missed, hidden, absent, last, travel))
     return max(found, key=lambda course: course.evidence(radius))
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from bench.altered.__main__ import WAYS, Tally, Way, altered
+from bench.altered import WAYS, Tally, Way, altered
 from bench.measure_truth import Case, cases
 from pipelines.measure.chain import measure_clip
 from pipelines.measure.measurement import ClipMeasurement
