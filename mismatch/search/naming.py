@@ -21,6 +21,7 @@ from mismatch.fitting.hypotheses import (
     POOR_FIT,
     SLACK,
     Hypothesis,
+    evidence_of_uneven_losses,
     fit_hypothesis,
     group_tolerance,
     is_known,
@@ -735,6 +736,9 @@ def _beyond_losses(forward: Forward, larger: Hypothesis, named: Hypothesis) -> b
         return True
     laws = [member.effect for member in named.members]
     more = larger.penalised_gain - named.penalised_gain
+    uneven = evidence_of_uneven_losses(forward, named.fit, laws)
+    if more <= uneven + group_tolerance(larger):
+        return False
     members, _ = _as_fitted(larger)
     return all(
         more > left_by_uneven_losses(forward, named.fit, laws, member)
