@@ -174,7 +174,7 @@ class Defaults:
     )  # fmt: skip
     BEARING_REPEATS = Default(
         "losses of a bearing from release to release", None, 0.05, "N m",
-        "supposed: three releases of an encoder's dry bearing differ by 1.5 %, of a rod's by 3 %",
+        "supposed: three releases of an encoder's dry bearing differ by 1.5 %",
         relative=True,
     )  # fmt: skip
     LEAST_DRAG = Default(

@@ -63,6 +63,7 @@ __all__ = [
     "POOR_FIT",
     "SURELY",
     "Hypothesis",
+    "evidence_of_uneven_losses",
     "fit_hypothesis",
     "form_evidence",
     "group_tolerance",
@@ -283,8 +284,15 @@ def form_evidence(forward: Forward, fit: Fit, laws: Sequence[Effect]) -> FormEvi
     if not errors:
         return EXACT
     scored = scan(forward, fit, errors)
-    matrix = scored.information * usual[:, None] * usual
-    vector = scored.score * usual
+    return _evidence_of_errors(scored.information, scored.score, usual)
+
+
+def _evidence_of_errors(
+    information: FloatArray, score: FloatArray, usual: FloatArray
+) -> FormEvidence:
+    """Of errors of usual sizes (n,), by the information on them and their score."""
+    matrix = information * usual[:, None] * usual
+    vector = score * usual
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     values, along = np.maximum(values, 0.0), np.square(vectors.T @ vector)
     gains, taken = [], []
@@ -393,10 +401,11 @@ class UnevenLosses(Effect):
         return np.asarray(values["weight"] * share * self.of.torque(dict(self.held), swing))
 
 
-def _uneven_losses(
-    forward: Forward, fit: Fit, laws: Sequence[Effect]
-) -> tuple[list[Effect], FloatArray]:
-    """How the releases' losses may differ from laws that go with the rate; usual size of each."""
+def _uneven_losses(forward: Forward, fit: Fit, laws: Sequence[Effect]) -> tuple[Fit, list[Effect]]:
+    """How a release's losses may differ from laws that go with the rate, and those held in shape.
+
+    A fall of friction with the rate, left open, could take up what the law as it is leaves.
+    """
     widest = np.array([one.amplitude for one in seen_in_halves(forward.records)])
     energy = forward.small_rate**2 * (1.0 - np.cos(np.minimum(widest, np.pi)))
     high, half = energy[::2], energy[1::2]
@@ -410,23 +419,22 @@ def _uneven_losses(
         if law.coordinate is Coordinate.RATE and any(law is one for one in laws)
         for order in USUAL_ORDERS
     ]
-    return list(found), np.array([one.of.looseness for one in found])
+    fit = replace(fit, free=tuple(item for item in fit.free if not item.parameter.is_shape))
+    return fit, list(found)
 
 
 def left_by_uneven_losses(
     forward: Forward, fit: Fit, laws: Sequence[Effect], further: Candidate
 ) -> float:
-    """What a further law gains on average from losses that are off by twice what is usual.
+    """What a further law gains on average from losses that differ by twice what is usual.
 
     As `left_by_forms`, for free swings: there the powers of the rate are laws of their own, but no
     bearing stays the same from release to release or while a swing dies away. Nothing is known of
     what laws leave that are no losses.
     """
-    errors, usual = _uneven_losses(forward, fit, laws)
+    fit, errors = _uneven_losses(forward, fit, laws)
     if not errors:
         return np.inf
-    # A fall of friction with the rate, left open, could take up what the law as it is leaves.
-    fit = replace(fit, free=tuple(item for item in fit.free if not item.parameter.is_shape))
     steps = steps_of(further, start_values(further, fit.model))
     moved = [(further.effect, values, step) for _, step, values in steps]
     moved += [(error, {WEIGHT.name: UNEVEN_STEP}, UNEVEN_STEP) for error in errors]
@@ -437,8 +445,25 @@ def left_by_uneven_losses(
     along = inverse_of(information) @ np.einsum("tmn,tm->n", mine, residual)
     whole = float(along @ information @ along)
     made = np.einsum("tmk,tm->tk", losses, mine @ along)
-    sizes = SIZES[-1] * usual
-    return float(np.sum(np.square(sizes * made))) / whole if whole > 0.0 else np.inf
+    size = SIZES[-1] * Defaults.BEARING_REPEATS.std
+    return size**2 * float(np.sum(np.square(made))) / whole if whole > 0.0 else np.inf
+
+
+def evidence_of_uneven_losses(forward: Forward, fit: Fit, laws: Sequence[Effect]) -> float:
+    """Evidence (chi-square units) of losses that each release has a little of its own of.
+
+    Over that of losses that are as the laws say, as `form_evidence`.
+    """
+    fit, errors = _uneven_losses(forward, fit, laws)
+    if not errors:
+        return 0.0
+    models = [fit.model.having(one, {WEIGHT.name: UNEVEN_STEP}).order() for one in errors]
+    steps = [UNEVEN_STEP] * len(models)
+    slopes, beyond, residual = slopes_left(forward, fit, models, steps, each=True)
+    information = np.einsum("tmn,tmk->nk", slopes, beyond)
+    score = np.einsum("tmn,tm->n", beyond, residual)
+    usual = np.full(score.size, Defaults.BEARING_REPEATS.std)
+    return _evidence_of_errors(information, score, usual).gain
 
 
 UNEVEN_STEP = 1e-3

@@ -673,7 +673,12 @@ def _pulls(forward: Forward, fit: Fit) -> tuple[FloatArray, FloatArray]:
 
 
 def slopes_left(
-    forward: Forward, fit: Fit, models: Sequence[Model], steps: Sequence[float]
+    forward: Forward,
+    fit: Fit,
+    models: Sequence[Model],
+    steps: Sequence[float],
+    *,
+    each: bool = False,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Slopes by further parameters, what a fit can't take up of them, and its residual.
 
@@ -681,13 +686,15 @@ def slopes_left(
     ----------
     models, steps
         Each differs from the fitted model by one step of one further parameter.
+    each : bool
+        Whether every trial has values of its own of those, which then come trial by trial.
 
     Returns
     -------
     (T, M, n), (T, M, n) and (T, M) arrays
     """
-    left, system = _without_own(forward, fit, models, steps)
-    held = left.shape[-1] - len(models)
+    left, system = _without_own(forward, fit, models, steps, each=each)
+    held = left.shape[-1] - len(models) * (left.shape[0] if each else 1)
     prior = system.shared_prior[:held].copy()
     prior[held - len(fit.free) :] += held_information(fit.free)
     shared, slopes = system.shared[..., :held], system.shared[..., held:]
@@ -697,14 +704,30 @@ def slopes_left(
     return slopes, beyond, system.residual
 
 
+def _of_each_trial(system: Linearised, count: int) -> Linearised:
+    """The system with its last columns, `count` of them, anew for every trial."""
+    shared, last = system.shared[..., :-count], system.shared[..., -count:]
+    trials, rows = last.shape[:2]
+    anew = np.einsum("tu,tmn->tmun", np.eye(trials), last).reshape(trials, rows, trials * count)
+    prior = np.concatenate([system.shared_prior[:-count], np.zeros(trials * count)])
+    return replace(system, shared=np.concatenate([shared, anew], axis=-1), shared_prior=prior)
+
+
 def _without_own(
-    forward: Forward, fit: Fit, models: Sequence[Model] = (), steps: Sequence[float] = ()
+    forward: Forward,
+    fit: Fit,
+    models: Sequence[Model] = (),
+    steps: Sequence[float] = (),
+    *,
+    each: bool = False,
 ) -> tuple[FloatArray, Linearised]:
     """Slopes by the shared parameters less what trials' own values take up (T, M, n), and all.
 
     `models` and `steps` as in `slopes_left`.
     """
     system = _linearised(forward, _place_of(fit), fit.free, models, steps)
+    if each:
+        system = _of_each_trial(system, len(models))
     cross = np.swapaxes(system.own, 1, 2) @ system.shared
     inner = np.swapaxes(system.own, 1, 2) @ system.own + np.diag(system.prior)
     tiny = 1e-12 * np.einsum("tqq->tq", inner) + 1e-12

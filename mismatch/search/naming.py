@@ -21,6 +21,7 @@ from mismatch.fitting.hypotheses import (
     POOR_FIT,
     SLACK,
     Hypothesis,
+    evidence_of_uneven_losses,
     fit_hypothesis,
     group_tolerance,
     is_known,
@@ -733,13 +734,18 @@ def _beyond_losses(forward: Forward, larger: Hypothesis, named: Hypothesis) -> b
     """
     if forward.mode != "swing":
         return True
+    further = [
+        member
+        for member in _as_fitted(larger)[0]
+        if member.id not in named.ids and member.effect.coordinate is not Coordinate.RATE
+    ]
+    if not further:
+        return True
     laws = [member.effect for member in named.members]
     more = larger.penalised_gain - named.penalised_gain
-    members, _ = _as_fitted(larger)
-    return all(
-        more > left_by_uneven_losses(forward, named.fit, laws, member)
-        for member in members
-        if member.id not in named.ids and member.effect.coordinate is not Coordinate.RATE
+    uneven = evidence_of_uneven_losses(forward, named.fit, laws)
+    return more > uneven + group_tolerance(larger) and all(
+        more > left_by_uneven_losses(forward, named.fit, laws, member) for member in further
     )
 
 
