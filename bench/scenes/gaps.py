@@ -1,10 +1,6 @@
 """Clips in which the ball is not seen for a part of its flight: hidden, or pictures lost.
 
-<<<<<<<< HEAD:bench/altered/gaps.py
-Run: python -m bench.altered.gaps [FOLDER...] [--only CLIP...] [--ways WAY...] [--seed N]
-========
 Run: python -m bench.scenes.gaps [FOLDER...] [--only CLIP...] [--ways WAY...] [--seed N]
->>>>>>>> gaps:bench/scenes/gaps.py
 
 In the middle of the flight an eighth of the pictures of the clips of the folders, and of those
 shipped, is lost or hidden; where, the seed draws. Every quantity is compared with the truth.
@@ -21,7 +17,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from bench.altered.__main__ import FAR, NEAR, Pictures, Way, read, written
+from bench.altered import FAR, NEAR, Pictures, Way, read, written
 from bench.measure_truth import Case, cases
 from metrology import ImpactVisionError
 from pipelines.measure.chain import measure_clip

@@ -3,7 +3,7 @@
 import os
 import subprocess
 import sys
-from dataclasses import MISSING, fields, replace
+from dataclasses import MISSING, dataclass, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -187,6 +187,16 @@ def test_two_questions_about_a_clip_share_its_fits(
     assert len(done) == 2
 
 
+@dataclass(frozen=True)
+class SomeTracks:
+    """What was followed, of a file that lacks no frames."""
+
+    place: float
+
+    def on_clock(self, clock: object) -> object:
+        return clock
+
+
 def test_a_clip_is_followed_once_whatever_is_said_of_the_scene(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -216,7 +226,7 @@ def test_a_clip_is_followed_once_whatever_is_said_of_the_scene(
             return np.arange(2) / fps
 
     def follow() -> object:
-        return rng.random()
+        return SomeTracks(rng.random())
 
     options = MeasureOptions(cache=True)
     clip: object = AClip()
