@@ -377,6 +377,10 @@ _PATH_FRAMES = 12
 _OFF_PATH = 0.08
 """Radii that an outline may be off the path of its neighbours, supposed: more is another thing."""
 
+_CLEAREST, _SIZES_APART = 0.75, 0.06
+"""Quantile of the contrasts from which outlines tell the ball's size; and share of it by which
+another is off: three standard deviations of a radius that is fitted free."""
+
 # From a guess as near as this the sharp edge is found.
 _NEAR_PX = 1.5
 """px: from a guess as near as this the sharp edge is found, as wide as its blur."""
@@ -723,7 +727,7 @@ def _reached(scene: FilmedScene, search: "_Search", found: BallFits) -> BallFits
         _extend(scene, search, table, direction)
     found = table.rows()
     if search.radius >= SMALL_RADIUS:
-        found = _reconsidered(search, found)
+        found = _of_one_size(scene, _reconsidered(search, found))
     return _consistent(search, found)
 
 
@@ -897,6 +901,27 @@ def _reconsidered(search: "_Search", found: BallFits) -> BallFits:
                 fits.put(row, again)
                 away = nearer
         clear[place] = away <= _OFF_PATH * search.radius
+    return found
+
+
+def _of_one_size(scene: FilmedScene, found: BallFits) -> BallFits:
+    """Outline anew, at the size of what is seen most clearly, what came out of another size.
+
+    Where a ball's rim is faint, an edge inside it is found in all frames of its rest alike, so that
+    no neighbour doubts it; the whole outline explains more of the picture and leaves less over.
+    """
+    fits = found.fits
+    if len(found) < _FEWEST_STILL_ROWS:
+        return found
+    clearest = fits.contrast >= np.quantile(fits.contrast, _CLEAREST)
+    size = float(np.median(fits.radius[clearest]))
+    other = np.nonzero(np.abs(fits.radius / size - 1.0) > _SIZES_APART)[0]
+    if len(other) == 0:
+        return found
+    again = _Search(scene, size).outlines(found.frame[other], found.centre[other])
+    better = again.found & (again.contrast > fits.contrast[other])
+    better &= again.rms_residual < fits.rms_residual[other]
+    fits.put(other[better], again.at(better))
     return found
 
 

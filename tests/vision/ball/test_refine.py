@@ -17,7 +17,7 @@ from tests.vision.ball.painted import (
     wall,
     with_ball,
 )
-from vision.ball.ball import BallFits, follow_ball
+from vision.ball.ball import BallFits, _of_one_size, follow_ball
 from vision.ball.choice import BallPath
 from vision.ball.edges import Hides
 from vision.ball.outline import nothing_found
@@ -217,3 +217,27 @@ def test_centres_of_outlines_seen_in_part_are_as_unsure_as_they_are_off() -> Non
     chi2 = ((ball.centre_px - place) ** 2 / variance).sum(axis=1)[part]
     # 95 % of a chi-square of two
     assert np.mean(chi2 < 5.99) > 0.85
+
+
+@pytest.mark.parametrize("shrinks", [0.0, 0.12])
+def test_outlines_of_another_size_are_kept_only_where_the_ball_has_it(shrinks: float) -> None:
+    """Circles inside the rim in the first frames; a ball that really is smaller there keeps it."""
+    radius, count, first = 60.0, 24, 8
+    scene, time = wall(200, 420, 31.0), np.arange(count)
+    places = np.column_stack([80.0 + 10.0 * time, 100.0 - 1.0 * time])
+    size = radius * np.where(time < first, 1.0 - shrinks, 1.0)
+    pictures = [exposed(scene, 1.0, seed) for seed in range(8)]
+    for index, ((x, y), true) in enumerate(zip(places, size, strict=True)):
+        seen = _seamed(scene, (float(x), float(y)), true)
+        pictures.append(exposed(seen, 1.0, index))
+    filmed = FilmedScene(Footage(PaintedClip(pictures)))  # type: ignore[arg-type]
+    dim, wrong = time < first, (time < first) & (shrinks == 0.0)
+    fits = nothing_found(count)
+    fits.found[:], fits.contrast[:] = True, np.where(dim, 0.45, 0.9)
+    fits.rms_residual[:] = np.where(dim, 9.0, 3.0)
+    fits.radius[:] = np.where(wrong, 0.9, 1.0) * size
+    fits.centre[:] = places + np.where(wrong[:, None], [3.0, -5.0], [0.0, 0.0])
+    fits.covariance[:] = 0.01 * np.eye(2)
+    found = _of_one_size(filmed, BallFits(8 + time, fits))
+    assert np.abs(found.radius - size).max() < 0.3
+    assert np.hypot(*(found.centre - places).T).max() < 0.3
