@@ -19,6 +19,7 @@ from mismatch.candidates import (
 from mismatch.fitting.fit import Fit, fit_model, kept_free, spread_laws
 from mismatch.fitting.hypotheses import LOOSE_LAWS, POOR_FIT, SURELY, Hypothesis
 from mismatch.fitting.prepare import Prepared, prepare, with_slow_noise
+from mismatch.fitting.reading import NOTEWORTHY
 from mismatch.fitting.scan import own_values, robust_spread, scan
 from mismatch.fitting.wandering import wandering_errors
 from mismatch.forward import OUTSIDE, Forward
@@ -153,9 +154,6 @@ def explain_in_full(
     names = tuple(trial.name for trial in campaign.trials)
     return Explained(verdict, prepared, naming, names)
 
-
-NOTEWORTHY = 2.0
-"""Widths off from which a fault of the instrument is no longer what careful labs have."""
 
 INSTRUMENTS = frozenset({EffectId.LENGTH_SCALE, EffectId.TIME_BASE, EffectId.CAMERA_ROLL})
 """Ids of what is left open in free flights."""

@@ -20,10 +20,9 @@ from mismatch.fitting.fit import (
     fit_model,
     free_parameters,
     linearise_arcs,
-    priors,
 )
 from mismatch.fitting.hypotheses import POOR_FIT
-from mismatch.fitting.scan import marginal_by_trial, scatter_evidence
+from mismatch.fitting.scan import scatter_evidence, told_of_own
 from mismatch.forward import NUISANCES, Forward, Model
 from mismatch.records import SIGNIFICANT, Records
 from physics.domain import FloatArray
@@ -31,15 +30,19 @@ from physics.effects import Effect, Level
 from physics.effects.measurement import PivotElsewhere, ReadingLag
 from physics.effects.swing import BearingFriction, PendulumDrag, ViscousDamping
 
-__all__ = ["Reading", "resolution", "told_beside_any_losses"]
+__all__ = ["NOTEWORTHY", "Reading", "resolution", "told_beside_any_losses"]
 
 ANY_LOSSES = (BearingFriction(), ViscousDamping(), PendulumDrag())
+"""Zeroth, first and second power of the rate."""
 
-FURTHEST = 2.0
-"""Widths off up to which a fault is one that instruments have; what takes up more is none."""
+NOTEWORTHY = 2.0
+"""Widths off from which a fault of the instrument is no longer what careful labs have."""
 
 SHOWN = 3.0
 """Standard uncertainties, misfit counted, from which a fault of the instrument shows."""
+
+UNLIKELY = 0.05
+"""Chance of a scatter as large from few releases, below which it is held to be more than usual."""
 
 ROUNDED = 0.1
 """Share of a step by which the digits of a file may move one reading from the next; supposed."""
@@ -125,11 +128,7 @@ def _usual(fit: Fit, fault: Effect) -> bool:
         if fit.model.entries[item.entry][0] is fault
     ]
     shown = any(size > doubt for size, doubt, _ in found)
-    return shown and all(size - doubt < FURTHEST * width for size, doubt, width in found)
-
-
-SURPRISE = 0.05
-"""Chance at which a scatter is held to be more than it may be."""
+    return shown and all(size - doubt < NOTEWORTHY * width for size, doubt, width in found)
 
 
 def _uneven(forward: Forward, fit: Fit) -> float:
@@ -142,14 +141,8 @@ def _uneven(forward: Forward, fit: Fit) -> float:
     system = linearise_arcs(
         forward, fit.model, fit.arcs, fit.nuisance, fit.law_offsets, fit.free
     ).system
-    mine = [NUISANCES["swing"].index(name) for name in ("losses",)]
-    others = [k for k in range(fit.nuisance.shape[1]) if k not in mine]
-    own_prior, _ = priors(forward, fit.model)
-    pull = np.where(own_prior < 1e15, -fit.nuisance * own_prior, 0.0)
-    score, information = marginal_by_trial(
-        system.own[..., others], own_prior[others], system.residual, system.own[..., mine],
-        pull[:, others],
-    )  # fmt: skip
+    mine = [NUISANCES["swing"].index("losses")]
+    score, information = told_of_own(forward, fit.model, fit.nuisance, system, mine)
     # As if all had lost alike, and losses were known to a few per cent at best.
     score = score + (information @ fit.nuisance[:, mine, None])[..., 0]
     usual, left = Defaults.BEARING_REPEATS.std, fit.reduced_chi2
@@ -157,8 +150,8 @@ def _uneven(forward: Forward, fit: Fit) -> float:
     # A scatter is known as well as its number of releases tells it.
     degrees = forward.records.trials - 1
     size = float(spread[0])
-    least = size * np.sqrt(degrees / chdtri(degrees, SURPRISE))
-    return size if gain > SIGNIFICANT and least < FURTHEST * usual else 0.0
+    least = size * np.sqrt(degrees / chdtri(degrees, UNLIKELY))
+    return size if gain > SIGNIFICANT and least < NOTEWORTHY * usual else 0.0
 
 
 def told_beside_any_losses(forward: Forward, model: Model, start: FloatArray) -> Reading:
@@ -178,12 +171,14 @@ def told_beside_any_losses(forward: Forward, model: Model, start: FloatArray) ->
     if fit.ending is Ending.LOST:
         return Reading((), model, 0.0)
     read = _beside(forward, fit, laws, faults)
-    if read.reduced_chi2 >= POOR_FIT:
+    if read.ending is Ending.LOST or read.reduced_chi2 >= POOR_FIT:
         # Something else acts as well, and would be taken for either.
         return Reading((), model, 0.0)
     kept = tuple(fault for fault in faults if _usual(read, fault))
     if len(kept) < len(faults):
         read = _beside(forward, fit, laws, kept)
+    if read.ending is not Ending.CONVERGED:
+        return Reading((), model, 0.0)
     for effect, values in read.model.entries:
         if any(effect is fault for fault in kept):
             model = model.having(effect, values)

@@ -54,6 +54,7 @@ __all__ = [
     "scan",
     "scatter_evidence",
     "slopes_left",
+    "told_of_own",
     "trial_pulls",
     "with_own_strengths",
 ]
@@ -193,6 +194,31 @@ def _evidence_of_levels(score: FloatArray, information: FloatArray, spread: Floa
     return gain - float(np.linalg.slogdet(root)[1].sum())
 
 
+def told_of_own(
+    forward: Forward,
+    model: Model,
+    nuisance: FloatArray,
+    system: Linearised,
+    mine: Sequence[int],
+) -> tuple[FloatArray, FloatArray]:
+    """Score (T, n) and information (T, n, n) of some of the trials' own values, others integrated.
+
+    Parameters
+    ----------
+    nuisance : (T, q) array
+        Own values about which the system is linear.
+    mine : sequence of int
+        Columns of those that are asked for.
+    """
+    others = [k for k in range(nuisance.shape[1]) if k not in mine]
+    prior, _ = priors(forward, model)
+    pull = np.where(prior < 1e15, -nuisance * prior, 0.0)
+    return marginal_by_trial(
+        system.own[..., others], prior[others], system.residual, system.own[..., list(mine)],
+        pull[:, others],
+    )  # fmt: skip
+
+
 def scatter_evidence(
     score: FloatArray, information: FloatArray, scale: FloatArray
 ) -> tuple[FloatArray, float]:
@@ -224,14 +250,7 @@ def _around(
     model, nuisance = at.model, at.nuisance
     first = len(NUISANCES[forward.mode])
     mine = [first + k for k, one in enumerate(model.own) if one.effect is effect]
-    others = [k for k in range(nuisance.shape[1]) if k not in mine]
-    system = _linearised(forward, at, ())
-    own_prior, _ = priors(forward, model)
-    pull = np.where(own_prior < 1e15, -nuisance * own_prior, 0.0)
-    score, information = marginal_by_trial(
-        system.own[..., others], own_prior[others], system.residual, system.own[..., mine],
-        pull[:, others],
-    )  # fmt: skip
+    score, information = told_of_own(forward, model, nuisance, _linearised(forward, at, ()), mine)
     score, information = grouped(forward, effect.level, score, information)
     values = nuisance[:, mine]
     if effect.level in GROUPED:

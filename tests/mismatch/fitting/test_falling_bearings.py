@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from mismatch.explain import explain
 from mismatch.fitting.fit import PIECE_STEPS, rows_at_rest
@@ -13,6 +12,7 @@ from physics.bodies import Pendulum
 from physics.effects import CATALOGUE, Form, Term
 from physics.integrator import integrate
 from physics.swing import SwingModel
+from tests.mismatch.fitting.rubbing import swung
 
 LENGTH, MASS, NOISE = 0.45, 0.3, 1.5e-3
 STIFFNESS = 9.80665 / LENGTH
@@ -31,36 +31,13 @@ def stretched(rate: float) -> float:
     return DRY * (1.0 + MORE * np.exp(-((abs(rate) / SLOW) ** 1.5)))
 
 
-def swung(start, time, linear=0.0, friction=rubbing) -> np.ndarray:
-    """Angle at some times, half swing after half swing, until friction holds it for good."""
-    angle, began, way = np.full(time.size, np.nan), 0.0, -np.sign(start)
-    state, soon = np.array([start, 0.0]), 1e-5
-    while STIFFNESS * abs(np.sin(state[0])) > friction(0.0) and began < time[-1]:
-
-        def rate(_, s, way=way):
-            return [s[1], -STIFFNESS * np.sin(s[0]) - linear * s[1] - way * friction(s[1])]
-
-        def turns(_, s, way=way):
-            return s[1] * way
-
-        turns.terminal, turns.direction = True, -1
-        gained = rate(began, state)[1] * soon
-        begin = np.add(state, [0.5 * gained * soon, gained])
-        path = solve_ivp(rate, (began + soon, began + 9.0), begin,
-                         events=turns, rtol=1e-9, atol=1e-11, dense_output=True)  # fmt: skip
-        mine = (time >= began) & (time <= path.t[-1])
-        if mine.any():
-            angle[mine] = path.sol(time[mine])[0]
-        began, state, way = path.t[-1], np.array([path.y[0, -1], 0.0]), -way
-    angle[time >= began] = state[0]
-    return angle
-
-
 def campaign(linear: float, seed: int) -> tuple[CampaignRecords, Baseline]:
     """Four swings of eight seconds at 60 Hz."""
     rng, time, trials = np.random.default_rng(seed), np.arange(0.0, 8.0, 1.0 / 60.0), []
     for number, start in enumerate((0.7, -0.45, 0.95, -0.6)):
-        seen = swung(start, time + 0.1, linear) + NOISE * rng.standard_normal(time.size)
+        seen = swung(start, time + 0.1, STIFFNESS, rubbing, linear) + NOISE * rng.standard_normal(
+            time.size
+        )
         trials.append(Trial(str(number), np.zeros(0), np.zeros((0, 3)), time, seen))
     return CampaignRecords(tuple(trials)), BASELINE
 
@@ -80,7 +57,7 @@ def test_friction_that_falls_with_the_rate_is_told_without_another_loss(linear):
 def test_friction_that_falls_is_followed_through_every_turning_point():
     span, steps = 4.0 * 2.0 * np.pi / np.sqrt(STIFFNESS), 4 * PIECE_STEPS
     forms = {effect.form: effect for effect in CATALOGUE["bearing_friction"]}
-    true = swung(0.4, np.linspace(0.0, span, steps + 1), friction=stretched)
+    true = swung(0.4, np.linspace(0.0, span, steps + 1), STIFFNESS, stretched)
     shape = {"dry_torque": DRY * BODY.inertia, "rate": SLOW, "steepness": 1.5}
     off = []
     for more in (0.0, MORE):
@@ -95,7 +72,7 @@ def test_friction_that_falls_is_followed_through_every_turning_point():
 def test_a_pendulum_at_rest_is_seen_to_rest_whatever_its_noise():
     # One in twenty was held to swing on, and what held it there was told as a torque with 0.92.
     time = np.arange(0.0, 10.0, 1.0 / 60.0)
-    still = swung(0.12, time)
+    still = swung(0.12, time, STIFFNESS, rubbing)
     assert np.ptp(still[-90:]) == 0.0
     rng, missed = np.random.default_rng(5), 0
     for _ in range(30):

@@ -14,37 +14,12 @@ from physics.bodies import Pendulum
 from physics.effects import CATALOGUE, Form, Term
 from physics.integrator import integrate
 from physics.swing import SwingModel
+from tests.mismatch.fitting.rubbing import swung
 
 LENGTH, MASS, NOISE = 0.5, 0.4, 2e-3
 STIFFNESS = 9.80665 / LENGTH
 RATE = np.sqrt(STIFFNESS)
 DRY, LINEAR = 0.3, 0.05
-
-
-def swung(start: float, time: np.ndarray) -> np.ndarray:
-    """Angle at some times, half swing after half swing, until friction holds it for good."""
-    angle, began, way = np.full(time.size, np.nan), 0.0, -np.sign(start)
-    state = np.array([start, 0.0])
-    soon = 1e-5
-    while STIFFNESS * abs(np.sin(state[0])) > DRY:
-
-        def rate(_, s, way=way):
-            return [s[1], -STIFFNESS * np.sin(s[0]) - LINEAR * s[1] - way * DRY]
-
-        def turns(_, s, way=way):
-            return s[1] * way
-
-        turns.terminal, turns.direction = True, -1
-        gained = rate(began, state)[1] * soon
-        begin = np.add(state, [0.5 * gained * soon, gained])
-        path = solve_ivp(rate, (began + soon, began + 9.0), begin,
-                         events=turns, rtol=1e-10, atol=1e-12, dense_output=True)  # fmt: skip
-        mine = (time >= began) & (time <= path.t[-1])
-        if mine.any():
-            angle[mine] = path.sol(time[mine])[0]
-        began, state, way = path.t[-1], np.array([path.y[0, -1], 0.0]), -way
-    angle[time >= began] = state[0]
-    return angle
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +28,7 @@ def stopped():
     rng, trials, stops = np.random.default_rng(4), [], []
     time = np.arange(0.0, 12.0, 1.0 / 60.0)
     for number, start in enumerate((0.8, -0.5, 0.6, -0.35)):
-        angle = swung(start, time)
+        angle = swung(start, time, STIFFNESS, lambda _: DRY, LINEAR)
         stop = time[np.flatnonzero(np.abs(angle - angle[-1]) > 3.0 * NOISE)[-1]]
         seen = angle + NOISE * rng.standard_normal(time.size)
         trials.append(Trial(str(number), np.zeros(0), np.zeros((0, 3)), time, seen))
@@ -99,7 +74,7 @@ def test_dry_friction_is_followed_through_every_turning_point():
     model = replace(SwingModel.of(pendulum, laws), step=np.array(span / steps))
     for start in (1.0, 0.8, 0.6):
         path = integrate(model.rates, np.array([start, 0.0]), np.array(span), steps)
-        true = swung(start, np.linspace(0.0, span, steps + 1))
+        true = swung(start, np.linspace(0.0, span, steps + 1), STIFFNESS, lambda _: DRY, LINEAR)
         assert path.states[:, 0] == pytest.approx(true, abs=5e-4)
 
 

@@ -127,17 +127,24 @@ def test_a_flight_too_short_to_show_it_leaves_the_slant_of_a_camera_set_up_by_ey
     assert abs(scene.slant_rad) < 0.5 * Defaults.CAMERA_SLANT.std
 
 
+def scale_turned(
+    ball: Track, yaw: float, per_px: float, seen_through: SupposedLens | None = None
+) -> BallScale:
+    """The scale of a camera turned towards +x, which sees the plane recede towards -x."""
+    lens, usual = supposed_lens(ball, (240, 448)), ball.centre_px[20]
+    shortened = lens.foreshortening(usual, -yaw)
+    growth = math.sin(-yaw) / (shortened * lens.focal_px)
+    return BallScale(per_px, usual, usual, 0.0, growth, shortened, seen_through)
+
+
 @pytest.mark.parametrize("yaw_deg", [-15.0, 15.0])
 def test_the_eye_of_a_camera_aslant_is_where_it_stands(yaw_deg: float) -> None:
     yaw = math.radians(yaw_deg)
     ball = seen_by(yaw, 0.0)
     lens = supposed_lens(ball, (240, 448))
-    usual = ball.centre_px[20]
-    shortened = lens.foreshortening(usual, -yaw)
-    growth = math.sin(-yaw) / (shortened * lens.focal_px)
-    per_px = 0.11 / float(lens.across(ball.centre_px, ball.radius_px)[20])
-    scale = BallScale(per_px, usual, usual, 0.0, growth, shortened, lens)
-    eye = scale.eye()
+    eye = scale_turned(
+        ball, yaw, 0.11 / float(lens.across(ball.centre_px, ball.radius_px)[20]), lens
+    ).eye()
     assert eye is not None
     x = 0.9 * 20 / 39 - 0.2
     # 3.5 m from the point that it looks at, x = 0
@@ -179,13 +186,7 @@ def test_a_camera_square_to_the_plane_stands_behind_the_middle_of_its_picture() 
 def test_lengths_off_the_axis_of_a_camera_aslant_are_as_long_as_they_are(yaw_deg: float) -> None:
     yaw = math.radians(yaw_deg)
     ball = seen_by(yaw, 0.0)
-    lens = supposed_lens(ball, (240, 448))
-    usual = ball.centre_px[20]
-    # a camera turned towards +x sees the plane recede towards -x
-    shortened = lens.foreshortening(usual, -yaw)
-    growth = math.sin(-yaw) / (shortened * lens.focal_px)
-    per_px = 0.11 / ball.radius_px[20]
-    scale = BallScale(per_px, usual, usual, 0.0, growth, shortened)
+    scale = scale_turned(ball, yaw, 0.11 / ball.radius_px[20])
     near = slice(14, 27)
     along = np.ptp(scale.point(ball.centre_px[near])[:, 0])
     assert along == pytest.approx(0.9 * 12 / 39, rel=0.01)
