@@ -34,7 +34,7 @@ from pipelines.measure.budget import (
 from pipelines.measure.gravity import as_flown_through, scale_std, seen_fall
 from pipelines.measure.impact import Impact, find_impact, strikes_apart, struck_again
 from pipelines.measure.inputs import Inputs, gather_inputs
-from pipelines.measure.measurement import ClipMeasurement
+from pipelines.measure.measurement import ClipMeasurement, proviso
 from pipelines.measure.metres import (
     CameraMapping,
     MetricTracks,
@@ -359,7 +359,9 @@ def measurement_of(
         other_speeds=found.results.other_speeds,
         gravity=found.results.gravity,
         checks=found.results.checks,
-        warnings=tuple(dict.fromkeys([*warnings, *found.warnings])),
+        warnings=tuple(
+            dict.fromkeys([*warnings, *proviso(followed.tracks.motion), *found.warnings])
+        ),
         tracks=_timed(followed.tracks, followed.seconds(found.rate.fps)),
         grid=found.grid,
         calibration=found.calibration,

@@ -22,7 +22,7 @@ from metrology import Quantity, UsageError, write_text_whole
 from metrology.quantity import format_quantity
 from pipelines.measure.impact import Impact, arm_along_bar, gap_after, gap_before
 from pipelines.measure.inputs import QuantityName, kinds_of
-from pipelines.measure.measurement import ClipMeasurement
+from pipelines.measure.measurement import ClipMeasurement, kinds_beside
 from pipelines.report import (
     Curve,
     GapRecord,
@@ -429,16 +429,11 @@ def report_input(measured: ClipMeasurement, clip: ClipReader | None) -> ReportIn
     return replace(base, gap=gap, speeds=_speeds(impact), path=path)
 
 
-_LEAST_TOLD = 0.01
-"""Probability below which another kind of motion is not told: what is left to each anyway."""
-
-
 def _seen(tracks: Tracks) -> tuple[tuple[str, str], ...]:
     """What happened and what moved, each with the reasons and how to point at it."""
     motion = tracks.motion
-    left = [f"{kind.value} {share:.2f}" for kind, share in motion.alternatives]
-    left = left[: sum(share > _LEAST_TOLD for _, share in motion.alternatives)]
-    beside = [f"Beside it: {', '.join(left)}."] if left else []
+    left = kinds_beside(motion)
+    beside = [f"Beside it: {left}."] if left else []
     lines = [
         (f"{motion.kind.value}, probability {motion.probability:.2f}", (*motion.reasons, *beside)),
         ("taken for the ball", tracks.reasons),

@@ -20,7 +20,7 @@ from pipelines.report import Check
 from pipelines.setup.file import RigNumber
 from vision.clip.footage import CaptureRate
 from vision.clip.picture import ClipInfo
-from vision.tracks import Motion, Track, Tracks
+from vision.tracks import Motion, MotionKind, Track, Tracks
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,10 +29,39 @@ __all__ = [
     "QUANTITY_UNITS",
     "TRACK_COLUMNS",
     "ClipMeasurement",
+    "kinds_beside",
+    "proviso",
     "track_covariance",
     "tracks_as_csv",
     "tracks_as_frame",
 ]
+
+
+_TOLD = 0.95
+"""Probability of a kind of motion below which its numbers come with a proviso: the level at which
+intervals are stated supposes the kind."""
+
+_WORTH_TELLING = 0.01
+"""Probability below which another kind of motion is not told: what is left to each anyway."""
+
+
+def kinds_beside(motion: Motion) -> str:
+    """The other kinds of motion that may have been seen, each with its probability; or nothing."""
+    beside = [(kind, share) for kind, share in motion.alternatives if share > _WORTH_TELLING]
+    return ", ".join(f"{kind.value} {share:.2f}" for kind, share in beside)
+
+
+def proviso(motion: Motion) -> tuple[str, ...]:
+    """What to say where the kind of motion that numbers rest on is in doubt; nothing elsewhere."""
+    if motion.kind is MotionKind.NONE or motion.probability >= _TOLD:
+        return ()
+    kind, left = motion.kind.value, kinds_beside(motion)
+    beside = f" (beside it: {left})" if left else ""
+    return (
+        f"what moves is a {kind} with a probability of {motion.probability:.2f} only{beside}:"
+        f" numbers of a {kind} hold only if it is one. Another --ball-at, or more of the motion in"
+        " view, would tell.",
+    )
 
 
 @dataclass(frozen=True)

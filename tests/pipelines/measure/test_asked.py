@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from pipelines.measure.chain import (
     FittedClip,
     FollowedClip,
     fit_tracks,
+    measurement_of,
     quantities_of,
 )
 from pipelines.measure.commands import CONTACT, COR, LANDING, LAUNCH
@@ -23,6 +25,7 @@ from pipelines.measure.flight_fit import FlightFit
 from pipelines.measure.inputs import gather_inputs
 from pipelines.measure.results import NOT_ASKED, needed
 from vision.clip.footage import CaptureRate, RateSource
+from vision.clip.picture import ClipInfo
 from vision.tracks import Motion, MotionKind
 
 FILMING = Filming(width=432, height=240, tape_std_m=0.005, fps=300.0)
@@ -91,3 +94,16 @@ def test_only_what_is_asked_for_is_worked_out(
     assert marches["contact-time"] == marches["launch"] == 0
     assert marches["landing"] == 1
     assert marches["cor"] > 2
+
+
+@pytest.mark.parametrize(("probability", "told"), [(0.7, True), (0.97, False)])
+def test_a_kind_of_motion_in_doubt_is_told_with_the_numbers(
+    fitted: FittedClip, probability: float, told: bool
+) -> None:
+    info = ClipInfo(
+        Path("a.mp4"), "0", 432, 240, 9, "h264", 30.0, True, 0.3, 0, "progressive", 8, None, False
+    )
+    tracks = replace(fitted.followed.tracks, motion=Motion(MotionKind.STRIKE, probability))
+    followed = replace(fitted.followed, tracks=tracks)
+    measured = measurement_of(info, followed, quantities_of(fitted))
+    assert any("probability of 0.70 only" in one for one in measured.warnings) is told

@@ -7,7 +7,7 @@ import pytest
 
 from metrology import Quantity
 from pipelines.measure.files import harmless, measurement_as_dict, report_input
-from pipelines.measure.measurement import ClipMeasurement
+from pipelines.measure.measurement import ClipMeasurement, proviso
 from vision.clip.footage import CaptureRate, RateSource
 from vision.clip.picture import ClipInfo
 from vision.tracks import FollowedObject, Motion, MotionKind, MotionModel, Track, Tracks
@@ -63,3 +63,12 @@ def test_the_report_tells_what_was_seen_why_and_how_to_point_at_another() -> Non
     assert told["ball_2"].endswith("It is less clear. If it is the ball: --ball-at 102,30,12.")
     assert told["also moves"].startswith("shadow of another object. It only dims.")
     assert measurement_as_dict(measured)["others"][0]["ball_at"] == [102, 30, 12]
+
+
+def test_numbers_of_a_kind_of_motion_in_doubt_come_with_a_proviso() -> None:
+    beside = ((MotionKind.FLIGHT, 0.25), (MotionKind.NONE, 0.049), (MotionKind.DROP, 0.001))
+    (said,) = proviso(Motion(MotionKind.SWING, 0.7, alternatives=beside))
+    assert "a swing with a probability of 0.70 only (beside it: flight 0.25, none 0.05)" in said
+    assert proviso(Motion(MotionKind.SWING, 0.96, alternatives=beside)) == ()
+    # where nothing is told of a motion nothing needs a proviso
+    assert proviso(Motion(MotionKind.NONE, 0.6, alternatives=beside)) == ()
