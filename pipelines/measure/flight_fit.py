@@ -480,6 +480,9 @@ known."""
 
 _JUMP_RADII = 0.5
 
+_FEWEST_STANDING = 5
+"""Frames in which a ball that stands is seen at least: a median of them is no single outlier."""
+
 _HARDEST_PULL = 15.0
 
 """m/s²: gravity with half as much again, the drag and lift of a fast, light ball."""
@@ -501,7 +504,8 @@ def flight_end(tracks: MetricTracks, inputs: Inputs, left: float) -> float:
     -------
     float
         The earliest of: the floor is reached, the ball rises again after its fall, the path jumps
-        away from itself; just after the last frame where nothing of that is seen.
+        away from itself, the ball stands still for longer than it can at an apex; just after the
+        last frame where nothing of that is seen.
     """
     after = np.flatnonzero(tracks.ball_time_s > left + LONGEST_CONTACT_S)
     time, place = tracks.ball_time_s[after], tracks.ball_m[after]
@@ -511,6 +515,9 @@ def flight_end(tracks: MetricTracks, inputs: Inputs, left: float) -> float:
     jump = _jump(time, place, tracks)
     if jump is not None:
         ends.append(float(time[jump]))
+    stop = _stop(time, place, tracks, inputs.gravity)
+    if stop is not None:
+        ends.append(float(time[stop]))
     height = place[:, 1]
     if inputs.fall is not None:
         floor = tracks.rest_m[1] - inputs.fall
@@ -523,12 +530,31 @@ def flight_end(tracks: MetricTracks, inputs: Inputs, left: float) -> float:
     return min(ends)
 
 
+def _stop(time: FloatArray, place: FloatArray, tracks: MetricTracks, gravity: float) -> int | None:
+    """First frame in which the ball is where it was: caught, or in a picture that stands.
+
+    What flies stays at its apex, too, but falls away from it on either side.
+    """
+    noise = _noise(tracks)
+    away = np.hypot(*(place - np.median(place[-_FEWEST_STANDING:], axis=0)).T) > noise
+    came = int(np.flatnonzero(away)[-1]) + 1 if np.any(away) else 0
+    if len(time) - came < _FEWEST_STANDING:
+        return None
+    half = 0.5 * float(time[-1] - time[came])
+    return came + 1 if 0.5 * gravity * half**2 > 2.0 * noise else None
+
+
+def _noise(tracks: MetricTracks) -> float:
+    """How far a ball may seem to be from where it is, m."""
+    return 6.0 * float(np.median(np.sqrt(np.trace(tracks.ball_cov_m2, axis1=1, axis2=2))))
+
+
 def _jump(time: FloatArray, place: FloatArray, tracks: MetricTracks) -> int | None:
     """First frame from which the path no longer carries on from where it was.
 
     A single frame that is off is left to the robust fit.
     """
-    noise = 6.0 * float(np.median(np.sqrt(np.trace(tracks.ball_cov_m2, axis1=1, axis2=2))))
+    noise = _noise(tracks)
     last, so_far = 1, 0
     for k in range(2, len(time)):
         before = time[last] - time[so_far]

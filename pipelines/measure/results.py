@@ -54,6 +54,7 @@ __all__ = [
     "Evaluated",
     "NoScale",
     "Results",
+    "frames_within",
     "missing_input",
     "needed",
     "reading_on_wall",
@@ -531,6 +532,24 @@ def _contact_frames(evaluated: Evaluated, tracks: Tracks, reasons: dict[str, str
     frame_s = 1.0 / evaluated.scene.rate.fps
     onset, release = evaluated.values[[start, end]] / frame_s
     std = [_apart_from_the_rate(evaluated, index) / frame_s for index in (start, end, lasting)]
+    count, spread = frames_within(float(onset), float(release), (std[0], std[1], std[2]))
+    return Quantity.measured(
+        "contact_frames", count, "1", (Contribution(UncertaintySource.FRAME_COUNT, spread),)
+    )
+
+
+def frames_within(
+    onset: float, release: float, std: tuple[float, float, float]
+) -> tuple[int, float]:
+    """How many frames lie within a contact, and the standard uncertainty of that count.
+
+    Parameters
+    ----------
+    onset, release : float
+        In frames.
+    std : (3,) tuple of float
+        Standard uncertainties of onset, release and of the time between them, frames.
+    """
     count = math.floor(release) - math.ceil(onset) + 1
     # onset and release hang together: where the face seems to be moves them apart
     together = (std[0] ** 2 + std[1] ** 2 - std[2] ** 2) / (2.0 * std[0] * std[1])
@@ -539,10 +558,15 @@ def _contact_frames(evaluated: Evaluated, tracks: Tracks, reasons: dict[str, str
     begun = onset + std[0] * first
     ended = release + std[1] * (together * first + math.sqrt(1.0 - together**2) * second)
     counts = np.maximum(np.floor(ended) - np.ceil(begun) + 1.0, 0.0)
-    spread = float(np.sqrt(np.mean((counts - count) ** 2)))
-    return Quantity.measured(
-        "contact_frames", count, "1", (Contribution(UncertaintySource.FRAME_COUNT, spread),)
-    )
+    off = np.abs(counts - count)
+    # a count is no Gaussian: plus or minus less than one would hold no other count than it, and
+    # what comes once in a hundred times is not to be four standard uncertainties off
+    held = float(np.quantile(off, _HELD, method="inverted_cdf"))
+    return count, max(float(np.sqrt(np.mean(off**2))), held / 2.0, float(off.max()) / 4.0)
+
+
+_HELD = 0.95
+"""Share of the truths that plus or minus two standard uncertainties hold."""
 
 
 @cache

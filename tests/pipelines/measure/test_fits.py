@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 from metrology import NoFitError, TooLittleDataError
 from metrology.least_squares import fit
 from pipelines.measure.flight_fit import FlightPriors, fit_flight, fit_swing
+from pipelines.measure.results import frames_within
 
 FloatArray = NDArray[np.float64]
 
@@ -223,3 +224,23 @@ def test_data_worth_less_than_they_say_are_worth_less_beside_a_prior() -> None:
         slopes.append(found.values[1])
         stds.append(np.sqrt(found.covariance[1, 1]))
     assert np.abs(slopes).max() < 1.5 * np.mean(stds)
+
+
+@pytest.mark.parametrize("std", [0.03, 0.1, 0.4])
+@pytest.mark.parametrize("together", [-0.8, 0.0, 0.8])
+def test_a_count_of_frames_in_contact_is_as_sure_as_it_says(std: float, together: float) -> None:
+    rng = np.random.default_rng(8)
+    apart = std * np.sqrt(2.0 - 2.0 * together)
+    off = rng.multivariate_normal([0, 0], std**2 * np.array([[1, together], [together, 1]]), 800)
+    begun = rng.uniform(40.0, 41.0, 800)
+    ended = begun + rng.uniform(6.0, 12.0, 800)
+    true = np.floor(ended) - np.ceil(begun) + 1
+    told = [
+        frames_within(onset, release, (std, std, apart))
+        for onset, release in zip(begun + off[:, 0], ended + off[:, 1], strict=True)
+    ]
+    z = np.array(
+        [(count - n) / max(spread, 0.05) for (count, spread), n in zip(told, true, strict=True)]
+    )
+    assert np.mean(np.abs(z) <= 2.0) > 0.94
+    assert np.mean(np.abs(z) > 4.0) < 0.003

@@ -134,6 +134,36 @@ def test_a_ghost_after_a_gap_is_not_the_flight() -> None:
     assert end == pytest.approx(70 / 200.0)
 
 
+@pytest.mark.parametrize("fps", [60.0, 600.0])
+def test_the_flight_ends_where_the_picture_stands(fps: float) -> None:
+    scene, shot = known_stroke("jokku", 120.0)
+    tracks = ideal_tracks(scene, shot, Noise(3e-4), fps=fps)
+    last = int(np.searchsorted(tracks.ball_time_s, 0.2 - FIRST))
+    place = tracks.ball_m.copy()
+    place[last:] = place[last] + np.random.default_rng(3).normal(0.0, 3e-4, place[last:].shape)
+    stood = replace(tracks, ball_m=place)
+    end = flight_end(stood, gather_inputs(Setup(), "jokku", None), departure(stood))
+    assert end == pytest.approx(tracks.ball_time_s[last], abs=1.01 / fps)
+
+
+def test_a_ball_at_its_apex_does_not_stand() -> None:
+    scene, shot = known_stroke("jokku", 120.0)
+    tracks = ideal_tracks(scene, shot, Noise(3e-4))
+    since = tracks.ball_time_s + FIRST
+    up = np.where(since > 0.0, since - 0.5 * 9.82 * since**2, 0.0)
+    noise = np.random.default_rng(3).normal(0.0, 3e-4, (len(up), 2))
+    seen = since < 1.0 / 9.82 + 0.02
+    thrown = replace(
+        tracks,
+        ball_frame=tracks.ball_frame[seen],
+        ball_time_s=tracks.ball_time_s[seen],
+        ball_m=(tracks.rest_m + np.column_stack([np.zeros(len(up)), up]) + noise)[seen],
+        ball_cov_m2=tracks.ball_cov_m2[seen],
+    )
+    end = flight_end(thrown, gather_inputs(Setup(), "jokku", None), departure(thrown))
+    assert end > thrown.ball_time_s[-1]
+
+
 def test_one_frame_that_is_off_does_not_end_the_flight() -> None:
     scene, shot = known_stroke("jokku", 120.0)
     tracks = ideal_tracks(scene, shot, Noise(1e-4))
