@@ -22,6 +22,7 @@ from vision.ball.choice import (
     LEFT_AS_ONE,
     BallPath,
     Choice,
+    Way,
     cast_by,
     choose_ball,
     described,
@@ -102,6 +103,8 @@ levels of the wall, from which a part of the light can be told; supposed."""
 _SHADED, _EVEN = 0.95, 2.0
 """Part of the light that a shadow leaves at most, and its scatter over that of noise: of a shaded
 ball it is nine and more in rooms drawn at random, three for a white ball before a white wall."""
+_MORE_EVEN = 2.0
+"""Times that what casts a shadow is less even than it, supposed: pixels of codecs err together."""
 _NEARLY_ALL, _WHOLE, _STEADY_SIZE = 0.8, 0.75, 0.03
 """Share of the frames, share of the outline, and scatter of its log radius from frame to frame, of
 what is seen clearly in gray, supposed: colour is looked at where one of them fails."""
@@ -447,6 +450,31 @@ def _tell(progress: Callable[[float], None] | None, part: float) -> None:
 
 
 @dataclass(frozen=True)
+class _Light:
+    """The light of a thing over that of the wall behind it.
+
+    Attributes
+    ----------
+    left : float
+        Median of that ratio.
+    spread : float
+        Its scatter over that of noise.
+    """
+
+    left: float
+    spread: float
+
+    @property
+    def like_a_shadow(self) -> bool:
+        """Whether an even part of the wall's light is left."""
+        return self.left < _SHADED and self.spread < _EVEN
+
+    def rather_a_shadow(self, other: "_Light") -> bool:
+        """Whether it dims the wall, and much more evenly than the other."""
+        return self.left < _SHADED and _MORE_EVEN * self.spread < other.spread
+
+
+@dataclass(frozen=True)
 class _Seen:
     """What was taken for the ball, and the picture in which it is seen best.
 
@@ -458,15 +486,15 @@ class _Seen:
         In the thing's own colour, where that shows more.
     choice : Choice
     rough : BallFits
-    only_dims : bool
-        Whether it takes an even part of the wall's light, as a shadow does.
+    light : _Light or None
+        Beside the wall's, where there is enough of it.
     """
 
     scene: FilmedScene
     tinted: FilmedScene | None
     choice: Choice
     rough: BallFits
-    only_dims: bool = False
+    light: "_Light | None" = None
 
     @property
     def picture(self) -> FilmedScene:
@@ -478,6 +506,11 @@ class _Seen:
         """How much speaks for the choice, weighed by the part of it that bears a closer look."""
         found = np.isin(self.choice.ball.frame, self.rough.frame)
         return path_score(self.choice.ball) * float(np.mean(found))
+
+    @property
+    def only_dims(self) -> bool:
+        """Whether it takes an even part of the wall's light, as a shadow does."""
+        return self.light is not None and self.light.like_a_shadow
 
     @cached_property
     def course(self) -> LawfulCourse:
@@ -520,12 +553,27 @@ class _Seen:
         own, theirs = self.course.evidence(size), other.course.evidence(size)
         # What lies and flies in neither, as a bag that swings, is told by neither.
         told = max(own, theirs) > 0.0 and abs(own - theirs) > _TELLING
+        if told and own < theirs and self._falls_from(other):
+            return False
         if told and own > theirs and self.course.still >= _FEWEST_STILL:
             return True
         # A ball and its shadow as one may have a course, too, but no clear outline.
         if told and own < theirs and other.clear:
             return False
         return self.speaks_for_itself and self.worth > other.worth
+
+    def _falls_from(self, other: "_Seen") -> bool:
+        """Whether it goes as the other's shadow does, and is more like one than the other is."""
+        if self.light is None or other.light is None:
+            return False
+        if not self.light.rather_a_shadow(other.light):
+            return False
+        # looks at either may be at frames of their own; beyond its course it may be another thing
+        ball, dark = (
+            Way(rough.frame, rough.centre, float(np.median(rough.radius)))
+            for rough in (other.rough, self.rough.at(self.rough.frame <= self.course.last))
+        )
+        return _throws(ball, dark)
 
     @property
     def warnings(self) -> list[str]:
@@ -615,7 +663,7 @@ def _followed_whole(scene: FilmedScene, path: BallPath, best: "_Seen | None") ->
     if seen is None:
         return None
     seen.scene.restore(known[id(seen.scene)])
-    return replace(seen, only_dims=_only_dims(seen.scene, seen))
+    return replace(seen, light=_light(seen.scene, seen))
 
 
 def _most_lawful(found: list["_Seen"]) -> "_Seen | None":
@@ -663,8 +711,8 @@ def _preferred(found: _Seen, best: _Seen, gray: _Seen | None) -> bool:
     return found.worth > share * best.worth
 
 
-def _only_dims(scene: FilmedScene, seen: _Seen) -> bool:
-    """Whether what was followed leaves an even part of the wall's light, as a shadow does.
+def _light(scene: FilmedScene, seen: _Seen) -> _Light | None:
+    """The light of what was followed over the wall's; None where there is too little to tell.
 
     A ball has its own pattern and shading; where it is of the wall's lightness, only its shadow may
     be seen in gray.
@@ -688,9 +736,7 @@ def _only_dims(scene: FilmedScene, seen: _Seen) -> bool:
         noise = float(np.median(scene.usual_noise[window][inside][lit] / behind[lit]))
         left.append(usual)
         spread.append(1.4826 * float(np.median(np.abs(ratio - usual))) / noise)
-    if not left:
-        return False
-    return float(np.median(left)) < _SHADED and float(np.median(spread)) < _EVEN
+    return _Light(float(np.median(left)), float(np.median(spread))) if left else None
 
 
 def _casts(found: _Seen, shade: _Seen) -> bool:
@@ -698,7 +744,7 @@ def _casts(found: _Seen, shade: _Seen) -> bool:
     return _throws(found.choice.ball, shade.choice.ball)
 
 
-def _throws(ball: BallPath, dark: BallPath) -> bool:
+def _throws(ball: BallPath | Way, dark: BallPath | Way) -> bool:
     """Whether a path lies elsewhere than another, which goes as its shadow does."""
     _, own, theirs = np.intersect1d(ball.frame, dark.frame, return_indices=True)
     if len(own) == 0:
@@ -717,7 +763,7 @@ def _seen_in_gray(scene: FilmedScene, at: tuple[float, float, int | None] | None
     if len(rough) < _FEWEST_ROWS:
         return None
     seen = _Seen(scene, None, choice, rough)
-    return seen if at is not None else replace(seen, only_dims=_only_dims(scene, seen))
+    return seen if at is not None else replace(seen, light=_light(scene, seen))
 
 
 def _what_casts(shade: _Seen) -> _Seen | None:
@@ -730,7 +776,7 @@ def _what_casts(shade: _Seen) -> _Seen | None:
         if len(rough) < _FEWEST_ROWS:
             continue
         seen = _Seen(scene, None, choice.instead(path), _followed_back(scene, path, rough))
-        if not _only_dims(scene, seen):
+        if not replace(seen, light=_light(scene, seen)).only_dims:
             return seen
     return None
 

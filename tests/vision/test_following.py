@@ -1,10 +1,13 @@
 import csv
 import re
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+from bench.altered import WAYS, altered
+from bench.measure_truth import cases
 from metrology import NotFoundError
 from tests.shared_data import shared_folder
 from tests.vision.ball.painted import (
@@ -366,3 +369,16 @@ def test_the_pivot_of_a_bob_that_is_followed_with_its_shadow_is_as_unsure_as_its
     off = pendulum.pivot_px - pivot
     assert np.hypot(*off) > 3.0
     assert np.all(np.abs(off) < 1.5 * np.sqrt(np.diag(pendulum.pivot_covariance_px2)))
+
+
+def test_a_small_ball_in_a_padded_picture_is_followed_and_not_its_clearer_shadow(
+    tmp_path: Path,
+) -> None:
+    small = next(case for case in cases() if case.path.name == "jokku_90_small.mp4")
+    padded = next(way for way in WAYS if way.name == "padded")
+    whole = follow(ClipReader.open(small.path), 600.0).ball
+    ball = follow(ClipReader.open(altered(small, padded, tmp_path).path), 600.0).ball
+    _, here, there = np.intersect1d(ball.frame, whole.frame, return_indices=True)
+    assert len(here) > 0.95 * len(whole)
+    off = ball.centre_px[here] - 16.0 - whole.centre_px[there]
+    assert np.median(np.hypot(*off.T)) < 0.3

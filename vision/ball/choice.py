@@ -42,6 +42,7 @@ __all__ = [
     "LEFT_AS_ONE",
     "BallPath",
     "Choice",
+    "Way",
     "cast_by",
     "choose_ball",
     "described",
@@ -750,7 +751,24 @@ def _softer(path: BallPath, other: BallPath) -> bool:
     return bool(softer and cast_by(path, other))
 
 
-def cast_by(path: BallPath, other: BallPath) -> bool:
+@dataclass(frozen=True)
+class Way:
+    """Where a thing of a size was, frame by frame.
+
+    Attributes
+    ----------
+    frame : (N,) int array
+    centre_px : (N, 2) array
+    radius : float
+        px.
+    """
+
+    frame: IntArray
+    centre_px: FloatArray
+    radius: float
+
+
+def cast_by(path: BallPath | Way, other: BallPath | Way) -> bool:
     """Whether a path goes as the other's shadow does, on a wall along which it flies.
 
     A lamp throws the way on the wall as it is, only larger; two things of which each goes its own
