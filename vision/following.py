@@ -93,6 +93,8 @@ _TELLING = 10.0
 _FEWEST_STILL = 5
 """Frames at rest that a scene as the clip begins must show: what goes on from the first frame to
 the last, as a pendulum does, is seen no better in it."""
+_NOT_MET = (MotionKind.NONE, MotionKind.SWING)
+"""Kinds of motion before which nothing lay still to be met, unless what met it was surely seen."""
 _LEFT_TRIED = 3
 """Things that left that are followed at most: a ball and shadows of it are among the first."""
 _AS_GOOD = 0.5
@@ -285,6 +287,8 @@ def _followed_in(
     if motion.kind is MotionKind.SWING:
         # What seemed to lie still was at its turning point.
         rest_frames = None
+    if motion.kind in _NOT_MET and striker is not None and not striker.surely_struck:
+        striker = None
     tracks = Tracks(
         ball=ball,
         pendulum=_pendulum(striker, rest, capture_fps),

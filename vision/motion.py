@@ -514,7 +514,8 @@ _MOST_ALIKE = 0.9
 class _Flight:
     """The stretch of free motion: frames, motion in it, and its log evidence, nats.
 
-    `falls` is the probability that it falls, beside going straight on or being bent otherwise.
+    `falls` is the probability that it falls, beside going straight on or being bent otherwise;
+    `held` that it is held from above, as a bob is, if it does not fall.
     """
 
     first: int
@@ -526,13 +527,7 @@ class _Flight:
     radius: float
     bends: "_Bend"
     falls: float = 0.5
-
-    @property
-    def held(self) -> float:
-        """Probability that it is held from above, as a bob is, if it does not fall."""
-        bends = self.bends
-        every = bends.straight + bends.other * _BENT / _NOT_BENT
-        return float(np.clip(bends.held / max(every, np.finfo(float).tiny), 0.0, _MOST_CERTAIN))
+    held: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -677,7 +672,39 @@ def _flight(moving: Track, scatter: float, area: float) -> _Flight | None:
         best = max([*alike, best], key=lambda arc: arc.log_evidence)
     else:
         best = arcs[0]
-    return replace(best, log_evidence=whole, falls=falls)
+    return replace(best, log_evidence=whole, falls=falls, held=_if_held(telling))
+
+
+def _if_held(arcs: list[_Flight]) -> float:
+    """Probability that what does not fall is held in all arcs, as a bob is by what holds it."""
+    tightest = max(arcs, key=lambda arc: arc.bends.held / max(arc.bends.straight, _UNHEARD_OF))
+    turned = [arc.bends.held / _HELD * _turns_as(arc, tightest) for arc in arcs]
+    held = _HELD * float(np.prod(turned))
+    free = _mixed(arcs, [arc.bends.rolling for arc in arcs])
+    return float(np.clip(held / max(held + free, np.finfo(float).tiny), 0.0, _MOST_CERTAIN))
+
+
+def _turns_as(arc: _Flight, other: _Flight) -> float:
+    """How likely an arc turns across its way as on a circle of the radius of another one's."""
+    if arc is other:
+        return 1.0
+    across, own = _across(arc)
+    there, theirs = _across(other)
+    expected = there * (own / theirs) ** 2
+    spread = (
+        arc.acceleration_std,
+        other.acceleration_std * (own / theirs) ** 2,
+        _SAME_FALL * expected,
+    )
+    return math.exp(-0.5 * ((across - expected) / float(np.hypot.reduce(spread))) ** 2)
+
+
+def _across(arc: _Flight) -> tuple[float, float]:
+    """Acceleration across the mean course towards the side that faces up, and the mean speed."""
+    course = arc.velocity + 0.5 * (arc.last - arc.first) * arc.acceleration
+    speed = max(float(np.hypot(*course)), 1e-9)
+    across = float(arc.acceleration[0] * course[1] - arc.acceleration[1] * course[0]) / speed
+    return across * (float(np.sign(course[0])) or 1.0), speed
 
 
 def _if_falls_as(arc: _Flight, arcs: list[_Flight]) -> float:

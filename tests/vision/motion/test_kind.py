@@ -344,3 +344,15 @@ def test_a_bob_that_climbs_past_its_lowest_point_swings_and_the_camera_stood_upr
         motion = motion_of(_track(centre, seed), None, pendulum=False)
         assert motion.fall_px is None
         assert motion.kind is MotionKind.SWING
+
+
+def test_what_drives_itself_along_an_arc_and_off_a_wall_does_not_swing() -> None:
+    turned = np.linspace(0.0, 0.7, 45)
+    bent = 8.0 * np.column_stack([np.cos(turned), -np.sin(turned)])
+    back = 8.0 * np.column_stack([-np.cos(turned), np.full(45, -0.3)])
+    straight = np.tile([-8.0, 0.4], (40, 1))
+    centre = np.array([50.0, 400.0]) + np.cumsum(np.vstack([bent, back, straight]), axis=0)
+    kind, probability = _kind(centre)
+    assert kind is not MotionKind.SWING or probability < 0.5
+    alone, _ = _kind(centre[:45])
+    assert alone is MotionKind.SWING
