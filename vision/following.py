@@ -31,6 +31,7 @@ from vision.ball.choice import (
     link_circles,
     path_score,
     rivals,
+    together,
     uncovered,
     untangled,
 )
@@ -44,7 +45,7 @@ from vision.lost import LostFrames, lost_frames
 from vision.motion import LawfulCourse, bends_up, lawful_course, motion_of
 from vision.pendulum.face import Striking
 from vision.pendulum.search import Striker, find_striker, pendulum_track
-from vision.scene import FilmedScene
+from vision.scene import FilmedScene, SceneKnown
 from vision.tracks import (
     FollowedObject,
     MotionKind,
@@ -105,8 +106,11 @@ levels of the wall, from which a part of the light can be told; supposed."""
 _SHADED, _EVEN = 0.95, 2.0
 """Part of the light that a shadow leaves at most, and its scatter over that of noise: of a shaded
 ball it is nine and more in rooms drawn at random, three for a white ball before a white wall."""
-_MORE_EVEN = 2.0
-"""Times that what casts a shadow is less even than it, supposed: pixels of codecs err together."""
+_SHADES = (0.4, _SHADED)
+"""Parts of the light that a shadow leaves: a lamp is seldom all there is, supposed."""
+_MORE_EVEN = 1.5
+"""Times that what casts a shadow is less even than it, supposed: in rooms drawn at random balls
+were so by 10 to 80 of their noise, and their shadows by 2 to 16."""
 _NEARLY_ALL, _WHOLE, _STEADY_SIZE = 0.8, 0.75, 0.03
 """Share of the frames, share of the outline, and scatter of its log radius from frame to frame, of
 what is seen clearly in gray, supposed: colour is looked at where one of them fails."""
@@ -474,8 +478,10 @@ class _Light:
         return self.left < _SHADED and self.spread < _EVEN
 
     def rather_a_shadow(self, other: "_Light") -> bool:
-        """Whether it dims the wall, and much more evenly than the other."""
-        return self.left < _SHADED and _MORE_EVEN * self.spread < other.spread
+        """Whether it dims the wall, and that is lighter than the wall or less even than it."""
+        brighter = other.left > 1.0 / _SHADED
+        evener = _MORE_EVEN * self.spread < other.spread
+        return _SHADES[0] < self.left < _SHADES[1] and (brighter or evener)
 
 
 @dataclass(frozen=True)
@@ -566,18 +572,21 @@ class _Seen:
             return False
         return self.speaks_for_itself and self.worth > other.worth
 
+    @property
+    def way(self) -> Way:
+        """Where its outlines are up to the end of its course; then it may be another thing."""
+        rough = self.rough.at(self.rough.frame <= self.course.last)
+        return Way(rough.frame, rough.centre, float(np.median(rough.radius)))
+
     def _falls_from(self, other: "_Seen") -> bool:
         """Whether it goes as the other's shadow does, and is more like one than the other is."""
         if self.light is None or other.light is None:
             return False
-        if not self.light.rather_a_shadow(other.light):
-            return False
-        # looks at either may be at frames of their own; beyond its course it may be another thing
-        ball, dark = (
-            Way(rough.frame, rough.centre, float(np.median(rough.radius)))
-            for rough in (other.rough, self.rough.at(self.rough.frame <= self.course.last))
-        )
-        return _throws(ball, dark)
+        return self.light.rather_a_shadow(other.light) and self.thrown_by(other.way)
+
+    def thrown_by(self, ball: BallPath | Way) -> bool:
+        """Whether it goes as a shadow of that, by its outlines or, where they hop, its looks."""
+        return _throws(ball, self.way) or _throws(ball, self.choice.ball)
 
     @property
     def warnings(self) -> list[str]:
@@ -614,7 +623,7 @@ def _seen(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Se
     if at is not None:
         return best
     if best is not None and not best.doubtful:
-        return _whole_of(best) or best
+        return _what_casts(best) or _whole_of(best) or best
     begun = scene.as_it_began()
     found = None if begun is None else _seen_in_gray(begun, at)
     if found is not None and (best is None or found.outdoes(best)):
@@ -622,9 +631,7 @@ def _seen(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Se
     left = _seen_leaving(scene, best)
     if left is not None and (best is None or left.outdoes(best)):
         best = left
-    if best is not None and best.only_dims:
-        return _what_casts(best) or best
-    return best
+    return best if best is None else _what_casts(best) or best
 
 
 def _seen_leaving(scene: FilmedScene, best: "_Seen | None") -> "_Seen | None":
@@ -750,10 +757,10 @@ def _casts(found: _Seen, shade: _Seen) -> bool:
 
 def _throws(ball: BallPath | Way, dark: BallPath | Way) -> bool:
     """Whether a path lies elsewhere than another, which goes as its shadow does."""
-    _, own, theirs = np.intersect1d(ball.frame, dark.frame, return_indices=True)
+    own, beside = together(dark, ball)
     if len(own) == 0:
         return False
-    away = np.hypot(*(ball.centre_px[own] - dark.centre_px[theirs]).T)
+    away = np.hypot(*(beside - dark.centre_px[own]).T)
     return bool(np.median(away) > ball.radius and cast_by(dark, ball))
 
 
@@ -771,18 +778,38 @@ def _seen_in_gray(scene: FilmedScene, at: tuple[float, float, int | None] | None
 
 
 def _what_casts(shade: _Seen) -> _Seen | None:
-    """What a shadow that was taken for the ball falls from, where that was seen in gray, too."""
-    scene, choice = shade.scene, shade.choice
+    """What it falls from, where what was taken for the ball is rather a shadow of that.
+
+    Of a ball and a light on it, which both go as what casts it does, the ball.
+    """
+    scene, choice, known = shade.scene, shade.choice, shade.scene.known
+    if shade.light is None or not _SHADES[0] < shade.light.left < _SHADES[1]:
+        return None
+    found: list[tuple[_Seen, SceneKnown]] = []
     for path in sorted((*choice.others, *choice.dismissed), key=path_score, reverse=True):
-        if not _throws(path, choice.ball):
+        if not shade.thrown_by(path):
             continue
-        rough = follow_ball(scene, path)
+        scene.restore(known)
+        rough = _followed_back(scene, path, follow_ball(scene, path))
         if len(rough) < _FEWEST_ROWS:
             continue
-        seen = _Seen(scene, None, choice.instead(path), _followed_back(scene, path, rough))
-        if not replace(seen, light=_light(scene, seen)).only_dims:
-            return seen
-    return None
+        seen = _Seen(scene, None, choice.instead(path), rough)
+        seen = replace(seen, light=_light(scene, seen))
+        if (
+            seen.light is not None
+            and not seen.only_dims
+            and shade.light.rather_a_shadow(seen.light)
+        ):
+            found.append((seen, scene.known))
+    scene.restore(known)
+    if not found:
+        return None
+    best, known = found[0]
+    for seen, against in found[1:]:
+        if encloses(seen.choice.ball, best.choice.ball):
+            best, known = seen, against
+    scene.restore(known)
+    return best
 
 
 def _clearly_seen(rough: BallFits, held: IntArray) -> bool:

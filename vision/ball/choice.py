@@ -51,6 +51,7 @@ __all__ = [
     "link_circles",
     "path_score",
     "rivals",
+    "together",
     "uncovered",
     "untangled",
 ]
@@ -768,16 +769,35 @@ class Way:
     radius: float
 
 
+def together(path: BallPath | Way, other: BallPath | Way) -> tuple[IntArray, FloatArray]:
+    """Rows of a path while another is seen, too, and where that is then (n, 2), px.
+
+    Of two things side by side each may be found in looks in which the other is not; where the other
+    is lost for longer than it is usually from look to look, it may be anywhere.
+    """
+    inside = (path.frame >= other.frame[0]) & (path.frame <= other.frame[-1])
+    rows = np.flatnonzero(inside)
+    frame = path.frame[rows]
+    after = np.searchsorted(other.frame, frame)
+    gap = np.where(
+        other.frame[after] == frame, 0, other.frame[after] - other.frame[np.maximum(after - 1, 0)]
+    )
+    usual = float(np.median(np.diff(other.frame))) if len(other.frame) > 1 else 1.0
+    kept = gap <= (_REACH + 1) * usual
+    there = [np.interp(frame[kept], other.frame, other.centre_px[:, axis]) for axis in (0, 1)]
+    return rows[kept], np.column_stack(there)
+
+
 def cast_by(path: BallPath | Way, other: BallPath | Way) -> bool:
     """Whether a path goes as the other's shadow does, on a wall along which it flies.
 
     A lamp throws the way on the wall as it is, only larger; two things of which each goes its own
     way bend or turn differently.
     """
-    _, own, theirs = np.intersect1d(path.frame, other.frame, return_indices=True)
+    own, beside = together(path, other)
     if len(own) < max(_FEWEST_LAWFUL, _COMMON_SHARE * min(len(path.frame), len(other.frame))):
         return False
-    way = other.centre_px[theirs] - other.centre_px[theirs].mean(axis=0)
+    way = beside - beside.mean(axis=0)
     cast = path.centre_px[own] - path.centre_px[own].mean(axis=0)
     size = float((way * way).sum())
     if np.sqrt(size / len(own)) < _STILL_RADII * other.radius:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from vision.ball.ball import expected_places, off_flight
-from vision.ball.choice import BallPath, Choice, choose_ball, untangled
+from vision.ball.choice import BallPath, Choice, Way, cast_by, choose_ball, untangled
 
 
 def _path(frame: np.ndarray, x: np.ndarray, radius: float = 8.0) -> BallPath:
@@ -41,6 +41,27 @@ def test_what_was_seen_before_the_ball_came_is_not_beside_it() -> None:
     earlier, ball, later = (_path(np.arange(k, k + 20), np.arange(20.0)) for k in (0, 20, 40))
     with_it = _path(np.arange(30, 50), np.arange(20.0))
     assert Choice(ball, (earlier, with_it, later), struck=False).beside == (with_it,)
+
+
+def _way(frame: np.ndarray, scale: float, start: tuple[float, float]) -> Way:
+    """It lies still up to frame 40, and flies."""
+    flown = np.maximum(frame - 40.0, 0.0)
+    place = scale * np.column_stack([2.0 * flown, 0.01 * flown**2 - 0.5 * flown])
+    return Way(frame, np.array(start) + place, 8.0)
+
+
+def test_a_shadow_that_is_found_in_other_looks_than_the_ball_goes_as_it_does() -> None:
+    ball, shadow = np.arange(0, 90, 4), np.arange(2, 90, 4)
+    cast = _way(shadow, 1.1, (60.0, 80.0))
+    assert cast_by(cast, _way(ball, 1.0, (50.0, 50.0)))
+    assert not cast_by(cast, Way(ball, _way(ball, 1.0, (50.0, 50.0)).centre_px[:, ::-1], 8.0))
+
+
+def test_where_a_ball_is_while_it_is_lost_for_long_is_not_known() -> None:
+    # a line from before the loss to after it is where it never was
+    seen = np.concatenate([np.arange(0, 10), np.arange(50, 90)])
+    shadow = np.arange(0, 90)
+    assert cast_by(_way(shadow, 1.1, (60.0, 80.0)), _way(seen, 1.0, (50.0, 50.0)))
 
 
 def _flight(count: int = 40, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
