@@ -559,18 +559,25 @@ class _Seen:
         )
         if is_none != other_is_none:
             return other_is_none
+        casts, other_casts = other._falls_from(self), self._falls_from(other)
+        if casts != other_casts:
+            return casts
         size = max(float(np.median(seen.rough.radius)) for seen in (self, other))
         own, theirs = self.course.evidence(size), other.course.evidence(size)
         # What lies and flies in neither, as a bag that swings, is told by neither.
         told = max(own, theirs) > 0.0 and abs(own - theirs) > _TELLING
-        if told and own < theirs and self._falls_from(other):
-            return False
         if told and own > theirs and self.course.still >= _FEWEST_STILL:
             return True
         # A ball and its shadow as one may have a course, too, but no clear outline.
         if told and own < theirs and other.clear:
             return False
         return self.speaks_for_itself and self.worth > other.worth
+
+    @property
+    def moves_all_along(self) -> bool:
+        """Whether one law explains it from the first frame in which it is seen, without a rest."""
+        course = self.course
+        return course.still == 0 and course.moving >= _ALL_ALONG * len(self.rough)
 
     @property
     def way(self) -> Way:
@@ -774,7 +781,20 @@ def _seen_in_gray(scene: FilmedScene, at: tuple[float, float, int | None] | None
     if len(rough) < _FEWEST_ROWS:
         return None
     seen = _Seen(scene, None, choice, rough)
+    if at is None and choice.reached and seen.moves_all_along:
+        seen = _not_reached(looks, seen) or seen
     return seen if at is not None else replace(seen, light=_light(scene, seen))
+
+
+def _not_reached(looks: "Looks", seen: _Seen) -> _Seen | None:
+    """What else is the ball where what seemed to be reached at rest was on its way all along."""
+    scene = looks.scene
+    choice = choose_ball(looks.joined(), None, scene.background.image, (seen.way,))
+    if choice is None or choice.ball is seen.choice.ball:
+        return None
+    choice, rough = _followed(looks, choice, None)
+    rough = _followed_back(scene, choice.ball, rough)
+    return _Seen(scene, None, choice, rough) if len(rough) >= _FEWEST_ROWS else None
 
 
 def _what_casts(shade: _Seen) -> _Seen | None:

@@ -23,6 +23,7 @@ is taken out, then the next.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
 from itertools import pairwise
@@ -596,10 +597,28 @@ def trimmed(path: BallPath) -> BallPath:
     return path.where(keep)
 
 
+@dataclass(frozen=True)
+class Way:
+    """Where a thing of a size was, frame by frame.
+
+    Attributes
+    ----------
+    frame : (N,) int array
+    centre_px : (N, 2) array
+    radius : float
+        px.
+    """
+
+    frame: IntArray
+    centre_px: FloatArray
+    radius: float
+
+
 def choose_ball(
     paths: list[BallPath],
     at: tuple[float, float, int | None] | None,
     background: FloatImage | None = None,
+    moved: Sequence[Way] = (),
 ) -> Choice | None:
     """Choose the ball: clear all around, far-travelled, long in view; or what the user points at.
 
@@ -613,6 +632,8 @@ def choose_ball(
         x, y (px) and frame (or None) of a point on the ball.
     background : (H, W) float32 array, optional
         The static scene, gray levels: what only dims it may be another's shadow.
+    moved : sequence of Way, optional
+        What was seen, frame by frame, to move all along: it never lay still.
 
     Returns
     -------
@@ -632,7 +653,8 @@ def choose_ball(
         moving = _lit(moving, background)
     if not moving:
         return None
-    struck, reachers = _struck(clean, moving, background)
+    lay = [path for path in clean if not any(_goes_along(path, way) for way in moved)]
+    struck, reachers = _struck(lay, moving, background)
     scores = {id(path): path_score(path) for path in (*moving, *struck)}
     # What reached it is the striker, however clearly that is seen.
     wanted = sorted(struck or moving, key=lambda path: scores[id(path)], reverse=True)
@@ -752,23 +774,6 @@ def _softer(path: BallPath, other: BallPath) -> bool:
     return bool(softer and cast_by(path, other))
 
 
-@dataclass(frozen=True)
-class Way:
-    """Where a thing of a size was, frame by frame.
-
-    Attributes
-    ----------
-    frame : (N,) int array
-    centre_px : (N, 2) array
-    radius : float
-        px.
-    """
-
-    frame: IntArray
-    centre_px: FloatArray
-    radius: float
-
-
 def together(path: BallPath | Way, other: BallPath | Way) -> tuple[IntArray, FloatArray]:
     """Rows of a path while another is seen, too, and where that is then (n, 2), px.
 
@@ -857,6 +862,13 @@ def _struck(
     # What comes up as another one leaves, and goes as its shadow does, was not there before.
     kept = [path for path in found if _rested(path) or not any(cast_by(path, one) for one in lay)]
     return kept, reachers
+
+
+def _goes_along(path: BallPath, way: Way) -> bool:
+    """Whether a path is where a thing was that was followed frame by frame."""
+    own, there = together(path, way)
+    away = np.hypot(*(path.centre_px[own] - there).T)
+    return len(own) > _MOSTLY * len(path.frame) and float(np.median(away)) < 0.5 * path.radius
 
 
 def _sure_itself(path: BallPath, background: FloatImage | None) -> bool:

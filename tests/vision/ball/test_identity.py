@@ -64,6 +64,39 @@ def test_where_a_ball_is_while_it_is_lost_for_long_is_not_known() -> None:
     assert cast_by(_way(shadow, 1.1, (60.0, 80.0)), _way(seen, 1.0, (50.0, 50.0)))
 
 
+def _path_at(frame: np.ndarray, centre: np.ndarray, radius: float) -> BallPath:
+    full = np.ones(len(frame))
+    return BallPath(frame, centre, radius * full, full, 60.0 * full, full, 90.0 * full)
+
+
+def _swung(frame: np.ndarray) -> np.ndarray:
+    turned = (frame - 30.0) / 30.0
+    return np.column_stack([390.5 - 17.0 * turned, 180.1 - 0.6 * turned - 2.0 * turned**2])
+
+
+def test_what_was_followed_as_it_moved_all_along_was_not_reached_at_rest() -> None:
+    # A bob that comes slowly seems to lie still over its first looks, and its shadow to reach it;
+    # its last look is at something else. The ball is first seen as it leaves.
+    frame = np.array([0, 3, *range(8, 63, 3), 64])
+    place = _swung(frame)
+    place[-1] += [-8.0, 12.0]
+    bob = _path_at(frame, place, 6.6)
+    late = np.array([0, 3, 8, 11, 14, 17, 21, 23, 99])
+    below = np.column_stack([400.0 - 0.5 * late, 203.5 - 0.05 * late])
+    gone = np.arange(73, 118, 2)
+    left = np.column_stack([355.0 - 0.95 * (gone - 60), 176.0 - 0.1 * (gone - 60)])
+    paths = [bob, _path_at(late, below, 9.9), _path_at(gone, left, 12.6)]
+    every = np.arange(63)
+    seen = Way(every, _swung(every), 6.6)
+    first = choose_ball(paths, None)
+    assert first is not None
+    assert first.ball.radius == pytest.approx(6.6)
+    assert first.reached
+    told = choose_ball(paths, None, None, (seen,))
+    assert told is not None
+    assert told.ball.radius == pytest.approx(12.6)
+
+
 def _flight(count: int = 40, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
     frame = np.arange(count)
     speed = np.where(frame < 20, 3.0, -2.0)
