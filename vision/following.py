@@ -99,7 +99,8 @@ _NOT_MET = (MotionKind.NONE, MotionKind.SWING)
 _LEFT_TRIED = 3
 """Things that left that are followed at most: a ball and shadows of it are among the first."""
 _AS_GOOD = 0.5
-"""Share of the score of what is unclear in gray from which what is clear in colour is taken."""
+"""Share of the score of what is unclear in gray from which what is clear in colour is taken, and of
+the lawful frames of a shadow in which what casts it is seen to fly."""
 _SHADE_LOOKS, _INNER_PART, _FEWEST_SHADED, _LEAST_LIT = 7, 0.6, 8, 8.0
 """Looks at a thing that may be a shadow; part of its radius inside its soft rim; pixels, and gray
 levels of the wall, from which a part of the light can be told; supposed."""
@@ -108,6 +109,9 @@ _SHADED, _EVEN = 0.95, 2.0
 ball it is nine and more in rooms drawn at random, three for a white ball before a white wall."""
 _SHADES = (0.4, _SHADED)
 """Parts of the light that a shadow leaves: a lamp is seldom all there is, supposed."""
+_CAST_SIZE = (0.75, 2.0)
+"""Radii of a shadow over those of what casts it: a lamp as far before it as the wall is behind it
+doubles it, a camera near by sees it smaller, and its soft rim may be lost; supposed."""
 _MORE_EVEN = 1.5
 """Times that what casts a shadow is less even than it, supposed: in rooms drawn at random balls
 were so by 10 to 80 of their noise, and their shadows by 2 to 16."""
@@ -478,10 +482,9 @@ class _Light:
         return self.left < _SHADED and self.spread < _EVEN
 
     def rather_a_shadow(self, other: "_Light") -> bool:
-        """Whether it dims the wall, and that is lighter than the wall or less even than it."""
-        brighter = other.left > 1.0 / _SHADED
-        evener = _MORE_EVEN * self.spread < other.spread
-        return _SHADES[0] < self.left < _SHADES[1] and (brighter or evener)
+        """Whether it dims the wall, and that is less even than it."""
+        dims = _SHADES[0] < self.left < _SHADES[1]
+        return dims and _MORE_EVEN * self.spread < other.spread
 
 
 @dataclass(frozen=True)
@@ -765,7 +768,7 @@ def _casts(found: _Seen, shade: _Seen) -> bool:
 def _throws(ball: BallPath | Way, dark: BallPath | Way) -> bool:
     """Whether a path lies elsewhere than another, which goes as its shadow does."""
     own, beside = together(dark, ball)
-    if len(own) == 0:
+    if len(own) == 0 or not _CAST_SIZE[0] < dark.radius / ball.radius < _CAST_SIZE[1]:
         return False
     away = np.hypot(*(beside - dark.centre_px[own]).T)
     return bool(np.median(away) > ball.radius and cast_by(dark, ball))
@@ -806,6 +809,7 @@ def _what_casts(shade: _Seen) -> _Seen | None:
     if shade.light is None or not _SHADES[0] < shade.light.left < _SHADES[1]:
         return None
     found: list[tuple[_Seen, SceneKnown]] = []
+    moved = shade.course.moving
     for path in sorted((*choice.others, *choice.dismissed), key=path_score, reverse=True):
         if not shade.thrown_by(path):
             continue
@@ -815,11 +819,9 @@ def _what_casts(shade: _Seen) -> _Seen | None:
             continue
         seen = _Seen(scene, None, choice.instead(path), rough)
         seen = replace(seen, light=_light(scene, seen))
-        if (
-            seen.light is not None
-            and not seen.only_dims
-            and shade.light.rather_a_shadow(seen.light)
-        ):
+        if seen.light is None or seen.only_dims or seen.course.moving < _AS_GOOD * moved:
+            continue
+        if shade.light.rather_a_shadow(seen.light):
             found.append((seen, scene.known))
     scene.restore(known)
     if not found:

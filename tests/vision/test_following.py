@@ -330,6 +330,7 @@ def test_of_a_shadow_that_was_taken_for_the_ball_what_casts_it_is_found(uneven: 
     assert found is not None
     off = found.rough.centre - np.array(centres)[found.rough.frame]
     assert np.median(np.hypot(*off.T)) < 0.5
+    assert _what_casts(replace(found, choice=choice.instead(found.choice.ball))) is None
 
 
 def test_a_mass_that_hangs_for_long_where_most_frames_show_it_is_followed() -> None:
