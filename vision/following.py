@@ -641,7 +641,7 @@ def _seen(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Se
     left = _seen_leaving(scene, best)
     if left is not None and (best is None or left.outdoes(best)):
         best = left
-    return best if best is None else _what_casts(best) or best
+    return best if best is None else _what_casts(best) or _whole_of(best) or best
 
 
 def _seen_leaving(scene: FilmedScene, best: "_Seen | None") -> "_Seen | None":
@@ -658,7 +658,9 @@ def _whole_of(seen: "_Seen") -> "_Seen | None":
         return None
     begun = seen.scene.as_it_began() or seen.scene
     discs = discs_along(begun, rough.frame, rough.centre, float(np.median(rough.radius)))
-    enclosing = [path for path in discs if encloses(path, seen.choice.ball)][:_LEFT_TRIED]
+    paths = sorted((*seen.choice.others, *seen.choice.dismissed), key=path_score, reverse=True)
+    enclosing = [path for path in (*paths, *discs) if encloses(path, seen.choice.ball)]
+    enclosing = enclosing[:_LEFT_TRIED]
     found = [_followed_whole(seen.scene, path, seen) for path in enclosing]
     whole = _most_lawful([one for one in found if one is not None and not one.only_dims])
     if whole is None or whole.like_a_bob:

@@ -609,6 +609,14 @@ def _check_size(height: int, width: int) -> None:
     refuse_giant(height, width)
 
 
+_FEWEST_MOVES, _LONG_STILL = 4, 2
+"""Frames in which something moved, that are too few for a law of motion and two more to show it;
+and margins of still frames after which what they belong to is over."""
+
+_Action = tuple[int, list[float], dict[int, GrayFrame], list[GrayFrame] | None]
+"""First frame, clock, sample and held frames of an action."""
+
+
 class _Gathered:
     """What is kept of the frames while they are decoded, and of which ones."""
 
@@ -626,24 +634,38 @@ class _Gathered:
         self._size = 0
         self._stride = 0.0
         self._margin = 0
+        self._moves = 0
+        self._told = 0
+        self._aside: _Action | None = None
 
     def add(self, gray: GrayFrame) -> None:
         """Take the next frame."""
         moved = self._motion.tick(gray)
         self.cuts.add(self._motion.cells)
+        self._moves += moved
+        self._told += 1
+        if moved and not self._started:
+            self._start()
         if self._started:
             self._store(self._motion.time, gray)
-        elif moved:
-            self._start()
-            self._store(self._motion.time, gray)
+            since = len(self.clock) - 1 - self._last_motion
+            if since > self._margin and self._moves <= _FEWEST_MOVES:
+                self._wait(gray)
+                if since > _LONG_STILL * self._margin:
+                    self._set_aside()
         else:
             self._margin = max(3, min(_MARGIN, _MARGIN_BYTES // gray.nbytes))
-            self._before_motion.append((self._motion.time, gray))
-            if len(self._before_motion) > self._margin:
-                self._before_motion.popleft()
-                self.first += 1
+            self._wait(gray)
         if moved:
             self._last_motion = len(self.clock) - 1
+
+    def _wait(self, gray: GrayFrame) -> None:
+        """Keep a still frame that may be one of the last before the action."""
+        self._before_motion.append((self._motion.time, gray))
+        if len(self._before_motion) > self._margin:
+            self._before_motion.popleft()
+            if not self._started:
+                self.first += 1
 
     def _start(self) -> None:
         self._started = True
@@ -651,9 +673,24 @@ class _Gathered:
             self._store(time, gray)
         self._before_motion.clear()
 
+    def _set_aside(self) -> None:
+        """Too few frames moved to show anything, and long ago: what action there is comes later.
+
+        A codec settles over the first few frames, and a light flashes.
+        """
+        self.finish()
+        self._aside = (self.first, self.clock, self.sample, self.held)
+        self.first = self._told - len(self._before_motion)
+        self.clock, self.sample, self.held = [], {}, []
+        self._started, self._last_motion, self._moves = False, 0, 0
+        self._size, self._stride = 0, 0.0
+
     def finish(self) -> None:
         """Leave out what follows the last motion."""
         if not self._started:
+            if self._aside is not None:
+                self.first, self.clock, self.sample, self.held = self._aside
+                return
             self._start()
             return
         count = min(len(self.clock), self._last_motion + 1 + self._margin)

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from tests.vision.ball.painted import PaintedClip
 from vision.clip import footage
 from vision.clip.footage import Footage
 from vision.clip.picture import Frame
@@ -179,3 +180,29 @@ def _moving(beat: int) -> np.ndarray:
     picture = np.random.default_rng(5).integers(90, 110, (60, 120)).astype(np.uint8)
     picture[20:32, 5 + 6 * beat : 17 + 6 * beat] = 220
     return picture
+
+
+def _with_motion(count: int, moving: range) -> PaintedClip:
+    """A still wall on which a codec settles over the first frames, and something moves later."""
+    rng = np.random.default_rng(0)
+    still = rng.integers(90, 110, (40, 120)).astype(np.uint8)
+    pictures = [still] * count
+    pictures[0] = np.clip(still.astype(int) + 8 * (np.arange(120) > 100), 0, 255).astype(np.uint8)
+    for index in moving:
+        pictures[index] = still.copy()
+        pictures[index][20:30, 4 * (index - moving[0]) : 4 * (index - moving[0]) + 10] = 200
+    return PaintedClip(pictures)
+
+
+def test_a_change_as_the_clip_begins_is_no_action_where_one_comes_long_after() -> None:
+    found = Footage(_with_motion(420, range(350, 372)))  # type: ignore[arg-type]
+    assert 350 - 60 <= found.first < 350
+    first = found.frames(np.array([350 - found.first]))
+    assert next(first)[1][25, 5] == 200
+    assert len(found.clock) == found.count
+
+
+def test_a_change_as_the_clip_begins_is_the_action_where_nothing_else_moves() -> None:
+    found = Footage(_with_motion(420, range(350, 350)))  # type: ignore[arg-type]
+    assert found.first == 0
+    assert found.count <= 70
