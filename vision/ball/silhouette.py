@@ -130,6 +130,11 @@ _INDEPENDENT = 8
 """Independent parts that an outline is taken to have: see `vision.ball.outline`."""
 
 
+_LET_GO = 0.2
+"""Log radius by which a patch shrinks from frame to frame where what held it lets go, supposed: a
+ball that comes nearer at ten frames a second grows by a tenth."""
+
+
 @dataclass(frozen=True)
 class _Patch:
     """The patch above one level: centre (2,), half widths, solidity, and which pixels it is."""
@@ -294,7 +299,28 @@ class _Silhouettes:
                     gap = circle.centre - one.centre
                     covariance += 0.25 * np.outer(gap, gap)
                 _write(fits, row, one.centre, covariance, one.narrow, one.solid)
-        return BallFits(frame, fits).at(fits.found)
+        return _let_go(BallFits(frame, fits).at(fits.found))
+
+
+def _let_go(fits: BallFits) -> BallFits:
+    """Without the ends in which its patch is one with that of what holds it, a hand say.
+
+    From one frame to the next a patch of both shrinks to the thing's own, which nothing that comes
+    nearer does.
+    """
+    size = np.log(fits.radius)
+    first, last = 0, len(size)
+    for row in range(1, len(size)):
+        own = (
+            size[row : row + _SIZE_FRAMES] if row <= len(size) // 2 else size[:row][-_SIZE_FRAMES:]
+        )
+        held = size[:row] if row <= len(size) // 2 else size[row:]
+        if len(own) < _COURSE or abs(size[row] - size[row - 1]) < _LET_GO:
+            continue
+        if float(np.median(held)) - float(np.median(own)) > _LET_GO:
+            first, last = (row, last) if row <= len(size) // 2 else (first, min(last, row))
+    rows = np.arange(len(size))
+    return fits.at((rows >= first) & (rows < last))
 
 
 def _write(

@@ -61,6 +61,30 @@ def test_a_ball_as_light_as_the_wall_is_followed_by_its_colour_and_not_by_knot_a
     assert any("colour" in warning for warning in tracks.warnings)
 
 
+def test_a_hand_that_holds_the_ball_is_no_part_of_it() -> None:
+    # Hand and ball are one patch of about one colour until it lets go.
+    fallen = np.maximum(np.arange(26.0) - 10.0, 0.0)
+    places = np.column_stack([np.full(26, 90.0) + 2.0 * fallen, 40.0 + 0.45 * fallen**2])
+    empty = np.zeros((HEIGHT, WIDTH))
+    pictures = [_picture([], empty, seed) for seed in range(12)]
+    for k, place in enumerate(places):
+        ball = cover(HEIGHT, WIDTH, (place[0], place[1]), RADIUS)
+        back = 3.0 * max(k - 10, 0)
+        hand = cover(HEIGHT, WIDTH, (82.0 - 4.0 * back + 0.8 * min(k, 10), 34.0), 1.6 * RADIUS)
+        pictures.append(_picture([(hand, RED), (ball, RED)], empty, 30 + k))
+    scene = FilmedScene(Footage(PaintedColourClip(pictures)))  # type: ignore[arg-type]
+    blueness, redness = moving_colours(scene)[0]
+    tinted = scene.tinted(float(blueness), float(redness))
+    frame = np.arange(26, 36, 2)
+    full = np.ones(len(frame))
+    path = BallPath(frame, places[frame - 12], RADIUS * full, full, 60.0 * full, full, 90.0 * full)
+    found = follow_silhouette(tinted, path)
+    off = np.hypot(*(found.centre - places[found.frame - 12]).T)
+    assert found.frame[0] >= 22
+    assert np.median(off) < 0.5
+    assert np.abs(np.log(found.radius / RADIUS)).max() < 0.25
+
+
 def test_a_circle_is_laid_through_the_arc_that_a_bar_leaves_in_view() -> None:
     time = np.arange(26.0)
     places = np.column_stack([25.0 + 6.5 * time, np.full(26, 80.0)])
