@@ -23,6 +23,7 @@ from vision.ball.choice import (
     BallPath,
     Choice,
     Way,
+    approach,
     cast_by,
     choose_ball,
     described,
@@ -94,6 +95,8 @@ _TELLING = 10.0
 _FEWEST_STILL = 5
 """Frames at rest that a scene as the clip begins must show: what goes on from the first frame to
 the last, as a pendulum does, is seen no better in it."""
+_LEAST_BOW_PX = 1.0
+"""px by which a way bows from a line at least to tell an arc: looks err by half of that."""
 _NOT_MET = (MotionKind.NONE, MotionKind.SWING)
 """Kinds of motion before which nothing lay still to be met, unless what met it was surely seen."""
 _LEFT_TRIED = 3
@@ -362,11 +365,30 @@ def _what_struck(
     choice: Choice, striker: Striker | None, *, pointed_at: bool
 ) -> tuple[Choice, Striker | None]:
     """Whether a ball or what swings struck: a ball that came to the other may only pass by."""
-    if not choice.struck or striker is None:
+    if striker is None or (not choice.struck and pointed_at):
         return choice, striker
-    if pointed_at or striker.surely_struck:
+    if pointed_at:
+        return replace(choice, struck=False), striker
+    if any(_came_straight(other, choice, striker) for other in (*choice.others, *choice.dismissed)):
+        return choice, None
+    if not choice.struck or striker.surely_struck:
         return replace(choice, struck=False), striker
     return choice, None
+
+
+def _came_straight(other: BallPath, choice: Choice, striker: Striker) -> bool:
+    """Whether what struck is a round thing that came straighter than on an arc as it has.
+
+    Such an arc may hang on a few frames in which a hand was followed with the thing.
+    """
+    mass = striker.mass
+    length, sagitta = approach(choice.ball, other)
+    bow = length**2 / (8.0 * mass.arc.radius_px)
+    if bow - sagitta < max(_LEAST_BOW_PX, 0.5 * bow):
+        return False
+    own, there = together(other, Way(mass.frame, mass.anchor, other.radius))
+    away = np.hypot(*(other.centre_px[own] - there).T)
+    return len(own) >= _FEWEST_ROWS and float(np.median(away)) < other.radius
 
 
 def _still_until(rest: Rest, fits: BallFits) -> tuple[int, int]:

@@ -44,6 +44,7 @@ __all__ = [
     "BallPath",
     "Choice",
     "Way",
+    "approach",
     "cast_by",
     "choose_ball",
     "described",
@@ -521,6 +522,9 @@ _EARLY_SHARE = 0.25
 # An outline so complete, this much larger, may enclose a glint.
 _CREDIBLE = 0.62
 
+_ONE_KIND = 0.3
+"""Log radius by which two balls of one kind seem to differ at most: one that is smeared on its way
+is outlined a fifth too large, supposed."""
 _ENCLOSING = 1.4
 
 """Ratio of radii from which a circle encloses another, as far apart as two edges of one ball never
@@ -666,8 +670,15 @@ def choose_ball(
     told = {id(path) for path in alike}
     dismissed = tuple(path for path in clean if _moves(path) and id(path) not in told)
     for path in alike:
-        if any(_rolled_to(path, other) for other in alike if other is not path):
-            others = tuple(other for other in alike if other is not path)
+        came = [
+            other
+            for other in ranked
+            if other is not path and _of_a_size(path, other) and _rolled_to(path, other)
+        ]
+        if came:
+            known = {id(path), *(id(one) for one in came)}
+            others = (*came, *(one for one in alike if id(one) not in known))
+            dismissed = tuple(one for one in dismissed if id(one) not in known)
             reasons = _reasons(path, wanted, scores, True)
             return Choice(path, others, True, None, dismissed, reasons, others)
     strikers = tuple(reachers.get(id(best), ()))
@@ -995,6 +1006,11 @@ def _smoothness(path: BallPath) -> float:
     return 1.0 / (1.0 + bend / (speed + 0.02 * path.radius))
 
 
+def _of_a_size(path: BallPath, other: BallPath) -> bool:
+    """Whether two may be balls of one kind, of which one is seen less clearly."""
+    return abs(math.log(path.radius / other.radius)) < _ONE_KIND
+
+
 def _alike(path: BallPath, best: BallPath) -> bool:
     same_size = abs(np.log(path.radius / best.radius)) < 0.2
     return bool(
@@ -1108,17 +1124,33 @@ def _rolled_to(path: BallPath, other: BallPath) -> bool:
     """Whether the other met it at rest, and came along a line: what swings is a pendulum."""
     if not _met_at_rest(path, other):
         return False
+    length, sagitta = approach(path, other)
+    return length > _LEAST_APPROACH * path.radius and sagitta < _STRAIGHT * length
+
+
+def approach(path: BallPath, other: BallPath) -> tuple[float, float]:
+    """How far another came until a thing left its rest, and how far its way bowed from a line, px.
+
+    Nothing where it was seen on its way too seldom.
+
+    Parameters
+    ----------
+    path : BallPath
+        What lay still.
+    other : BallPath
+        What came.
+    """
     start = path.centre_px[: max(3, len(path.frame) // 10)].mean(axis=0)
     gone = np.hypot(*(path.centre_px - start).T) > 0.7 * path.radius
     came = other.centre_px[other.frame < path.frame[int(np.argmax(gone))]]
     came = came[np.hypot(*(came - came[:1]).T) > 0.0]
     if len(came) < _FEWEST_CAME:
-        return False
+        return 0.0, 0.0
     along, _, _ = np.linalg.svd((came - came.mean(axis=0)).T, full_matrices=False)
     way = (came - came.mean(axis=0)) @ along
     length = float(np.ptp(way[:, 0]))
     sagitta = abs(float(np.polyfit(way[:, 0], way[:, 1], 2)[0])) * (0.5 * length) ** 2
-    return length > _LEAST_APPROACH * path.radius and sagitta < _STRAIGHT * length
+    return length, sagitta
 
 
 def _passes(path: BallPath, at: tuple[float, float, int | None]) -> bool:

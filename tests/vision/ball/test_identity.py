@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from vision.ball.ball import expected_places, off_flight
-from vision.ball.choice import BallPath, Choice, Way, cast_by, choose_ball, untangled
+from vision.ball.choice import (
+    BallPath,
+    Choice,
+    Way,
+    approach,
+    cast_by,
+    choose_ball,
+    untangled,
+)
 
 
 def _path(frame: np.ndarray, x: np.ndarray, radius: float = 8.0) -> BallPath:
@@ -419,3 +427,18 @@ def test_what_is_lighter_than_the_wall_is_no_shadow_of_what_lay_still() -> None:
     choice = choose_ball([ball, shadow, striker], None, wall)
     assert choice is not None
     assert choice.ball.level[0] == 150.0
+
+
+def test_a_puck_that_is_smeared_on_its_way_struck_the_other_one_all_the_same() -> None:
+    frame = np.arange(0, 120, 3)
+    came = np.minimum(30.0 + 1.2 * frame, 30.0 + 1.2 * 90.0)
+    striker = replace(_path(frame, came, 9.9), sharpness=np.full(len(frame), 4.0))
+    left = np.maximum(frame - 90.0, 0.0)
+    lying = _path(frame, 157.0 + 1.2 * left, 8.0)
+    choice = choose_ball([striker, lying], None)
+    assert choice is not None
+    assert choice.ball.radius == pytest.approx(8.0)
+    assert choice.struck
+    length, sagitta = approach(choice.ball, choice.others[0])
+    assert length > 90.0
+    assert sagitta < 0.1
