@@ -120,6 +120,11 @@ class ExternalTrack:
     def __len__(self) -> int:
         return len(self.frame)
 
+    @property
+    def has_size(self) -> bool:
+        """Whether its size was measured in every picture."""
+        return self.radius_px is not None and bool(np.isfinite(self.radius_px).all())
+
 
 @dataclass(frozen=True, eq=False)
 class ExternalTracks:

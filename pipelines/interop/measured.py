@@ -319,7 +319,8 @@ def measure_from_tracks(
     )
     scale, said_of_scale = _scale(external, options, clip)
     tracks = _tracks(external, filmed, inputs, scale)
-    followed = FollowedClip(tracks, filmed.clock, rate, inputs, scale)
+    seen = external.tracks[0].has_size
+    followed = FollowedClip(tracks, filmed.clock, rate, inputs, scale, size_seen=seen)
     found = measure_tracks(followed, progress, options.budget)
     source = f"Tracks from {path.name} ({external.program}); nothing was looked for in pictures."
     warnings = (source, *external.notes, *said_of_scale, *filmed.warnings)
@@ -450,7 +451,7 @@ def _track(given: ExternalTrack, radius: float) -> Track:
     covariance = np.zeros((count, 2, 2))
     covariance[:, [0, 1], [0, 1]] = std**2
     size = np.full(count, radius)
-    if given.radius_px is not None and np.isfinite(given.radius_px).all():
+    if given.radius_px is not None and given.has_size:
         size = given.radius_px
     return Track(
         frame=given.frame,

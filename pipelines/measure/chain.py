@@ -221,6 +221,8 @@ class FollowedClip:
     inputs : Inputs
     scale_m_per_px : (2,) tuple of float or None
         Scale in the plane of motion with its standard uncertainty, where somebody gives it.
+    size_seen : bool
+        Whether the ball's radius was seen; marks have none but what is said of the ball.
     """
 
     tracks: Tracks
@@ -228,6 +230,7 @@ class FollowedClip:
     rate: CaptureRate
     inputs: Inputs
     scale_m_per_px: tuple[float, float] | None = None
+    size_seen: bool = True
 
     def seconds(self, fps: float) -> FloatArray:
         """Times of all frames at a rate, s."""
@@ -617,7 +620,16 @@ def _motion_scene(scene: ClipConditions, followed: FollowedClip, wall: "WallScen
         gravity=inputs.gravity,
         size=float(max(followed.tracks.background.shape)),
         rate_from_fall=scene.rate.source is RateSource.ASSUMED,
+        diameter=_said_diameter(scene) if followed.size_seen else None,
     )
+
+
+def _said_diameter(scene: ClipConditions) -> tuple[float, float] | None:
+    """Diameter and its relative uncertainty, where the scale was not told by it."""
+    diameter = scene.inputs.rig.ball_diameter
+    if scene.metres_per_px is None or diameter is None:
+        return None
+    return diameter.value, diameter.relative_std
 
 
 def _plane_scale(scene: ClipConditions, tracks: Tracks, wall: "WallScene") -> PlaneScale | None:

@@ -44,6 +44,7 @@ __all__ = [
     "gravity_share",
     "passive_contact",
     "pendulum_length",
+    "size_at_scale",
     "speed_by_pendulum",
     "speed_per_frame",
     "speeds_agree",
@@ -370,26 +371,44 @@ def ball_size(
     speed, lasts = found[QuantityName.BALL_SPEED], found[QuantityName.CONTACT_TIME]
     if speed.value is None or speed.std is None:
         return None
-    apart = looks_m / given_m - 1.0
     std = math.hypot(share, speed.std / speed.value)
-    power = float(scipy.special.ndtr(-_SIGMAS + RELEVANT_SIZE_SHARE / std))
-    text = (
-        f"the ball looks {1e3 * looks_m:.0f} mm across at the scale of its plane, and is said to"
-        f" be {1e3 * given_m:.0f} mm"
+    check = size_at_scale(
+        looks_m, std, given_m, "check the diameter, the grid's pitch and the taped distances"
     )
-    if abs(apart) <= _SIGMAS * std:
-        outcome = CheckOutcome.PASSED if power >= LEAST_POWER else CheckOutcome.UNDECIDED
-        return HeldAgainst(Check(CheckKind.BALL_SIZE, outcome, text, power), ())
-    text += ": check the diameter, the grid's pitch and the taped distances"
-    doubts = [Contradiction(RATE_AND_SCALE, abs(apart), False, text)]
+    if check.outcome is not CheckOutcome.FAILED:
+        return HeldAgainst(check, ())
+    apart = abs(looks_m / given_m - 1.0)
+    doubts = [Contradiction(RATE_AND_SCALE, apart, False, check.statement)]
     if lasts.value is not None:
         # face and surface of the ball meet and part by so much earlier or later
-        moved = abs(apart) * given_m / (speed.value * lasts.value)
-        doubts.append(Contradiction(CONTACT, moved, False, text))
-    return HeldAgainst(
-        Check(CheckKind.BALL_SIZE, CheckOutcome.FAILED, text, power),
-        tuple(doubts),
+        moved = apart * given_m / (speed.value * lasts.value)
+        doubts.append(Contradiction(CONTACT, moved, False, check.statement))
+    return HeldAgainst(check, tuple(doubts))
+
+
+def size_at_scale(looks_m: float, share: float, given_m: float, advice: str) -> Check:
+    """Check the diameter that a ball has at the scale of its plane against what is said of it.
+
+    Parameters
+    ----------
+    looks_m, share : float
+        As it looks, m, and the relative standard uncertainty of that beside what is given.
+    given_m : float
+        As it is said to be, m.
+    advice : str
+        What to do where they differ.
+    """
+    # what is uncertain by a share of itself is so by as much less where it is smaller
+    std = share * looks_m / given_m
+    power = float(scipy.special.ndtr(-_SIGMAS + RELEVANT_SIZE_SHARE / std))
+    text = (
+        f"the ball looks {1e3 * looks_m:.3g} mm across at the scale of its plane, and is said to"
+        f" be {1e3 * given_m:.3g} mm"
     )
+    if abs(looks_m / given_m - 1.0) > _SIGMAS * std:
+        return Check(CheckKind.BALL_SIZE, CheckOutcome.FAILED, f"{text}: {advice}", power)
+    outcome = CheckOutcome.PASSED if power >= LEAST_POWER else CheckOutcome.UNDECIDED
+    return Check(CheckKind.BALL_SIZE, outcome, text, power)
 
 
 ARM_SHARE = 0.05

@@ -30,7 +30,7 @@ from metrology import (
     UncertaintySource,
 )
 from metrology.least_squares import Fitted, fit
-from pipelines.measure.checks import WITHHELD_BEYOND, Contradiction, doubted
+from pipelines.measure.checks import WITHHELD_BEYOND, Contradiction, doubted, size_at_scale
 from pipelines.measure.flight_fit import slow_error_whitening
 from pipelines.measure.impact import disc_contact
 from pipelines.measure.inputs import QuantityName, in_pixels
@@ -65,6 +65,10 @@ LEAST_FRAMES = 6
 
 """Frames: a parabola in two directions has six unknowns and each frame two numbers; half are to
 spare."""
+
+_OUTLINED = 0.15
+"""Of the radius: what outlines of balls that are smeared, half lit or a few pixels wide are off by,
+root mean square over recordings that others marked."""
 
 _MIDDLE_SHARE = 0.6
 
@@ -863,6 +867,9 @@ class MotionScene:
         Longer side of the picture, px.
     rate_from_fall : bool
         Whether this very fall told the rate.
+    diameter : (2,) tuple of float or None
+        Of the ball, m, with its relative standard uncertainty, where something else than it tells
+        the scale.
     """
 
     clock: FloatArray
@@ -875,6 +882,7 @@ class MotionScene:
     gravity: float
     size: float
     rate_from_fall: bool = False
+    diameter: tuple[float, float] | None = None
 
     @property
     def timed(self) -> bool:
@@ -1070,8 +1078,27 @@ def _falling(tracks: Tracks, scene: MotionScene) -> MotionResults:
         told = "the fall told the capture rate, which nobody says: give it with --fps RATE"
         fallen = QuantityName.FALL_ACCELERATION.value
         found[fallen] = Quantity.missing(fallen, "m/s^2", told)
-    checks = [steady] if by_gravity is None else [steady, by_gravity]
+    size = _size(ball, scene)
+    if size is not None and size.outcome is CheckOutcome.FAILED:
+        # another scale, or another thing: a length is right in neither case
+        hangs = {QuantityName.FALL_ACCELERATION, QuantityName.FLIGHT_SPEED}
+        doubt = Contradiction(frozenset(hangs), math.inf, True, size.statement)
+        found = doubted(found, [doubt])
+    checks = [one for one in (steady, by_gravity, size) if one is not None]
     return MotionResults(found, tuple(checks), gravity)
+
+
+def _size(ball: Track, scene: MotionScene) -> Check | None:
+    """Whether what was followed is as large as the ball is said to be, where a scale is given."""
+    if scene.diameter is None or scene.scale is None:
+        return None
+    looks = 2.0 * float(np.median(ball.radius_px)) * scene.scale.metres_per_px
+    told, share = scene.diameter
+    share = float(np.linalg.norm([share, scene.scale.share, _OUTLINED]))
+    advice = (
+        f"a part of it was followed, or another thing: {_OTHER_BALL}; or check --ball and --scale"
+    )
+    return size_at_scale(looks, share, told, advice)
 
 
 def _by_gravity(fall: Quantity, scene: MotionScene) -> tuple[Quantity | None, Check | None]:

@@ -5,8 +5,15 @@ import pytest
 
 from metrology import UsageError
 from pipelines.interop.external import Program
-from pipelines.interop.measured import read_tracks, settled_columns, track_table
+from pipelines.interop.measured import (
+    measure_from_tracks,
+    read_tracks,
+    settled_columns,
+    track_table,
+)
 from pipelines.interop.tables import column_use, keep_columns, made_elsewhere, parse_columns
+from pipelines.measure.chain import MeasureOptions
+from pipelines.report import CheckKind
 from pipelines.setup.file import load_setup
 
 # as Kinovea 0.8 exports to Gnuplot on a French machine
@@ -148,6 +155,21 @@ def test_a_spreadsheet_with_columns_of_its_own(written) -> None:
     assert table["t_s"].tolist() == pytest.approx([0.0, 0.01, 0.03])
     assert table["x_m"].tolist() == pytest.approx([0.015, 0.025, 0.045])
     assert table["frame"].tolist() == [0, 1, 3]
+
+
+@pytest.mark.parametrize("sized", [False, True])
+def test_a_size_that_nobody_saw_checks_nothing(written, sized: bool) -> None:
+    time = np.arange(0.0, 0.4, 0.01)
+    x, y = 300.0 * time, 200.0 - 200.0 * time + 0.5 * 981.0 * time**2
+    columns = "frame,t_s,object,x_px,y_px" + (",radius_px" if sized else "")
+    rows = [
+        f"{k},{t:.4f},ball,{a:.3f},{b:.3f}" + (",4.0" if sized else "")
+        for k, (t, a, b) in enumerate(zip(time, x, y, strict=True))
+    ]
+    path = written("marks.csv", "\n".join([columns, *rows, ""]))
+    options = MeasureOptions(fps=100.0, ball="80mm", scale_m_per_px=(0.01, 1e-4))
+    kinds = [check.kind for check in measure_from_tracks(path, options).checks]
+    assert (CheckKind.BALL_SIZE in kinds) is sized
 
 
 def test_columns_that_nothing_tells_are_asked_for(written) -> None:

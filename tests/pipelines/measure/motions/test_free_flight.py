@@ -19,11 +19,13 @@ from pipelines.measure.motions import (
     FreeFlightPriors,
     Mapping,
     MotionScene,
+    PlaneScale,
     fit_free_flight,
     motion_quantities,
     require_upright,
     steady_stretch,
 )
+from pipelines.report import CheckKind, CheckOutcome
 from vision.tracks import Motion, MotionKind, Track, Tracks
 
 FloatArray = NDArray[np.float64]
@@ -194,3 +196,36 @@ def test_what_a_calibration_leaves_open_moves_fall_speed_and_angle_as_far_as_it_
     assert share("flight_angle", roll) < 0.5
     for name, true in (("fall_acceleration", G), ("flight_speed", 4.0), ("flight_angle", 20.0)):
         assert abs(found[name].value - true) < 3.0 * found[name].std
+
+
+@pytest.mark.parametrize(("radius", "agrees"), [(20.0, True), (17.0, True), (2.0, False)])
+def test_a_light_on_a_ball_is_not_as_large_as_the_ball_is_said_to_be(
+    radius: float, agrees: bool
+) -> None:
+    fps = 500.0
+    time, place = flown(4.0, 20.0, 0.4, fps)
+    frame, one = np.arange(len(time)), np.ones(len(time))
+    px = place * [500.0, -500.0] + np.random.default_rng(3).normal(0.0, 0.05, place.shape)
+    square = np.tile(0.05**2 * np.eye(2), (len(time), 1, 1))
+    ball = Track(frame, time, px, square, square, radius * one, 0.1 * one, one)
+    scale = PlaneScale(1.0 / 500.0, 0.01, UncertaintySource.SCALE)
+    scene = MotionScene(
+        frame.astype(float),
+        fps,
+        0.1,
+        scale,
+        None,
+        (),
+        (0.0, 1e-4),
+        G,
+        1000.0,
+        diameter=(0.08, 0.005),
+    )
+    motion = Motion(MotionKind.FLIGHT, 0.9)
+    tracks = Tracks(ball, None, np.zeros((9, 9), np.float32), None, motion=motion)
+    results = motion_quantities(tracks, scene)
+    size = next(check for check in results.checks if check.kind is CheckKind.BALL_SIZE)
+    assert (size.outcome is CheckOutcome.FAILED) is not agrees
+    for name, true in (("fall_acceleration", G), ("flight_speed", 4.0)):
+        value = results.quantities[name].value
+        assert value == pytest.approx(true, rel=0.05) if agrees else value is None
