@@ -20,9 +20,11 @@ from vision.ball.ball import (
 )
 from vision.ball.choice import (
     LEFT_AS_ONE,
+    SHADES,
     BallPath,
     Choice,
     Way,
+    apart,
     approach,
     cast_by,
     choose_ball,
@@ -32,7 +34,6 @@ from vision.ball.choice import (
     link_circles,
     path_score,
     rivals,
-    together,
     uncovered,
     untangled,
 )
@@ -107,11 +108,9 @@ the lawful frames of a shadow in which what casts it is seen to fly."""
 _SHADE_LOOKS, _INNER_PART, _FEWEST_SHADED, _LEAST_LIT = 7, 0.6, 8, 8.0
 """Looks at a thing that may be a shadow; part of its radius inside its soft rim; pixels, and gray
 levels of the wall, from which a part of the light can be told; supposed."""
-_SHADED, _EVEN = 0.95, 2.0
-"""Part of the light that a shadow leaves at most, and its scatter over that of noise: of a shaded
-ball it is nine and more in rooms drawn at random, three for a white ball before a white wall."""
-_SHADES = (0.4, _SHADED)
-"""Parts of the light that a shadow leaves: a lamp is seldom all there is, supposed."""
+_EVEN = 2.0
+"""Scatter of the light that a shadow leaves, over that of noise: of a shaded ball it is nine and
+more in rooms drawn at random, three for a white ball before a white wall."""
 _CAST_SIZE = (0.75, 2.0)
 """Radii of a shadow over those of what casts it: a lamp as far before it as the wall is behind it
 doubles it, a camera near by sees it smaller, and its soft rim may be lost; supposed."""
@@ -365,8 +364,8 @@ def _what_struck(
     choice: Choice, striker: Striker | None, *, pointed_at: bool
 ) -> tuple[Choice, Striker | None]:
     """Whether a ball or what swings struck: a ball that came to the other may only pass by."""
-    if striker is None or (not choice.struck and pointed_at):
-        return choice, striker
+    if striker is None:
+        return choice, None
     if pointed_at:
         return replace(choice, struck=False), striker
     if any(_came_straight(other, choice, striker) for other in (*choice.others, *choice.dismissed)):
@@ -386,9 +385,8 @@ def _came_straight(other: BallPath, choice: Choice, striker: Striker) -> bool:
     bow = length**2 / (8.0 * mass.arc.radius_px)
     if bow - sagitta < max(_LEAST_BOW_PX, 0.5 * bow):
         return False
-    own, there = together(other, Way(mass.frame, mass.anchor, other.radius))
-    away = np.hypot(*(other.centre_px[own] - there).T)
-    return len(own) >= _FEWEST_ROWS and float(np.median(away)) < other.radius
+    away = apart(other, Way(mass.frame, mass.anchor, other.radius))
+    return len(away) >= _FEWEST_ROWS and float(np.median(away)) < other.radius
 
 
 def _still_until(rest: Rest, fits: BallFits) -> tuple[int, int]:
@@ -499,14 +497,18 @@ class _Light:
     spread: float
 
     @property
+    def dims(self) -> bool:
+        """Whether as much of the wall's light is left as shadows leave."""
+        return SHADES[0] < self.left < SHADES[1]
+
+    @property
     def like_a_shadow(self) -> bool:
         """Whether an even part of the wall's light is left."""
-        return self.left < _SHADED and self.spread < _EVEN
+        return self.left < SHADES[1] and self.spread < _EVEN
 
     def rather_a_shadow(self, other: "_Light") -> bool:
         """Whether it dims the wall, and that is less even than it."""
-        dims = _SHADES[0] < self.left < _SHADES[1]
-        return dims and _MORE_EVEN * self.spread < other.spread
+        return self.dims and _MORE_EVEN * self.spread < other.spread
 
 
 @dataclass(frozen=True)
@@ -529,7 +531,7 @@ class _Seen:
     tinted: FilmedScene | None
     choice: Choice
     rough: BallFits
-    light: "_Light | None" = None
+    light: _Light | None = None
 
     @property
     def picture(self) -> FilmedScene:
@@ -655,7 +657,7 @@ def _seen(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Se
     if at is not None:
         return best
     if best is not None and not best.doubtful:
-        return _what_casts(best) or _whole_of(best) or best
+        return _whole_of(best) or _what_casts(best) or best
     begun = scene.as_it_began()
     found = None if begun is None else _seen_in_gray(begun, at)
     if found is not None and (best is None or found.outdoes(best)):
@@ -663,7 +665,7 @@ def _seen(scene: FilmedScene, at: tuple[float, float, int | None] | None) -> _Se
     left = _seen_leaving(scene, best)
     if left is not None and (best is None or left.outdoes(best)):
         best = left
-    return best if best is None else _what_casts(best) or _whole_of(best) or best
+    return best if best is None else _whole_of(best) or _what_casts(best) or best
 
 
 def _seen_leaving(scene: FilmedScene, best: "_Seen | None") -> "_Seen | None":
@@ -791,10 +793,9 @@ def _casts(found: _Seen, shade: _Seen) -> bool:
 
 def _throws(ball: BallPath | Way, dark: BallPath | Way) -> bool:
     """Whether a path lies elsewhere than another, which goes as its shadow does."""
-    own, beside = together(dark, ball)
-    if len(own) == 0 or not _CAST_SIZE[0] < dark.radius / ball.radius < _CAST_SIZE[1]:
+    away = apart(dark, ball)
+    if len(away) == 0 or not _CAST_SIZE[0] < dark.radius / ball.radius < _CAST_SIZE[1]:
         return False
-    away = np.hypot(*(beside - dark.centre_px[own]).T)
     return bool(np.median(away) > ball.radius and cast_by(dark, ball))
 
 
@@ -830,7 +831,7 @@ def _what_casts(shade: _Seen) -> _Seen | None:
     Of a ball and a light on it, which both go as what casts it does, the ball.
     """
     scene, choice, known = shade.scene, shade.choice, shade.scene.known
-    if shade.light is None or not _SHADES[0] < shade.light.left < _SHADES[1]:
+    if shade.light is None or not shade.light.dims:
         return None
     found: list[tuple[_Seen, SceneKnown]] = []
     moved = shade.course.moving

@@ -703,8 +703,13 @@ def _across(arc: _Flight) -> tuple[float, float]:
     """Acceleration across the mean course towards the side that faces up, and the mean speed."""
     course = arc.velocity + 0.5 * (arc.last - arc.first) * arc.acceleration
     speed = max(float(np.hypot(*course)), 1e-9)
-    across = float(arc.acceleration[0] * course[1] - arc.acceleration[1] * course[0]) / speed
-    return across * (float(np.sign(course[0])) or 1.0), speed
+    return _inwards(arc.acceleration, course / speed), speed
+
+
+def _inwards(acceleration: FloatArray, course: FloatArray) -> float:
+    """Part of an acceleration across a course of unit length, towards the side that faces up."""
+    across = float(acceleration[0] * course[1] - acceleration[1] * course[0])
+    return across * (float(np.sign(course[0])) or 1.0)
 
 
 def _if_falls_as(arc: _Flight, arcs: list[_Flight]) -> float:
@@ -900,7 +905,7 @@ def _bend(acceleration: FloatArray, std: float, way: _Way, radius: float) -> _Be
     size = float(np.hypot(*acceleration))
     course = way.chord / max(float(np.hypot(*way.chord)), 1e-9)
     along = float(acceleration @ course)
-    across = float(acceleration[0] * course[1] - acceleration[1] * course[0])
+    across = _inwards(acceleration, course)
     low, high = _SLOWEST_FALL * radius, _FASTEST_FALL * radius
     near = np.clip(size + std * np.linspace(-8.0, 8.0, _SIZES), low, high)
     sizes = np.unique(np.concatenate([np.geomspace(low, high, _SIZES), near]))
@@ -921,8 +926,7 @@ def _bend(acceleration: FloatArray, std: float, way: _Way, radius: float) -> _Be
     falling = _ANY * anywhere + _UNDER * under + _PLUMB * plumb * 0.5 * (sped_up + braked)
     rolling = _EVENLY * float(like(size)) + _BRAKED * braked + _DOWNHILL * sped_up
     # towards the side of its way that faces up: half of all directions
-    inwards = across * float(np.sign(course[0]) or 1.0)
-    above = 2.0 * scipy.special.ndtr(inwards / std)
+    above = 2.0 * scipy.special.ndtr(across / std)
     pulled = like(sizes - size) * scipy.special.ive(0, sizes * size / std**2)
     turned = like(way.off_arc(sizes * abs(across) / max(size, 1e-12)), way.left)
     held = _HELD * float(above * (share @ (pulled * turned)))

@@ -41,9 +41,11 @@ from vision.tracks import MotionModel
 
 __all__ = [
     "LEFT_AS_ONE",
+    "SHADES",
     "BallPath",
     "Choice",
     "Way",
+    "apart",
     "approach",
     "cast_by",
     "choose_ball",
@@ -53,7 +55,6 @@ __all__ = [
     "link_circles",
     "path_score",
     "rivals",
-    "together",
     "uncovered",
     "untangled",
 ]
@@ -500,7 +501,7 @@ _COMMON_SHARE, _LARGER = 0.5, (0.9, 2.0)
 """Of the shorter way's looks, in which a thing and its shadow are seen together; how much larger
 the shadow's way is than the thing's: 1 for the sun, 2 for a lamp as far before the thing as the
 wall is behind it."""
-_SHADES, _EVENLY, _FAINT_SHADOW = (0.4, 0.95), 0.1, 20.0
+SHADES, _EVENLY, _FAINT_SHADOW = (0.4, 0.95), 0.1, 20.0
 """Light left in a shadow, over the light without it; its scatter; steepness of its edge, in noise:
 lamps are wide and several."""
 _CAME, _TOUCHED = 1.25, 1.6
@@ -573,13 +574,15 @@ class Choice:
         """The choice of what casts a shadow, where the shadow was clearer."""
         others = tuple(path for path in self.others if path is not ball)
         rest = tuple(path for path in self.dismissed if path is not ball)
-        said = "Something clearer goes as its shadow does and takes an even part of the light."
+        said = "Something clearer goes as its shadow does and dims the wall more evenly."
         return Choice(ball, others, False, None, (self.ball, *rest), (said,))
 
     def of_whole(self, ball: BallPath) -> "Choice":
         """The choice of what left as one, where a part of it or something else was taken."""
-        rest = (self.ball, *self.others, *self.dismissed)
-        return Choice(ball, (), False, None, rest, (LEFT_AS_ONE,))
+        every = (self.ball, *self.others, *self.dismissed)
+        rest = tuple(path for path in every if path is not ball)
+        said = LEFT_AS_ONE if len(rest) == len(every) else "What was clearer lies within it."
+        return Choice(ball, (), False, None, rest, (said,))
 
     @property
     def beside(self) -> tuple[BallPath, ...]:
@@ -763,7 +766,7 @@ def _dims(path: BallPath, background: FloatImage) -> bool:
     row = np.clip(row, 0, background.shape[0] - 1)
     column = np.clip(column, 0, background.shape[1] - 1)
     ratio = path.level / np.maximum(background[row, column], 1.0)
-    low, high = _SHADES
+    low, high = SHADES
     return bool(low < np.median(ratio) < high and np.std(ratio) < _EVENLY)
 
 
@@ -802,6 +805,12 @@ def together(path: BallPath | Way, other: BallPath | Way) -> tuple[IntArray, Flo
     kept = gap <= (_REACH + 1) * usual
     there = [np.interp(frame[kept], other.frame, other.centre_px[:, axis]) for axis in (0, 1)]
     return rows[kept], np.column_stack(there)
+
+
+def apart(path: BallPath | Way, other: BallPath | Way) -> FloatArray:
+    """How far a path is from another while both are seen (n,), px."""
+    rows, there = together(path, other)
+    return np.asarray(np.hypot(*(path.centre_px[rows] - there).T))
 
 
 def cast_by(path: BallPath | Way, other: BallPath | Way) -> bool:
@@ -877,9 +886,8 @@ def _struck(
 
 def _goes_along(path: BallPath, way: Way) -> bool:
     """Whether a path is where a thing was that was followed frame by frame."""
-    own, there = together(path, way)
-    away = np.hypot(*(path.centre_px[own] - there).T)
-    return len(own) > _MOSTLY * len(path.frame) and float(np.median(away)) < 0.5 * path.radius
+    away = apart(path, way)
+    return len(away) > _MOSTLY * len(path.frame) and float(np.median(away)) < 0.5 * path.radius
 
 
 def _sure_itself(path: BallPath, background: FloatImage | None) -> bool:

@@ -309,18 +309,23 @@ def _let_go(fits: BallFits) -> BallFits:
     nearer does.
     """
     size = np.log(fits.radius)
-    first, last = 0, len(size)
-    for row in range(1, len(size)):
-        own = (
-            size[row : row + _SIZE_FRAMES] if row <= len(size) // 2 else size[:row][-_SIZE_FRAMES:]
-        )
-        held = size[:row] if row <= len(size) // 2 else size[row:]
-        if len(own) < _COURSE or abs(size[row] - size[row - 1]) < _LET_GO:
-            continue
-        if float(np.median(held)) - float(np.median(own)) > _LET_GO:
-            first, last = (row, last) if row <= len(size) // 2 else (first, min(last, row))
+    half = (len(size) + 1) // 2
+    first = _held_until(size, half)
+    last = len(size) - _held_until(size[::-1], len(size) - half)
     rows = np.arange(len(size))
     return fits.at((rows >= first) & (rows < last))
+
+
+def _held_until(size: FloatArray, half: int) -> int:
+    """How many of the first log radii (n,), at most `half`, are those of a thing that is held."""
+    until = 0
+    for row in range(1, half + 1):
+        own = size[row : row + _SIZE_FRAMES]
+        if len(own) < _COURSE or abs(size[row] - size[row - 1]) < _LET_GO:
+            continue
+        if float(np.median(size[:row]) - np.median(own)) > _LET_GO:
+            until = row
+    return until
 
 
 def _write(

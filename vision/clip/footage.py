@@ -613,8 +613,30 @@ _FEWEST_MOVES, _LONG_STILL = 4, 2
 """Frames in which something moved, that are too few for a law of motion and two more to show it;
 and margins of still frames after which what they belong to is over."""
 
-_Action = tuple[int, list[float], dict[int, GrayFrame], list[GrayFrame] | None]
-"""First frame, clock, sample and held frames of an action."""
+
+@dataclass(frozen=True, eq=False)
+class _Action:
+    """What is kept of an action that may not be the one.
+
+    Attributes
+    ----------
+    first : int
+        Its first frame.
+    clock : list of float
+        Ticks at its frames.
+    sample : dict
+        Frames spread over it, by index.
+    held : list or None
+        All of them, where they fit.
+    moves : int
+        Frames in which something moved.
+    """
+
+    first: int
+    clock: list[float]
+    sample: dict[int, GrayFrame]
+    held: list[GrayFrame] | None
+    moves: int
 
 
 class _Gathered:
@@ -649,7 +671,8 @@ class _Gathered:
         if self._started:
             self._store(self._motion.time, gray)
             since = len(self.clock) - 1 - self._last_motion
-            if since > self._margin and self._moves <= _FEWEST_MOVES:
+            few = self._aside is None and self._moves <= _FEWEST_MOVES
+            if few and since > self._margin:
                 self._wait(gray)
                 if since > _LONG_STILL * self._margin:
                     self._set_aside()
@@ -676,21 +699,24 @@ class _Gathered:
     def _set_aside(self) -> None:
         """Too few frames moved to show anything, and long ago: what action there is comes later.
 
-        A codec settles over the first few frames, and a light flashes.
+        A codec settles over the first few frames, and a light flashes. That is so once: what stirs
+        now and then for all of a clip is slow.
         """
         self.finish()
-        self._aside = (self.first, self.clock, self.sample, self.held)
+        self._aside = _Action(self.first, self.clock, self.sample, self.held, self._moves)
         self.first = self._told - len(self._before_motion)
         self.clock, self.sample, self.held = [], {}, []
         self._started, self._last_motion, self._moves = False, 0, 0
         self._size, self._stride = 0, 0.0
 
     def finish(self) -> None:
-        """Leave out what follows the last motion."""
+        """Leave out what follows the last motion, and of two actions the one of fewer frames."""
+        if self._aside is not None and self._moves <= self._aside.moves:
+            aside = self._aside
+            self.first, self.clock, self.sample = aside.first, aside.clock, aside.sample
+            self.held = aside.held
+            return
         if not self._started:
-            if self._aside is not None:
-                self.first, self.clock, self.sample, self.held = self._aside
-                return
             self._start()
             return
         count = min(len(self.clock), self._last_motion + 1 + self._margin)

@@ -206,3 +206,26 @@ def test_a_change_as_the_clip_begins_is_the_action_where_nothing_else_moves() ->
     found = Footage(_with_motion(420, range(350, 350)))  # type: ignore[arg-type]
     assert found.first == 0
     assert found.count <= 70
+
+
+def test_what_stirs_now_and_then_for_all_of_a_clip_is_slow_and_no_flash() -> None:
+    rng = np.random.default_rng(0)
+    still = rng.integers(90, 110, (40, 120)).astype(np.uint8)
+    pictures = []
+    for index in range(2400):
+        picture = still.copy()
+        picture[20:30, 10 + index // 150 : 20 + index // 150] = 200
+        pictures.append(picture)
+    found = Footage(PaintedClip(pictures))  # type: ignore[arg-type]
+    assert found.count > 1500
+
+
+def test_of_two_actions_the_one_in_which_more_moves_is_looked_at() -> None:
+    clip = _with_motion(420, range(350, 352))
+    rng = np.random.default_rng(0)
+    still = rng.integers(90, 110, (40, 120)).astype(np.uint8)
+    for index in range(30, 33):
+        clip.pictures[index] = still.copy()
+        clip.pictures[index][20:30, 10 * (index - 29) : 10 * (index - 28)] = 200
+    found = Footage(clip)  # type: ignore[arg-type]
+    assert found.first <= 30 < found.first + found.count
