@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from metrology import UsageError, written_whole
 from vision.clip.clip import ClipReader
-from vision.tracks import PendulumTrack, Track, Tracks
+from vision.tracks import MotionKind, PendulumTrack, Track, Tracks
 
 if TYPE_CHECKING:
     from PIL.ImageFont import FreeTypeFont
@@ -119,7 +119,7 @@ _BALL: Colour = (0, 159, 230)
 """Blue, green, red of 255, told apart by people with any colour vision, from the palette of Okabe
 and Ito 2008."""
 
-_PENDULUM: Colour = (233, 180, 86)
+_STRIKER: Colour = (233, 180, 86)
 """Blue, green, red of 255, from the same palette."""
 
 _GRID: Colour = (115, 158, 0)
@@ -199,7 +199,9 @@ class OverlayPainter:
         self._draw_grid(view)
         if self._tracks.pendulum is not None:
             self._draw_pendulum(view, index, self._tracks.pendulum)
-        self._draw_ball(view, index, self._tracks.ball)
+        if self._tracks.motion.kind is MotionKind.COLLISION and self._tracks.others:
+            self._draw_ball(view, index, self._tracks.others[0].track, _STRIKER)
+        self._draw_ball(view, index, self._tracks.ball, _BALL)
         self._draw_landing(view)
         self._draw_contact(view, index)
         canvas[-self._strip.shape[0] :] = self._strip
@@ -263,16 +265,16 @@ class OverlayPainter:
             points = self._place(run).reshape(-1, 1, 2)
             cv2.polylines(view, [points], False, colour, self._thick, cv2.LINE_AA, _SHIFT)
 
-    def _draw_ball(self, view: ColourImage, index: int, ball: Track) -> None:
-        self._draw_trail(view, ball, index, _BALL)
+    def _draw_ball(self, view: ColourImage, index: int, ball: Track, colour: Colour) -> None:
+        self._draw_trail(view, ball, index, colour)
         row = _row(ball, index)
         if row is None:
             return
-        self._circle(view, ball.centre_px[row], float(ball.radius_px[row]), _BALL, self._thick)
-        self._circle(view, ball.centre_px[row], 1.5 * self._thick / self.scale, _BALL, -1)
+        self._circle(view, ball.centre_px[row], float(ball.radius_px[row]), colour, self._thick)
+        self._circle(view, ball.centre_px[row], 1.5 * self._thick / self.scale, colour, -1)
 
     def _draw_pendulum(self, view: ColourImage, index: int, pendulum: PendulumTrack) -> None:
-        self._draw_trail(view, pendulum.track, index, _PENDULUM)
+        self._draw_trail(view, pendulum.track, index, _STRIKER)
         row = _row(pendulum.track, index)
         if row is None:
             return
@@ -280,10 +282,10 @@ class OverlayPainter:
         ends = self._place(np.array([pendulum.pivot_px, mass]))
         # The pivot is often above the picture: the line is cut off by OpenCV, the dot is not seen.
         cv2.line(
-            view, ends[0].tolist(), ends[1].tolist(), _PENDULUM, self._thick, cv2.LINE_AA, _SHIFT
+            view, ends[0].tolist(), ends[1].tolist(), _STRIKER, self._thick, cv2.LINE_AA, _SHIFT
         )  # fmt: skip
         for point in (pendulum.pivot_px, mass):
-            self._circle(view, point, 2.5 * self._thick / self.scale, _PENDULUM, -1)
+            self._circle(view, point, 2.5 * self._thick / self.scale, _STRIKER, -1)
 
     def _draw_grid(self, view: ColourImage) -> None:
         if self._marks.grid_px is None:

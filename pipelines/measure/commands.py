@@ -711,7 +711,12 @@ def _measured(
         task = bar.add_task("reading", total=1.0)
         measured = measure(lambda step, part: bar.update(task, description=step, completed=part))
         bar.update(task, description="writing", completed=0.5)
-        wanted.write(measured, clip, names)
+        refused: UsageError | None = None
+        try:
+            wanted.write(measured, clip, names)
+        except UsageError as problem:
+            # what was measured is told all the same
+            refused = problem
     if wanted.json == "-":
         sys.stdout.write(measurement_as_json(measured, names) + "\n")
     elif not wanted.quiet:
@@ -721,6 +726,8 @@ def _measured(
     if not wanted.quiet:
         for warning in measured.warnings:
             errors.print(f"warning: {warning}", soft_wrap=True)
+    if refused is not None:
+        raise refused
     return measured
 
 

@@ -334,16 +334,17 @@ class WantedFiles:
             write_overlay(
                 self.overlay, ClipReader.open(clip), measured.tracks, overlay_marks(measured)
             )
-        if self.plot is not None:
-            from pipelines.report.plots import write_plot
-
-            write_plot(self.plot, report_input(measured, None))
         if self.report is not None:
             from pipelines.report.page import write_report
 
             write_report(
                 self.report, report_input(measured, None if clip is None else ClipReader.open(clip))
             )
+        # last: what has no curves is refused, and the other files are there all the same
+        if self.plot is not None:
+            from pipelines.report.plots import write_plot
+
+            write_plot(self.plot, report_input(measured, None))
 
 
 def _write_tracks(path: Path, measured: ClipMeasurement, clip: Path | None) -> None:

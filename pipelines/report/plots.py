@@ -121,8 +121,9 @@ def plots_figure(report: ReportInput) -> Picture:
     panels = panels_of(report)
     if not panels:
         raise UsageError(
-            "there is nothing to plot: neither ball nor pendulum was followed in the clip",
-            hint="Leave --plot out, or point at the ball with --ball-at X,Y.",
+            "there is nothing to plot: curves are drawn of a strike that was measured in metres",
+            hint="Leave --plot out and look at --report or --overlay; or give a scale, or point at "
+            "the ball with --ball-at X,Y.",
         )
     columns = 2 if len(panels) > 1 else 1
     rows = -(-len(panels) // columns)

@@ -302,3 +302,15 @@ def test_both_ways_to_a_budget_agree(tmp_path: Path, monkeypatch: pytest.MonkeyP
     for name, quantity in documents[0].items():
         if quantity["value"] is not None:
             assert documents[1][name]["std"] == pytest.approx(quantity["std"], rel=0.02), name
+
+
+def test_what_has_no_curves_is_told_and_written_all_the_same(tmp_path: Path) -> None:
+    clip = shared_folder("clips") / "puck_collision_A_canon240.mp4"
+    arguments = ["measure", str(clip), "--fps", "240", "--ball", "50mm"]
+    arguments += ["--plot", str(tmp_path / "p.png"), "--json", str(tmp_path / "r.json")]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 2
+    assert "nothing to plot" in result.output
+    assert "COR along the line of centres" in result.output
+    assert (tmp_path / "r.json").exists()
+    assert not (tmp_path / "p.png").exists()

@@ -1,5 +1,7 @@
 """The overlay shows what was found where it was found, and is written whole or not at all."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -8,7 +10,15 @@ from metrology import ClipError, UsageError
 from tests.vision.clip.written_clips import HEIGHT, WIDTH, moving_disc, write_clip
 from vision.clip.clip import ClipReader
 from vision.overlay import OverlayMarks, overlay_still, png_bytes, write_overlay
-from vision.tracks import Face, PendulumTrack, Track, Tracks
+from vision.tracks import (
+    Face,
+    FollowedObject,
+    Motion,
+    MotionKind,
+    PendulumTrack,
+    Track,
+    Tracks,
+)
 
 BALL, PENDULUM, CONTACT, GRID = (0, 159, 230), (233, 180, 86), (0, 94, 213), (115, 158, 0)
 COUNT = 8
@@ -77,6 +87,16 @@ def test_only_the_past_of_the_track_and_only_contact_frames_are_marked(clip, tra
     assert not near(early, BALL, *tracks.ball.centre_px[6], scale)
     # The pendulum is not drawn as if still there once it is out of view.
     assert not near(late, PENDULUM, 106.5, 53.5, scale)
+
+
+@pytest.mark.parametrize("kind", [MotionKind.COLLISION, MotionKind.FLIGHT])
+def test_the_ball_that_came_is_marked_where_two_collide(clip, tracks, kind):
+    other = track([(120.0 - 3 * i, 60.0) for i in range(COUNT)], 14.0, range(COUNT))
+    both = replace(tracks, pendulum=None, others=(FollowedObject(other),), motion=Motion(kind, 0.9))
+    image = overlay_still(clip, both, OverlayMarks(), frame=3)
+    scale = image.shape[1] // WIDTH
+    assert near(image, PENDULUM, 111.0, 60.0, scale) is (kind is MotionKind.COLLISION)
+    assert near(image, BALL, *tracks.ball.centre_px[3], scale)
 
 
 def test_the_video_has_every_frame_and_even_sizes(clip, tracks, tmp_path):
