@@ -98,6 +98,9 @@ _FEWEST_STILL = 5
 the last, as a pendulum does, is seen no better in it."""
 _LEAST_BOW_PX = 1.0
 """px by which a way bows from a line at least to tell an arc: looks err by half of that."""
+_STRAIGHTER = 0.2
+"""Of that bow, what a way that is no arc bows by at most, supposed: a part of a mass that turns as
+it comes, looked at as a circle, was seen to bow by 0.4 of what it does."""
 _NOT_MET = (MotionKind.NONE, MotionKind.SWING)
 """Kinds of motion before which nothing lay still to be met, unless what met it was surely seen."""
 _LEFT_TRIED = 3
@@ -293,7 +296,8 @@ def _followed_in(
     rest_frames = None if rest is None else _still_until(rest, fits)
     others = _others(seen, capture_fps)
     came = others[0].track if choice.struck and others else None
-    motion = motion_of(ball, rest_frames, pendulum=striker is not None, striker=came)
+    sure = mass_at is not None or (striker is not None and striker.surely_struck)
+    motion = motion_of(ball, rest_frames, pendulum=striker is not None, sure=sure, striker=came)
     if motion.kind is MotionKind.SWING:
         # What seemed to lie still was at its turning point.
         rest_frames = None
@@ -383,7 +387,7 @@ def _came_straight(other: BallPath, choice: Choice, striker: Striker) -> bool:
     mass = striker.mass
     length, sagitta = approach(choice.ball, other)
     bow = length**2 / (8.0 * mass.arc.radius_px)
-    if bow - sagitta < max(_LEAST_BOW_PX, 0.5 * bow):
+    if bow < _LEAST_BOW_PX or sagitta > _STRAIGHTER * bow:
         return False
     away = apart(other, Way(mass.frame, mass.anchor, other.radius))
     return len(away) >= _FEWEST_ROWS and float(np.median(away)) < other.radius

@@ -1,8 +1,10 @@
 import csv
 import re
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 
+import av
 import cv2
 import numpy as np
 import pytest
@@ -390,3 +392,24 @@ def test_a_small_ball_in_a_padded_picture_is_followed_and_not_its_clearer_shadow
     assert len(here) > 0.95 * len(whole)
     off = ball.centre_px[here] - 16.0 - whole.centre_px[there]
     assert np.median(np.hypot(*off.T)) < 0.3
+
+
+def test_a_puck_that_came_straight_is_no_pendulum_though_a_hand_bends_its_way(
+    tmp_path: Path,
+) -> None:
+    clip = ClipReader.open(shared_folder("clips") / "puck_collision_B_canon240.mp4")
+    path = tmp_path / "dimmed.mp4"
+    with av.open(str(path), "w") as container:
+        # one thread: what the encoder leaves is the same each time
+        options = {"crf": "16", "threads": "1"}
+        stream = container.add_stream("libx264", rate=30, options=options)
+        stream.width, stream.height, stream.pix_fmt = 320, 240, "yuv420p"
+        for index, image in clip.colour_frames(0, None):
+            dim = (255.0 * 0.6 * (image / 255.0) ** 1.4).astype(np.uint8)
+            frame = av.VideoFrame.from_ndarray(dim, format="bgr24").reformat(format="yuv420p")
+            frame.pts, frame.time_base = index, Fraction(1, 30)
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+    tracks = follow(ClipReader.open(path), 240.0)
+    assert tracks.pendulum is None
+    assert tracks.motion.kind is MotionKind.COLLISION

@@ -356,3 +356,20 @@ def test_what_drives_itself_along_an_arc_and_off_a_wall_does_not_swing() -> None
     assert kind is not MotionKind.SWING or probability < 0.5
     alone, _ = _kind(centre[:45])
     assert alone is MotionKind.SWING
+
+
+def test_what_lies_still_and_is_put_elsewhere_does_not_swing() -> None:
+    place = np.repeat([[60.0, 60.0], [66.0, 75.0], [60.0, 60.0]], [90, 20, 20], axis=0)
+    kind, probability = _kind(place)
+    assert kind is MotionKind.NONE
+    assert probability > 0.9
+
+
+def test_what_an_unsure_pendulum_met_may_as_well_roll() -> None:
+    still = np.tile([60.0, 60.0], (20, 1))
+    rolled = 60.0 + np.column_stack([3.0 * TIME, 0.7 * TIME])
+    track = _track(np.vstack([still, rolled]))
+    told = [motion_of(track, (0, 19), pendulum=True, sure=sure) for sure in (True, False)]
+    assert [motion.kind for motion in told] == [MotionKind.STRIKE] * 2
+    assert told[0].probability > 0.95
+    assert told[1].probability < 0.9
