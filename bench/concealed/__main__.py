@@ -12,15 +12,13 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
+from bench.concealed.answer import Answer, answer_from_json
 from bench.concealed.calibration import claims_of, draw_reliability
 from bench.concealed.campaign import Key, read_key
-from bench.concealed.contest.answer import Answer, answer_from_json
-from bench.concealed.contest.contestants import engine_answer, engine_version
-from bench.concealed.contest.peers import PEERS
 from bench.concealed.damaged import damaged_section, read_outcomes
+from bench.concealed.engine import engine_answer, engine_version
 from bench.concealed.filmed.section import section
-from bench.concealed.foreign import convert_all
-from bench.concealed.foreign_keys import foreign_key
+from bench.concealed.foreign import convert_all, foreign_key
 from bench.concealed.report import (
     WHOLE_PROOF,
     Asked,
@@ -91,11 +89,6 @@ def _answer(task: tuple[Path, Path]) -> Answer:
     return engine_answer(folder, output)
 
 
-def _peer_answer(task: tuple[str, Path]) -> Answer:
-    name, folder = task
-    return PEERS[name](folder)
-
-
 def _real(source: Path, shelf: Shelf) -> list[str]:
     if not source.is_dir():
         return []
@@ -141,15 +134,6 @@ def _options() -> argparse.Namespace:
         type=float,
         help="give out no more campaigns after so long, and score what is answered; Ctrl-C and"
         " SIGTERM do the same at once, and the same command later goes on from there",
-    )
-    parser.add_argument(
-        "--peers",
-        type=int,
-        nargs="?",
-        const=10_000,
-        default=0,
-        metavar="N",
-        help="let the peers answer the first N campaigns too (default: all)",
     )
     parser.add_argument(
         "--pixels",
@@ -244,20 +228,6 @@ def _second(options: argparse.Namespace, shelf: Shelf) -> list[Scored]:
     return scored
 
 
-def _peers(options: argparse.Namespace, own: list[Scored]) -> dict[str, list[Scored]]:
-    """The peers' answers to the first campaigns; theirs alone, whatever became of the rest."""
-    asked = own[: options.peers]
-    found: dict[str, list[Scored]] = {}
-    for name in PEERS if asked else ():
-        said = run_until(Stop(), _peer_answer, [(name, s.folder) for s in asked], options.jobs)
-        found[name] = [
-            Scored(judge(s.judgement.key, answer), s.folder)
-            for s, answer in zip(asked, said, strict=True)
-            if answer is not None
-        ]
-    return found
-
-
 def main() -> None:
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
@@ -277,8 +247,7 @@ def main() -> None:
         output = ROOT / "docs" / "proof.md"
     reliability = _reliability(output, [s.judgement for s in (*theirs, *second)])
     damaged = [] if options.damaged is None else damaged_section(read_outcomes(options.damaged))
-    peers = _peers(options, own)
-    text = proof_text(own, theirs, asked, peers, real, pixels, second, reliability, damaged)
+    text = proof_text(own, theirs, asked, real, pixels, second, reliability, damaged)
     if output is None:
         print(text)
     else:

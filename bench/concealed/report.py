@@ -2,7 +2,7 @@
 
 import tomllib
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -334,36 +334,6 @@ def _reliability(bins: Sequence[tuple[float, float, int]]) -> list[str]:
     )
 
 
-def _peer_rows(peers: Mapping[str, Sequence[Scored]]) -> list[str]:
-    """The rows that apply to anyone, one column for each contestant."""
-    asked: list[tuple[str, Callable[[Sequence[Scored]], Proportion]]] = [
-        ("nulls on which anything is wrongly named",
-         lambda all_: _share(_of(all_, "null"), lambda j: j.named)),
-        ("single medium effect", lambda all_: _share(_of(all_, "single", "medium"), _right)),
-        ("single strong effect", lambda all_: _share(_of(all_, "single", "strong"), _right)),
-        ("single strong effect, whatever else is named",
-         lambda all_: _share(_of(all_, "single", "strong"), lambda j: j.covered)),
-        ("pairs, both strong", lambda all_: _share(_of(all_, "pair"), _right)),
-        ("force in no catalogue said to be unnamed",
-         lambda all_: _share(_distinct(all_), lambda j: j.unnamed_said)),
-        ("exact twins reported as a group",
-         lambda all_: _share(_of(all_, "twins"), lambda j: j.grouped)),
-    ]  # fmt: skip
-    rows = [[name, *(str(test(scored)) for scored in peers.values())] for name, test in asked]
-    return _table(("", *peers), rows)
-
-
-def _peers_section(own: Sequence[Scored], peers: Mapping[str, Sequence[Scored]]) -> list[str]:
-    count = min(len(scored) for scored in peers.values())
-    share = own[:count]
-    return [
-        f"The first {count} campaigns, for the engine too: peers are slow, and their answers on"
-        " a share tell enough.",
-        "",
-        *_peer_rows({"this engine": share, **peers}),
-    ]
-
-
 def _right(judgement: Judgement) -> bool:
     return judgement.right
 
@@ -411,7 +381,6 @@ def proof_text(
     own: Sequence[Scored],
     foreign: Sequence[Scored],
     asked: Asked,
-    peers: Mapping[str, Sequence[Scored]],
     real: Sequence[str],
     pixels: Sequence[str] = (),
     second: Sequence[Scored] = (),
@@ -469,9 +438,6 @@ def proof_text(
         "## Real recordings",
         "",
         *(real or ["Not beside this checkout, or not asked for.", ""]),
-        "## Peers on the same files",
-        "",
-        *(_peers_section(own, peers) if peers else ["Not asked for.", ""]),
         "## By concealed effect",
         "",
         *_confusion(own),

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
+from bench.concealed.answer import Answer
 from bench.concealed.campaign import Hidden, Key
-from bench.concealed.contest.answer import Answer
 
 __all__ = ["Judgement", "judge", "local_start_error"]
 

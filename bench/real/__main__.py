@@ -4,7 +4,7 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from bench.concealed.contest.contestants import engine_answer
+from bench.concealed.engine import engine_answer
 from bench.real.table import real_rows, real_table
 
 ROOT = Path(__file__).parents[2]

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
-from bench.concealed.contest.answer import Answer
+from bench.concealed.answer import Answer
 
 __all__ = ["Fall", "fall_of", "predict"]
 

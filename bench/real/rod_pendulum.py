@@ -7,7 +7,7 @@ import pandas as pd
 from scipy.integrate import solve_ivp
 from scipy.optimize import least_squares
 
-from bench.concealed.contest.answer import Answer
+from bench.concealed.answer import Answer
 from bench.real.row import Explain, Row, words
 from metrology import write_text_whole
 

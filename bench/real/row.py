@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from bench.concealed.contest.answer import Answer
+from bench.concealed.answer import Answer
 
 __all__ = ["Explain", "Row", "words"]
 

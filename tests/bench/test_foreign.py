@@ -4,8 +4,7 @@ import tomllib
 import pandas as pd
 import pytest
 
-from bench.concealed.foreign import convert
-from bench.concealed.foreign_keys import foreign_key
+from bench.concealed.foreign import convert, foreign_key
 from bench.concealed.setup_toml import BallFacts, LabFacts, Outcome, setup_text
 from tests.shared_data import shared_folder
 

@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bench.concealed.contest.answer import Answer, Named
+from bench.concealed.answer import Answer, Named
 from bench.real import balldrop, juggling_mocap, rocket_coast, rod_pendulum
 from bench.real.falling import Fall, fall_of, predict
 from pipelines.setup.file import load_setup

@@ -6,7 +6,7 @@ import time
 import pytest
 
 from bench.concealed.__main__ import Shelf, _answered, _options
-from bench.concealed.contest.answer import Answer, Named
+from bench.concealed.answer import Answer, Named
 from bench.concealed.filmed.scenes import FILMED, setup_text, takes
 from bench.concealed.filmed.section import right, section
 from bench.concealed.run import Stop, run_until

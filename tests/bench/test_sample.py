@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from bench.concealed.contest.contestants import engine_answer
+from bench.concealed.engine import engine_answer
 from bench.concealed.sample import CONCEALED, make_sample
 
 SHIPPED = Path(__file__).parents[2] / "sample_videos" / "campaign"

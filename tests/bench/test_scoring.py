@@ -2,9 +2,9 @@ from pathlib import Path
 
 import pytest
 
+from bench.concealed.answer import Answer, Named, answer_from_json
 from bench.concealed.calibration import calibration_section, claims_of
 from bench.concealed.campaign import Hidden, Key, TrialTruth, read_key, write_key
-from bench.concealed.contest.answer import Answer, Named, answer_from_json
 from bench.concealed.report import Asked, Scored, proof_text, with_kept_sections
 from bench.concealed.score import judge
 from bench.concealed.statistics import Proportion, brier_score, calibration_error, wilson
@@ -147,7 +147,7 @@ def test_the_page_counts_and_lists_misses_by_name(tmp_path):
         Scored(judge(key(hidden("magnus")), said("magnus")), tmp_path),
     ]
     (tmp_path / "setup.toml").write_text("[camera]\ncapture_fps = 600\n")
-    page = proof_text(own, [], Asked(400, 1), {}, [])
+    page = proof_text(own, [], Asked(400, 1), [])
     assert "3 campaigns were scored" in page
     assert "A part of the proof" in page
     assert "| nulls on which physics is wrongly named | ≤ 2 % | ≤ 0.5 % | 50.0 % (1/2;" in page
@@ -182,7 +182,7 @@ def test_a_sure_and_wrong_name_stands_in_the_page():
     wrong = judge(key(hidden("drag")), said("wind"))
     grouped = judge(key(hidden("drag")), said("wind", groups=[("wind", "drag")]))
     scored = [Scored(one, Path("one")) for one in (wrong, grouped)]
-    page = proof_text([], [], Asked(1, 1), {}, [], second=scored)
+    page = proof_text([], [], Asked(1, 1), [], second=scored)
     (row,) = [line for line in page.splitlines() if "that is wrong" in line and "1/2" in line]
     assert row.startswith("| a name with stated probability")
     assert "C_D falls with Re" in page
@@ -204,8 +204,8 @@ def test_probabilities_are_held_against_the_name_itself_and_against_its_group():
 
 
 def test_a_section_that_was_not_asked_for_stays_as_it_was():
-    before = proof_text([], [], Asked(1, 1), {}, ["| a | b |"], pixels=["six of six"])
-    page = proof_text([], [], Asked(1, 1), {}, ["| c | d |"])
+    before = proof_text([], [], Asked(1, 1), ["| a | b |"], pixels=["six of six"])
+    page = proof_text([], [], Asked(1, 1), ["| c | d |"])
     kept = with_kept_sections(page, before)
     assert "six of six" in kept
     assert "| c | d |" in kept

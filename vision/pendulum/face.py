@@ -340,8 +340,8 @@ def _disc(radius: int) -> NDArray[np.uint8]:
 COMPARED_WAYS = (0.75, 1.0, 1.1)
 
 """Ball's radii of flight before the strike, between, and after it over which speeds are compared:
-true contacts of two renderers last as long as the ball then takes for 0.44 to 0.89 of its radius
-(bench.constants.contact)."""
+true contacts of two renderers last as long as the ball then takes for 0.44 to 0.89 of its
+radius."""
 
 _FEWEST_PLACES = 4
 

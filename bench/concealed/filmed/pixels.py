@@ -14,8 +14,8 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from bench.concealed.contest.answer import answer_from_json
-from bench.concealed.contest.contestants import engine_version
+from bench.concealed.answer import answer_from_json
+from bench.concealed.engine import engine_version
 from bench.concealed.filmed.scenes import FILMED, Filmed, Take, setup_text, takes
 from bench.concealed.filmed.section import section
 from bench.concealed.run import Stop, run_until

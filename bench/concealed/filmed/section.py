@@ -3,7 +3,7 @@
 import json
 from pathlib import Path
 
-from bench.concealed.contest.answer import Answer, answer_from_json
+from bench.concealed.answer import Answer, answer_from_json
 from bench.concealed.filmed.scenes import FILMED, SIZE, Filmed
 
 __all__ = ["right", "section"]

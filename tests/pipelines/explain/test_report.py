@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bench.concealed.consistency import contradictions
+from bench.concealed.answer import contradictions
 from mismatch import explain_in_full
 from mismatch.explain import GROUP_TRUST, _plain
 from mismatch.search.unnamed import Field, unnamed_laws

@@ -8,7 +8,7 @@ from pathlib import Path
 import typer
 from typer.testing import CliRunner
 
-from bench.concealed.contest.answer import Answer, answer_from_json
+from bench.concealed.answer import Answer, answer_from_json
 from metrology import write_text_whole
 from pipelines.explain.command import explain_command
 

@@ -1,0 +1,125 @@
+"""Read the JSON of `vision explain` as a scorable answer and check its consistency."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+__all__ = ["Answer", "Named", "answer_from_json", "contradictions"]
+
+
+@dataclass(frozen=True)
+class Named:
+    """One effect that was named: parameters as name -> (value, standard uncertainty or None)."""
+
+    id: str
+    probability: float | None
+    parameters: Mapping[str, tuple[float, float | None]]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A verdict in a form that can be scored; `failure` says why there is none."""
+
+    verdict: str
+    named: tuple[Named, ...] = ()
+    groups: tuple[frozenset[str], ...] = ()
+    next_measurement: str = ""
+    phase: str = ""
+    channel: str = ""
+    t_start: float | None = None
+    t_end: float | None = None
+    rmse_before: float | None = None
+    rmse_after: float | None = None
+    seconds: float = 0.0
+    failure: str = ""
+    contradictions: tuple[str, ...] = ()
+
+    @property
+    def ids(self) -> frozenset[str]:
+        """Ids of the effects named."""
+        return frozenset(named.id for named in self.named)
+
+
+def _parameters(raw: Mapping[str, Any]) -> dict[str, tuple[float, float | None]]:
+    return {
+        name: (float(entry["value"]), None if entry.get("std") is None else float(entry["std"]))
+        for name, entry in raw.items()
+        if isinstance(entry, Mapping) and isinstance(entry.get("value"), int | float)
+    }
+
+
+def answer_from_json(raw: Mapping[str, Any], seconds: float) -> Answer:
+    """An answer from the JSON that `vision explain` writes."""
+    location = raw.get("location") or {}
+    held_out = raw.get("held_out") or {}
+    named = tuple(
+        Named(effect["id"], effect.get("probability"), _parameters(effect.get("parameters") or {}))
+        for effect in raw.get("effects") or ()
+    )
+    return Answer(
+        verdict=str(raw.get("verdict")),
+        named=named,
+        groups=tuple(frozenset(group) for group in raw.get("indistinguishable") or ()),
+        next_measurement=str(raw.get("next_measurement") or ""),
+        phase=str(location.get("phase") or ""),
+        channel=str(location.get("channel") or ""),
+        t_start=location.get("t_start_s"),
+        t_end=location.get("t_end_s"),
+        rmse_before=held_out.get("rmse_before_m"),
+        rmse_after=held_out.get("rmse_after_m"),
+        seconds=seconds,
+        failure=str(raw.get("failure") or ""),
+        contradictions=tuple(contradictions(raw)) if "remainder" in raw else (),
+    )
+
+
+SURE = 0.5
+"""Probability from which a name is stated rather than suggested."""
+
+HARDLY = 1.0
+"""Chi-square units below which held-out trials fit no better."""
+
+NOISE_P = 1e-3
+"""Whiteness below which residuals are no noise."""
+
+
+def contradictions(raw: Mapping[str, Any]) -> list[str]:
+    """What in the JSON of a verdict can't be true together.
+
+    Parameters
+    ----------
+    raw : mapping
+        As `vision explain --json` writes it.
+    """
+    kind, effects = raw["verdict"], raw["effects"]
+    groups, held, remainder = raw["indistinguishable"], raw["held_out"], raw["remainder"]
+    names = {effect["id"] for effect in effects}
+    sure = [e["id"] for e in effects if e["probability"] > SURE]
+    found = []
+    if kind == "no_mismatch" and (effects or groups or raw["location"] or held):
+        found.append("nothing is missing, and yet something is named, placed or proved")
+    if kind == "explained" and len(sure) < len(effects):
+        found.append("found, and yet less likely than not")
+    if kind == "explained" and groups:
+        found.append("found, and yet something else is not excluded")
+    if kind in ("explained", "ambiguous") and not effects:
+        found.append("found, and yet nothing is named")
+    if kind == "unexplained" and sure:
+        found.append("nothing explains it, and yet a name is likely")
+    if kind == "ambiguous" and not groups and "in doubt" not in remainder["statement"]:
+        found.append("in doubt, and no reason is given")
+    if any(group[0] not in names for group in groups):
+        found.append("a name is not excluded in place of one that is not given")
+    # Chi-square has the error of metres in it, beside what each launch's own scatter took of it.
+    if sure and held and held["ratio_95"][1] < 1.0 and held.get("chi2_gain", 0.0) <= HARDLY:
+        found.append("a name is likely, and predicts worse")
+    if groups and not raw["next_measurement"]:
+        found.append("several answers, and nothing that would part them")
+    said = remainder["statement"]
+    if remainder["white"] and "still holds structure" in said:
+        found.append("noise, and structure")
+    if not remainder["white"] and "cannot be told from noise" in said:
+        found.append("no noise, and noise")
+    if any(a["why_not"].startswith("fits worse by -") for a in raw["alternatives"]):
+        found.append("an alternative fits worse by less than nothing")
+    return found

@@ -1,1 +1,0 @@
-"""Contestants: the engine, and what others would do."""

@@ -1,1 +1,0 @@
-"""How many numeric constants tell their unit and source."""

@@ -1,1 +1,0 @@
-"""The house in numbers and as a picture."""

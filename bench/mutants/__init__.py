@@ -1,1 +1,0 @@
-"""How many of thirty broken lines the tests notice."""
