@@ -26,7 +26,6 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("names", nargs="*", help="parts of names of clips; all without")
-    parser.add_argument("--following", action="store_true", help="the table of followed objects")
     parser.add_argument(
         "--shared", type=Path, default=Path(os.environ.get("IMPACT_VISION_SHARED", "../shared"))
     )

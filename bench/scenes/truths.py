@@ -5,11 +5,10 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from bench.trackers_side_by_side import outline
 
 FloatArray = NDArray[np.float64]
 
@@ -38,6 +37,30 @@ class Truth:
     radius: FloatArray
     std: FloatArray
     steady: bool = False
+
+
+def outline(camera: dict[str, Any], ball: FloatArray, radius: float) -> tuple[FloatArray, float]:
+    """Centre and mean radius of a sphere's outline in the image, px."""
+    sight = ball - np.array(camera["location"])
+    distance = float(np.linalg.norm(sight))
+    along = sight / distance
+    across = np.cross(along, camera["up"])
+    across /= np.linalg.norm(across)
+    turn = np.linspace(0.0, 2 * np.pi, 72, endpoint=False)[:, None]
+    ring = np.cos(turn) * across + np.sin(turn) * np.cross(along, across)
+    sine = radius / distance
+    rays = np.sqrt(1 - sine**2) * along + sine * ring
+    depth = rays @ camera["forward"]
+    x, y = rays @ camera["right"] / depth, -(rays @ camera["up"]) / depth
+    square = x**2 + y**2
+    bend = 1 + camera["k1"] * square + camera["k2"] * square**2
+    points = np.stack(
+        [camera["u0"] + camera["F_px"] * x * bend, camera["v0"] + camera["F_px"] * y * bend], axis=1
+    )
+    # Algebraic circle: |p|² = 2 c·p + const.
+    design = np.column_stack([2 * points, np.ones(len(points))])
+    solution = np.linalg.lstsq(design, (points**2).sum(axis=1), rcond=None)[0]
+    return solution[:2], float(np.hypot(*(points - solution[:2]).T).mean())
 
 
 def scene_truth(folder: Path) -> Truth:
