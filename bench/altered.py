@@ -1,11 +1,10 @@
-"""Clips measured again as another camera or file might have held them: nothing may change.
+"""Measure altered copies of clips and compare them with the originals and the truth.
 
 Run: python -m bench.altered [FOLDER...] [--only CLIP...] [--ways WAY...]
 
-The clips of the folders and those shipped are mirrored, turned, padded, cropped, resized,
-brightened, re-encoded, re-muxed, held still before and after, thinned and re-timed. Every quantity
-is compared with that of the clip as it is, over both stated uncertainties together, and with the
-truth; one that goes missing is listed with its reason.
+Clips are mirrored, rotated, padded, cropped, resized, brightened, re-encoded, re-muxed, extended
+by still frames, thinned and re-timed. Each quantity is compared with that of the original clip in
+combined standard uncertainties, and with the truth; missing quantities are listed with reasons.
 """
 
 import argparse
@@ -34,25 +33,25 @@ NEAR, FAR = 2.0, 4.0
 
 @dataclass(frozen=True)
 class Way:
-    """A way in which a clip may differ.
+    """An alteration of a clip.
 
     Attributes
     ----------
     name : str
     change : callable
-        From the pictures to altered ones.
+        Maps the frames to altered frames.
     before, after : int
-        Noisy copies of the first and the last picture put before and after.
+        Number of noisy copies of the first and the last frame added before and after.
     every : int
-        Of how many pictures one is kept.
+        Every n-th frame is kept.
     dropped : float
-        Share of pictures left out here and there; the others keep their times.
+        Fraction of frames dropped at random; the others keep their times.
     codec, suffix, options : str, str, dict
-        How they are written.
+        Codec, container and encoder options.
     rotation : int or None
-        Degrees by which the file tells players to turn the pictures.
+        Rotation in the display metadata, °.
     mirrored : bool
-        Whether left is right: what the setup says of the wall from left to right is turned, too.
+        Whether left and right are exchanged; distances along the wall in the setup change sign.
     """
 
     name: str
@@ -69,9 +68,11 @@ class Way:
 
 
 def resized(factor: float) -> Callable[[Pictures], Pictures]:
-    way = cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC
+    method = cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC
     return lambda all_: [
-        np.asarray(cv2.resize(one, None, fx=factor, fy=factor, interpolation=way), dtype=np.uint8)
+        np.asarray(
+            cv2.resize(one, None, fx=factor, fy=factor, interpolation=method), dtype=np.uint8
+        )
         for one in all_
     ]
 
@@ -83,7 +84,7 @@ def gained(gain: float, power: float = 1.0) -> Callable[[Pictures], Pictures]:
 
 
 def noisy(pictures: Pictures) -> Pictures:
-    """Noise of 6 gray levels, and light that flickers by 8 %."""
+    """Noise of 6 gray levels and flicker of 8 %."""
     rng = np.random.default_rng(1)
     return [
         np.clip(
@@ -149,7 +150,7 @@ def read(path: Path) -> Pictures:
 
 
 def written(pictures: Pictures, stamps: list[int], path: Path, way: Way) -> Path:
-    """Write pictures as a clip of 30 frames per second, or into a folder."""
+    """Write frames as a clip of 30 frames per second, or as a folder of images."""
     if way.suffix == "":
         path.mkdir()
         for index, picture in enumerate(pictures):
@@ -172,7 +173,7 @@ def written(pictures: Pictures, stamps: list[int], path: Path, way: Way) -> Path
 
 
 def altered(case: Case, way: Way, folder: Path) -> Case:
-    """The same case with another clip."""
+    """The case with its altered clip, and options and truth altered accordingly."""
     pictures = read(case.path)
     pictures = [
         *still(pictures[0], way.before, 2),
@@ -205,7 +206,7 @@ def altered(case: Case, way: Way, folder: Path) -> Case:
 
 @dataclass
 class Tally:
-    """How one way fares: quantities near to and far from those of the clip itself and the truth."""
+    """Number of quantities close to and far from the original clip's and from the truth."""
 
     near: int = 0
     count: int = 0
@@ -233,27 +234,27 @@ class Tally:
             self.true_count += 1
             self.true_near += abs(true) <= NEAR
             if max(abs(z), abs(true)) > FAR:
-                self.far.append(f"{case.name}: {before.name} ({z:+.1f}; to the truth {true:+.1f})")
+                self.far.append(
+                    f"{case.name}: {before.name} ({z:+.1f}; from the truth {true:+.1f})"
+                )
 
 
 def main() -> None:
-    """Print a row for each way."""
+    """Print a row for each alteration."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("folders", type=Path, nargs="*")
-    parser.add_argument(
-        "--only", nargs="*", help="Names of clips, or parts of them where none has that name."
-    )
-    parser.add_argument("--ways", nargs="*", help="Names of ways, or parts of them.")
+    parser.add_argument("--only", nargs="*", help="names of clips, or fragments of names")
+    parser.add_argument("--ways", nargs="*", help="alterations, or fragments of their names")
     chosen = parser.parse_args()
 
-    def wanted(name: str, parts: list[str] | None) -> bool:
-        return not parts or any(part in name for part in parts)
+    def wanted(name: str, fragments: list[str] | None) -> bool:
+        return not fragments or any(one in name for one in fragments)
 
     every = cases(*chosen.folders)
     named = [case for case in every if case.name in (chosen.only or ())]
     clips = named or [case for case in every if wanted(case.name, chosen.only)]
     usual = {case.name: measure_clip(case.path, case.options) for case in clips}
-    print("| way | as the clip itself, within 2 | as the truth, within 2 | beyond 4 | missing |")
+    print("| alteration | original, within 2 | truth, within 2 | beyond 4 | missing |")
     print("|---|---|---|---|---|")
     notes, total = [], Tally()
     for way in (way for way in WAYS if wanted(way.name, chosen.ways)):
@@ -275,9 +276,9 @@ def main() -> None:
             f" {tally.true_count} | {len(tally.far)} | {len(tally.lost) + len(tally.failed)} |",
             flush=True,
         )
-    share = 100 * total.near / max(total.count, 1)
+    near = 100 * total.near / max(total.count, 1)
     print(
-        f"\nWithin 2 of the clip itself: {share:.1f} % of {total.count};"
+        f"\nWithin 2 of the original clip: {near:.1f} % of {total.count};"
         f" beyond 4: {len(total.far)}."
     )
     print("\n".join(["", *(f"- {note}" for note in notes)]))

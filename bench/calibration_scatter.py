@@ -1,9 +1,10 @@
-"""Predicted against actual scatter of positions on the ball plane, over many calibrations.
+"""Compare predicted and actual standard deviation of positions over many calibrations.
 
-Run from the repository: ``python -m bench.calibration_scatter [--simulated 200] [--rendered 200]``.
-In every calibration all that is uncertain is drawn anew from what is claimed about it: noise of the
-crossings, lens, taped distances, diameter and outlines of the ball. The ratio is the root mean
-square of error over predicted standard deviation, 1 when the prediction is true.
+Run: python -m bench.calibration_scatter [--simulated 200] [--rendered 200]
+
+Each calibration draws every uncertain input from its stated distribution: noise of the grid
+crossings, lens, hand-measured distances, diameter and outlines of the ball. The ratio is the root
+mean square of the error over the predicted standard deviation, 1 for a correct prediction.
 """
 
 import argparse
@@ -37,7 +38,7 @@ class Drawn:
 
 
 def seen_places(camera: Camera) -> FloatArray | None:
-    """Where the ball is seen at `PLACES`, px; None unless all of them are in view."""
+    """Image positions of the ball at `PLACES`, px; None unless all of them are in view."""
     centres = np.c_[PLACES, np.full(len(PLACES), DEPTH)]
     px = camera.sphere_outline(centres, RADIUS)[0]
     size = [camera.lens.width, camera.lens.height]
@@ -46,7 +47,7 @@ def seen_places(camera: Camera) -> FloatArray | None:
 
 
 def judged(scene: Calibration, camera: Camera) -> Drawn | None:
-    """Compare positions with the truth, where the places are in view."""
+    """Compare positions with the truth; None unless all places are in view."""
     px = seen_places(camera)
     if px is None:
         return None
@@ -56,7 +57,7 @@ def judged(scene: Calibration, camera: Camera) -> Drawn | None:
 
 
 def board_known(count: int) -> Iterator[Drawn]:
-    """One camera, its lens known from a board."""
+    """One camera with the lens calibrated from a board."""
     camera = wide_camera()
     for seed in range(count):
         rng = np.random.default_rng([seed, 51])
@@ -68,7 +69,7 @@ def board_known(count: int) -> Iterator[Drawn]:
 
 
 def placed_by_eye(rng: np.random.Generator, size: tuple[int, int] = (640, 360)) -> Camera:
-    """Any camera, its principal point off the middle as much as the fit allows for."""
+    """A random camera whose principal point is displaced as the prior of the fit assumes."""
     camera = some_camera(rng, size)
     lens = camera.lens
     off = rng.normal(0.0, PRINCIPAL_STD * lens.width, 2)
@@ -76,7 +77,7 @@ def placed_by_eye(rng: np.random.Generator, size: tuple[int, int] = (640, 360)) 
 
 
 def grid_alone(count: int) -> Iterator[Drawn]:
-    """Cameras of all kinds, their lens from the grid alone; tape and ball tell the depth."""
+    """Random cameras, lens from the grid alone; distances and ball determine the depth."""
     for seed in range(count):
         rng = np.random.default_rng([seed, 52])
         camera = placed_by_eye(rng)
@@ -87,7 +88,7 @@ def grid_alone(count: int) -> Iterator[Drawn]:
 
 
 def from_pictures(count: int) -> tuple[list[Drawn], int]:
-    """The same with rendered pictures, the grid found in them; and how many were refused."""
+    """The same with the grid found in rendered images; and the number of rejected images."""
     drawn: list[Drawn] = []
     seed = refused = 0
     while len(drawn) < count:
@@ -112,12 +113,12 @@ def row(name: str, drawn: list[Drawn]) -> str:
     """A line of the table."""
     z = np.array([one.normalised for one in drawn])
     ratio = float(np.sqrt(np.mean(z**2)))
-    # places and axes of one calibration go together; calibrations are independent
-    doubt = float(np.std(np.mean(z**2, axis=(1, 2)))) / (2.0 * ratio * np.sqrt(len(z)))
+    # places and axes of one calibration are correlated; calibrations are independent
+    std = float(np.std(np.mean(z**2, axis=(1, 2)))) / (2.0 * ratio * np.sqrt(len(z)))
     inside = 100.0 * float(np.mean(np.abs(z) < 1.96))
     typical = 1e3 * float(np.median([one.predicted_m for one in drawn]))
     return (
-        f"| {name} | {len(drawn)} | {typical:.2f} mm | {ratio:.3f} ± {doubt:.3f} | {inside:.0f} % |"
+        f"| {name} | {len(drawn)} | {typical:.2f} mm | {ratio:.3f} ± {std:.3f} | {inside:.0f} % |"
     )
 
 
@@ -126,15 +127,13 @@ def main() -> None:
     parser.add_argument("--simulated", type=int, default=200)
     parser.add_argument("--rendered", type=int, default=200)
     options = parser.parse_args()
-    print(
-        "| calibrations | how many | predicted ± | actual over predicted | within 95 % interval |"
-    )
+    print("| calibrations | number | predicted ± | actual over predicted | in the 95 % interval |")
     print("|---|---|---|---|---|", flush=True)
     print(row("lens from a board", list(board_known(options.simulated))), flush=True)
     print(row("lens from the grid alone", list(grid_alone(options.simulated))), flush=True)
     drawn, refused = from_pictures(options.rendered)
-    print(row("the same, grid found in rendered pictures", drawn))
-    print(f"\nPictures refused rather than calibrated: {refused} of {refused + len(drawn)}.")
+    print(row("the same, grid found in rendered images", drawn))
+    print(f"\nImages rejected: {refused} of {refused + len(drawn)}.")
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
-"""Pictures of docs/ and the numbers beside them, from the sample clip.
+"""Draw the figures of docs/ from a sample clip and print the quantities they show.
 
 Run: python -m bench.docs_pictures [FOLDER]
 
-Writes demo_plots, gap, speeds, path, residuals, overlay and overlay_contact; prints the numbers
-that docs/start.md and docs/measuring.md quote, with the truth beside the clip.
+Writes demo_plots, gap, speeds, path, residuals, overlay and overlay_contact; prints every measured
+quantity with its true value.
 """
 
 import argparse
@@ -31,7 +31,7 @@ FLYING, WIDTH = 150, 1000
 
 
 def saved(figure: Figure, path: Path) -> None:
-    """Write a figure with as few colours as it needs."""
+    """Write a figure with a reduced palette."""
     buffer = io.BytesIO()
     figure.savefig(buffer, dpi=118)
     picture = Image.open(buffer).convert("RGB").quantize(128, Image.Quantize.FASTOCTREE)
@@ -39,7 +39,7 @@ def saved(figure: Figure, path: Path) -> None:
 
 
 def main() -> None:
-    """Measure the sample clip and write what the docs show of it."""
+    """Measure the sample clip and write the figures."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("folder", type=Path, nargs="?", default=ROOT / "docs" / "pictures")
     folder = parser.parse_args().folder

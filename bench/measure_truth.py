@@ -1,4 +1,4 @@
-"""Clips with their truth, as the benchmark of the measuring chain wants them."""
+"""Load clips with their true quantities for the measurement benchmarks."""
 
 import json
 from dataclasses import dataclass, replace
@@ -14,14 +14,12 @@ from pipelines.setup.tables import BallSetup, CameraSetup, Measured, Setup, Wall
 
 FloatArray = NDArray[np.float64]
 SHIPPED = Path(__file__).parents[1] / "sample_videos" / "clips"
-LEAST_WIDTH = 432
-GOOD_LIGHT = 0.9
 DRAWN = ("ball.mass", "ball.diameter", "pendulum.", "support.", "wall.grid")
 
 
 @dataclass(frozen=True)
 class Case:
-    """A clip with its truth: quantities, centre of the ball in flight, and how it was filmed.
+    """A clip with its true quantities, the ball's centre in flight and the measuring options.
 
     `phi_rad` is the pendulum's true angle in every frame.
     """
@@ -32,12 +30,11 @@ class Case:
     fps: float
     truth: dict[str, float]
     centre_px: FloatArray
-    good: bool
     phi_rad: FloatArray
 
 
 def cases(*folders: Path) -> list[Case]:
-    """The clips of folders of rendered ones, and those shipped."""
+    """The ray-traced clips in the folders, and the shipped clips."""
     truths = [path for folder in folders for path in sorted(folder.glob("*/truth.json"))]
     return [
         *(ray_traced(path.parent) for path in truths),
@@ -46,7 +43,7 @@ def cases(*folders: Path) -> list[Case]:
 
 
 def ray_traced(folder: Path) -> Case:
-    """A clip of another renderer; its truth file has names of its own."""
+    """A clip of the independent renderer, whose truth file uses other names."""
     truth = json.loads((folder / "truth.json").read_text())
     lab = json.loads((folder / "setup.json").read_text())
     tape = lab["tape_uncertainty_m"]
@@ -71,29 +68,28 @@ def ray_traced(folder: Path) -> Case:
             (truth["contact"]["t_off_s"], truth["flight"]["t_land_s"]),
             (truth["camera"]["W"], truth["camera"]["H"]),
         ),
-        good=truth["camera"]["W"] >= LEAST_WIDTH and truth["sensor"]["light"] >= GOOD_LIGHT,
         phi_rad=np.array(rows["phi_rad"], dtype=np.float64),
     )
 
 
 def as_written_down(case: Case, rng: np.random.Generator) -> Case:
-    """The same clip with each stated or supposed number of the rig off by a draw of its std."""
+    """The same clip with every given or assumed number displaced by a draw of its std."""
     known = case.options.setup
     camera, wall = known.camera, known.wall
     ball = known.ball if case.options.ball is None else BallSetup.preset(case.options.ball)
-    told: dict[str, str] = {} if ball is None else {"ball.preset": ball.name}
+    drawn: dict[str, str] = {} if ball is None else {"ball.preset": ball.name}
     for number in rig_of(known, ball).numbers:
         if number.key.startswith(DRAWN):
-            told[number.key] = f"{number.value + number.std * rng.normal():.9g} {number.unit}"
+            drawn[number.key] = f"{number.value + number.std * rng.normal():.9g} {number.unit}"
 
-    def taped(pair: Measured | None) -> Measured | None:
+    def displaced(pair: Measured | None) -> Measured | None:
         return None if pair is None else (pair[0] + pair[1] * rng.normal(), pair[1])
 
     foot = camera.principal_point_on_wall
     if foot is not None:
         foot = tuple((value + std * rng.normal(), std) for value, std in foot)
-    distance, plane = taped(camera.distance_to_wall), taped(wall.ball_plane_offset)
-    setup = known.having(told)
+    distance, plane = displaced(camera.distance_to_wall), displaced(wall.ball_plane_offset)
+    setup = known.having(drawn)
     setup = replace(
         setup,
         camera=replace(setup.camera, distance_to_wall=distance, principal_point_on_wall=foot),
@@ -103,7 +99,7 @@ def as_written_down(case: Case, rng: np.random.Generator) -> Case:
 
 
 def true_quantities(truth: dict[str, Any], lab: dict[str, Any]) -> dict[str, float]:
-    """Quantities of the contract; times on the clip's clock, 0 at the first frame."""
+    """Quantities by their names in results; times count from the first frame."""
     contact, flight = truth["contact"], truth["flight"]
     started = contact["frame_on"] / truth["fps_true"]
     inertia = lab["pendulum"]["inertia_kg_m2"]
@@ -130,14 +126,14 @@ def true_quantities(truth: dict[str, Any], lab: dict[str, Any]) -> dict[str, flo
 
 
 def shipped(truth_path: Path) -> Case:
-    """A clip that comes with the package."""
+    """A shipped clip."""
     name = truth_path.name.removesuffix(".truth.json")
     lab = load_setup(truth_path.with_name(f"{name}.toml"))
     return rendered(truth_path, f"{name} (shipped)", MeasureOptions(setup=lab))
 
 
 def rendered(truth_path: Path, called: str, options: MeasureOptions) -> Case:
-    """A clip of the project's own renderer, to be measured with the given options."""
+    """A clip of this project's renderer, measured with the given options."""
     truth = json.loads(truth_path.read_text())
     name = truth_path.name.removesuffix(".truth.json")
     quantities = {key: line["value"] for key, line in truth["quantities"].items()}
@@ -157,7 +153,6 @@ def rendered(truth_path: Path, called: str, options: MeasureOptions) -> Case:
             (events["contact_end"], events["landing"]),
             (camera["width"], camera["height"]),
         ),
-        good=camera["width"] >= LEAST_WIDTH,
         phi_rad=np.array(rows["phi_rad"], dtype=np.float64),
     )
 
@@ -169,7 +164,7 @@ def in_flight(
     flight_s: tuple[float, float],
     size: tuple[int, int],
 ) -> FloatArray:
-    """The projected centres, NaN where the ball isn't flying wholly in view."""
+    """The projected centres; NaN unless the ball is in flight and entirely in view."""
     margin = radius[:, None] + 2.0
     seen = ((centre > margin) & (centre < np.array(size) - 1.0 - margin)).all(axis=1)
     flying = (time_s > flight_s[0]) & (time_s < flight_s[1])

@@ -1,8 +1,9 @@
-"""Hold `vision calibrate plan` to the renderer: predicted against actual errors on three settings.
+"""Compare the errors predicted by `vision calibrate plan` with those of rendered clips.
 
-Run from the repository: ``python -m bench.planning [--clips 2]``. Every clip has a camera, a grid,
-tape errors and picture noise of its own; it is rendered, measured unattended and compared with its
-truth.
+Run: python -m bench.planning [--clips 2]
+
+Three settings. Every clip has its own camera, grid, errors of hand-measured distances and image
+noise; it is rendered, measured unattended and compared with its truth.
 """
 
 import argparse
@@ -21,9 +22,11 @@ from sample_videos.render import render_clip
 from sample_videos.truth import Truth
 
 SETTINGS = {
-    "good light, taped": Filming(JOKKU, 90.0, 640, 360),
-    "dim, small picture, taped": Filming(BASKETBALL, 60.0, 432, 240, distance_m=3.5, light=0.1),
-    "half the rate, nothing taped": Filming(
+    "good light, distances measured": Filming(JOKKU, 90.0, 640, 360),
+    "dim, small image, distances measured": Filming(
+        BASKETBALL, 60.0, 432, 240, distance_m=3.5, light=0.1
+    ),
+    "half the rate, no distances": Filming(
         BASKETBALL, 90.0, 640, 360, fps=300.0, distance_m=4.6, tape_std_m=None
     ),
 }
@@ -41,7 +44,7 @@ COMPARED = (
 
 @dataclass(frozen=True)
 class Compared:
-    """Predicted standard uncertainty, and what the errors were: one quantity of one setting."""
+    """Predicted standard uncertainty and actual errors of one quantity in one setting."""
 
     name: str
     unit: str
@@ -51,12 +54,12 @@ class Compared:
 
     @property
     def rms(self) -> float:
-        """Root mean square of the errors, of which there must be some."""
+        """Root mean square of the errors; there must be at least one."""
         return float(np.sqrt(np.mean(np.square(self.errors))))
 
 
 def filmed(filming: Filming, folder: Path) -> Iterator[tuple[str, float, float]]:
-    """Render and measure one clip: quantity, error and stated uncertainty of each one measured."""
+    """Render and measure one clip; yields name, error and stated uncertainty of quantities."""
     scene, shot = film_scene(filming)
     clip = folder / f"clip{filming.seed}.mp4"
     truth = true_quantities(render_clip(scene, shot, clip))
@@ -70,13 +73,13 @@ def filmed(filming: Filming, folder: Path) -> Iterator[tuple[str, float, float]]
 
 
 def true_quantities(truth: Truth) -> dict[str, float]:
-    """Those that have a value; the fused COR is that of the speeds."""
+    """Quantities with a value; the true combined COR is that of the speeds."""
     known = {name: value for name, (value, _) in truth.quantities.items() if value is not None}
     return known | {"cor": known["cor_speeds"]}
 
 
 def with_tape_errors(setup: Setup, seed: int) -> Setup:
-    """The setup with distances off as much as their uncertainty says."""
+    """The setup with distances displaced by draws of their uncertainty."""
     rng = np.random.default_rng([seed, 41])
     camera, wall = setup.camera, setup.wall
     if camera.distance_to_wall is None or wall.ball_plane_offset is None:
@@ -90,15 +93,15 @@ def with_tape_errors(setup: Setup, seed: int) -> Setup:
 
 
 def compared(filming: Filming, clips: int, *, first: int = 1) -> list[Compared]:
-    """Predict one setting, film it `clips` times, and compare."""
-    foreseen = foresee(filming)
+    """Predict one setting, render it `clips` times and compare."""
+    forecast = foresee(filming)
     errors: dict[str, list[tuple[float, float]]] = {name: [] for name in COMPARED}
     with TemporaryDirectory() as folder:
         for seed in range(first, first + clips):
             for name, error, std in filmed(replace(filming, seed=seed), Path(folder)):
                 errors[name].append((error, std))
     rows = []
-    for quantity in foreseen.quantities:
+    for quantity in forecast.quantities:
         if quantity.name in COMPARED and quantity.std is not None:
             pairs = errors[quantity.name]
             off, stated = tuple(e for e, _ in pairs), tuple(s for _, s in pairs)

@@ -1,1 +1,1 @@
-"""Real recordings, made by others, with physics that their plain model leaves out."""
+"""Real recordings by others, with physics missing from their simple model."""

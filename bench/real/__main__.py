@@ -1,4 +1,4 @@
-"""Run the engine on real and made recordings and print the table."""
+"""Run the engine on real and simulated recordings and print the table."""
 
 import argparse
 import tempfile

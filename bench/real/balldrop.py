@@ -1,4 +1,4 @@
-"""Sports balls dropped from a height: drag, confounded with a scale that is off."""
+"""Sports balls dropped from a height: drag, confounded with a scale error."""
 
 from pathlib import Path
 
@@ -12,10 +12,10 @@ from metrology import write_text_whole
 __all__ = ["convert", "rows"]
 
 HAND = 0.2
-"""Seconds of release at the start of a drop."""
+"""s; start of a drop that is discarded because a hand may still touch the ball."""
 DENSITY = 1.2
 VOLLEYBALL = (0.27, 0.21)
-"""Mass and diameter by the rules of the game; the recording gives none."""
+"""Mass and diameter by the rules of each sport; the recording gives none."""
 
 
 def _bodies(source: Path) -> pd.DataFrame:
@@ -31,7 +31,7 @@ def _drop(source: Path, body: str, trial: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def convert(source: Path, target: Path, bodies: tuple[str, ...], trials: tuple[int, ...]) -> None:
-    """ball.csv and setup.toml of some balls' drops."""
+    """Write ball.csv and setup.toml of the drops of some balls."""
     target.mkdir(parents=True, exist_ok=True)
     parts, sections = [], []
     facts = _bodies(source)
@@ -61,7 +61,7 @@ effects = ["gravity"]
 
 
 def rows(source: Path, cache: Path, explain: Explain) -> list[Row]:
-    """Names over all drops; landing predicted for one drop by what the other taught."""
+    """Effects named over all drops; landing of one drop predicted from another."""
     bodies = tuple(str(name) for name in _bodies(source).index)
     facts = _bodies(source)
     convert(source, cache / "balldrop", bodies, (1, 2))
@@ -81,6 +81,6 @@ def rows(source: Path, cache: Path, explain: Explain) -> list[Row]:
     return [
         Row("balldrop: landing error, one drop predicts the other", "median 0.7 m, mean 1.0 m",
             "0.5 m", f"median {np.median(errors):.2f} m, mean {np.mean(errors):.2f} m"),
-        Row("balldrop: drag and scale said to be confounded", "yes", "yes",
+        Row("balldrop: drag and scale reported as confounded", "yes", "yes",
             f"{'yes' if together else 'no'} ({words(whole)})"),
     ]  # fmt: skip

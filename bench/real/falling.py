@@ -1,4 +1,4 @@
-"""Vertical motion under gravity and drag, to predict what an engine's answer implies."""
+"""Predict vertical motion under gravity and drag from the effects an answer names."""
 
 from dataclasses import dataclass
 
@@ -24,7 +24,7 @@ class Fall:
 
 
 def fall_of(answer: Answer, mass: float, diameter: float, density: float) -> Fall:
-    """The vertical motion that an answer's named effects imply."""
+    """Vertical motion implied by the effects an answer names."""
     values = {named.id: named.parameters for named in answer.named}
 
     def value(identity: str, parameter: str) -> float:
@@ -51,7 +51,7 @@ def _heights(start: np.ndarray, fall: Fall, time: np.ndarray) -> np.ndarray:
 
 
 def predict(fall: Fall, time: np.ndarray, height: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Heights at all times, the start state fitted to the rows `known` alone."""
+    """Heights at all times; the initial state is fitted to the rows `known` only."""
     rise = np.polyfit(time[known] - time[0], height[known], 2)
 
     def residuals(start: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Juggled balls in a tilted, wrongly scaled frame: no physics is missing."""
+"""Juggled balls in a tilted frame with a wrong scale: no physics is missing."""
 
 from pathlib import Path
 
@@ -11,7 +11,7 @@ __all__ = ["convert", "rows"]
 
 
 def convert(source: Path, target: Path, recording: str) -> None:
-    """ball.csv (y up) and setup.toml of one recording."""
+    """Write ball.csv (y up) and setup.toml of one recording."""
     target.mkdir(parents=True, exist_ok=True)
     flights = pd.read_csv(source / "flights.csv")
     one = flights[flights["recording"] == recording]
@@ -42,7 +42,7 @@ effects = ["gravity"]
 
 
 def rows(source: Path, cache: Path, explain: Explain) -> list[Row]:
-    """One row for each recording: drag is the wrong answer, scale and tilt the right one."""
+    """One row for each recording: drag is wrong, scale and tilt are right."""
     found = []
     for recording in pd.read_csv(source / "flights.csv")["recording"].unique():
         folder = cache / f"juggling_{recording}"

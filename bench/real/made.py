@@ -1,7 +1,7 @@
-"""Recordings as other labs would make them, integrated with scipy and written as they would be.
+"""Simulate recordings of other laboratories with scipy, instrument errors included.
 
-No law here is taken from the engine: swings by LSODA, flights by DOP853, each with the faults of
-its instrument (a zero that is off, a length that is not quite right, a reading in steps).
+No force law comes from the engine: swings by LSODA, flights by DOP853, each with the errors of its
+instrument (zero offset, wrong length, quantised readings).
 """
 
 from collections.abc import Callable
@@ -34,23 +34,23 @@ class SwingRig:
     Attributes
     ----------
     length : float
-        Of the equivalent point mass, m; the setup file says `stated_length`.
+        Of the equivalent point mass, m; the setup file gives `stated_length`.
     dry, linear, quadratic : float
         Losses per inertia: rad/s², 1/s, 1.
     zero : float
         Angle that the encoder shows at rest, rad.
     noise, step : float
-        Scatter and resolution of a reading, rad.
+        Standard deviation and resolution of a reading, rad.
     rate, duration : float
         Hz, s.
     starts : tuple of float
         Angle of each release, rad.
     beside : float
-        Axis of the reading from the pendulum's, forward, over the arm.
+        Forward offset of the encoder axis from the pendulum's, over the arm.
     play : float
-        Way by which a reading follows late in either direction, rad.
+        Backlash of a reading in either direction, rad.
     of_each : tuple of float
-        Factor on the losses of each release; all alike if empty.
+        Factor on the losses of each release; 1 for all if empty.
     """
 
     length: float
@@ -78,14 +78,14 @@ CART = SwingRig(
 STRING = SwingRig(
     0.94, 0.88, 0.0, 0.011, 0.021, 0.0098, 0.0011, 1e-5, 30.0, 24.0, (0.42, 0.36, -0.39, 0.45)
 )
-"""A weight on a string: linear and quadratic losses, and a protractor that is not level."""
+"""A weight on a string: linear and quadratic losses, and a tilted protractor."""
 
 ENCODER = SwingRig(
     0.26, 0.26, 0.155, 0.0, 0.0, 0.006, 4e-4, 2.0 * np.pi / 1200, 50.0, 12.0, (1.6, 1.45, -1.5),
     beside=0.0105, play=np.pi / 1200, of_each=(1.0, 0.97, 1.02),
 )  # fmt: skip
-"""A pendulum on a coarse encoder that counts one edge of each step, its disc beside the axis; the
-bearing rubs dry, and does not quite repeat."""
+"""A pendulum on a coarse encoder that counts one edge per step, its disc off the axis; dry bearing
+friction that varies between releases."""
 
 
 def _swing(rig: SwingRig, start: float, time: np.ndarray, factor: float = 1.0) -> np.ndarray:
@@ -104,13 +104,13 @@ def _swing(rig: SwingRig, start: float, time: np.ndarray, factor: float = 1.0) -
 
 
 def write_swings(rig: SwingRig, target: Path, rate: float | None = None, seed: int = 5) -> None:
-    """pendulum.csv and setup.toml of a rig, at its own rate or at another one."""
+    """Write pendulum.csv and setup.toml of a rig, at its own sampling rate or at another."""
     target.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(seed)
     time = np.arange(0.0, rig.duration, 1.0 / (rate or rig.rate))
     parts = []
     for number, start in enumerate(rig.starts, 1):
-        # Nobody starts a recording at a turning point.
+        # Recordings do not start at a turning point.
         before = rng.uniform(0.3, 2.0)
         factor = rig.of_each[number - 1] if rig.of_each else 1.0
         seen = _swing(rig, start, np.concatenate([[0.0], before + time]), factor)[1:]
@@ -128,7 +128,7 @@ def write_swings(rig: SwingRig, target: Path, rate: float | None = None, seed: i
 
 
 def write_rolling(target: Path, seed: int = 6) -> None:
-    """ball.csv and setup.toml of a ball that rolls on the floor and is slowed by it."""
+    """Write ball.csv and setup.toml of a ball slowed by rolling resistance."""
     target.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(seed)
     time = np.arange(0.0, 1.6, 1.0 / 60.0)
@@ -167,7 +167,7 @@ def _spun(spin: np.ndarray, mass: float, radius: float) -> Callable[..., np.ndar
 
 
 def write_flights(target: Path, flights: int = 20, seed: int = 7) -> None:
-    """ball.csv and setup.toml of table-tennis flights in 3-D, each with a spin of its own."""
+    """Write ball.csv and setup.toml of table-tennis flights in 3-D, each with its own spin."""
     target.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(seed)
     parts = []

@@ -1,4 +1,4 @@
-"""Recordings handed over as they are, and made ones: what was said, and how well it predicts."""
+"""Recordings already in the engine's format, and simulated ones."""
 
 import json
 import shutil
@@ -31,7 +31,7 @@ def _measured(folder: Path, explain: Explain) -> str:
 def plain_rows(
     source: Path, cache: Path, explain: Explain, *, asked: str, at_least: str, aim: str
 ) -> list[Row]:
-    """One row of a set whose files are those of the contract already."""
+    """One row of a set whose files the engine reads directly."""
     folder = cache / source.name
     folder.mkdir(parents=True, exist_ok=True)
     for path in source.iterdir():
@@ -45,20 +45,20 @@ MADE: tuple[tuple[str, str, str, Write], ...] = (
      partial(made.write_swings, made.CART)),
     ("the same at 25 Hz", "3 mrad", "2.1 mrad",
      partial(made.write_swings, made.CART, rate=25.0)),
-    ("a weight on a string, zero off: linear and quadratic", "1.7 mrad", "1.2 mrad",
+    ("a weight on a string, zero offset: linear and quadratic", "1.7 mrad", "1.2 mrad",
      partial(made.write_swings, made.STRING)),
-    ("a ball that rolls: nothing in the catalogue", "unexplained", "unexplained",
+    ("a rolling ball: nothing in the catalogue", "unexplained", "unexplained",
      made.write_rolling),
-    ("flights in 3-D, each with a spin of its own: drag and spin", "6 mm", "3.3 mm",
+    ("flights in 3-D, each with its own spin: drag and spin", "6 mm", "3.3 mm",
      made.write_flights),
 )  # fmt: skip
 
 
 def made_rows(cache: Path, explain: Explain) -> list[Row]:
-    """One row for every recording that scipy integrates here."""
+    """One row for each simulated recording."""
     found = []
     for place, (asked, at_least, aim, write) in enumerate(MADE):
         folder = cache / f"made_{place}"
         write(folder)
-        found.append(Row(f"made, {asked}", at_least, aim, _measured(folder, explain)))
+        found.append(Row(f"simulated, {asked}", at_least, aim, _measured(folder, explain)))
     return found

@@ -1,4 +1,4 @@
-"""Rockets coasting upward: drag, and air that thins with height."""
+"""Rockets coasting upwards: drag and air density decreasing with height."""
 
 from pathlib import Path
 
@@ -21,7 +21,7 @@ def _pad_density(elevation: float) -> float:
 
 
 def convert(source: Path, target: Path, rocket: str, share: float = 1.0) -> None:
-    """ball.csv and setup.toml of one rocket's coast, or of its first `share`."""
+    """Write ball.csv and setup.toml of one rocket's coast, or of its first fraction."""
     target.mkdir(parents=True, exist_ok=True)
     coast = pd.read_csv(source / "coast.csv")
     coast = coast[coast["object"] == rocket]
@@ -47,7 +47,7 @@ effects = ["gravity"]
 
 
 def rows(source: Path, cache: Path, explain: Explain) -> list[Row]:
-    """Names on each whole coast, and the error of the half that the first half predicts."""
+    """Effects named on each coast, and the error of the second half predicted from the first."""
     truth = pd.read_csv(source / "truth.csv").set_index("object")
     coast = pd.read_csv(source / "coast.csv")
     named, errors = [], []
@@ -74,7 +74,7 @@ def rows(source: Path, cache: Path, explain: Explain) -> list[Row]:
     lapse = sum("density_lapse" in line for line in named)
     each = ", ".join(f"{error:.1f}" for error in errors)
     return [
-        Row("rocket_coast: drag, then density falling with height", "drag", "both",
+        Row("rocket_coast: drag, then density decreasing with height", "drag", "both",
             f"drag on {drag} of {len(named)}, density_lapse on {lapse} ({' / '.join(named)})"),
         Row("rocket_coast: median error of the predicted half", "12 m", "10 m",
             f"{np.median(errors):.1f} m ({each})"),

@@ -1,4 +1,4 @@
-"""A rod on an encoder shaft: the bearing rubs dry and viscous."""
+"""A rod on an encoder shaft: dry and viscous bearing friction."""
 
 from pathlib import Path
 
@@ -15,20 +15,20 @@ __all__ = ["convert", "held_out_rmse", "rows"]
 
 ROD_LENGTH = 0.124
 ROD_MASS = 0.1
-"""Not stated; torques scale with it and nothing else does."""
+"""kg; not stated by the source. Torques scale with it, nothing else does."""
 
 
 def _after_the_hand(swing: pd.DataFrame) -> pd.DataFrame:
-    """From the second turning point on: before it a hand is on the rod."""
+    """First turning point used; before it a hand touches the rod."""
     angle = swing["theta_deg"].to_numpy()
-    # Noise at a crossing of the lowest point makes more of it than one: a swing lasts longer.
+    # Noise produces several crossings of the lowest point; a half swing lasts longer.
     crossings = np.flatnonzero(np.diff(np.sign(angle)) != 0)
     first, second = crossings[np.diff(crossings, prepend=-1000) > 25][:2]
     return swing.iloc[first + int(np.argmax(np.abs(angle[first:second]))) :]
 
 
 def convert(source: Path, target: Path, trials: tuple[int, ...] = (1, 2, 3)) -> None:
-    """pendulum.csv and setup.toml of the releases `trials`, cut to the free swing."""
+    """Write pendulum.csv and setup.toml of the releases `trials`, cut to the free swing."""
     target.mkdir(parents=True, exist_ok=True)
     swings = pd.read_csv(source / "swings.csv")
     parts = [_after_the_hand(swings[swings["trial"] == trial]) for trial in trials]
@@ -56,7 +56,7 @@ angle = "{np.radians(0.09) / np.sqrt(12):.2g} rad"
 
 
 def _swing(parameters: np.ndarray, law: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """Angles under phi'' = -w2 sin phi - b phi' - c sign phi' from a start state."""
+    """Angles from phi'' = -w2 sin phi - b phi' - c sign phi' and an initial state."""
     frequency, viscous, dry, quadratic = law
 
     def rate(_: float, state: np.ndarray) -> list[float]:
@@ -74,7 +74,7 @@ def _swing(parameters: np.ndarray, law: np.ndarray, time: np.ndarray) -> np.ndar
 
 
 def _law(answer: Answer) -> np.ndarray | None:
-    """Coefficients per inertia of the torques that an answer names; None for other physics."""
+    """Torque coefficients over inertia of the named effects; None for other physics."""
     inertia = ROD_MASS * ROD_LENGTH**2 / 3
     carried = {
         "viscous_damping": ("viscous_coefficient", 1),
@@ -92,7 +92,7 @@ def _law(answer: Answer) -> np.ndarray | None:
 
 
 def held_out_rmse(source: Path, answer: Answer, trained: tuple[int, ...], tested: int) -> float:
-    """RMSE (deg) on a release kept out: torques from the answer, w0 from the trained releases."""
+    """RMSE (deg) on a held-out release: torques from the answer, w0 from the other releases."""
     law = _law(answer)
     if law is None:
         return float("nan")
@@ -117,7 +117,7 @@ def held_out_rmse(source: Path, answer: Answer, trained: tuple[int, ...], tested
         )
 
     start = np.concatenate([[120.0], *[[angles(trial)[1][0], 0.0] for trial in trained]])
-    # The path is good to 1e-7, so derivatives need steps well above that.
+    # The solution is accurate to 1e-7; finite differences need larger steps.
     frequency = least_squares(joint, start, x_scale="jac", diff_step=1e-4).x[0]
     fitted = least_squares(
         residuals, [angles(tested)[1][0], 0.01], args=(frequency, tested), diff_step=1e-4
@@ -126,7 +126,7 @@ def held_out_rmse(source: Path, answer: Answer, trained: tuple[int, ...], tested
 
 
 def rows(source: Path, cache: Path, explain: Explain) -> list[Row]:
-    """Names on all three releases, and the error on each release when it is kept out."""
+    """Effects named on all three releases, and the error on each release when held out."""
     convert(source, cache / "rod_pendulum")
     whole = explain(cache / "rod_pendulum", cache / "rod_pendulum" / "answer.json")
     squares = []

@@ -1,4 +1,4 @@
-"""One line of the table of real recordings."""
+"""Row of the table of real recordings."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,12 +9,12 @@ from bench.concealed.answer import Answer
 __all__ = ["Explain", "Row", "words"]
 
 Explain = Callable[[Path, Path], Answer]
-"""Runs the engine on a folder of files, and keeps its JSON in a file."""
+"""Runs the engine on a folder and writes its JSON to a file."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """What was asked of the engine, what is wanted at least and at best, what came out."""
+    """Question, required result, goal and measured result."""
 
     asked: str
     at_least: str
@@ -23,7 +23,7 @@ class Row:
 
 
 def words(answer: Answer) -> str:
-    """An answer in a few words."""
+    """Short description of an answer."""
     if answer.failure:
         return f"failed ({answer.failure[:80]})"
     groups = "; ".join("{" + ", ".join(sorted(group)) + "}" for group in answer.groups)

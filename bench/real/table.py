@@ -1,4 +1,4 @@
-"""The sets, run in turn, and their table."""
+"""Run the sets of recordings and build their table."""
 
 from functools import partial
 from pathlib import Path
@@ -10,7 +10,7 @@ from bench.real.row import Explain, Row
 __all__ = ["MADE", "real_rows", "real_table"]
 
 MADE = "made"
-"""What the recordings go by that scipy integrates."""
+"""Name of the set of simulated recordings."""
 
 SETS = {
     "rod_pendulum": rod_pendulum.rows,
@@ -21,7 +21,7 @@ SETS = {
         plain_rows, asked="drag, a C_D for each ball", at_least="drag", aim="0.47, 0.83"
     ),
     "pingpong_throws": partial(
-        plain_rows, asked="can't tell", at_least="no name above 0.5", aim="unexplained"
+        plain_rows, asked="not decided", at_least="no name above 0.5", aim="unexplained"
     ),
     "rocket_coast": rocket_coast.rows,
     "balldrop": balldrop.rows,
@@ -30,7 +30,7 @@ SETS = {
 
 
 def real_rows(source: Path, cache: Path, explain: Explain, chosen: str | None = None) -> list[Row]:
-    """Rows of every set that lies below `source`, and of the made ones, or of the chosen one."""
+    """Rows of every set found in `source` and of the simulated ones, or of the chosen set."""
     found = []
     for name, rows in SETS.items():
         if (source / name).is_dir() and chosen in (None, name):
@@ -41,7 +41,7 @@ def real_rows(source: Path, cache: Path, explain: Explain, chosen: str | None = 
 
 
 def real_table(rows: list[Row]) -> list[str]:
-    """Markdown lines."""
-    lines = ["| recording | at least | aim | measured |", "|---|---|---|---|"]
+    """Table as Markdown lines."""
+    lines = ["| recording | required | goal | measured |", "|---|---|---|---|"]
     lines += [f"| {r.asked} | {r.at_least} | {r.aim} | {r.measured} |" for r in rows]
     return [*lines, ""]

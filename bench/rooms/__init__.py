@@ -1,1 +1,1 @@
-"""Rooms, pendulums, balls and cameras drawn at random, filmed and followed."""
+"""Random scenes with a pendulum and a ball: rendered, followed and measured."""

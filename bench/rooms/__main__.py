@@ -1,18 +1,16 @@
-"""Rooms drawn at random, filmed and followed: are ball and mass, and nothing else taken for them?
+"""Render random rooms and count how often ball and pendulum mass are followed.
 
 Run: python -m bench.rooms [--rooms 40] [--first 0] [--keep FOLDER] [--traced]
 
-A clip that the folder holds already is not filmed again. With --traced, rooms and strikes are those
-of `bench.rooms.traced`, which share nothing with the project's renderer (mitsuba must be there).
+Clips already in the folder are not rendered again. With --traced, rooms and strikes come from
+`bench.rooms.traced`, which shares no code with the project's renderer and needs mitsuba.
 
-Of the ball, the part of the frames from the first touch on, in which it is wholly in view, that are
-followed to within half its radius; it is followed where that is 0.9, and something else is where
-more than half of what was followed then lies further off.
-
-Each clip is written as H.264, read back and followed unattended. The mass counts as followed where
-its track is one fixed point of it, to a pixel, for ten frames on either side of the strike, of the
-thirty before and those from the thirteenth to the thirtieth after the first touch; a track further
-off than three pixels is one of something else.
+Each clip is written as H.264, read back and followed unattended. The ball counts as followed if its
+track is within half a radius of the truth in 90 % of the frames after first contact in which it is
+entirely in view, and as wrong if more than half of its frames are further away. The mass counts as
+followed if its track is a fixed point of the mass, to 1 px, in at least ten frames each before and
+after the strike (of the 30 before first contact and of frames 13 to 30 after it), and as wrong if
+the root mean square deviation from a fixed point exceeds 3 px.
 """
 
 import argparse
@@ -40,18 +38,18 @@ GOOD_PX, WRONG_PX = 1.0, 3.0
 SIDE_FRAMES, FROM_FRAMES, TO_FRAMES = 10, 12, 30
 NEARLY_ALL = 0.9
 FAINT = 0.03
-"""Contrast of lines that nobody would lay a pitch to."""
+"""Contrast of grid lines below which a user would not give their spacing; chosen."""
 
 
 @dataclass(frozen=True)
 class Judged:
-    """How the mass was followed in one room.
+    """Result for the mass in one room.
 
     Attributes
     ----------
     followed, wrong : bool
     off_px : float
-        Root mean square distance from a fixed point of the mass; NaN where nothing was followed.
+        Root mean square deviation from a fixed point of the mass; NaN if no mass was followed.
     words : str
     """
 
@@ -63,20 +61,20 @@ class Judged:
 
     @property
     def verdict(self) -> str:
-        """In a word or two."""
+        """Short result."""
         return _verdict(self.followed, self.wrong)
 
 
 @dataclass(frozen=True)
 class JudgedBall:
-    """How the ball was followed from the first touch on.
+    """Result for the ball after first contact.
 
     Attributes
     ----------
     near : float
-        Part of the frames that are followed to within half a radius.
+        Fraction of the frames followed to within half a radius.
     wrong : bool
-        Whether most of what was followed then is something else.
+        Whether more than half of the followed frames are further away.
     """
 
     near: float
@@ -84,7 +82,7 @@ class JudgedBall:
 
     @property
     def verdict(self) -> str:
-        """In a word or two."""
+        """Short result."""
         return _verdict(self.near >= NEARLY_ALL, self.wrong)
 
 
@@ -95,7 +93,7 @@ def _verdict(followed: bool, wrong: bool) -> str:
 
 
 def judged_ball(ball: Track, truth: FrameTruth, shape: tuple[int, int]) -> JudgedBall:
-    """Hold the ball's track against where it was, from the first touch on."""
+    """Compare the ball's track with the truth after first contact."""
     radius, place = truth.radius_px, truth.outline_px
     inside = np.all(place > radius[:, None], axis=1)
     inside &= np.all(place < np.array(shape)[::-1] - 1 - radius[:, None], axis=1)
@@ -109,7 +107,7 @@ def judged_ball(ball: Track, truth: FrameTruth, shape: tuple[int, int]) -> Judge
 
 
 def judged(pendulum: PendulumTrack | None, truth: FrameTruth, fps: float, mirrored: bool) -> Judged:
-    """Hold a track against where the mass was, near the strike."""
+    """Compare the pendulum's track with the mass near the strike."""
     if pendulum is None:
         return Judged(False, False, float("nan"), "not found")
     frame = pendulum.track.frame
@@ -127,9 +125,9 @@ def judged(pendulum: PendulumTrack | None, truth: FrameTruth, fps: float, mirror
 
 
 def _off_a_fixed_point(gap: FloatArray, turn: FloatArray) -> float:
-    """What is left of gaps (N, 2) after the best point fixed in a body that has turned, px.
+    """Root mean square of gaps (N, 2) after a fit of a point fixed in the rotating body, px.
 
-    Seen aslant, such a point goes round an ellipse: cosine and sine are free along x and y.
+    Seen obliquely, such a point describes an ellipse: cosine and sine are free along x and y.
     """
     axes = np.column_stack([np.cos(turn), np.sin(turn)])
     left = gap - axes @ np.linalg.lstsq(axes, gap, rcond=None)[0]
@@ -137,11 +135,11 @@ def _off_a_fixed_point(gap: FloatArray, turn: FloatArray) -> float:
 
 
 def kept_truth(clip: Path) -> FrameTruth:
-    """What the file beside a clip says of each frame; NaN where it says nothing."""
-    told = json.loads(truth_path(clip).read_text())["frames"]
+    """True values in each frame from the truth file; NaN where there is none."""
+    stored = json.loads(truth_path(clip).read_text())["frames"]
     columns = {}
     for field in fields(FrameTruth):
-        rows = told["time_s" if field.name == "time" else field.name]
+        rows = stored["time_s" if field.name == "time" else field.name]
         nowhere = np.full(np.shape(next(row for row in rows if row is not None)), np.nan)
         columns[field.name] = np.array([nowhere if row is None else row for row in rows], float)
     return FrameTruth(**columns)
@@ -149,12 +147,12 @@ def kept_truth(clip: Path) -> FrameTruth:
 
 @dataclass(frozen=True)
 class FilmedRoom:
-    """A clip of a room, and what anybody in it knows.
+    """A clip of a room with what a user knows about it.
 
     Attributes
     ----------
     pitch : float or None
-        Of the wall's grid, m; None where nobody would lay a rule to it.
+        Spacing of the wall's grid, m; None if its lines are too faint.
     mirrored : bool
         Whether the pendulum comes from the right.
     """
@@ -169,14 +167,14 @@ class FilmedRoom:
 
 @dataclass(frozen=True)
 class RoomsAskedFor:
-    """Seeds that the command line asks for, and who films them into which folder."""
+    """Seeds, output folder and renderer requested on the command line."""
 
     seeds: range
     folder: Path
     traced: bool
 
     def filmed(self, seed: int) -> FilmedRoom:
-        """Draw a room and film it, unless the folder holds its clip."""
+        """Draw a room and render it unless its clip is in the folder."""
         return self._traced(seed) if self.traced else self._drawn(seed)
 
     def _drawn(self, seed: int) -> FilmedRoom:
@@ -212,12 +210,14 @@ def followed_room(room: FilmedRoom) -> Judged:
 
 @contextmanager
 def rooms_asked_for(described: str) -> Iterator[RoomsAskedFor]:
-    """What the command line asks for; clips that need not be kept go at the end."""
+    """Parse the command line; clips are deleted at the end unless --keep is given."""
     parser = argparse.ArgumentParser(description=described)
     parser.add_argument("--rooms", type=int, default=40)
     parser.add_argument("--first", type=int, default=0, help="seed of the first room")
-    parser.add_argument("--keep", type=Path, help="folder in which the clips are kept")
-    parser.add_argument("--traced", action="store_true", help="rooms of the path tracer")
+    parser.add_argument("--keep", type=Path, help="folder for the clips")
+    parser.add_argument(
+        "--traced", action="store_true", help="rooms of the path tracer (needs mitsuba)"
+    )
     chosen = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) if chosen.keep is None else chosen.keep
@@ -239,10 +239,10 @@ def main() -> None:
                 flush=True,
             )
     done, wrong = sum(row.followed for row in rows), sum(row.wrong for row in rows)
-    print(f"\nMass followed in {done} of {len(rows)} rooms, something else in {wrong}.")
+    print(f"\nMass followed in {done} of {len(rows)} rooms, wrong in {wrong}.")
     balls = [row.ball for row in rows if row.ball is not None]
     done, wrong = sum(ball.near >= NEARLY_ALL for ball in balls), sum(ball.wrong for ball in balls)
-    print(f"Ball followed in {done} of {len(rows)} rooms, something else in {wrong}.")
+    print(f"Ball followed in {done} of {len(rows)} rooms, wrong in {wrong}.")
 
 
 if __name__ == "__main__":

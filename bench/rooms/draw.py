@@ -1,4 +1,4 @@
-"""A room at random: wall, furniture, lights, ball, pendulum and camera."""
+"""Draw a random room: wall, furniture, lights, ball, pendulum and camera."""
 
 import math
 from dataclasses import dataclass, replace
@@ -25,22 +25,22 @@ Colour = tuple[float, float, float]
 Vector = tuple[float, float, float]
 
 BEFORE_S, AFTER_S = 0.085, 0.11
-"""s: what is filmed around the first touch."""
+"""s; interval filmed, relative to first contact."""
 SIZES = ((432, 240), (320, 180), (640, 360), (208, 116))
-"""Pictures, px."""
+"""Image sizes, px."""
 MAKES = ("block", "wide block", "bob on a rod", "bob on a cord", "pale block", "long block")
 
 
 @dataclass(frozen=True)
 class DrawnRoom:
-    """A room to be filmed.
+    """A room to be rendered.
 
     Attributes
     ----------
     scene : Scene
     shot : Shot
     words : str
-        What is in it.
+        Short description.
     """
 
     scene: Scene
@@ -49,7 +49,7 @@ class DrawnRoom:
 
 
 def draw_room(seed: int) -> DrawnRoom:
-    """Draw a room; the same seed gives the same one."""
+    """Draw a room; a seed always gives the same room."""
     rng = np.random.default_rng([seed, 97])
     ball = BALLS[str(rng.choice(sorted(BALLS)))]
     size = [(432, 240), (320, 180), (640, 360), (208, 116)][
@@ -85,7 +85,7 @@ def draw_room(seed: int) -> DrawnRoom:
 
 
 def _aside(camera: Camera, yaw: float) -> Camera:
-    """The camera moved round the middle of the picture, which it goes on looking at."""
+    """The camera rotated about the point at the image centre, which stays there."""
     if yaw == 0.0:
         return camera
     x, y, away = camera.position

@@ -1,10 +1,10 @@
-"""Rooms drawn at random, measured: do the intervals that are stated hold the truth?
+"""Measure random rooms and test whether the stated intervals contain the truth.
 
 Run: python -m bench.rooms.intervals [--rooms 40] [--first 0] [--keep FOLDER] [--traced]
 
-Each room is measured with what anybody knows: the rate, the ball's name and, where its lines can be
-seen, the wall's pitch. No tape, no pendulum, no lens. A clip that the folder holds already is not
-filmed again.
+Each room is measured with the frame rate, the ball's name and, if its lines are visible, the
+spacing of the wall grid; no distances, pendulum or lens are given. Clips already in the folder are
+not rendered again.
 """
 
 from bench.measure import printed_overview
@@ -16,14 +16,14 @@ from sample_videos.truth import truth_path
 
 
 def room_case(room: FilmedRoom) -> Case:
-    """A room with what anybody knows of it."""
+    """A room with the options a user could give."""
     setup = Setup(camera=CameraSetup(room.fps), wall=WallSetup(room.pitch))
     options = MeasureOptions(setup=setup, ball=room.ball)
     return rendered(truth_path(room.path), room.path.stem.rpartition("_")[2], options)
 
 
 def main() -> None:
-    """Print a row for each room and what holds over all."""
+    """Print a row for each room and the statistics of all."""
     with rooms_asked_for((__doc__ or "").splitlines()[0]) as asked:
         printed_overview(room_case(asked.filmed(seed)) for seed in asked.seeds)
 

@@ -1,10 +1,10 @@
-"""Rooms drawn at random and filmed by a path tracer that shares nothing with the project's own.
+"""Random rooms rendered by a path tracer that is independent of the project.
 
-Light, shadows and reflections are Mitsuba's (https://mitsuba-renderer.org; `pip install
-impact-vision[traced]`, with LLVM 16 or later as a shared library); the strike is integrated here,
-with a contact law that the project does not hold: a force of δ^1.3 with a loss proportional to
-δ·dδ/dt. Frame of reference: x right, y up from the floor, z out of the wall, m; t = 0 at the first
-touch.
+Light, shadows and reflections are computed by Mitsuba (https://mitsuba-renderer.org; `pip install
+impact-vision[traced]`, with LLVM 16 or later as a shared library). The strike is integrated here
+with a contact law that the project does not contain: a force of δ^1.3 with a loss proportional to
+δ·dδ/dt. Frame of reference: x right, y up from the floor, z out of the wall, m; t = 0 at first
+contact.
 """
 
 import json
@@ -27,7 +27,7 @@ FloatArray = NDArray[np.float64]
 GRAVITY = 9.81
 AIR = 1.2
 BALLS = {"basketball": (0.605, 0.2459), "jokku": (0.353, 0.20175)}
-"""Mass in kg and diameter in m of the balls that the paper strikes."""
+"""Mass, kg, and diameter, m, of the balls in Ryu et al."""
 BEFORE_S, AFTER_S = 0.085, 0.13
 SIZES = ((432, 240), (320, 180), (640, 360), (208, 116))
 STEP_S = 2e-5
@@ -36,7 +36,7 @@ SUBFRAMES, SAMPLES = 4, 4
 
 @dataclass(frozen=True)
 class Rig:
-    """Pendulum and ball; the angle is zero where the arm hangs straight down.
+    """Pendulum and ball; the angle is zero when the arm hangs vertically.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class Rig:
 
 @dataclass(frozen=True)
 class Strike:
-    """States on a fine clock: time, ball's place and speed in its plane, angle and its rate."""
+    """States at fine time steps: time, ball position and velocity in its plane, angle and rate."""
 
     time: FloatArray
     place: FloatArray
@@ -78,7 +78,7 @@ class Strike:
 
 @dataclass(frozen=True)
 class Eye:
-    """A pinhole camera: its place, its axes as rows (right, down, forward), focal length in px."""
+    """A pinhole camera: position, axes as rows (right, down, forward), focal length in px."""
 
     place: FloatArray
     axes: FloatArray
@@ -104,7 +104,7 @@ class Eye:
 
 @dataclass(frozen=True)
 class TracedRoom:
-    """All that one clip is made of; `scenery` is in the renderer's own words."""
+    """Everything one clip is rendered from; `scenery` is in the renderer's format."""
 
     seed: int
     words: str
@@ -125,7 +125,7 @@ class TracedRoom:
 
 
 def draw_traced(seed: int) -> TracedRoom:
-    """Draw a room; the same seed gives the same one."""
+    """Draw a room; a seed always gives the same room."""
     rng = np.random.default_rng([seed, 4201])
     ball = str(rng.choice(sorted(BALLS)))
     rig = _rig(rng, ball)
@@ -185,7 +185,7 @@ def _rig(rng: np.random.Generator, ball: str) -> Rig:
 
 
 def _contact_offset(rig: Rig, phi: float | FloatArray) -> FloatArray:
-    """From pivot to the point that touches, in the plane of the swing, m."""
+    """Vector from the pivot to the contact point, in the plane of the swing, m."""
     ahead = rig.half[0]
     return np.stack(
         [
@@ -197,7 +197,7 @@ def _contact_offset(rig: Rig, phi: float | FloatArray) -> FloatArray:
 
 
 def strike_of(rig: Rig) -> Strike:
-    """March mass and ball from before the touch to the end of what may be filmed."""
+    """Integrate mass and ball from before first contact to the end of the clip."""
     weight = GRAVITY / (0.83 * rig.length)
     fall = math.cos(rig.touch) - math.cos(rig.backswing)
     rate = math.sqrt(2.0 * weight * fall)
@@ -283,14 +283,14 @@ def _level(rng: np.random.Generator, low: float, high: float) -> list[float]:
 
 
 def _renderer() -> Any:
-    """The path tracer, loaded where it is asked for: it is no part of what the project needs."""
+    """Import the path tracer on demand; it is an optional dependency."""
     try:
         import mitsuba
 
         mitsuba.set_variant("llvm_ad_rgb")
     except ImportError as problem:
         raise SystemExit(
-            f"the path tracer can't start: {problem}\nInstall it (pip install "
+            f"the path tracer cannot start: {problem}\nInstall it (pip install "
             "impact-vision[traced]) and LLVM 16 or later (libllvm19 in Debian), and point "
             "DRJIT_LIBLLVM_PATH at the library if it is not found."
         ) from None
@@ -308,7 +308,7 @@ def _picture(image: FloatArray) -> dict[str, Any]:
 
 
 def _wall_picture(rng: np.random.Generator, kind: str, pitch: float | None) -> FloatArray:
-    """The wall's reflectance over 6 m × 3 m, upper edge first, (600, 1200, 3) at 5 mm a texel."""
+    """Reflectance of the wall, 6 m × 3 m, top row first, (600, 1200, 3) at 5 mm per texel."""
     rows, columns = 1200, 2400
     image = np.ones((rows, columns, 3)) * _level(rng, 0.25, 0.85)
     v, u = np.mgrid[0:rows, 0:columns] * 0.0025
@@ -373,7 +373,7 @@ def _lamps(rng: np.random.Generator) -> dict[str, Any]:
 
 
 def _furniture(rng: np.random.Generator, rig: Rig) -> dict[str, Any]:
-    """Boxes on the floor and on the wall, and balls that lie about."""
+    """Boxes on the floor and on the wall, and balls at rest."""
     things: dict[str, Any] = {}
     for index in range(int(rng.integers(0, 5))):
         half = [float(v) for v in rng.uniform([0.05, 0.08, 0.02], [0.35, 0.5, 0.12])]
@@ -403,7 +403,7 @@ def _furniture(rng: np.random.Generator, rig: Rig) -> dict[str, Any]:
 
 
 def _scenery(rng: np.random.Generator, rig: Rig, pitch: float | None) -> tuple[dict[str, Any], str]:
-    """What does not move, and what kind of wall it stands before."""
+    """The static objects, and the kind of wall behind them."""
     move = _renderer().ScalarTransform4f
     kind = str(rng.choice(["plain", "plain", "bricks", "boards", "speckled", "paper"]))
     wall = _wall_picture(rng, kind, pitch)
@@ -437,7 +437,7 @@ def _scenery(rng: np.random.Generator, rig: Rig, pitch: float | None) -> tuple[d
 
 
 def _looks(rng: np.random.Generator, ball: str) -> dict[str, Any]:
-    """What ball, mass and arm are made of."""
+    """Materials of ball, mass and arm."""
     make = str(rng.choice(["plain", "two halves", "stripes", "seams", "spots", "glossy", "metal"]))
     pale, dark = np.array(_level(rng, 0.4, 0.9)), np.array(_level(rng, 0.03, 0.45))
     v, u = np.mgrid[0:128, 0:256] / np.array([128.0, 256.0])[:, None, None]
@@ -538,7 +538,7 @@ def _moving(room: TracedRoom, place: FloatArray, phi: float, pivot: FloatArray) 
 
 
 def film_traced(room: TracedRoom, path: Path) -> None:
-    """Render a room, write the clip as H.264 and its truth beside it."""
+    """Render a room; write the clip as H.264 and its truth file."""
     strike = strike_of(room.rig)
     room = _loaded(room)
     times = room.first + np.arange(room.frames) / room.fps
@@ -567,7 +567,7 @@ def film_traced(room: TracedRoom, path: Path) -> None:
 
 
 def _loaded(room: TracedRoom) -> TracedRoom:
-    """The same room, with what does not change handed to the renderer once for all frames."""
+    """The room with the static objects passed to the renderer once for all frames."""
     mi = _renderer()
     scenery = {name: mi.load_dict(thing) for name, thing in room.scenery.items()}
     looks = {

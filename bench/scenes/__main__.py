@@ -1,16 +1,16 @@
-"""Whether the right thing is followed, and how finely, over everything whose truth is known.
+"""Compare followed objects with the truth on all clips whose truth is known.
 
-Run: python -m bench.scenes --following [NAME…] [--shared FOLDER]
+Run: python -m bench.scenes [NAME…] [--shared FOLDER]
 
-Foreign scenes and rendered clips carry truth.json (ball in flight and at rest); real clips carry
-truth/NAME.csv, marked by eye, with an uncertainty for every frame. Printed as markdown:
+Rendered scenes have truth.json; real clips have truth/NAME.csv, marked by eye, with an uncertainty
+for every frame. The Markdown table has these columns:
 
-- near: part of the true frames followed to within half a radius;
-- RMS in flight, px, of frames that were near (and of all of them where it differs);
-- 2σ: part of the frames within the two-dimensional interval of that probability (95.4 %), which
-  for real clips is widened by the truth's own uncertainty;
-- > 8σ: frames further off than eight stated standard uncertainties;
-- within (real clips): part of the true frames within max(1 px, 1.5 × truth's uncertainty).
+- near: fraction of the true frames followed to within half a radius;
+- RMS px: root mean square error over those frames;
+- within: fraction of the true frames within max(1 px, 1.5 × the truth's uncertainty);
+- 2σ: fraction of the frames inside the two-dimensional 95.4 % region of the stated covariance
+  plus the truth's;
+- > 8σ: frames further than eight stated standard uncertainties from the truth.
 """
 
 import argparse
@@ -25,7 +25,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("names", nargs="*", help="parts of names of clips; all without")
+    parser.add_argument("names", nargs="*", help="fragments of names of clips (default: all)")
     parser.add_argument(
         "--shared", type=Path, default=Path(os.environ.get("IMPACT_VISION_SHARED", "../shared"))
     )
@@ -33,11 +33,11 @@ def main() -> None:
     print(HEAD)
     real, drawn = Coverage(), Coverage()
     for clip, name, truths, rate in clips_of(chosen.shared):
-        if not chosen.names or any(part in name for part in chosen.names):
+        if not chosen.names or any(one in name for one in chosen.names):
             kind = drawn if any(truth.steady for truth in truths) else real
             for text in following_lines(clip, name, truths, rate, kind):
                 print(text, flush=True)
-    print(f"\nDrawn: {drawn.words}.\nReal: {real.words}.")
+    print(f"\nRendered: {drawn.summary}.\nReal: {real.summary}.")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Whether the right thing is followed, and how finely."""
+"""Score followed objects against their true positions."""
 
 import time
 from collections.abc import Iterator
@@ -20,13 +20,13 @@ HEAD = (
     "| clip | object | motion | near | RMS px | within | 2σ | > 8σ | radius px | mass | CPU s |\n"
     "|---|---|---|---|---|---|---|---|---|---|---|"
 )
-# Squared distance over covariance that a two-dimensional normal exceeds in 4.6 % of all cases.
+# Squared Mahalanobis distance that a two-dimensional normal exceeds with probability 4.55 %.
 TWO_SIGMA_SQUARE = float(chi2.ppf(0.9545, 2))
 
 
 @dataclass(frozen=True)
 class Score:
-    """How one object was followed."""
+    """Agreement of one followed object with its truth."""
 
     near: float
     rms: float
@@ -37,7 +37,7 @@ class Score:
 
 
 def score(track: Track, truth: Truth, shift: FloatArray | None) -> Score:
-    """Hold a track against the truth; frames that were not found count as not near."""
+    """Compare a track with the truth; frames without a detection count as not near."""
     _, own, theirs = np.intersect1d(track.frame, truth.frame, return_indices=True)
     place = track.centre_px[own] + (0.0 if shift is None else shift[track.frame[own]])
     gap = place - truth.centre[theirs]
@@ -58,7 +58,7 @@ def score(track: Track, truth: Truth, shift: FloatArray | None) -> Score:
 
 
 def scored(tracks: Tracks, truths: list[Truth]) -> Iterator[tuple[Truth, str, Score]]:
-    """Each true object with the followed one that is nearest to it, and that one's place."""
+    """Each true object with the name and score of the nearest followed object."""
     followed = [("ball", tracks.ball)]
     followed += [(f"ball_{i + 2}", other.track) for i, other in enumerate(tracks.others)]
     for truth in truths:
@@ -74,7 +74,7 @@ def scored(tracks: Tracks, truths: list[Truth]) -> Iterator[tuple[Truth, str, Sc
 
 @dataclass
 class Coverage:
-    """How often stated uncertainties hold, over all clips of a table."""
+    """Coverage of the stated uncertainties over all clips of a table."""
 
     frames: int = 0
     covered: float = 0.0
@@ -83,7 +83,7 @@ class Coverage:
     well: int = 0
 
     def add(self, got: Score) -> None:
-        """Count one object; it is followed well where nine frames of ten are within."""
+        """Add one object; it counts as followed if 90 % of its frames are within the limit."""
         self.objects += 1
         self.well += got.within >= 0.9
         self.beyond += got.beyond
@@ -92,19 +92,19 @@ class Coverage:
             self.covered += got.covered * got.frames
 
     @property
-    def words(self) -> str:
-        """In a line."""
-        share = self.covered / max(self.frames, 1)
+    def summary(self) -> str:
+        """One line."""
+        fraction = self.covered / max(self.frames, 1)
         return (
-            f"{self.well} of {self.objects} objects followed within; {100 * share:.1f} % of "
-            f"{self.frames} frames within 2σ (95.4 % asked), {self.beyond} beyond 8σ"
+            f"{self.well} of {self.objects} objects within the limit; {100 * fraction:.1f} % of "
+            f"{self.frames} frames within 2σ (nominal 95.4 %), {self.beyond} beyond 8σ"
         )
 
 
 def following_lines(
     clip: Path, name: str, truths: list[Truth], rate: float, coverage: Coverage
 ) -> Iterator[str]:
-    """Table lines of one clip; its objects are counted in `coverage`."""
+    """Table rows of one clip; its objects are added to `coverage`."""
     start = time.process_time()
     try:
         tracks = follow(ClipReader.open(clip), rate)

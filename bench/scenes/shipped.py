@@ -1,4 +1,4 @@
-"""Make the clips that ship with the package: ``python -m bench.scenes.shipped [FOLDER]``."""
+"""Render the sample clips of the package: python -m bench.scenes.shipped [FOLDER]."""
 
 import sys
 from dataclasses import dataclass, replace
@@ -18,22 +18,22 @@ __all__ = ["CLIPS", "FOLDER", "Sample", "make_clip"]
 FOLDER = Path(__file__).parents[2] / "sample_videos" / "clips"
 
 RATE_FACTORS = (12.0, 14.0, 15.0, 16.0, 17.0, 18.0, 20.0, 22.0, 24.0, 26.0, 28.0)
-"""Quality factors (CRF of x264, 0 best to 51) tried in turn until a clip is small enough."""
+"""Quality factors (CRF of x264, 0 best to 51), tried in order until the file is small enough."""
 
 TAPE_STD = 0.003
-"""m; how far off the tape is at random."""
+"""m; standard deviation of the hand-measured distances."""
 
 
 @dataclass(frozen=True)
 class Sample:
-    """One clip that ships.
+    """One sample clip.
 
     Attributes
     ----------
     reach : float
-        About where the ball lands, m.
+        Approximate landing distance, m.
     kilobytes : float
-        How large the file may get.
+        Largest file size, kB.
     """
 
     name: str
@@ -53,7 +53,7 @@ CLIPS = (
 
 
 def make_clip(sample: Sample, folder: Path) -> Path:
-    """Render one clip with its truth and the setup that a lab would write down."""
+    """Render one clip with its truth and the setup a laboratory would record."""
     scene = default_scene(
         ball=BALLS[sample.ball], size=sample.size, reach=sample.reach, seed=sample.seed
     )
@@ -61,7 +61,7 @@ def make_clip(sample: Sample, folder: Path) -> Path:
     frames, truth = render_frames(scene, shot)
     pictures = list(frames)
     path = folder / f"{sample.name}.mp4"
-    # at a bitrate the first frames come out poorest, and they show the rest position
+    # a target bit rate degrades the first frames most, and they show the rest position
     for factor in RATE_FACTORS:
         encoding = replace(scene.encoding, rate_factor=factor)
         write_clip(pictures, path, encoding)
@@ -73,13 +73,13 @@ def make_clip(sample: Sample, folder: Path) -> Path:
 
 
 def _setup(scene: Scene) -> str:
-    """What the lab knows: nominal rate, distances by tape."""
+    """Setup file: nominal frame rate and hand-measured distances."""
     rng = np.random.default_rng([scene.seed, 31])
     camera = scene.camera
     foot = camera.axis_foot
     lengths = [camera.position[2], foot[0], foot[1], scene.room.plane]
     far, x, y, plane = (f"{v + rng.normal(0, TAPE_STD):.3f} +- 0.005 m" for v in lengths)
-    return f"""# What a lab would write down; the truth is beside it, in .truth.json.
+    return f"""# What a laboratory would record; the truth is in the file .truth.json.
 [camera]
 capture_fps = {scene.shutter.fps:g}
 distance_to_wall = "{far}"
@@ -97,7 +97,7 @@ preset = "{scene.ball.name}"
 
 
 def main(arguments: list[str]) -> None:
-    """Make all clips into the folder named, by default that of the package."""
+    """Render all clips into the given folder (default: that of the package)."""
     folder = Path(arguments[0]) if arguments else FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     for sample in CLIPS:

@@ -1,4 +1,4 @@
-"""Every clip whose truth is known: foreign scenes, rendered clips, real ones marked by eye."""
+"""Load the true positions of rendered clips and of real clips marked by eye."""
 
 import csv
 import json
@@ -26,9 +26,9 @@ USUAL_RATE = 30.0
 
 @dataclass(frozen=True)
 class Truth:
-    """Where one object truly is: frames, centres (N, 2), radius (N,) and own uncertainty (N,).
+    """True positions of one object: frame, centre (N, 2), radius and uncertainty (N,), px.
 
-    Marked clips tell places in each frame, rendered ones those that a steady camera would see.
+    `steady`: positions as seen by a camera that does not move, as rendered clips store them.
     """
 
     name: str
@@ -64,7 +64,7 @@ def outline(camera: dict[str, Any], ball: FloatArray, radius: float) -> tuple[Fl
 
 
 def scene_truth(folder: Path) -> Truth:
-    """The ball from release to landing, wholly in view."""
+    """The ball from release to landing, while entirely in view."""
     truth = json.loads((folder / "truth.json").read_text())
     setup = json.loads((folder / "setup.json").read_text())
     camera, rows = truth["camera"], truth["frames"]
@@ -86,7 +86,7 @@ def scene_truth(folder: Path) -> Truth:
 
 
 def marked_truths(path: Path) -> list[Truth]:
-    """The objects that somebody marked in a real clip."""
+    """The objects marked by eye in a real clip."""
     with path.open() as file:
         rows = list(csv.DictReader(file))
     truths = []
