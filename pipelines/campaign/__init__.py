@@ -1,1 +1,1 @@
-"""`vision campaign`: from a folder of clips to a law of restitution, whatever happens."""
+"""`vision campaign`: measure a folder of clips and fit laws of restitution."""

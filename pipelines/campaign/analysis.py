@@ -1,26 +1,18 @@
-"""What a campaign says as a whole: laws of restitution, precision, outliers, agreement, ranges.
+"""Campaign statistics: restitution laws, precision, outliers, agreement, ranges.
 
-Restitution against speed: three laws, fitted hierarchically and weighed by evidence.
-
-A clip k in session s gives e_k at impact speed v_k,
+Restitution law. Clip k of session s gives e_k at impact speed v_k,
 
     e_k = f(v_k; θ) + u_s + ε_k + Σ_j g_kj z_j,
 
-ε_k ~ N(0, std_k² + σ²) its own error and the strike's scatter, u_s ~ N(0, τ²) what a session has in
-common, z_j ~ N(0, 1) the inputs that all clips share (masses, inertia, tape), g_kj what one
-standard uncertainty of such an input does to e_k. Every law is linear in its parameters but for the
-rate of the exponential, so that they are integrated exactly and rate, σ and τ on a grid (Gelman et
-al., Bayesian Data Analysis, 3rd ed., ch. 5 and 14).
+with ε_k ~ N(0, std_k² + σ²) the clip's own error and the strike-to-strike variation,
+u_s ~ N(0, τ²) the session effect, z_j ~ N(0, 1) the inputs shared by all clips (masses, inertia,
+tape) and g_kj the change of e_k per standard uncertainty of input j. Every law is linear in its
+parameters except for the rate of the exponential: the linear ones are integrated exactly, rate, σ
+and τ on a grid (Gelman et al., Bayesian Data Analysis, 3rd ed., ch. 5 and 14).
 
-Repeatability and reproducibility of a method of measurement (ISO 5725-2).
-
-Agreement of camera and sensor (Bland and Altman, Lancet 327, 307, 1986).
-
-Strikes that do not belong: the generalised ESD test (Rosner, Technometrics 25, 165, 1983).
-
-The paper's analysis of each ball of a campaign.
-
-Ranges by three models from each strike's impact speed, against those measured (Table 5).
+Repeatability and reproducibility follow ISO 5725-2, the agreement of camera and sensor Bland and
+Altman (Lancet 327, 307, 1986), outliers the generalised ESD test (Rosner, Technometrics 25, 165,
+1983). Ranges of three models are compared with those measured, as in the paper's Table 5.
 """
 
 import itertools
@@ -76,9 +68,9 @@ class CorPoints:
         Impact speed, m/s.
     cor : (N,) array
     std : (N,) array
-        Standard uncertainty of each clip's own.
+        Standard uncertainty of each clip, without the shared inputs.
     shared : (N, J) array
-        What one standard uncertainty of each shared input does to e.
+        Change of e per standard uncertainty of each shared input.
     session : (N,) int array
         Number of the session, from 0.
     """
@@ -102,7 +94,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class CorLawFit:
-    """One law and how well it is known.
+    """One law with its posterior.
 
     Attributes
     ----------
@@ -110,7 +102,7 @@ class CorLawFit:
     parameters : dict of str to Estimate
         exponential: e = a exp(−b v) + d, b in s/m; power: e = 1 − a v^(1/5); constant: e = d.
     covariance : (P, P) array
-        Of the parameters, in that order, as far as they move the curve.
+        Of the parameters, in that order, in the directions that change the curve.
     log_evidence : float
     probability : float
         Among the laws compared.
@@ -133,11 +125,11 @@ class CorLawFit:
     draws: FloatArray
 
     def at(self, speed: float) -> Estimate:
-        """Coefficient of restitution at an impact speed, m/s: of the law."""
+        """Coefficient of restitution of the law at an impact speed, m/s."""
         return _summary(_evaluate(self.law, self.draws, speed))
 
     def next_strike(self, speed: float) -> Estimate:
-        """What the next strike at that speed, in a session of its own, will show."""
+        """Predict the next strike at that speed, m/s, in a new session."""
         scatter = np.hypot(self.draws[:, -2], self.draws[:, -1])
         noise = np.random.default_rng(_SEED).standard_normal(len(scatter))
         return _summary(_evaluate(self.law, self.draws, speed) + scatter * noise)
@@ -145,9 +137,9 @@ class CorLawFit:
 
 @dataclass(frozen=True)
 class AveragedLaw:
-    """What all laws compared say together, each with its probability (Hoeting et al. 1999).
+    """Average of all laws, weighted by their probabilities (Hoeting et al. 1999).
 
-    The likeliest law alone would leave the doubt about the law itself out of its band.
+    The band of the most probable law alone would omit the uncertainty about the law itself.
 
     Attributes
     ----------
@@ -162,13 +154,13 @@ class AveragedLaw:
         return _summary(self._values(speed, next_strike=False))
 
     def next_strike(self, speed: float) -> Estimate:
-        """What the next strike at that speed, in a session of its own, will show."""
+        """Predict the next strike at that speed, m/s, in a new session."""
         return _summary(self._values(speed, next_strike=True))
 
     def _values(self, speed: float, *, next_strike: bool) -> FloatArray:
         parts = []
         for fit in self.fits:
-            # equally likely draws: any of them, in the number that the law is worth
+            # draws are equally likely: take a number proportional to the law's probability
             chosen = np.random.default_rng(_SEED).permutation(len(fit.draws))
             draws = fit.draws[chosen[: round(fit.probability * len(fit.draws))]]
             values = _evaluate(fit.law, draws, speed)
@@ -180,63 +172,53 @@ class AveragedLaw:
 
 
 _SEED = 20
-
-"""Any number: draws that do not change from run to run."""
+"""Random seed: any value; fixed so that results repeat."""
 
 _DRAWS = 4000
-
-"""Sampling adds 1/√(2·4000) = 1 % to a standard uncertainty."""
+"""Number of posterior draws: sampling adds 1/√(2·4000) = 1 % to a standard uncertainty."""
 
 _CURVE_SPEEDS = 12
+"""Number of speeds at which curves are compared: a law has at most one bend."""
 
-"""Speeds along the range fitted at which curves are compared; a law bends once at most."""
-
-_SMALLEST_DIRECTION = 1e-4
-
-"""Directions of the parameters that move the curve 10 000 times less than the strongest say
-nothing of it."""
+_MIN_RELATIVE_SINGULAR = 1e-4
+"""Relative singular value below which a parameter direction is dropped: it changes the curve 10 000
+times less than the strongest direction."""
 
 _POWER = 0.2
-
-"""Kuwabara and Kono 1987: leading term for visco-elastic spheres."""
+"""Exponent: leading term for visco-elastic spheres (Kuwabara and Kono 1987)."""
 
 _RATES = np.geomspace(0.03, 3.0, 48)
-
-"""s/m. Below, the exponential is a straight line over any speed range a pendulum has; above, it
-is over before the slowest strike. Log-uniform: the rate's size is not known."""
+"""Grid of rates, s/m, log-uniform prior: at 0.03 the exponential is straight over a pendulum's
+speed range, at 3 it has decayed before the slowest strike."""
 
 _SCATTERS = np.concatenate([[0.0], np.geomspace(5e-4, 0.1, 14)])
-
-"""A scatter below 0.0005 is below every camera; 0.1 is more than between a new and a flat ball."""
+"""Grid of σ and τ, dimensionless: 0.0005 is below any camera's resolution, 0.1 exceeds the
+difference between a new and a flat ball."""
 
 _TYPICAL_SCATTER = 0.01
+"""Scale of the half-Cauchy prior of σ and τ, dimensionless: repeated drops of one ball vary by
+about 0.01 (ITTF and FIBA rebound tests allow 0.02 to 0.04 between balls)."""
 
-"""Scale of the half-Cauchy prior of σ and τ: repeated drops of one ball scatter by about 0.01
-(ITTF and FIBA rebound tests allow 0.02 to 0.04 between balls)."""
-
-# mean and std of the linear parameters: any ball's e lies between 0 and 1
 _PRIOR = {
     LawKind.EXPONENTIAL: ((0.15, 0.3), (0.65, 0.3)),
     LawKind.POWER: ((0.25, 0.25),),
     LawKind.CONSTANT: ((0.7, 0.3),),
 }
-
-"""Mean and standard deviation of the linear parameters, dimensionless: any ball's e lies between 0
-and 1."""
+"""Mean and standard deviation of the linear parameters, dimensionless: e lies between 0 and 1."""
 
 
 def fit_cor_laws(points: CorPoints) -> tuple[CorLawFit, ...]:
-    """Fit the three laws, the likeliest first.
+    """Fit the three laws; the most probable comes first.
 
     Raises
     ------
     TooLittleDataError
-        With fewer than three clips: scatter and level can't both be told.
+        With fewer than three clips: standard deviation and level can't be separated.
     """
     if len(points.speed) < 3:
         raise TooLittleDataError(
-            f"too few clips of this ball for a law of restitution ({len(points.speed)})",
-            hint="Measure three at least, better five at each of three speeds.",
+            f"{len(points.speed)} clips of this ball are too few for a law of restitution",
+            hint="Measure at least three, better five at each of three speeds.",
         )
     fits = [_fit(law, points) for law in LawKind]
     total = logsumexp([fit.log_evidence for fit in fits])
@@ -344,7 +326,7 @@ def _log_scatter_prior(scatter: float) -> float:
 
 
 def _bases(law: LawKind, speed: FloatArray, rates: FloatArray) -> tuple[FloatArray, float]:
-    """Columns (R, N, P) that the linear parameters multiply, and what stands without any."""
+    """Columns (R, N, P) multiplied by the linear parameters, and the constant term."""
     if law is LawKind.EXPONENTIAL:
         decay = np.exp(-rates[:, None] * speed)
         return np.stack([decay, np.ones_like(decay)], axis=2), 0.0
@@ -363,7 +345,7 @@ def _drawn(law: LawKind, grid: Sequence[_Posterior], weights: FloatArray) -> Flo
         normal = rng.standard_normal((len(item.mean), count))
         linear = (item.mean[:, None] + np.linalg.solve(item.factor.T, normal)).T
         if law is LawKind.EXPONENTIAL:
-            # a rate is drawn within its cell of the logarithmic grid, not on its centre
+            # spread the rate over its cell of the logarithmic grid
             cell = np.log(_RATES[1] / _RATES[0])
             rate = item.rate * np.exp(cell * (rng.random(count) - 0.5))
             linear = np.stack([linear[:, 0], rate, linear[:, 1]], axis=1)
@@ -375,12 +357,11 @@ def _drawn(law: LawKind, grid: Sequence[_Posterior], weights: FloatArray) -> Flo
 def _along_curve(
     law: LawKind, draws: FloatArray, speeds: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Parameters of the mean curve, and the covariance that gives back the curve's own.
+    """Parameters of the law nearest to the mean curve, and the covariance of that curve.
 
-    Amplitude, rate and floor of an exponential trade against each other far beyond what a
-    straight line describes, so that their means lie on no likely curve and their own covariance
-    overstates the curve's. What is handed on is the law nearest to the mean curve, with the
-    curve's covariance seen through its derivatives.
+    Amplitude, rate and floor of an exponential are strongly and nonlinearly correlated: their means
+    describe no probable curve and their covariance overstates the curve's. Hence the curve's
+    covariance is mapped to the parameters through its derivatives.
     """
     curves = np.stack([_evaluate(law, draws, float(v)) for v in speeds], axis=1)
     count = len(PARAMETERS[law])
@@ -391,7 +372,7 @@ def _along_curve(
         return np.asarray(_evaluate_at(law, values, speeds) - mean)
 
     near = minimise(away, start)
-    inverse: NDArray[np.floating] = np.linalg.pinv(near.jacobian, rcond=_SMALLEST_DIRECTION)
+    inverse: NDArray[np.floating] = np.linalg.pinv(near.jacobian, rcond=_MIN_RELATIVE_SINGULAR)
     covariance = inverse @ np.atleast_2d(np.cov(curves, rowvar=False)) @ inverse.T
     return near.values, np.asarray(0.5 * (covariance + covariance.T))
 
@@ -401,7 +382,7 @@ def _evaluate_at(law: LawKind, values: FloatArray, speeds: FloatArray) -> FloatA
 
 
 def _about(value: float, draws: FloatArray) -> Estimate:
-    """Spread of the draws about a value that need not be their mean."""
+    """Standard deviation of the draws about a value that need not be their mean."""
     low, high = np.quantile(draws, [0.025, 0.975])
     std = float(np.sqrt(np.mean((draws - value) ** 2)))
     return Estimate(float(value), std, float(low), float(high))
@@ -422,7 +403,7 @@ def _summary(values: FloatArray) -> Estimate:
 
 @dataclass(frozen=True)
 class Precision:
-    """Standard deviations as ISO 5725-2 has them, in the unit of the values.
+    """Standard deviations as defined by ISO 5725-2, in the unit of the values.
 
     Attributes
     ----------
@@ -435,7 +416,7 @@ class Precision:
     reproducibility : float or None
         s_R = √(s_r² + s_L²).
     values, sessions : int
-        How many.
+        Numbers of values and sessions.
     """
 
     repeatability: float
@@ -448,20 +429,20 @@ class Precision:
 
     @property
     def limit(self) -> float:
-        """r: two strikes of a session differ by less in 95 of 100 cases (2.8 s_r)."""
+        """Repeatability limit r = 2.8 s_r of the difference of two strikes in a session (95 %)."""
         return 1.96 * math.sqrt(2.0) * self.repeatability
 
 
 def precision(values: FloatArray, session: NDArray[np.int64], fitted: int = 0) -> Precision | None:
-    """Precision from `values` (N,) in sessions; None where no session repeats anything.
+    """Precision of `values` (N,); None where no session has two.
 
     Parameters
     ----------
     values : (N,) array
-        Residuals against what is common (the law at each impact speed), or values at one level.
+        Residuals against the law at each impact speed, or values at one level.
     session : (N,) int array
     fitted : int
-        Parameters of the law that took freedom from the residuals.
+        Number of the law's parameters, subtracted from the degrees of freedom.
     """
     names, number = np.unique(session, return_counts=True)
     within = len(values) - len(names) - fitted
@@ -503,7 +484,7 @@ class Agreement:
     limits_std : float
         Standard uncertainty of either limit, √(3/N) of the scatter.
     slope, slope_std : float
-        Of the differences over the means: does the disagreement grow with the quantity?
+        Of the differences over the means: nonzero if the disagreement grows with the quantity.
     pairs : int
     means, differences : (N,) array
     """
@@ -522,7 +503,7 @@ class Agreement:
 
     @property
     def biased(self) -> bool | None:
-        """Whether the bias is beyond chance (95 %); None with fewer than three pairs."""
+        """Whether the bias is significant at 95 %; None with fewer than three pairs."""
         if self.pairs < 3:
             return None
         return bool(abs(self.bias) > student.ppf(0.975, self.pairs - 1) * self.bias_std)
@@ -563,27 +544,25 @@ def _slope(x: FloatArray, y: FloatArray) -> tuple[float, float]:
     return slope, float(np.sqrt((rest**2).sum() / (len(x) - 2) / spread))
 
 
-FALSE_ALARMS = 0.05
+ESD_SIGNIFICANCE = 0.05
+"""Probability that a clean set has any outlier named (convention of Rosner 1983)."""
 
-"""Chance that a clean set has any outlier named."""
-
-_MOST_SHARE = 0.2
-
-"""More than a fifth are no outliers but another population."""
+_MAX_OUTLIER_FRACTION = 0.2
+"""Fraction: more than a fifth are another population rather than outliers (chosen)."""
 
 
 @dataclass(frozen=True)
 class Outlier:
-    """A value that the test names.
+    """A value named by the test.
 
     Attributes
     ----------
     index : int
-        Into the values tested.
+        Index into the values tested.
     distance : float
-        From the mean of the others kept, in their standard deviations.
+        Distance from the mean of the other values, in their standard deviations.
     critical : float
-        What the test allows.
+        Largest distance allowed by the test.
     """
 
     index: int
@@ -592,9 +571,9 @@ class Outlier:
 
 
 def find_outliers(values: FloatArray) -> tuple[Outlier, ...]:
-    """Outliers among `values` (N,), the furthest first; none is looked for in fewer than six.
+    """Outliers among `values` (N,), the furthest first; empty with fewer than six values.
 
-    Values are standardised residuals against a law, so that slow and fast strikes compare.
+    Values are standardised residuals against a law, so that slow and fast strikes are comparable.
     """
     kept = np.flatnonzero(np.isfinite(values))
     number = len(kept)
@@ -602,7 +581,7 @@ def find_outliers(values: FloatArray) -> tuple[Outlier, ...]:
         return ()
     removed: list[Outlier] = []
     named = 0
-    for i in range(1, max(1, int(_MOST_SHARE * number)) + 1):
+    for i in range(1, max(1, int(_MAX_OUTLIER_FRACTION * number)) + 1):
         sample = values[kept]
         spread = float(sample.std(ddof=1))
         if spread == 0:
@@ -619,7 +598,7 @@ def find_outliers(values: FloatArray) -> tuple[Outlier, ...]:
 
 def _critical(number: int, i: int) -> float:
     left = number - i
-    quantile = student.ppf(1 - FALSE_ALARMS / (2 * (left + 1)), left - 1)
+    quantile = student.ppf(1 - ESD_SIGNIFICANCE / (2 * (left + 1)), left - 1)
     return float(left * quantile / np.sqrt((left - 1 + quantile**2) * (left + 1)))
 
 
@@ -648,7 +627,7 @@ class Ranges:
     constant: FloatArray
 
     def rms(self) -> dict[str, float]:
-        """Root mean square of model less measured, m, for each model."""
+        """Root mean square of model − measured, m, for each model."""
         return {
             name: float(np.sqrt(np.nanmean((getattr(self, name) - self.measured) ** 2)))
             for name in ("numerical", "variable", "constant")
@@ -662,7 +641,7 @@ def ranges(
     measured: FloatArray,
     measured_std: FloatArray,
 ) -> Ranges:
-    """Foretell the range of each strike.
+    """Predict the range of each strike.
 
     Parameters
     ----------
@@ -694,7 +673,7 @@ SPEED, COR = "pendulum_speed_before", "cor"
 
 @dataclass(frozen=True)
 class SensorAnalysis:
-    """Camera against one sensor, over all clips."""
+    """Comparison of the camera with one sensor, over all clips."""
 
     sensor: SensorColumn
     agreement: Agreement
@@ -702,16 +681,16 @@ class SensorAnalysis:
 
 @dataclass(frozen=True)
 class BallAnalysis:
-    """What the clips of one ball say together.
+    """Results of the clips of one ball.
 
     Attributes
     ----------
     ball : str
     clips : tuple of ClipResult
-        Used and with both impact speed and COR, N of them.
+        Clips used that have both impact speed and COR, N of them.
     points : CorPoints or None
     fits : tuple of CorLawFit
-        The likeliest law first; empty with too few clips.
+        The most probable law first; empty with too few clips.
     why_no_law : str or None
     outliers : tuple of Outlier
         Indices into `clips`.
@@ -740,13 +719,13 @@ class BallAnalysis:
     energy_loss: FloatArray
 
     def why_outlying(self, item: Outlier) -> str:
-        """Why one of its clips is named: by the scatter of the others, and by what is stated."""
+        """Reason why a clip is named: distance from the other clips and from the law."""
         stated = abs(self.distances[item.index])
         return (
-            f"its restitution lies {item.distance:.1f} times the scatter of the others from them,"
-            f" {item.critical:.1f} allowed (generalised ESD test, {FALSE_ALARMS:.0%} of clean"
-            f" campaigns name one); {stated:.1f} stated standard uncertainties off the law of"
-            f" {self.ball or 'the ball'}"
+            f"its restitution is {item.distance:.1f} standard deviations from the other clips;"
+            f" {item.critical:.1f} allowed (generalised ESD test:"
+            f" {ESD_SIGNIFICANCE:.0%} of clean campaigns name one clip). It is {stated:.1f} stated"
+            f" standard uncertainties from the law of {self.ball or 'the ball'}"
         )
 
 
@@ -758,7 +737,7 @@ class CampaignAnalysis:
     ----------
     balls : tuple of BallAnalysis
     sensors : tuple of SensorAnalysis
-        Those with two pairs at least.
+        Sensors with at least two pairs.
     """
 
     balls: tuple[BallAnalysis, ...]
@@ -766,7 +745,7 @@ class CampaignAnalysis:
 
 
 def analyse(results: Sequence[ClipResult], setup: Setup, ball: str | None) -> CampaignAnalysis:
-    """Analyse what was measured; clips marked as bad are left out.
+    """Analyse all clips that were measured and not marked as bad.
 
     Parameters
     ----------
@@ -831,7 +810,7 @@ def _points(clips: Sequence[ClipResult]) -> CorPoints:
     shared = _shared(clips)
     own = np.sqrt(np.maximum(std**2 - (shared**2).sum(axis=1), (0.05 * std) ** 2))
     if len(speed) > 2 and np.ptp(speed) > 0:
-        # an error of the impact speed acts through the slope, where the law is not flat
+        # an error of the impact speed changes e through the slope of the law
         slope = float(np.polyfit(speed, cor, 1)[0])
         own = np.hypot(own, slope * speed_std)
     sessions = sorted({clip.session for clip in clips})
@@ -857,7 +836,7 @@ def _distances(points: CorPoints, fits: Sequence[CorLawFit]) -> FloatArray:
 
 
 def _experiment(name: str, setup: Setup) -> Experiment | None:
-    """The lab's apparatus with this ball; None where its mass or diameter is not known."""
+    """The lab's apparatus with this ball; None if its mass or diameter is missing."""
     try:
         return experiment_of(setup, choose_ball(setup, name or None))
     except UsageError:

@@ -1,4 +1,4 @@
-"""`vision campaign`: a folder of clips measured once each, whatever happens, and what they say."""
+"""Command line of `vision campaign`: run, status, mark."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -26,7 +26,7 @@ __all__ = [
 
 
 class ClipsOrCommand(DefaultCommandGroup):
-    """A group whose first word may also be a clip or folder: then `run` is meant."""
+    """A group in which a clip or folder as first word means `run`."""
 
     meant = "run"
 
@@ -34,39 +34,37 @@ class ClipsOrCommand(DefaultCommandGroup):
 _ClipsArgument = Annotated[
     list[Path], typer.Argument(metavar="CLIPS|FOLDER...", help="Clips, or folders of clips.")
 ]
-_OutOption = Annotated[Path, typer.Option("--out", help="Folder of the campaign.")]
-_TrialsOption = Annotated[Path | None, typer.Option("--trials", help="The lab book (CSV or XLSX).")]
+_OutOption = Annotated[Path, typer.Option("--out", help="Results folder of the campaign.")]
+_TrialsOption = Annotated[Path | None, typer.Option("--trials", help="Lab book (CSV or XLSX).")]
 _BallOption = Annotated[
-    str | None, typer.Option("--ball", help="Ball where the lab book names none.")
+    str | None, typer.Option("--ball", help="Ball of clips without one in the lab book.")
 ]
 _JobsOption = Annotated[
-    int | None, typer.Option("-j", "--jobs", min=1, help="Processes; default: cores.")
+    int | None, typer.Option("-j", "--jobs", min=1, help="Processes; default: number of cores.")
 ]
 _DaskOption = Annotated[
     str | None,
     typer.Option(
         "--dask",
         metavar="tcp://HOST:PORT|QUEUE",
-        help="A Dask cluster; or a queue of dask-jobqueue, such as slurm (-j: jobs).",
+        help="Address of a Dask cluster, or a dask-jobqueue queue such as slurm (-j: jobs).",
     ),
 ]
 _OnlyOption = Annotated[
-    list[str] | None, typer.Option("--only", help="Measure this clip only; may be repeated.")
+    list[str] | None, typer.Option("--only", help="Measure only this clip; repeatable.")
 ]
-_RetryFailedOption = Annotated[
-    bool, typer.Option("--retry-failed", help="Try failed clips once more.")
-]
+_RetryFailedOption = Annotated[bool, typer.Option("--retry-failed", help="Try failed clips again.")]
 _TimeoutOption = Annotated[
-    float, typer.Option("--timeout", min=1.0, help="Longest time for one clip, s.")
+    float, typer.Option("--timeout", min=1.0, help="Time limit per clip, s.")
 ]
 _AgainstPaperOption = Annotated[
-    bool, typer.Option("--paper", help="Draw the paper's laws beside one's own.")
+    bool, typer.Option("--paper", help="Draw the paper's laws next to your own.")
 ]
 _ExplainOption = Annotated[
-    bool, typer.Option("--explain", help="Look for missing physics in the strikes.")
+    bool, typer.Option("--explain", help="Search the strikes for missing physics.")
 ]
 _WatchOption = Annotated[
-    bool, typer.Option("--watch", help="Open a page to watch, point at balls, mark trials.")
+    bool, typer.Option("--watch", help="Open a page: progress, select balls, mark trials.")
 ]
 _QuietOption = Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no table.")]
 
@@ -89,9 +87,9 @@ def campaign_command(
     watch: _WatchOption = False,
     quiet: _QuietOption = False,
 ) -> None:
-    """Measure every clip of a campaign once and turn them into figures and a law of restitution.
+    """Measure all clips of a campaign; write tables, figures and a law of restitution.
 
-    The same command again goes on where it stopped. Example:
+    The same command resumes where it stopped. Example:
     vision campaign clips/ --trials trials.csv --setup lab.toml --out campaign
     """
     asked = CampaignOptions(
@@ -113,32 +111,32 @@ def campaign_command(
     done = _watched(asked, quiet) if watch else _with_progress(asked, quiet)
     if not quiet:
         for clip, what in done.again.items():
-            screen(errors=True).print(f"{clip} was measured again: {what} changed since")
-        for told in done.copies:
-            screen(errors=True).print(told, soft_wrap=True)
+            screen(errors=True).print(f"{clip} was measured again: its {what} changed")
+        for copy in done.copies:
+            screen(errors=True).print(copy, soft_wrap=True)
         measured = done.summary["clips"]["done"]
         screen().print(f"{measured} clips measured; report: {done.report}")
         if done.explained is not None:
             screen().print(done.explained, soft_wrap=True)
         if done.waiting:
             screen(errors=True).print(
-                f"{len(done.waiting)} clips wait: the same command without --only goes on with them"
+                f"{len(done.waiting)} clips are waiting: run the command without --only for them"
             )
     if done.wanting:
         raise MeasurementError(
             f"{len(done.wanting)} clips could not be measured:\n" + "\n".join(done.wanting[:50]),
-            hint="After mending, give the same command with --retry-failed.",
+            hint="Remove the cause, then run the same command with --retry-failed.",
         )
 
 
 def _watched(asked: CampaignOptions, quiet: bool) -> Campaign:
-    """Conduct the campaign beside its page, and again whenever the page asks for it."""
+    """Run the campaign with its page open, and again whenever the page requests it."""
     from pipelines.campaign.watch import watched
 
     errors = screen(errors=True)
     asked.out.mkdir(parents=True, exist_ok=True)
     page = watched(
-        asked.out, lambda address: errors.print(f"watch it at {address}", soft_wrap=True)
+        asked.out, lambda address: errors.print(f"progress page: {address}", soft_wrap=True)
     )
     while True:
         page.running = True
@@ -146,7 +144,7 @@ def _watched(asked: CampaignOptions, quiet: bool) -> Campaign:
         page.running = False
         if page.closed.is_set():
             return done
-        errors.print(f"report: {done.report}; close the page, or press Ctrl-C, to end")
+        errors.print(f"report: {done.report}. Close the page or press Ctrl-C to end")
         try:
             if not page.wait():
                 return done
@@ -155,7 +153,7 @@ def _watched(asked: CampaignOptions, quiet: bool) -> Campaign:
 
 
 def _with_progress(asked: CampaignOptions, quiet: bool) -> Campaign:
-    """Conduct the campaign with a bar on a terminal; Ctrl-C and SIGTERM say how to go on."""
+    """Run the campaign with a progress bar; print how to resume after Ctrl-C or SIGTERM."""
     stop_on_signals()
     errors = screen(errors=True)
     with Progress(
@@ -178,8 +176,8 @@ def _with_progress(asked: CampaignOptions, quiet: bool) -> Campaign:
             return conduct(asked, on_clip)
         except KeyboardInterrupt:
             errors.print(
-                f"stopped; what is done is kept in {asked.out}."
-                " The same command goes on where it stopped."
+                f"Stopped. Finished clips are kept in {asked.out}."
+                " The same command resumes where it stopped."
             )
             raise
 
@@ -187,13 +185,13 @@ def _with_progress(asked: CampaignOptions, quiet: bool) -> Campaign:
 def status_command(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a campaign.")],
 ) -> None:
-    """Say how far a campaign is, while it runs or afterwards.
+    """Show the progress of a campaign, during or after its run.
 
     Example: vision campaign status campaign
     """
     if not (folder / "ledger.sqlite").is_file():
         raise UsageError(
-            f"{folder} holds no campaign", hint="Name the folder that was given with --out."
+            f"{folder} contains no campaign", hint="Pass the folder that was given as --out."
         )
     with Ledger(folder) as ledger:
         counts = ledger.counts()
@@ -215,20 +213,20 @@ def mark_command(
         str | None, typer.Option("--bad", metavar="REASON", help="Why the trial is bad.")
     ] = None,
 ) -> None:
-    """Mark a trial as bad with a reason, or take the mark back by giving none.
+    """Mark a trial as bad with a reason; without --bad, remove the mark.
 
-    A bad trial keeps its row, stands in the report with its reason, and is left out of the laws
-    the next time the campaign's command is given. Example:
+    A bad trial keeps its row, appears in the report with its reason, and is excluded from the laws
+    at the next run of the campaign command. Example:
     vision campaign mark campaign strike_17.mp4 --bad "the ball was not at rest"
     """
     if not (folder / "ledger.sqlite").is_file():
         raise UsageError(
-            f"{folder} holds no campaign", hint="Name the folder that was given with --out."
+            f"{folder} contains no campaign", hint="Pass the folder that was given as --out."
         )
     with Ledger(folder) as ledger:
         ledger.exclude(clip, reason)
     done = "is no longer marked" if reason is None else "is marked as bad"
-    screen().print(f"{clip} {done}; give the campaign's command again to publish it.")
+    screen().print(f"{clip} {done}. Run the campaign command again to update the results.")
 
 
 CAMPAIGN_COMMANDS: dict[str, Callable[..., None]] = {
@@ -236,4 +234,4 @@ CAMPAIGN_COMMANDS: dict[str, Callable[..., None]] = {
     "status": status_command,
     "mark": mark_command,
 }
-"""Commands under ``vision campaign``; the first is meant where none is named."""
+"""Commands of ``vision campaign``; the first is the default."""

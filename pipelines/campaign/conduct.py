@@ -1,9 +1,4 @@
-"""A campaign from what was asked to its folder: for the command line and for notebooks alike.
-
-What a campaign says in numbers: ``summary.json``.
-
-Everything a campaign's folder holds besides the ledger, written anew from the ledger.
-"""
+"""Run a campaign and write its results, for the command line and Python alike."""
 
 import json
 import os
@@ -62,8 +57,7 @@ from pipelines.setup.tables import told_values
 __all__ = ["Campaign", "CampaignOptions", "Edition", "campaign", "conduct", "publish"]
 
 _SPEEDS = 9
-
-"""Speeds at which `cor_at` tells the law, across the range fitted."""
+"""Number of speeds in `cor_at`, evenly across the range fitted (chosen)."""
 
 
 def summarise(results: Sequence[ClipResult], analysis: CampaignAnalysis) -> dict[str, Any]:
@@ -126,12 +120,13 @@ def laws_of(analysis: CampaignAnalysis) -> dict[str, BallLaw]:
     }
 
 
-_LEAST_PROBABILITY = 1e-3
-"""A law less likely moves the mean curve by less than a thousandth of what it is off by."""
+_MIN_LAW_PROBABILITY = 1e-3
+"""Probability below which a law is dropped: it changes the mean curve by less than 0.1 % of
+its difference from it."""
 
 
 def _ball_law(name: str, fits: Sequence[CorLawFit]) -> BallLaw:
-    kept = [fit for fit in fits if fit.probability >= _LEAST_PROBABILITY]
+    kept = [fit for fit in fits if fit.probability >= _MIN_LAW_PROBABILITY]
     total = sum(fit.probability for fit in kept)
     return BallLaw(
         ball=name,
@@ -200,7 +195,7 @@ def _at(averaged: AveragedLaw, speed: float) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Edition:
-    """What a campaign's pages are made from, besides the ledger.
+    """Everything the results are made from, apart from the ledger.
 
     Attributes
     ----------
@@ -213,7 +208,7 @@ class Edition:
         Ball of clips for which the lab book names none.
     facts : ReportFacts
     against_paper : bool
-        Draw the paper's laws beside one's own.
+        Draw the paper's laws next to your own.
     """
 
     folder: Path
@@ -225,7 +220,7 @@ class Edition:
     against_paper: bool = False
 
     def copies(self, ledger: Ledger) -> tuple[Recording, ...]:
-        """Recordings that stand in several of the campaign's clips."""
+        """Recordings present under several clip names."""
         return recordings(ledger.copies(), self.strikes)
 
     def frame(self, ledger: Ledger) -> pd.DataFrame:
@@ -234,7 +229,7 @@ class Edition:
         return results_frame(ledger.entries(), self.strikes, self.book, elsewhere)
 
     def results(self, ledger: Ledger) -> list[ClipResult]:
-        """What the ledger holds of the campaign's clips."""
+        """Results of the campaign's clips."""
         return clip_results(ledger.entries(), self.strikes, not_counted(self.copies(ledger)))
 
 
@@ -248,7 +243,7 @@ class Published:
 
 
 def publish_tables(edition: Edition, ledger: Ledger) -> None:
-    """Write the tables alone: cheap enough to do while clips come in."""
+    """Write only the tables: fast enough to do during the run."""
     write_tables(edition.frame(ledger), edition.folder)
 
 
@@ -270,17 +265,15 @@ def publish(edition: Edition, ledger: Ledger) -> Published:
 
 
 TABLES_EVERY_S = 5.0
+"""s: shortest time between two updates of the tables; one clip takes longer."""
 
-"""The tables are written anew at most this often while clips come in; a clip takes longer."""
-
-TABLES_SHARE = 50.0
-
-"""… and however many clips there are, writing them takes at most a fiftieth of the time."""
+TABLE_PAUSE_RATIO = 50.0
+"""Pause over writing time: writing the tables takes at most 2 % of the run."""
 
 
 @dataclass(frozen=True)
 class CampaignOptions:
-    """What somebody wants of a campaign; as the options of `vision campaign`."""
+    """Options of `vision campaign`."""
 
     clips: tuple[Path, ...]
     out: Path
@@ -300,7 +293,7 @@ class CampaignOptions:
 
 @dataclass(frozen=True)
 class Campaign:
-    """A campaign as its folder holds it.
+    """Results of a campaign.
 
     Attributes
     ----------
@@ -312,13 +305,13 @@ class Campaign:
     wanting : tuple of str
         Clips that could not be measured, each with its reason.
     again : dict of str to str
-        Clips measured again, and what changed since.
+        Clips measured again, and what changed.
     explained : str or None
-        What the engine said of missing physics, where it was asked.
+        Summary of the search for missing physics, if requested.
     copies : tuple of str
-        Recordings that stand in several clips, and under which name each counts.
+        Recordings present under several clip names, and the name under which each counts.
     waiting : tuple of str
-        Clips that were left for another time, where only some were asked for.
+        Clips left for a later run because only some were requested.
     """
 
     folder: Path
@@ -332,7 +325,7 @@ class Campaign:
 
     @property
     def report(self) -> Path:
-        """The page to look at."""
+        """Path of the report."""
         return self.folder / "report.html"
 
     def __repr__(self) -> str:
@@ -358,9 +351,9 @@ def campaign(
     retry_failed: bool = False,
     explain: bool = False,
 ) -> Campaign:
-    """Measure every clip once and turn them into tables, figures and laws of restitution.
+    """Measure every clip and write tables, figures and laws of restitution.
 
-    Called again it goes on where it stopped. Clips that can't be measured stand in `wanting`.
+    A second call resumes where the first stopped. Clips that can't be measured are in `wanting`.
 
     Parameters
     ----------
@@ -369,22 +362,22 @@ def campaign(
     out : path
         Folder of the campaign.
     trials : path, optional
-        The lab book (CSV or XLSX).
+        Lab book (CSV or XLSX).
     setup : Setup or path, optional
     fps, ball, wall_grid : optional
-        As for `measure`; the lab book's ball goes before `ball`.
+        As for `measure`; the lab book's ball overrides `ball`.
     jobs : int, optional
-        Processes; default one a core.
+        Processes; default: one per core.
     dask : str, optional
-        Address of a Dask scheduler whose workers see the same paths.
+        Address of a Dask scheduler whose workers use the same paths.
     retry_failed : bool
     explain : bool
-        Hand the strikes to the engine that looks for missing physics, too.
+        Also search the strikes for missing physics.
 
     Raises
     ------
     UsageError
-        For what can be refused before the work begins.
+        For bad input that is detected before the run begins.
     """
     given = [clips] if isinstance(clips, str | os.PathLike) else clips
     return conduct(
@@ -408,12 +401,12 @@ def conduct(
     asked: CampaignOptions,
     on_clip: Callable[[Progress, AttemptOutcome], None] = lambda progress, outcome: None,
 ) -> Campaign:
-    """Measure what is not measured yet and publish everything.
+    """Measure the remaining clips and write all results.
 
     Raises
     ------
     UsageError
-        For what can be refused before the work begins.
+        For bad input that is detected before the run begins.
     """
     found = find_clips(asked.clips)
     book = None if asked.trials is None else read_lab_book(asked.trials)
@@ -445,7 +438,7 @@ def conduct(
 
 
 def _setup_file(asked: CampaignOptions) -> Path | None:
-    """The setup as a file that workers can read."""
+    """The setup as a file, for the workers."""
     if not isinstance(asked.setup, Setup):
         return asked.setup
     path = asked.out / "setup.toml"
@@ -472,7 +465,7 @@ def _publishing(
             with Ledger(edition.folder) as ledger:
                 publish_tables(edition, ledger)
             ended = time.monotonic()
-            following = ended + max(TABLES_EVERY_S, TABLES_SHARE * (ended - began))
+            following = ended + max(TABLES_EVERY_S, TABLE_PAUSE_RATIO * (ended - began))
 
     return after_each
 
@@ -485,15 +478,15 @@ def _published(
     only: tuple[str, ...],
 ) -> Campaign:
     with Ledger(edition.folder) as ledger:
-        copies = tuple(one.told() for one in edition.copies(ledger))
+        copies = tuple(one.message() for one in edition.copies(ledger))
         facts = replace(edition.facts, notes=(*edition.facts.notes, *copies))
         edition = replace(edition, facts=facts)
         published = publish(edition, ledger)
-        said = _explain(edition, published) if explained else None
-        if said is not None:
-            facts = replace(edition.facts, notes=(*edition.facts.notes, said))
+        summarised = _explain(edition, published) if explained else None
+        if summarised is not None:
+            facts = replace(edition.facts, notes=(*edition.facts.notes, summarised))
             published = publish(replace(edition, facts=facts), ledger)
-    # what nobody asked for this time waits, and is nothing that went wrong
+    # clips not requested in this run are waiting, not failed
     left = [one.clip for one in published.results if only and one.clip not in only]
     waiting = [
         one.clip for one in published.results if one.state == State.WAITING and one.clip in left
@@ -503,7 +496,7 @@ def _published(
         for result in published.results
         if result.state != State.DONE and result.clip not in waiting
     ]
-    wanting += [f"{name}: named in the lab book, not given" for name in absent]
+    wanting += [f"{name}: in the lab book, but no such clip was given" for name in absent]
     summary = json.loads((edition.folder / "summary.json").read_text(encoding="utf-8"))
     return Campaign(
         edition.folder,
@@ -511,45 +504,45 @@ def _published(
         summary,
         tuple(wanting),
         progress.again,
-        said,
+        summarised,
         copies,
         tuple(waiting),
     )
 
 
 def _explain(edition: Edition, published: Published) -> str:
-    """Hand the table of strikes to the engine; what it says, for the report.
+    """Search the table of strikes for missing physics; return a summary for the report.
 
-    ``explain.html`` and ``explain.json`` tell it in full.
+    The full result is written to ``explain.html`` and ``explain.json``.
     """
     used = {result.clip for result in published.results if result.used}
     table = published.frame[published.frame["clip"].isin(used)]
     laws = laws_of(published.analysis)
-    told: dict[str, Any]
+    document: dict[str, Any]
     try:
         verdict = find_missing_physics(
             trials=table.rename(columns={"clip": "trial"}),
-            # how a lab's balls rebound is what its own strikes say, not a preset
+            # the restitution comes from the lab's own strikes, not from a preset
             setup=with_laws(edition.setup, laws) if laws else edition.setup,
         )
     except (MeasurementError, UsageError, ArithmeticError, np.linalg.LinAlgError) as problem:
-        # what is measured is published; that it does not tell of physics is no failure of it
+        # a failed search does not invalidate the measurements
         why = str(problem) if not isinstance(problem, ImpactVisionError) else problem.in_one_line
-        told = {"verdict": None, "reason": why}
-        said = f"Missing physics can't be told: {why}"
+        document = {"verdict": None, "reason": why}
+        summarised = f"Missing physics can't be determined: {why}"
     else:
         verdict.report(edition.folder / "explain.html")
-        told = verdict.to_dict()
-        said = f"Missing physics ({told['verdict']}): see explain.html."
-        named = [effect["statement"] for effect in told["effects"]]
-        said = " ".join([said, *named])
-    text = json.dumps(told, indent=2, ensure_ascii=False)
+        document = verdict.to_dict()
+        summarised = f"Missing physics ({document['verdict']}): see explain.html."
+        named = [effect["statement"] for effect in document["effects"]]
+        summarised = " ".join([summarised, *named])
+    text = json.dumps(document, indent=2, ensure_ascii=False)
     write_text_whole(edition.folder / "explain.json", text + "\n")
-    return said
+    return summarised
 
 
 def _require_balls(book: LabBook | None, setup: Setup, ball: str | None) -> None:
-    """Refuse a ball that nobody knows before hours of work.
+    """Refuse an unknown ball before the run begins.
 
     Raises
     ------
@@ -564,8 +557,8 @@ def _require_balls(book: LabBook | None, setup: Setup, ball: str | None) -> None
         except UsageError as problem:
             known = ", ".join(setup.balls) or "none"
             raise UsageError(
-                f"nobody says what ball {name!r} is",
-                hint=f"Describe it as [balls.{name}] in the setup file (there: {known}).",
+                f"unknown ball {name!r}",
+                hint=f"Describe it as [balls.{name}] in the setup file (present there: {known}).",
             ) from problem
 
 
@@ -573,6 +566,6 @@ def _notes(book: LabBook | None, absent: Sequence[str]) -> tuple[str, ...]:
     notes = () if book is None else book.notes
     if absent:
         notes += (
-            f"Named in the lab book, but not given: {', '.join(absent[:8])} ({len(absent)}).",
+            f"In the lab book, but no such clip given: {', '.join(absent[:8])} ({len(absent)}).",
         )
     return notes

@@ -1,10 +1,10 @@
-"""`vision plan campaign`: how many strikes, at which back-swings, for a law of wanted precision.
+"""`vision plan campaign`: strikes and back-swings needed for a wanted precision.
 
 One strike at impact speed v gives e = f(v; θ) with variance s² = clip² + σ²; its information on θ
-is g gᵀ / s² with g = ∂f/∂θ. The design is D-optimal: it makes the determinant of the information as
-large as can be, which by the theorem of Kiefer and Wolfowitz (1960) makes the largest variance of
-the law over the speeds as small as can be: P s² / N for P parameters and N strikes. What all
-strikes of a session, or of a setup, have in common does not average away and is added to it.
+is g gᵀ / s² with g = ∂f/∂θ. The design is D-optimal: it maximises the determinant of the
+information and thereby (Kiefer and Wolfowitz 1960) minimises the largest variance of the law over
+the speeds, P s² / N for P parameters and N strikes. Contributions shared by all strikes of a
+session or setup do not average out and are added.
 """
 
 import json
@@ -46,38 +46,40 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 
 CLIP_STD = 0.007
-"""Of one clip's COR, what is its own: noise of the tracks in clips of 432 to 640 px of the sample
-recordings; a pilot campaign tells it better."""
-SESSION_SHARE = 0.25
-"""Of the variance that may be left, how much the sessions may take: more sessions cost a day each,
-more strikes minutes."""
-_FEWEST_SESSIONS = 2
-_STEPS = 4000
-"""Steps of the multiplicative search at most: its gap falls as one over their number."""
-_CONVERGED = 1e-4
-"""Relative: the largest variance is within this of the least that any design reaches (Kiefer and
-Wolfowitz 1960)."""
-_LEAST_WEIGHT = 0.02
-"""Share of an even design: a setting with less weight gets no strike."""
+"""Standard uncertainty of one clip's COR without shared inputs: from the track noise of the
+sample recordings (432 to 640 px wide); --pilot replaces it."""
+SESSION_VARIANCE_FRACTION = 0.25
+"""Fraction of the remaining variance allowed to sessions (chosen: a session costs a day, a
+strike minutes)."""
+_MIN_SESSIONS = 2
+"""Minimum number of sessions: two show whether sessions differ."""
+_MAX_DESIGN_STEPS = 4000
+"""Limit of the multiplicative search; its gap falls as one over the number of steps."""
+_DESIGN_TOLERANCE = 1e-4
+"""Relative: the largest variance is within this of the minimum of any design (Kiefer and Wolfowitz
+1960)."""
+_MIN_SETTING_WEIGHT = 0.02
+"""Relative to an even design: a setting with less weight gets no strike (chosen)."""
 _STEP_DEG = 2.0
+"""Spacing of the back-swings considered, degrees (chosen)."""
 
 
 @dataclass(frozen=True)
 class Precisions:
-    """How well one strike is known, and what strikes have in common; all of the COR, one sigma.
+    """Standard deviations of the COR: of one strike, and of what strikes share.
 
     Attributes
     ----------
     clip : float
-        Of one clip by itself.
+        Uncertainty of one clip.
     strike : float
-        Scatter from strike to strike.
+        Standard deviation between strikes.
     session : float
-        Scatter from session to session.
+        Standard deviation between sessions.
     shared : mapping of str to float
-        Unknowns of the setup that every clip shares, by name.
+        Setup inputs shared by all clips, by name.
     source : str
-        Where the numbers come from, for people.
+        Origin of the numbers, as text.
     """
 
     clip: float
@@ -88,12 +90,12 @@ class Precisions:
 
     @property
     def one_strike(self) -> float:
-        """Of one strike, without what it shares."""
+        """Of one strike, without shared contributions."""
         return math.hypot(self.clip, self.strike)
 
     @property
     def floor(self) -> float:
-        """What no number of strikes gets below."""
+        """Limit that no number of strikes improves."""
         return math.hypot(*self.shared.values()) if self.shared else 0.0
 
 
@@ -108,27 +110,27 @@ class Setting:
 
 @dataclass(frozen=True)
 class CampaignDesign:
-    """A campaign to be made.
+    """A planned campaign.
 
     Attributes
     ----------
     settings : tuple of Setting
-        All sessions together.
+        Totals over all sessions.
     sessions : int
     std : float
-        Largest standard uncertainty of the law over the speeds, all told.
+        Largest standard uncertainty of the law over the speeds.
     random_std : float
-        Of that, what more strikes would make smaller.
+        Its random part, reduced by more strikes.
     floor : float
-        Of that, what only a better known setup makes smaller.
+        Its systematic part, reduced only by a better setup.
     target : float
     reachable : bool
-        Whether any number of strikes reaches the target.
+        Whether a number of strikes exists that reaches the target.
     precisions : Precisions
     first : tuple of (str, float, float)
-        Unknowns of the setup, the most worth measuring first: name, what it leaves of the COR, and
-        the largest value at which the target can be reached with the others as they are (0: the
-        others alone are too large).
+        Setup inputs, the largest contribution first: name, contribution to the COR, and the
+        largest value that reaches the target with the others unchanged (0: the others alone are
+        too large).
     """
 
     settings: tuple[Setting, ...]
@@ -162,42 +164,44 @@ def design_campaign(
     Parameters
     ----------
     law : CorLaw
-        As far as it is known: where it bends decides where to measure.
+        Approximate law: its curvature decides where to measure.
     pendulum, ball
     target : float
-        Largest standard uncertainty of the law wanted, at any speed between the back-swings.
+        Largest standard uncertainty of the law wanted at any speed between the back-swings.
     precisions : Precisions
     backswings_deg : (2,) tuple of float
-        Smallest and largest back-swing that the rig allows, degrees.
+        Smallest and largest back-swing of the rig, degrees.
     gravity : float
         m/s².
 
     Raises
     ------
     DomainError
-        If the target is not positive, or no speeds are between the back-swings.
+        If the target is not positive, or the back-swings give no speed range.
     """
     if not 0.0 < target < 1.0:
         raise DomainError(
             f"a standard uncertainty of {target:g} of the COR is not between 0 and 1",
-            hint="Such as --target-cor-std 0.003.",
+            hint="Pass for example --target-cor-std 0.003.",
         )
     angles = np.arange(backswings_deg[0], backswings_deg[1] + 0.5 * _STEP_DEG, _STEP_DEG)
-    reach = np.radians(angles)
-    if len(angles) < 3 or reach[0] <= ball.launch_angle or reach[-1] > np.pi:
+    swings = np.radians(angles)
+    if len(angles) < 3 or swings[0] <= ball.launch_angle or swings[-1] > np.pi:
         raise DomainError(
-            f"back-swings from {backswings_deg[0]:g} to {backswings_deg[1]:g} degrees are no range",
-            hint=f"Between {math.degrees(ball.launch_angle):.0f} and 180, a few degrees apart.",
+            f"back-swings from {backswings_deg[0]:g}° to {backswings_deg[1]:g}° are not a usable"
+            " range",
+            hint="Pass --smallest and --largest at least 4° apart, between"
+            f" {math.degrees(ball.launch_angle):.0f}° and 180°.",
         )
-    speeds = np.asarray(frictionless_speed(pendulum, reach, ball.launch_angle, gravity))
+    speeds = np.asarray(frictionless_speed(pendulum, swings, ball.launch_angle, gravity))
     slopes = _slopes(law, speeds)
     weights = _d_optimal(slopes)
     left = target**2 - precisions.floor**2
     reachable = left > 0.0
-    # beyond reach: as many strikes as make their own part no larger than what can't be mended
+    # unreachable target: plan strikes until their part equals the floor
     left = left if reachable else precisions.floor**2
     sessions = max(
-        _FEWEST_SESSIONS, math.ceil(precisions.session**2 / (SESSION_SHARE * left) - 1e-9)
+        _MIN_SESSIONS, math.ceil(precisions.session**2 / (SESSION_VARIANCE_FRACTION * left) - 1e-9)
     )
     random = left - precisions.session**2 / sessions
     counts = _rounded(weights, slopes, precisions.one_strike, random, sessions)
@@ -222,7 +226,7 @@ def design_campaign(
 
 
 def _slopes(law: CorLaw, speeds: FloatArray) -> FloatArray:
-    """∂e/∂θ at each speed, (V, P): of the exponential law, or of a level where e is constant."""
+    """∂e/∂θ at each speed, (V, P): of the exponential law, or of a constant."""
     if isinstance(law, ConstantCor):
         return np.ones((len(speeds), 1))
     if isinstance(law, ExponentialCor):
@@ -230,36 +234,36 @@ def _slopes(law: CorLaw, speeds: FloatArray) -> FloatArray:
         return np.column_stack(
             [np.exp(-rate * speeds), -law.amplitude * speeds * bent, np.ones_like(speeds)]
         )
-    # any other law is told from a straight line and its bend, which a parabola has
+    # other laws: a parabola covers slope and curvature
     middle = (speeds - speeds.mean()) / np.ptp(speeds)
     return np.column_stack([np.ones_like(middle), middle, middle**2])
 
 
 def _d_optimal(slopes: FloatArray) -> FloatArray:
-    """Shares of the strikes at each speed, by the multiplicative algorithm (Titterington 1976)."""
+    """Weights of the speeds by the multiplicative algorithm (Titterington 1976)."""
     parameters = slopes.shape[1]
     scaled = np.linalg.qr(slopes)[0]
-    shares = np.full(len(slopes), 1.0 / len(slopes))
-    for _ in range(_STEPS):
-        information = scaled.T @ (shares[:, np.newaxis] * scaled)
+    weights = np.full(len(slopes), 1.0 / len(slopes))
+    for _ in range(_MAX_DESIGN_STEPS):
+        information = scaled.T @ (weights[:, np.newaxis] * scaled)
         variance = np.einsum("ij,jk,ik->i", scaled, np.linalg.inv(information), scaled)
-        if variance.max() < parameters * (1.0 + _CONVERGED):
+        if variance.max() < parameters * (1.0 + _DESIGN_TOLERANCE):
             break
-        shares = shares * variance / parameters
-    return _gathered(shares)
+        weights = weights * variance / parameters
+    return _gathered(weights)
 
 
-def _gathered(shares: FloatArray) -> FloatArray:
-    """Shares of neighbours put together on the largest: they are one back-swing of the optimum."""
-    kept = np.zeros_like(shares)
-    cuts = np.flatnonzero(shares > _LEAST_WEIGHT / len(shares))
+def _gathered(weights: FloatArray) -> FloatArray:
+    """Merge weights of neighbours at the largest: they are one back-swing of the optimum."""
+    kept = np.zeros_like(weights)
+    cuts = np.flatnonzero(weights > _MIN_SETTING_WEIGHT / len(weights))
     for group in np.split(cuts, np.flatnonzero(np.diff(cuts) > 1) + 1):
-        kept[group[np.argmax(shares[group])]] = shares[group].sum()
+        kept[group[np.argmax(weights[group])]] = weights[group].sum()
     return np.asarray(kept / kept.sum())
 
 
 def _largest_variance(slopes: FloatArray, counts: FloatArray, one: float) -> float:
-    """Largest variance of the law over the speeds with so many strikes at each."""
+    """Largest variance of the law over the speeds for given strikes at each."""
     scaled = np.linalg.qr(slopes)[0]
     information = scaled.T @ (counts[:, np.newaxis] * scaled) / one**2
     variance = np.einsum("ij,jk,ik->i", scaled, np.linalg.pinv(information), scaled)
@@ -269,7 +273,7 @@ def _largest_variance(slopes: FloatArray, counts: FloatArray, one: float) -> flo
 def _rounded(
     weights: FloatArray, slopes: FloatArray, one: float, wanted: float, sessions: int
 ) -> FloatArray:
-    """Whole strikes at each back-swing, the same in every session, that reach a variance."""
+    """Whole strikes per back-swing, equal in all sessions, that reach a variance."""
     parameters = slopes.shape[1]
     used = weights > 0.0
     each = max(1, math.floor(parameters * one**2 / (wanted * sessions * used.sum())))
@@ -291,14 +295,14 @@ def _first(precisions: Precisions, target: float) -> tuple[tuple[str, float, flo
 
 
 def from_pilot(results: Sequence[ClipResult], fallback: Precisions) -> Precisions:
-    """What the clips of a campaign tell of the next one.
+    """Precisions estimated from the clips of a campaign.
 
     Parameters
     ----------
     results : sequence of ClipResult
-        Of one ball, or of all.
+        Clips of one ball, or of all.
     fallback : Precisions
-        For what they don't tell (scatter).
+        Values for what the clips do not determine (standard deviations between strikes).
 
     Raises
     ------
@@ -309,7 +313,7 @@ def from_pilot(results: Sequence[ClipResult], fallback: Precisions) -> Precision
     if not used:
         raise DomainError(
             "no clip of that campaign has a coefficient of restitution",
-            hint="Look at `vision campaign status DIR`, or leave out --pilot.",
+            hint="Inspect `vision campaign status DIR`, or omit --pilot.",
         )
     names = dict.fromkeys(name for one in used for name in one.shared)
     shared = {name: float(np.median([one.shared.get(name, 0.0) for one in used])) for name in names}
@@ -326,10 +330,10 @@ def from_pilot(results: Sequence[ClipResult], fallback: Precisions) -> Precision
 
 
 def from_rig(rig: Rig, ball: Ball, pendulum: Pendulum, law: CorLaw, scatter: float) -> Precisions:
-    """What the setup tells before any clip is measured.
+    """Precisions estimated from the setup, before any clip is measured.
 
-    By the balance of angular momentum e + 1 = (u / v)(1 + m / M): what the masses are off, e is off
-    by (1 + e) (m / M) / (1 + m / M) times their relative uncertainty.
+    By the balance of angular momentum e + 1 = (u / v)(1 + m / M): a relative uncertainty of the
+    masses contributes (1 + e) (m / M) / (1 + m / M) times itself to e.
     """
     middle = float(law(2.5))
     ratio = ball.mass / pendulum.mass_at_contact
@@ -345,14 +349,14 @@ def from_rig(rig: Rig, ball: Ball, pendulum: Pendulum, law: CorLaw, scatter: flo
         strike=scatter,
         session=0.0,
         shared=shared,
-        source="the setup alone; one measured clip tells more (--pilot DIR)",
+        source="from the setup alone; --pilot DIR with one measured clip is more accurate",
     )
 
 
 def _pilot(folder: Path, ball: str, fallback: Precisions) -> Precisions:
     if not (folder / "ledger.sqlite").is_file():
         raise UsageError(
-            f"{folder} holds no campaign", hint="Name the folder that was given with --out."
+            f"{folder} contains no campaign", hint="Pass the folder that was given as --out."
         )
     with Ledger(folder) as ledger:
         entries, copies = list(ledger.entries()), ledger.copies()
@@ -380,13 +384,13 @@ def _document(design: CampaignDesign) -> dict[str, Any]:
 
 
 def _sessions_taken(taken: Precisions) -> str:
-    """What is taken of sessions: that they don't differ is supposed where nobody measured it."""
+    """Statement about sessions: without a measurement they are assumed equal."""
     if taken.session == 0.0:
-        return "sessions are supposed not to differ, which two of them would show"
+        return "sessions are assumed not to differ (two of them would show it)"
     return f"sessions by {taken.session:.4f}"
 
 
-def _tell(design: CampaignDesign) -> None:
+def _print_design(design: CampaignDesign) -> None:
     table = Table("back-swing", "impact speed", "strikes")
     for setting in design.settings:
         table.add_row(
@@ -399,20 +403,20 @@ def _tell(design: CampaignDesign) -> None:
     console.print(
         f"{design.strikes} strikes in {design.sessions} sessions, each with all back-swings: the"
         f" law to {design.std:.4f} or better at every speed between them"
-        f" ({design.random_std:.4f} by scatter, {design.floor:.4f} by the setup).",
+        f" ({design.random_std:.4f} random, {design.floor:.4f} from the setup).",
         soft_wrap=True,
     )
     taken = design.precisions
     console.print(
-        f"One clip is taken to be good to {taken.clip:.4f}, strikes to scatter by"
-        f" {taken.strike:.4f}, {_sessions_taken(taken)} ({taken.source}).",
+        f"Assumed standard deviations of the COR: {taken.clip:.4f} per clip,"
+        f" {taken.strike:.4f} between strikes; {_sessions_taken(taken)} ({taken.source}).",
         soft_wrap=True,
     )
     for name, std, needed in design.first[:3]:
         if std < 0.1 * design.target:
             break
         console.print(
-            f"Measure better: {name} leaves {std:.4f} of the COR; {_gain(design, std, needed)}.",
+            f"Measure better: {name} contributes {std:.4f} to COR; {_gain(design, std, needed)}.",
             soft_wrap=True,
         )
 
@@ -420,9 +424,11 @@ def _tell(design: CampaignDesign) -> None:
 def _gain(design: CampaignDesign, std: float, needed: float) -> str:
     if not design.reachable:
         if needed > 0.0:
-            return f"with the others as they are, {design.target:g} needs it at {needed:.4f}"
-        return f"the others alone leave more than {design.target:g}"
-    # strikes go as one over the variance that is left to them
+            return (
+                f"to reach {design.target:g} with the others unchanged, reduce it to {needed:.4f}"
+            )
+        return f"the others alone exceed {design.target:g}"
+    # strikes are inversely proportional to the variance allowed to them
     left = design.target**2 - design.floor**2
     saved = design.strikes * (1.0 - left / (left + std**2))
     return f"known exactly, it would save about {saved:.0f} of the {design.strikes} strikes"
@@ -434,7 +440,7 @@ _TargetOption = Annotated[
 ]
 _PilotOption = Annotated[
     Path | None,
-    typer.Option(help="A campaign whose clips tell how well one is known.", metavar="DIR"),
+    typer.Option(help="Measured campaign that gives the precision of a clip.", metavar="DIR"),
 ]
 _SmallestOption = Annotated[float, typer.Option("--smallest", help="Smallest back-swing, degrees.")]
 _LargestOption = Annotated[
@@ -457,9 +463,9 @@ def plan_campaign_command(
     json_to: _JsonToOption = None,
     quiet: _QuietOption = False,
 ) -> None:
-    """Say how many strikes, at which back-swings, a law of restitution of a wanted precision needs.
+    """Plan the strikes and back-swings that a law of restitution of a wanted precision needs.
 
-    And what of the setup to measure better first. One clip measured before tells most:
+    Also lists which setup inputs to measure better first. A pilot clip gives the best estimate:
     vision plan campaign --target-cor-std 0.003 --setup lab.toml --pilot campaign
     """
     known = setup_or_default(setup)
@@ -493,12 +499,12 @@ def plan_campaign_command(
     if json_to is not None:
         write_text_whole(Path(json_to), text + "\n")
     if not quiet:
-        _tell(design)
+        _print_design(design)
     if not design.reachable:
         raise MeasurementError(
-            f"no number of strikes reaches {target:g}: what all clips of this setup share leaves"
-            f" {design.floor:.4f}",
-            hint=f"Measure {design.first[0][0]} better first.",
+            f"no number of strikes reaches {target:g}: the setup's uncertainty, shared by all"
+            f" clips, contributes {design.floor:.4f}",
+            hint=f"Measure the {design.first[0][0]} better first.",
         )
 
 
@@ -513,4 +519,4 @@ PLAN_COMMANDS: dict[str, Callable[..., None]] = {
     "distance": plan_command,
     "campaign": plan_campaign_command,
 }
-"""Commands under ``vision plan``; the first is meant where none is named."""
+"""Commands of ``vision plan``; the first is the default."""

@@ -1,4 +1,4 @@
-"""The ledger of a campaign: one row per clip, in a file that survives whatever ends the run."""
+"""The ledger of a campaign: one SQLite row per clip, consistent after any kill."""
 
 import fcntl
 import json
@@ -18,7 +18,7 @@ __all__ = ["AttemptOutcome", "Entry", "Ledger", "State", "WorkOrder", "lock_fold
 
 
 class State(StrEnum):
-    """How far a clip is."""
+    """State of a clip."""
 
     WAITING = "waiting"
     RUNNING = "running"
@@ -28,12 +28,12 @@ class State(StrEnum):
 
 @dataclass(frozen=True)
 class WorkOrder:
-    """A clip to be measured and all that its result depends on.
+    """A clip to be measured and all inputs of its result.
 
     Attributes
     ----------
     clip : str
-        Name, the key everywhere.
+        Name, the key in all tables.
     path : str
     sha256 : str
         Of the clip's bytes.
@@ -50,27 +50,26 @@ class WorkOrder:
     version: str
 
 
-_NAMES_AT_ONCE = 500
-"""SQLite takes 999 parameters in its oldest build still in use."""
+_SQL_BATCH = 500
+"""Names per query: the oldest SQLite in use allows 999 parameters."""
 
 
 @dataclass(frozen=True)
 class AttemptOutcome:
-    """What came of one try.
+    """Result of one attempt.
 
     Attributes
     ----------
     clip : str
     state : State
-        Done or failed; waiting where another try is due.
+        Done or failed; waiting if another attempt is due.
     seconds : float
         Wall time.
     document : str or None
-        The clip's JSON as `vision measure --json` writes it: text, which the coordinator of a
-        thousand workers hands on without looking into it.
+        The clip's JSON as written by `vision measure --json`, passed on unparsed.
     error : str or None
     died : bool
-        The clip ended its worker: a run that is killed from outside does not count against it.
+        The clip ended its worker; a run killed from outside does not count.
     """
 
     clip: str
@@ -90,11 +89,11 @@ class Entry:
     order : WorkOrder
     state : State
     attempts : int
-        Tries begun with this order.
+        Attempts begun with this order.
     seconds : float or None
     error : str or None
     excluded : str or None
-        Why somebody marked the trial as bad.
+        Why the trial was marked as bad.
     document : mapping or None
     """
 
@@ -124,7 +123,7 @@ CREATE TABLE IF NOT EXISTS stages (
 );
 """
 _FIRST_COLUMNS = frozenset({"clip", "path", "sha256", "options", "version", "state"})
-"""Without these a row says nothing."""
+"""Columns every ledger has had; without them the file is not a ledger."""
 _LATER_COLUMNS = {
     "started": "TEXT",
     "finished": "TEXT",
@@ -136,13 +135,13 @@ _LATER_COLUMNS = {
     "ball_at": "TEXT",
     "document": "TEXT",
 }
-"""Columns that an older version may lack, with what they hold then: nothing."""
+"""Columns that a ledger of an older version may lack; empty then."""
 
 
 class Ledger:
     """The rows of a campaign in ``ledger.sqlite``.
 
-    Every change is one transaction: after a kill each clip is either as before or as after it.
+    Every change is one transaction: a kill leaves each clip as before or as after it.
     Use it as a context manager.
 
     Parameters
@@ -162,13 +161,13 @@ class Ledger:
             self._base = sqlite3.connect(path, timeout=60.0, isolation_level=None)
             self._base.row_factory = sqlite3.Row
             self._base.execute("PRAGMA journal_mode=WAL")
-            # a finished clip costs seconds to minutes; its row is on the disk before the next
+            # losing a row costs a whole measurement: it is on disk before the next clip
             self._base.execute("PRAGMA synchronous=FULL")
             layout = self._base.execute("PRAGMA user_version").fetchone()[0]
             if layout > _LAYOUT:
                 raise UsageError(
-                    f"{path} was written by a later version of vision",
-                    hint="Install that version, or give another folder with --out.",
+                    f"{path} was written by a later version of impact-vision",
+                    hint="Install that version, or pass another folder as --out.",
                 )
             self._add_missing_columns()
             self._base.executescript(_TABLES)
@@ -176,24 +175,24 @@ class Ledger:
         except (sqlite3.Error, UnicodeDecodeError) as problem:
             raise UsageError(
                 f"can't use {path} as ledger: {problem}",
-                hint="Give a folder that you may write to, on a disk with room.",
+                hint="Pass a writable folder with free disk space as --out.",
             ) from problem
 
     def _add_missing_columns(self) -> None:
-        """Give a ledger of an older version the columns that it lacks; its rows stay.
+        """Add columns missing in a ledger of an older version; its rows stay.
 
         Raises
         ------
         UsageError
-            If it is no ledger of ours at all.
+            If the file is not a campaign ledger.
         """
         held = {row["name"] for row in self._base.execute("PRAGMA table_info(clips)")}
         if not held:
             return
         if not held >= _FIRST_COLUMNS:
             raise UsageError(
-                "ledger.sqlite in this folder is no ledger of a campaign",
-                hint="Give another folder with --out.",
+                "ledger.sqlite in this folder is not a campaign ledger",
+                hint="Pass another folder as --out.",
             )
         for name, kind in _LATER_COLUMNS.items():
             if name not in held:
@@ -213,36 +212,36 @@ class Ledger:
                 yield self._base
                 self._base.execute("COMMIT")
             except BaseException:
-                # a full disk has rolled back already
+                # on a full disk SQLite has rolled back already
                 if self._base.in_transaction:
                     self._base.execute("ROLLBACK")
                 raise
         except sqlite3.OperationalError as problem:
             raise UsageError(
                 f"the ledger can't be written: {problem}",
-                hint="What is done is kept. Make room on the disk (or leave the folder writable)"
-                " and give the same command again.",
+                hint="Finished clips are kept. Free disk space or make the folder writable, then"
+                " run the same command again.",
             ) from problem
         except sqlite3.DatabaseError as problem:
             raise _damaged(problem) from problem
 
     @contextmanager
     def _reading(self) -> Iterator[sqlite3.Connection]:
-        """Whatever a damaged file holds in place of a row is told in words."""
+        """Map errors of a damaged file to a message."""
         try:
             yield self._base
         except (sqlite3.Error, ValueError, TypeError) as problem:
             raise _damaged(problem) from problem
 
     def plan(self, orders: Sequence[WorkOrder], *, retry_failed: bool) -> dict[str, str]:
-        """Enter what is to be done, keep what was done with the same inputs.
+        """Insert new clips; keep results that were measured with the same inputs.
 
-        A row left `running` by a run that was killed waits again.
+        A row left `running` by a killed run is set to waiting.
 
         Returns
         -------
         dict of str to str
-            Clips that are measured again although they were done, and what changed.
+            Clips that will be measured again, and what changed.
         """
         again: dict[str, str] = {}
         with self._change() as base:
@@ -291,7 +290,7 @@ class Ledger:
         return again
 
     def begin(self, clips: Sequence[str]) -> dict[str, int]:
-        """Mark clips as being measured; returns how often each has ended its worker before."""
+        """Mark clips as being measured; return how often each has ended its worker."""
         started = _now()
         with self._change() as base:
             base.executemany(
@@ -300,8 +299,8 @@ class Ledger:
                 [(started, clip) for clip in clips],
             )
             deaths: dict[str, int] = {}
-            for at in range(0, len(clips), _NAMES_AT_ONCE):
-                some = clips[at : at + _NAMES_AT_ONCE]
+            for at in range(0, len(clips), _SQL_BATCH):
+                some = clips[at : at + _SQL_BATCH]
                 marks = ",".join("?" * len(some))
                 deaths |= dict(
                     base.execute(f"SELECT clip, deaths FROM clips WHERE clip IN ({marks})", some)
@@ -309,7 +308,7 @@ class Ledger:
             return deaths
 
     def finish(self, outcomes: Sequence[AttemptOutcome]) -> None:
-        """Write what came of tries, and their stage, in one transaction."""
+        """Store the results of attempts, and their stage, in one transaction."""
         finished = _now()
         with self._change() as base:
             base.executemany(
@@ -335,7 +334,7 @@ class Ledger:
             )
 
     def exclude(self, clip: str, reason: str | None) -> None:
-        """Mark a trial as bad with a reason, or take the mark back with None.
+        """Mark a trial as bad with a reason, or remove the mark with None.
 
         Raises
         ------
@@ -346,7 +345,7 @@ class Ledger:
             _found(clip, base.execute("UPDATE clips SET excluded=? WHERE clip=?", (reason, clip)))
 
     def point_at(self, clip: str, ball_at: str | None) -> None:
-        """Have a clip measured again, with a point on the ball (``x,y`` px) or without one.
+        """Schedule a clip again, with a point on the ball (``x,y`` px) or without one.
 
         Raises
         ------
@@ -357,7 +356,7 @@ class Ledger:
             _found(clip, base.execute("UPDATE clips SET ball_at=? WHERE clip=?", (ball_at, clip)))
 
     def points(self) -> dict[str, str]:
-        """Where somebody pointed at the ball, by clip.
+        """Points on the ball given by the user, by clip.
 
         Raises
         ------
@@ -369,7 +368,7 @@ class Ledger:
             return {row["clip"]: row["ball_at"] for row in rows}
 
     def entries(self) -> Iterator[Entry]:
-        """All rows in the order they were entered, read one at a time."""
+        """All rows in the order of insertion, read one at a time."""
         with self._reading() as base:
             rows = base.execute("SELECT * FROM clips ORDER BY rowid")
         while True:
@@ -378,11 +377,11 @@ class Ledger:
                 entry = None if row is None else _entry(row)
             if entry is None:
                 return
-            # outside: what the reader of the rows raises is no fault of the ledger
+            # yield outside: an exception of the consumer is not a ledger error
             yield entry
 
     def copies(self) -> list[dict[str, str | None]]:
-        """Groups of clips that were measured and hold the same bytes; each with its mark."""
+        """Groups of measured clips with identical bytes; each with its mark."""
         with self._reading() as base:
             rows = base.execute(
                 "SELECT sha256, clip, excluded FROM clips WHERE state='done' ORDER BY rowid"
@@ -399,7 +398,7 @@ class Ledger:
             return [row["clip"] for row in rows]
 
     def counts(self) -> dict[State, int]:
-        """How many clips are in each state."""
+        """Number of clips in each state."""
         with self._reading() as base:
             rows = base.execute("SELECT state, COUNT(*) AS number FROM clips GROUP BY state")
             found = {State(row["state"]): int(row["number"]) for row in rows}
@@ -421,19 +420,19 @@ def _entry(row: sqlite3.Row) -> Entry:
 def _damaged(problem: Exception) -> UsageError:
     return UsageError(
         f"the ledger of this campaign is damaged: {problem}",
-        hint="Put a copy of ledger.sqlite in its place, or give another folder with --out:"
-        " the clips are measured again then.",
+        hint="Restore ledger.sqlite from a copy, or pass another folder as --out: all clips are"
+        " then measured again.",
     )
 
 
 @contextmanager
 def lock_folder(folder: Path) -> Iterator[None]:
-    """Hold a campaign's folder for one run; the lock ends with the process, however it ends.
+    """Lock a campaign's folder for one run; the lock ends with the process.
 
     Raises
     ------
     UsageError
-        If another run holds it, or the folder can't be made or written to.
+        If another run holds the lock, or the folder can't be created or written to.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -441,15 +440,15 @@ def lock_folder(folder: Path) -> Iterator[None]:
     except OSError as problem:
         raise UsageError(
             f"can't write to {folder}: {problem.strerror}",
-            hint="Give a folder that you may write to with --out.",
+            hint="Pass a writable folder as --out.",
         ) from problem
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as problem:
             raise UsageError(
-                f"another run is at work in {folder}",
-                hint=f"Look at it with: vision campaign status {folder}",
+                f"another run is active in {folder}",
+                hint=f"Show its progress with: vision campaign status {folder}",
             ) from problem
         yield
     finally:
@@ -457,11 +456,11 @@ def lock_folder(folder: Path) -> Iterator[None]:
 
 
 def _found(clip: str, done: sqlite3.Cursor) -> None:
-    """Refuse a change that met no row: there is no such clip."""
+    """Raise if a change affected no row: there is no such clip."""
     if done.rowcount == 0:
         raise UsageError(
             f"there is no clip {clip!r} in this campaign",
-            hint="Its name is that in results.csv, with its ending.",
+            hint="Use the name from results.csv, with its ending.",
         )
 
 

@@ -1,7 +1,4 @@
-"""The campaign on one page that opens without a network.
-
-Figures of a campaign, as SVG and PNG: the paper's on one's own data.
-"""
+"""The campaign's report page (HTML, no network needed) and its figures (SVG, PNG)."""
 
 import base64
 import io
@@ -29,24 +26,23 @@ __all__ = ["ReportFacts", "draw_figures", "svg_text", "write_figures", "write_re
 
 FloatArray = NDArray[np.float64]
 
-# told apart with any colour vision (Okabe and Ito 2008)
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Distinguishable with any colour vision (Okabe and Ito 2008)."""
 
 _SIZE = (7.0, 4.2)
-
-"""Inches: a figure that fits the width of a page (A4 less its margins)."""
+"""Figure size, inches: the width of an A4 page without margins."""
 
 _FSR = SENSORS[0]
 
 
 def draw_figures(analysis: CampaignAnalysis, *, against_paper: bool = False) -> dict[str, Figure]:
-    """Draw every figure that the data allow, by name.
+    """Draw every figure that the data allow; keys are names.
 
     Parameters
     ----------
     analysis : CampaignAnalysis
     against_paper : bool
-        Draw the paper's laws beside those of the paper's balls.
+        Draw the paper's laws of the paper's balls for comparison.
     """
     balls = [ball for ball in analysis.balls if ball.clips]
     drawn: dict[str, Figure] = {}
@@ -119,7 +115,7 @@ def _cor(balls: Sequence[BallAnalysis], against_paper: bool) -> Figure:
 
 
 def _legend(figure: Figure) -> None:
-    """Below the axes: inside it would hide points, most of which lie towards a corner."""
+    """Legend below the axes: inside it would hide points in the corners."""
     figure.legend(loc="outside lower center", ncols=2, fontsize=8)
 
 
@@ -134,7 +130,7 @@ def _band(axes: Axes, ball: BallAnalysis, colour: str) -> None:
         [e.value for e in of_law],
         color=colour,
         lw=1.4,
-        label=f"{_label(ball)}: mean of the laws (likeliest: {fit.law}, {fit.probability:.0%})",
+        label=f"{_label(ball)}: mean of the laws (most probable: {fit.law}, {fit.probability:.0%})",
     )
     axes.fill_between(
         grid, [e.low for e in of_law], [e.high for e in of_law], color=colour, alpha=0.3, lw=0
@@ -189,7 +185,7 @@ def _against_speed(
 def _sensor_and_model(
     axes: Axes, ball: BallAnalysis, speed: FloatArray, colour: str, factor: float
 ) -> None:
-    """The force sensor's contact times and the contact model's, beside the video's."""
+    """Add the contact times of the force sensor and of the contact model."""
     read = [None if one.strike is None else one.strike.sensor(_FSR) for one in ball.clips]
     seen = np.array([np.nan if pair is None else pair[0] for pair in read])
     if np.isfinite(seen).any():
@@ -285,7 +281,7 @@ def _ranges(balls: Sequence[BallAnalysis]) -> Figure | None:
     held = [ball for ball in balls if ball.ranges is not None]
     if not held:
         return None
-    figure, axes = _axes(_SPEED, "range: model less measured / mm")
+    figure, axes = _axes(_SPEED, "range: model − measured / mm")
     axes.axhline(0, color="0.3", lw=0.8)
     marks: tuple[tuple[str, str, str, bool], ...] = (
         ("numerical", "o", "numerical", True),
@@ -315,7 +311,7 @@ def _agreement(one: SensorAnalysis) -> Figure:
     found, unit = one.agreement, one.sensor.unit
     figure, axes = _axes(
         f"mean of camera and {one.sensor.label} / {unit}",
-        f"camera less {one.sensor.label} / {unit}",
+        f"camera − {one.sensor.label} / {unit}",
     )
     axes.plot(found.means, found.differences, "o", ms=4, color=_COLOURS[0])
     axes.axhline(
@@ -338,7 +334,7 @@ def _agreement(one: SensorAnalysis) -> Figure:
 
 
 def svg_text(figure: Figure) -> str:
-    """Figure as SVG text, repeatable to the letter."""
+    """Figure as SVG text without a date, so that it is reproducible."""
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None})
     text = buffer.getvalue()
@@ -348,7 +344,7 @@ def svg_text(figure: Figure) -> str:
 def write_figures(
     figures: dict[str, Figure], folder: Path, note: Callable[[Path], None] = lambda path: None
 ) -> None:
-    """Write each figure as ``.svg`` and ``.png``, whole or not at all."""
+    """Write each figure as ``.svg`` and ``.png``, each atomically."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, figure in figures.items():
         for suffix in (".svg", ".png"):
@@ -359,25 +355,23 @@ def write_figures(
 
 
 CAPTIONS = {
-    "cor": "Coefficient of restitution against impact speed: points are clips (± one standard"
-    " uncertainty), the line is the mean of the laws, the dark band where the law lies, the light"
-    " band where the next strike will lie (95 %). Rings are outliers. As the paper's"
-    " Figs 20 and 21.",
+    "cor": "Coefficient of restitution against impact speed: one point per clip (± one standard"
+    " uncertainty), mean of the laws (line), 95 % band of the law (dark) and of the next strike"
+    " (light). Rings mark outliers. Compare the paper's Figs 20 and 21.",
     "contact_time": "Contact time by video, force sensor and contact model (Fig. 13).",
     "ball_speed": "Speed of the ball after contact (Fig. 18).",
-    "launch_angle": "Launch angle, which the paper takes as constant for each ball.",
-    "impulse": "External impulse as measured and by Eq. 9; below, the mean contact force"
-    " (Fig. 17).",
-    "energy_loss": "Energy that the pendulum loses, exact and by the paper's approximation"
+    "launch_angle": "Launch angle; the paper assumes it constant for each ball.",
+    "impulse": "External impulse as measured and by Eq. 9; below, mean contact force (Fig. 17).",
+    "energy_loss": "Energy lost by the pendulum, exact and by the paper's approximation"
     " (Fig. 15, Eqs 18 to 23).",
-    "ranges": "Ranges foretold from each impact speed by three models, less the range measured"
+    "ranges": "Ranges predicted from each impact speed by three models, minus the range measured"
     " (Table 5, Fig. 22).",
 }
 
 
 @dataclass(frozen=True)
 class ReportFacts:
-    """Where the campaign came from.
+    """Origin of the campaign.
 
     Attributes
     ----------
@@ -386,7 +380,7 @@ class ReportFacts:
     setup : str or None
         Name of the setup file.
     notes : tuple of str
-        What was recognised or assumed on reading.
+        What was recognised or assumed in the input files.
     """
 
     title: str
@@ -402,7 +396,7 @@ def write_report(
     analysis: CampaignAnalysis,
     figures: dict[str, Figure],
 ) -> None:
-    """Write the page whole or not at all; every text in it is escaped."""
+    """Write the page atomically; all text in it is escaped."""
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
@@ -427,8 +421,8 @@ def write_report(
             )
             for name, figure in figures.items()
         ],
-        clips=[_clip(item) for item in done[:_LISTED]],
-        unlisted=max(0, len(done) - _LISTED),
+        clips=[_clip(item) for item in done[:_MAX_REPORT_ROWS]],
+        unlisted=max(0, len(done) - _MAX_REPORT_ROWS),
     )
     write_text_whole(path, page)
 
@@ -520,7 +514,7 @@ def _sessions(analysis: CampaignAnalysis) -> list[dict[str, object]]:
 
 def _sensor(one: SensorAnalysis) -> dict[str, str]:
     found, sensor = one.agreement, one.sensor
-    said = {True: "biased beyond chance", False: "no bias beyond chance", None: "can't tell"}
+    said = {True: "significant bias", False: "no significant bias", None: "too few pairs"}
     return {
         "quantity": sensor.quantity.replace("_", " "),
         "sensor": sensor.label,
@@ -557,9 +551,8 @@ def _warned(results: Sequence[ClipResult]) -> list[tuple[str, int]]:
     return sorted(counts.items(), key=lambda pair: -pair[1])[:20]
 
 
-_LISTED = 2000
-
-"""Rows of the page's table: a browser scrolls them at once, and the page stays below 5 MB."""
+_MAX_REPORT_ROWS = 2000
+"""Rows of the page's table (chosen: the page stays below 5 MB)."""
 
 _SHOWN = (
     ("pendulum_speed_before", "impact speed, m/s"),

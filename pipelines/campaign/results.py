@@ -1,7 +1,4 @@
-"""The results of a campaign as one table: a row per clip, the lab book's columns first.
-
-The lab book of a campaign: which clip was which strike, and what other sensors said of it.
-"""
+"""The lab book of a campaign, and its results as one table with a row per clip."""
 
 import csv
 import io
@@ -42,26 +39,25 @@ __all__ = [
 ]
 
 CLIP_COLUMN = "clip"
-
-"""Column that names the clip of a strike, in lab books and results."""
+"""Column of the clip's name in lab books and results."""
 
 
 @dataclass(frozen=True)
 class SensorColumn:
-    """A column of the lab book that another instrument filled, and what of a clip it judges.
+    """A column of the lab book that holds another instrument's reading of a quantity.
 
     Attributes
     ----------
     column : str
         In the lab book; its standard uncertainty, where known, in ``<column>_std``.
     quantity : str
-        The clip's quantity of the same meaning.
+        The clip's corresponding quantity.
     unit : str
-        Of both.
+        Unit of both.
     label : str
-        The instrument, as a figure names it.
+        Name of the instrument in figures.
     lowest, highest : float
-        What such an instrument can read at all, in `unit`; outside, the cell is refused by name.
+        Range of the instrument, in `unit`; a cell outside is refused.
     """
 
     column: str
@@ -79,8 +75,8 @@ SENSORS = (
     SensorColumn("landing_tape_m", "landing_distance", "m", "tape", 0.0, 100.0),
 )
 
-"""Limits are those of the apparatus: no contact of a ball lasts a second, no pendulum turns further
-than upright, none reaches 100 m/s, no hall is longer than 100 m."""
+"""Limits of the apparatus: a ball's contact is shorter than 1 s, a pendulum turns at most 180° and
+stays below 100 m/s, a hall is shorter than 100 m."""
 
 
 @dataclass(frozen=True)
@@ -90,13 +86,13 @@ class LabBookRow:
     Attributes
     ----------
     clip : str
-        As written, with or without ending.
+        As written, with or without its ending.
     ball : str or None
         Preset, name in the setup, or diameter.
     backswing_deg : float or None
     session : str or None
     cells : mapping of str to object
-        All columns as read, sensors among them, in the order of the table.
+        All columns as read, including sensors, in the order of the table.
     """
 
     clip: str
@@ -106,7 +102,7 @@ class LabBookRow:
     cells: Mapping[str, object]
 
     def sensor(self, sensor: SensorColumn) -> tuple[float, float] | None:
-        """Value and standard uncertainty (nan where not written), None where it was not read."""
+        """Value and standard uncertainty (nan if not given); None without a reading."""
         value = self.cells.get(sensor.column)
         if not isinstance(value, float):
             return None
@@ -124,7 +120,7 @@ class LabBook:
     columns : tuple of str
         Columns of the table, `clip` first.
     notes : tuple of str
-        What was recognised on reading (separator, decimal comma).
+        Format recognised (separator, decimal comma).
     """
 
     strikes: tuple[LabBookRow, ...]
@@ -132,13 +128,11 @@ class LabBook:
     notes: tuple[str, ...] = ()
 
 
-_LARGEST_BYTES = 64 * 2**20
+_MAX_LAB_BOOK_BYTES = 64 * 2**20
+"""64 MiB (chosen: 100 000 lines need less than 20)."""
 
-"""64 MiB: a hundred thousand lines of a lab book are below 20."""
-
-_LARGEST_BACKSWING_DEG = 180.0
-
-"""A pendulum stands upright there."""
+_MAX_BACKSWING_DEG = 180.0
+"""Degrees: the pendulum is upright."""
 
 _NUMERIC = ("backswing_deg", *(sensor.column for sensor in SENSORS))
 
@@ -149,20 +143,18 @@ def read_lab_book(path: Path) -> LabBook:
     Raises
     ------
     UsageError
-        If it can't be read, has no column ``clip``, names a clip twice, or a cell that must be a
-        number is none; with line and column.
+        If it can't be read, has no column ``clip``, names a clip twice, or a numeric cell does not
+        parse; the message gives line and column.
     """
     table, notes = _table(path)
     table.columns = [str(column).strip() for column in table.columns]
     repeated = [name for name in table.columns if list(table.columns).count(name) > 1]
     if repeated:
-        raise UsageError(
-            f"{path} has two columns {repeated[0]!r}", hint="Rename one of them in the table."
-        )
+        raise UsageError(f"{path} has two columns {repeated[0]!r}", hint="Rename one of them.")
     if "clip" not in table.columns:
         raise UsageError(
-            f"{path} has no column 'clip', only: {', '.join(table.columns[:12])}",
-            hint="Head the column with the clips' names 'clip'.",
+            f"{path} has no column 'clip'; its columns are {', '.join(table.columns[:12])}",
+            hint="Name the column with the clips' file names 'clip'.",
         )
     strikes = tuple(
         _strike(path, line, row)
@@ -184,15 +176,15 @@ def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
         raise UsageError(
             f"there is no lab book {path}", hint="Give a CSV or XLSX file with a column 'clip'."
         )
-    if path.stat().st_size > _LARGEST_BYTES:
-        raise UsageError(f"{path} is larger than 64 MB", hint="Is it a lab book?")
+    if path.stat().st_size > _MAX_LAB_BOOK_BYTES:
+        raise UsageError(f"{path} is larger than 64 MB", hint="Check that it is the lab book.")
     if path.suffix.lower() == ".xlsx":
         try:
             sheet = pd.read_excel(path, dtype=object).fillna("")
-        except Exception as problem:  # openpyxl raises whatever the damaged part raised
+        except Exception as problem:  # openpyxl raises many types on damaged files
             raise UsageError(
-                f"{path} is no readable XLSX file: {problem}",
-                hint="Save it anew as .xlsx, or as .csv.",
+                f"{path} is not a readable XLSX file: {problem}",
+                hint="Save it again as .xlsx or .csv.",
             ) from problem
         return sheet.map(lambda cell: cell.isoformat() if hasattr(cell, "isoformat") else cell), ()
     text = _text(path)
@@ -204,10 +196,10 @@ def _table(path: Path) -> tuple[pd.DataFrame, tuple[str, ...]]:
         )
     except (pd.errors.ParserError, pd.errors.EmptyDataError) as problem:
         raise UsageError(
-            f"{path} is no table: {str(problem).split('C error: ')[-1].strip()}",
-            hint="Each line has as many cells as the heads; quote a cell that holds the separator.",
+            f"{path} is not a table: {str(problem).split('C error: ')[-1].strip()}",
+            hint="Give each line as many cells as the header; quote cells with a separator.",
         ) from problem
-    # a line with fewer cells than heads ends in empty ones
+    # missing cells at the end of a line are empty
     table = table.fillna("")
     table.columns = table.iloc[0]
     table = table.iloc[1:]
@@ -222,13 +214,13 @@ def _text(path: Path) -> str:
             return raw.decode(encoding, errors="replace")
     if b"\x00" in raw:
         raise UsageError(
-            f"{path} is no text, or UTF-16 without the mark at its beginning that says so",
+            f"{path} is not text, or is UTF-16 without a byte order mark",
             hint="Save it as CSV in UTF-8, or as .xlsx.",
         )
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError:
-        # what spreadsheets of Western Europe write where they do not write UTF-8
+        # the usual encoding of Western European spreadsheets that do not write UTF-8
         return raw.decode("cp1252", errors="replace")
 
 
@@ -238,7 +230,7 @@ def _strike(path: Path, line: int, row: Mapping[object, object]) -> LabBookRow:
     if clip is None or not str(clip).strip():
         raise UsageError(
             f"{path}, line {line}: the clip's name is missing",
-            hint="Fill the cell, or leave the line out.",
+            hint="Fill in the cell, or delete the line.",
         )
     for column in (*_NUMERIC, *(f"{name}_std" for name in _NUMERIC)):
         if cells.get(column) is not None:
@@ -247,22 +239,21 @@ def _strike(path: Path, line: int, row: Mapping[object, object]) -> LabBookRow:
         value = cells.get(sensor.column)
         if isinstance(value, float) and not sensor.lowest <= value <= sensor.highest:
             raise UsageError(
-                f"{path}, line {line}: {sensor.column} is {value:g} {sensor.unit}, which no"
-                f" {sensor.label} reads here",
-                hint=f"It must lie between {sensor.lowest:g} and {sensor.highest:g} {sensor.unit}.",
+                f"{path}, line {line}: {sensor.column} is {value:g} {sensor.unit}, outside the"
+                f" range of a {sensor.label}",
+                hint=f"Give a value from {sensor.lowest:g} to {sensor.highest:g} {sensor.unit}.",
             )
         std = cells.get(f"{sensor.column}_std")
         if isinstance(std, float) and std <= 0:
             raise UsageError(
-                f"{path}, line {line}: {sensor.column}_std must be above zero",
-                hint="Leave the cell empty where the uncertainty is unknown.",
+                f"{path}, line {line}: {sensor.column}_std must be positive",
+                hint="Leave the cell empty if the uncertainty is unknown.",
             )
     backswing = cells.get("backswing_deg")
-    if isinstance(backswing, float) and not abs(backswing) <= _LARGEST_BACKSWING_DEG:
+    if isinstance(backswing, float) and not abs(backswing) <= _MAX_BACKSWING_DEG:
         raise UsageError(
-            f"{path}, line {line}: backswing_deg is {backswing:g}, and no pendulum swings back"
-            " so far",
-            hint=f"It must lie between 0 and {_LARGEST_BACKSWING_DEG:.0f} degrees.",
+            f"{path}, line {line}: backswing_deg is {backswing:g}, outside the range of a pendulum",
+            hint=f"Give an angle from 0 to {_MAX_BACKSWING_DEG:.0f} degrees.",
         )
     return LabBookRow(
         clip=str(clip),
@@ -288,7 +279,7 @@ def _number(path: Path, line: int, column: str, cell: object) -> float:
         value = math.nan
     if not math.isfinite(value):
         raise UsageError(
-            f"{path}, line {line}: {column} is {cell!r}, which is no number",
+            f"{path}, line {line}: {column} is {cell!r}, which is not a number",
             hint="Write it as 12.5 or 12,5, or leave the cell empty.",
         )
     return value
@@ -300,25 +291,23 @@ def _refuse_twice(path: Path, strikes: Sequence[LabBookRow]) -> None:
         if strike.clip in seen:
             raise UsageError(
                 f"{path} names the clip {strike.clip!r} twice",
-                hint="Each line of the lab book is one strike in a clip of its own.",
+                hint="Each line of the lab book must describe one strike with its own clip.",
             )
         seen[strike.clip] = 1
     if not strikes:
-        raise UsageError(
-            f"{path} has no line below its heads", hint="Write one line for each strike."
-        )
+        raise UsageError(f"{path} has no line below its header", hint="Write one line per strike.")
 
 
 @dataclass(frozen=True)
 class Matched:
-    """Clips and lab book, side by side.
+    """Clips with their lines of the lab book.
 
     Attributes
     ----------
     strikes : mapping of Path to Strike or None
-        For each clip the strike it shows; None where the lab book does not name it.
+        The strike of each clip; None if the lab book does not name it.
     absent : tuple of LabBookRow
-        Named in the lab book, but no such clip was given.
+        Lines of the lab book whose clip was not given.
     """
 
     strikes: Mapping[Path, LabBookRow | None]
@@ -326,12 +315,12 @@ class Matched:
 
 
 def match_clips(book: LabBook | None, clips: Sequence[Path]) -> Matched:
-    """Which strike each clip shows.
+    """Assign lines of the lab book to clips.
 
     Raises
     ------
     UsageError
-        If two clips share a name: it is their key in the lab book, the ledger and the results.
+        If two clips have the same name, which is their key in all tables.
     """
     by_name: dict[str, Path] = {}
     for clip in clips:
@@ -339,7 +328,7 @@ def match_clips(book: LabBook | None, clips: Sequence[Path]) -> Matched:
             if by_name.setdefault(name, clip) != clip:
                 raise UsageError(
                     f"two clips are called {name!r}: {by_name[name]} and {clip}",
-                    hint="Rename one: a clip's name is its key in lab book and results.",
+                    hint="Rename one: the name is the clip's key in lab book and results.",
                 )
     strikes: dict[Path, LabBookRow | None] = dict.fromkeys(clips)
     absent = []
@@ -350,7 +339,7 @@ def match_clips(book: LabBook | None, clips: Sequence[Path]) -> Matched:
         elif strikes[found] is not None:
             raise UsageError(
                 f"the lab book names {found.name} twice, with and without its ending",
-                hint="Each line of the lab book is one strike in a clip of its own.",
+                hint="Each line of the lab book must describe one strike with its own clip.",
             )
         else:
             strikes[found] = strike
@@ -359,50 +348,49 @@ def match_clips(book: LabBook | None, clips: Sequence[Path]) -> Matched:
 
 @dataclass(frozen=True)
 class Recording:
-    """One recording that was handed in under several names.
+    """One recording given under several names.
 
     Attributes
     ----------
     clips : tuple of str
-        Its names that nobody marked as bad.
+        Its names that are not marked as bad.
     counted : str or None
-        The one under which its strike counts; None where the lab book says of two balls that they
-        are in it.
+        The name under which its strike counts; None if the lab book names two balls for it.
     marked : str or None
-        A name before `counted` that was marked as bad.
+        A name before `counted` that is marked as bad.
     """
 
     clips: tuple[str, ...]
     counted: str | None
     marked: str | None = None
 
-    def told(self) -> str:
-        """What there is to know, and to do."""
+    def message(self) -> str:
+        """Describe the finding, its consequence and what to do."""
         names = " and ".join(self.clips)
         if self.counted is None:
             return (
-                f"{names} are one recording, and the lab book names different balls for it: it is"
-                " left out of the laws. Correct the lab book, or mark the wrong names as bad."
+                f"{names} are the same recording, but the lab book names different balls: it is"
+                " excluded from the laws. Correct the lab book, or mark the wrong names as bad."
             )
         if self.marked is not None:
             return (
-                f"{self.counted} is the recording that was marked as bad as {self.marked}, and"
-                " counts: mark it, too, unless the mark was meant for the copy alone."
+                f"{self.counted} is the same recording as {self.marked}, which is marked as bad,"
+                " but it counts. Mark it as bad too, unless only the copy is bad."
             )
-        return f"{names} are one recording: its strike counts once, as {self.counted}."
+        return f"{names} are the same recording: its strike counts once, as {self.counted}."
 
 
 def recordings(
     copies: Iterable[Mapping[str, str | None]], strikes: Mapping[str, LabBookRow | None]
 ) -> tuple[Recording, ...]:
-    """Of which clips only one may count, since one strike is no two.
+    """Find recordings given under several names; only one name may count.
 
     Parameters
     ----------
     copies : iterable of mapping
         As `Ledger.copies` gives them.
     strikes : mapping of str to LabBookRow or None
-        Clips of this campaign by name. A name in the lab book goes before one that is not.
+        Clips of this campaign by name. A name in the lab book takes precedence.
     """
     found = []
     for group in copies:
@@ -420,9 +408,9 @@ def recordings(
 
 
 def not_counted(found: Iterable[Recording]) -> dict[str, str]:
-    """Clips that are left out of the laws since their strike is counted elsewhere, and why."""
+    """Clips excluded from the laws because of `recordings`, with the reason."""
     return {
-        clip: "one recording, two balls in the lab book"
+        clip: "same recording, two balls in the lab book"
         if one.counted is None
         else f"the same recording as {one.counted}"
         for one in found
@@ -446,16 +434,15 @@ ANALYSED = (
     "backswing_angle",
 )
 
-"""Quantities that the analysis of a campaign looks at; the tables hold all."""
+"""Quantities used by the analysis of a campaign; the tables have all."""
 
-_ROWS_AT_ONCE = 1000
-
-"""Rows written in one transaction: a second of work is lost at most."""
+_FRAME_ROWS = 1000
+"""Rows converted at once (chosen: bounds memory)."""
 
 
 @dataclass(frozen=True)
 class ClipResult:
-    """What the analysis needs of one clip, small enough for a hundred thousand of them.
+    """What the analysis needs of one clip, kept small for 100 000 clips.
 
     Attributes
     ----------
@@ -463,13 +450,13 @@ class ClipResult:
     state : State
     error, excluded : str or None
     elsewhere : str or None
-        Why it counts under another name, or none (`not_counted`).
+        Why it is not counted under this name (`not_counted`).
     seconds : float or None
     strike : LabBookRow or None
     values : (Q, 2) array
         Value and standard uncertainty of each of `ANALYSED`; nan where not measured.
     shared : mapping of str to float
-        Lines of the COR's budget that all clips of one setup have in common.
+        Lines of the COR's budget that are common to all clips of a setup.
     warnings : tuple of str
     """
 
@@ -486,17 +473,17 @@ class ClipResult:
 
     @property
     def used(self) -> bool:
-        """Whether it was measured, nobody marked it as bad, and its strike is not counted yet."""
+        """Whether the clip was measured, is not marked as bad, and counts under its name."""
         return self.state == State.DONE and self.excluded is None and self.elsewhere is None
 
     @property
     def ball(self) -> str:
-        """Name of the ball; empty where nobody said."""
+        """Name of the ball; empty if not given."""
         return "" if self.strike is None or self.strike.ball is None else self.strike.ball
 
     @property
     def session(self) -> str:
-        """Name of the session; empty where nobody said."""
+        """Name of the session; empty if not given."""
         return "" if self.strike is None or self.strike.session is None else self.strike.session
 
     def quantity(self, name: str) -> tuple[float, float]:
@@ -569,8 +556,8 @@ def results_frame(
 ) -> pd.DataFrame:
     """One row per clip that is done or failed; columns in the contract's order.
 
-    ``excluded`` says of each clip that the laws leave out why: a mark, or `elsewhere` as from
-    `not_counted`.
+    ``excluded`` gives the reason for each clip excluded from the laws: a mark, or `elsewhere` as
+    from `not_counted`.
     """
     columns = ("clip",) if book is None else book.columns
     rows = (
@@ -581,7 +568,7 @@ def results_frame(
     parts = [pd.DataFrame(part) for part in _batches(rows)]
     if not parts:
         return pd.DataFrame({name: pd.Series(dtype=object) for name in ("clip", "state", "error")})
-    # each part alone decides its columns' types: what is empty there says nothing of the others
+    # infer types per part; columns empty in a part must not decide the type of the whole
     frame = pd.concat([part.dropna(axis="columns", how="all") for part in parts])
     frame = frame.reindex(columns=list(dict.fromkeys(name for part in parts for name in part)))
     tail = ["motion", *[name for name in frame if str(name).startswith("reason_")]]
@@ -595,12 +582,12 @@ def results_frame(
 
 
 def _batches(rows: Iterator[dict[str, object]]) -> Iterator[list[dict[str, object]]]:
-    while batch := list(itertools.islice(rows, _ROWS_AT_ONCE)):
+    while batch := list(itertools.islice(rows, _FRAME_ROWS)):
         yield batch
 
 
 def write_tables(frame: pd.DataFrame, folder: Path) -> None:
-    """Write ``results.csv``, ``.xlsx`` and ``.parquet``, each whole or not at all.
+    """Write ``results.csv``, ``.xlsx`` and ``.parquet``, each atomically.
 
     Raises
     ------
@@ -626,12 +613,12 @@ def write_tables(frame: pd.DataFrame, folder: Path) -> None:
     except OSError as problem:
         raise UsageError(
             f"can't write the results to {folder}: {problem.strerror}",
-            hint="Make room on the disk and give the same command again: the ledger has them.",
+            hint="Free disk space and run the same command again: the ledger keeps the results.",
         ) from problem
 
 
 def _storable(frame: pd.DataFrame, texts: Iterable[object]) -> pd.DataFrame:
-    """Columns of one type each, as parquet wants them."""
+    """Convert to one type per column, as parquet requires."""
     kept = frame.copy()
     for name in texts:
         filled = kept[name].dropna()

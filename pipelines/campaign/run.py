@@ -1,4 +1,4 @@
-"""The run of a campaign: every clip measured once, on many cores or machines, whatever happens."""
+"""Run a campaign: measure every clip once, on many cores or machines."""
 
 import functools
 import hashlib
@@ -24,15 +24,15 @@ from pipelines.campaign.worker import ClipWorkerDied, Request, WorkerProcess
 __all__ = ["CLIP_SUFFIXES", "Crew", "RunOptions", "RunPlan", "find_clips", "local_crew", "run"]
 
 CLIP_SUFFIXES = (".mp4", ".mov", ".avi", ".mkv", ".m4v", ".webm", ".gif", ".mpg", ".mpeg", ".mts")
-MOST_TRIES = 2
-"""A clip that ends its worker twice is put aside: once may be the machine's fault."""
-_IN_FLIGHT_PER_WORKER = 2
-"""One being measured and one ready, so that no worker waits for the coordinator."""
-_LOOK_AFTER_S = 1.0
-"""How long nothing may happen before the crew is asked whether it is still there."""
-_PAUSE_S_PER_WORKER, _LONGEST_PAUSE_S = 1e-4, 0.1
-"""s: clips that end within so short a time share one transaction and one round of submissions. Each
-worker has its next clip already, which takes longer."""
+MAX_ATTEMPTS = 2
+"""A clip that ends its worker twice fails: once may be the machine's fault (chosen)."""
+_CLIPS_PER_WORKER = 2
+"""One being measured and one queued, so that no worker waits for the coordinator."""
+_CREW_CHECK_S = 1.0
+"""s: idle time after which the crew is checked for lost tasks (chosen)."""
+_PAUSE_S_PER_WORKER, _MAX_PAUSE_S = 1e-4, 0.1
+"""s: clips that end within this time share one transaction and one round of submissions (chosen:
+each worker has its next clip already, which takes longer)."""
 
 
 @dataclass(frozen=True)
@@ -43,13 +43,13 @@ class RunOptions:
     ----------
     setup : Path or None
     fps, ball, wall_grid : str or None
-        As typed; the lab book's ball goes before `ball`.
+        As typed; the lab book's ball overrides `ball`.
     timeout_s : float
-        Longest wall time of one clip.
+        Time limit per clip, s.
     memory_bytes : int
-        Largest memory of one worker.
+        Memory limit per worker.
     command : tuple of str or None
-        What to start as worker instead of the package's own (a scheduler's simulation).
+        Worker command instead of the package's own.
     """
 
     setup: Path | None = None
@@ -63,7 +63,7 @@ class RunOptions:
 
 @dataclass(frozen=True)
 class RunPlan:
-    """What a run has to do.
+    """Work of one run.
 
     Attributes
     ----------
@@ -80,12 +80,12 @@ class RunPlan:
     version: str
 
     def order(self, clip: Path, sha256: str, ball_at: str | None = None) -> WorkOrder:
-        """Build the work order of a clip; `ball_at` is where somebody pointed at its ball."""
+        """Build the work order of a clip; `ball_at` is a point on the ball given by the user."""
         digest = _digest(self.options, self.matched.strikes[clip], ball_at)
         return WorkOrder(clip.name, str(clip.resolve()), sha256, digest, self.version)
 
     def request(self, clip: Path, ball_at: str | None = None) -> Request:
-        """Build what the worker is told."""
+        """Build the request to the worker."""
         strike, options = self.matched.strikes[clip], self.options
         return Request(
             path=str(clip.resolve()),
@@ -109,7 +109,7 @@ def _ball(options: RunOptions, strike: LabBookRow | None) -> str | None:
 
 
 def _digest(options: RunOptions, strike: LabBookRow | None, ball_at: str | None) -> str:
-    """Digest of all that a result depends on besides clip and version."""
+    """Digest of all inputs of a result besides clip and version."""
     setup = b"" if options.setup is None else options.setup.read_bytes()
     parts: tuple[str | None, ...] = (options.fps, _ball(options, strike), options.wall_grid)
     if ball_at is not None:
@@ -138,28 +138,28 @@ def find_clips(given: Sequence[Path]) -> tuple[Path, ...]:
         else:
             raise UsageError(
                 f"there is no clip or folder {path}",
-                hint="Check its path: name clips, or a folder that holds them.",
+                hint="Check the path: pass clips, or a folder that contains them.",
             )
     unique = list(dict.fromkeys(clips))
     if not unique:
         raise UsageError(
             "there is no clip in " + ", ".join(str(path) for path in given),
-            hint=f"Clips end in {', '.join(CLIP_SUFFIXES)}.",
+            hint=f"Clips have the endings {', '.join(CLIP_SUFFIXES)}.",
         )
     return tuple(unique)
 
 
 class Crew(Protocol):
-    """Whoever measures clips: processes here, or a cluster."""
+    """A set of workers: local processes or a cluster."""
 
     size: int
 
     def submit(self, request: Request) -> "Future[dict[str, Any]]":
-        """Begin to measure a clip; the future holds what `measure_in_worker` answers."""
+        """Start to measure a clip; the future holds the answer of `measure_in_worker`."""
         ...
 
-    def look_after(self) -> None:
-        """Answer for clips whose measurer can't any more; called while nothing else happens."""
+    def settle_lost(self) -> None:
+        """Settle the futures of lost tasks; called while idle."""
         ...
 
 
@@ -167,13 +167,13 @@ _PROCESS = threading.local()
 
 
 def measure_in_worker(request: Request, options: RunOptions) -> dict[str, Any]:
-    """Measure a clip in this thread's own worker process; what a cluster's workers run.
+    """Measure a clip in this thread's worker process; also called by a cluster's workers.
 
     Returns
     -------
     dict
-        As `worker.answer`, its document as text; ``{"died": …}`` where the worker ended, hung or
-        outgrew its memory.
+        As `worker.answer`, its document as text; ``{"died": …}`` if the worker ended, hung or
+        exceeded its memory limit.
     """
     process: WorkerProcess | None = getattr(_PROCESS, "worker", None)
     if process is None:
@@ -202,7 +202,7 @@ def _end_workers() -> None:
 
 
 class _DaskCrew:
-    """Threads or workers of a Dask cluster, each with a process of its own beside it."""
+    """Threads or workers of a Dask cluster, each with its own process."""
 
     def __init__(self, client: Any, options: RunOptions, size: int) -> None:
         self._client, self._options, self.size = client, options, size
@@ -223,8 +223,8 @@ class _DaskCrew:
         task.add_done_callback(lambda done: self._hand_on(done, answered))
         return answered
 
-    def look_after(self) -> None:
-        """Answer for tasks that a scheduler took with it: their callbacks are never called."""
+    def settle_lost(self) -> None:
+        """Settle tasks lost with their scheduler: their callbacks are never called."""
         gone = self._client.status not in ("running", "connecting")
         with self._lock:
             lost = [
@@ -233,15 +233,15 @@ class _DaskCrew:
                 if gone or task.status in ("cancelled", "lost")
             ]
         for answered in lost:
-            self._settle(answered, {"lost": "the cluster went away"})
+            self._settle(answered, {"lost": "the cluster is gone"})
 
     def _hand_on(self, task: Any, answered: "Future[dict[str, Any]]") -> None:
         try:
             reply = task.result()
         except CancelledError:
-            # nobody cancels here: the client does it to all it holds when its scheduler goes away
-            reply = {"lost": "the cluster went away"}
-        except Exception as problem:  # a worker of the cluster went away, with whatever error
+            # the client cancels all tasks when its scheduler goes away
+            reply = {"lost": "the cluster is gone"}
+        except Exception as problem:  # a lost cluster worker raises various types
             reply = {"died": f"its worker was lost ({type(problem).__name__})"}
         finally:
             task.release()
@@ -289,29 +289,30 @@ JOB_QUEUES = {
     "moab": "MoabCluster",
     "local": "local.LocalCluster",
 }
-"""Queues of dask-jobqueue by the name of their part of its configuration; ``local`` runs the jobs
-on this machine, to try a configuration out."""
-_ANSWERS_WITHIN_S = 20.0
-_STARTS_WITHIN_S = 600.0
-"""A job may wait in its queue; the first of them begins the campaign."""
+"""Queues of dask-jobqueue by their name in its configuration; ``local`` runs the jobs on this
+machine, to test a configuration."""
+_CONNECT_TIMEOUT_S = 20.0
+"""s (chosen)."""
+_JOB_START_TIMEOUT_S = 600.0
+"""s: time a job may wait in its queue; the first one starts the campaign (chosen)."""
 
 
 @contextmanager
 def cluster_crew(address: str, jobs: int, options: RunOptions) -> Iterator[Crew]:
-    """Workers of a lab's Dask cluster; clips and folder must have the same paths there.
+    """Workers of a Dask cluster; clips and folder must have the same paths there.
 
     Parameters
     ----------
     address : str
-        Of a scheduler, or the name of a queue that dask-jobqueue is configured for (`JOB_QUEUES`).
+        Of a scheduler, or the name of a configured dask-jobqueue queue (`JOB_QUEUES`).
     jobs : int
-        How many jobs to put into the queue.
+        Number of jobs to put into the queue.
     options : RunOptions
 
     Raises
     ------
     UsageError
-        If no scheduler answers at `address`, it has no workers, or there is no such queue here.
+        If no scheduler answers at `address`, it has no workers, or the queue is unknown.
     """
     from distributed import Client
 
@@ -321,21 +322,21 @@ def cluster_crew(address: str, jobs: int, options: RunOptions) -> Iterator[Crew]
             scheduler = held.enter_context(_job_queue(address, jobs))
         try:
             client = held.enter_context(
-                Client(scheduler, timeout=_ANSWERS_WITHIN_S)  # type: ignore[no-untyped-call]
+                Client(scheduler, timeout=_CONNECT_TIMEOUT_S)  # type: ignore[no-untyped-call]
             )
         except (OSError, TimeoutError, ValueError) as problem:
             raise UsageError(
                 f"no Dask scheduler answers at {address}: {problem}",
-                hint="Start one with `dask scheduler`, or leave out --dask to use this machine; "
+                hint="Start one with `dask scheduler`, or omit --dask to use this machine; "
                 f"queues of dask-jobqueue are {', '.join(JOB_QUEUES)}.",
             ) from problem
         if address in JOB_QUEUES:
             try:
-                client.wait_for_workers(1, timeout=_STARTS_WITHIN_S)
+                client.wait_for_workers(1, timeout=_JOB_START_TIMEOUT_S)
             except TimeoutError as problem:
                 raise UsageError(
-                    f"no job of the queue {address} began within {_STARTS_WITHIN_S:.0f} s",
-                    hint="The same command goes on when there is room.",
+                    f"no job of the queue {address} started within {_JOB_START_TIMEOUT_S:.0f} s",
+                    hint="Run the same command again when the queue has room.",
                 ) from problem
         threads = sum(client.nthreads().values())
         if threads == 0:
@@ -348,12 +349,12 @@ def cluster_crew(address: str, jobs: int, options: RunOptions) -> Iterator[Crew]
 
 @contextmanager
 def _job_queue(name: str, jobs: int) -> Iterator[Any]:
-    """A cluster of jobs in a queue, as dask-jobqueue's configuration describes them.
+    """A cluster of queued jobs, from dask-jobqueue's configuration.
 
     Raises
     ------
     UsageError
-        If dask-jobqueue is not installed, or its configuration does not do.
+        If dask-jobqueue is not installed, or its configuration is not valid.
     """
     import dask
 
@@ -373,9 +374,9 @@ def _job_queue(name: str, jobs: int) -> Iterator[Any]:
         f"Describe its jobs as jobqueue.{name} in ~/.config/dask/jobqueue.yaml:"
         " cores, memory, processes, walltime."
     )
-    # a cluster that is begun and can't be complains once more when it is thrown away
+    # check first: a cluster object that fails to start warns again when it is deleted
     if dask.config.get(f"jobqueue.{name}.cores", None) is None:
-        raise UsageError(f"nothing says what a job of the queue {name} is", hint=hint)
+        raise UsageError(f"the queue {name} is not configured", hint=hint)
     try:
         cluster = getattr(kind, last)()
     except (ValueError, TypeError, OSError) as problem:
@@ -387,7 +388,7 @@ def _job_queue(name: str, jobs: int) -> Iterator[Any]:
 
 @dataclass
 class Progress:
-    """How far the run is; handed to whoever shows it.
+    """Progress of a run.
 
     Attributes
     ----------
@@ -395,7 +396,7 @@ class Progress:
     again : dict of str to str
         Clips measured again, and what changed.
     stopped : str or None
-        Why the run ended before all was done: what was under way then waits for the next run.
+        Why the run ended early; unfinished clips wait for the next run.
     """
 
     todo: int = 0
@@ -413,18 +414,18 @@ def run(
     only: Sequence[str] = (),
     after_each: Callable[[Progress, AttemptOutcome], None] = lambda progress, outcome: None,
 ) -> Progress:
-    """Measure what the ledger does not hold yet.
+    """Measure the clips that the ledger does not have yet.
 
     Parameters
     ----------
     plan : RunPlan
     crew : callable
-        Gives a context manager of a `Crew`; entered only if there is something to do.
+        Returns a context manager of a `Crew`; entered only if there is work.
     retry_failed : bool
     only : sequence of str
-        Names of clips; the others keep waiting.
+        Names of clips to measure; the others keep waiting.
     after_each : callable
-        Called after each clip with the progress and what came of it.
+        Called after each clip with the progress and the result.
 
     Returns
     -------
@@ -447,7 +448,7 @@ def run(
 
 @dataclass(frozen=True)
 class _Try:
-    """A clip on its way: its future, how often it ended its worker before, when it began."""
+    """A submitted clip: its future, how often it ended its worker, when it began."""
 
     future: Future[dict[str, Any]]
     deaths: int
@@ -463,7 +464,7 @@ def _work(
     progress: Progress,
     after_each: Callable[[Progress, AttemptOutcome], None],
 ) -> None:
-    """Keep the crew busy with a window of clips, so that memory stays flat whatever the number.
+    """Keep the crew busy with a window of clips, so that memory does not grow with their number.
 
     All clips that begin or end at about the same time share one transaction of the ledger.
     """
@@ -474,14 +475,14 @@ def _work(
     while left or pending:
         if progress.stopped is not None:
             left.clear()
-        room = _IN_FLIGHT_PER_WORKER * crew.size - len(pending)
+        room = _CLIPS_PER_WORKER * crew.size - len(pending)
         batch = [left.pop() for _ in range(min(room, len(left)))]
         deaths = ledger.begin(batch) if batch else {}
         for name in batch:
             future = crew.submit(plan.request(paths[name], points.get(name)))
             pending[name] = _Try(future, deaths[name], time.monotonic())
             future.add_done_callback(functools.partial(_announce, answered, name))
-        names = _drained(answered, crew, min(_LONGEST_PAUSE_S, _PAUSE_S_PER_WORKER * crew.size))
+        names = _drained(answered, crew, min(_MAX_PAUSE_S, _PAUSE_S_PER_WORKER * crew.size))
         outcomes = [_outcome(name, pending.pop(name)) for name in names]
         ledger.finish(outcomes)
         for outcome in outcomes:
@@ -501,13 +502,13 @@ def _announce(answered: "queue.SimpleQueue[str]", name: str, _: object) -> None:
 
 
 def _drained(answered: "queue.SimpleQueue[str]", crew: Crew, pause_s: float) -> list[str]:
-    """At least one name, and all others that are there a moment later."""
+    """Wait for one name, then collect all that arrive within a short pause."""
     names: list[str] = []
     while not names:
         try:
-            names = [answered.get(timeout=_LOOK_AFTER_S)]
+            names = [answered.get(timeout=_CREW_CHECK_S)]
         except queue.Empty:
-            crew.look_after()
+            crew.settle_lost()
     time.sleep(pause_s)
     while not answered.empty():
         names.append(answered.get())
@@ -520,7 +521,7 @@ def _outcome(clip: str, tried: _Try) -> AttemptOutcome:
     if "lost" in reply:
         return AttemptOutcome(clip, State.WAITING, seconds, error=reply["lost"])
     if "died" in reply:
-        again = deaths + 1 < MOST_TRIES
+        again = deaths + 1 < MAX_ATTEMPTS
         why = f"{reply['died']}, {'once' if again else f'{deaths + 1} times'}"
         state = State.WAITING if again else State.FAILED
         return AttemptOutcome(clip, state, seconds, error=why, died=True)
@@ -530,7 +531,7 @@ def _outcome(clip: str, tried: _Try) -> AttemptOutcome:
 
 
 def _sha256(clip: Path) -> str:
-    """Digest of a clip's bytes, or of its pictures' where it is a folder; of nothing if gone."""
+    """Digest of a clip's bytes, or of a folder's image files; of nothing if missing."""
     digest = hashlib.sha256()
     for path in sorted(clip.iterdir()) if clip.is_dir() else [clip]:
         try:
@@ -538,13 +539,13 @@ def _sha256(clip: Path) -> str:
                 while block := file.read(2**20):
                     digest.update(block)
         except OSError:
-            # told by the worker, which can't read it either
+            # the worker reports the error when it can't read the file either
             return "unreadable"
     return digest.hexdigest()
 
 
 def stop_on_signals() -> None:
-    """Let SIGTERM end a run as Ctrl-C does: with the ledger closed and a line how to go on."""
+    """Handle SIGTERM as Ctrl-C: close the ledger and print how to resume."""
 
     def stop(number: int, frame: object) -> None:
         raise KeyboardInterrupt
@@ -553,5 +554,5 @@ def stop_on_signals() -> None:
 
 
 def cores() -> int:
-    """How many processes to use where nobody says."""
+    """Number of processes by default."""
     return max(1, len(os.sched_getaffinity(0)))

@@ -1,4 +1,4 @@
-"""`vision campaign … --watch`: a page to watch a campaign, point at balls, and mark bad trials."""
+"""Page of `vision campaign --watch`: progress, selection of balls, bad trials."""
 
 import json
 import threading
@@ -18,21 +18,21 @@ from pipelines.web import serve_app
 
 __all__ = ["WatchPage", "watch_app", "watched"]
 
-UNSURE = 0.9
-"""A clip whose motion is told with less probability than this is shown first."""
+MIN_CERTAIN_PROBABILITY = 0.9
+"""Probability of the motion kind below which a clip is listed first (chosen)."""
 SHOWN = ("contact_time", "ball_speed", "launch_angle", "cor")
 _PAGE = Path(__file__).with_name("watch.html")
 
 
 class Mark(BaseModel):
-    """A trial that is bad, or is not any more."""
+    """A request to mark a trial as bad, or to remove the mark."""
 
     clip: str = Field(max_length=1024)
     reason: str | None = Field(default=None, max_length=500)
 
 
 class Point(BaseModel):
-    """Where the ball is in the frame that is shown, as shares of its width."""
+    """Position of the ball in the frame shown, as fractions of its width."""
 
     clip: str = Field(max_length=1024)
     x: float = Field(ge=0.0, le=1.0, allow_inf_nan=False)
@@ -40,7 +40,7 @@ class Point(BaseModel):
 
 
 class WatchPage:
-    """What the page has asked for, and whether it is open.
+    """State of the page: requests, and whether it is open.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ class WatchPage:
         self.running = True
 
     def wait(self) -> bool:
-        """Until somebody marks or points (true), or the page is closed (false)."""
+        """Wait until a clip is marked or a ball selected (true), or the page closes (false)."""
         while not self.closed.is_set():
             if self.asked.wait(0.3):
                 self.asked.clear()
@@ -64,7 +64,7 @@ class WatchPage:
 
 
 def watch_app(watched: WatchPage) -> FastAPI:
-    """The page and what it asks.
+    """Web application of the page.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def watch_app(watched: WatchPage) -> FastAPI:
 
     @app.websocket("/here")
     async def here(socket: WebSocket) -> None:
-        """Open as long as the page is: so the guard knows when it is left."""
+        """Stays open as long as the page, to detect when it is left."""
         await socket.accept()
         try:
             while True:
@@ -148,13 +148,13 @@ def _change(folder: Path, change: Callable[[Ledger], None]) -> None:
 
 
 def _clip(entry: Entry, points: dict[str, str], folder: Path) -> dict[str, Any]:
-    """What the page shows of a clip."""
+    """Content of a clip's card."""
     document = entry.document or {}
     quantities = document.get("quantities", {})
     motion = document.get("motion", {})
     probability = motion.get("probability")
     finished = entry.state in (State.DONE, State.FAILED)
-    doubted = probability is not None and probability < UNSURE
+    uncertain = probability is not None and probability < MIN_CERTAIN_PROBABILITY
     return {
         "clip": entry.order.clip,
         "state": str(entry.state),
@@ -163,7 +163,7 @@ def _clip(entry: Entry, points: dict[str, str], folder: Path) -> dict[str, Any]:
         "pointed": points.get(entry.order.clip),
         "motion": motion.get("kind"),
         "probability": probability,
-        "unsure": finished and (entry.state == State.FAILED or doubted),
+        "unsure": finished and (entry.state == State.FAILED or uncertain),
         "frame": (folder / "frames" / f"{entry.order.clip}.jpg").is_file(),
         "values": {
             name: {key: quantities[name].get(key) for key in ("value", "std", "unit")}
@@ -174,14 +174,14 @@ def _clip(entry: Entry, points: dict[str, str], folder: Path) -> dict[str, Any]:
     }
 
 
-def watched(folder: Path, told: Callable[[str], None], *, browse: bool = True) -> WatchPage:
-    """Serve the page beside a campaign until it is closed.
+def watched(folder: Path, on_address: Callable[[str], None], *, browse: bool = True) -> WatchPage:
+    """Serve the page during a campaign until it is closed.
 
     Parameters
     ----------
     folder : Path
         Of the campaign.
-    told : callable
+    on_address : callable
         Called with the page's address.
     browse : bool
         Whether to open a browser.
@@ -189,7 +189,7 @@ def watched(folder: Path, told: Callable[[str], None], *, browse: bool = True) -
     page = WatchPage(folder)
 
     def opened(address: str) -> None:
-        told(address)
+        on_address(address)
         if browse:
             webbrowser.open(address)
 

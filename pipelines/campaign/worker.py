@@ -1,8 +1,8 @@
-"""One clip at a time in a process of its own, so that no clip can take the campaign with it.
+"""Measure one clip at a time in a separate process, isolated from the campaign.
 
-``python -m pipelines.campaign.worker`` reads one request a line (JSON) from standard input and
-answers with one line; `WorkerProcess` is the other end. A clip that crashes the process, hangs or
-eats the memory ends its worker only, and the next clip gets a new one.
+``python -m pipelines.campaign.worker`` reads one request per line (JSON) from standard input and
+answers with one line; `WorkerProcess` is the client. A clip that crashes, hangs or exhausts memory
+ends only its worker; the next clip gets a new one.
 """
 
 import json
@@ -27,7 +27,7 @@ __all__ = ["ClipWorkerDied", "Request", "WorkerProcess", "answer"]
 
 @dataclass(frozen=True)
 class Request:
-    """What a worker is asked to do.
+    """A request to a worker.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class Request:
     fps, ball, wall_grid, ball_at : str or None
         As the options of `vision measure` are typed.
     tracks, picture : str or None
-        Where the tracks (CSV) and an overlay frame (JPEG) go.
+        Output files for the tracks (CSV) and an overlay frame (JPEG).
     """
 
     path: str
@@ -52,26 +52,26 @@ class Request:
 
 
 class ClipWorkerDied(Exception):
-    """The process ended, hung or outgrew its memory while it had a clip; says which."""
+    """The worker process crashed, hung or exceeded its memory; the message states which."""
 
 
 OWN_WORKER = (sys.executable, "-m", "pipelines.campaign.worker")
-"""What is started where nobody names another command."""
+"""Default worker command."""
 _WATCH_S = 0.5
-"""How often a worker's memory is looked at: it fills a gigabyte in about as long."""
+"""s: interval of memory checks; a worker fills a gigabyte in about that time."""
 
 
 class WorkerProcess:
-    """A worker process, started when first asked and again after it died.
+    """A worker process, started at the first request and again after it died.
 
     Parameters
     ----------
     timeout_s : float
-        A clip that takes longer is given up.
+        Time limit per clip.
     memory_bytes : int
-        A worker that holds more is ended.
+        Memory limit; a worker that exceeds it is killed.
     command : tuple of str, optional
-        What to start instead of the real worker.
+        Command of the worker.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class WorkerProcess:
         self._pump: threading.Thread | None = None
 
     def ask(self, request: Request) -> dict[str, Any]:
-        """Send a request and wait for its answer.
+        """Send a request and return the answer.
 
         Raises
         ------
@@ -119,7 +119,7 @@ class WorkerProcess:
         if self._process is None or self._process.poll() is not None:
             environment = dict(os.environ)
             for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-                # workers share the cores already; threads inside each would only wait on others
+                # one thread per worker: workers already use all cores
                 environment[name] = "1"
             self._lines = queue.Queue()
             self._process = subprocess.Popen(
@@ -129,7 +129,7 @@ class WorkerProcess:
                 stderr=subprocess.DEVNULL,
                 text=True,
                 env=environment,
-                # Ctrl-C is the coordinator's to answer
+                # Ctrl-C is handled by the coordinator
                 start_new_session=True,
             )
             self._pump = threading.Thread(
@@ -156,7 +156,7 @@ class WorkerProcess:
             self._pump.join()
         if process.stdin is not None:
             with suppress(OSError):
-                # what was still to be sent has no reader any more
+                # closing fails if unsent data has no reader
                 process.stdin.close()
         self._process = self._pump = None
         return code
@@ -179,7 +179,7 @@ def _pump(process: "subprocess.Popen[str]", lines: "queue.Queue[str | None]") ->
 
 
 def answer(request: Request) -> dict[str, Any]:
-    """Measure one clip, write its files, and say what came out.
+    """Measure one clip, write its files, and return the result.
 
     Returns
     -------
@@ -193,7 +193,7 @@ def answer(request: Request) -> dict[str, Any]:
     except ImpactVisionError as problem:
         return {"error": problem.in_one_line, "document": None}
     except MemoryError:
-        return {"error": "there is not enough memory for it", "document": None}
+        return {"error": "not enough memory to measure it", "document": None}
 
 
 def _measured(request: Request) -> dict[str, Any]:
@@ -221,12 +221,12 @@ def _measured(request: Request) -> dict[str, Any]:
             temporary.write_bytes(_small_jpeg(still))
     if not any(item.known for item in measured.quantities):
         reason = measured.quantity("ball_speed").reason
-        return {"error": f"nothing can be measured from it: {reason}", "document": document}
+        return {"error": f"nothing can be measured: {reason}", "document": document}
     return {"document": document}
 
 
 _PICTURE_WIDTH = 640
-"""px: reads well on a page, and 160 of them stay below the report's 5 MB."""
+"""px (chosen: readable, and 160 pictures keep the report below 5 MB)."""
 
 
 def _small_jpeg(image: NDArray[np.uint8]) -> bytes:
@@ -238,7 +238,7 @@ def _small_jpeg(image: NDArray[np.uint8]) -> bytes:
 
 
 def _serve() -> None:
-    # whatever a library prints must not be taken for an answer
+    # anything a library prints must not be read as an answer
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     for line in sys.stdin:

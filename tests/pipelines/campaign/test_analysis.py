@@ -39,8 +39,8 @@ def test_an_outlier_is_told_by_the_scatter_that_names_it() -> None:
     ball = BallAnalysis("b", (), None, (), None, found, distances, None, None, none, none)
     times = (3.0 - distances.mean()) / distances.std(ddof=1)
     said = ball.why_outlying(found[0])
-    assert f"{times:.1f} times the scatter of the others" in said
-    assert "3.0 stated standard uncertainties off the law of b" in said
+    assert f"{times:.1f} standard deviations from the other clips" in said
+    assert "3.0 stated standard uncertainties from the law of b" in said
 
 
 def test_clean_sets_have_few_outliers() -> None:

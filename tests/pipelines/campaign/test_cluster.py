@@ -121,7 +121,7 @@ def test_a_scheduler_that_goes_away_leaves_the_rest_waiting(
     progress = run(
         plan, lambda: cluster_crew(address, 1, plan.options), after_each=end_the_scheduler
     )
-    assert progress.stopped == "the cluster went away"
+    assert progress.stopped == "the cluster is gone"
     counts = _counts(tmp_path / "out")
     assert counts[State.DONE] == progress.done
     assert counts.get(State.FAILED, 0) == 0
@@ -147,7 +147,7 @@ def test_jobs_of_a_queue_measure_clips(tmp_path: Path) -> None:
 
 
 def test_an_address_where_nobody_answers_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipelines.campaign.run._ANSWERS_WITHIN_S", 0.3)
+    monkeypatch.setattr("pipelines.campaign.run._CONNECT_TIMEOUT_S", 0.3)
     with (
         pytest.raises(UsageError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"),
         cluster_crew("tcp://127.0.0.1:9", 1, RunOptions()),
@@ -164,7 +164,7 @@ def test_an_address_where_nobody_answers_is_named(monkeypatch: pytest.MonkeyPatc
 def test_a_queue_that_is_not_described_is_named() -> None:
     pytest.importorskip("dask_jobqueue")
     with (
-        pytest.raises(UsageError, match="what a job of the queue slurm is") as refusal,
+        pytest.raises(UsageError, match="the queue slurm is not configured") as refusal,
         cluster_crew("slurm", 1, RunOptions()),
     ):
         pass

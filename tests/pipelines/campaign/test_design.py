@@ -101,7 +101,7 @@ def test_the_command(tmp_path) -> None:
     assert told["quantities"]["strikes"]["value"] == sum(s["strikes"] for s in told["settings"])
     unreachable = runner.invoke(app, ["plan", "campaign", "--target-cor-std", "0.00001"])
     assert unreachable.exit_code == 4
-    assert "Measure inertia of the pendulum better first" in unreachable.output
+    assert "Measure the inertia of the pendulum better first" in unreachable.output
     nothing = runner.invoke(
         app, ["plan", "campaign", "--target-cor-std", "0.003", "--pilot", str(tmp_path)]
     )

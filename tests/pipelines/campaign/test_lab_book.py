@@ -49,10 +49,10 @@ def test_a_spreadsheet_with_dates_is_read(tmp_path: Path) -> None:
         ("clip,backswing_deg\na,sixty\n", "line 2: backswing_deg"),
         ("clip,landing_tape_m\na,-3\n", "line 2: landing_tape_m"),
         ("clip,contact_time_fsr_s\na,15\n", "15 s"),
-        ("clip,landing_tape_m,landing_tape_m_std\na,1.2,0\n", "above zero"),
+        ("clip,landing_tape_m,landing_tape_m_std\na,1.2,0\n", "must be positive"),
         ("clip,ball,ball\na,x,y\n", "two columns"),
         ("clip,ball\n", "no line"),
-        ("clip,backswing_deg\na,nan\n", "no number"),
+        ("clip,backswing_deg\na,nan\n", "not a number"),
         ("clip,ball\n,jokku\n", "line 2: the clip's name is missing"),
     ],
 )
@@ -80,7 +80,7 @@ def test_two_clips_of_one_name_are_refused() -> None:
 def test_a_mark_on_the_name_that_counted_is_asked_about() -> None:
     (one,) = recordings([{"a": "not at rest", "b": None, "c": None}], dict.fromkeys("abc"))
     assert (one.counted, one.marked) == ("b", "a")
-    assert "mark it, too" in one.told()
+    assert "Mark it as bad too" in one.message()
     assert not_counted([one]) == {"c": "the same recording as b"}
     assert recordings([{"a": None, "b": "a copy"}], dict.fromkeys("ab")) == ()
     assert recordings([{"a": None, "b": None}], {"a": None}) == ()
@@ -89,6 +89,6 @@ def test_a_mark_on_the_name_that_counted_is_asked_about() -> None:
 def test_sixteen_bits_without_a_mark_are_told_as_such(tmp_path: Path) -> None:
     path = tmp_path / "trials.csv"
     path.write_bytes("clip,ball\na,jokku\n".encode("utf-16-le"))
-    with pytest.raises(UsageError, match="UTF-16 without the mark") as refused:
+    with pytest.raises(UsageError, match="UTF-16 without a byte order mark") as refused:
         read_lab_book(path)
     assert refused.value.hint == "Save it as CSV in UTF-8, or as .xlsx."

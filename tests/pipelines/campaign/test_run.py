@@ -123,7 +123,7 @@ def test_killed_at_random_moments_nothing_is_lost_and_nothing_done_twice(
 def test_a_second_run_in_the_same_folder_is_refused(tmp_path: Path) -> None:
     with (
         lock_folder(tmp_path / "out"),
-        pytest.raises(UsageError, match="another run is at work"),
+        pytest.raises(UsageError, match="another run is active"),
         lock_folder(tmp_path / "out"),
     ):
         pass

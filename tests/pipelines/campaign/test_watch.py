@@ -94,14 +94,14 @@ def test_progress_clips_marks_and_points(browser: Any, address: str, folder: Pat
     assert cards.nth(0).get_attribute("data-test") in ("clip-doubted.mp4", "clip-missed.mp4")
     assert "no ball <b>found</b>" in page.inner_text("[data-test='clip-missed.mp4']")
     assert "COR 0.7500 ± 0.0040" in page.inner_text("[data-test='clip-sure.mp4']")
-    assert "taken for a strike with 60 %" in page.inner_text("[data-test='clip-doubted.mp4']")
+    assert "motion: strike (probability 60 %)" in page.inner_text("[data-test='clip-doubted.mp4']")
 
     sure = page.locator("[data-test='clip-sure.mp4']")
     sure.locator("input").fill("the ball was not at rest")
     sure.get_by_role("button", name="mark as bad").click()
     until(page, lambda: _entry(folder, "sure.mp4").excluded == "the ball was not at rest")
     until(page, lambda: "bad: the ball" in page.inner_text("[data-test='clip-sure.mp4']"))
-    sure.get_by_role("button", name="take the mark back").click()
+    sure.get_by_role("button", name="remove mark").click()
     until(page, lambda: _entry(folder, "sure.mp4").excluded is None)
 
     image = page.locator("[data-test='clip-doubted.mp4'] img")
