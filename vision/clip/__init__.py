@@ -1,1 +1,1 @@
-"""Clips as they come: opened, timed, decoded into upright frames."""
+"""Read video clips: open, time, and decode into upright frames."""

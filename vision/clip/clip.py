@@ -1,39 +1,27 @@
-"""A clip: a video file or a folder of images, read from first to last frame with true times.
+"""Read a clip (video file or image folder) as upright frames with exact times.
 
-Times come from presentation stamps only; frames are upright and have square pixels; woven fields
-are separated. Nothing is held: memory does not grow with the length of the clip.
+Times come from presentation time stamps only; frames are upright with square pixels, and interlaced
+fields are separated. Frames are decoded on request, so memory does not grow with the clip's length.
 
-What is settled when a video is opened: fields, orientation, clock, and what to warn of.
+**Frame times.** Containers round time stamps to their ticks: in a Matroska file (1 ms), 600 frames
+per second appear as steps of 1 and 2 ms. If every stamp lies within a tick of an even clock
+(missing frames allowed), that clock is the better estimate of each time. Otherwise the rate varies
+and the stamps are used unchanged.
 
-A folder of numbered images read as a clip.
-
-Interlaced clips: two fields, half an interval apart, woven into one picture.
-
-Whether pictures are woven is told by the file, or seen from combing: lines of one field are held
-against the mean of the lines above and below, which belong to the other field. Where things move,
-fields taken at the same time agree, fields taken apart in time do not, and the more the further
-apart. So the top lines of pictures n−1, n and n+1 are each compared with the bottom lines of
-picture n:
+**Interlacing.** It is declared by the file, or detected from combing: lines of one field are
+compared with the mean of the lines above and below, which belong to the other field. Where objects
+move, the difference grows with the time between the fields. So the top lines of pictures n−1, n and
+n+1 are each compared with the bottom lines of picture n:
 
     progressive     0 within a picture, 1 interval to either neighbour
     top field first 1/2 interval within, 1/2 to the next, 3/2 to the last
     bottom first    1/2 interval within, 3/2 to the next, 1/2 to the last
 
-Video files through PyAV: opened, checked, and decoded from first to last picture.
-
-Frame times from the container's time stamps: sorted, and freed of their rounding.
-
-Containers round time stamps to their ticks: 600 frames per second in a Matroska file (1 ms) come as
-steps of 1 and 2 ms. Where every stamp lies within a tick of an even clock (frames missing from it
-allowed), that clock is the better estimate of each time; where not, the rate varies and the stamps
-stand.
-
-The camera's frame rate where the file tells it.
-
-Known: Android's ``com.android.capture.fps`` (a ``moov/meta`` key, written for slow motion); Sony's
-non-real-time metadata, an XML ``<VideoFrame … captureFps="959.04p"/>`` inside the file or beside it
-as ``STEMM01.XML``; Matroska or other tags named like a capture rate. Apple's and GoPro's high-speed
-modes keep the true rate as the container's own.
+**Capture rate.** It is read from Android's ``com.android.capture.fps`` (a ``moov/meta`` key,
+written for slow motion), from Sony's non-real-time metadata (an XML ``<VideoFrame …
+captureFps="959.04p"/>`` in the file or next to it as ``STEMM01.XML``), and from Matroska or other
+tags with such a name. High-speed modes of Apple and GoPro keep the true rate as the container's
+own.
 """
 
 import hashlib
@@ -81,7 +69,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class FrameTimes:
-    """When each frame is shown.
+    """Time of each frame.
 
     Attributes
     ----------
@@ -94,7 +82,7 @@ class FrameTimes:
     variable : bool
         Whether the stamps do not fit an even clock.
     missing : int
-        Frames that an even clock has and the clip has not.
+        Number of frames that the even clock has and the clip lacks.
     """
 
     stamps: NDArray[np.int64]
@@ -116,8 +104,8 @@ def frame_times(
     tick_s : float
         Length of a tick, s.
     declared_fps : tuple of float
-        Rates that the container declares; one that fits every stamp as well is preferred to the
-        fitted rate.
+        Rates that the container declares; one that fits every stamp is preferred to the fitted
+        rate.
 
     Returns
     -------
@@ -142,7 +130,7 @@ def frame_times(
 
 
 def _even_clock(since: FloatArray) -> tuple[FloatArray, float]:
-    """Which beat of an even clock each stamp is, and the clock's interval in ticks."""
+    """Tick number of each stamp on an even clock, and the clock's interval in container ticks."""
     steps = np.diff(since)
     beats = np.maximum(1.0, np.round(steps / np.median(steps)))
     count = np.concatenate([[0.0], np.cumsum(beats)])
@@ -163,21 +151,21 @@ def _slope(count: FloatArray, since: FloatArray) -> float:
     return float(centred @ since / (centred @ centred))
 
 
-_TAG = re.compile(r"captur\w*[ ._-]?(fps|frame[ _-]?rate)", re.IGNORECASE)
+_CAPTURE_RATE_TAG = re.compile(r"captur\w*[ ._-]?(fps|frame[ _-]?rate)", re.IGNORECASE)
 
-_NUMBER = re.compile(r"(\d+(?:\.\d+)?)(?:\s*/\s*(\d+(?:\.\d+)?))?")
+_RATE_NUMBER = re.compile(r"(\d+(?:\.\d+)?)(?:\s*/\s*(\d+(?:\.\d+)?))?")
 
-_SONY = re.compile(rb"captureFps\s*=\s*[\"'](\d+(?:\.\d+)?)[pi]?[\"']")
+_SONY_CAPTURE_RATE = re.compile(rb"captureFps\s*=\s*[\"'](\d+(?:\.\d+)?)[pi]?[\"']")
 
-_LOOK_BYTES = 1 << 20
-"""Bytes at either end of a file that hold its headers, as a rule."""
+_HEADER_BYTES = 1 << 20
+"""Bytes searched at either end of a file, where headers usually are (convention)."""
 
 
 def capture_fps_in_tags(tags: Mapping[str, str]) -> float | None:
-    """Find a capture rate among a container's tags, 1/s."""
+    """Capture rate among a container's tags, 1/s."""
     for key, value in tags.items():
-        if _TAG.search(key):
-            number = _NUMBER.match(value.strip())
+        if _CAPTURE_RATE_TAG.search(key):
+            number = _RATE_NUMBER.match(value.strip())
             if number is not None:
                 rate = float(number.group(1)) / float(number.group(2) or 1.0)
                 if rate > 0:
@@ -186,34 +174,32 @@ def capture_fps_in_tags(tags: Mapping[str, str]) -> float | None:
 
 
 def capture_fps_in_file(path: Path) -> float | None:
-    """Find Sony's XML at the file's beginning or end, or in the file beside it, 1/s."""
+    """Capture rate in Sony's XML at the file's beginning or end, or in a sidecar file, 1/s."""
     with path.open("rb") as file:
         size = file.seek(0, 2)
         file.seek(0)
-        parts = [file.read(_LOOK_BYTES)]
-        if size > _LOOK_BYTES:
-            file.seek(max(_LOOK_BYTES, size - _LOOK_BYTES))
-            parts.append(file.read(_LOOK_BYTES))
+        parts = [file.read(_HEADER_BYTES)]
+        if size > _HEADER_BYTES:
+            file.seek(max(_HEADER_BYTES, size - _HEADER_BYTES))
+            parts.append(file.read(_HEADER_BYTES))
     sidecar = path.with_name(f"{path.stem}M01.XML")
     if sidecar.is_file():
-        parts.append(sidecar.read_bytes()[:_LOOK_BYTES])
+        parts.append(sidecar.read_bytes()[:_HEADER_BYTES])
     for part in parts:
-        found = _SONY.search(part)
+        found = _SONY_CAPTURE_RATE.search(part)
         if found is not None and float(found.group(1)) > 0:
             return float(found.group(1))
     return None
 
 
-_MOST_THREADS = 8
-"""Threads of a decoder: beyond eight, frames wait for each other."""
+_MAX_DECODER_THREADS = 8
+"""Threads of a decoder (chosen): beyond eight, frames wait for each other."""
 
 _BOTTOM_SHOWN_FIRST = (3, 4)  # AV_FIELD_BB, AV_FIELD_TB
-"""Numbers of FFmpeg for a field order that shows the bottom field first: AV_FIELD_BB, AV_FIELD_TB,
-from its header codec_par.h."""
+"""FFmpeg's field orders that show the bottom field first (convention: codec_par.h)."""
 
-# Pictures decoded when a clip is opened, to see whether their time stamps can be trusted: more than
-# any codec reorders.
 _TRIAL_PICTURES = 24
+"""Pictures decoded on opening to check time stamps (derived: H.264 and HEVC reorder at most 16)."""
 
 
 @dataclass(frozen=True)
@@ -235,23 +221,23 @@ class VideoPicture:
 
 @dataclass(frozen=True)
 class Packets:
-    """What the packets tell without being decoded.
+    """Properties of a clip that its packets give without decoding.
 
     Attributes
     ----------
     times : FrameTimes
         Time of every picture, in the order of presentation.
     declared : int
-        Pictures that the container says it holds; 0 where it does not say.
+        Number of pictures declared by the container; 0 if it declares none.
     declared_s : float or None
         Duration that the container declares, s.
     edited_out : int
-        Pictures that an edit list hides.
+        Number of pictures that an edit list hides.
     whole : bool
-        Whether the container could be read to its end, and pictures set its duration.
+        Whether the container could be read to its end, and has other streams that may set its
+        duration.
     corrupt : int
-        Packets that the container's reader found damaged.
-    stamped : bool
+        Packets that the demuxer marked as damaged.
         Whether packets carry time stamps at all.
     """
 
@@ -275,7 +261,7 @@ class VideoFile:
     Raises
     ------
     ClipError
-        If it is missing, empty, no video, or nothing in it can be decoded.
+        If it is missing, empty, not a video, or cannot be decoded.
     """
 
     def __init__(self, path: Path) -> None:
@@ -298,7 +284,7 @@ class VideoFile:
             )
         self._by_order = False
         first, stamps, interlaced = None, [], False
-        # of pictures of 68 MB, not all are held at once
+        # Pictures may take 68 MB each: keep only the first.
         for picture in islice(self.pictures(), _TRIAL_PICTURES):
             first = first or picture.frame
             stamps.append(picture.frame.pts)
@@ -306,14 +292,14 @@ class VideoFile:
         if first is None:
             raise ClipError(
                 f"no picture of {path} can be decoded",
-                hint="The file is damaged. Copy it from the camera once more.",
+                hint="The file is damaged. Copy it from the camera again.",
             )
         self._by_order = None in stamps or bool(np.any(np.diff(np.array(stamps)) <= 0))
         self.first_picture = first
         self.declared_interlaced = interlaced
 
     def pictures(self) -> Iterator[VideoPicture]:
-        """Decode from the beginning; damaged packets are left out and counted in `damaged`."""
+        """Decode from the beginning; damaged packets are skipped and counted in `damaged`."""
         self.damaged = 0
         times = self.packets.times
         index, zero, last, size = 0, None, -np.inf, None
@@ -332,7 +318,7 @@ class VideoFile:
                     raise ClipError(
                         f"the pictures of {self.path} change size at frame {index}, from "
                         f"{size[0]}×{size[1]} to {frame.width}×{frame.height} px",
-                        hint="Cut the recording there and measure the parts.",
+                        hint="Cut the recording there and measure both pieces.",
                     )
                 zero = time if zero is None else zero
                 if time <= last:
@@ -343,7 +329,7 @@ class VideoFile:
 
     @property
     def times_s(self) -> NDArray[np.float64]:
-        """Time of every picture after its packet's stamp, s, 0 at the first."""
+        """Time of every picture from its packet's stamp, s, 0 at the first."""
         return self.packets.times.seconds
 
     def sha256(self) -> str:
@@ -352,7 +338,7 @@ class VideoFile:
             return hashlib.file_digest(file, "sha256").hexdigest()
 
     def capture_fps(self) -> float | None:
-        """Frame rate of the camera, where the file tells it, 1/s."""
+        """Frame rate of the camera if the file states it, 1/s."""
         return capture_fps_in_tags(self.tags) or capture_fps_in_file(self.path)
 
     def _time_by_order(self, index: int) -> float:
@@ -364,10 +350,10 @@ class VideoFile:
         return end + beyond * times.interval_s
 
     def _decoded(self, container: Any, stream: Any) -> Iterator[Any]:
-        # threads over frames conceal an error with whatever its neighbour has decoded by then, so
-        # that one damaged file gives other pictures at every reading; over slices they do not
+        # Frame threads conceal an error with whatever the neighbour has decoded so far, so that a
+        # damaged file gives different pictures at every reading. Slice threads are repeatable.
         stream.thread_type = "SLICE"
-        stream.codec_context.thread_count = min(_MOST_THREADS, os.cpu_count() or 1)
+        stream.codec_context.thread_count = min(_MAX_DECODER_THREADS, os.cpu_count() or 1)
         for packet in self._demuxed(container, stream):
             try:
                 frames = packet.decode()
@@ -384,7 +370,7 @@ class VideoFile:
         try:
             yield from container.demux(stream)
         except FFmpegError:
-            # The container breaks off here; what came before stands, its count tells how much.
+            # The file ends early; the pictures before are valid, their count shows how many.
             self._broken_off = True
 
     def _read_packets(self, container: Any, stream: Any) -> Packets:
@@ -404,7 +390,7 @@ class VideoFile:
                 shown.append(int(stamp))
         tick = float(stream.time_base)
         if len(set(shown)) < count:
-            # Packets that share a stamp or have none leave an even clock at the declared rate.
+            # With shared or missing stamps, assume an even clock at the declared rate.
             stamped = False
             step = max(1, round(1.0 / (self.declared_rate * tick)))
             shown = list(range(0, count * step, step))
@@ -423,7 +409,7 @@ class VideoFile:
         try:
             # An absolute name is never taken for a protocol; a playlist must not reach the network.
             name = str(self.path.resolve())
-            # tags in another encoding are no reason not to look at the pictures
+            # Tags in another encoding do not prevent decoding.
             container = av.open(
                 name, options={"protocol_whitelist": "file"}, metadata_errors="replace"
             )
@@ -433,14 +419,14 @@ class VideoFile:
             stream = _moving_pictures(container)
             if stream is None and any(not one.codec_context for one in container.streams.video):
                 raise ClipError(
-                    f"{self.path} holds pictures in a form that no decoder here knows",
-                    hint="Copy it from the camera once more; where that does not help, have the"
-                    " camera's own program export it as MP4.",
+                    f"the codec of {self.path} is not supported",
+                    hint="Copy the file from the camera again. If that does not help, export it as"
+                    " MP4 with the camera's own program.",
                 )
             if stream is None:
                 raise ClipError(
                     f"{self.path} holds {_contents(container)} and no video",
-                    hint="Give the file with the pictures.",
+                    hint="Pass the file that contains the video.",
                 )
             yield container, stream
         finally:
@@ -454,11 +440,11 @@ def _declared_duration(container: Any, stream: Any) -> float | None:
 
 
 def _moving_pictures(container: Any) -> Any | None:
-    """The video stream with the largest pictures that can be decoded, cover art aside."""
+    """The decodable video stream with the largest pictures, cover art excluded."""
     streams = [
         stream
         for stream in container.streams.video
-        # without a decoder there is no codec context, and no size
+        # Without a decoder there is no codec context and no size.
         if stream.codec_context and not stream.disposition & Disposition.attached_pic
     ]
     return max(streams, key=lambda stream: stream.width * stream.height, default=None)
@@ -477,65 +463,61 @@ def _unreadable(path: Path, problem: FFmpegError) -> ClipError:
     if head[4:8] in (b"ftyp", b"mdat", b"wide", b"moov", b"free", b"skip"):
         return ClipError(
             f"{path} is cut off: its index (moov) is missing or broken",
-            hint="The recording was not finished or not copied whole. Copy it from the camera once "
-            "more; where that does not help, a repair tool such as untrunc can rebuild the index.",
+            hint="The recording was not finished or not copied completely. Copy it from the camera "
+            "again; if that does not help, a repair tool such as untrunc can rebuild the index.",
         )
     return ClipError(
-        f"{path} is no video that can be read ({problem.strerror or 'unknown format'})",
-        hint="MP4, MOV, AVI, MKV, MJPEG and folders of images can be read. The file may be "
-        "something else under a video's name, or damaged at its beginning.",
+        f"{path} cannot be read as a video ({problem.strerror or 'unknown format'})",
+        hint="Readable formats: MP4, MOV, AVI, MKV, MJPEG and folders of images. The file may have "
+        "a wrong suffix, or be damaged at its beginning.",
     )
 
 
 FloatImage = NDArray[np.float32]
 
-# Moving pixels, and looks at three pictures in a row, after which the question is settled.
-_ENOUGH_PIXELS = 6000
+_SETTLED_COMBING_PIXELS = 6000
+"""Moving pixels after which the combing test may stop (chosen)."""
 
-_ENOUGH_LOOKS = 6
+_SETTLED_TRIPLES = 6
+"""Triples of pictures after which the test may stop (derived: six agree by chance once in 32)."""
 
-"""Looks after which combing is settled: six that agree do so by chance in one of 32."""
+_MIN_TRIPLES = 3
+"""Minimum number of triples (chosen: two could not be outvoted)."""
 
-_FEWEST_LOOKS = 3
+_MIN_AGREEING_FRACTION = 0.6
+"""Fraction of the triples that must agree (chosen: more than half, with a margin)."""
 
-"""Looks at least: of three that agree, one may still be chance, two can't be outvoted."""
+_MIN_COMBING_CONTRAST = 1.5
+"""Contrast of the summed test statistic, 1 (chosen). Whole pictures taken for fields cost more than
+fields taken for whole pictures, so the sum must be clear."""
 
-_AGREEING = 0.6
+_MIN_TRIPLE_CONTRAST = 0.5
+"""The same for a single triple, 1 (chosen)."""
 
-"""Share of the looks that must agree: more than half, by a margin."""
+_MIN_MOVING_PIXELS = 20
+"""Moving pixels of a triple; fewer are noise (chosen)."""
 
-# Whole pictures taken for fields cost more than the other way round: the sum must be clear.
-_CLEAR = 1.5
+_MOVING_SIGMAS = 6.0
+"""Standard deviations of a moving pixel (derived: no false one among a million pixels)."""
 
-_CLEAR_LOOK = 0.5
+_NORMAL_GRAY_LEVEL = 100.0
+"""Mean gray level that pictures are scaled to (convention), so that flicker is no motion."""
 
-# Fewer moving pixels than this in one look are noise.
-_LEAST_PIXELS = 20
-
-_NOISE_FACTOR = 6.0
-
-"""Times the noise of a change: in a picture of a million pixels none passes by chance."""
-
-_LEVEL = 100.0
-
-"""Gray levels that lines are scaled to, so that flicker is no motion."""
-
-_CYCLE = 6
-
-"""Pictures of which three in a row are looked at: neighbours show motion, and the pause covers more
-of the clip."""
+_COMBING_PERIOD = 6
+"""Period of the sampling, pictures (chosen): three in a row show motion, then a pause so that the
+samples cover more of the clip."""
 
 
 def separate_field(picture: NDArray[Any], bottom: bool) -> NDArray[Any]:
-    """Take one field out of a woven picture, on the picture's own pixel grid.
+    """Extract one field of an interlaced picture, on the picture's own pixel grid.
 
-    The lines of the other field are interpolated from those above and below, so that both fields
-    keep their places: without that, every second field would stand half a line pair too high.
+    The lines of the other field are interpolated from those above and below. Otherwise every
+    second field would appear shifted by half a line pair.
 
     Parameters
     ----------
     picture : (H, W) or (H, W, 3) integer array
-        Woven picture.
+        Interlaced picture.
     bottom : bool
         Whether to take lines 1, 3, 5, … and not 0, 2, 4, ….
 
@@ -556,7 +538,7 @@ def separate_field(picture: NDArray[Any], bottom: bool) -> NDArray[Any]:
 
 @dataclass(frozen=True)
 class _Evidence:
-    """Sums over the moving pixels of three pictures in a row, of squares."""
+    """Number of moving pixels in three pictures in a row, and sums of squared differences."""
 
     pixels: int
     within: float
@@ -564,11 +546,11 @@ class _Evidence:
     to_last: float
 
     def verdict(self, clear: float) -> Weave:
-        """Judge by mean squares, in which the scene's own texture adds the same to all three.
+        """Compare mean squares; the scene's own texture adds the same amount to all three.
 
-        With h the change in half an interval, woven fields leave h² within a picture and to the
-        nearer neighbour, 9 h² to the farther; whole pictures leave 0 within and 4 h² to both. So
-        the step from near to far has to be `clear` times that from within to near.
+        With h the change in half an interval, woven fields give h² within a picture and to the
+        nearer neighbour, 9 h² to the farther; whole pictures give 0 within and 4 h² to both. So
+        the step from near to far must be `clear` times that from within to near.
         """
         near, far = sorted((self.to_next, self.to_last))
         if far < 1.25 * near or far - near < clear * (near - self.within):
@@ -576,55 +558,54 @@ class _Evidence:
         return "top_first" if self.to_next < self.to_last else "bottom_first"
 
 
-_LEAST_LINES = 4
-
-"""Lines of a picture: a bottom line with a top line on either side, and their pair."""
+_MIN_LINES = 4
+"""Lines of a picture (derived): a bottom line between two top lines, and its pair."""
 
 
 class CombingDetector:
-    """Weighs combing over the pictures shown to it, until what moves has told enough.
+    """Detect interlacing from combing in moving regions.
 
     Parameters
     ----------
     pictures : int, optional
-        How many pictures there are: of a few, as a fall of half a second has, all are looked at.
+        Number of pictures; in a short clip (a fall of half a second) all are examined.
     """
 
     def __init__(self, pictures: int | None = None) -> None:
-        self._few = pictures is not None and pictures < _CYCLE * _ENOUGH_LOOKS
+        self._few = pictures is not None and pictures < _COMBING_PERIOD * _SETTLED_TRIPLES
         self._held: list[FloatImage] = []
         self._seen: list[_Evidence] = []
 
     @property
     def settled(self) -> bool:
-        """Whether enough moving pixels have been seen."""
-        enough = sum(look.pixels for look in self._seen) >= _ENOUGH_PIXELS
-        return enough and len(self._seen) >= _ENOUGH_LOOKS
+        """Whether there are enough moving pixels to decide."""
+        enough = sum(look.pixels for look in self._seen) >= _SETTLED_COMBING_PIXELS
+        return enough and len(self._seen) >= _SETTLED_TRIPLES
 
     def wants(self, index: int) -> bool:
-        """Whether picture `index` is to be shown: three in a row, then a pause, or all of few."""
-        return self._few or index % _CYCLE < 3
+        """Whether picture `index` is sampled: three in a row, then a pause; all of a short clip."""
+        return self._few or index % _COMBING_PERIOD < 3
 
     def show(self, picture: GrayImage) -> None:
-        """Look at the next picture that is wanted, as stored."""
-        if picture.shape[0] < _LEAST_LINES:
+        """Add the next sampled picture, as stored."""
+        if picture.shape[0] < _MIN_LINES:
             return
         lines = picture[: picture.shape[0] // 2 * 2].astype(np.float32)
-        # Mains flicker changes all of a picture; only what moves in it is to count.
-        self._held.append(lines * np.float32(_LEVEL / max(float(lines.mean()), 1e-3)))
+        # Mains flicker changes the whole picture; only motion must count.
+        self._held.append(lines * np.float32(_NORMAL_GRAY_LEVEL / max(float(lines.mean()), 1e-3)))
         if len(self._held) == 3:
             self._weigh(*self._held)
             del self._held[: 1 if self._few else 3]
 
     def _weigh(self, last: FloatImage, now: FloatImage, following: FloatImage) -> None:
-        # Bottom lines of `now` against the mean of the top lines around them.
+        # Bottom lines of `now` are compared with the mean of the top lines around them.
         bottom = now[1:-2:2]
-        # Pictures two intervals apart, line by line of the same field: where things move.
+        # The same field two intervals apart shows where objects move.
         change = np.abs(following[1:-2:2] - last[1:-2:2])
-        noise = 1.5 * float(np.median(change[::3, ::3])) + 1e-3 * _LEVEL
-        moving = change > _NOISE_FACTOR * noise
+        noise = 1.5 * float(np.median(change[::3, ::3])) + 1e-3 * _NORMAL_GRAY_LEVEL
+        moving = change > _MOVING_SIGMAS * noise
         count = int(np.count_nonzero(moving))
-        if count < _LEAST_PIXELS:
+        if count < _MIN_MOVING_PIXELS:
             return
         here = bottom[moving]
         self._seen.append(
@@ -637,7 +618,7 @@ class CombingDetector:
         )
 
     def verdict(self) -> Weave:
-        """Judge by the sum, where most looks agree with it: damage and bounces speak once."""
+        """Decide by the sum if most triples agree: damage and bounces appear in single ones."""
         seen = self._seen
         total = _Evidence(
             sum(look.pixels for look in seen),
@@ -645,9 +626,9 @@ class CombingDetector:
             sum(look.to_next for look in seen),
             sum(look.to_last for look in seen),
         )
-        weave = total.verdict(_CLEAR)
-        agreeing = sum(look.verdict(_CLEAR_LOOK) == weave for look in seen)
-        if len(seen) < _FEWEST_LOOKS or agreeing < _AGREEING * len(seen):
+        weave = total.verdict(_MIN_COMBING_CONTRAST)
+        agreeing = sum(look.verdict(_MIN_TRIPLE_CONTRAST) == weave for look in seen)
+        if len(seen) < _MIN_TRIPLES or agreeing < _MIN_AGREEING_FRACTION * len(seen):
             return "progressive"
         return weave
 
@@ -665,22 +646,18 @@ def _between(picture: FloatImage, where: NDArray[np.bool_]) -> FloatImage:
 
 Fields = Literal["auto", "progressive", "top_first", "bottom_first"]
 
-# Looking for woven fields stops after this many pixels, some 0.05 s of decoding, but not before so
-# many pictures; broadcast sizes, which alone are recorded in fields, are worth a longer look.
-_COMBING_PIXELS = 16_000_000
+_MAX_COMBING_PIXELS = 16_000_000
+"""Pixels after which the combing test stops (chosen: about 0.05 s of decoding)."""
 
-_COMBING_PICTURES = 48
+_MIN_COMBING_PICTURES = 48
+"""Minimum number of pictures for the combing test (chosen: a throw or swing moves in as many)."""
 
-"""Pictures that are looked at for combing, supposed: a throw or a swing moves in as many."""
-
-_BROADCAST_PICTURES = 300
-
-"""Pictures, ten seconds of broadcast, whose pictures are combed more often than others."""
+_MIN_BROADCAST_PICTURES = 300
+"""The same for broadcast sizes (chosen: ten seconds), which are interlaced more often."""
 
 _BROADCAST_HEIGHTS = (480, 486, 512, 576, 608, 1080, 1088)
-
-"""Rows of the interlaced formats: 480 and 576 lines (ITU-R BT.601), 1080 (BT.709), with the rows
-that codecs add."""
+"""Rows of the interlaced formats (convention): 480 and 576 lines (ITU-R BT.601), 1080 (BT.709),
+with the rows that codecs add."""
 
 
 def open_video(
@@ -719,7 +696,7 @@ def open_video(
     if upright.stretch != 1.0:
         notes.append(
             f"Stored pixels are {upright.stretch:.4f} times as wide as high; pictures are "
-            "stretched to square pixels."
+            "resampled to square pixels."
         )
     if upright.swap:
         height, width = width, height
@@ -750,32 +727,32 @@ def open_video(
 def _weave(video: VideoFile) -> tuple[Weave, list[str]]:
     height, width = video.first_picture.height, video.first_picture.width
     broadcast = height in _BROADCAST_HEIGHTS
-    least = _BROADCAST_PICTURES if broadcast else _COMBING_PICTURES
+    least = _MIN_BROADCAST_PICTURES if broadcast else _MIN_COMBING_PICTURES
     detector = CombingDetector(len(video.packets.times.seconds))
-    for picture in islice(video.pictures(), max(least, _COMBING_PIXELS // (height * width))):
+    for picture in islice(video.pictures(), max(least, _MAX_COMBING_PIXELS // (height * width))):
         if detector.wants(picture.index):
             detector.show(picture.gray())
         if detector.settled:
             break
     seen = detector.verdict()
     half_line = (
-        "the fields are separated, which doubles the frame rate, and each is resampled onto the "
-        "full picture's lines, which takes out the half-line offset between them"
+        "the fields are separated, which doubles the frame rate, and each is interpolated to the "
+        "full picture's lines, which removes the half-line offset between them"
     )
     if video.declared_interlaced:
         if seen != "progressive":
             return seen, [f"The clip is interlaced: {half_line}."]
         if detector.settled:
             return "progressive", [
-                "The file calls its pictures interlaced, but what moves in them shows no combing; "
-                "they are taken as whole pictures."
+                "The file declares interlaced pictures, but moving objects show no combing; they "
+                "are used as whole pictures."
             ]
         return video.declared_order, [
-            f"The clip is interlaced, says the file, and too little moves to check it: {half_line}."
+            f"The file declares interlaced pictures; too little moves to check it: {half_line}."
         ]
     if seen == "progressive":
         return seen, []
-    return seen, [f"The pictures are combed: two fields woven without a flag; {half_line}."]
+    return seen, [f"The pictures are interlaced without a flag (combing): {half_line}."]
 
 
 def _file_warnings(video: VideoFile) -> list[str]:
@@ -786,41 +763,41 @@ def _file_warnings(video: VideoFile) -> list[str]:
     if packets.declared > found + packets.edited_out:
         notes.append(
             f"The file is cut off: it declares {packets.declared} pictures and holds {found} "
-            f"({100 * found / packets.declared:.0f} %); what is there is read."
+            f"({100 * found / packets.declared:.0f} %). Only these are measured."
         )
     elif packets.declared_s and found > 1 and not packets.declared:
         end = float(times.seconds[-1]) + times.interval_s
-        # Sound may outlast the pictures in a whole file, and a last frame may be shown long.
+        # Sound may outlast the pictures in a complete file, and a last frame may be shown long.
         if not packets.whole and end < 0.98 * packets.declared_s - 2.0 * times.interval_s:
             notes.append(
                 f"The file is cut off: it declares {packets.declared_s:.2f} s and ends at "
-                f"{end:.2f} s ({100 * end / packets.declared_s:.0f} %); what is there is read."
+                f"{end:.2f} s ({100 * end / packets.declared_s:.0f} %). Only this is measured."
             )
     if packets.corrupt:
         notes.append(f"{packets.corrupt} packets of the file are damaged.")
     if not packets.stamped:
         notes.append(
-            "The file has no usable time stamps; its frames are taken to be evenly spaced at "
+            "The file has no usable time stamps; its frames are assumed evenly spaced at "
             f"{video.declared_rate:.4g} frames per second."
         )
     if times.missing:
         notes.append(
             f"{times.missing} frames are missing from an otherwise even clock (dropped while "
-            "recording); the gaps keep their time."
+            "recording). The times of the other frames account for them."
         )
     return notes
 
 
-_SUFFIXES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"}
+_IMAGE_SUFFIXES = {".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm", ".ppm", ".webp"}
 
 
 def is_image(path: Path) -> bool:
-    """Whether a file's name is that of an image."""
-    return path.suffix.lower() in _SUFFIXES
+    """Whether a file's suffix is that of an image."""
+    return path.suffix.lower() in _IMAGE_SUFFIXES
 
 
 class ImageFrame:
-    """One image, read when it is asked for."""
+    """One image, read on request."""
 
     def __init__(self, index: int, path: Path, shape: tuple[int, int] | None) -> None:
         self.index = index
@@ -841,12 +818,12 @@ class ImageFrame:
         return self._read(cv2.IMREAD_COLOR)
 
     def _read(self, flags: int) -> NDArray[Any]:
-        # IMREAD_UNCHANGED skips the camera's orientation tag, so it is asked for without.
+        # IMREAD_UNCHANGED skips the camera's orientation tag, so the others must skip it, too.
         data = self._path.read_bytes()
         image = decoded_image(data, flags | cv2.IMREAD_IGNORE_ORIENTATION, self._path)
         if image is None or image.dtype not in (np.uint8, np.uint16):
             raise ClipError(
-                f"{self._path} is no image that can be read",
+                f"{self._path} cannot be read as an image",
                 hint="Remove it from the folder, or save the images as PNG of 8 or 16 bit.",
             )
         if self._shape is not None and image.shape[:2] != self._shape:
@@ -854,7 +831,7 @@ class ImageFrame:
             raise ClipError(
                 f"{self._path} is {image.shape[1]}×{image.shape[0]} px, the images before it are "
                 f"{width}×{height} px",
-                hint="Keep the images of one recording, and nothing else, in the folder.",
+                hint="Keep only the images of one recording in the folder.",
             )
         return np.asarray(image)
 
@@ -880,7 +857,7 @@ class ImageFolder:
         if not self._paths:
             raise ClipError(
                 f"there are no images in the folder {path}",
-                hint="Give a video file, or a folder of numbered PNG, JPEG, BMP or TIFF images.",
+                hint="Pass a video file, or a folder of numbered PNG, JPEG, BMP or TIFF images.",
             )
         first = ImageFrame(0, self._paths[0], None).gray()
         self._shape = (int(first.shape[0]), int(first.shape[1]))
@@ -907,11 +884,11 @@ class ImageFolder:
 
     @property
     def times_s(self) -> NDArray[np.float64]:
-        """Numbers of the images, as times."""
+        """Image numbers, used as times."""
         return np.arange(len(self._paths), dtype=np.float64)
 
     def pictures(self) -> Iterator[ImageFrame]:
-        """Give the images in order."""
+        """Yield the images in order."""
         for index, path in enumerate(self._paths):
             yield ImageFrame(index, path, self._shape)
 
@@ -946,7 +923,7 @@ class ClipReader:
     Attributes
     ----------
     info : ClipInfo
-        What is known of it.
+        Its properties.
     """
 
     def __init__(self, source: VideoFile | ImageFolder, info: ClipInfo, upright: Upright) -> None:
@@ -972,11 +949,11 @@ class ClipReader:
         path : path
             The file or folder.
         fields : {"auto", "progressive", "top_first", "bottom_first"}
-            Whether pictures are two woven fields; "auto" asks the file and then looks for combing.
+            Whether pictures are interlaced; "auto" reads the file's flag and tests for combing.
         least_frames : int
-            Fewer frames than this are refused.
+            Minimum number of frames.
         whole : bool
-            Whether pictures keep their size, however large; without, very large ones are shrunk.
+            Whether very large pictures keep their size instead of being reduced.
 
         Returns
         -------
@@ -985,7 +962,7 @@ class ClipReader:
         Raises
         ------
         ClipError
-            If nothing can be read, or too few frames.
+            If it can't be read, or has too few frames.
         """
         place = Path(path)
         if not os.path.exists(place):
@@ -996,32 +973,32 @@ class ClipReader:
         else:
             if not place.is_file():
                 raise ClipError(
-                    f"{place} is no regular file",
-                    hint="Name a video file; a pipe or a device may never end.",
+                    f"{place} is not a regular file",
+                    hint="Pass a video file; a pipe or a device may never end.",
                 )
             if place.stat().st_size == 0:
                 raise ClipError(
                     f"{place} is empty",
-                    hint="Copy it from the camera once more; it has 0 bytes here.",
+                    hint="It has 0 bytes. Copy it from the camera again.",
                 )
             clip = cls(*open_video(place, fields, whole=whole))
         if clip.info.frames < least_frames:
             raise ClipError(
-                f"{place} holds {clip.info.frames} frame; nothing moves in a still picture",
-                hint="Give the whole recording.",
+                f"{place} has {clip.info.frames} frame; a still picture shows no motion",
+                hint="Pass the whole recording.",
             )
         return clip
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What is odd about the file, with the damage met while decoding so far."""
+        """Warnings about the file, including damage found while decoding so far."""
         return self.info.warnings + self._damage
 
     def capture_times(self, capture_fps: float) -> FloatArray:
         """Times of all frames on the camera's clock.
 
-        Taken from the packets' stamps; once the clip has been read to its end, from the frames that
-        came out of it. Where frames were dropped or the rate varies, these are not evenly spaced.
+        Taken from the packets' stamps, or from the decoded frames once the clip has been read to
+        its end. Where frames were dropped or the rate varies, they are not evenly spaced.
 
         Parameters
         ----------
@@ -1042,9 +1019,9 @@ class ClipReader:
         return times * (self.info.container_fps / capture_fps)
 
     def frames(self, start: int = 0, stop: int | None = None) -> Iterator[Frame]:
-        """Give the frames from `start` up to, not including, `stop`, in order.
+        """Yield the frames from `start` up to, not including, `stop`, in order.
 
-        Decoding always begins at the first frame, since seeks land on wrong frames in many files.
+        Decoding always begins at the first frame, since seeking is inexact in many files.
 
         Parameters
         ----------
@@ -1064,7 +1041,7 @@ class ClipReader:
     def colour_frames(
         self, start: int = 0, stop: int | None = None
     ) -> Iterator[tuple[int, NDArray[np.uint8]]]:
-        """Give index and colour image (H, W, 3), blue first, of the same frames as `frames`."""
+        """Yield index and colour image (H, W, 3), blue first, of the same frames as `frames`."""
         for index, _, picture, bottom in self._placed(start, stop):
             image = picture.colour()
             if bottom is not None:
@@ -1101,7 +1078,7 @@ class ClipReader:
             lost = max(damaged, expected - count)
             self._damage = (
                 f"{lost} of {max(expected, count + lost)} pictures could not be decoded and are "
-                "left out; those after them may be damaged up to the next key frame.",
+                "skipped; those after them may be damaged up to the next key frame.",
             )
         if count != expected:
             self.info = replace(self.info, frames=count)

@@ -1,15 +1,12 @@
-"""A clip's gray frames, held in memory where they fit and decoded again where they don't.
+"""Gray frames of a clip's action, its motion clock and scene cuts, and the capture rate.
 
-A clock that ticks when something moves: frames before and after the action count for nothing.
-
-What a look at every so-many frames can tell depends on how far things move between looks, not on
-the frame rate nor on how long nothing happened. So each frame is held, coarsely, against the last
-one that differed: a slow motion ticks when it has come far enough to be seen, a fast one with every
-frame, a still picture hardly ever.
-
-How many frames per second the camera took, who says so, and how well it is known.
-
-The capture rate, checked against what keeps time in view: a blinking light, free fall.
+`Footage` holds the frames in memory where they fit and decodes them again where they don't.
+`MotionClock` advances when something moves: how much a sample of frames shows depends on how far
+objects move between samples, not on the frame rate or on pauses. So each frame is compared coarsely
+with the last one that differed: slow motion ticks when it has come far enough to be visible, fast
+motion with every frame, a still picture hardly ever.
+The capture rate comes from option, setup file, metadata or container (`choose_capture_rate`), and
+can be estimated from a blinking light or a free fall.
 """
 
 import contextlib
@@ -53,33 +50,32 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 FloatImage = NDArray[np.float32]
 
-# Side of the cells whose means are compared, px: a ball of 5 px fills a third of one.
-_CELL = 8
+_MAX_CELL_PX = 8
+"""Side of the cells whose means are compared, px (chosen): a ball of 5 px fills a third of one."""
 
-_FINEST_CELL = 4
-"""px: smaller cells are noisier than what moves is strong."""
+_MIN_CELL_PX = 4
+"""Smallest side of a cell, px (chosen): in smaller ones noise exceeds the signal of motion."""
 
-_BYTES = 8
-"""Of a word: a cell's width in gray levels of 8 bits for which its rows are words."""
+_WORD_BYTES = 8
+"""Bytes of a 64-bit word, and so gray levels of 8 bit per word."""
 
-# A small picture still gets so many cells across.
-_CELLS_ACROSS = 24
-"""Cells across a picture at least, so that a small one still shows where something moves."""
+_MIN_CELLS_ACROSS = 24
+"""Minimum number of cells across a picture (chosen), so that a small one still locates motion."""
 
-# Means of a cell that move by so many of their own noise, and at least this much of white, moved.
-_SIGMA = 8.0
+_MOTION_SIGMAS = 8.0
+"""Standard deviations by which a cell's mean must change to count as motion (chosen)."""
 
-_LEAST_CHANGE = 1.5 / 255.0
-"""Of full scale, one and a half gray levels: less is rounding."""
+_MIN_MOTION_CHANGE = 1.5 / 255.0
+"""Change that counts as motion, fraction of full scale (derived: one and a half gray levels, more
+than rounding)."""
 
-# Still frames tick like 1, 1/2, 1/3, ... of this.
 _STILL_TICK = 0.25
-"""Frames: still frames tick like 1, 1/2, 1/3, ... of this, so that a long rest counts as little as
-a short one."""
+"""Ticks of the first still frame (chosen): further ones count 1/2, 1/3, ... of it, so that a long
+rest counts hardly more than a short one."""
 
 
 class MotionClock:
-    """Tells for each frame shown to it, in order, whether something moved, and keeps the time.
+    """Detect motion frame by frame and keep a clock that advances with it.
 
     Attributes
     ----------
@@ -97,10 +93,10 @@ class MotionClock:
         self._still = 0
 
     def tick(self, frame: GrayImage) -> bool:
-        """Show the next frame (H, W); says whether it differs from the last that differed."""
+        """Add the next frame (H, W); return whether it differs from the last that differed."""
         cells = self.cells = _cells(frame)
         full = 255.0 if frame.dtype == np.uint8 else 65535.0
-        usual = _middle(cells)
+        usual = _upper_median(cells)
         if self._reference is None:
             self._reference, self._usual = cells, usual
             return False
@@ -117,10 +113,10 @@ class MotionClock:
 
 def _cells(frame: GrayImage) -> FloatImage:
     height, width = frame.shape
-    cell = min(max(min(height, width) // _CELLS_ACROSS, _FINEST_CELL), _CELL)
+    cell = min(max(min(height, width) // _MIN_CELLS_ACROSS, _MIN_CELL_PX), _MAX_CELL_PX)
     size = (max(1, width // cell), max(1, height // cell))
     trimmed = frame[: max(1, size[1] * cell), : max(1, size[0] * cell)]
-    if frame.dtype == np.uint8 and cell == _BYTES:
+    if frame.dtype == np.uint8 and cell == _WORD_BYTES:
         cells = np.empty(size[::-1], dtype=np.float32)
         _cells_of_words(np.ascontiguousarray(trimmed).view(np.uint64), cells)
         return cells
@@ -131,10 +127,10 @@ def _cells(frame: GrayImage) -> FloatImage:
 
 @compiled
 def _cells_of_words(words: NDArray[np.uint64], cells: FloatImage) -> None:
-    """Means of cells of eight by eight gray levels, each row of one read as a word.
+    """Means of cells of 8 × 8 gray levels, each row of one read as a 64-bit word.
 
-    Of the means of its quarters in whole gray levels, as OpenCV gives them. Bytes are summed as
-    four numbers of 16 bits in one addition: 0.03 ms of a picture that takes 0.27 to decode.
+    Quarters of a cell are averaged in whole gray levels, as OpenCV does. Bytes are summed as four
+    numbers of 16 bits in one addition, which takes 0.03 ms of the 0.27 ms of decoding a picture.
     """
     bytes_of, pairs_of = np.uint64(0x00FF00FF00FF00FF), np.uint64(0x0000FFFF0000FFFF)
     one, two, four = np.uint64(8), np.uint64(16), np.uint64(32)
@@ -153,30 +149,30 @@ def _cells_of_words(words: NDArray[np.uint64], cells: FloatImage) -> None:
 
 
 def _differ(cells: FloatImage, reference: FloatImage, gain: float, full: float) -> bool:
-    """Whether some cell changed by more than its noise, a change of light left aside."""
+    """Whether some cell changed by more than its noise, global changes of light excluded."""
     change = np.abs(cells - np.float32(gain) * reference)
     most = float(change.max())
-    if most <= _LEAST_CHANGE * full:
-        # most frames of a long still: their noise need not be told
+    if most <= _MIN_MOTION_CHANGE * full:
+        # Most frames of a long rest end here, before the noise is computed.
         return False
-    return most > _SIGMA * 1.4826 * _middle(change)
+    return most > _MOTION_SIGMAS * 1.4826 * _upper_median(change)
 
 
-def _middle(values: FloatImage) -> float:
-    """Upper median; `numpy.median` takes twice as long, and it is taken of every frame."""
+def _upper_median(values: FloatImage) -> float:
+    """Upper median; twice as fast as `numpy.median`, since every frame needs it."""
     half = values.size // 2
     ordered = values.ravel().copy()
     ordered.partition(half)
     return float(ordered[half])
 
 
-# Pictures of one scene correlate by more than the second, of two by less than the first, whatever
-# the camera shifts by; a new scene is there for so many frames.
-_OTHER_SCENE, _SAME_SCENE, _FEWEST_FRAMES = 0.4, 0.7, 5
+_MAX_OTHER_SCENE_CORRELATION, _MIN_SAME_SCENE_CORRELATION, _MIN_SCENE_FRAMES = 0.4, 0.7, 5
+"""Correlation below which two pictures show different scenes, above which the same, whatever the
+camera's shift; and frames that a new scene must last (chosen)."""
 
 
 class SceneCuts:
-    """Finds where a clip goes on with another scene: frames are shown to it in order.
+    """Detect scene cuts from frames given in order.
 
     Attributes
     ----------
@@ -191,37 +187,43 @@ class SceneCuts:
         self._count = 0
 
     def add(self, cells: FloatImage) -> None:
-        """Show the cells (h, w) of the next frame."""
+        """Add the cells (h, w) of the next frame."""
         structure = _structure(cells)
         self._count += 1
-        if self._steady is None or _alike(structure, self._steady) > _OTHER_SCENE:
-            # A black frame, or a damaged one, is no other scene.
+        if (
+            self._steady is None
+            or _structure_correlation(structure, self._steady) > _MAX_OTHER_SCENE_CORRELATION
+        ):
+            # A single black or damaged frame is not another scene.
             self._steady, self._other = structure, []
             return
-        if self._other and _alike(structure, self._other[-1]) < _SAME_SCENE:
+        if (
+            self._other
+            and _structure_correlation(structure, self._other[-1]) < _MIN_SAME_SCENE_CORRELATION
+        ):
             self._other = []
         self._other.append(structure)
-        if len(self._other) == _FEWEST_FRAMES:
-            self.first.append(self._count - _FEWEST_FRAMES)
+        if len(self._other) == _MIN_SCENE_FRAMES:
+            self.first.append(self._count - _MIN_SCENE_FRAMES)
             self._steady, self._other = structure, []
 
 
 def _structure(cells: FloatImage) -> FloatImage:
-    """What stands out of its surroundings, of unit norm; zero where nothing does."""
+    """Local contrast, of unit norm; zero where there is none."""
     fine = cells - cv2.blur(cells, (7, 7))
-    # Compressed, so that one bright edge is not all there is.
+    # The square root keeps one bright edge from dominating.
     fine = np.copysign(np.sqrt(np.abs(fine)), fine)
     norm = math.sqrt(np.vdot(fine, fine))
     return np.asarray(fine / norm if norm > 0.0 else fine, dtype=np.float32)
 
 
-def _alike(one: FloatImage, other: FloatImage) -> float:
-    """Correlation of two structures, at the shift at which it is highest where it is low at none.
+def _structure_correlation(one: FloatImage, other: FloatImage) -> float:
+    """Correlation of two structures; if it is low without shift, the maximum over shifts.
 
-    One without structure is like anything: it shows no scene.
+    A picture without structure correlates with any: it shows no scene.
     """
     straight = float(np.vdot(one, other))
-    if straight > _SAME_SCENE:
+    if straight > _MIN_SAME_SCENE_CORRELATION:
         return straight
     if not (one.any() and other.any()):
         return 1.0
@@ -231,48 +233,49 @@ def _alike(one: FloatImage, other: FloatImage) -> float:
 
 GrayFrame = NDArray[np.uint8] | NDArray[np.uint16]
 
-_NEUTRAL = 128.0
-"""Level of a picture in one colour where there is none of it: the middle of the scale."""
+_NEUTRAL_LEVEL = 128.0
+"""Gray level of an uncoloured pixel in a colour-difference picture: the middle of the scale."""
 
-_HELD_BYTES = 120_000_000
-"""Bytes of frames that are kept while a clip is read and its action's length is not known yet."""
+_MAX_HELD_BYTES = 120_000_000
+"""Bytes of frames kept while a clip is read and the action's length is unknown (chosen)."""
 
-_ACTION_BYTES = 350_000_000
-"""Bytes of an action that is kept whole once its length is known, supposed: with a picture of one
-colour beside it, a gigabyte holds it, and looks at some hundred thousand frames are not decoded."""
+_MAX_ACTION_BYTES = 350_000_000
+"""Bytes of an action kept in memory (chosen): with a colour-difference copy the process stays below
+a gigabyte, and a hundred thousand accesses need no decoding."""
 
-_SPILLED_BYTES = 2_000_000_000
-"""Bytes of an action that is kept in a temporary file, supposed: a look there costs a thirtieth of
-decoding, and what moves for a minute on a small picture goes beyond it."""
+_MAX_SPILLED_BYTES = 2_000_000_000
+"""Bytes of an action kept in a temporary file (chosen): reading there takes a thirtieth of
+decoding; a minute of motion on a small picture exceeds it."""
 
-_SPARE_SPACE = 4
-"""Of a temporary file's size, what must be free where it is written: a picture of one colour
-follows beside it, and others need room, too."""
+_FREE_SPACE_RATIO = 4
+"""Free disk space needed, in sizes of the temporary file (chosen): a colour copy follows,
+and other programs need space, too."""
 
-# Of longer clips: the even sample, which doubles while it is gathered, and a block of neighbours.
-_SAMPLE_BYTES = 50_000_000
+_MAX_SAMPLE_BYTES = 50_000_000
+"""Bytes of the even sample of longer clips, which doubles while it is gathered (chosen)."""
 
-_FEWEST_SAMPLES = 24
-"""Frames of a spread sample at least, however large they are: a median needs some dozen."""
+_MIN_SAMPLES = 24
+"""Minimum number of sampled frames, whatever their size (chosen): a median needs some dozen."""
 
-_BLOCK_BYTES = 60_000_000
-"""Bytes that are worked on at once."""
+_DECODE_BLOCK_BYTES = 60_000_000
+"""Bytes of neighbouring frames decoded at once (chosen)."""
 
-# Still frames kept before the first motion and after the last: enough to know what lay still.
-_MARGIN = 60
+_MAX_STILL_MARGIN = 60
+"""Still frames kept before the first motion and after the last (chosen): enough for a
+background."""
 
-_MARGIN_BYTES = 40_000_000
-"""Bytes of the frames before and after the span that are kept."""
+_MAX_STILL_MARGIN_BYTES = 40_000_000
+"""Bytes of these still frames (chosen)."""
 
-_SMALLEST_SIDE = 16
-"""px: a ball of 5 px with as much around it."""
+_MIN_PICTURE_SIDE_PX = 16
+"""Shortest side of a picture, px (chosen): a ball of 5 px with as much around it."""
 
-# Weight of plain time beside the time told by motion, where frames are spread.
-_IDLE_SHARE = 0.15
+_IDLE_WEIGHT = 0.15
+"""Weight of frame number relative to motion time where a sample of frames is spread (chosen)."""
 
 
 class _Spilled(Sequence[GrayFrame]):
-    """Frames in a temporary file, which has no name and goes with what refers to it.
+    """Frames in an unnamed temporary file, deleted with the last reference to it.
 
     Parameters
     ----------
@@ -289,7 +292,7 @@ class _Spilled(Sequence[GrayFrame]):
             self._shape, self._type, self._size = frame.shape, frame.dtype, frame.nbytes
             self._file.write(np.ascontiguousarray(frame).data)
             self._count += 1
-        # here, while a full disk still means that nothing is kept
+        # Flush here, where a full disk still means that nothing is kept.
         self._file.flush()
 
     def __len__(self) -> int:
@@ -304,63 +307,64 @@ class _Spilled(Sequence[GrayFrame]):
 
 
 def _closed(file: IO[bytes]) -> None:
-    with contextlib.suppress(OSError):  # what a full disk did not take is not asked for again
+    with contextlib.suppress(OSError):  # closing flushes again, which fails on a full disk
         file.close()
 
 
-def _kept(frames: Iterable[GrayFrame], size: int) -> Sequence[GrayFrame] | None:
-    """Frames of so many bytes in memory or in a file; None where they are too many for either."""
-    if size < _ACTION_BYTES:
+def _stored(frames: Iterable[GrayFrame], size: int) -> Sequence[GrayFrame] | None:
+    """Frames of `size` bytes in memory or in a file; None where they fit in neither."""
+    if size < _MAX_ACTION_BYTES:
         return list(frames)
     try:
         free = shutil.disk_usage(tempfile.gettempdir()).free
-        return _Spilled(frames) if size < min(_SPILLED_BYTES, free // _SPARE_SPACE) else None
-    except OSError:  # nowhere to write: decoding again takes longer and gives the same
+        return (
+            _Spilled(frames) if size < min(_MAX_SPILLED_BYTES, free // _FREE_SPACE_RATIO) else None
+        )
+    except OSError:  # no writable place: decoding again is slower but gives the same frames
         return None
 
 
 class Footage:
-    """Gray frames of one clip's action for the several looks that tracking takes.
+    """Gray frames of one clip's action, for repeated access while tracking.
 
-    Still frames before the first motion and after the last are left out, but for a few. Short
-    clips are decoded once and held, longer ones kept in a temporary file. Of still longer ones only
-    a sample is held and the neighbours of the frames last asked for, so that memory stays flat in
-    the length of the clip; each look elsewhere decodes again what it needs. Frames are counted on
-    the camera's even clock from `first` on, those that are missing from the file among them.
+    Still frames before the first motion and after the last are dropped except for a margin. Short
+    clips are decoded once and held, longer ones kept in a temporary file. Of very long ones only a
+    sample and the neighbours of the last frames requested are held and others decoded again, so
+    that memory does not grow with the clip. Frames are counted on the camera's even clock from
+    `first` on, including those missing from the file.
 
     Parameters
     ----------
     clip : ClipReader
         The clip.
     sample : int
-        How many frames, spread evenly over what moves, are always held.
+        Number of frames, spread evenly over the motion, that are always held.
     progress : callable, optional
         Called with the number of frames decoded so far.
     part : tuple of int, optional
-        First frame, and the one after the last, of the part of the clip that is looked at; all of
-        it without.
+        First frame, and the one after the last, of the part of the clip to use; all without.
     lacks : sequence of (int, int)
-        The clip's frames after which it lacks so many without a trace in its times.
+        Dropped frames that the time stamps do not show: frame of the clip after which they are
+        missing, and their number.
 
     Attributes
     ----------
     parts : tuple of (int, int)
-        First frame, and the one after the last, of each scene of the clip: one where it is not
-        cut.
+        First frame, and the one after the last, of each scene of the clip.
     first : int
         The clip's frame that is frame 0 here.
     started : int
-        How many frames after the clip's first, missing ones included, that is.
+        The same counted with missing frames.
     shown : (n,) int array
-        Which frames of the action the file holds.
+        Frames of the action present in the file.
     count : int
         Number of frames of the action, missing ones included.
     whole_count : int
         Number of frames of the clip.
     clock : (count,) array
-        Time told by what moves (`vision.clip.footage`), ticks.
+        Motion time (`MotionClock`), ticks.
     sample_index : (n,) int array
-        Which frames are held as the sample.
+        Frames held as the sample.
     sample_frames : list of (H, W) arrays
         Those frames.
     full_scale : float
@@ -389,7 +393,7 @@ class Footage:
             if progress is not None:
                 progress(len(times))
         if not times:
-            raise NotFoundError("the clip holds no frame to look at")
+            raise NotFoundError("the clip contains no frame")
         gathered.finish()
         self._held: Sequence[GrayFrame] | None = gathered.held
         self.whole_count = begin + len(times)
@@ -414,10 +418,10 @@ class Footage:
         if self._held is None:
             size = len(self.shown) * self.sample_frames[0].nbytes
             pictures = (picture for _, picture in self._decoded(0, len(self.shown)))
-            self._held = _kept(pictures, size)
+            self._held = _stored(pictures, size)
 
     def tinted(self, blueness: float, redness: float) -> "Footage":
-        """The same frames in one colour instead of in gray.
+        """The same frames as a colour-difference picture instead of gray.
 
         Parameters
         ----------
@@ -427,13 +431,13 @@ class Footage:
         Returns
         -------
         Footage
-            Whose gray levels are 128 where there is no colour; a shadow has none.
+            Gray level 128 means no colour; a shadow has none.
         """
         other = copy.copy(self)
         luma = np.array([0.114, 0.587, 0.299])
         blue = 0.5 * (np.array([1.0, 0.0, 0.0]) - luma) / (1.0 - luma[0])
         red = 0.5 * (np.array([0.0, 0.0, 1.0]) - luma) / (1.0 - luma[2])
-        other._tint = np.array([[*(blueness * blue + redness * red), _NEUTRAL]])
+        other._tint = np.array([[*(blueness * blue + redness * red), _NEUTRAL_LEVEL]])
         other._block, other._held, other.full_scale = {}, None, 255.0
         sample: dict[int, GrayFrame] = {}
         wanted = set(self._row[self.sample_index].tolist())
@@ -447,13 +451,13 @@ class Footage:
         pictures = sampled()
         if self._held is not None:
             height, width = self.shape
-            other._held = _kept(pictures, len(self.shown) * height * width)
-        deque(pictures, maxlen=0)  # where they are not kept, they are only looked at
+            other._held = _stored(pictures, len(self.shown) * height * width)
+        deque(pictures, maxlen=0)  # consumes the rest, for the sample
         other.sample_frames = [sample[row] for row in self._row[self.sample_index].tolist()]
         return other
 
     def coloured(self, wanted: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.uint8]]]:
-        """Give those of some frames that the file holds (H, W, 3), blue first, in time order."""
+        """Yield the requested frames present in the file (H, W, 3), blue first, in time order."""
         rows = self._held_of(wanted)
         if len(rows) == 0:
             return
@@ -468,23 +472,23 @@ class Footage:
         return bool(self._row[index] < 0)
 
     def in_clip(self, index: int) -> int:
-        """The clip's own number of a frame, or of the last one before it that the file holds."""
+        """Number in the clip of a frame, or of the last one before it that the file holds."""
         row = np.searchsorted(self.shown, index, side="right") - 1
         return self.first + int(np.clip(row, 0, len(self.shown) - 1))
 
     def of_clip(self, index: int) -> int:
-        """Which frame one of the clip is, as they are counted here; beyond the ends, by itself."""
+        """Number here of a frame of the clip; extrapolated beyond the ends."""
         row = index - self.first
         last = len(self.shown) - 1
         return int(self.shown[min(max(row, 0), last)]) + min(row, 0) + max(row - last, 0)
 
     def _held_of(self, wanted: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Rows of the pictures that the file holds of some frames."""
+        """Rows of the requested frames that the file holds."""
         rows = self._row[wanted]
         return rows[rows >= 0]
 
     def _decoded(self, start: int, stop: int) -> Iterator[tuple[int, GrayFrame]]:
-        """Pictures of the action from `start` up to, not including, `stop`, decoded anew."""
+        """Pictures of the action from `start` up to, not including, `stop`, decoded again."""
         start, stop = self.first + start, self.first + stop
         if self._tint is None:
             for frame in self._clip.frames(start, stop):
@@ -495,7 +499,7 @@ class Footage:
             yield index - self.first, np.asarray(tinted, dtype=np.uint8)
 
     def moved_in(self, part: tuple[int, int]) -> float:
-        """How much moved from a frame of the clip up to, not including, another one, ticks."""
+        """Motion from a frame of the clip up to, not including, another one, ticks."""
         rows = np.array([part[0] - self.first, part[1] - 1 - self.first])
         ends = self.shown[np.clip(rows, 0, len(self.shown) - 1)]
         return float(self.clock[ends[1]] - self.clock[ends[0]])
@@ -507,7 +511,7 @@ class Footage:
         return int(height), int(width)
 
     def frames(self, wanted: NDArray[np.int64]) -> Iterator[tuple[int, GrayFrame]]:
-        """Give those of the wanted frames that the file holds, in time order.
+        """Yield the requested frames that the file holds, in time order.
 
         Parameters
         ----------
@@ -538,85 +542,85 @@ class Footage:
                 yield row, picture
 
     def spread(self, count: int) -> NDArray[np.int64]:
-        """So many frames, or all, spread evenly over what moves, some over the time between."""
+        """At most `count` frames spread evenly over motion time, with some over the pauses."""
         return self._spread(self.shown, count)
 
     def spread_sample(self, count: int) -> list[GrayFrame]:
-        """So many frames of the sample, or all, spread alike, in time order."""
+        """At most `count` frames of the sample, spread as in `spread`, in time order."""
         return [
             self.sample_frames[int(place)]
             for place in np.searchsorted(self.sample_index, self.spread_index(count))
         ]
 
     def spread_index(self, count: int) -> NDArray[np.int64]:
-        """Which frames `spread_sample` gives."""
+        """Indices of the frames of `spread_sample`."""
         return self._spread(self.sample_index, count)
 
     def _spread(self, frames: NDArray[np.int64], count: int) -> NDArray[np.int64]:
         if len(frames) <= count:
             return frames
         ticks = self.clock[frames] - self.clock[frames[0]]
-        along = ticks / max(float(ticks[-1]), 1e-6) + _IDLE_SHARE * frames / frames[-1]
+        along = ticks / max(float(ticks[-1]), 1e-6) + _IDLE_WEIGHT * frames / frames[-1]
         marks = np.linspace(along[0], along[-1], count)
         return np.asarray(np.unique(frames[np.searchsorted(along, marks)]))
 
     def _block_length(self) -> int:
-        return max(8, _BLOCK_BYTES // self.sample_frames[0].nbytes)
+        return max(8, _DECODE_BLOCK_BYTES // self.sample_frames[0].nbytes)
 
     def _from_block(self, rows: NDArray[np.int64]) -> Iterator[tuple[int, GrayFrame]]:
-        """A few neighbouring pictures, decoded together with those around them."""
+        """Neighbouring pictures, decoded together with those around them."""
         if not all(row in self._block for row in rows.tolist()):
             spare = self._block_length() - (int(rows[-1]) - int(rows[0]) + 1)
             first = max(0, int(rows[0]) - spare // 2)
-            # The old block goes before the new one comes.
+            # Release the old block before decoding the new one.
             self._block = {}
             self._block = dict(self._decoded(first, first + self._block_length()))
         for row in rows.tolist():
             yield row, self._block[row]
 
 
-_OFF_BEAT = 0.1
-"""Intervals that a frame may be off an even clock, supposed: times of one come free of rounding."""
+_MAX_CLOCK_DEVIATION = 0.1
+"""Deviation of a frame from an even clock, intervals (chosen; fitted times carry no rounding)."""
 
 
 def _beats(time_s: FloatArray) -> NDArray[np.int64]:
-    """Which beat of the camera's even clock each frame is; their order where no clock fits them.
+    """Tick number of each frame on an even clock; the frame order where no such clock fits.
 
-    A pause longer than all that was filmed tells no motion, and counts for no more than that.
+    A gap longer than all frames together counts as no more than their number.
     """
     order = np.arange(len(time_s))
-    if len(time_s) < _FEWEST_BEATS:
+    if len(time_s) < _MIN_CLOCK_FRAMES:
         return order
     steps = np.diff(time_s)
     usual = float(np.median(steps))
     beats = (time_s - time_s[0]) / usual if usual > 0.0 else order.astype(np.float64)
     whole = np.rint(beats)
-    if not np.all(np.diff(whole) >= 1.0) or np.abs(beats - whole).max() > _OFF_BEAT:
+    if not np.all(np.diff(whole) >= 1.0) or np.abs(beats - whole).max() > _MAX_CLOCK_DEVIATION:
         return order
     return np.concatenate([[0], np.cumsum(np.minimum(np.diff(whole), len(whole)))]).astype(np.int64)
 
 
-_FEWEST_BEATS = 3
-"""Frames whose times tell whether a clock is even."""
+_MIN_CLOCK_FRAMES = 3
+"""Minimum number of frames for an even clock (derived: two intervals to compare)."""
 
 
 def _check_size(height: int, width: int) -> None:
-    if min(height, width) < _SMALLEST_SIDE:
+    if min(height, width) < _MIN_PICTURE_SIDE_PX:
         raise ClipError(
-            f"pictures of {width} × {height} px are too small to follow anything in",
-            hint=f"Each side needs at least {_SMALLEST_SIDE} px.",
+            f"pictures of {width} × {height} px are too small to track an object",
+            hint=f"Each side needs at least {_MIN_PICTURE_SIDE_PX} px.",
         )
     refuse_giant(height, width)
 
 
-_FEWEST_MOVES, _LONG_STILL = 4, 2
-"""Frames in which something moved, that are too few for a law of motion and two more to show it;
-and margins of still frames after which what they belong to is over."""
+_MAX_DISTURBANCE_FRAMES, _DISTURBANCE_MARGINS = 4, 2
+"""Moving frames of an action that may be a disturbance (derived: too few to fit and test a motion
+model), and margins of still frames after which it is over (chosen)."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Action:
-    """What is kept of an action that may not be the one.
+    """An action that may be only a disturbance before the real one.
 
     Attributes
     ----------
@@ -640,7 +644,7 @@ class _Action:
 
 
 class _Gathered:
-    """What is kept of the frames while they are decoded, and of which ones."""
+    """Frames selected while the clip is decoded."""
 
     def __init__(self, sample: int) -> None:
         self.held: list[GrayFrame] | None = []
@@ -661,7 +665,7 @@ class _Gathered:
         self._aside: _Action | None = None
 
     def add(self, gray: GrayFrame) -> None:
-        """Take the next frame."""
+        """Add the next frame."""
         moved = self._motion.tick(gray)
         self.cuts.add(self._motion.cells)
         self._moves += moved
@@ -671,13 +675,13 @@ class _Gathered:
         if self._started:
             self._store(self._motion.time, gray)
             since = len(self.clock) - 1 - self._last_motion
-            few = self._aside is None and self._moves <= _FEWEST_MOVES
+            few = self._aside is None and self._moves <= _MAX_DISTURBANCE_FRAMES
             if few and since > self._margin:
                 self._wait(gray)
-                if since > _LONG_STILL * self._margin:
+                if since > _DISTURBANCE_MARGINS * self._margin:
                     self._set_aside()
         else:
-            self._margin = max(3, min(_MARGIN, _MARGIN_BYTES // gray.nbytes))
+            self._margin = max(3, min(_MAX_STILL_MARGIN, _MAX_STILL_MARGIN_BYTES // gray.nbytes))
             self._wait(gray)
         if moved:
             self._last_motion = len(self.clock) - 1
@@ -697,10 +701,10 @@ class _Gathered:
         self._before_motion.clear()
 
     def _set_aside(self) -> None:
-        """Too few frames moved to show anything, and long ago: what action there is comes later.
+        """Set an early action of few moving frames aside; the real one may follow.
 
-        A codec settles over the first few frames, and a light flashes. That is so once: what stirs
-        now and then for all of a clip is slow.
+        A codec settles over the first few frames, or a light flashes. That happens once: repeated
+        small motion is a slow action.
         """
         self.finish()
         self._aside = _Action(self.first, self.clock, self.sample, self.held, self._moves)
@@ -710,7 +714,7 @@ class _Gathered:
         self._size, self._stride = 0, 0.0
 
     def finish(self) -> None:
-        """Leave out what follows the last motion, and of two actions the one of fewer frames."""
+        """Drop frames after the last motion; of two actions keep the longer."""
         if self._aside is not None and self._moves <= self._aside.moves:
             aside = self._aside
             self.first, self.clock, self.sample = aside.first, aside.clock, aside.sample
@@ -731,12 +735,12 @@ class _Gathered:
         late = index > self._last_motion + self._margin
         if self.held is not None and not late:
             if len(self.held) < index:
-                # There was a long pause in the action: its frames are decoded when asked for.
+                # After a long pause in the action, frames are decoded on request.
                 self.held = None
             else:
                 self._size += gray.nbytes
                 self.held.append(gray)
-                if self._size > _HELD_BYTES:
+                if self._size > _MAX_HELD_BYTES:
                     self.held = None
         if not self._stride or self._bucket(index) > self._bucket(next(reversed(self.sample))):
             self.sample[index] = gray
@@ -744,7 +748,7 @@ class _Gathered:
                 self._thin_out()
 
     def _most(self, gray: GrayFrame) -> int:
-        return 2 * min(self._wanted, max(_FEWEST_SAMPLES, _SAMPLE_BYTES // gray.nbytes))
+        return 2 * min(self._wanted, max(_MIN_SAMPLES, _MAX_SAMPLE_BYTES // gray.nbytes))
 
     def _bucket(self, index: int) -> int:
         return int((self.clock[index] - self.clock[0]) / self._stride)
@@ -762,7 +766,7 @@ class _Gathered:
 
 
 class RateSource(StrEnum):
-    """Who says how fast the camera ran; in the order in which they are believed."""
+    """Source of the capture rate, in order of preference."""
 
     OPTION = "option"
     SETUP = "setup"
@@ -772,14 +776,15 @@ class RateSource(StrEnum):
 
 
 ASSUMED_FPS = 600.0
-"""fps, the paper's camera: a guess where nobody says the rate, and told as one."""
+"""Capture rate assumed where none is given, fps (convention: the camera of Ryu et al.)."""
 
 HIGH_SPEED_FPS = 119.0
+"""Container rate from which it is the camera's, fps (derived: 119.88 is the slowest nominal
+120)."""
 
-"""From here up a container's rate is the camera's; 119.88 is the slowest nominal "120"."""
-
-# A nominal rate may be the broadcast one, 1000/1001 of it (SMPTE ST 12): a rectangle of that width.
-_NOMINAL_SPREAD = (1.0 / 1001.0) / math.sqrt(12.0)
+_NOMINAL_RATE_STD = (1.0 / 1001.0) / math.sqrt(12.0)
+"""Relative standard uncertainty of a nominal rate (derived: uniform between it and 1000/1001 of it,
+the broadcast rate of SMPTE ST 12)."""
 
 
 @dataclass(frozen=True)
@@ -795,7 +800,7 @@ class CaptureRate:
     source : RateSource
         Where the number comes from.
     notice : str or None
-        What the user must know about it.
+        Warning for the user.
     """
 
     fps: float
@@ -805,13 +810,13 @@ class CaptureRate:
 
     @property
     def known(self) -> bool:
-        """Whether anything tells the rate: only then are there seconds."""
+        """Whether the rate has a source; without one there are no seconds."""
         return math.isfinite(self.std)
 
 
 def nominal_rate_std(fps: float) -> float:
-    """Standard uncertainty of a rate that is only known by its name, 1/s: 600 may be 599.4."""
-    return fps * _NOMINAL_SPREAD
+    """Standard uncertainty of a nominal rate, 1/s: 600 may be 599.4."""
+    return fps * _NOMINAL_RATE_STD
 
 
 def choose_capture_rate(
@@ -822,7 +827,7 @@ def choose_capture_rate(
     option_std: float | None = None,
     setup_std: float | None = None,
 ) -> CaptureRate:
-    """Choose: option, else setup file, metadata, container rate if high; 600 is assumed at last.
+    """Choose the rate: option, setup file, metadata, high container rate, else 600 assumed.
 
     Parameters
     ----------
@@ -831,8 +836,7 @@ def choose_capture_rate(
     option, setup : float, optional
         Rate from the command line and from the setup file, 1/s.
     option_std, setup_std : float, optional
-        Their standard uncertainties, 1/s; if not given, nominal and broadcast rate are both held
-        possible.
+        Their standard uncertainties, 1/s; without, the rate may be the nominal or broadcast one.
 
     Returns
     -------
@@ -858,40 +862,37 @@ def choose_capture_rate(
         ASSUMED_FPS,
         math.inf,
         RateSource.ASSUMED,
-        f"CAPTURE RATE ASSUMED: {info.path.name} declares {said} and not the camera's rate; "
-        f"{ASSUMED_FPS:g} fps is assumed. Times and speeds are given only where a free fall with a "
-        "known scale tells the rate: give the true one with --fps RATE or capture_fps in the "
-        "setup file.",
+        f"FRAME RATE ASSUMED: {info.path.name} declares {said} and not the camera's rate; "
+        f"{ASSUMED_FPS:g} fps is assumed. Times and speeds are given only if a free fall with a "
+        "known scale determines the rate. Pass --fps RATE, or set capture_fps in the setup file.",
     )
 
 
 def _given(fps: float, std: float | None, source: RateSource, info: ClipInfo) -> CaptureRate:
     if not (math.isfinite(fps) and fps > 0):
         raise UsageError(
-            f"a capture rate of {fps:g} fps makes no sense", hint="Give it as --fps 600."
+            f"a capture rate of {fps:g} fps is not positive", hint="Pass, for example, --fps 600."
         )
     told = info.capture_fps_metadata
     notice = None
     if told is not None and abs(told / fps - 1.0) > 0.005:
-        notice = (
-            f"The file itself says {told:g} fps, the {source} {fps:g} fps; the {source} is used."
-        )
+        notice = f"The file states {told:g} fps, the {source} {fps:g} fps; the {source} is used."
     std = nominal_rate_std(fps) if std is None else std
     pictures = 0.5 * info.container_fps
     if info.interlaced and info.container_declares_rate and abs(fps / pictures - 1.0) < 0.005:
-        # that is how many pictures the file holds, and each is two fields taken apart in time
+        # The file holds that many pictures, each of two fields taken apart in time.
         fps, std = 2.0 * fps, 2.0 * std
         notice = (
-            f"The {source} gives the rate of the woven pictures, {0.5 * fps:g} fps; each is two "
-            f"fields, so {fps:g} fields per second are measured."
+            f"The {source} gives the rate of the interlaced pictures, {0.5 * fps:g} fps. Each has "
+            f"two fields, so {fps:g} fields per second are used."
         )
     return CaptureRate(fps, std, source, notice)
 
 
-CLEAR = 8.0
-"""Log-likelihood beyond that of the best of pure noise: odds of three thousand to one."""
-FALSE_ALARM = 1e-3
-"""Chance that noise is taken for a blinking light: one clip in a thousand."""
+MIN_BLINK_LOG_RATIO = 8.0
+"""Log-likelihood ratio above the best of pure noise (chosen: odds of three thousand to one)."""
+MAX_FALSE_BLINK_PROBABILITY = 1e-3
+"""Probability that noise is taken for a blinking light (chosen: one clip in a thousand)."""
 
 
 @dataclass(frozen=True)
@@ -906,17 +907,16 @@ class RateEstimate:
 def rate_from_blinking(
     brightness: ArrayLike, blink_hz: float, *, blink_std_hz: float = 0.0, nominal_fps: float
 ) -> RateEstimate:
-    """Capture rate from a light of known rate.
+    """Capture rate from a light of known blinking rate.
 
     Parameters
     ----------
     brightness : (N,) array
-        Mean gray level of the place where the light is, frame by frame.
+        Mean gray level at the light, frame by frame.
     blink_hz, blink_std_hz : float
         Rate of the light and its uncertainty, Hz.
     nominal_fps : float
-        Rate thought to be right; only tells the blink from its aliases. The true rate must lie
-        within a third of it.
+        Approximate rate, within a third of the true one; distinguishes the blink from its aliases.
 
     Returns
     -------
@@ -925,7 +925,7 @@ def rate_from_blinking(
     Raises
     ------
     CalibrationError
-        If nothing there blinks, or too fast for this camera.
+        If nothing blinks there, or the light is too fast for this camera.
     """
     signal = np.asarray(brightness, dtype=np.float64)
     if blink_hz > nominal_fps / 2.5:
@@ -936,7 +936,7 @@ def rate_from_blinking(
     count = len(signal)
     if count * blink_hz / nominal_fps < 3.0:
         raise CalibrationError(
-            "the clip holds fewer than three blinks",
+            "the clip contains fewer than three blinks",
             hint="Film longer, or use a light that blinks faster.",
         )
     time = np.arange(count, dtype=np.float64) - 0.5 * (count - 1)
@@ -953,9 +953,12 @@ def rate_from_blinking(
     noise = max(rest, 1e-12) / (count - 4)
     # An F test of two coefficients, for the best of as many independent frequencies as were tried
     independent = max(2.0, (trial[-1] - trial[0]) * count)
-    if explained / (2.0 * noise) < CLEAR + np.log(independent / FALSE_ALARM) / 2.0:
+    if (
+        explained / (2.0 * noise)
+        < MIN_BLINK_LOG_RATIO + np.log(independent / MAX_FALSE_BLINK_PROBABILITY) / 2.0
+    ):
         raise CalibrationError(
-            f"nothing there blinks at {blink_hz:g} Hz",
+            f"no blinking of {blink_hz:g} Hz found at the marked place",
             hint="Mark the light itself, and check its rate.",
         )
     amplitude2 = 2.0 * explained / count
@@ -967,7 +970,7 @@ def rate_from_blinking(
 
 
 def _sine_power(signal: FloatArray, time: FloatArray, frequency: float) -> float:
-    """Sum of squares that the best sine of a frequency (per frame) takes away."""
+    """Sum of squares explained by the best sine of a frequency (per frame)."""
     angle = 2.0 * np.pi * frequency * time
     design = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     right = design.T @ signal
@@ -982,7 +985,7 @@ def rate_from_fall(
     acceleration: float,
     relative_scale_std: float = 0.0,
 ) -> RateEstimate:
-    """Capture rate from free fall whose scale is known by other means.
+    """Capture rate from free fall with a known scale.
 
     Parameters
     ----------
@@ -991,7 +994,7 @@ def rate_from_fall(
     frames : (N,) array
         Frame numbers.
     acceleration : float
-        Downward acceleration to expect, m/s².
+        Expected downward acceleration, m/s².
     relative_scale_std : float
         Relative standard uncertainty of the scale of the heights.
 
@@ -1002,7 +1005,7 @@ def rate_from_fall(
     Raises
     ------
     CalibrationError
-        If the heights do not fall.
+        If the heights are not those of a free fall.
     """
     y, std = np.asarray(heights_m, dtype=np.float64), np.asarray(std_m, dtype=np.float64)
     n = np.asarray(frames, dtype=np.float64)
@@ -1012,7 +1015,8 @@ def rate_from_fall(
     per_frame2 = float((inverse @ design.T @ (y / std))[2])
     if per_frame2 <= 3.0 * np.sqrt(inverse[2, 2]):
         raise CalibrationError(
-            "the heights do not fall freely", hint="Give a stretch of flight after the release."
+            "the heights are not those of a free fall",
+            hint="Use an interval of flight after the release.",
         )
     fps = float(np.sqrt(acceleration / per_frame2))
     relative = 0.5 * np.hypot(np.sqrt(inverse[2, 2]) / per_frame2, relative_scale_std)

@@ -1,7 +1,4 @@
-"""From a decoded picture to an upright gray or colour image with square pixels.
-
-What is known of a clip before anything in it is looked at, and one frame of it.
-"""
+"""Clip properties, and conversion of decoded pictures to upright gray or colour images."""
 
 import io
 import threading
@@ -60,24 +57,24 @@ class Frame:
 
 @dataclass(frozen=True)
 class ClipInfo:
-    """What the file says, and what a look at its packets adds.
+    """Properties of a clip from its headers and packets.
 
     Attributes
     ----------
     path : Path
         The clip.
     sha256 : str
-        Of the file; of a folder of images: of their names and contents in order.
+        Of the file; for a folder of images, of their names and contents in order.
     width, height : int
-        Size of the frames as handed on (turned upright, square pixels), px.
+        Size of the frames after turning and resampling to square pixels, px.
     frames : int
-        Number of frames: counted over the packets when the clip is opened, and the number that came
-        out of the decoder once it has been read to its end.
+        Number of frames: counted from the packets when the clip is opened, and from the decoder
+        once it has been read to its end.
     codec : str
         Name of the codec ("h264"), or the suffix of a folder's images.
     container_fps : float
-        Usual frame rate on the container's clock, 1/s, doubled where fields are separated. A folder
-        of images has no clock: 1 per second there, so that times count frames.
+        Usual frame rate on the container's clock, 1/s, doubled where fields are separated. For a
+        folder of images 1 per second, so that times count frames.
     container_declares_rate : bool
         False for a folder of images.
     duration_s : float
@@ -85,15 +82,15 @@ class ClipInfo:
     rotation : int
         Degrees by which the stored pictures were turned counterclockwise to stand upright.
     weave : {"progressive", "top_first", "bottom_first"}
-        Whether stored pictures are two woven fields, and which came first.
+        Whether stored pictures are interlaced, and which field came first.
     bit_depth : int
         Bits per luma sample as stored.
     capture_fps_metadata : float or None
-        Frame rate of the camera if the file tells it, 1/s.
+        Frame rate of the camera if the file states it, 1/s.
     variable_rate : bool
         Whether frame times do not fit an even clock, up to missing frames and the clock's ticks.
     warnings : tuple of str
-        What is odd about the file, in whole sentences.
+        Warnings about the file, in whole sentences.
     """
 
     path: Path
@@ -114,25 +111,24 @@ class ClipInfo:
 
     @property
     def interlaced(self) -> bool:
-        """Whether stored pictures are two woven fields."""
+        """Whether stored pictures are interlaced."""
         return self.weave != "progressive"
 
 
-_FULL_RANGE = 2  # AVCOL_RANGE_JPEG
+_FULL_RANGE = 2
+"""FFmpeg's colour range of full-scale pictures (convention: AVCOL_RANGE_JPEG)."""
 
-_UNITY = 65536
+_MATRIX_UNITY = 65536
+"""Fixed-point 1 of a container's display matrix (convention: 16.16 bits, ISO/IEC 14496-12)."""
 
-"""Fixed-point one of the display matrix of a container, 16.16 bits (ISO/IEC 14496-12)."""
-
-_OBLIQUE = 1e-3
-
-"""Share of the largest entry of a display matrix: over a thousand pixels less turns by less than
-one."""
+_MAX_ZERO_FRACTION = 1e-3
+"""Fraction of the largest entry of a display matrix below which another counts as zero (derived:
+less shifts by under one pixel in a thousand)."""
 
 
 @dataclass(frozen=True)
 class Upright:
-    """How stored pictures are turned, mirrored and stretched to be seen as the camera saw them.
+    """Transformation of stored pictures to upright ones with square pixels.
 
     Attributes
     ----------
@@ -142,7 +138,7 @@ class Upright:
         Width over height of a stored pixel; pictures are resampled along their lines to
         square pixels.
     shrink : int
-        Pixels of a side whose mean is one pixel of what is seen.
+        Factor by which pictures are reduced (block means).
     """
 
     swap: bool = False
@@ -175,7 +171,7 @@ class Upright:
 
 def _stretched(image: NDArray[Any], stretch: float) -> NDArray[Any]:
     height, width = image.shape[:2]
-    # Pixel centres at integers: the picture's left edge at -1/2 stays where it is.
+    # Pixel centres are integers, so the left edge at -1/2 must stay fixed.
     matrix = np.array([[stretch, 0.0, 0.5 * (stretch - 1.0)], [0.0, 1.0, 0.0]])
     return cv2.warpAffine(
         image,
@@ -193,10 +189,10 @@ def _shrunk(image: NDArray[Any], shrink: int) -> NDArray[Any]:
 
 
 def shrink_of(height: int, width: int) -> tuple[int, str | None]:
-    """By how much pictures are shrunk before anything is measured in them.
+    """Factor by which large pictures are reduced before measuring.
 
-    What is measured of an object is limited by its light and texture beyond some hundred pixels,
-    while the work grows with their number.
+    Beyond some hundred pixels across, texture and lighting limit the accuracy of an outline, while
+    the computing time grows with the number of pixels.
 
     Parameters
     ----------
@@ -208,16 +204,16 @@ def shrink_of(height: int, width: int) -> tuple[int, str | None]:
     shrink : int
         As in `Upright`.
     warning : str or None
-        Said where it is not one.
+        Present if the factor is not 1.
     """
     shrink = 1
-    while (height // shrink) * (width // shrink) > _FULLY_MEASURED:
+    while (height // shrink) * (width // shrink) > _MAX_FULL_SIZE_PIXELS:
         shrink += 1
     if shrink == 1:
         return 1, None
     return shrink, (
-        f"The pictures, {width} × {height} px, are measured at 1/{shrink} of their size; all "
-        "pixels, those of points and scales that are given among them, are of pictures of "
+        f"The pictures, {width} × {height} px, are measured at 1/{shrink} of their size. All "
+        "pixel values, including points and scales you pass, refer to pictures of "
         f"{width // shrink} × {height // shrink} px."
     )
 
@@ -236,20 +232,22 @@ def upright_of(frame: Any, pixel_aspect: float) -> tuple[Upright, str | None]:
     -------
     upright : Upright
     warning : str or None
-        Said where the matrix asks for more than quarter turns and mirrors.
+        Present if the matrix is not made of quarter turns and mirrors.
     """
     data = frame.side_data.get("DISPLAYMATRIX")
     if data is None:
         return Upright(stretch=pixel_aspect), None
-    matrix = np.frombuffer(bytes(data), dtype=np.int32).reshape(3, 3)[:2, :2] / _UNITY
-    # how far it enlarges matters not: unlike enlargements come as the shape of a pixel
-    large = np.abs(matrix) > _OBLIQUE * max(float(np.max(np.abs(matrix))), 1.0 / _UNITY)
+    matrix = np.frombuffer(bytes(data), dtype=np.int32).reshape(3, 3)[:2, :2] / _MATRIX_UNITY
+    # Enlargement is ignored: unequal enlargement is given by the pixel aspect.
+    large = np.abs(matrix) > _MAX_ZERO_FRACTION * max(
+        float(np.max(np.abs(matrix))), 1.0 / _MATRIX_UNITY
+    )
     straight, crossed = (bool(np.all(large == which)) for which in (np.eye(2), 1 - np.eye(2)))
     (a, b), (c, d) = matrix.tolist()
     if not (straight or crossed):
         return Upright(stretch=pixel_aspect), (
-            "The file asks for its pictures to be turned by something else than a quarter turn; "
-            "they are measured as they are stored."
+            "The file asks for a rotation other than a quarter turn; the pictures are measured as "
+            "stored. Angles to the horizontal are off by that rotation."
         )
     if straight:
         return Upright(False, a < 0, d < 0, pixel_aspect), None
@@ -262,7 +260,7 @@ def bit_depth(frame: Any) -> int:
 
 
 def luma_image(frame: Any) -> GrayImage:
-    """Gray image of a decoded frame, straight from the luma plane where there is one.
+    """Gray image of a decoded frame, from the luma plane where there is one.
 
     Returns
     -------
@@ -297,17 +295,17 @@ def colour_image(frame: Any) -> NDArray[np.uint8]:
     return np.asarray(_converted(frame, "bgr24"))
 
 
-_CONVERTERS = threading.local()
+_THREAD_CONVERTERS = threading.local()
 
 
 def _converted(frame: Any, pixels: str) -> Any:
-    """Samples of a frame in another format.
+    """Frame in another pixel format.
 
-    One converter serves all frames of a thread: making one takes forty times as long as using it.
+    One converter serves all frames of a thread: creating one takes forty times as long as using it.
     """
-    if not hasattr(_CONVERTERS, "one"):
-        _CONVERTERS.one = VideoReformatter()
-    return _CONVERTERS.one.reformat(frame, format=pixels).to_ndarray()
+    if not hasattr(_THREAD_CONVERTERS, "one"):
+        _THREAD_CONVERTERS.one = VideoReformatter()
+    return _THREAD_CONVERTERS.one.reformat(frame, format=pixels).to_ndarray()
 
 
 def _has_luma_plane(name: str) -> bool:
@@ -337,14 +335,13 @@ def _full_table(depth: int) -> GrayImage:
     return np.round(np.arange(1 << depth) * (65535.0 / top)).astype(np.uint16)
 
 
-_LARGEST_SIDE = 32_766
-"""px: OpenCV's resampling counts pixels in 15 bits."""
-_LARGEST_PICTURE = 1 << 26
-"""px, 8192 × 8192: the largest sensors that film have 50 million."""
-_FULLY_MEASURED = 2560 * 1600
-"""px of a picture that is measured at its full size; larger ones are shrunk. Of a ball a tenth as
-high as such a picture, the outline has 500 px, and 0.07 px that every outline may be off are 1/2000
-of its radius."""
+_MAX_SIDE_PX = 32_766
+"""Longest side, px (convention: OpenCV's resampling counts pixels in 15 bits)."""
+_MAX_PICTURE_PIXELS = 1 << 26
+"""Most pixels of a picture (chosen): 8192 × 8192; the largest film sensors have 50 million."""
+_MAX_FULL_SIZE_PIXELS = 2560 * 1600
+"""Most pixels of a picture measured at full size (chosen). The outline of a ball a tenth as high as
+such a picture has 500 px; its systematic error of 0.07 px is 1/2000 of the radius."""
 
 
 def refuse_giant(height: int, width: int, name: object = "") -> None:
@@ -355,22 +352,22 @@ def refuse_giant(height: int, width: int, name: object = "") -> None:
     height, width : int
         px.
     name : object
-        What to call it in the message.
+        Name of the picture in the message.
 
     Raises
     ------
     ClipError
     """
-    if max(height, width) > _LARGEST_SIDE or height * width > _LARGEST_PICTURE:
+    if max(height, width) > _MAX_SIDE_PX or height * width > _MAX_PICTURE_PIXELS:
         raise ClipError(
-            f"{name}: pictures of {width} × {height} px are too large to work with".lstrip(": "),
-            hint=f"Crop or shrink them to at most {_LARGEST_SIDE} px a side and"
-            f" {_LARGEST_PICTURE / 1e6:.0f} million in all.",
+            f"{name}: pictures of {width} × {height} px are too large to measure".lstrip(": "),
+            hint=f"Crop or reduce them to at most {_MAX_SIDE_PX} px a side and"
+            f" {_MAX_PICTURE_PIXELS / 1e6:.0f} million pixels.",
         )
 
 
 def decoded_image(data: bytes, flags: int, name: object) -> NDArray[Any] | None:
-    """An image file's pixels by OpenCV; None where it is no image.
+    """Decode an image file with OpenCV; None if it is not an image.
 
     Parameters
     ----------
@@ -379,12 +376,12 @@ def decoded_image(data: bytes, flags: int, name: object) -> NDArray[Any] | None:
     flags : int
         ``cv2.IMREAD_…``.
     name : object
-        What to call it in a message.
+        Name of the image in a message.
 
     Raises
     ------
     ClipError
-        If it is too large to work with: its header is looked at before anything is unpacked.
+        If it is too large; its header is read before anything is unpacked.
     """
     width, height = _size_in_header(data)
     refuse_giant(height, width, name)
@@ -397,16 +394,16 @@ def decoded_image(data: bytes, flags: int, name: object) -> NDArray[Any] | None:
 
 
 def _size_in_header(data: bytes) -> tuple[int, int]:
-    """Width and height, px, as an image's header says; zeros where nothing can be read there."""
+    """Width and height in an image's header, px; zeros if unreadable."""
     from PIL import Image, UnidentifiedImageError
 
     try:
         with warnings.catch_warnings():
-            # its own limit only warns; ours decides
+            # Pillow's own limit only warns; `refuse_giant` decides.
             warnings.simplefilter("ignore", Image.DecompressionBombWarning)
             with Image.open(io.BytesIO(data)) as image:
                 return image.size
     except Image.DecompressionBombError:
-        return _LARGEST_PICTURE, _LARGEST_PICTURE
+        return _MAX_PICTURE_PIXELS, _MAX_PICTURE_PIXELS
     except (UnidentifiedImageError, OSError, ValueError, SyntaxError):
         return 0, 0

@@ -102,8 +102,8 @@ def one_frame(whole: Path, path: Path) -> None:
     [
         (cut_short, "is cut off", "Copy it"),
         (empty, "is empty", "Copy it"),
-        (renamed, "is no video", "something else under a video's name"),
-        (audio_only, "no video", "Give the file"),
+        (renamed, "cannot be read as a video", "a wrong suffix"),
+        (audio_only, "no video", "Pass the file"),
         (one_frame, "1 frame", "whole recording"),
     ],
 )

@@ -34,11 +34,11 @@ def test_frames_of_a_long_clip_are_the_same_as_those_of_a_short_one(
 ) -> None:
     clip = LongClip(60, 40, 120)
     held = Footage(clip)  # type: ignore[arg-type]
-    monkeypatch.setattr(footage, "_HELD_BYTES", 10_000)
-    monkeypatch.setattr(footage, "_ACTION_BYTES", 10_000)
-    monkeypatch.setattr(footage, "_BLOCK_BYTES", 50_000)
+    monkeypatch.setattr(footage, "_MAX_HELD_BYTES", 10_000)
+    monkeypatch.setattr(footage, "_MAX_ACTION_BYTES", 10_000)
+    monkeypatch.setattr(footage, "_DECODE_BLOCK_BYTES", 50_000)
     in_a_file = Footage(clip)  # type: ignore[arg-type]
-    monkeypatch.setattr(footage, "_SPILLED_BYTES", 10_000)
+    monkeypatch.setattr(footage, "_MAX_SPILLED_BYTES", 10_000)
     decoded = Footage(clip)  # type: ignore[arg-type]
     for wanted in ([3], [58, 59], list(range(0, 60, 7))):
         indices = np.array(wanted)
@@ -53,10 +53,10 @@ def test_frames_of_a_long_clip_are_the_same_as_those_of_a_short_one(
 def test_stepping_back_through_a_long_clip_does_not_decode_it_for_each_frame(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(footage, "_HELD_BYTES", 10_000)
-    monkeypatch.setattr(footage, "_ACTION_BYTES", 10_000)
-    monkeypatch.setattr(footage, "_SPILLED_BYTES", 10_000)
-    monkeypatch.setattr(footage, "_BLOCK_BYTES", 40 * 40 * 120)
+    monkeypatch.setattr(footage, "_MAX_HELD_BYTES", 10_000)
+    monkeypatch.setattr(footage, "_MAX_ACTION_BYTES", 10_000)
+    monkeypatch.setattr(footage, "_MAX_SPILLED_BYTES", 10_000)
+    monkeypatch.setattr(footage, "_DECODE_BLOCK_BYTES", 40 * 40 * 120)
     clip = LongClip(200, 40, 120)
     decoded = Footage(clip)  # type: ignore[arg-type]
     clip.decoded = 0
@@ -69,9 +69,9 @@ def test_stepping_back_through_a_long_clip_does_not_decode_it_for_each_frame(
 def test_an_action_that_memory_or_a_file_holds_is_decoded_twice_and_no_more(
     monkeypatch: pytest.MonkeyPatch, in_memory: int
 ) -> None:
-    monkeypatch.setattr(footage, "_HELD_BYTES", 10_000)
-    monkeypatch.setattr(footage, "_ACTION_BYTES", in_memory)
-    monkeypatch.setattr(footage, "_BLOCK_BYTES", 40 * 40 * 120)
+    monkeypatch.setattr(footage, "_MAX_HELD_BYTES", 10_000)
+    monkeypatch.setattr(footage, "_MAX_ACTION_BYTES", in_memory)
+    monkeypatch.setattr(footage, "_DECODE_BLOCK_BYTES", 40 * 40 * 120)
     clip = LongClip(200, 40, 120)
     held = Footage(clip)  # type: ignore[arg-type]
     for index in (180, 3, 120, 60):
@@ -85,8 +85,8 @@ def test_where_no_file_can_be_written_a_long_action_is_decoded_again(
     def full() -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(footage, "_HELD_BYTES", 10_000)
-    monkeypatch.setattr(footage, "_ACTION_BYTES", 10_000)
+    monkeypatch.setattr(footage, "_MAX_HELD_BYTES", 10_000)
+    monkeypatch.setattr(footage, "_MAX_ACTION_BYTES", 10_000)
     monkeypatch.setattr(footage.tempfile, "TemporaryFile", full)
     clip = LongClip(60, 40, 120)
     index, picture = next(Footage(clip).frames(np.array([30])))  # type: ignore[arg-type]
