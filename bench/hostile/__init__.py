@@ -1,1 +1,1 @@
-"""Hostile inputs at every door: drawn, run as a user would, counted by what came of them."""
+"""Hostile inputs to every command: drawn at random, run, and counted by outcome."""

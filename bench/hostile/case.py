@@ -1,4 +1,4 @@
-"""One hostile input: the command, its files, and what came of it in a process of its own."""
+"""Run one hostile input in a child process and judge the outcome."""
 
 import base64
 import hashlib
@@ -7,28 +7,34 @@ import os
 import re
 import signal
 import sys
+import tempfile
 import time
 import traceback
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
-__all__ = ["Case", "Fault", "Kind", "Ran", "faults_of", "kept", "read_case", "run_case"]
+__all__ = ["Case", "Fault", "Kind", "Ran", "faults_of", "kept", "load_commands", "named",
+           "read_case", "run_case", "start", "tried"]  # fmt: skip
 
-LONGEST_S = 30.0
-"""Of processor time: what a busy machine adds is no fault of the command."""
-_PATIENCE_S = 120.0
-"""Of any time."""
-LARGEST_BYTES = 2 << 30
+MAX_CPU_S = 30.0
+"""Processor time of one command, s; chosen, 30 times the time of the slowest sound input."""
+MAX_WALL_S = 120.0
+"""Elapsed time of one command on a busy machine, s; chosen, 4 times `MAX_CPU_S`."""
+MAX_BYTES = 2 << 30
+"""Memory of one command; convention: half of a small machine's 4 GB."""
 CODES = (0, 2, 3, 4)
-"""Exit codes of the contract without 1, which is a bug."""
+"""Documented exit codes without 1, which reports a bug."""
+SURE = 0.5
+"""Probability above which a named effect counts as part of the verdict."""
 
 
 class Kind(StrEnum):
-    """Which door a case knocks at."""
+    """Class of input."""
 
     SETUP = "setup files"
     ARGUMENTS = "arguments"
@@ -41,23 +47,23 @@ class Kind(StrEnum):
 
 
 class Fault(StrEnum):
-    """What must not come of a case."""
+    """Outcomes that are errors of the program."""
 
     TRACEBACK = "traceback"
-    HANG = "hang over 30 s of work"
+    HANG = "more than 30 s of processor time"
     MEMORY = "memory over 2 GB"
-    CODE = "exit code outside the contract"
-    SPEECHLESS = "refused without a word"
+    CODE = "undocumented exit code"
+    SPEECHLESS = "rejected without a message"
     INPUT = "input damaged"
     LEFTOVER = "file left behind"
-    HALF = "output that is not whole"
-    SILENT = "verdict changed in silence"
-    NOISE = "warnings of libraries"
+    HALF = "incomplete output"
+    SILENT = "verdict changed without a note"
+    NOISE = "library warnings"
 
 
 @dataclass(frozen=True)
 class Case:
-    """A command in a folder that holds `files`, and nothing else.
+    """A command run in a folder that contains only `files`.
 
     Attributes
     ----------
@@ -65,9 +71,9 @@ class Case:
     arguments : tuple of str
     files : mapping of str to bytes
     outputs : tuple of str
-        Files that the command was asked to write.
+        Files the command is asked to write.
     sound : tuple of str
-        Effects that the undamaged table shows: where they change, something must be said.
+        Effects named for the undamaged table: a different answer needs a note.
     """
 
     kind: Kind
@@ -78,7 +84,7 @@ class Case:
 
     @property
     def name(self) -> str:
-        """A digest of the case, its file's name."""
+        """File name of the case: a digest of its contents."""
         return hashlib.sha256(self.text().encode()).hexdigest()[:12]
 
     def text(self) -> str:
@@ -88,96 +94,89 @@ class Case:
             for name, data in self.files.items()
         }
         return json.dumps(
-            {
-                "kind": self.kind.value,
-                "arguments": self.arguments,
-                "files": files,
-                "outputs": self.outputs,
-                "sound": self.sound,
-            },
+            {"kind": self.kind.value, "arguments": self.arguments, "files": files,
+             "outputs": self.outputs, "sound": self.sound},
             indent=1,
-        )
+        )  # fmt: skip
 
 
 def read_case(path: Path) -> Case:
-    """A case that was kept."""
-    held = json.loads(path.read_text(encoding="utf-8"))
+    """Read a case from its JSON file."""
+    raw = json.loads(path.read_text(encoding="utf-8"))
     return Case(
-        Kind(held["kind"]),
-        tuple(held["arguments"]),
-        {name: zlib.decompress(base64.b64decode(data)) for name, data in held["files"].items()},
-        tuple(held["outputs"]),
-        None if held["sound"] is None else tuple(held["sound"]),
+        Kind(raw["kind"]),
+        tuple(raw["arguments"]),
+        {name: zlib.decompress(base64.b64decode(data)) for name, data in raw["files"].items()},
+        tuple(raw["outputs"]),
+        None if raw["sound"] is None else tuple(raw["sound"]),
     )
 
 
 def kept() -> list[Path]:
-    """Cases that failed once, and must not again."""
+    """Files of cases that once failed and are replayed by the tests."""
     return sorted((Path(__file__).parent / "kept").glob("*.json"))
 
 
 @dataclass(frozen=True)
 class Ran:
-    """What came of a case.
+    """Outcome of a case.
 
     Attributes
     ----------
     code : int
-        Exit code; negative: the signal that ended it.
-    said, results : str
-        On stderr and stdout.
+        Exit code; negative: the signal that ended the process.
+    said : str
+        Text on stderr.
     seconds, worked : float
-        In all, and of processor time.
+        Elapsed time and processor time, s.
     memory : int
-        Most bytes held.
+        Peak memory, bytes.
     left : mapping of str to bytes
         Files in the folder afterwards.
     """
 
     code: int
     said: str
-    results: str
     seconds: float
     worked: float
     memory: int
     left: Mapping[str, bytes]
 
 
-def run_case(case: Case, folder: Path) -> Ran:
-    """Run a case in a fork of this process, which has the commands loaded; not from threads."""
-    for name, data in case.files.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_bytes(data)
-    said, results = folder.with_suffix(".said"), folder.with_suffix(".results")
+def load_commands() -> None:
+    """Import every module a command imports, so that a case costs only a fork."""
+    from metrology import parse_quantity
+    from pipelines.cli import _COMMANDS
+
+    lazy = ("av", "cv2", "matplotlib.figure", "openpyxl", "scipy.optimize",
+            "pipelines.api.explained", "pipelines.measure.chain")  # fmt: skip
+    for name in (*(command.module for command in _COMMANDS.values()), *lazy):
+        import_module(name)
+    # building the registry of units takes half a second
+    parse_quantity("1 furlong", "m")
+
+
+def start(arguments: tuple[str, ...], folder: Path, said: Path) -> int:
+    """Fork a child that runs a command in `folder` with stderr in `said`; its process id."""
     sys.stdout.flush()
     sys.stderr.flush()
-    began = time.monotonic()
     child = os.fork()
     if child == 0:
-        _become(case, folder, said, results)
-    status, worked, memory = _waited(child, began + _PATIENCE_S)
-    seconds = time.monotonic() - began
-    code = os.waitstatus_to_exitcode(status)
-    left = {
-        str(path.relative_to(folder)): path.read_bytes()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file()
-    }
-    return Ran(code, _text(said), _text(results), seconds, worked, memory, left)
+        _run_and_exit(arguments, folder, said)
+    return child
 
 
-def _become(case: Case, folder: Path, said: Path, results: Path) -> None:
-    """Be the command, and end with it."""
+def _run_and_exit(arguments: tuple[str, ...], folder: Path, said: Path) -> NoReturn:
     code = 1
     try:
         os.setsid()
         os.chdir(folder)
-        for number, path in ((1, results), (2, said)):
-            os.dup2(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
         os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        os.dup2(os.open(said, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 2)
         from pipelines.cli import app
 
-        app(list(case.arguments))
+        app(list(arguments))
         code = 0
     except SystemExit as ended:
         code = ended.code if isinstance(ended.code, int) else int(ended.code is not None)
@@ -192,44 +191,61 @@ def _become(case: Case, folder: Path, said: Path, results: Path) -> None:
         os._exit(code)
 
 
+def run_case(case: Case, folder: Path) -> Ran:
+    """Run a case in a fork of this process; call `load_commands` before, and not from threads."""
+    for name, data in case.files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(data)
+    said = folder.with_suffix(".said")
+    began = time.monotonic()
+    status, worked, memory = _waited(start(case.arguments, folder, said), began + MAX_WALL_S)
+    seconds = time.monotonic() - began
+    text = said.read_bytes().decode("utf-8", errors="replace")
+    said.unlink()
+    left = {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+    return Ran(os.waitstatus_to_exitcode(status), text, seconds, worked, memory, left)
+
+
+def tried(case: Case) -> tuple[Ran, tuple[Fault, ...]]:
+    """Run a case in a temporary folder and judge it."""
+    with tempfile.TemporaryDirectory(prefix="hostile-") as folder:
+        inside = Path(folder) / "case"
+        inside.mkdir()
+        ran = run_case(case, inside)
+    return ran, faults_of(case, ran)
+
+
 def _waited(child: int, until: float) -> tuple[int, float, int]:
-    """Status, processor time and largest memory; ended where it takes too long or too much."""
+    """Exit status, processor time and peak memory; kills the child beyond either limit."""
     peak = 0
     while True:
         found, status, usage = os.wait4(child, os.WNOHANG)
         if found:
             return status, usage.ru_utime + usage.ru_stime, max(peak, usage.ru_maxrss * 1024)
-        peak = max(peak, _held(child))
-        if time.monotonic() > until or peak > 2 * LARGEST_BYTES:
+        try:
+            pages = int(Path(f"/proc/{child}/statm").read_text().split()[1])
+        except (OSError, IndexError):
+            pages = 0
+        peak = max(peak, pages * os.sysconf("SC_PAGE_SIZE"))
+        if time.monotonic() > until or peak > 2 * MAX_BYTES:
             os.kill(child, signal.SIGKILL)
             until = float("inf")
         time.sleep(0.01)
-
-
-def _held(child: int) -> int:
-    try:
-        pages = int(Path(f"/proc/{child}/statm").read_text().split()[1])
-    except (OSError, IndexError):
-        return 0
-    return pages * os.sysconf("SC_PAGE_SIZE")
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_bytes().decode("utf-8", errors="replace")
-    finally:
-        path.unlink(missing_ok=True)
 
 
 _WARNING = re.compile(r"^\S+:\d+: \w*Warning:", re.MULTILINE)
 
 
 def faults_of(case: Case, ran: Ran) -> tuple[Fault, ...]:
-    """What is wrong with what came of a case; empty where all is well."""
+    """Faults in the outcome of a case."""
     found = []
-    if ran.worked > LONGEST_S or ran.seconds > _PATIENCE_S:
+    if ran.worked > MAX_CPU_S or ran.seconds > MAX_WALL_S:
         found.append(Fault.HANG)
-    if ran.memory > LARGEST_BYTES:
+    if ran.memory > MAX_BYTES:
         found.append(Fault.MEMORY)
     if "Traceback (most recent call last)" in ran.said:
         found.append(Fault.TRACEBACK)
@@ -246,16 +262,19 @@ def faults_of(case: Case, ran: Ran) -> tuple[Fault, ...]:
         found.append(Fault.INPUT)
     if set(ran.left) - set(case.files) - set(_allowed(case, ran)):
         found.append(Fault.LEFTOVER)
-    written = [ran.left[name] for name in case.outputs if name in ran.left]
-    if any(not _whole(name, ran.left[name]) for name in case.outputs if name in ran.left):
+    written = {name: ran.left[name] for name in case.outputs if name in ran.left}
+    if not all(_complete(name, data) for name, data in written.items()):
         found.append(Fault.HALF)
     if case.sound is not None and written and ran.code == 0 and not found:
-        found += [Fault.SILENT] * _changed_in_silence(case.sound, written[0], ran.said)
+        document = json.loads(next(iter(written.values())))
+        noted = document.get("notes") or document.get("warnings") or ran.said.strip()
+        if not noted and named(document) != case.sound:
+            found.append(Fault.SILENT)
     return tuple(found)
 
 
 def _allowed(case: Case, ran: Ran) -> list[str]:
-    """Outputs asked for; what is in those that are folders."""
+    """Requested outputs, and files inside requested folders."""
     if {"", "."} & set(case.arguments):
         return list(ran.left)
     return [
@@ -266,11 +285,11 @@ def _allowed(case: Case, ran: Ran) -> list[str]:
 
 
 def _refuse_constant(text: str) -> Any:
-    raise ValueError(f"{text} is no JSON")
+    raise ValueError(f"{text} is not JSON")
 
 
-def _whole(name: str, data: bytes) -> bool:
-    """Whether a JSON file can be read by anybody: whole, and no number that JSON does not have."""
+def _complete(name: str, data: bytes) -> bool:
+    """Whether a JSON output is complete and contains no NaN or infinity."""
     if not name.endswith(".json"):
         return len(data) > 0
     try:
@@ -280,16 +299,6 @@ def _whole(name: str, data: bytes) -> bool:
     return True
 
 
-SURE = 0.5
-"""Probability from which a name counts as a verdict."""
-
-
 def named(document: Mapping[str, Any]) -> tuple[str, ...]:
     """Effects that a verdict names, sorted."""
     return tuple(sorted(e["id"] for e in document.get("effects", ()) if e["probability"] > SURE))
-
-
-def _changed_in_silence(sound: tuple[str, ...], data: bytes, said: str) -> bool:
-    document = json.loads(data)
-    told = bool(document.get("notes")) or bool(document.get("warnings")) or bool(said.strip())
-    return not told and named(document) != sound

@@ -1,7 +1,7 @@
-"""Inputs that get past the doors: what a lab might hand in, at the edge of what can be worked on.
+"""Hypothesis strategies for valid but extreme inputs of every command.
 
-Numbers in their ranges, tables of too few trials or too much noise, tracks with gaps, clips with
-too little light: here the work must end in a number, or in a word that says why there is none.
+Numbers near their limits, tables of few trials or much noise, tracks with gaps, clips with little
+light: each must give a number, or a message why there is none.
 """
 
 import functools
@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from bench.hostile.case import Case, Kind
 from physics.effects import CATALOGUE, MEASUREMENT_IDS
 
-__all__ = ["MILD", "filmed", "films"]
+__all__ = ["EFFECT", "VALID", "clip_of", "films"]
 
 SETUP = """[camera]
 capture_fps = 600
@@ -49,7 +49,7 @@ position = "1.7 mm"
 drag_coefficient = "0.47 ± 0.1"
 """
 _VALUE = re.compile(r"(= \"?)(\d+\.?\d*)")
-_DOUBT = re.compile(r" ± \d+\.?\d* ?[\w^ ]*")
+_STD = re.compile(r" ± \d+\.?\d* ?[\w^ ]*")
 
 numbers = st.floats(0.0, 1.0, allow_nan=False)
 
@@ -64,7 +64,7 @@ def _times(factor: float, found: re.Match[str]) -> str:
 
 @st.composite
 def _setups(draw: st.DrawFn) -> bytes:
-    """A setup another lab may have: other numbers, other doubts, fewer lines."""
+    """A setup file of another laboratory: other numbers and uncertainties, fewer lines."""
     lines = []
     for line in SETUP.splitlines():
         if "=" in line and "cor =" not in line and draw(st.integers(0, 3)) == 0:
@@ -74,9 +74,9 @@ def _setups(draw: st.DrawFn) -> bytes:
             case 0 if "=" in line:
                 continue
             case 1:
-                line = _DOUBT.sub("", line)
+                line = _STD.sub("", line)
             case 2:
-                line = _DOUBT.sub(draw(st.sampled_from((" ± 30 %", " ± 0.01 %", " ± 100 %"))), line)
+                line = _STD.sub(draw(st.sampled_from((" ± 30 %", " ± 0.01 %", " ± 100 %"))), line)
             case _:
                 pass
         lines.append(line)
@@ -91,7 +91,7 @@ def _speeds(draw: st.DrawFn) -> tuple[str, ...]:
 
 @st.composite
 def _models(draw: st.DrawFn) -> tuple[str, ...]:
-    """A command of the model with numbers that a lab may ask for."""
+    """A command of the forward model with plausible numbers."""
     ball = draw(st.sampled_from(((), ("--ball", "jokku"), ("--ball", "basketball"))))
     match draw(st.integers(0, 3)):
         case 0:
@@ -105,7 +105,7 @@ def _models(draw: st.DrawFn) -> tuple[str, ...]:
 
 @st.composite
 def setup_cases(draw: st.DrawFn) -> Case:
-    """The model of another lab."""
+    """A forward model with another setup file."""
     arguments = (*draw(_models()), "--setup", "lab.toml", "--json", "o.json")
     return Case(Kind.SETUP, arguments, {"lab.toml": draw(_setups())}, ("o.json",))
 
@@ -115,7 +115,7 @@ _ACTING = sorted(set(CATALOGUE) - MEASUREMENT_IDS)
 
 @st.composite
 def _effects(draw: st.DrawFn) -> str:
-    """An effect of the catalogue that acts on the motion, with sizes within its bounds."""
+    """An effect of the catalogue on the motion, with parameters within their bounds."""
     effect = draw(st.sampled_from(CATALOGUE[draw(st.sampled_from(_ACTING))]))
     sizes = []
     for parameter in effect.parameters:
@@ -127,7 +127,7 @@ def _effects(draw: st.DrawFn) -> str:
 
 @st.composite
 def argument_cases(draw: st.DrawFn) -> Case:
-    """The model with effects, laws and outputs."""
+    """A forward model with effects, laws and outputs."""
     arguments = [*draw(_models())]
     outputs = ["o.json"]
     if arguments[0] == "simulate":
@@ -161,7 +161,7 @@ def _listed(rows: list[dict[str, str]]) -> bytes:
 
 @st.composite
 def _strikes(draw: st.DrawFn) -> bytes:
-    """A table of a few strikes, with more or fewer columns, doubts, gaps and slips."""
+    """A table of a few strikes: random columns, uncertainties, gaps and outliers."""
     rng = _noise(draw)
     count = draw(st.sampled_from((1, 2, 3, 4, 6, 9, 15)))
     lowest, highest = draw(st.sampled_from(((1.0, 4.0), (2.0, 2.1), (0.2, 0.6), (3.0, 7.0))))
@@ -199,7 +199,7 @@ def _strikes(draw: st.DrawFn) -> bytes:
 
 @st.composite
 def _throws(draw: st.DrawFn) -> bytes:
-    """Samples of thrown balls: few or many, with gaps, noise, a drag that is too large."""
+    """Samples of thrown balls: few or many, with gaps, noise and too much drag."""
     rng = _noise(draw)
     count, long = draw(st.sampled_from((1, 2, 4, 8))), draw(st.sampled_from((3, 8, 20, 60)))
     noise = draw(st.sampled_from((1e-5, 0.002, 0.03)))
@@ -225,7 +225,7 @@ def _throws(draw: st.DrawFn) -> bytes:
 
 @st.composite
 def table_cases(draw: st.DrawFn) -> Case:
-    """A table that can be read, whatever it says."""
+    """A table in a readable format with arbitrary contents."""
     data = draw(_throws() if draw(st.integers(0, 4)) == 0 else _strikes())
     arguments = ["explain", "b.csv", "--setup", "lab.toml", "--json", "o.json"]
     files = {"b.csv": data, "lab.toml": SETUP.encode()}
@@ -234,7 +234,7 @@ def table_cases(draw: st.DrawFn) -> Case:
 
 @st.composite
 def track_cases(draw: st.DrawFn) -> Case:
-    """Somebody's marks of a thrown ball, measured: few, gappy, noisy, of no known scale."""
+    """Tracks of a thrown ball: few points, gaps, noise, scale unknown."""
     rng = _noise(draw)
     count = draw(st.sampled_from((2, 4, 8, 30, 120)))
     frame = np.arange(count) + draw(st.integers(0, 900))
@@ -261,7 +261,7 @@ def track_cases(draw: st.DrawFn) -> Case:
 
 @st.composite
 def law_cases(draw: st.DrawFn) -> Case:
-    """Laws with covariances that hold together, some of which leave (0, 1] on the way."""
+    """Laws with valid covariances, some of which leave (0, 1] within their range."""
     root = np.array([[_between(draw, -0.05, 0.05) for _ in range(3)] for _ in range(3)])
     covariance = (root @ root.T + 1e-8 * np.eye(3)).tolist()
     a, b, d = _between(draw, 0.0, 0.5), _between(draw, 0.0, 2.0), _between(draw, 0.2, 0.9)
@@ -289,21 +289,30 @@ covariance = [[{_between(draw, 1e-4, 0.01)}]]
     return Case(Kind.LAWS, arguments, {"cor.toml": text.encode()}, ("o.json",))
 
 
-def filmed(form: str, size: tuple[int, int], frames: int, of: int) -> bytes:
-    """A clip of two discs, one of which may strike the other, drawn by a seed."""
+_FORMATS = {
+    ".mp4": ("mp4", "libx264", "yuv420p"),
+    ".avi": ("avi", "mjpeg", "yuvj420p"),
+    ".mkv": ("matroska", "ffv1", "yuv420p"),
+}
+"""Container, codec and pixel format by suffix."""
+
+
+@functools.cache
+def clip_of(suffix: str, size: tuple[int, int], frames: int, of: int) -> bytes:
+    """A clip of two discs, one of which may strike the other; a seed gives one clip."""
     import av
 
     rng = np.random.default_rng(of)
     width, height = size
-    codec, suits = ("mjpeg", "yuvj420p") if form == "avi" else ("libx264", "yuv420p")
+    form, codec, pixels = _FORMATS[suffix]
     ball, struck = rng.uniform(0.05, 0.2) * height, rng.integers(1, max(2, frames - 1))
     back, front, dark = rng.uniform(10, 240, 3)
     speed, gravity = rng.uniform(0.0, 0.05) * width, rng.uniform(0.0, 0.002) * height
     y, x = np.mgrid[:height, :width]
-    held = io.BytesIO()
-    with av.open(held, "w", format=form) as container:
+    buffer = io.BytesIO()
+    with av.open(buffer, "w", format=form) as container:
         stream: Any = container.add_stream(codec, rate=30)
-        stream.width, stream.height, stream.pix_fmt = width, height, suits
+        stream.width, stream.height, stream.pix_fmt = width, height, pixels
         for number in range(frames):
             picture = rng.normal(back, rng.uniform(0, 4), (height, width, 3))
             after = max(0, number - struck)
@@ -315,22 +324,22 @@ def filmed(form: str, size: tuple[int, int], frames: int, of: int) -> bytes:
             frame = av.VideoFrame.from_ndarray(np.clip(picture, 0, 255).astype(np.uint8), "rgb24")
             container.mux(stream.encode(frame))
         container.mux(stream.encode(None))
-    return held.getvalue()
+    return buffer.getvalue()
 
 
 @functools.cache
 def films() -> tuple[bytes, ...]:
-    """A few clips, drawn before hypothesis draws."""
+    """A few clips, prepared outside hypothesis."""
     sizes = ((64, 48), (96, 64), (160, 96), (240, 136))
     return tuple(
-        filmed("mp4" if of % 2 else "avi", sizes[of % 4], (5, 12, 30, 60)[of // 4 % 4], of)
+        clip_of(".mp4" if of % 2 else ".avi", sizes[of % 4], (5, 12, 30, 60)[of // 4 % 4], of)
         for of in range(24)
     )
 
 
 @st.composite
 def clip_cases(draw: st.DrawFn) -> Case:
-    """A clip that can be opened, of a scene in which little, much or nothing happens."""
+    """A clip that may be partly damaged, with random options."""
     of = draw(st.integers(0, len(films()) - 1))
     data = bytearray(films()[of])
     if draw(st.integers(0, 2)) == 0:
@@ -351,7 +360,7 @@ def clip_cases(draw: st.DrawFn) -> Case:
 
 @st.composite
 def lab_book_cases(draw: st.DrawFn) -> Case:
-    """A lab book that is sound, before clips of which none may show a strike."""
+    """A valid lab book and clips that may not show a strike."""
     count = draw(st.integers(1, 2))
     rows = [
         {
@@ -364,8 +373,8 @@ def lab_book_cases(draw: st.DrawFn) -> Case:
         }
         for k in range(count)
     ]
-    held = st.sampled_from((b"", b"no clip", *films()[:4]))
-    files = {f"clips/c{k}.avi": draw(held) for k in range(count)}
+    contents = st.sampled_from((b"", b"no clip", *films()[:4]))
+    files = {f"clips/c{k}.avi": draw(contents) for k in range(count)}
     arguments = (
         "campaign",
         "clips",
@@ -392,7 +401,7 @@ class Own(Effect):
 
 EFFECTS = [
     Own(
-        id="{id}", statement="This lab supposes it.", law=r"F = {law}", source="this lab",
+        id="{id}", statement="An assumed force.", law=r"F = {law}", source="this lab",
         phase="flight",
         parameters=(Parameter("size", "{unit}", {prior}, {low}, {high}),),
     )
@@ -402,7 +411,7 @@ EFFECTS = [
 
 @st.composite
 def effect_cases(draw: st.DrawFn) -> Case:
-    """Forces that a lab may write: of every size, in one or three components, steep or flat."""
+    """A file with a user's force: any size, one or three components, steep or flat."""
     force = draw(
         st.sampled_from(
             (
@@ -430,7 +439,7 @@ def effect_cases(draw: st.DrawFn) -> Case:
     return Case(Kind.EFFECTS, ("effects", "check", "mine.py"), {"mine.py": text.encode()})
 
 
-MILD = {
+VALID = {
     Kind.SETUP: setup_cases,
     Kind.ARGUMENTS: argument_cases,
     Kind.LAWS: law_cases,
@@ -440,4 +449,4 @@ MILD = {
     Kind.CLIP: clip_cases,
     Kind.EFFECTS: effect_cases,
 }
-"""Strategies by door."""
+"""Strategy of each kind."""

@@ -1,22 +1,20 @@
-"""Hypothesis strategies for whatever people hand to the commands, and what goes wrong with it."""
+"""Hypothesis strategies for damaged inputs of every command."""
 
 import functools
-import io
 import json
 import re
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from hypothesis import HealthCheck, Phase, given, seed, settings
 from hypothesis import strategies as st
 
 from bench.hostile.case import Case, Kind, named
-from bench.hostile.mild import MILD, films
+from bench.hostile.valid import EFFECT, VALID, clip_of, films
 
-__all__ = ["STRATEGIES", "drawn"]
+__all__ = ["LAWS", "SETUP", "STRATEGIES", "drawn", "null_table", "sound_tracks", "table_text"]
 
 SETUP = """[camera]
 capture_fps = 600
@@ -65,7 +63,7 @@ WORDS = (
     "\x00",
     "True", "600 fps ± 600 fps", "5 mm", "90 deg", "a" * 5000, "١٢", "1_000", "--", "None", "{}",
 )  # fmt: skip
-"""What stands where a number or a name should."""
+"""Text in place of a number or a name."""
 LITERALS = (
     "nan", "inf", "-inf", "true", "[]", "{}", "[[1, 2], [3]]", "-1", "0", "1e300", "1e-300", "50",
     "9" * 400, "1979-05-27", "''", '["a", 1]', "0.0", "1e999", '"""x\n"""',
@@ -75,7 +73,7 @@ words = st.one_of(st.sampled_from(WORDS), st.text(max_size=12))
 
 
 def _bytes_changed(data: bytes, draw: st.DrawFn) -> bytes:
-    """The bytes with a few of them changed, cut, doubled or marked."""
+    """The bytes with one to four changes."""
     raw = bytearray(data)
     for _ in range(draw(st.integers(1, 4))):
         at = draw(st.integers(0, max(0, len(raw) - 1)))
@@ -94,29 +92,29 @@ def _bytes_changed(data: bytes, draw: st.DrawFn) -> bytes:
 
 
 def _encoded(text: str, draw: st.DrawFn) -> bytes:
-    way = draw(st.sampled_from(("utf-8",) * 5 + ("utf-8-sig", "utf-16", "latin-1", "utf-16-le")))
-    return text.encode(way, errors="replace")
+    encodings = ("utf-8",) * 5 + ("utf-8-sig", "utf-16", "latin-1", "utf-16-le")
+    return text.encode(draw(st.sampled_from(encodings)), errors="replace")
 
 
 _NUMBER = re.compile(r"\d+\.?\d*(?:e-?\d+)?")
 
 
 def _with_another_number(line: str, draw: st.DrawFn) -> str:
-    """The line with a number that may be meant, but hardly."""
+    """The line with its number multiplied, perhaps with another uncertainty."""
     found = _NUMBER.search(line)
     if found is None:
         return line
     factor = draw(st.sampled_from((0.0, 1e-6, 1e-3, 0.1, 0.5, 2.0, 10.0, 1e3, 1e6, -1.0)))
-    doubt = draw(st.sampled_from(("", "", " ± 1e-9", " ± 100", " +- 0", " ± 5 %")))
+    std = draw(st.sampled_from(("", "", " ± 1e-9", " ± 100", " +- 0", " ± 5 %")))
     number = f"{factor * float(found.group()):g}"
-    if doubt and '"' in line:
-        return line[: found.start()] + number + line[found.end() :].rstrip('"') + doubt + '"'
+    if std and '"' in line:
+        return line[: found.start()] + number + line[found.end() :].rstrip('"') + std + '"'
     return line[: found.start()] + number + line[found.end() :]
 
 
 @st.composite
 def setups(draw: st.DrawFn) -> bytes:
-    """A setup file with one to three mistakes, or with changed bytes."""
+    """A setup file with one to three errors, or with changed bytes."""
     if draw(st.integers(0, 4)) == 0:
         return _bytes_changed(SETUP.encode(), draw)
     lines = SETUP.splitlines()
@@ -124,8 +122,8 @@ def setups(draw: st.DrawFn) -> bytes:
         at = draw(st.integers(0, len(lines) - 1))
         key = lines[at].split("=")[0].strip()
         value = draw(st.sampled_from(LITERALS) | words.map(lambda w: json.dumps(w)))
-        ways = ("value",) * 4 + ("scale",) * 6 + ("key", "drop", "twice", "table", "many")
-        match draw(st.sampled_from(ways)):
+        kinds = ("value",) * 4 + ("scale",) * 6 + ("key", "drop", "twice", "table", "many")
+        match draw(st.sampled_from(kinds)):
             case "scale":
                 lines[at] = _with_another_number(lines[at], draw)
             case "value" if "=" in lines[at]:
@@ -152,7 +150,7 @@ MODEL = (
     ("plan", "--distance", "1.2m", "--ball", "red"),
     ("plan", "campaign", "--target-cor-std", "0.01"),
 )
-"""Commands that read a setup and cost little."""
+"""Fast commands that read a setup file."""
 
 
 @st.composite
@@ -199,7 +197,7 @@ NUMBERS = (
 
 @st.composite
 def nearly_right_cases(draw: st.DrawFn) -> Case:
-    """A command that would do, with one or two values at the edge of what can be meant."""
+    """A valid command with one or two extreme values."""
     command = list(draw(st.sampled_from(MODEL)))
     name = "plan" if command[0] == "plan" else "simulate"
     options = ["--cor", "--drag", "--ball"] + (["--effect"] if name == "simulate" else [])
@@ -221,7 +219,7 @@ def nearly_right_cases(draw: st.DrawFn) -> Case:
 
 @st.composite
 def argument_cases(draw: st.DrawFn) -> Case:
-    """A command with options that may or may not be its own, and values that are not."""
+    """A command with random options and values, mostly invalid."""
     if draw(st.booleans()):
         return draw(nearly_right_cases())
     command = draw(st.sampled_from([*OPTIONS]))
@@ -237,7 +235,7 @@ def argument_cases(draw: st.DrawFn) -> Case:
     if draw(st.booleans()):
         arguments += ["--json", draw(st.sampled_from(("o.json", "lab.toml", "b.csv", "-")))]
     files = {"lab.toml": SETUP.encode(), "b.csv": table_text().encode()}
-    # whatever a word happened to name may be written: the two files must stay
+    # a random word may name an output; the two input files must not change
     at = arguments.index("--json") + 1 if "--json" in arguments else len(arguments)
     outputs = tuple(part for part in arguments if part not in files and "/" not in part and part)
     outputs += tuple(arguments[at : at + 1])
@@ -246,7 +244,7 @@ def argument_cases(draw: st.DrawFn) -> Case:
 
 @functools.cache
 def table_text() -> str:
-    """A table of trials whose ranges are 12 % longer than simulated."""
+    """A table of trials with ranges 12 % longer than simulated."""
     from pipelines.api.modelled import simulate
 
     rng = np.random.default_rng(5)
@@ -265,7 +263,7 @@ def table_text() -> str:
 
 @functools.cache
 def sound_table() -> tuple[str, tuple[str, ...]]:
-    """The table of trials, and what `explain` names in it."""
+    """The table of trials and the effects that `explain` names."""
     from pipelines.api.explained import explain
 
     with tempfile.TemporaryDirectory() as folder:
@@ -283,7 +281,7 @@ CELLS = (
 
 @st.composite
 def table_cases(draw: st.DrawFn) -> Case:
-    """A sound table with damage of the kinds that spreadsheets and people do."""
+    """A table with the damage that spreadsheets and typing errors cause."""
     text, sound = sound_table()
     rows = [line.split(",") for line in text.splitlines()]
     mark, raw, same = ",", None, True
@@ -329,7 +327,7 @@ def table_cases(draw: st.DrawFn) -> Case:
     data = raw or _encoded("\n".join(mark.join(row) for row in rows) + "\n", draw)
     arguments = ("explain", "b.csv", "--setup", "lab.toml", "--json", "o.json")
     files = {"b.csv": data, "lab.toml": SETUP.encode()}
-    # another number, head or scale is another recording; what is left out must be told
+    # other numbers, headers or scales make another recording; ignored cells must be reported
     return Case(Kind.TABLE, arguments, files, ("o.json",), sound if same else None)
 
 
@@ -349,8 +347,8 @@ def _scaled(row: list[str], column: int, factor: float) -> list[str]:
 
 
 @functools.cache
-def _sound_tracks() -> dict[str, bytes]:
-    """One track in the form of each program."""
+def sound_tracks() -> dict[str, bytes]:
+    """One track in the format of each program."""
     from pipelines.interop.external import ExternalTrack, ExternalTracks, PlaneOfMotion, Program
     from pipelines.interop.measured import write_tracks
 
@@ -373,9 +371,9 @@ def _sound_tracks() -> dict[str, bytes]:
 
 @st.composite
 def track_cases(draw: st.DrawFn) -> Case:
-    """A track of another program, with changed bytes or numbers."""
-    name = draw(st.sampled_from([*_sound_tracks()]))
-    data = _sound_tracks()[name]
+    """A track file with changed bytes or numbers."""
+    name = draw(st.sampled_from([*sound_tracks()]))
+    data = sound_tracks()[name]
     if draw(st.booleans()) and not name.endswith("xlsx"):
         parts = data.decode().split("0")
         at = draw(st.integers(1, max(1, len(parts) - 1)))
@@ -404,7 +402,7 @@ covariance = [[1e-4, 0.0, 0.0], [0.0, 1e-4, 0.0], [0.0, 0.0, 1e-4]]
 
 @st.composite
 def law_cases(draw: st.DrawFn) -> Case:
-    """A cor.toml that somebody edited, or a law typed."""
+    """An edited cor.toml, or a law on the command line."""
     if draw(st.integers(0, 2)) == 0:
         parts = (*"v0123456789.+-*/(),", "exp", "log", "**", "sqrt", "min", "e", " ", "1e9")
         law = draw(st.lists(st.sampled_from(parts), max_size=14).map("".join))
@@ -432,7 +430,7 @@ BOOK = "clip,ball,backswing_deg,session,contact_time_fsr_s,landing_tape_m,landin
 
 @st.composite
 def lab_book_cases(draw: st.DrawFn) -> Case:
-    """A lab book with slips, before clips that are none (so that nothing is measured)."""
+    """A lab book with errors, and empty clips, so that nothing is measured."""
     rows = [line.split(",") for line in BOOK.splitlines()]
     for _ in range(draw(st.integers(1, 3))):
         row, column = draw(st.integers(0, len(rows) - 1)), draw(st.integers(0, 6))
@@ -441,54 +439,29 @@ def lab_book_cases(draw: st.DrawFn) -> Case:
     data = _encoded("\n".join(mark.join(row) for row in rows), draw)
     if draw(st.integers(0, 3)) == 0:
         data = _bytes_changed(data, draw)
-    # a second clip of that name is refused before any is opened
+    # two clips of one name are rejected before any is opened
     files = {"trials.csv": data, "clips/c0.mp4": b"", "clips/c0.mov": b""}
     arguments = ("campaign", "clips", "--trials", "trials.csv", "--out", "out", "--quiet")
     return Case(Kind.LAB_BOOK, arguments, files, ("out",))
 
 
-@functools.cache
-def _sound_clips() -> dict[str, bytes]:
-    """Small clips of a disc that is struck by another, in several containers and codecs."""
-    return {
-        "a.mp4": _clip("mp4", "libx264", 40, (96, 64)),
-        "long.mp4": _clip("mp4", "libx264", 90, (160, 96)),
-        "b.avi": _clip("avi", "mjpeg", 24, (96, 64)),
-        "c.mkv": _clip("matroska", "ffv1", 16, (64, 48)),
-        "one.mp4": _clip("mp4", "libx264", 1, (96, 64)),
-        "tiny.avi": _clip("avi", "ffv1", 20, (8, 8)),
-        "flat.avi": _clip("avi", "ffv1", 8, (2000, 2)),
-    }
-
-
-def _clip(form: str, codec: str, frames: int, size: tuple[int, int]) -> bytes:
-    import av
-
-    width, height = size
-    held = io.BytesIO()
-    rng = np.random.default_rng(frames)
-    with av.open(held, "w", format=form) as container:
-        stream: Any = container.add_stream(codec, rate=30)
-        stream.width, stream.height = size
-        stream.pix_fmt = "yuvj420p" if codec == "mjpeg" else "yuv420p"
-        y, x = np.mgrid[:height, :width]
-        for number in range(frames):
-            picture = rng.normal(110, 3, (height, width, 3))
-            ball = width * (0.45 + max(0, number - frames // 2) * 0.02), height * 0.6
-            bob = width * min(0.3, 0.05 + 0.3 * number / frames), height * 0.6
-            for (cx, cy), level in ((ball, 220), (bob, 20)):
-                picture[np.hypot(x - cx, y - cy) < height * 0.12] = level
-            frame = av.VideoFrame.from_ndarray(np.clip(picture, 0, 255).astype(np.uint8), "rgb24")
-            container.mux(stream.encode(frame))
-        container.mux(stream.encode(None))
-    return held.getvalue()
+CLIPS = (
+    ("a.mp4", (96, 64), 40),
+    ("long.mp4", (160, 96), 90),
+    ("b.avi", (96, 64), 24),
+    ("c.mkv", (64, 48), 16),
+    ("one.mp4", (96, 64), 1),
+    ("tiny.mkv", (8, 8), 20),
+    ("flat.mkv", (2000, 2), 8),
+)
+"""File name, size in px and number of frames."""
 
 
 @st.composite
 def clip_cases(draw: st.DrawFn) -> Case:
-    """A small clip as it is, with changed bytes, or under another name."""
-    name = draw(st.sampled_from([*_sound_clips()]))
-    data = _sound_clips()[name]
+    """A small clip, unchanged, with changed bytes, or with another file name."""
+    name, size, frames = draw(st.sampled_from(CLIPS))
+    data = clip_of(Path(name).suffix, size, frames, frames)
     how = draw(st.integers(0, 5))
     if how > 1:
         data = _bytes_changed(data, draw)
@@ -507,24 +480,15 @@ def clip_cases(draw: st.DrawFn) -> Case:
     return Case(Kind.CLIP, tuple(arguments), {name: data}, ("o.json", "o.csv"))
 
 
-EFFECT = """
-from dataclasses import dataclass
-import numpy as np
-from physics.effects import *
-
-
-@dataclass(frozen=True)
-class Wind(Effect):
-    id = "my_wind"
-    statement = "A wind blows."
-
-
-EFFECTS = [Wind()]
-"""
+EXAMPLE = {
+    "force": 'values["size"] * flight.vx, nothing, nothing',
+    "id": "own", "law": "k v", "unit": "kg/s", "prior": "0.1", "low": "0.0", "high": "100.0",
+}  # fmt: skip
+"""A sound effect, for `EFFECT`."""
 SPOILS = (
     "EFFECTS = 3", "EFFECTS = []", "EFFECTS = None", "import sys; sys.exit(0)", "raise SystemExit",
     "while True: pass", "x = bytearray(3 << 30)", "import os; os._exit(0)", "import nothing_such",
-    "def (", "EFFECTS = [object()]", "EFFECTS = [Wind, Wind]", "print('a' * 100000)",
+    "def (", "EFFECTS = [object()]", "EFFECTS = EFFECTS * 2", "print('a' * 100000)",
     "import os; os.kill(os.getpid(), 9)", "raise KeyboardInterrupt", "def f(): f()\nf()",
     "import time; time.sleep(1000)", "EFFECTS = (x for x in iter(int, 1))", "\x00", "﻿EFFECTS = 1",
     "import threading; threading.Thread(target=lambda: [None for _ in iter(int, 1)]).start()",
@@ -534,8 +498,8 @@ SPOILS = (
 
 @st.composite
 def effect_cases(draw: st.DrawFn) -> Case:
-    """A file of effects that does what it must not."""
-    text = _effect_example()
+    """A file of effects with harmful code or changed bytes."""
+    text = EFFECT.format(**EXAMPLE)
     if draw(st.booleans()):
         text += "\n" + draw(st.sampled_from(SPOILS)) + "\n"
         data = text.encode()
@@ -544,14 +508,14 @@ def effect_cases(draw: st.DrawFn) -> Case:
     return Case(Kind.EFFECTS, ("effects", "check", "mine.py"), {"mine.py": data})
 
 
-@functools.cache
-def _effect_example() -> str:
-    """The example of the docs, which is sound."""
-    page = Path(__file__).parents[2] / "docs" / "explain.md"
-    blocks = page.read_text(encoding="utf-8").split("```python\n")[1:]
-    return next(
-        (block.split("```")[0] for block in blocks if "EFFECTS" in block.split("```")[0]), EFFECT
-    )
+def null_table(column: str, seed: int) -> str:
+    """The table of trials with one column permuted among the trials: no effect is present."""
+    rows = [line.split(",") for line in table_text().splitlines()]
+    at = rows[0].index(column)
+    values = np.random.default_rng(seed).permutation([float(row[at]) for row in rows[1:]])
+    for row, value in zip(rows[1:], values, strict=True):
+        row[at] = f"{value:.4f}"
+    return "\n".join(",".join(row) for row in rows) + "\n"
 
 
 STRATEGIES: dict[Kind, tuple[Callable[[], st.SearchStrategy[Case]], int]] = {
@@ -564,29 +528,28 @@ STRATEGIES: dict[Kind, tuple[Callable[[], st.SearchStrategy[Case]], int]] = {
     Kind.CLIP: (clip_cases, 8),
     Kind.EFFECTS: (effect_cases, 4),
 }
-"""Of each door the strategy, and how many cases a round draws: cheap ones more often."""
+"""Strategy of each kind and number of cases in a round: fast ones more often."""
 
 
-_PREPARED: dict[Kind, tuple[Callable[[], object], ...]] = {
-    Kind.TABLE: (sound_table,),
-    Kind.TRACKS: (_sound_tracks,),
-    Kind.CLIP: (_sound_clips, films),
-    Kind.LAB_BOOK: (films,),
+_PREPARED: dict[Kind, Callable[[], object]] = {
+    Kind.TABLE: sound_table,
+    Kind.TRACKS: sound_tracks,
+    Kind.CLIP: films,
+    Kind.LAB_BOOK: films,
 }
 
 
 @st.composite
 def _either(draw: st.DrawFn, kind: Kind) -> Case:
-    """Half of the inputs are turned away at the door, half get past it."""
-    return draw(MILD[kind]() if draw(st.booleans()) else STRATEGIES[kind][0]())
+    """A damaged or a valid input."""
+    return draw(VALID[kind]() if draw(st.booleans()) else STRATEGIES[kind][0]())
 
 
 def drawn(kind: Kind, number: int, of: int) -> list[Case]:
-    """So many cases of a door; the same seed gives the same ones."""
+    """`number` cases of a kind; a seed always gives the same cases."""
     found: list[Case] = []
-    # made before drawing: hypothesis forbids what libraries do with the module `random` in there
-    for prepare in _PREPARED.get(kind, (table_text,)):
-        prepare()
+    # prepared outside hypothesis, which forbids libraries to use the module `random` inside
+    _PREPARED.get(kind, table_text)()
 
     @seed(of)
     @settings(
