@@ -1,1 +1,1 @@
-"""Benchmarks of accuracy, robustness and speed; not installed with the package."""
+"""Measurements of how well the package does what it says; not installed with it."""

@@ -1,4 +1,4 @@
-"""Compare errors predicted by `vision calibrate plan` with rendered clips.
+"""Compare the errors predicted by `vision calibrate plan` with those of rendered clips.
 
 Run: python -m bench.planning [--clips 2]
 

@@ -1,1 +1,1 @@
-"""Blind test of the mismatch engine on campaigns with concealed physics."""
+"""The blind proof of the mismatch engine: campaigns with concealed physics, and their scoring."""

@@ -1,1 +1,0 @@
-"""Clips with known truth: following, gravity, and the shipped samples."""

@@ -1,1 +1,1 @@
-"""Concealed campaigns rendered as clips, measured and explained."""
+"""Campaigns that are filmed, measured and then explained."""

@@ -1,1 +1,1 @@
-"""First generator of concealed campaigns, independent of the package under test."""
+"""The world in which physics is concealed."""
