@@ -101,6 +101,7 @@ def _report(before: Records, after: Records, allowed: list[str]) -> int:
     same = sum(_compared(before[key]) == _compared(after[key]) for key in both)
     print("\n".join(str(move) for move in found))
     bad = unlisted(found, allowed)
+    print(f"New, not compared: {', '.join(key for key in after if key not in before) or 'none'}.")
     print(
         f"{len(both)} items compared, {same} identical to the last digit; {len(found)} values"
         f" moved, {len(found) - len(bad)} of them nearer to the truth or allowed."

@@ -1,7 +1,7 @@
 """Compare two sets of results: what moved, and whether it came nearer to the truth."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import Any
@@ -94,83 +94,74 @@ def _moves_of(key: str, old: Record, new: Record, truth: Record) -> Iterator[Mov
         yield from _verdict_moves(key, old, new, truth)
 
 
-def _better(was: bool | None, is_now: bool | None) -> Judged:
-    if was is None or is_now is None or was == is_now:
+def _judged(is_nearer: bool | None) -> Judged:
+    if is_nearer is None:
         return Judged.UNKNOWN
-    return Judged.NEARER if is_now else Judged.FARTHER
+    return Judged.NEARER if is_nearer else Judged.FARTHER
 
 
-def _by_distance(old: float, new: float) -> Judged:
-    return Judged.NEARER if new < old else Judged.FARTHER
+def _changed(
+    key: str, what: str, pair: tuple[str, str], right: Collection[str] | None
+) -> Iterator[Move]:
+    """A changed word: nearer to the truth if only the new one is right."""
+    was_right, is_right = (right is not None and word in right for word in pair)
+    if pair[0] != pair[1]:
+        yield Move(key, what, *pair, _judged(None if was_right == is_right else is_right))
 
 
 def _probability_move(
     key: str, what: str, pair: tuple[float, float], right: bool | None
 ) -> Iterator[Move]:
-    """A changed probability; higher is nearer to the truth if what it belongs to is right."""
+    """A changed probability: higher is nearer to the truth if what it belongs to is right."""
     old, new = pair
     if abs(new - old) > MAX_PROBABILITY_MOVE:
-        judged = Judged.UNKNOWN
-        if right is not None:
-            judged = Judged.NEARER if (new > old) == right else Judged.FARTHER
+        judged = _judged(None if right is None else (new > old) == right)
         yield Move(key, what, f"{old:.3f}", f"{new:.3f}", judged)
 
 
-def _motion_moves(key: str, old: Record, new: Record, kinds: tuple[str, ...]) -> Iterator[Move]:
-    if old["kind"] != new["kind"]:
-        right = [(one["kind"] in kinds) if kinds else None for one in (old, new)]
-        yield Move(key, "motion", old["kind"], new["kind"], _better(*right))
-        return
-    right_kind = old["kind"] in kinds if kinds else None
-    pair = (old["probability"], new["probability"])
-    yield from _probability_move(key, "motion probability", pair, right_kind)
+def _motion_moves(key: str, old: Record, new: Record, kinds: Collection[str]) -> Iterator[Move]:
+    yield from _changed(key, "motion", (old["kind"], new["kind"]), kinds)
+    if old["kind"] == new["kind"]:
+        right = old["kind"] in kinds if kinds else None
+        pair = (old["probability"], new["probability"])
+        yield from _probability_move(key, "motion probability", pair, right)
 
 
 def _shown(entry: Record | None) -> str:
-    if entry is None or entry["value"] is None:
+    if entry is None:
         return "not given"
     std = entry.get("std")
     return f"{entry['value']:.6g}" + ("" if std is None else f" ± {std:.2g}")
 
 
-def _is_far(entry: Record, true: float) -> bool:
-    return bool(abs(entry["value"] - true) > FAR * (entry.get("std") or 0.0))
-
-
 def _value_moves(
     key: str, name: str, old: Record | None, new: Record | None, true: float | None
 ) -> Iterator[Move]:
-    had = old is not None and old["value"] is not None
-    has = new is not None and new["value"] is not None
-    if not had and not has:
-        return
-    if had and has:
-        assert old is not None
-        assert new is not None
+    old, new = (one if one and one["value"] is not None else None for one in (old, new))
+    judged: Judged | None = None
+    if old is not None and new is not None:
         judged = _judged_value(old, new, true)
-        if judged is not None:
-            yield Move(key, name, _shown(old), _shown(new), judged)
-        return
-    judged = Judged.UNKNOWN
-    given = old if had else new
-    if true is not None and given is not None:
-        # a value far from the truth is better withheld
-        judged = Judged.NEARER if _is_far(given, true) == had else Judged.FARTHER
-    yield Move(key, name, _shown(old), _shown(new), judged)
+    elif (given := old or new) is not None:
+        judged = Judged.UNKNOWN
+        if true is not None:
+            # a value far from the truth is better withheld
+            is_far = abs(given["value"] - true) > FAR * (given.get("std") or 0.0)
+            judged = Judged.NEARER if is_far == (new is None) else Judged.FARTHER
+    if judged is not None:
+        yield Move(key, name, _shown(old), _shown(new), judged)
 
 
 def _judged_value(old: Record, new: Record, true: float | None) -> Judged | None:
     """How a given value moved; None if it stayed."""
     std, later = old.get("std") or 0.0, new.get("std") or 0.0
-    if abs(new["value"] - old["value"]) > MAX_MOVE * std:
-        if true is None:
-            return Judged.UNKNOWN
-        return _by_distance(abs(old["value"] - true), abs(new["value"] - true))
-    if abs(later - std) > MAX_MOVE * std:
-        if true is None or not std or not later:
-            return Judged.UNKNOWN
-        return _by_distance(_log_score(old, true), _log_score(new, true))
-    return None
+    moved = abs(new["value"] - old["value"]) > MAX_MOVE * std
+    if not moved and abs(later - std) <= MAX_MOVE * std:
+        return None
+    if true is None or (not moved and not (std and later)):
+        return Judged.UNKNOWN
+    if moved:
+        return _judged(abs(new["value"] - true) < abs(old["value"] - true))
+    return _judged(_log_score(new, true) < _log_score(old, true))
 
 
 def _log_score(entry: Record, true: float) -> float:
@@ -180,25 +171,20 @@ def _log_score(entry: Record, true: float) -> float:
 
 
 def _verdict_moves(key: str, old: Record, new: Record, truth: Record) -> Iterator[Move]:
-    verdicts, names = truth.get("verdicts"), truth.get("names")
-    if old["verdict"] != new["verdict"]:
-        right = [None if verdicts is None else one["verdict"] in verdicts for one in (old, new)]
-        yield Move(key, "verdict", old["verdict"], new["verdict"], _better(*right))
-    if old["groups"] != new["groups"]:
-        yield Move(key, "groups", str(old["groups"]), str(new["groups"]), Judged.UNKNOWN)
+    names = truth.get("names")
+    yield from _changed(key, "verdict", (old["verdict"], new["verdict"]), truth.get("verdicts"))
+    yield from _changed(key, "groups", (str(old["groups"]), str(new["groups"])), None)
     earlier, later = old["effects"], new["effects"]
     for name in {**earlier, **later}:
-        right_name = None if names is None else name in names
+        right = None if names is None else name in names
         if name in earlier and name in later:
-            yield from _effect_moves(key, name, earlier[name], later[name], right_name)
+            yield from _effect_moves(key, name, earlier[name], later[name], right)
             continue
-        judged = Judged.UNKNOWN
-        if right_name is not None:
-            judged = Judged.NEARER if (name in later) == right_name else Judged.FARTHER
         was, is_now = (
             f"{one[name]['probability']:.3f}" if name in one else "not named"
             for one in (earlier, later)
         )
+        judged = _judged(None if right is None else (name in later) == right)
         yield Move(key, name, was, is_now, judged)
 
 

@@ -183,15 +183,19 @@ def _as_input(case: Case) -> ClipInput:
 
 
 def _real(item: Item, folder: Path) -> Path:
-    assert item.source is not None
+    """Folder with the files of a real data set, converted if the engine can't read them."""
+    source = item.source
+    assert source is not None
     if item.name == "juggling_mocap":
-        recordings = pd.read_csv(item.source / "flights.csv")["recording"]
-        juggling_mocap.convert(item.source, folder, str(recordings.iloc[0]))
+        juggling_mocap.convert(source, folder, _first(source / "flights.csv", "recording"))
     elif item.name == "rocket_coast":
-        rockets = pd.read_csv(item.source / "truth.csv")["object"]
-        rocket_coast.convert(item.source, folder, str(rockets.iloc[0]))
+        rocket_coast.convert(source, folder, _first(source / "truth.csv", "object"))
     elif item.name == "rod_pendulum":
-        rod_pendulum.convert(item.source, folder)
+        rod_pendulum.convert(source, folder)
     else:
-        return item.source
+        return source
     return folder
+
+
+def _first(table: Path, column: str) -> str:
+    return str(pd.read_csv(table)[column].iloc[0])
