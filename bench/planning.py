@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from physics.bodies import BASKETBALL, JOKKU
-from pipelines.calibrate.plan import Filming, film_scene, foresee, planned_setup
+from pipelines.calibrate.plan import Filming, film_scene, planned_setup, predict_recording
 from pipelines.measure.chain import MeasureOptions, measure_clip
 from pipelines.setup.file import Setup
 from sample_videos.render import render_clip
@@ -94,7 +94,7 @@ def with_tape_errors(setup: Setup, seed: int) -> Setup:
 
 def compared(filming: Filming, clips: int, *, first: int = 1) -> list[Compared]:
     """Predict one setting, render it `clips` times and compare."""
-    forecast = foresee(filming)
+    forecast = predict_recording(filming)
     errors: dict[str, list[tuple[float, float]]] = {name: [] for name in COMPARED}
     with TemporaryDirectory() as folder:
         for seed in range(first, first + clips):

@@ -1,1 +1,1 @@
-"""`vision calibrate`: lenses, walls, rates, plans, and the wizard."""
+"""`vision calibrate`: lenses, walls, capture rates, plans and the wizard."""

@@ -1,11 +1,4 @@
-"""`vision calibrate`: boards to print, lenses, the wall of a clip, and whether a camera moved.
-
-`vision calibrate rate`: the camera's true capture rate from a light of known rate in view.
-
-`vision calibrate CLIP`: the wizard in the browser, on the terminal, or unattended.
-
-The same questions on a text terminal.
-"""
+"""Commands of `vision calibrate`: wizard, boards, lenses, walls, rates, moves."""
 
 import os
 import sys
@@ -43,7 +36,7 @@ from pipelines.calibrate.wizard.answers import (
     distance_from,
     fine_pitch_from,
     lens_from_file,
-    look_at,
+    open_scene,
     pitch_from,
     point_from,
     rate_from,
@@ -64,21 +57,21 @@ __all__ = [
     "ClipOrCommand",
     "Dialogue",
     "ask_all",
+    "describe_outlook",
     "find_unattended",
     "session_of",
-    "told_of",
 ]
 
 Changed = Callable[[Answers, str], Answers]
 
 
 class Dialogue:
-    """Somebody to ask.
+    """A user to ask.
 
     Parameters
     ----------
     ask : callable
-        Takes a question and what an empty answer means; returns the answer.
+        Takes a question and its default; returns the answer.
     say : callable
         Takes a line to show.
     """
@@ -87,10 +80,10 @@ class Dialogue:
         self.ask = ask
         self.say = say
 
-    def until_right(
+    def ask_until_valid(
         self, session: Session, question: str, default: str, label: str, changed: Changed
     ) -> None:
-        """Ask until the answer makes sense, and tell what it did; an empty answer keeps."""
+        """Ask until the answer is valid and show its effect; an empty answer keeps the default."""
         while True:
             text = self.ask(question, default).strip()
             if text == default:
@@ -100,7 +93,7 @@ class Dialogue:
             except ImpactVisionError as problem:
                 self.say(f"  {problem.in_one_line}")
                 continue
-            self.say(f"  {told_of(session)}")
+            self.say(f"  {describe_outlook(session)}")
             return
 
 
@@ -108,19 +101,19 @@ def _with_text(changed: Changed, text: str, answers: Answers) -> Answers:
     return changed(answers, text)
 
 
-def told_of(session: Session) -> str:
-    """What the last answer did to the expected uncertainty, in words."""
+def describe_outlook(session: Session) -> str:
+    """Effect of the last answer on the expected uncertainty, as text."""
     found = session.outlook
     if found.std is None:
         return found.problem
     change = session.changes[-1]
     before = "" if change.before is None else f", before {1e3 * change.before:.3g} mm"
-    where = "a supposed landing" if found.supposed else "the landing"
+    where = "an assumed landing" if found.assumed else "the landing"
     return f"{where} is expected to ± {1e3 * found.std:.3g} mm{before}"
 
 
 def ask_all(session: Session, talk: Dialogue, given: frozenset[str] = frozenset()) -> None:
-    """Go through the six steps.
+    """Ask the questions of the six steps.
 
     Parameters
     ----------
@@ -128,7 +121,7 @@ def ask_all(session: Session, talk: Dialogue, given: frozenset[str] = frozenset(
         Its answers are the defaults.
     talk : Dialogue
     given : frozenset of str
-        Questions that options have answered already: "fps", "lens", "wall", "ball", "support",
+        Questions already answered by options: "fps", "lens", "wall", "ball", "support",
         "camera_distance", "ball_plane".
     """
     info = session.answers.scene.info
@@ -136,16 +129,16 @@ def ask_all(session: Session, talk: Dialogue, given: frozenset[str] = frozenset(
     if "fps" not in given:
         _ask_rate(session, talk)
     if "lens" not in given:
-        talk.until_right(session, "2 lens file (empty: from the wall grid)", "", "lens", _lens)
+        talk.ask_until_valid(session, "2 lens file (empty: from the wall grid)", "", "lens", _lens)
     _ask_wall(session, talk, given)
     _ask_ball(session, talk, given)
     for key, question in (
-        ("camera_distance", "5 camera to wall by tape, such as '4.00 m ± 5 mm' (empty: not taped)"),
-        ("ball_plane", "  ball's plane to wall by tape (empty: not taped)"),
+        ("camera_distance", "5 camera to wall, such as '4.00 m ± 5 mm' (empty: not measured)"),
+        ("ball_plane", "  ball's plane to wall (empty: not measured)"),
     ):
         if key not in given:
             field = "ball_plane_offset" if key == "ball_plane" else key
-            talk.until_right(session, question, "", question.strip("5 "), _distance(field))
+            talk.ask_until_valid(session, question, "", question.strip("5 "), _distance(field))
     found = session.outlook
     if found.calibration is None:
         talk.say(f"6 check: {found.problem}")
@@ -160,45 +153,49 @@ def ask_all(session: Session, talk: Dialogue, given: frozenset[str] = frozenset(
 def _ask_rate(session: Session, talk: Dialogue) -> None:
     known = session.answers.rate_known
     default = f"{session.answers.capture_fps:g}" if known else ""
-    question = "  capture rate, frames per second" + ("" if known else " (empty: not known)")
-    talk.until_right(session, question, default, "capture rate", _rate)
+    question = "  capture rate, frames per second" + ("" if known else " (empty: unknown)")
+    talk.ask_until_valid(session, question, default, "capture rate", _rate)
 
 
 def _ask_wall(session: Session, talk: Dialogue, given: frozenset[str]) -> None:
     if "wall" not in given:
         pitch = f"{1e3 * session.answers.pitch:g} mm"
-        talk.until_right(session, "3 side of a square of the wall grid", pitch, "squares", _pitch)
+        talk.ask_until_valid(
+            session, "3 side of a square of the wall grid", pitch, "squares", _pitch
+        )
         fine = session.answers.fine_pitch
         shown = "none" if fine is None else f"{1e3 * fine:g} mm"
-        talk.until_right(session, "  fine lines apart, or none", shown, "fine lines", _fine)
-    talk.say("3 looking for the wall grid …")
+        talk.ask_until_valid(
+            session, "  distance of fine lines, or none", shown, "fine lines", _fine
+        )
+    talk.say("3 searching for the wall grid …")
     session.find_grid()
     grid = session.answers.grid
     if grid is None:
         talk.say(f"  {session.grid_problem}")
     else:
-        talk.say(f"  {len(grid.nodes)} crossings; {told_of(session)}")
+        talk.say(f"  {len(grid.nodes)} crossings; {describe_outlook(session)}")
 
 
 def _ask_ball(session: Session, talk: Dialogue, given: frozenset[str]) -> None:
     if "ball" not in given:
         names = ", ".join(kind.name for kind in session.presets)
-        question = f"4 ball: {names}, or diameter and mass ('220 mm, 0.4 kg'; empty: not known)"
-        talk.until_right(session, question, "", "ball", lambda a, text: _ball(session, a, text))
+        question = f"4 ball: {names}, or diameter and mass ('220 mm, 0.4 kg'; empty: unknown)"
+        talk.ask_until_valid(session, question, "", "ball", lambda a, text: _ball(session, a, text))
     if "support" not in given:
         height = session.answers.support_height
         shown = "" if height is None else f"{height:g} m"
-        talk.until_right(session, "  height of the support", shown, "support height", _support)
+        talk.ask_until_valid(session, "  height of the support", shown, "support height", _support)
     if session.answers.rest_px is not None:
         return
-    talk.say("  following the ball …")
+    talk.say("  tracking the ball …")
     try:
         session.follow_ball()
-        talk.say(f"  {told_of(session)}")
+        talk.say(f"  {describe_outlook(session)}")
     except NotFoundError as problem:
         talk.say(f"  {problem.in_one_line}")
-        question = "  the ball at rest in the picture, X,Y in px (empty: not known)"
-        talk.until_right(session, question, "", "ball at rest", _rest)
+        question = "  position of the ball at rest in the image, X,Y in px (empty: unknown)"
+        talk.ask_until_valid(session, question, "", "ball at rest", _rest)
 
 
 def _rate(answers: Answers, text: str) -> Answers:
@@ -247,7 +244,7 @@ PRESETS = tuple(
 
 
 class ClipOrCommand(DefaultCommandGroup):
-    """A group whose first word may also be a clip: then the command `clip` is meant."""
+    """A group in which a clip as first word means `clip`."""
 
     meant = "clip"
     spelled: ClassVar = {"--check": "check"}
@@ -256,33 +253,37 @@ class ClipOrCommand(DefaultCommandGroup):
 _ClipArgument = Annotated[Path, typer.Argument(help="The clip.", metavar="CLIP")]
 _FpsOption = Annotated[str | None, typer.Option(help="Capture rate.", metavar="RATE")]
 _LensOption = Annotated[Path | None, typer.Option(help="A lens file.")]
-_WallGridOption = Annotated[str | None, typer.Option(help="Side of a square.")]
+_WallGridOption = Annotated[str | None, typer.Option(help="Side of a grid square.")]
 _FineGridOption = Annotated[
-    str | None, typer.Option(help="Fine lines apart, or none; a fifth of a square else.")
+    str | None, typer.Option(help="Distance of fine lines, or none; default: 1/5 of a square.")
 ]
 _OriginAtOption = Annotated[
-    str | None, typer.Option(help="Where wall coordinates start, px.", metavar="X,Y")
+    str | None, typer.Option(help="Origin of the wall coordinates, px.", metavar="X,Y")
 ]
 _BallOption = Annotated[
     str | None, typer.Option(help="A preset, or '220 mm, 0.4 kg'.", metavar="NAME|DIAMETER")
 ]
-_BallAtOption = Annotated[str | None, typer.Option(help="The ball at rest, px.", metavar="X,Y")]
-_SupportHeightOption = Annotated[str | None, typer.Option(help="How far the ball falls.")]
+_BallAtOption = Annotated[
+    str | None, typer.Option(help="Position of the ball at rest, px.", metavar="X,Y")
+]
+_SupportHeightOption = Annotated[
+    str | None, typer.Option(help="Height of the support above the landing level.")
+]
 _CameraDistanceOption = Annotated[
-    str | None, typer.Option(help="Camera to wall by tape: '4.00 m ± 5 mm'.")
+    str | None, typer.Option(help="Measured distance camera to wall: '4.00 m ± 5 mm'.")
 ]
 _BallPlaneOption = Annotated[
-    str | None, typer.Option(help="Ball's plane to wall by tape: '0.45 m ± 5 mm'.")
+    str | None, typer.Option(help="Measured distance ball's plane to wall: '0.45 m ± 5 mm'.")
 ]
 _OutOption = Annotated[
-    Path, typer.Option("--out", "-o", help="The setup file to write."), FileRole.WRITES
+    Path, typer.Option("--out", "-o", help="Setup file to write."), FileRole.WRITES
 ]
 _TerminalOption = Annotated[bool, typer.Option("--terminal", help="Ask on the terminal.")]
 _YesOption = Annotated[
-    bool, typer.Option("--yes", "-y", help="Ask nothing: what is not said is found.")
+    bool, typer.Option("--yes", "-y", help="Ask nothing; find what is not given.")
 ]
 _BrowserOption = Annotated[bool, typer.Option(help="Open the browser.")]
-_PortOption = Annotated[int, typer.Option(help="Of the page; 0: one that is free.", min=0)]
+_PortOption = Annotated[int, typer.Option(help="Port of the page; 0: any free one.", min=0)]
 
 
 def clip_command(
@@ -303,7 +304,7 @@ def clip_command(
     browser: _BrowserOption = True,
     port: _PortOption = 0,
 ) -> None:
-    """Calibrate a clip step by step, in the browser; writes setup.toml and lens.toml.
+    """Calibrate a clip step by step in the browser; write setup.toml and lens.toml.
 
     Example: vision calibrate strike.mp4 --wall-grid 50mm --ball jokku --fps 600 --yes
     """
@@ -354,16 +355,16 @@ def session_of(
     camera_distance: str | None = None,
     ball_plane: str | None = None,
 ) -> Session:
-    """A calibration with what was said beforehand; the options of `vision calibrate CLIP`.
+    """Start a calibration with the options of `vision calibrate CLIP`.
 
     Raises
     ------
     ClipError
         If the clip can't be read.
     UsageError
-        If one of them can't be.
+        If an option is invalid.
     """
-    answers = Answers(look_at(clip), out=out)
+    answers = Answers(open_scene(clip), out=out)
     size = answers.scene.size
     if fps is not None:
         answers = replace(answers, fps=rate_from(fps))
@@ -391,20 +392,20 @@ def session_of(
 
 
 def old_view(against: Path) -> Path | None:
-    """The lens file with the old view, where `against` is a setup or lens file; None for a clip.
+    """The lens file with the old view if `against` is a setup or lens file; None for a clip.
 
     Raises
     ------
     SetupError
-        If the setup file is wrong.
+        If the setup file is invalid.
     """
     if against.suffix != ".toml" or against.is_dir():
         return None
     try:
         read_view(against)
     except UsageError:
-        told = load_setup(against).camera.lens
-        return told if told is not None else lens_for(against)
+        lens = load_setup(against).camera.lens
+        return lens if lens is not None else lens_for(against)
     return against
 
 
@@ -412,8 +413,8 @@ def _require_folder(out: Path) -> None:
     folder = out.parent
     if not folder.is_dir() or not os.access(folder, os.W_OK):
         raise UsageError(
-            f"can't write {out}: {folder} is no folder that can be written to",
-            hint="Name a file in a folder that exists and that you may write to, with --out.",
+            f"can't write {out}: {folder} is not a writable folder",
+            hint="Pass a file in an existing, writable folder as --out.",
         )
 
 
@@ -426,16 +427,16 @@ def _say(line: str) -> None:
 
 
 def find_unattended(session: Session) -> str:
-    """Find grid and ball with nobody asked; says what was not found.
+    """Find grid and ball without questions; return what was not found.
 
     Raises
     ------
     CalibrationError
-        If there is no wall grid.
+        If no wall grid is found.
     """
     session.find_grid()
     if session.answers.grid is None:
-        raise CalibrationError(session.grid_problem, hint="Say --wall-grid, or leave --yes out.")
+        raise CalibrationError(session.grid_problem, hint="Pass --wall-grid, or omit --yes.")
     if session.answers.rest_px is None:
         try:
             session.follow_ball()
@@ -452,7 +453,7 @@ def _unattended(session: Session) -> None:
 
 def _on_terminal(session: Session, given: frozenset[str]) -> None:
     if not sys.stdin.isatty() and not sys.stdin.readable():
-        raise UsageError("there is no terminal to ask on", hint="Say all with options, and --yes.")
+        raise UsageError("there is no terminal for questions", hint="Pass all options and --yes.")
 
     def ask(question: str, default: str) -> str:
         try:
@@ -462,10 +463,10 @@ def _on_terminal(session: Session, given: frozenset[str]) -> None:
 
     ask_all(session, Dialogue(ask, typer.echo), given)
     out = session.answers.out
-    doubt = f"{out} is there already. Replace it?" if out.exists() else f"Write {out}?"
-    if ask(doubt, "yes").strip().lower() not in ("y", "yes"):
+    question = f"{out} exists. Replace it?" if out.exists() else f"Write {out}?"
+    if ask(question, "yes").strip().lower() not in ("y", "yes"):
         raise UsageError(
-            "nothing was written, as you say", hint="Give the command again to write it."
+            "nothing was written, as requested", hint="Run the command again to write it."
         )
     _write(session)
 
@@ -475,31 +476,31 @@ def _write(session: Session) -> None:
     for warning in session.outlook.warnings:
         _say(warning)
     if session.outlook.std is not None:
-        typer.echo(told_of(session))
+        typer.echo(describe_outlook(session))
     typer.echo(f"wrote {written.setup} and {written.lens}")
 
 
 def _in_browser(session: Session, browser: bool, port: int) -> None:
-    # NiceGUI takes a second to import, which no other command shall wait for
+    # import here: NiceGUI takes a second, which other commands must not pay
     from pipelines.calibrate.wizard.page import serve
     from pipelines.web import Jobs
 
     jobs = Jobs()
-    jobs.submit("looking for the wall grid", session.find_grid)
+    jobs.submit("searching for the wall grid", session.find_grid)
     if session.answers.rest_px is None:
-        jobs.submit("following the ball", session.look_for_ball)
+        jobs.submit("tracking the ball", session.look_for_ball)
 
     def opened(address: str) -> None:
         shown = browser and _has_display() and webbrowser.open(address)
         typer.echo(f"The calibration is open at\n  {address}")
         if shown:
-            typer.echo("Close its window when you are done; Ctrl-C ends it, too.")
+            typer.echo("Close its window when done, or press Ctrl-C.")
         else:
             where = address.split("/")[2].rpartition(":")[2]
             typer.echo(
                 "Open this address in a browser on this machine (it works once). From another "
-                f"machine, first: ssh -L {where}:127.0.0.1:{where} THIS_MACHINE. Without any "
-                "browser: --terminal. Ctrl-C ends it."
+                f"machine, run first: ssh -L {where}:127.0.0.1:{where} THIS_MACHINE. Without a "
+                "browser pass --terminal. Ctrl-C ends it."
             )
         sys.stdout.flush()
 
@@ -516,9 +517,9 @@ def _in_browser(session: Session, browser: bool, port: int) -> None:
 
 
 def _leave(jobs: "Jobs", code: int) -> None:
-    """End at once if something is still being worked out.
+    """Exit immediately if a job is running.
 
-    Native code that goes on while the interpreter is taken down takes it down hard.
+    Native code that runs while the interpreter shuts down would crash it.
     """
     if jobs.busy:
         sys.stdout.flush()
@@ -534,19 +535,19 @@ def _has_display() -> bool:
 
 def rate_command(
     clip: Annotated[Path, typer.Argument(help="A clip with the blinking light in view.")],
-    light_at: Annotated[str, typer.Option(help="Where the light is: X,Y in px.")],
-    blink: Annotated[str, typer.Option(help="How often it blinks, such as '10 Hz'.")],
-    blink_std: Annotated[str, typer.Option(help="How well that is known.")] = "0 Hz",
-    around: Annotated[int, typer.Option(help="Half the side of the place looked at, px.")] = 4,
+    light_at: Annotated[str, typer.Option(help="Position of the light: X,Y in px.")],
+    blink: Annotated[str, typer.Option(help="Blink rate, such as '10 Hz'.")],
+    blink_std: Annotated[str, typer.Option(help="Its standard uncertainty.")] = "0 Hz",
+    around: Annotated[int, typer.Option(help="Half-width of the region evaluated, px.")] = 4,
     fps: Annotated[
         str | None, typer.Option(help="The rate the camera is thought to have; within a third.")
     ] = None,
 ) -> None:
-    """Measure the capture rate from a light in view that blinks at a known rate."""
+    """Measure the capture rate from a light that blinks at a known rate."""
     film = ClipReader.open(clip)
     column, row = point_from(light_at, (film.info.width, film.info.height))
     if around < 0:
-        raise UsageError(f"--around {around} is no size", hint="Give px, 0 or more.")
+        raise UsageError(f"--around {around} is negative", hint="Pass 0 px or more.")
     top, left = max(0, round(float(row)) - around), max(0, round(float(column)) - around)
     place = np.s_[top : round(float(row)) + around + 1, left : round(float(column)) + around + 1]
     rate = choose_capture_rate(film.info, None if fps is None else rate_from(fps))
@@ -559,18 +560,18 @@ def rate_command(
     typer.echo(f"capture rate {found.fps:.3f} ± {found.std:.3f} fps, by the {found.source}")
     typer.echo(f"in the setup file: capture_fps = {found.fps:.6g}")
     if abs(found.fps - rate.fps) > max(4.0 * found.std, 1e-3 * rate.fps):
-        typer.echo(f"{rate.fps:g} fps, from the {rate.source}, is not what it is", err=True)
+        typer.echo(f"The {rate.source} states {rate.fps:g} fps, which disagrees", err=True)
 
 
-FRAMES_AVERAGED = 40
-
-"""Frames whose median shows the wall without what moves: that hides it in fewer than half."""
+WALL_MEDIAN_FRAMES = 40
+"""Number of frames in the median image of the wall (chosen: a moving object covers any point in
+fewer than half of them)."""
 
 BoardSize = Annotated[str, typer.Option(help="Inner corners, columns x rows.")]
 
-Square = Annotated[str, typer.Option(help="Side of a square.")]
+Square = Annotated[str, typer.Option(help="Side of a board square.")]
 
-Charuco = Annotated[bool, typer.Option(help="A ChArUco board: markers in the white squares.")]
+Charuco = Annotated[bool, typer.Option(help="ChArUco board: markers in the white squares.")]
 
 
 def _board(size: str, square: str, charuco: bool) -> Board:
@@ -579,26 +580,26 @@ def _board(size: str, square: str, charuco: bool) -> Board:
 
 
 def board_command(
-    pdf: Annotated[Path, typer.Option(help="The file to write."), FileRole.WRITES],
+    pdf: Annotated[Path, typer.Option(help="PDF file to write."), FileRole.WRITES],
     size: BoardSize = "8x6",
     square: Square = "25 mm",
     charuco: Charuco = False,
 ) -> None:
     """Write a calibration board to print at 100 % on A4 paper."""
     write_board(pdf, _board(size, square, charuco))
-    typer.echo(f"wrote {pdf}: print at 100 %, glue it on something flat, measure a square")
+    typer.echo(f"wrote {pdf}. Print it at 100 %, glue it to a flat plate and measure a square")
 
 
 def lens_command(
-    pictures: Annotated[list[Path], typer.Argument(help="Pictures of the board.")],
+    pictures: Annotated[list[Path], typer.Argument(help="Images of the board.")],
     size: BoardSize = "8x6",
     square: Square = "25 mm",
     charuco: Charuco = False,
     out: Annotated[
-        Path, typer.Option("--out", "-o", help="The lens file to write."), FileRole.WRITES
+        Path, typer.Option("--out", "-o", help="Lens file to write."), FileRole.WRITES
     ] = Path("lens.toml"),
 ) -> None:
-    """Measure a lens from pictures of a board, and write lens.toml."""
+    """Calibrate a lens from images of a board; write lens.toml."""
     board = _board(size, square, charuco)
     found = calibrate_lens([find_board(_picture(path), board, path.name) for path in pictures])
     write_lens(out, found)
@@ -615,11 +616,11 @@ def wall_command(
     clip: Annotated[Path, typer.Argument(help="A clip with the wall grid in view.")],
     wall_grid: Annotated[str, typer.Option(help="Distance between coarse lines.")] = "50 mm",
     camera_distance: Annotated[
-        str | None, typer.Option(help="Camera to wall by tape, within 5 mm.")
+        str | None, typer.Option(help="Measured distance camera to wall (± 5 mm assumed).")
     ] = None,
     lens: Annotated[Path | None, typer.Option(help="A lens file.")] = None,
 ) -> None:
-    """Find the wall grid of a clip and tell where the camera stands."""
+    """Find the wall grid of a clip and determine the camera position."""
     grid = _grid(clip, wall_grid)
     tape = None if camera_distance is None else distance_from(camera_distance)
     prior = None if lens is None else read_lens(lens, width=grid.size[0], height=grid.size[1])
@@ -632,7 +633,7 @@ def wall_command(
     typer.echo(f"distortion k1 {value.k1:.3f} ± {std.k1:.3f}")
     if std.log_distance > 0.1:
         typer.echo(
-            "the view is nearly square on: tape the camera's distance to pin it down", err=True
+            "the camera is almost perpendicular to the wall: pass --camera-distance", err=True
         )
     for warning in found.warnings:
         typer.echo(warning, err=True)
@@ -640,24 +641,23 @@ def wall_command(
 
 def check_command(
     first: Annotated[
-        Path, typer.Argument(help="The old setup file (or lens file).", metavar="OLD_SETUP")
+        Path, typer.Argument(help="Old setup file or lens file.", metavar="OLD_SETUP")
     ],
     second: Annotated[Path | None, typer.Argument(help="The new clip.", metavar="NEW_CLIP")] = None,
     against: Annotated[
         Path | None,
-        typer.Option(
-            help="Instead: the old clip or setup file, with the new clip alone before it."
-        ),
+        typer.Option(help="Old clip or setup file; then the only argument is the new clip."),
     ] = None,
     wall_grid: Annotated[
-        str | None, typer.Option(help="Distance between coarse lines; as it was, else 50 mm.")
+        str | None,
+        typer.Option(help="Distance between coarse lines; default: as before, or 50 mm."),
     ] = None,
 ) -> None:
-    """Tell whether the camera has moved since it was calibrated."""
+    """Test whether the camera has moved since its calibration."""
     if (second is None) == (against is None):
         raise UsageError(
-            "two things are compared",
-            hint="vision calibrate --check OLD_SETUP NEW_CLIP, or check NEW_CLIP --against OLD.",
+            "two files are needed: the old calibration and the new clip",
+            hint="Run vision calibrate check OLD_SETUP NEW_CLIP, or check NEW_CLIP --against OLD.",
         )
     old, new = (first, second) if second is not None else (against, first)
     assert old is not None
@@ -666,15 +666,15 @@ def check_command(
     now = _grid(new, wall_grid or f"{before.pitch_m!r} m")
     if view is not None and abs(now.pitch_m / before.pitch_m - 1.0) > 1e-6:
         raise UsageError(
-            f"the old calibration has squares of {1e3 * before.pitch_m:g} mm",
-            hint="Leave --wall-grid out.",
+            f"--wall-grid differs from the old calibration's {1e3 * before.pitch_m:g} mm",
+            hint="Omit --wall-grid.",
         )
     typer.echo(str(camera_movement(before, now)))
 
 
 def _grid(path: Path, pitch: str) -> WallGrid:
     clip = ClipReader.open(path)
-    stride = max(1, clip.info.frames // FRAMES_AVERAGED)
+    stride = max(1, clip.info.frames // WALL_MEDIAN_FRAMES)
     frames = [frame.gray for frame in clip.frames() if frame.index % stride == 0]
     return find_wall_grid(np.median(frames, axis=0), pitch_m=pitch_from(pitch))
 
@@ -683,7 +683,7 @@ def _picture(path: Path) -> NDArray[np.uint8]:
     data = path.read_bytes() if path.is_file() else b""
     picture = decoded_image(data, cv2.IMREAD_GRAYSCALE, path)
     if picture is None:
-        raise ClipError(f"{path} is no picture that can be read", hint="Give JPEG or PNG files.")
+        raise ClipError(f"{path} is not a readable image", hint="Pass JPEG or PNG files.")
     return np.asarray(picture, dtype=np.uint8)
 
 
@@ -697,4 +697,4 @@ CALIBRATE_COMMANDS: dict[str, Callable[..., None]] = {
     "plan": plan_filming_command,
 }
 
-"""Commands under `vision calibrate`, by name."""
+"""Commands of `vision calibrate`, by name."""

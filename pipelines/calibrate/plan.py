@@ -1,11 +1,7 @@
-"""`vision calibrate plan`: the uncertainty to expect before anyone films, and what would help.
+"""`vision calibrate plan`: predict the uncertainties of a planned recording.
 
-The uncertainty to expect of every quantity before anyone films, and which change helps most.
-
-The stroke is simulated, its tracks are what following would give, the camera is fitted to the grid
-as it will be seen, and from there on everything is the measuring chain itself, budget included.
-
-A recording that is only planned: its scene, and what following it would give.
+The stroke is simulated and its tracks are those that tracking would give. The camera is fitted to
+the grid as it would be seen; from there the measuring chain computes all budgets.
 """
 
 import json
@@ -79,13 +75,13 @@ from vision.tracks import Face, Motion, MotionKind, PendulumTrack, Track, Tracks
 
 __all__ = [
     "Filming",
-    "Foreseen",
-    "changes_of",
+    "PlannedRecording",
+    "compare_changes",
     "film_scene",
-    "foresee",
     "plan_filming_command",
     "planned_setup",
     "planned_tracks",
+    "predict_recording",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -93,19 +89,17 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 BEFORE_S = 0.084
-
-"""s before contact where a planned clip begins: 50 frames at 600 fps, a swing fit's stretch."""
+"""s: start of a planned clip before contact: 50 frames at 600 fps, the length of a swing fit."""
 
 FACE_STD_PX = 0.2
-
-"""px, of an edge of the face as following finds it, supposed."""
+"""px: standard uncertainty of a tracked edge of the face (assumed)."""
 
 _EDGE = 1.0
 
 
 @dataclass(frozen=True)
 class Filming:
-    """How a stroke will be filmed.
+    """Conditions of a recording.
 
     Attributes
     ----------
@@ -116,25 +110,25 @@ class Filming:
     fps : float
         Capture rate, 1/s.
     exposure_s : float
-        Shutter.
+        Exposure time.
     distance_m : float
         Camera to wall.
     plane_m : float
         Ball plane in front of the wall.
     view_rad : float or None
-        Horizontal angle of view; None for one that just holds pendulum and landing.
+        Horizontal angle of view; None: just includes pendulum and landing.
     light : float
-        1 where the wall is well exposed at 1/1000 s without any gain.
+        1 if the wall is well exposed at 1/1000 s without gain.
     gray_std : float or None
-        Noise of the picture in gray levels of 255, instead of `light`.
+        Image noise in gray levels of 255, instead of `light`.
     tape_std_m : float or None
-        Standard uncertainty of the taped distances; None where nothing is taped.
+        Standard uncertainty of distances measured by hand; None if none is measured.
     lens : LensPrior or None
-        A lens known beforehand; its view holds, and its picture has `width` and `height`.
+        A calibrated lens; its view applies, and its image has `width` and `height`.
     pendulum : Pendulum
     support : Support
     seed : int
-        Draws the small turns of a camera placed by eye, and the noise where it is rendered.
+        Seed of the small rotations of a camera placed by eye, and of rendered noise.
     """
 
     ball: Ball = JOKKU
@@ -156,25 +150,25 @@ class Filming:
 
     @property
     def noise(self) -> PictureNoise:
-        """Of the picture."""
+        """Image noise."""
         by_light = PictureNoise.by_light(self.light, self.exposure_s)
         return by_light if self.gray_std is None else replace(by_light, gray_std=self.gray_std)
 
 
 def film_scene(filming: Filming) -> tuple[Scene, Shot]:
-    """The scene as the camera will see it, and the stroke.
+    """The scene as seen by the camera, and the stroke.
 
     Raises
     ------
     DomainError, UsageError
-        If the stroke can't happen, or can't be filmed like that.
+        If the stroke is impossible, or can't be filmed under these conditions.
     """
 
-    def scene_reaching(reach: float) -> Scene:
+    def scene_until(landing_x: float) -> Scene:
         scene = default_scene(
             ball=filming.ball,
             size=(filming.width, filming.height),
-            reach=reach,
+            reach=landing_x,
             distance=filming.distance_m,
             plane=filming.plane_m,
             pendulum=filming.pendulum,
@@ -185,8 +179,8 @@ def film_scene(filming: Filming) -> tuple[Scene, Shot]:
         shutter = replace(scene.shutter, fps=filming.fps, exposure=filming.exposure_s, first=first)
         return replace(scene, shutter=shutter, sensor=_sensor(filming))
 
-    _, shot = staged(filming.backswing_deg, scene_reaching(2.0))
-    scene = scene_reaching(float(shot.flight.landing_position[0]))
+    _, shot = staged(filming.backswing_deg, scene_until(2.0))
+    scene = scene_until(float(shot.flight.landing_position[0]))
     camera = scene.camera
     if filming.lens is not None:
         scene = replace(scene, camera=replace(camera, lens=filming.lens.lens))
@@ -197,7 +191,7 @@ def film_scene(filming: Filming) -> tuple[Scene, Shot]:
 
 
 def _sensor(filming: Filming) -> Sensor:
-    """A sensor with that noise: gain on little light is a well that is full sooner."""
+    """Sensor with that noise: with little light, gain lowers its saturation capacity."""
     usual = Sensor()
     if filming.gray_std is None:
         share = min(filming.light * filming.exposure_s / 1e-3, 1.0)
@@ -211,7 +205,7 @@ def _sensor(filming: Filming) -> Sensor:
 
 
 def planned_tracks(filming: Filming, scene: Scene, shot: Shot) -> Tracks:
-    """What following the clip will give: true places, and the uncertainty they will carry."""
+    """Tracks expected from the clip: true positions with their uncertainties."""
     shutter, camera = scene.shutter, scene.camera
     time = shutter.first + np.arange(scene.frames) / shutter.fps
     moment = shot.motion.at(time)
@@ -249,7 +243,7 @@ def _track(
 
 
 def _inside(track: Track, width: int, height: int) -> BoolArray:
-    """Rows in which the whole outline is in the picture."""
+    """Rows in which the whole outline is inside the image."""
     margin = track.radius_px[:, np.newaxis] + _EDGE
     within = (track.centre_px > margin) & (track.centre_px < [width, height] - margin)
     return np.asarray(within.all(axis=1))
@@ -258,7 +252,7 @@ def _inside(track: Track, width: int, height: int) -> BoolArray:
 def _pendulum(
     filming: Filming, scene: Scene, phi: FloatArray, touching: int
 ) -> PendulumTrack | None:
-    """The striking mass on its arc, as far as it is in the picture; None if it never is."""
+    """Track of the striking mass, as far as it is inside the image; None if it never is."""
     camera, body, block = scene.camera, scene.pendulum, scene.room.block
     hub = pivot(scene)
     hanging = np.array([body.face_offset - 0.5 * block[0], -body.length, 0.0])
@@ -285,7 +279,7 @@ def _pendulum(
 
 
 def _face(scene: Scene, hub: FloatArray, phi: FloatArray, frame: int) -> Face:
-    """The face in a frame: its middle, and its rim that stands out."""
+    """The face in a frame: its centre and its visible rim."""
     body, half = scene.pendulum, 0.5 * scene.room.block[2]
     turn = swing_rotation(phi[frame])
     middle, near, far = (
@@ -297,19 +291,17 @@ def _face(scene: Scene, hub: FloatArray, phi: FloatArray, frame: int) -> Face:
     return Face(frame, far, FACE_STD_PX, middle, FACE_STD_PX)
 
 
-SURE_PITCH_PX, SURE_RADIUS_PX = 3.6, 5.0
+MIN_GRID_PITCH_PX, MIN_OUTLINE_RADIUS_PX = 3.6, 5.0
+"""px: smallest squares that the grid search finds reliably (from rendered walls), and smallest ball
+radius with a reliable outline fit (assumed)."""
 
-"""px, smallest squares that the grid search is sure to find, from rendered walls, and the smallest
-radius of a ball whose outline is sure to be fitted, supposed."""
-
-TAPE_CLOSER_STD_M = 0.002
-
-"""m, a tape read twice by two people: as well as a length of metres is usually taped."""
+CLOSER_TAPE_STD_M = 0.002
+"""m: uncertainty of a length of metres read twice by two people (assumed)."""
 
 
 @dataclass(frozen=True)
-class Foreseen:
-    """What a recording will tell.
+class PlannedRecording:
+    """Predicted results of a recording.
 
     Attributes
     ----------
@@ -319,7 +311,7 @@ class Foreseen:
     metres_per_px : float
         On the ball plane, at the ball at rest.
     lens : Lens
-        Of the camera that films.
+        Of the camera.
     warnings : tuple of str
     """
 
@@ -336,33 +328,33 @@ class Foreseen:
 
 @dataclass(frozen=True)
 class FilmingChange:
-    """Something that could be done otherwise, and what it does.
+    """A change of the filming conditions and its effect.
 
     Attributes
     ----------
     words : str
-    foreseen : Foreseen
+    predicted : PlannedRecording
     gain : float
-        By how much uncertainties shrink: geometric mean, over what can be measured both ways, of
-        the old over the new.
+        Reduction of the uncertainties: geometric mean of old over new, over the quantities
+        measurable in both cases.
     opens, closes : tuple of str
-        Quantities that it makes measurable, and those it takes away.
+        Quantities that become measurable, and those that are lost.
     """
 
     words: str
-    foreseen: Foreseen
+    predicted: PlannedRecording
     gain: float
     opens: tuple[str, ...]
     closes: tuple[str, ...]
 
-    def ratio(self, before: Foreseen, name: str) -> float | None:
-        """New over old uncertainty of a quantity; None where one of them is missing."""
-        old, new = before.std(name), self.foreseen.std(name)
+    def ratio(self, before: PlannedRecording, name: str) -> float | None:
+        """New over old uncertainty of a quantity; None if one of them is missing."""
+        old, new = before.std(name), self.predicted.std(name)
         return new / old if new is not None and old else None
 
 
 def planned_setup(filming: Filming, scene: Scene) -> Setup:
-    """What the lab will write down."""
+    """The lab's setup file for these conditions."""
     ball, tape = scene.ball, filming.tape_std_m
     distance = float(scene.camera.position[2])
     return Setup(
@@ -378,15 +370,15 @@ def planned_setup(filming: Filming, scene: Scene) -> Setup:
     )
 
 
-def foresee(filming: Filming) -> Foreseen:
-    """Uncertainty of every quantity of the contract for a recording that is only planned.
+def predict_recording(filming: Filming) -> PlannedRecording:
+    """Predict the uncertainty of every quantity of a planned recording.
 
     Raises
     ------
     CalibrationError
-        If the wall's grid would not be seen well enough.
+        If the wall's grid would not be visible well enough.
     DomainError, UsageError
-        If the stroke can't happen, or can't be filmed like that.
+        If the stroke is impossible, or can't be filmed under these conditions.
     """
     scene, shot = film_scene(filming)
     tracks = planned_tracks(filming, scene, shot)
@@ -397,21 +389,21 @@ def foresee(filming: Filming) -> Foreseen:
     results = results_of(_evaluated(known, tracks, scene), tracks, NoScale(""))
     lens = scene.camera.lens
     scale = float(scene.camera.position[2] - scene.room.plane) / lens.fx
-    return Foreseen(filming, results.quantities, scale, lens, _warnings(scene, scale))
+    return PlannedRecording(filming, results.quantities, scale, lens, _warnings(scene, scale))
 
 
 def _warnings(scene: Scene, metres_per_px: float) -> tuple[str, ...]:
-    said = []
+    warnings = []
     pitch = scene.room.wall.pitch * (scene.camera.lens.fx / float(scene.camera.position[2]))
-    if pitch < SURE_PITCH_PX:
-        said.append(
-            f"the lines of the wall will be {pitch:.1f} px apart: they may not be found below "
-            f"{SURE_PITCH_PX} px"
+    if pitch < MIN_GRID_PITCH_PX:
+        warnings.append(
+            f"the lines of the wall are only {pitch:.1f} px apart; below {MIN_GRID_PITCH_PX} px "
+            "the grid may not be found. Film with more pixels or from nearer"
         )
     radius = scene.ball.radius / metres_per_px
-    if radius < SURE_RADIUS_PX:
-        said.append(f"the ball will be only {2 * radius:.0f} px across")
-    return tuple(said)
+    if radius < MIN_OUTLINE_RADIUS_PX:
+        warnings.append(f"the ball has a diameter of only {2 * radius:.0f} px; film from nearer")
+    return tuple(warnings)
 
 
 def _times(known: Known, scene: Scene) -> FloatArray:
@@ -453,48 +445,48 @@ def _evaluated(known: Known, tracks: Tracks, scene: Scene) -> Evaluated:
     )
 
 
-def changes_of(
-    before: Foreseen, progress: Callable[[str], None] | None = None
+def compare_changes(
+    before: PlannedRecording, progress: Callable[[str], None] | None = None
 ) -> tuple[FilmingChange, ...]:
-    """What could be done otherwise, the most helpful first.
+    """Effects of changed conditions, the most helpful first.
 
-    A change that can't be filmed (the grid gone, a rate beyond the shutter) is left out.
+    A change that can't be filmed (no grid, exposure longer than a frame) is omitted.
     """
     changes = []
     for words, filming in _tried(before):
         if progress is not None:
             progress(words)
         try:
-            after = foresee(filming)
+            after = predict_recording(filming)
         except MeasurementError:
             continue
         changes.append(_compared(words, before, after))
     return tuple(sorted(changes, key=lambda c: (len(c.closes) - len(c.opens), -c.gain)))
 
 
-def _tried(before: Foreseen) -> list[tuple[str, Filming]]:
+def _tried(before: PlannedRecording) -> list[tuple[str, Filming]]:
     f = before.filming
     lens = before.lens
     tried: list[tuple[str, Filming]] = []
     if f.tape_std_m is None:
         taped = replace(f, tape_std_m=Defaults.TAPE.std)
-        tried.append(("tape camera distance and ball plane (± 5 mm)", taped))
-    elif f.tape_std_m > TAPE_CLOSER_STD_M:
-        closer = replace(f, tape_std_m=TAPE_CLOSER_STD_M)
-        tried.append(("tape both distances to ± 2 mm", closer))
+        tried.append(("measure camera distance and ball plane (± 5 mm)", taped))
+    elif f.tape_std_m > CLOSER_TAPE_STD_M:
+        closer = replace(f, tape_std_m=CLOSER_TAPE_STD_M)
+        tried.append(("measure both distances to ± 2 mm", closer))
     if f.lens is None:
         tried.append(("calibrate the lens with a board", replace(f, lens=board_lens(lens))))
         farther = replace(f, distance_m=1.5 * f.distance_m, view_rad=_zoomed(before))
-        tried.append(("from half as far again, zoomed in", farther))
+        tried.append(("1.5 × the distance, zoomed in", farther))
     width, height = f.width * 3 // 2, f.height * 3 // 2
     finer = None if f.lens is None else f.lens.resized(width, height)
     return [
         *tried,
-        ("from nearer by a fifth", replace(f, distance_m=0.8 * f.distance_m, view_rad=_view(lens))),
-        ("twice the frame rate", replace(f, fps=2 * f.fps, exposure_s=_shutter(f, 2 * f.fps))),
-        ("four times the light", replace(f, light=4 * f.light, gray_std=_halved(f.gray_std))),
-        ("half the shutter time", replace(f, exposure_s=0.5 * f.exposure_s)),
-        ("half as many pixels again each way", replace(f, width=width, height=height, lens=finer)),
+        ("0.8 × the distance", replace(f, distance_m=0.8 * f.distance_m, view_rad=_view(lens))),
+        ("2 × the frame rate", replace(f, fps=2 * f.fps, exposure_s=_shutter(f, 2 * f.fps))),
+        ("4 × the light", replace(f, light=4 * f.light, gray_std=_halved(f.gray_std))),
+        ("0.5 × the exposure time", replace(f, exposure_s=0.5 * f.exposure_s)),
+        ("1.5 × the pixels each way", replace(f, width=width, height=height, lens=finer)),
     ]
 
 
@@ -503,8 +495,8 @@ def _view(lens: Lens) -> float:
     return 2.0 * math.atan(0.5 * (lens.width - 1) / lens.fx)
 
 
-def _zoomed(before: Foreseen) -> float:
-    """Angle of view that shows as much of the ball plane from half as far again."""
+def _zoomed(before: PlannedRecording) -> float:
+    """Angle of view that shows as much of the ball plane from 1.5 × the distance."""
     f = before.filming
     share = (f.distance_m - f.plane_m) / (1.5 * f.distance_m - f.plane_m)
     return 2.0 * math.atan(share * math.tan(0.5 * _view(before.lens)))
@@ -518,7 +510,7 @@ def _halved(value: float | None) -> float | None:
     return None if value is None else 0.5 * value
 
 
-def _compared(words: str, before: Foreseen, after: Foreseen) -> FilmingChange:
+def _compared(words: str, before: PlannedRecording, after: PlannedRecording) -> FilmingChange:
     names = [one.name for one in before.quantities]
     old = {name: before.std(name) for name in names}
     new = {name: after.std(name) for name in names}
@@ -534,8 +526,7 @@ def _compared(words: str, before: Foreseen, after: Foreseen) -> FilmingChange:
 
 
 FILM_WIDTH_M = 0.036
-
-"""m, width of the 35 mm film (ISO 1007) that focal lengths are quoted for."""
+"""m: width of 35 mm film (ISO 1007), the reference of equivalent focal lengths."""
 
 SHOWN = {
     "contact_time": "Δt",
@@ -545,43 +536,40 @@ SHOWN = {
     "cor": "COR",
 }
 
-NOTABLE_FACTOR = 1.03
+MIN_GAIN_FACTOR = 1.03
+"""Smallest improvement that is reported: less than 3 % is irrelevant (chosen)."""
 
-"""Factor that a change must gain in some uncertainty: less than 3 % nobody would see."""
 
-
-_ResolutionOption = Annotated[str, typer.Option(help="Picture, px.", metavar="WxH")]
-_DistanceOption = Annotated[str, typer.Option(help="Camera to wall.")]
+_ResolutionOption = Annotated[str, typer.Option(help="Image size, px.", metavar="WxH")]
+_DistanceOption = Annotated[str, typer.Option(help="Distance camera to wall.")]
 _FieldOfViewOption = Annotated[
     str | None,
-    typer.Option(help="Across; without it, what just holds pendulum and landing."),
+    typer.Option(help="Horizontal; default: just includes pendulum and landing."),
 ]
 _FocalLengthOption = Annotated[
-    str | None, typer.Option(help="The same as 35 mm equivalent, such as 28mm.")
+    str | None, typer.Option(help="Instead: 35 mm equivalent, such as 28mm.")
 ]
-_LensOption = Annotated[
-    Path | None, typer.Option(help="A lens file, from `vision calibrate lens`.")
-]
+_LensOption = Annotated[Path | None, typer.Option(help="Lens file from `vision calibrate lens`.")]
 _FpsOption = Annotated[str, typer.Option(help="Capture rate.")]
 _ShutterOption = Annotated[str, typer.Option(help="Exposure time.")]
 _LightOption = Annotated[
     float,
-    typer.Option(help="1: the wall is bright at 1/1000 s without gain; a gymnasium has 0.1."),
+    typer.Option(help="1: wall well exposed at 1/1000 s without gain; a gymnasium has 0.1."),
 ]
 _NoiseOption = Annotated[
     float | None,
-    typer.Option(help="Instead: noise of a pixel of the wall, gray levels of 255."),
+    typer.Option(help="Instead: pixel noise on the wall, gray levels of 255."),
 ]
-_BackswingOption = Annotated[str, typer.Option(help="Angle the pendulum is let go at.")]
-_BallPlaneOption = Annotated[str, typer.Option(help="Ball plane in front of the wall.")]
+_BackswingOption = Annotated[str, typer.Option(help="Release angle of the pendulum.")]
+_BallPlaneOption = Annotated[str, typer.Option(help="Distance of the ball plane from the wall.")]
 _TapeOption = Annotated[
-    str, typer.Option(help="How well both distances are taped (one sigma), or none.")
+    str, typer.Option(help="Standard uncertainty of both measured distances, or none.")
 ]
 _SetupOption = Annotated[
     Path | None, typer.Option(help="Setup file (TOML): ball, pendulum, support.")
 ]
 _ChangesOption = Annotated[
-    bool, typer.Option("--changes/--no-changes", help="Try what would help.")
+    bool, typer.Option("--changes/--no-changes", help="Compare changed conditions.")
 ]
 
 
@@ -604,7 +592,7 @@ def plan_filming_command(
     json_to: ResultsJsonOption = None,
     quiet: NoTableOption = False,
 ) -> None:
-    """Plan a recording: the uncertainty to expect of every quantity, and which change helps most.
+    """Predict the uncertainty of every quantity before filming, and which change helps most.
 
     Example: vision calibrate plan --resolution 1280x720 --fps 240 --distance 3.5m --tape none
     """
@@ -628,42 +616,42 @@ def plan_filming_command(
         support=known.support or PAPER_SUPPORT,
     )
     errors = screen(errors=True)
-    foreseen = foresee(filming)
+    predicted = predict_recording(filming)
     tried: tuple[FilmingChange, ...] = ()
     if changes:
         with errors.status("") as status:
-            tried = changes_of(foreseen, lambda words: status.update(f"trying: {words}"))
-    document = _document(foreseen, tried)
+            tried = compare_changes(predicted, lambda words: status.update(f"trying: {words}"))
+    document = _document(predicted, tried)
     if json_to not in (None, "-"):
         write_text_whole(Path(str(json_to)), document + "\n")
     if json_to == "-":
         sys.stdout.write(document + "\n")
     elif not quiet:
-        _print(screen(), foreseen, tried)
+        _print(screen(), predicted, tried)
     if not quiet:
-        for warning in foreseen.warnings:
+        for warning in predicted.warnings:
             errors.print(f"warning: {warning}", soft_wrap=True)
 
 
 def _size(text: str) -> tuple[int, int]:
     match = re.fullmatch(r"\s*(\d+)\s*[x×]\s*(\d+)\s*", text)
     if match is None:
-        raise UsageError(f"{text!r} is no picture size", hint="Write width x height: 640x360.")
+        raise UsageError(f"{text!r} is not an image size", hint="Write width x height: 640x360.")
     width, height = int(match[1]), int(match[2])
     if not 64 <= min(width, height) <= max(width, height) <= 8192:
-        raise UsageError(f"a picture of {width} × {height} px", hint="Give 64 to 8192 px each way.")
+        raise UsageError(f"image size {width} × {height} px", hint="Give 64 to 8192 px each way.")
     return width, height
 
 
 def _positive(option: str, value: float) -> float:
     if not (math.isfinite(value) and value > 0.0):
-        raise UsageError(f"{option} {value:g} makes no sense", hint="Give a positive number.")
+        raise UsageError(f"{option} {value:g} is not positive", hint="Give a positive number.")
     return value
 
 
 def _view_asked(field_of_view: str | None, focal_length: str | None) -> float | None:
     if field_of_view is not None and focal_length is not None:
-        raise UsageError("field of view and focal length say the same thing", hint="Give one.")
+        raise UsageError("both field of view and focal length are given", hint="Give one of them.")
     if focal_length is not None:
         focal = _positive("--focal-length", parse_quantity(focal_length, "m"))
         return 2.0 * math.atan(0.5 * FILM_WIDTH_M / focal)
@@ -671,24 +659,22 @@ def _view_asked(field_of_view: str | None, focal_length: str | None) -> float | 
         return None
     angle = angle_of(field_of_view, "--field-of-view")
     if not math.radians(2.0) <= angle <= math.radians(130.0):
-        raise UsageError(
-            f"a field of view of {math.degrees(angle):g} deg", hint="Give 2 to 130 deg."
-        )
+        raise UsageError(f"field of view {math.degrees(angle):g}°", hint="Give 2 to 130 deg.")
     return angle
 
 
-def _document(foreseen: Foreseen, tried: tuple[FilmingChange, ...]) -> str:
+def _document(predicted: PlannedRecording, tried: tuple[FilmingChange, ...]) -> str:
     extra: dict[str, Any] = {
-        "metres_per_px": foreseen.metres_per_px,
-        "field_of_view_deg": _degrees(foreseen),
-        "noise_gray_levels": foreseen.filming.noise.gray_std,
+        "metres_per_px": predicted.metres_per_px,
+        "field_of_view_deg": _degrees(predicted),
+        "noise_gray_levels": predicted.filming.noise.gray_std,
         "changes": [_change(change) for change in tried],
     }
-    return quantities_as_json(foreseen.quantities, foreseen.warnings, **extra)
+    return quantities_as_json(predicted.quantities, predicted.warnings, **extra)
 
 
 def _change(change: FilmingChange) -> dict[str, Any]:
-    table = json.loads(quantities_as_json(change.foreseen.quantities, ()))["quantities"]
+    table = json.loads(quantities_as_json(change.predicted.quantities, ()))["quantities"]
     return {
         "change": change.words,
         "gain": change.gain,
@@ -698,40 +684,43 @@ def _change(change: FilmingChange) -> dict[str, Any]:
     }
 
 
-def _degrees(foreseen: Foreseen) -> float:
-    return math.degrees(2.0 * math.atan(0.5 * (foreseen.lens.width - 1) / foreseen.lens.fx))
+def _degrees(predicted: PlannedRecording) -> float:
+    return math.degrees(2.0 * math.atan(0.5 * (predicted.lens.width - 1) / predicted.lens.fx))
 
 
-def _print(console: Console, foreseen: Foreseen, tried: tuple[FilmingChange, ...]) -> None:
-    f = foreseen.filming
+def _print(console: Console, predicted: PlannedRecording, tried: tuple[FilmingChange, ...]) -> None:
+    f = predicted.filming
     console.print(
         f"{f.ball.name}, {f.backswing_deg:g} deg, filmed with {f.width} × {f.height} px at "
-        f"{f.fps:g} fps from {f.distance_m:g} m: {1e3 * foreseen.metres_per_px:.1f} mm per px, "
-        f"{_degrees(foreseen):.0f} deg of view",
+        f"{f.fps:g} fps from {f.distance_m:g} m: {1e3 * predicted.metres_per_px:.1f} mm per px, "
+        f"{_degrees(predicted):.0f} deg of view",
     )
     keys = dict(zip((change.words for change in tried), ascii_lowercase, strict=False))
     table = Table(box=box.SIMPLE_HEAD)
-    for heading in ("quantity", "about", "± to expect", "unit", "helps most"):
-        right = heading in ("about", "± to expect")
+    for heading in ("quantity", "about", "expected ±", "unit", "helps most"):
+        right = heading in ("about", "expected ±")
         table.add_column(heading, justify="right" if right else "left", no_wrap=True)
-    for quantity in foreseen.quantities:
-        table.add_row(*_row(quantity, foreseen, tried, keys))
+    for quantity in predicted.quantities:
+        table.add_row(*_row(quantity, predicted, tried, keys))
     console.print(table)
-    for reason in dict.fromkeys(one.reason for one in foreseen.quantities if one.reason):
-        names = ", ".join(one.name for one in foreseen.quantities if one.reason == reason)
+    for reason in dict.fromkeys(one.reason for one in predicted.quantities if one.reason):
+        names = ", ".join(one.name for one in predicted.quantities if one.reason == reason)
         console.print(f"– {names}: {reason}")
     if tried:
-        _print_changes(console, foreseen, tried, keys)
+        _print_changes(console, predicted, tried, keys)
 
 
 def _row(
-    quantity: Quantity, foreseen: Foreseen, tried: tuple[FilmingChange, ...], keys: dict[str, str]
+    quantity: Quantity,
+    predicted: PlannedRecording,
+    tried: tuple[FilmingChange, ...],
+    keys: dict[str, str],
 ) -> list[str]:
     name = quantity.name
     if quantity.value is None or quantity.std is None:
         opener = next((keys[change.words] for change in tried if name in change.opens), "")
         return [name, "–", "", quantity.unit, opener and f"{opener} makes it measurable"]
-    ratios = [(change.ratio(foreseen, name) or 1.0, change.words) for change in tried]
+    ratios = [(change.ratio(predicted, name) or 1.0, change.words) for change in tried]
     ratio, words = min(ratios, default=(1.0, ""))
     digits = min(max(1 - math.floor(math.log10(quantity.std)), 0), 8)
     return [
@@ -739,20 +728,23 @@ def _row(
         f"{quantity.value:.{digits}f}",
         f"{quantity.std:.{digits}f}",
         quantity.unit,
-        f"{keys[words]} × {ratio:.2f}" if ratio < 1.0 / NOTABLE_FACTOR else "",
+        f"{keys[words]} × {ratio:.2f}" if ratio < 1.0 / MIN_GAIN_FACTOR else "",
     ]
 
 
 def _print_changes(
-    console: Console, foreseen: Foreseen, tried: tuple[FilmingChange, ...], keys: dict[str, str]
+    console: Console,
+    predicted: PlannedRecording,
+    tried: tuple[FilmingChange, ...],
+    keys: dict[str, str],
 ) -> None:
-    table = Table(title="What if: new ± over old", box=box.SIMPLE_HEAD)
+    table = Table(title="Changes: new ± over old", box=box.SIMPLE_HEAD)
     for heading in ("", "change"):
         table.add_column(heading)
     for heading in ("all", *SHOWN.values()):
         table.add_column(heading, justify="right", no_wrap=True)
     for change in tried:
-        ratios = [change.ratio(foreseen, name) for name in SHOWN]
+        ratios = [change.ratio(predicted, name) for name in SHOWN]
         cells = ["–" if ratio is None else f"{ratio:.2f}" for ratio in ratios]
         table.add_row(keys[change.words], change.words, f"{1.0 / change.gain:.2f}", *cells)
     console.print(table)
@@ -762,10 +754,10 @@ def _print_changes(
                 words = f"{keys[change.words]} {verb} {', '.join(names)}"
                 console.print(words)
     best = tried[0]
-    if best.opens or best.gain > NOTABLE_FACTOR:
+    if best.opens or best.gain > MIN_GAIN_FACTOR:
         console.print(
-            f"Helps most: {best.words} (± shrinks to {100.0 / best.gain:.0f} % on the mean"
+            f"Helps most: {best.words} (± becomes {100.0 / best.gain:.0f} % on average"
             f"{', and more can be measured' if best.opens else ''})",
         )
     else:
-        console.print("None of these would help noticeably.")
+        console.print("No change has a relevant effect.")

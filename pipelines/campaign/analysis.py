@@ -277,7 +277,7 @@ def _fit(law: LawKind, points: CorPoints) -> CorLawFit:
 def _given_scatter(
     law: LawKind, points: CorPoints, sigma: float, tau: float, rates: Sequence[float]
 ) -> list[_Posterior]:
-    """Exact posteriors of the linear parameters for each rate, at given scatters."""
+    """Exact posteriors of the linear parameters for each rate, at given σ and τ."""
     common = [points.shared]
     if tau > 0:
         common.append(tau * np.eye(int(points.session.max()) + 1)[points.session])

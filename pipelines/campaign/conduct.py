@@ -1,4 +1,4 @@
-"""Run a campaign and write its results, for the command line and Python alike."""
+"""Run a campaign and write its results, for command line and Python."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The campaign's report page (HTML, no network needed) and its figures (SVG, PNG)."""
+"""Report page (HTML) and figures (SVG, PNG) of a campaign."""
 
 import base64
 import io

@@ -1,1 +1,1 @@
-"""The calibration wizard: six steps from a clip to a setup file, as a page or on a terminal."""
+"""The calibration wizard: from a clip to a setup file in six steps."""

@@ -1,9 +1,4 @@
-"""What the user has said or accepted so far, step by step; never changed, only replaced.
-
-What people type into the wizard's fields, turned into answers or a refusal that helps.
-
-What a clip shows before any question is asked: its still scene, its rate, the ball followed.
-"""
+"""Answers of the calibration wizard: state, input parsing, clip defaults."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -48,41 +43,39 @@ __all__ = [
     "fine_pitch_from",
     "lens_from_board",
     "lens_from_file",
-    "look_at",
+    "open_scene",
     "pitch_from",
     "point_from",
     "rate_from",
-    "watch_ball",
+    "track_ball",
 ]
 
 FloatArray = NDArray[np.float64]
 
-FRAMES_LOOKED_AT = 40
+SCENE_FRAMES = 40
+"""Number of frames in the median image of the scene (chosen: a moving object covers any point in
+fewer than half of them)."""
 
-"""Frames whose median is the still scene: what moves hides a place in fewer than half of them."""
+DEFORMED_S = 0.03
+"""s: time after contact during which a struck ball may not be round (chosen)."""
 
-SQUASHED_S = 0.03
-
-"""A struck ball is round again after this."""
-
-LEAST_FLIGHT = 8
-
-"""Frames of a flight at least: a parabola has six numbers, and two more show a misfit."""
+MIN_FLIGHT_FRAMES = 8
+"""Frames: a parabola has six parameters, two more show a misfit."""
 
 
 @dataclass(frozen=True, eq=False)
 class WizardClip:
-    """A clip as the wizard starts from it.
+    """A clip at the start of the wizard.
 
     Attributes
     ----------
     info : ClipInfo
     picture : (H, W) uint8 array
-        Median of frames over the whole clip: the scene without what moves.
+        Median of frames over the whole clip: the scene without moving objects.
     first : (H, W) uint8 array
         The first frame.
     rate : CaptureRate
-        As the file or an option tells it.
+        From the file or an option.
     """
 
     info: ClipInfo
@@ -98,16 +91,16 @@ class WizardClip:
 
 @dataclass(frozen=True, eq=False)
 class BallSeen:
-    """What following the ball told.
+    """Results of tracking the ball.
 
     Attributes
     ----------
     rest_px : (2,) array or None
-        Centre of its outline at rest, px; None if it never rests.
+        Centre of its outline at rest, px; None if it is never at rest.
     landing_px : (2,) array or None
-        Centre where it is lowest after its flight, px.
+        Centre at the lowest point after its flight, px.
     flight : Track or None
-        Rows in which it flies and is round, between contact and landing.
+        Rows of free flight with a round outline, between contact and landing.
     """
 
     rest_px: FloatArray | None
@@ -116,7 +109,7 @@ class BallSeen:
 
     @classmethod
     def of(cls, tracks: Tracks) -> Self:
-        """Sum up tracks."""
+        """Summarise tracks."""
         ball = tracks.ball
         if tracks.rest_frames is None:
             return cls(None, None, None)
@@ -124,29 +117,31 @@ class BallSeen:
         still = (ball.frame >= first) & (ball.frame <= last)
         rest = np.median(ball.centre_px[still], axis=0) if still.any() else None
         after = ball.where(ball.frame > last)
-        if len(after) < LEAST_FLIGHT:
+        if len(after) < MIN_FLIGHT_FRAMES:
             return cls(rest, None, None)
         lowest = int(np.argmax(after.centre_px[:, 1]))
         step = float(np.median(np.diff(after.time_s)))
-        round_again = after.frame > last + SQUASHED_S / step
+        round_again = after.frame > last + DEFORMED_S / step
         whole = after.quality >= 0.5 * np.median(after.quality)
         flying = after.where(round_again & whole & (np.arange(len(after)) <= lowest))
-        return cls(rest, after.centre_px[lowest], flying if len(flying) >= LEAST_FLIGHT else None)
+        return cls(
+            rest, after.centre_px[lowest], flying if len(flying) >= MIN_FLIGHT_FRAMES else None
+        )
 
 
-def look_at(path: Path, fps: float | None = None) -> WizardClip:
-    """Open a clip and take the median of its frames.
+def open_scene(path: Path, fps: float | None = None) -> WizardClip:
+    """Open a clip and compute the median of its frames.
 
     Raises
     ------
     ClipError
         If it can't be read.
     UsageError
-        If `fps` is no rate.
+        If `fps` is not a valid rate.
     """
     clip = ClipReader.open(path)
     rate = choose_capture_rate(clip.info, fps)
-    stride = max(1, clip.info.frames // FRAMES_LOOKED_AT)
+    stride = max(1, clip.info.frames // SCENE_FRAMES)
     frames = [frame.gray for frame in clip.frames() if frame.index % stride == 0]
     return WizardClip(
         clip.info,
@@ -161,19 +156,19 @@ def _eight_bit(picture: NDArray[np.generic], stored: np.dtype[np.generic]) -> ND
     return np.asarray(np.round(levels), dtype=np.uint8)
 
 
-def watch_ball(
+def track_ball(
     path: Path,
     fps: float,
     *,
     ball_at: tuple[float, float] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> BallSeen:
-    """Follow the ball through a clip.
+    """Track the ball through a clip.
 
     Raises
     ------
     NotFoundError
-        If nothing round moves in it.
+        If nothing round moves.
     """
     clip = ClipReader.open(path)
     return BallSeen.of(follow(clip, fps, ball_at=ball_at, progress=progress))
@@ -188,7 +183,7 @@ STEPS = ("clip and rate", "lens", "wall grid", "ball and support", "distances", 
 
 @dataclass(frozen=True)
 class BallKind:
-    """A ball somebody can name.
+    """A ball with a name.
 
     Attributes
     ----------
@@ -198,7 +193,7 @@ class BallKind:
     mass : float or None
         kg.
     support_height : float or None
-        Height of the support it usually lies on, m.
+        Height of its usual support, m.
     """
 
     name: str
@@ -209,57 +204,57 @@ class BallKind:
 
 @dataclass(frozen=True, eq=False)
 class LensChoice:
-    """A lens known beforehand.
+    """A lens calibrated beforehand.
 
     Attributes
     ----------
     prior : LensPrior
-        At the size of the clip's picture.
+        At the size of the clip's image.
     text : str
-        The lens file, for writing it anew.
-    told : str
-        Where it comes from, in words.
+        Text of the lens file, written again on saving.
+    description : str
+        Its origin, as text.
     """
 
     prior: LensPrior
     text: str
-    told: str
+    description: str
 
 
 @dataclass(frozen=True, eq=False)
 class Answers:
-    """All answers.
+    """All answers so far, immutable: each change makes a new instance.
 
     Attributes
     ----------
     scene : WizardClip
     fps : float or None
-        Capture rate the user gave or confirmed, 1/s; None leaves what the file tells.
+        Capture rate given or confirmed by the user, 1/s; None: the file's.
     lens : LensChoice or None
         None: from the wall grid.
     pitch, fine_pitch : float
-        Of the grid, m; `fine_pitch` None where there are no fine lines.
+        Of the grid, m; `fine_pitch` is None without fine lines.
     grid : WallGrid or None
-        None while there is none.
+        None until it is found.
     grid_source : {"found", "corners", "hand"}
-        Found unaided, measured between the corners, or only the corners themselves.
+        Found automatically, measured between the corners, or only the corners themselves.
     corners : (4, 2) array or None
         Handles, px: lower left, lower right, upper right, upper left.
     squares : tuple of int
         Squares between the handles, across and up.
     origin_px : (2,) array or None
-        Where the user set the origin of the wall's coordinates.
+        Origin of the wall coordinates chosen by the user.
     ball : BallKind or None
     ball_named : bool
         Whether `ball` is a preset.
     seen : BallSeen or None
-        What following told.
+        Results of tracking.
     rest_px, landing_px : (2,) array or None
-        Clicked; they go before what following told.
+        Clicked; they override the results of tracking.
     support_height : float or None
-        How far the ball falls, m.
+        Height of fall of the ball, m.
     camera_distance, ball_plane_offset : Known or None
-        By tape, m.
+        Measured by hand, m.
     out : Path
         The setup file to write.
     """
@@ -286,24 +281,24 @@ class Answers:
 
     @property
     def rate_known(self) -> bool:
-        """Whether the capture rate is more than a guess."""
+        """Whether the capture rate is not assumed."""
         return self.fps is not None or self.scene.rate.source is not RateSource.ASSUMED
 
     @property
     def capture_fps(self) -> float:
-        """The rate to work with, 1/s."""
+        """Capture rate in use, 1/s."""
         return self.scene.rate.fps if self.fps is None else self.fps
 
     @property
     def rest(self) -> FloatArray | None:
-        """Ball at rest, px: clicked, else followed."""
+        """Ball at rest, px: clicked, otherwise tracked."""
         if self.rest_px is not None:
             return self.rest_px
         return None if self.seen is None else self.seen.rest_px
 
     @property
     def landing(self) -> tuple[FloatArray, bool]:
-        """Where the ball lands, px, and whether that is more than supposed."""
+        """Landing point, px, and whether it is observed rather than assumed."""
         if self.landing_px is not None:
             return self.landing_px, True
         if self.seen is not None and self.seen.landing_px is not None:
@@ -324,7 +319,7 @@ def rate_from(text: str) -> float | None:
     Raises
     ------
     UsageError
-        If it is no positive rate.
+        If it is not a positive rate.
     """
     if text.strip().lower() in NOTHING:
         return None
@@ -337,7 +332,7 @@ def pitch_from(text: str) -> float:
     Raises
     ------
     UsageError
-        If it is no length of 1 mm to 2 m.
+        If it is not a length from 1 mm to 2 m.
     """
     return read_number(text, measurands.GRID_PITCH)
 
@@ -348,26 +343,26 @@ def fine_pitch_from(text: str, pitch: float) -> float | None:
     Raises
     ------
     UsageError
-        If it is no smaller than the pitch.
+        If it is not smaller than the pitch.
     """
     if text.strip().lower() in NOTHING:
         return None
     fine = read_number(text, measurands.FINE_PITCH)
     if fine >= pitch:
         raise UsageError(
-            f"fine lines {1e3 * fine:g} mm apart are no finer than the grid's {1e3 * pitch:g} mm",
-            hint="Leave it empty where there are none.",
+            f"fine lines at {1e3 * fine:g} mm are not finer than the grid's {1e3 * pitch:g} mm",
+            hint="Leave the field empty if there are no fine lines.",
         )
     return fine
 
 
 def distance_from(text: str) -> Known | None:
-    """A taped length, ``4.00 m`` or ``4.00 m ± 3 mm``; None for nothing.
+    """A measured length, ``4.00 m`` or ``4.00 m ± 3 mm``; None for nothing.
 
     Raises
     ------
     UsageError
-        If it is no positive length, or its uncertainty is none.
+        If the length or its uncertainty is not positive.
     """
     if text.strip().lower() in NOTHING:
         return None
@@ -376,7 +371,7 @@ def distance_from(text: str) -> Known | None:
 
 
 def ball_from(text: str, presets: Sequence[BallKind]) -> BallKind | None:
-    """A ball by its preset's name, or by diameter and maybe mass: ``220 mm, 0.4 kg``.
+    """A ball by its preset's name, or by diameter and optional mass: ``220 mm, 0.4 kg``.
 
     Raises
     ------
@@ -401,26 +396,26 @@ def ball_from(text: str, presets: Sequence[BallKind]) -> BallKind | None:
 
 
 def point_from(text: str, size: tuple[int, int]) -> FloatArray:
-    """A place in a picture of that size, ``X,Y`` in px: (2,).
+    """A position in an image of that size, ``X,Y`` in px: (2,).
 
     Raises
     ------
     UsageError
-        If it is no pair of numbers, or not in the picture.
+        If it is not a pair of numbers, or outside the image.
     """
     try:
         x, y = (float(part) for part in text.split(","))
     except ValueError as problem:
-        raise UsageError(f"{text!r} is no place", hint="Write X,Y in px: 105,265.") from problem
+        raise UsageError(f"{text!r} is no point", hint="Write X,Y in px: 105,265.") from problem
     if not (0.0 <= x <= size[0] - 1.0 and 0.0 <= y <= size[1] - 1.0):
         raise UsageError(
-            f"the place {text} is outside the picture", hint=f"It has {size[0]} × {size[1]} px."
+            f"the position {text} is outside the image", hint=f"It has {size[0]} × {size[1]} px."
         )
     return np.array([x, y])
 
 
 def lens_from_file(path: Path, size: tuple[int, int]) -> LensChoice:
-    """A lens file, for pictures of that size.
+    """A lens file, for images of that size.
 
     Raises
     ------
@@ -434,14 +429,14 @@ def lens_from_file(path: Path, size: tuple[int, int]) -> LensChoice:
 def lens_from_board(
     pictures: Sequence[tuple[str, bytes]], board: Board, size: tuple[int, int]
 ) -> LensChoice:
-    """The lens from pictures of a board: names and contents of picture files.
+    """Calibrate the lens from images of a board, given as names and contents of files.
 
     Raises
     ------
     ClipError
-        If one is no picture.
+        If a file is not an image.
     CalibrationError
-        If the lens can't be had from them, or they have another shape than the clip.
+        If the calibration fails, or the images have another aspect ratio than the clip.
     """
     views = [find_board(_decoded(name, data), board, name) for name, data in pictures]
     found = calibrate_lens(views)
@@ -449,20 +444,20 @@ def lens_from_board(
     if abs(size[0] / size[1] - lens.width / lens.height) > 0.01 * size[0] / size[1]:
         raise UsageError(
             f"the board was filmed at {lens.width}×{lens.height} px, the clip at "
-            f"{size[0]}×{size[1]}: another shape",
-            hint="Film the board in the mode the clip is filmed in: other modes crop the sensor.",
+            f"{size[0]}×{size[1]} px, another aspect ratio: the lens does not apply",
+            hint="Film the board in the mode of the clip; other modes crop the sensor.",
         )
-    told = (
+    description = (
         f"{len(found.used)} views of a board, held-out error {found.held_out_rms_px:.2f} px"
         + "".join(f"; {warning}" for warning in found.warnings)
     )
-    return LensChoice(found.prior.resized(*size), lens_toml(found), told)
+    return LensChoice(found.prior.resized(*size), lens_toml(found), description)
 
 
 def _decoded(name: str, data: bytes) -> NDArray[np.uint8]:
     picture = decoded_image(data, cv2.IMREAD_GRAYSCALE, name)
     if picture is None:
-        raise ClipError(f"{name} is no picture that can be read", hint="Give JPEG or PNG files.")
+        raise ClipError(f"{name} is not a readable image", hint="Pass JPEG or PNG files.")
     return np.asarray(picture, dtype=np.uint8)
 
 
@@ -472,29 +467,29 @@ def board_size(text: str) -> tuple[int, int]:
     Raises
     ------
     UsageError
-        If it is no pair of numbers from 3 up.
+        If it is not a pair of numbers from 3 up.
     """
     match = re.fullmatch(r"\s*(\d+)\s*[x×]\s*(\d+)\s*", text)
     if match is None or min(int(n) for n in match.groups()) < 3:
         raise UsageError(
-            f"{text!r} is no board size", hint="Write inner corners as columns x rows: 8x6."
+            f"{text!r} is not a board size", hint="Write inner corners as columns x rows: 8x6."
         )
     return int(match[1]), int(match[2])
 
 
 def board_pictures(folder: Path) -> list[tuple[str, bytes]]:
-    """Names and contents of the pictures in a folder.
+    """Names and contents of the images in a folder.
 
     Raises
     ------
     UsageError
-        If there is no such folder, or no picture in it.
+        If there is no such folder, or no image in it.
     """
     if not folder.is_dir():
-        raise UsageError(f"there is no folder {folder}", hint="Name the folder of the pictures.")
+        raise UsageError(f"there is no folder {folder}", hint="Pass the folder of the images.")
     found = sorted(path for path in folder.iterdir() if path.suffix.lower() in PICTURES)
     if not found:
         raise UsageError(
-            f"there is no picture in {folder}", hint=f"Looked for {', '.join(PICTURES)}."
+            f"there is no image in {folder}", hint=f"Accepted endings: {', '.join(PICTURES)}."
         )
     return [(path.name, path.read_bytes()) for path in found]

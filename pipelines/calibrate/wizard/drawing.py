@@ -1,9 +1,4 @@
-"""What is drawn over the picture, as SVG in the picture's own pixels.
-
-Places in the picture that the user can set, and what setting each of them does.
-
-Pieces of the page that several steps use: fields, rows for a place in the picture, phrases.
-"""
+"""Drawing of the wizard's page: SVG overlays, user-set positions, fields."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -47,25 +42,21 @@ FloatArray = NDArray[np.float64]
 LINE, MARK, ARROW, HANDLE = "#00a395", "#d6156c", "#b3261e", "#d35400"
 
 RAMP = ("#440154", "#3b528b", "#21918c", "#5ec962", "#fde725")
+"""Viridis, dark for small values."""
 
-"""Viridis, dark for small."""
+MAX_GRID_LINES = 120
+"""Wall lines drawn (chosen: more merge into a grey surface and load slowly)."""
 
-MOST_LINES = 120
+MAX_ARROWS = 300
+"""Arrows of the lens map drawn (chosen, for the same reason)."""
 
-"""Lines of the wall drawn at most: more than that is a grey surface, and slow to send."""
-
-MOST_ARROWS = 300
-
-"""Arrows of the lens map at most, for the same reason."""
-
-STEPS_ALONG = 24
-
-"""Points along a line that a lens bends, which is drawn as a polygon through them."""
+LINE_POINTS = 24
+"""Points of the polygon that draws a line distorted by the lens (chosen)."""
 
 
 @dataclass(frozen=True)
 class MapScale:
-    """What the colours of the map mean: least and largest uncertainty, m."""
+    """Range of the map's colours: smallest and largest uncertainty, m."""
 
     low: float
     high: float
@@ -77,12 +68,12 @@ def encoded(picture: NDArray[np.uint8]) -> bytes:
 
 
 def _stroke(size: tuple[int, int], width: float) -> str:
-    """A width that looks alike on small and large pictures."""
+    """Line width that appears equal on small and large images."""
     return f"{width * size[0] / 640:.2f}"
 
 
 def grid_lines(grid: WallGrid) -> str:
-    """The coarse lines as the map has them, where the grid was seen, and its origin."""
+    """Fitted coarse lines in the region of the grid, and its origin."""
     height, width = grid.area.shape
     step = max(1, width // 320)
     coordinates = grid.map(pixel_grid((height, width))[::step, ::step])
@@ -92,7 +83,7 @@ def grid_lines(grid: WallGrid) -> str:
         values = np.where(np.isfinite(coordinates[..., family]), coordinates[..., family], 0.0)
         seen = values[inside]
         first, last = int(np.ceil(seen.min())), int(np.floor(seen.max()))
-        every = max(1, (last - first) // MOST_LINES)
+        every = max(1, (last - first) // MAX_GRID_LINES)
         for level in range(first, last + 1, every):
             parts += _level(values - level, inside, step)
     body = "".join(parts)
@@ -102,7 +93,7 @@ def grid_lines(grid: WallGrid) -> str:
 
 
 def _level(values: FloatArray, inside: NDArray[np.bool_], step: int) -> Iterable[str]:
-    """Pieces of the line on which values change sign, run by run of the longer axis."""
+    """Segments of the line where values change sign, along the longer axis."""
     for axis in (0, 1):
         a, b = (values[:-1], values[1:]) if axis == 0 else (values[:, :-1], values[:, 1:])
         ok = inside[:-1] if axis == 0 else inside[:, :-1]
@@ -125,7 +116,7 @@ def _runs(x: FloatArray, y: FloatArray, gap: float, axis: int) -> Iterable[str]:
     for run in np.split(np.arange(len(x)), breaks):
         if len(run) < 2:
             continue
-        chosen = run[np.unique(np.linspace(0, len(run) - 1, STEPS_ALONG).astype(int))]
+        chosen = run[np.unique(np.linspace(0, len(run) - 1, LINE_POINTS).astype(int))]
         points = " ".join(f"{x[i]:.1f},{y[i]:.1f}" for i in chosen)
         yield f"M{points}"
 
@@ -173,7 +164,7 @@ def handles(corners: FloatArray, active: int | None, size: tuple[int, int]) -> s
 
 
 def marks(answers: Answers, radius_px: float | None) -> str:
-    """The ball at rest, the landing point and the way between."""
+    """The ball at rest, the landing point and the path between."""
     size = answers.scene.size
     parts = []
     flight = None if answers.seen is None else answers.seen.flight
@@ -183,9 +174,9 @@ def marks(answers: Answers, radius_px: float | None) -> str:
             f'<polyline points="{points}" fill="none" stroke="{MARK}" '
             f'stroke-width="{_stroke(size, 1)}" stroke-dasharray="{_stroke(size, 4)}"/>'
         )
-    landing, told = answers.landing
+    landing, seen = answers.landing
     named = [(answers.rest, "ball at rest", True)]
-    named.append((landing, "landing" if told else "landing (supposed)", told))
+    named.append((landing, "landing" if seen else "landing (assumed)", seen))
     for px, name, sure in named:
         if px is None:
             continue
@@ -201,13 +192,13 @@ def marks(answers: Answers, radius_px: float | None) -> str:
 
 
 def residual_arrows(calibration: Calibration, grid: WallGrid) -> tuple[str, float, float]:
-    """Arrows from crossings as fitted to crossings as measured.
+    """Arrows from fitted to measured crossings.
 
     Returns
     -------
     svg : str
     factor : float
-        How many times too long the arrows are drawn.
+        Magnification of the arrows.
     rms : float
         Root mean square length, px.
     """
@@ -219,7 +210,7 @@ def residual_arrows(calibration: Calibration, grid: WallGrid) -> tuple[str, floa
     usual = max(float(np.median(length)), 1e-3)
     factor = float(10.0 ** np.floor(np.log10(12.0 * grid.size[0] / 640 / usual)))
     factor *= 5.0 if 5.0 * factor * usual < 12.0 * grid.size[0] / 640 else 1.0
-    chosen = np.unique(np.linspace(0, len(error) - 1, MOST_ARROWS).astype(int))
+    chosen = np.unique(np.linspace(0, len(error) - 1, MAX_ARROWS).astype(int))
     body = "".join(
         f"M{x:.1f},{y:.1f}l{dx:.2f},{dy:.2f}"
         for (x, y), (dx, dy) in zip(fitted[chosen], factor * error[chosen], strict=True)
@@ -244,8 +235,8 @@ def shaded_map(calibration: Calibration) -> tuple[str, MapScale]:
     scale = MapScale(float(finite.min()), float(np.percentile(finite, 98)))
     colour = _colouring(scale)
     cells = "".join(
-        f'<rect x="{x - step / 2:.1f}" y="{y - step / 2:.1f}" width="{_reach(x, width, step)}" '
-        f'height="{_reach(y, calibration.lens.height, step)}" '
+        f'<rect x="{x - step / 2:.1f}" y="{y - step / 2:.1f}" width="{_cell_side(x, width, step)}" '
+        f'height="{_cell_side(y, calibration.lens.height, step)}" '
         f'fill="{colour(value)}"/>'
         for (x, y), value in zip(px.reshape(-1, 2), std.ravel(), strict=True)
         if np.isfinite(value)
@@ -253,8 +244,8 @@ def shaded_map(calibration: Calibration) -> tuple[str, MapScale]:
     return f'<g opacity="0.6">{cells}</g>', scale
 
 
-def _reach(at: float, length: int, step: int) -> float:
-    """Side of a cell: the last one of a row reaches to the picture's edge."""
+def _cell_side(at: float, length: int, step: int) -> float:
+    """Side of a cell; the last one of a row ends at the image's edge."""
     return step + 0.3 if at + step < length else length - at + 0.5 * step
 
 
@@ -308,18 +299,18 @@ BY_STEP = {
 
 
 class Places:
-    """Where the places are, and which one clicks and arrow keys move.
+    """Positions set by the user, and which one clicks and arrow keys move.
 
     Parameters
     ----------
     session : Session
     jobs : Jobs
-        What takes time is done there.
+        Runs slow work.
 
     Attributes
     ----------
     active : str or None
-        Key of the place that is being set.
+        Key of the position being set.
     """
 
     def __init__(self, session: Session, jobs: Jobs) -> None:
@@ -346,16 +337,16 @@ class Places:
         return session.handles
 
     def label(self, key: str) -> str:
-        """Name of a place on the page."""
+        """Name of a position on the page."""
         return LABELS[key]
 
     def leave(self) -> None:
-        """Another step: its places come first now."""
+        """Reset the selection for another step."""
         if self.active not in BY_STEP.get(self._session.step, ()):
             self.active = None
 
     def where(self, key: str) -> FloatArray | None:
-        """Where a place is, px; None while it is not set."""
+        """Coordinates of a position, px; None if not set."""
         answers = self._session.answers
         if key.startswith("corner"):
             return np.asarray(self.corners[int(key[-1])])
@@ -367,17 +358,17 @@ class Places:
             return answers.origin_px
         return answers.rest if key == "rest" else answers.landing[0]
 
-    def grabbed(self, px: FloatArray, share: float) -> str | None:
-        """The handle near a place, if handles are shown."""
+    def grabbed(self, px: FloatArray, fraction: float) -> str | None:
+        """The handle near a point, if handles are shown."""
         if self._session.step != 2 or not self.by_hand:
             return None
         far = np.linalg.norm(self.corners - px, axis=1)
         nearest = int(np.argmin(far))
-        near = far[nearest] < share * self._session.answers.scene.size[0]
+        near = far[nearest] < fraction * self._session.answers.scene.size[0]
         return f"corner{nearest}" if near else None
 
     def put(self, key: str, px: FloatArray, *, final: bool) -> None:
-        """Put a place somewhere; `final` when the mouse is let go."""
+        """Move a position; `final` when the mouse button is released."""
         session = self._session
         px = np.clip(px, -0.5, np.array(session.answers.scene.size) - 0.5)
         if key.startswith("corner"):
@@ -388,12 +379,12 @@ class Places:
             session.moving[key] = px
         else:
             session.moving[key] = px
-            self._jobs.submit("working out the uncertainty", lambda: self._settle(key, px))
+            self._jobs.submit("computing the uncertainty", lambda: self._settle(key, px))
 
     def _settle(self, key: str, px: FloatArray) -> None:
         session = self._session
         if session.moving.get(key) is not px:
-            return  # moved on since, as by a key held down
+            return  # superseded, as while a key is held down
         if key == "origin":
             session.apply("origin set", lambda answers: _with_origin(answers, px))
         else:
@@ -443,7 +434,7 @@ h2 { font-size: 1.1rem !important; font-weight: 650 !important; line-height: 1.3
 
 @dataclass(frozen=True)
 class Place:
-    """A place in the picture that the user can set.
+    """A position in the image that the user can set.
 
     Attributes
     ----------
@@ -471,27 +462,29 @@ def phrase(text: str) -> str:
 
 
 def note(text: str, kind: str = "wz-small", *, alert: bool = False) -> None:
-    """A remark; as an alert it is read aloud at once."""
+    """Show a remark; an alert is read aloud immediately by screen readers."""
     label = ui.label(text).classes(kind + " w-full")
     if alert:
         label.props("role=alert")
 
 
 class TextField:
-    """A text field that tells its text when it is left or Enter is pressed, if it has changed.
+    """A text field that reports changed text when it loses focus or Enter is pressed.
 
     Parameters
     ----------
     label : str
     value : str
-    told : callable
+    on_change : callable
     test : str
         Its name for focus and tests.
     """
 
-    def __init__(self, label: str, value: str, told: Callable[[str], None], *, test: str) -> None:
+    def __init__(
+        self, label: str, value: str, on_change: Callable[[str], None], *, test: str
+    ) -> None:
         self.shown = ui.input(label, value=value).props(f'dense outlined data-test="{test}"')
-        self._tell = told
+        self._on_change = on_change
         self._last = value
         self.shown.props["data-told"] = value
         self.shown.on("blur", self._left)
@@ -500,16 +493,16 @@ class TextField:
 
     @property
     def text(self) -> str:
-        """What stands in it."""
+        """Its text."""
         return str(self.shown.value or "").strip()
 
     def show(self, value: str) -> None:
-        """Show another value, unless somebody is typing."""
+        """Show another value, unless the user is typing."""
         if self.text == self._last and value != self._last:
-            self._told(value)
+            self._changed(value)
             self.shown.set_value(value)
 
-    def _told(self, text: str) -> None:
+    def _changed(self, text: str) -> None:
         self._last = text
         self.shown.props["data-told"] = text
         self.shown.update()
@@ -517,24 +510,24 @@ class TextField:
     def _left(self) -> None:
         text = self.text
         if text != self._last:
-            self._told(text)
-            self._tell(text)
+            self._changed(text)
+            self._on_change(text)
 
 
-def field(label: str, value: str, told: Callable[[str], None], *, test: str) -> Any:
+def field(label: str, value: str, on_change: Callable[[str], None], *, test: str) -> Any:
     """The input of a `TextField`."""
-    return TextField(label, value, told, test=test).shown
+    return TextField(label, value, on_change, test=test).shown
 
 
 class PlaceRow:
-    """A row for a place: choose it for clicks and arrow keys, or write its coordinates.
+    """A row for a position: a button to select it, and its coordinates.
 
     Parameters
     ----------
     place : Place
     choose : callable
     moved : callable
-        Told the coordinates that were written, px.
+        Called with the coordinates entered, px.
     """
 
     def __init__(
@@ -553,7 +546,7 @@ class PlaceRow:
                 shown.shown.style("max-width: 6rem")
 
     def show(self, px: tuple[float, float] | None, *, active: bool) -> None:
-        """Show where it is, px, and whether it is the one that is set."""
+        """Show its coordinates, px, and whether it is selected."""
         add, remove = ("unelevated", "outline") if active else ("outline", "unelevated")
         pressed = "true" if active else "false"
         self._button.props(f"{add} aria-pressed={pressed}", remove=remove)

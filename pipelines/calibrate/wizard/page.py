@@ -1,8 +1,7 @@
-"""The wizard's page: the picture on the left, one step and what it does to the uncertainty right.
+"""Page of the calibration wizard: image, current step, expected uncertainty.
 
-Beside it the card that says how sure a landing will be, where that comes from, and what each
-answer did. The first five steps ask; the sixth shows residuals and uncertainty, verifies a known
-length and saves.
+A card shows the expected landing uncertainty, its budget and the effect of each answer. The first
+five steps ask; the sixth shows residuals and uncertainty, verifies a known length and saves.
 """
 
 from collections.abc import Callable
@@ -50,7 +49,13 @@ from pipelines.calibrate.wizard.drawing import (
     residual_arrows,
     shaded_map,
 )
-from pipelines.calibrate.wizard.session import Session, verdict, with_ball, with_corners, with_grid
+from pipelines.calibrate.wizard.session import (
+    Session,
+    compare_length,
+    with_ball,
+    with_corners,
+    with_grid,
+)
 from pipelines.web import GRACE_S, HOLD, RELEASE, SCRIPT, Jobs, serve_app
 
 __all__ = [
@@ -60,24 +65,23 @@ __all__ = [
 ]
 
 LINES_SHOWN, CHANGES_SHOWN = 5, 5
-
 """Lines of the budget and changes shown: as many as a card holds without scrolling."""
 
-WORDS = {UncertaintySource.BALL_PLANE_GUESS: "ball plane only guessed"}
+WORDS = {UncertaintySource.BALL_PLANE_GUESS: "ball plane only assumed"}
 
 
 def outlook_card(session: Session) -> None:
     """Draw the card."""
     found = session.outlook
     with ui.column().classes("wz-card w-full gap-2").props("data-test=outlook aria-live=polite"):
-        ui.html("<h2>Landing uncertainty to expect</h2>", sanitize=False)
+        ui.html("<h2>Expected landing uncertainty</h2>", sanitize=False)
         std = found.std
         if std is None or found.distance is None:
-            ui.label("not yet known").classes("wz-big").props("data-test=std")
+            ui.label("unknown").classes("wz-big").props("data-test=std")
             note(phrase(found.problem or "a wall grid is needed"))
         else:
             ui.label(f"± {millimetres(std)}").classes("wz-big").props("data-test=std")
-            where = "at a supposed landing" if found.supposed else "at the landing"
+            where = "at an assumed landing" if found.assumed else "at the landing"
             note(f"{where}, {found.distance:.3f} m from rest (one standard deviation)")
             _budget(session)
         for warning in found.warnings:
@@ -99,12 +103,12 @@ def _budget(session: Session) -> None:
 
 
 def _changes(session: Session) -> None:
-    told = [change for change in session.changes if change.after is not None]
-    if not told:
+    known = [change for change in session.changes if change.after is not None]
+    if not known:
         return
     ui.separator()
     with ui.column().classes("gap-0 w-full wz-small").props("data-test=changes"):
-        for change in reversed(told[-CHANGES_SHOWN:]):
+        for change in reversed(known[-CHANGES_SHOWN:]):
             before = millimetres(change.before)
             ui.label(f"{change.label}: {before} → {millimetres(change.after)}")
 
@@ -112,26 +116,22 @@ def _changes(session: Session) -> None:
 FloatArray = NDArray[np.float64]
 
 PICTURE_URL, FIRST_URL = "/scene.png", "/first.png"
-
-"""The still scene, and the first frame, in which the ball usually rests."""
+"""The median scene, and the first frame, in which the ball is usually at rest."""
 
 LOUPE_ZOOM, LOUPE_PX = 7, 168
+"""Magnification and size on the screen, px: shows 24 px of the image, enough around a crossing."""
 
-"""Factor and px on the screen: 24 px of the picture, as much as a crossing needs around it."""
-
-GRAB_SHARE = 0.03
-
-"""How near to a handle it is grabbed, of the picture's width."""
+GRAB_FRACTION = 0.03
+"""Distance within which a handle is grabbed, as a fraction of the image's width (chosen)."""
 
 ARROWS = {"ArrowLeft": (-1, 0), "ArrowRight": (1, 0), "ArrowUp": (0, -1), "ArrowDown": (0, 1)}
 
 POLL_S = 0.25
-
-"""s between looks at the session: a window that follows within a quarter second seems live."""
+"""s between updates from the session: a quarter second appears immediate (chosen)."""
 
 
 class WizardPage:
-    """One window's view of the session; all that matters lives in the session.
+    """One window onto the session, which holds all state.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ class WizardPage:
         self.show()
 
     def _navigation(self) -> None:
-        """The row of steps; never drawn anew, so that no click on it is lost."""
+        """The row of steps; never redrawn, so that no click on it is lost."""
         with (
             ui.element("nav")
             .props('aria-label="Steps"')
@@ -197,7 +197,7 @@ class WizardPage:
                 self._steps.append(button.classes("wz-step"))
 
     def _mark(self) -> None:
-        """Show in the row of steps which is the present one."""
+        """Mark the current step in the row of steps."""
         for index, button in enumerate(self._steps):
             button.props(f"aria-current={'step' if index == self.session.step else 'false'}")
             done = index < self.session.step
@@ -207,7 +207,7 @@ class WizardPage:
 
     @ui.refreshable_method
     def panel(self) -> None:
-        """The present step."""
+        """The current step."""
         self._following.clear()
         self._drawn = self._known
         with ui.column().classes("wz-card w-full gap-3").props("data-test=panel"):
@@ -217,25 +217,25 @@ class WizardPage:
             PANELS[number](self)
 
     def follows(self, follow: Callable[[], None]) -> None:
-        """Have a part of the present step follow what is set, without being drawn anew.
+        """Update a part of the current step on changes without redrawing it.
 
         Parameters
         ----------
         follow : callable
-            Shows what is set; called now and whenever something has changed.
+            Shows the state; called now and after each change.
         """
         self._following.append(follow)
         follow()
 
     @property
     def _known(self) -> tuple[object, ...]:
-        """What the present step says depends on this."""
+        """State on which the current step depends."""
         session = self.session
         return session.step, len(session.changes), session.grid_problem, session.ball_problem
 
     @ui.refreshable_method
     def status(self) -> None:
-        """What is being worked out, or why it failed."""
+        """The running job, or why it failed."""
         if self.jobs.busy:
             with ui.row().classes("items-center gap-2").props("role=status"):
                 ui.spinner(size="sm")
@@ -256,7 +256,7 @@ class WizardPage:
         self.show()
 
     def finish(self) -> None:
-        """Say goodbye and end the program."""
+        """Show that the wizard is closed, and end the program."""
         ui.run_javascript(
             'document.body.innerHTML = \'<p style="font: 18px system-ui; margin: 4rem">'
             "The calibration is closed. You can close this window.</p>'"
@@ -264,7 +264,7 @@ class WizardPage:
         ui.timer(0.3, self.close, once=True)
 
     def show(self) -> None:
-        """Draw all anew."""
+        """Redraw everything."""
         self._revision = self.jobs.revision
         self._mark()
         self.redraw_panel()
@@ -272,12 +272,12 @@ class WizardPage:
         self.draw()
 
     def redraw_panel(self) -> None:
-        """Draw the present step anew; what has the focus keeps it."""
+        """Redraw the current step; the focus is kept."""
         self.panel.refresh()
         ui.run_javascript(RELEASE)
 
     def draw(self) -> None:
-        """Draw what lies over the picture, and the loupe; show in the step what is set."""
+        """Draw overlay and loupe, and update the current step."""
         for follow in self._following:
             follow()
         answers, found = self.session.answers, self.session.outlook
@@ -318,8 +318,8 @@ class WizardPage:
             sanitize=False,
         )
         self._image.classes("wz-picture").props(
-            'tabindex=0 role=application data-test=picture aria-label="The scene. Choose a place '
-            'in the step beside it; arrow keys move it by 1 px, with Shift by 10, with Alt by 0.1."'
+            'tabindex=0 role=application data-test=picture aria-label="The scene. Select a '
+            'position in the step next to it; arrow keys move it by 1 px, Shift: 10, Alt: 0.1."'
         )
         self._image.on("keydown", self._key, args=["key", "shiftKey", "altKey"])
         with ui.row().classes("items-start gap-3 no-wrap"):
@@ -329,14 +329,14 @@ class WizardPage:
             with ui.column().classes("gap-1"):
                 self._where = ui.label().classes("wz-small").props("data-test=where")
                 ui.label(
-                    "Choose a place with its button, then click in the picture. By keyboard: Tab "
-                    "to the picture, arrow keys move the place (Shift: 10 px, Alt: 0.1 px)."
+                    "Select a position with its button, then click in the image. By keyboard: Tab "
+                    "to the image, arrow keys move the position (Shift: 10 px, Alt: 0.1 px)."
                 ).classes("wz-small")
 
     def _mouse(self, event: MouseEventArguments) -> None:
         px = np.array([event.image_x, event.image_y]) - 0.5
         if event.type == "mousedown":
-            self._dragged = self.places.grabbed(px, GRAB_SHARE) or self.places.active
+            self._dragged = self.places.grabbed(px, GRAB_FRACTION) or self.places.active
             if self._dragged is not None:
                 self.places.active = self._dragged
                 self.places.put(self._dragged, px, final=False)
@@ -379,10 +379,10 @@ class WizardPage:
         self._where.text = f"{named}{px[0]:.1f}, {px[1]:.1f} px{reading}"
 
     async def _poll(self) -> None:
-        """Show what has been worked out.
+        """Show the results of jobs.
 
-        The step is drawn anew only while nobody types or presses anything in it, and the browser
-        holds clicks back until it is.
+        The step is redrawn only while the user neither types nor presses anything in it; the
+        browser holds clicks back until then.
         """
         if self.jobs.revision != self._revision:
             self._revision = self.jobs.revision
@@ -395,7 +395,7 @@ class WizardPage:
             if await ui.run_javascript(HOLD, timeout=5.0):
                 self.redraw_panel()
         except TimeoutError:
-            return  # the window is gone, or being reloaded
+            return  # the window is closed or reloading
 
 
 def _safe(text: str) -> str:
@@ -403,7 +403,7 @@ def _safe(text: str) -> str:
 
 
 def places_of(page: "WizardPage", *keys: str) -> None:
-    """Rows for places."""
+    """Rows for positions."""
     for key in keys:
 
         def choose(key: str = key) -> None:
@@ -464,20 +464,20 @@ def _legend(page: "WizardPage") -> None:
                 f"flex: 1; height: 12px; background: linear-gradient(to right, {', '.join(RAMP)})"
             )
             ui.label(millimetres(scale.high))
-        note("How far off a position on the ball's plane may be, against the ball at rest.")
+        note("Standard uncertainty of positions on the ball's plane, relative to the ball at rest.")
     elif page.session.layer == "residuals":
         _, factor, rms = residual_arrows(found, grid)
         note(
-            f"Arrows from fitted to measured crossings, {factor:g} times too long; root mean "
-            f"square {rms:.2f} px. Arrows that swirl or point one way in one region tell of a "
-            "bent wall or a lens the fit can't follow."
+            f"Arrows from fitted to measured crossings, × {factor:g}; rms length {rms:.2f} px."
+            " Arrows that rotate or have a common direction in one region indicate a bent wall or "
+            "a distortion that the lens model can't represent."
         )
-        note(f"χ² per degree of freedom {found.chi2_per_dof:.2f} (1: as the noise has it).")
+        note(f"χ² per degree of freedom {found.chi2_per_dof:.2f} (1: consistent with the noise).")
 
 
 def _known_length(page: "WizardPage") -> None:
     session = page.session
-    note("Verify a length you know: choose each end, click it in the picture.", "text-body2")
+    note("Verify a known length: select each end and click it in the image.", "text-body2")
     places_of(page, "end0", "end1")
 
     def plane(wall: bool) -> None:
@@ -493,7 +493,7 @@ def _known_length(page: "WizardPage") -> None:
         value=session.on_wall,
         on_change=lambda event: plane(event.value),
     ).props("dense inline data-test=plane")
-    field("Its known length (or empty)", session.known_length, length, test="known-length")
+    field("Known length (or empty)", session.known_length, length, test="known-length")
     shown = ui.label().props("data-test=length role=status").classes("w-full")
 
     def judge() -> None:
@@ -501,15 +501,15 @@ def _known_length(page: "WizardPage") -> None:
         shown.set_visibility(there)
         if session.outlook.calibration is None or not there:
             return
-        told = verdict(
+        compared = compare_length(
             session.outlook.calibration,
             session.ends["end0"],
             session.ends["end1"],
             session.known_length,
             on_wall=session.on_wall,
         )
-        shown.set_text(told.text)
-        add, remove = ("wz-bad", "text-body2") if told.disagrees else ("text-body2", "wz-bad")
+        shown.set_text(compared.text)
+        add, remove = ("wz-bad", "text-body2") if compared.disagrees else ("text-body2", "wz-bad")
         shown.classes(add=add, remove=remove)
 
     page.follows(judge)
@@ -519,7 +519,7 @@ def _saving(page: "WizardPage") -> None:
     session = page.session
     out = session.answers.out
     there = out.exists()
-    note(f"Writes {out} and, beside it, lens.toml{' (replacing what is there)' if there else ''}.")
+    note(f"Writes {out} and lens.toml next to it{' (replaces the old files)' if there else ''}.")
 
     def save() -> None:
         page.saving_problem = ""
@@ -562,15 +562,15 @@ def _saved(page: "WizardPage") -> None:
 
 OTHER = "another ball"
 
-LENS_WAYS = {"grid": "From the wall grid", "file": "Lens file", "board": "Pictures of a board"}
+LENS_SOURCES = {"grid": "From the wall grid", "file": "Lens file", "board": "Images of a board"}
 
 
 def _do(page: "WizardPage", label: str, changed: Callable[[Answers], Answers]) -> None:
-    page.jobs.submit("working it out", lambda: page.session.apply(label, changed))
+    page.jobs.submit("computing", lambda: page.session.apply(label, changed))
 
 
 def _draft(page: "WizardPage", label: str, value: str, name: str) -> Any:
-    """A field that a button sends: what is written in it outlasts a redrawing of the step."""
+    """A field read by a button; its text survives a redraw of the step."""
     drafts = page.session.drafts
 
     def keep(text: str) -> None:
@@ -582,10 +582,10 @@ def _draft(page: "WizardPage", label: str, value: str, name: str) -> Any:
 def _clip_step(page: "WizardPage") -> None:
     answers = page.session.answers
     info, rate = answers.scene.info, answers.scene.rate
-    told = "nothing" if info.capture_fps_metadata is None else f"{info.capture_fps_metadata:g} fps"
+    stated = "none" if info.capture_fps_metadata is None else f"{info.capture_fps_metadata:g} fps"
     facts = (
-        f"{info.codec}, {info.bit_depth} bit, {info.duration_s:.2f} s as it plays. The file plays "
-        f"at {info.container_fps:.4g} frames per second; of the camera's rate it tells {told}."
+        f"{info.codec}, {info.bit_depth} bit, {info.duration_s:.2f} s as played, at "
+        f"{info.container_fps:.4g} frames per second; capture rate in the metadata: {stated}."
     )
     note(facts)
     for warning in info.warnings:
@@ -601,21 +601,21 @@ def _clip_step(page: "WizardPage") -> None:
     )
     if not answers.rate_known:
         note(
-            f"Not known yet: {rate.fps:g} fps is assumed. Every time and speed scales with it, and "
-            "gravity can't be used as a scale. Ask the camera's menu or its manual.",
+            f"Unknown: {rate.fps:g} fps is assumed. Every time and speed scales with it, and "
+            "gravity can't be used as a scale. Find it in the camera's menu or manual.",
             "wz-warn",
         )
     else:
-        source = "as you say" if answers.fps is not None else f"from the {rate.source}"
-        note(f"{answers.capture_fps:g} fps, {source}: the ball's free fall tells lengths, too.")
+        source = "as entered" if answers.fps is not None else f"from the {rate.source}"
+        note(f"{answers.capture_fps:g} fps, {source}: free fall also determines the scale.")
 
 
 def _lens_step(page: "WizardPage") -> None:
     session = page.session
     lens = session.answers.lens
     note(
-        "A wall grid tells the lens too. A lens measured beforehand helps where the camera looks "
-        "straight at the wall: there a grid can't tell focal length from distance."
+        "The wall grid also determines the lens. A lens calibrated beforehand helps if the camera "
+        "is perpendicular to the wall: then a grid can't separate focal length from distance."
     )
 
     def read_file(path: str) -> None:
@@ -625,28 +625,28 @@ def _lens_step(page: "WizardPage") -> None:
             _do(page, "lens file", lambda a: replace(a, lens=lens_from_file(Path(path), size)))
 
     ways = ui.radio(
-        LENS_WAYS, value=session.lens_way, on_change=lambda event: choose(event.value)
+        LENS_SOURCES, value=session.lens_source, on_change=lambda event: choose(event.value)
     ).props("dense data-test=lens-way")
     ways.classes("w-full")
 
     def choose(way: str) -> None:
-        session.lens_way = way
+        session.lens_source = way
         if way == "grid" and session.answers.lens is not None:
             _do(page, "lens from the grid", lambda a: replace(a, lens=None))
         page.redraw_panel()
 
-    if session.lens_way == "file":
+    if session.lens_source == "file":
         field("Path of the lens file (TOML)", session.lens_path, read_file, test="lens-file")
-    elif session.lens_way == "board":
+    elif session.lens_source == "board":
         _board_fields(page)
     if lens is not None:
         focal, std = lens.prior.lens.fx, lens.prior.std[0]
-        note(f"{phrase(lens.told)} Focal length {focal:.1f} ± {focal * std:.1f} px.")
+        note(f"{phrase(lens.description)} Focal length {focal:.1f} ± {focal * std:.1f} px.")
 
 
 def _board_fields(page: "WizardPage") -> None:
     session = page.session
-    folder = _draft(page, "Folder with the pictures", session.lens_path, "board")
+    folder = _draft(page, "Folder of the images", session.lens_path, "board")
     size = _draft(page, "Inner corners, columns x rows", "8x6", "board-size")
     square = _draft(page, "Side of a square", "25 mm", "board-square")
     charuco = ui.checkbox("ChArUco: markers in the white squares").props("dense")
@@ -662,9 +662,9 @@ def _board_fields(page: "WizardPage") -> None:
             pictures = board_pictures(Path(str(folder.value)))
             return replace(answers, lens=lens_from_board(pictures, board, wanted))
 
-        page.jobs.submit("measuring the lens", lambda: session.apply("lens measured", changed))
+        page.jobs.submit("calibrating the lens", lambda: session.apply("lens calibrated", changed))
 
-    ui.button("Measure the lens", on_click=measure).props("outline no-caps color=teal-9")
+    ui.button("Calibrate the lens", on_click=measure).props("outline no-caps color=teal-9")
 
 
 def _wall_step(page: "WizardPage") -> None:
@@ -683,13 +683,13 @@ def _wall_step(page: "WizardPage") -> None:
     def find(label: str, changed: Callable[[Answers], Answers]) -> None:
         again = with_corners if session.by_hand else with_grid
         page.jobs.submit(
-            "looking for the wall grid", lambda: session.apply(label, lambda a: again(changed(a)))
+            "searching for the wall grid", lambda: session.apply(label, lambda a: again(changed(a)))
         )
 
     with ui.row().classes("w-full no-wrap gap-2"):
         pitch = field("Side of a square", f"{1e3 * answers.pitch:g} mm", set_pitch, test="pitch")
         shown = "" if answers.fine_pitch is None else f"{1e3 * answers.fine_pitch:g} mm"
-        field("Fine lines apart (or empty)", shown, set_fine, test="fine")
+        field("Distance of fine lines (or empty)", shown, set_fine, test="fine")
         pitch.classes("grow")
     _wall_found(page)
 
@@ -697,7 +697,7 @@ def _wall_step(page: "WizardPage") -> None:
         session.by_hand = wanted
         page.places.active = "corner0" if wanted else None
         if not wanted:
-            page.jobs.submit("looking for the wall grid", session.find_grid)
+            page.jobs.submit("searching for the wall grid", session.find_grid)
         page.redraw_panel()
         page.draw()
 
@@ -706,7 +706,7 @@ def _wall_step(page: "WizardPage") -> None:
     ).props("dense data-test=by-hand")
     if session.by_hand:
         _corner_fields(page)
-    note("Where wall coordinates start (the nearest crossing is taken):")
+    note("Origin of the wall coordinates (moved to the nearest crossing):")
     places_of(page, "origin")
 
 
@@ -714,7 +714,7 @@ def _wall_found(page: "WizardPage") -> None:
     grid, problem = page.session.answers.grid, page.session.grid_problem
     if grid is not None:
         how = {
-            "found": "Found unaided",
+            "found": "Found automatically",
             "corners": "Measured between your corners",
             "hand": "Your four corners",
         }[page.session.answers.grid_source]
@@ -732,7 +732,7 @@ def _wall_found(page: "WizardPage") -> None:
 def _corner_fields(page: "WizardPage") -> None:
     session = page.session
     note(
-        "Drag each handle onto a crossing (the loupe helps), and say how many squares lie between."
+        "Drag each handle onto a crossing (use the loupe) and enter the number of squares between."
     )
     places_of(page, "corner0", "corner1", "corner2", "corner3")
     wide, high = session.answers.squares
@@ -746,8 +746,8 @@ def _corner_fields(page: "WizardPage") -> None:
         def changed(answers: Answers) -> Answers:
             if not (str(across.value).isdecimal() and str(up.value).isdecimal()):
                 raise UsageError(
-                    "the squares between the handles are counted in whole numbers",
-                    hint="Write how many squares lie between them, as 6.",
+                    "the number of squares between the handles must be whole",
+                    hint="Enter a number such as 6.",
                 )
             squares = (int(across.value), int(up.value))
             return with_corners(replace(answers, corners=corners, squares=squares))
@@ -803,9 +803,9 @@ def _ball_step(page: "WizardPage") -> None:
             field("Mass (or empty)", mass, lambda text: size(diameter, text), test="mass")
     elif ball is not None:
         weight = "" if ball.mass is None else f", {1e3 * ball.mass:.0f} g"
-        note(f"{1e3 * ball.diameter:.2f} mm across{weight}.")
+        note(f"Diameter {1e3 * ball.diameter:.2f} mm{weight}.")
     height = "" if answers.support_height is None else f"{answers.support_height:g} m"
-    field("Height of the support: how far the ball falls", height, set_height, test="support")
+    field("Height of the support (height of fall)", height, set_height, test="support")
     _followed(page)
     places_of(page, "rest", "landing")
 
@@ -814,44 +814,44 @@ def _followed(page: "WizardPage") -> None:
     session = page.session
     seen = session.answers.seen
     if seen is not None and seen.rest_px is not None:
-        landed = "" if seen.landing_px is None else " and to its lowest place, the landing"
-        note(f"The ball was followed from its rest{landed}.", "text-body2")
+        landed = "" if seen.landing_px is None else " to its lowest position, the landing"
+        note(f"The ball was tracked from rest{landed}.", "text-body2")
         return
     note(
         phrase(session.ball_problem.partition(". ")[0])
-        + " Set its places by hand, or point at it and follow it from there."
+        + " Set its positions by hand, or select the ball and track it from there."
         if session.ball_problem
-        else "The ball is not followed yet: that tells where it rests and lands, and its size."
+        else "The ball is not tracked yet: this determines its rest, landing and size."
     )
 
     def follow() -> None:
         at = session.answers.rest_px
-        told = None if at is None else (float(at[0]), float(at[1]))
-        page.jobs.submit("following the ball", lambda: session.follow_ball(told))
+        point = None if at is None else (float(at[0]), float(at[1]))
+        page.jobs.submit("tracking the ball", lambda: session.follow_ball(point))
 
-    ui.button("Follow the ball", on_click=follow).props(
+    ui.button("Track the ball", on_click=follow).props(
         "outline no-caps color=teal-9 data-test=follow"
     )
 
 
 def _distances_step(page: "WizardPage") -> None:
     answers = page.session.answers
-    note("Both may stay empty: grid, ball and free fall tell them, less sharply than a tape.")
+    note("Both may be empty: grid, ball and free fall determine them, less precisely than a tape.")
     _taped_field(page, "camera_distance", "Camera to wall", answers.camera_distance)
     _taped_field(page, "ball_plane_offset", "Ball's plane to wall", answers.ball_plane_offset)
     found = page.session.outlook.calibration
     if found is not None:
         for estimate in found.depth_estimates:
-            told = f"{estimate.value:.3f} ± {estimate.std:.3f} m"
-            note(f"Ball's plane to wall by {estimate.source} alone: {told}.")
-        note(f"Camera to wall, all together: {found.camera_distance:.3f} m.")
+            text = f"{estimate.value:.3f} ± {estimate.std:.3f} m"
+            note(f"Ball's plane to wall from {estimate.source} alone: {text}.")
+        note(f"Camera to wall from all data: {found.camera_distance:.3f} m.")
 
 
 def _taped_field(page: "WizardPage", key: str, label: str, known: Known | None) -> None:
     value = "" if known is None else f"{known.value:.10g} m"
     std = f"{1e3 * (0.005 if known is None else known.std):g} mm"
 
-    def told(text: str, spread: str) -> None:
+    def entered(text: str, spread: str) -> None:
         def changed(answers: Answers) -> Answers:
             given = distance_from(f"{text} ± {spread}") if text else None
             return replace(answers, **{key: given})  # type: ignore[arg-type]
@@ -859,8 +859,8 @@ def _taped_field(page: "WizardPage", key: str, label: str, known: Known | None) 
         _do(page, f"{label.lower()} {text or 'open'}", changed)
 
     with ui.row().classes("w-full no-wrap gap-2"):
-        field(f"{label} (tape)", value, lambda text: told(text, std), test=key)
-        spread = field("give or take", std, lambda text: told(value, text), test=f"{key}-std")
+        field(f"{label} (measured)", value, lambda text: entered(text, std), test=key)
+        spread = field("uncertainty ±", std, lambda text: entered(value, text), test=f"{key}-std")
         spread.style("max-width: 8rem")
 
 
@@ -891,16 +891,16 @@ def serve(
     session : Session
     jobs : Jobs
     opened : callable
-        Called with the address once it answers.
+        Called with the address once it is served.
     port : int
-        0 for one that is free.
+        0 for any free one.
     grace_s : float
-        How long the page may be closed before the program ends, s.
+        Time the page may be closed before the program ends, s.
 
     Raises
     ------
     UsageError
-        If the port is taken.
+        If the port is in use.
     KeyboardInterrupt
         If the user interrupts.
     """

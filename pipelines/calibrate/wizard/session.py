@@ -1,15 +1,8 @@
-"""One calibration in progress: the answers, what they amount to, and what each answer changed.
+"""Calibration session: calibrated scene, uncertainty, corner grid, files.
 
-`setup.toml` and `lens.toml`: the answers written down, and the wall as the camera saw it.
-
-What the answers so far amount to: the calibrated scene, and how sure a landing will be.
-
-A known length against the calibration.
-
-A wall grid told by four handles on its crossings, where it is not found unaided.
-
-The handles say where the squares are and how many; the picture between them, unwarped, is looked
-at again. Where even there no lines are found, the handles themselves are the grid.
+Where the wall grid is not found automatically, four handles on its crossings define its squares;
+the image between them is rectified and searched for lines. Without lines the handles themselves
+are the grid.
 """
 
 import math
@@ -40,11 +33,12 @@ from metrology import (
     read_number,
     write_text_whole,
 )
-from pipelines.calibrate.wizard.answers import Answers, BallKind, BallSeen, WallSource, watch_ball
+from pipelines.calibrate.wizard.answers import Answers, BallKind, BallSeen, WallSource, track_ball
 from vision.clip.footage import nominal_rate_std
 
 __all__ = [
     "Session",
+    "compare_length",
     "grid_from_corners",
     "length_between",
     "lens_for",
@@ -53,7 +47,6 @@ __all__ = [
     "save",
     "setup_text",
     "starting_corners",
-    "verdict",
     "with_ball",
     "with_corners",
     "with_grid",
@@ -62,46 +55,43 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 
 PLACE_STD_PX = 0.2
-
-"""px, of a ball at landing, along x, where following did not tell: supposed."""
+"""px: standard uncertainty of a tracked or assumed landing point (assumed)."""
 
 CLICK_STD_PX = 0.5
+"""px: standard uncertainty of a clicked position (assumed)."""
 
 GRAVITY = Known(Defaults.GRAVITY.known, Defaults.GRAVITY.std)
 
-DRAG_SHARE = 0.4
-
-"""Of the mean drag taken as a constant over the flight: C_D's default is good to a fifth, and the
-speed is squared."""
+DRAG_RELATIVE_STD = 0.4
+"""Relative uncertainty of the mean drag: 20 % of the default C_D, and the speed enters squared."""
 
 UNKNOWN_DRAG = Known(0.1, 0.1)
-
-"""What the air takes from the fall of a ball of unknown mass, m/s²."""
+"""m/s²: mean vertical drag deceleration of a ball of unknown mass (assumed)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Outlook:
-    """How things stand.
+    """Results from the current answers.
 
     Attributes
     ----------
     calibration : Calibration or None
-        None where there is nothing to calibrate with.
+        None without data to calibrate with.
     distance : float or None
         From rest to landing on the ball plane, m.
     budget : tuple of Contribution
-        What each input adds to the uncertainty of `distance`, m, largest first.
-    supposed : bool
-        Whether the landing point is only supposed.
+        Contributions to the uncertainty of `distance`, m, largest first.
+    assumed : bool
+        Whether the landing point is only assumed.
     problem : str
-        Why there is no calibration, empty otherwise.
+        Why there is no calibration; empty otherwise.
     warnings : tuple of str
     """
 
     calibration: Calibration | None
     distance: float | None = None
     budget: tuple[Contribution, ...] = ()
-    supposed: bool = True
+    assumed: bool = True
     problem: str = ""
     warnings: tuple[str, ...] = ()
 
@@ -115,14 +105,14 @@ class Outlook:
 
 @dataclass(frozen=True)
 class Length:
-    """A length between two clicks: value and standard uncertainty, m."""
+    """A length between two clicked positions: value and standard uncertainty, m."""
 
     value: float
     std: float
 
 
 def outlook(answers: Answers) -> Outlook:
-    """Calibrate with all that was answered, and propagate to the landing distance."""
+    """Calibrate with all answers and propagate to the landing distance."""
     if answers.grid is None:
         return Outlook(None, problem="There is no wall grid yet: step 3.")
     prior = None if answers.lens is None else answers.lens.prior
@@ -130,28 +120,28 @@ def outlook(answers: Answers) -> Outlook:
         found = solve(answers.grid, evidence_of(answers), lens=prior).calibration
     except CalibrationError as problem:
         return Outlook(None, problem=problem.in_one_line)
-    landing, told = answers.landing
+    landing, seen = answers.landing
     rest = answers.rest
     start = np.zeros(2) if rest is None else found.position(rest)[0]
 
-    def reach(c: Calibration) -> float:
+    def landing_x(c: Calibration) -> float:
         return float(c.position(landing)[0][0])
 
-    distance = abs(reach(found) - float(start[0]))
+    distance = abs(landing_x(found) - float(start[0]))
     if not math.isfinite(distance):
-        return Outlook(found, problem="The landing point looks past the wall.")
+        return Outlook(found, problem="The line of sight to the landing point misses the wall.")
     noise = found.position(landing, _landing_noise(answers))[1]
     lines = [
-        *found.budget(reach),
+        *found.budget(landing_x),
         Contribution(UncertaintySource.BALL_CENTRE, math.sqrt(noise[0, 0])),
     ]
     shown = [line for line in lines if line.std > 0.0]
     shown.sort(key=lambda line: -line.std)
-    return Outlook(found, distance, tuple(shown), not told, warnings=found.warnings)
+    return Outlook(found, distance, tuple(shown), not seen, warnings=found.warnings)
 
 
 def evidence_of(answers: Answers) -> Evidence:
-    """What is known besides the grid."""
+    """Information besides the grid."""
     evidence = Evidence(
         rest_px=answers.rest,
         camera_distance=answers.camera_distance,
@@ -184,11 +174,11 @@ def _outlines(answers: Answers) -> BallOutlines | None:
 
 
 def _fall(answers: Answers) -> FreeFall | None:
-    """The flight against gravity, less what the air takes of it on the mean."""
+    """The flight as free fall, corrected for mean drag."""
     flight = None if answers.seen is None else answers.seen.flight
     if flight is None or answers.ball is None:
         return None
-    # following ran on the rate as it was; only the product of rate and time counts
+    # tracking used the earlier rate; only the product of rate and time matters
     time = flight.frame / answers.capture_fps
     drag = _drag(answers, time)
     by_rate = 2.0 * GRAVITY.value * nominal_rate_std(answers.capture_fps) / answers.capture_fps
@@ -210,7 +200,7 @@ def _drag(answers: Answers, time: FloatArray) -> Known:
     area = math.pi * ball.diameter**2 / 4.0
     rate = 0.5 * Defaults.AIR_DENSITY.known * Defaults.DRAG_COEFFICIENT.known * area / ball.mass
     taken = rate * float(np.hypot(*mean)) * float(mean[1])
-    return Known(taken, DRAG_SHARE * abs(taken) + 0.01)
+    return Known(taken, DRAG_RELATIVE_STD * abs(taken) + 0.01)
 
 
 def _landing_noise(answers: Answers) -> FloatArray:
@@ -221,7 +211,7 @@ def _landing_noise(answers: Answers) -> FloatArray:
 def length_between(
     calibration: Calibration, first: FloatArray, second: FloatArray, *, on_wall: bool
 ) -> Length:
-    """A length between two places in the picture, on the wall or on the ball plane.
+    """A length between two positions in the image, on the wall or on the ball plane.
 
     Parameters
     ----------
@@ -229,7 +219,7 @@ def length_between(
     first, second : (2,) array
         Px.
     on_wall : bool
-        On the wall, not on the ball plane.
+        Whether on the wall rather than on the ball plane.
     """
     px = np.stack([first, second])
 
@@ -246,14 +236,13 @@ def length_between(
     return Length(length(calibration), math.sqrt(systematic + clicks))
 
 
-DISAGREES_AT = 3.0
-
-"""Standard deviations: less than one true length in 300 is farther off."""
+MAX_LENGTH_DEVIATION = 3.0
+"""Standard deviations: 0.3 % of correct lengths deviate by more."""
 
 
 @dataclass(frozen=True)
 class LengthComparison:
-    """What a known length says.
+    """Comparison with a known length.
 
     Attributes
     ----------
@@ -266,10 +255,10 @@ class LengthComparison:
     disagrees: bool = False
 
 
-def verdict(
+def compare_length(
     calibration: Calibration, first: FloatArray, second: FloatArray, known: str, *, on_wall: bool
 ) -> LengthComparison:
-    """Measure between two places and compare.
+    """Measure between two positions and compare with a known length.
 
     Parameters
     ----------
@@ -277,54 +266,54 @@ def verdict(
     first, second : (2,) array
         Px.
     known : str
-        The length as somebody wrote it, empty for none.
+        The length as entered; empty for none.
     on_wall : bool
-        Else on the ball's plane.
+        Otherwise on the ball's plane.
     """
     length = length_between(calibration, first, second, on_wall=on_wall)
     plane = "on the wall" if on_wall else "on the ball's plane"
     if not np.isfinite(length.value):
-        return LengthComparison("One end looks past the wall.", disagrees=True)
-    told = f"{length.value:.4f} ± {length.std:.4f} m between the ends, {plane}."
+        return LengthComparison("The line of sight to one end misses the wall.", disagrees=True)
+    text = f"{length.value:.4f} ± {length.std:.4f} m between the ends, {plane}."
     if not known.strip():
-        return LengthComparison(told)
+        return LengthComparison(text)
     try:
         true = read_number(known, measurands.DISTANCE)
     except UsageError as problem:
-        return LengthComparison(f"{told} {problem.in_one_line}", disagrees=True)
+        return LengthComparison(f"{text} {problem.in_one_line}", disagrees=True)
     off = length.value - true
     ratio = abs(off) / length.std
-    agrees = "agrees" if ratio < DISAGREES_AT else "disagrees: check the grid's pitch and the ends"
+    agrees = (
+        "agrees"
+        if ratio < MAX_LENGTH_DEVIATION
+        else "disagrees: check the grid's pitch and the ends"
+    )
     return LengthComparison(
-        f"{told} {1e3 * off:+.1f} mm off, {ratio:.1f} standard deviations: {agrees}.",
-        ratio >= DISAGREES_AT,
+        f"{text} {1e3 * off:+.1f} mm off, {ratio:.1f} standard deviations: {agrees}.",
+        ratio >= MAX_LENGTH_DEVIATION,
     )
 
 
-HAND_STD_PX = 0.7
-
-"""px, a handle put on a crossing with a loupe, supposed: a hand is off by half a pixel or one."""
+HANDLE_STD_PX = 0.7
+"""px: standard uncertainty of a handle set with the loupe (assumed: half a pixel to one)."""
 
 SQUARE_PX = (32, 60)
+"""px per square of the rectified image, smallest and largest: below, fine lines of a tenth alias;
+above, it is slow."""
 
-"""px a square, smallest and largest, in the picture that is laid flat to look for lines: below,
-fine lines of a tenth fold over; above, it is slow."""
-
-MOST_PX = 1400
-
-"""px across that picture at most: less than the wall's squares need is rare."""
+MAX_RECTIFIED_PX = 1400
+"""px: largest side of the rectified image (chosen; walls rarely need more)."""
 
 RATIOS = (1, 2, 4, 5, 10)
+"""Fine squares per coarse one: common divisions of rulers and grids."""
 
-"""Fine squares in a coarse one: factors in which rulers and grids are divided."""
-
-MOST_OFF = 0.05
-
-"""Share, of the ratio that is told from the nearest of `RATIOS`: two neighbours are 20 % apart."""
+MAX_RATIO_ERROR = 0.05
+"""Relative difference of the measured ratio from the nearest of `RATIOS`; neighbours differ by at
+least 20 %."""
 
 
 def starting_corners(grid: WallGrid | None, size: tuple[int, int]) -> FloatArray:
-    """Where handles start, (4, 2): on crossings of the grid, else well inside the picture."""
+    """Initial handles, (4, 2): on crossings of the grid, or else inside the image."""
     box = np.array([[0.2, 0.8], [0.8, 0.8], [0.8, 0.2], [0.2, 0.2]]) * (np.array(size) - 1.0)
     if grid is None:
         return box
@@ -361,12 +350,12 @@ def grid_from_corners(
     WallGrid
         Its origin is the lower left handle.
     source : {"corners", "hand"}
-        Whether lines were measured between the handles, or only the handles are known.
+        Whether lines were measured between the handles, or only the handles are used.
 
     Raises
     ------
     UsageError
-        If the handles enclose no area in that order, or there is no square between them.
+        If the handles enclose no area in that order, or no square is between them.
     """
     wide, high = squares
     scale, warp = _straightening(corners, squares)
@@ -384,16 +373,16 @@ def grid_from_corners(
 
 
 def _straightening(corners: FloatArray, squares: tuple[int, int]) -> tuple[float, FloatArray]:
-    """Px of a square, and the homography (3, 3) that straightens what is between the handles.
+    """Px per square, and the homography (3, 3) that rectifies the image between the handles.
 
     Raises
     ------
     UsageError
-        If the handles enclose no area in their order, or there is no square between them.
+        If the handles enclose no area in their order, or no square is between them.
     """
     wide, high = squares
     if wide < 1 or high < 1:
-        raise UsageError("there is no square between the handles", hint="Count squares: 1 or more.")
+        raise UsageError("no square is between the handles", hint="Enter 1 or more squares.")
     turns = np.diff(np.vstack([corners, corners[:2]]), axis=0)
     cross = turns[:-1, 0] * turns[1:, 1] - turns[:-1, 1] * turns[1:, 0]
     if not (cross < -16.0).all():
@@ -404,7 +393,7 @@ def _straightening(corners: FloatArray, squares: tuple[int, int]) -> tuple[float
     sides = np.linalg.norm(turns, axis=1)
     per_square = float(max(sides[[0, 2]].max() / wide, sides[[1, 3]].max() / high))
     scale = float(np.clip(1.2 * per_square, *SQUARE_PX))
-    scale = min(scale, MOST_PX / max(wide, high))
+    scale = min(scale, MAX_RECTIFIED_PX / max(wide, high))
     flat = np.array([[0, high], [wide, high], [wide, 0], [0, 0]], dtype=np.float64) * scale
     warp = cv2.getPerspectiveTransform(corners.astype(np.float32), flat.astype(np.float32))
     return scale, np.asarray(warp, dtype=np.float64)
@@ -413,7 +402,7 @@ def _straightening(corners: FloatArray, squares: tuple[int, int]) -> tuple[float
 def _in_picture(
     found: WallGrid, warp: FloatArray, corners: FloatArray, size: tuple[int, int], pitch_m: float
 ) -> WallGrid:
-    """A grid found in the straightened picture, where it is in the picture itself."""
+    """Map a grid found in the rectified image to the original image."""
     width, height = size
     back = np.asarray(np.linalg.inv(warp), dtype=np.float64)
     jacobian = _jacobian(back, found.points_px)
@@ -441,21 +430,21 @@ def _in_picture(
 
 
 def _ratio(found: WallGrid, scale: float) -> int:
-    """Squares found in one square told."""
+    """Number of lines' squares per square entered."""
     middle = np.array(found.size) / 2.0
     period = 1.0 / np.linalg.norm(found.map.jacobian(middle), axis=1)
-    told = scale / float(np.sqrt(period.prod()))
-    best = min(RATIOS, key=lambda ratio: abs(np.log(told / ratio)))
-    if abs(np.log(told / best)) > MOST_OFF:
+    ratio = scale / float(np.sqrt(period.prod()))
+    best = min(RATIOS, key=lambda candidate: abs(np.log(ratio / candidate)))
+    if abs(np.log(ratio / best)) > MAX_RATIO_ERROR:
         raise CalibrationError(
-            "the lines between the handles are not where the handles have them",
+            "the lines between the handles do not match the number of squares entered",
             hint="Drag the handles onto crossings of the grid.",
         )
     return best
 
 
 def _origin_shift(found: WallGrid, scale: float) -> FloatArray:
-    """What to add to the nodes, so that the lower left handle is (0, 0)."""
+    """Shift of the nodes that makes the lower left handle (0, 0)."""
     corner = np.array([0.0, found.size[1] - 1.0])
     return -np.asarray(found.map(corner))
 
@@ -472,7 +461,7 @@ def _by_hand(
         pitch_m=pitch_m,
         nodes=nodes,
         points_px=corners,
-        covariance_px2=np.tile(HAND_STD_PX**2 * np.eye(2), (4, 1, 1)),
+        covariance_px2=np.tile(HANDLE_STD_PX**2 * np.eye(2), (4, 1, 1)),
         residual_px=np.zeros((4, 2)),
         map=_homography(corners, nodes.astype(np.float64), size),
         area=area > 0,
@@ -480,8 +469,8 @@ def _by_hand(
         fine_ratio=None,
         origin_m=np.zeros(2),
         warnings=(
-            "no lines were found between the handles: the grid is known as well as four handles "
-            "are put by hand",
+            "no lines were found between the handles: the grid is as accurate as the four handles "
+            "set by hand",
         ),
     )
 
@@ -498,7 +487,7 @@ def _homography(px: FloatArray, nodes: FloatArray, size: tuple[int, int]) -> Gri
 
 
 def _map_through(px: FloatArray, nodes: FloatArray, size: tuple[int, int]) -> GridMap:
-    """Map with the lens's distortion too, through all crossings."""
+    """Map including the lens's distortion, through all crossings."""
     grid_map = _homography(px, nodes, size)
     weight = np.full(nodes.shape, 1e4)
     for _ in range(4):
@@ -530,7 +519,7 @@ class Written:
 def save(
     answers: Answers, outlook: Outlook, check: Callable[[str, Path], None] | None = None
 ) -> Written:
-    """Write both files, each whole or not at all.
+    """Write both files, each atomically.
 
     Parameters
     ----------
@@ -538,7 +527,7 @@ def save(
     outlook : Outlook
         Of these answers.
     check : callable, optional
-        Called with the setup file's text and its folder; raises if it would not be read.
+        Called with the setup file's text and its folder; raises if the text is invalid.
 
     Raises
     ------
@@ -559,7 +548,7 @@ def save(
 
 
 def lens_for(setup: Path) -> Path:
-    """The lens file that goes with a setup file."""
+    """The lens file that belongs to a setup file."""
     return setup.parent / "lens.toml"
 
 
@@ -567,7 +556,7 @@ def setup_text(answers: Answers, outlook: Outlook) -> str:
     """Text of the setup file."""
     lines = [f"# Written by `vision calibrate {_comment(answers.scene.info.path.name)}`."]
     if outlook.std is not None and outlook.distance is not None:
-        where = "a supposed landing" if outlook.supposed else "landing"
+        where = "assumed landing" if outlook.assumed else "landing"
         lines.append(
             f"# Expected: {where} {outlook.distance:.3f} m from rest, "
             f"± {1e3 * outlook.std:.1f} mm from the calibration."
@@ -576,14 +565,14 @@ def setup_text(answers: Answers, outlook: Outlook) -> str:
     if answers.rate_known:
         lines.append(f"capture_fps = {answers.capture_fps!r}")
     else:
-        lines.append("# capture_fps = 600   # not known; every time and speed scales with it")
+        lines.append("# capture_fps = 600   # unknown; every time and speed scales with it")
     if answers.camera_distance is not None:
         lines.append(f'distance_to_wall = "{_taped(answers.camera_distance)}"')
     if answers.lens is not None:
         lines.append('lens = "lens.toml"')
     else:
         lines += [
-            "# The grid of each clip tells the lens anew. For clips that show less of it:",
+            "# The grid of each clip determines the lens. For clips that show less of the grid:",
             '# lens = "lens.toml"',
         ]
     lines += ["", "[wall]", f'grid = "{_millimetres(answers.pitch)}"']
@@ -605,7 +594,7 @@ def setup_text(answers: Answers, outlook: Outlook) -> str:
 
 
 def _comment(text: str) -> str:
-    """Fit for a comment: on one line."""
+    """Join to one line, for a comment."""
     return "".join(character if character.isprintable() else "?" for character in text)
 
 
@@ -644,13 +633,13 @@ def _lens_text(answers: Answers, calibration: Calibration) -> str:
 
 
 def _view_text(grid: WallGrid) -> str:
-    """The wall as the camera saw it, to tell later whether the camera moved."""
+    """The wall as seen by the camera, to detect later camera moves."""
     variance = float(np.median(np.trace(grid.covariance_px2, axis1=1, axis2=2)))
     return "\n".join(
         [
             "",
             VIEW,
-            "# where the wall's grid was in the picture, for `vision calibrate --check`",
+            "# position of the wall's grid in the image, for `vision calibrate check`",
             f"size = {list(grid.size)!r}",
             f"pitch_m = {grid.pitch_m!r}",
             f"centre = {grid.map.centre.tolist()!r}",
@@ -663,12 +652,12 @@ def _view_text(grid: WallGrid) -> str:
 
 
 def read_view(lens: Path) -> WallGrid:
-    """The wall as it was seen when a lens file was written; its map only, no crossings.
+    """The view of the wall stored in a lens file; its map only, no crossings.
 
     Raises
     ------
     SetupError
-        If the file is missing or holds no view.
+        If the file is missing or contains no view.
     """
     try:
         view = tomllib.loads(lens.read_text(encoding="utf-8"))["view"]
@@ -678,8 +667,8 @@ def read_view(lens: Path) -> WallGrid:
         pitch, variance = float(view["pitch_m"]), float(view["variance_px2"])
     except (OSError, UnicodeDecodeError, ValueError, KeyError, TypeError, IndexError) as problem:
         raise SetupError(
-            f"{lens} does not hold how the camera saw the wall",
-            hint="`vision calibrate CLIP` writes it beside the setup file; or compare two clips: "
+            f"{lens} does not contain the camera's view of the wall",
+            hint="`vision calibrate CLIP` writes it next to the setup file; or compare two clips: "
             "`vision calibrate check NEW_CLIP --against OLD_CLIP`.",
         ) from problem
     return WallGrid(
@@ -699,7 +688,7 @@ def read_view(lens: Path) -> WallGrid:
 
 @dataclass(frozen=True)
 class OutlookChange:
-    """What one answer did to the expected uncertainty of the landing distance, m."""
+    """Effect of one answer on the expected uncertainty of the landing distance, m."""
 
     label: str
     before: float | None
@@ -707,14 +696,14 @@ class OutlookChange:
 
 
 class Session:
-    """Answers as they grow. Outlives every window that shows it.
+    """Answers and results; outlives every window that shows it.
 
     Parameters
     ----------
     answers : Answers
-        What is known at the start.
+        Initial answers.
     presets : sequence of BallKind
-        Balls that can be named.
+        Balls available by name.
     check : callable, optional
         Called with the setup file's text and folder before it is written.
 
@@ -726,29 +715,29 @@ class Session:
     changes : list of OutlookChange
         Oldest first.
     step : int
-        Step that is shown, from 0.
+        Current step, from 0.
     written : Written or None
         Files written so far.
     grid_problem : str
-        Why no grid was found, empty otherwise.
+        Why no grid was found; empty otherwise.
     ball_problem : str
-        Why no ball was followed, empty otherwise.
-    lens_way, lens_path : str
-        How the lens is told: "grid", "file" or "board"; and the path, as written.
+        Why no ball was tracked; empty otherwise.
+    lens_source, lens_path : str
+        Origin of the lens: "grid", "file" or "board"; and the path as entered.
     by_hand : bool
         Whether the four handles are shown.
     handles : (4, 2) array or None
-        Where they are, px.
+        Their positions, px.
     drafts : dict of str to str
-        What is written in fields that a button sends, by the field's name.
+        Texts of fields that a button reads, by the field's name.
     ends : dict of str to (2,) array
         Ends of the length to verify, px.
     moving : dict of str to (2,) array
-        Places set but not yet worked in, px.
+        Positions set but not yet processed, px.
     layer : {"residuals", "uncertainty", "grid"}
-        What step 6 draws.
+        Layer drawn in step 6.
     known_length, on_wall
-        The length to verify, as written, and whether it lies on the wall.
+        The length to verify, as entered, and whether it is on the wall.
     """
 
     def __init__(
@@ -764,7 +753,7 @@ class Session:
         self.step = 0
         self.written: Written | None = None
         self.grid_problem = self.ball_problem = ""
-        self.lens_way, self.lens_path = "grid" if answers.lens is None else "file", ""
+        self.lens_source, self.lens_path = "grid" if answers.lens is None else "file", ""
         self.by_hand = False
         self.handles: FloatArray | None = None
         self.drafts: dict[str, str] = {}
@@ -777,12 +766,12 @@ class Session:
         self._lock = Lock()
 
     def apply(self, label: str, changed: Callable[[Answers], Answers]) -> Outlook:
-        """Change the answers and see what it does; safe to call from several threads.
+        """Change the answers and update the results; safe to call from several threads.
 
         Raises
         ------
         ImpactVisionError
-            Whatever `changed` raises; nothing is changed then.
+            Whatever `changed` raises; nothing changes then.
         """
         with self._lock:
             answers = changed(self.answers)
@@ -796,7 +785,7 @@ class Session:
         return self.apply(label, lambda answers: replace(answers, **fields))
 
     def find_grid(self) -> None:
-        """Look for the wall grid unaided; `grid_problem` says why there is none."""
+        """Find the wall grid automatically; `grid_problem` states why there is none."""
         try:
             self.apply("wall grid found", with_grid)
             self.grid_problem = ""
@@ -805,20 +794,20 @@ class Session:
             self.update("no wall grid found", grid=None)
 
     def follow_ball(self, ball_at: tuple[float, float] | None = None) -> BallSeen:
-        """Follow the ball through the clip.
+        """Track the ball through the clip.
 
         Raises
         ------
         NotFoundError
-            If nothing round moves in it.
+            If nothing round moves.
         """
         scene = self.answers.scene
-        seen = watch_ball(scene.info.path, self.answers.capture_fps, ball_at=ball_at)
-        self.update("ball followed, landing seen", seen=seen, rest_px=None, landing_px=None)
+        seen = track_ball(scene.info.path, self.answers.capture_fps, ball_at=ball_at)
+        self.update("ball tracked, landing found", seen=seen, rest_px=None, landing_px=None)
         return seen
 
     def look_for_ball(self) -> None:
-        """Follow the ball if there is one; `ball_problem` says why there is none."""
+        """Track the ball if there is one; `ball_problem` states why there is none."""
         try:
             self.follow_ball()
             self.ball_problem = ""
@@ -843,7 +832,7 @@ def with_grid(answers: Answers) -> Answers:
     Raises
     ------
     CalibrationError
-        If there is none.
+        If none is found.
     """
     grid = find_wall_grid(
         answers.scene.picture, pitch_m=answers.pitch, fine_pitch_m=answers.fine_pitch
@@ -877,7 +866,7 @@ def with_corners(answers: Answers) -> Answers:
 
 
 def with_ball(answers: Answers, kind: BallKind | None, *, named: bool) -> Answers:
-    """Take a ball, with the height of the support it usually lies on where none was given."""
+    """Set a ball, with the height of its usual support if none is given."""
     height = answers.support_height
     if height is None and kind is not None:
         height = kind.support_height

@@ -81,7 +81,7 @@ def test_a_light_in_view_tells_the_rate(lamp: Path) -> None:
     value, std = (float(said.output.split()[i]) for i in (2, 4))
     assert abs(value - 585.0) < 4.0 * std
     assert 0.0 < std < 2.0
-    assert "600 fps, from the option, is not what it is" in said.output
+    assert "The option states 600 fps, which disagrees" in said.output
 
 
 @pytest.mark.parametrize(

@@ -70,7 +70,7 @@ def click_through(page: Any) -> None:
     says(page, "[role=alert]", "an't read the lens file")
     page.click("text=From the wall grid")
     go_on(page, "3. Wall grid")
-    says(page, "[data-test=panel]", "Found unaided")
+    says(page, "[data-test=panel]", "Found automatically")
     chosen(page, "origin")
     page.mouse.click(*on_picture(page, 200.0, 100.0))
     until(page, lambda: abs(value(page, "origin-x") - 200.0) < 1.0)

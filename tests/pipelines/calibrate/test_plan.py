@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from bench.planning import COMPARED, SETTINGS, compared
-from pipelines.calibrate.plan import Filming, Foreseen, changes_of, foresee
+from pipelines.calibrate.plan import Filming, PlannedRecording, compare_changes, predict_recording
 from pipelines.cli import app
 from pipelines.measure.measurement import QUANTITY_UNITS
 
@@ -17,32 +17,32 @@ SMALL = Filming(width=432, height=240)
 
 
 @pytest.fixture(scope="module")
-def foreseen() -> Foreseen:
-    return foresee(SMALL)
+def predicted() -> PlannedRecording:
+    return predict_recording(SMALL)
 
 
-def test_every_quantity_has_an_uncertainty_or_a_reason(foreseen: Foreseen) -> None:
-    assert [one.name for one in foreseen.quantities] == list(QUANTITY_UNITS)
-    for quantity in foreseen.quantities:
+def test_every_quantity_has_an_uncertainty_or_a_reason(predicted: PlannedRecording) -> None:
+    assert [one.name for one in predicted.quantities] == list(QUANTITY_UNITS)
+    for quantity in predicted.quantities:
         assert (quantity.std is not None and quantity.std > 0.0) or quantity.reason
-    assert 0.005 < foreseen.metres_per_px < 0.008
-    assert foreseen.std("landing_distance") == pytest.approx(0.005, rel=0.5)
+    assert 0.005 < predicted.metres_per_px < 0.008
+    assert predicted.std("landing_distance") == pytest.approx(0.005, rel=0.5)
 
 
-def test_tape_rate_and_pixels_help_where_they_should(foreseen: Foreseen) -> None:
-    untaped = foresee(replace(SMALL, tape_std_m=None))
-    finer = foresee(replace(SMALL, width=864, height=480))
+def test_tape_rate_and_pixels_help_where_they_should(predicted: PlannedRecording) -> None:
+    untaped = predict_recording(replace(SMALL, tape_std_m=None))
+    finer = predict_recording(replace(SMALL, width=864, height=480))
     for name in ("landing_distance", "ball_speed"):
-        taped = foreseen.std(name)
+        taped = predicted.std(name)
         assert untaped.std(name) > 2.0 * taped
         # what pixels don't tell, the tape above all, stays as it is
         assert finer.std(name) < 0.85 * taped
     # a tape tells lengths, and angles only as far as the camera's distance bends them
-    assert untaped.std("launch_angle") < 1.3 * foreseen.std("launch_angle")
+    assert untaped.std("launch_angle") < 1.3 * predicted.std("launch_angle")
 
 
 def test_a_landing_out_of_view_is_foreseen() -> None:
-    near = foresee(replace(SMALL, view_rad=0.58))
+    near = predict_recording(replace(SMALL, view_rad=0.58))
     landing = next(one for one in near.quantities if one.name == "landing_distance")
     assert landing.value is None
     assert "leaves the picture" in str(landing.reason)
@@ -50,8 +50,8 @@ def test_a_landing_out_of_view_is_foreseen() -> None:
 
 @pytest.mark.slow
 def test_the_change_that_helps_most_comes_first() -> None:
-    untaped = foresee(replace(SMALL, tape_std_m=None))
-    changes = changes_of(untaped)
+    untaped = predict_recording(replace(SMALL, tape_std_m=None))
+    changes = compare_changes(untaped)
     assert changes[0].words.startswith("tape camera distance")
     assert changes[0].gain > 1.5
     assert changes[0].ratio(untaped, "landing_distance") < 0.5
@@ -75,10 +75,10 @@ def test_the_command_writes_json_for_scripts(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--resolution", "wide"], "no picture size"),
+        (["--resolution", "wide"], "not an image size"),
         (["--resolution", "9x9"], "64 to 8192"),
         (["--field-of-view", "170 deg"], "field of view"),
-        (["--field-of-view", "50 deg", "--focal-length", "28mm"], "same thing"),
+        (["--field-of-view", "50 deg", "--focal-length", "28mm"], "both field of view"),
         (["--light", "0"], "--light"),
         (["--tape", "-3 mm"], "--tape"),
         (["--shutter", "1/100 s"], "shutter"),

@@ -58,7 +58,7 @@ def test_it_reaches_a_measurement(key: str, monkeypatch: pytest.MonkeyPatch) -> 
     for text in MEASURED[key]:
         setup = replace(lab).having({key: text})
         monkeypatch.setattr(foresight, "planned_setup", lambda *_, setup=setup: setup)
-        said.append(foresight.foresee(filming).quantities)
+        said.append(foresight.predict_recording(filming).quantities)
     assert grows(*said)
 
 
