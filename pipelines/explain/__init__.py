@@ -1,1 +1,1 @@
-"""`vision explain`: where simulation and recording differ, and what was left out."""
+"""`vision explain`: find and name the physics missing from the model."""

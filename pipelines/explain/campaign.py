@@ -1,7 +1,4 @@
-"""Explaining campaigns, tables and clips: from files to bodies and samples to the engine's answer.
-
-Tables with a few numbers per trial are read and held against the setup's model.
-"""
+"""Explain tables and clips: read files, build the baseline, run the engine."""
 
 import itertools
 import math
@@ -33,14 +30,14 @@ from pipelines.explain.clips import (
     campaign_from_clips,
     clip_facts,
     flight_rows,
+    has_rig,
     is_track_table,
-    states_the_rig,
     swing_rows,
     unknown_widths,
     with_rig,
     within_calibration,
 )
-from pipelines.explain.own_effects import check_effect, load_effects, under_guard
+from pipelines.explain.own_effects import check_effect, effect_limits, load_effects
 from pipelines.explain.tabular import Sheet, TableLike, name_of, numbers_of, read_sheet
 from pipelines.interop.tables import made_elsewhere
 from pipelines.setup.file import BallSetup, Setup, load_setup
@@ -58,53 +55,52 @@ __all__ = [
     "load_trial_table",
 ]
 
-UNITS = {"t": "s", "x": "m", "y": "m", "z": "m", "phi": "rad", "backswing": "deg"}
+SAMPLE_UNITS = {"t": "s", "x": "m", "y": "m", "z": "m", "phi": "rad", "backswing": "deg"}
 """Stem of each column of numbers → its unit."""
 
-NUMBERS = (
+NUMBER_COLUMNS = (
     "t_s", "x_m", "y_m", "z_m", "phi_rad", "backswing_deg", "x_m_std", "y_m_std", "z_m_std",
 )  # fmt: skip
 
-STATED = ("ball", "session")
-"""Columns of words that say one thing of each trial."""
+WORD_COLUMNS = ("ball", "session")
+"""Columns of words that are constant within a trial."""
+COARSE_CLOCK_FRACTION = 0.2
+"""Fraction of rows with a repeated time from which the clock is too coarse (chosen)."""
+MAX_TRIAL_ROWS = 8000
+"""Rows per trial (chosen: more add no information about its motion)."""
 
-COARSE = 0.2
-"""Share of rows that repeat a time from which it is the clock that is wrong, not a few rows."""
-MOST_ROWS = 8000
-"""Rows of one trial beyond which more of them tell nothing new about its motion."""
+MAX_SAMPLES = 120_000
+"""Rows of a campaign fitted at once (chosen: more take minutes and add no information)."""
 
-MOST_SAMPLES = 120_000
-"""Rows of a campaign that are fitted at once: more take minutes and tell nothing new."""
+MAX_TRIALS = 400
+"""Trials of a campaign fitted at once (chosen)."""
 
-MOST_TRIALS = 400
-"""Trials of a campaign that are fitted at once."""
+MIN_RUN_ROWS = 6
+"""Consecutive rows that form a stretch of record rather than misplaced rows (chosen)."""
 
-LEAST_RUN = 6
-"""Rows in a row that are a stretch of record, not rows out of order."""
-
-TABLE_SPEEDS = np.array([0.6, 0.9, 1.3, 1.8, 2.4, 3.0, 3.6, 4.2])
-"""m/s, where contacts are followed in time for the table: the paper's rig strikes between 1 and 4;
-closer together below, where the weight counts for more."""
+CONTACT_TABLE_SPEEDS = np.array([0.6, 0.9, 1.3, 1.8, 2.4, 3.0, 3.6, 4.2])
+"""m/s: impact speeds of the tabulated contact. The paper's rig strikes at 1 to 4 m/s; the spacing
+is smaller at low speeds, where gravity matters more."""
 
 
 def _checked(sheet: Sheet, needed: tuple[str, ...]) -> tuple[pd.DataFrame, list[str]]:
-    """The table with its numbers as numbers, and what of it was no number."""
+    """The table with numeric columns parsed, and notes on cells that failed."""
     table, what, notes = sheet.table, sheet.name, list(sheet.notes)
     missing = [name for name in needed if name not in table.columns]
     if missing:
         raise UsageError(
             f"{what} has no column {', '.join(missing)}; it has {', '.join(table.columns)}",
-            hint="See the input of `vision explain`: trial, t_s and at least one of x_m, y_m, z_m.",
+            hint="Input of `vision explain`: columns trial, t_s and at least one of x_m, y_m, z_m.",
         )
     if table.empty:
-        raise UsageError(f"{what} has a header but no rows", hint="Write one row for each sample.")
-    for name in NUMBERS:
+        raise UsageError(f"{what} has a header but no rows", hint="Write one row per sample.")
+    for name in NUMBER_COLUMNS:
         if name in table.columns:
             positive = name.endswith("_std")
             table[name] = numbers_of(table, name, what, notes, positive=positive)
     nameless = table["trial"].isna()
     if nameless.any():
-        notes.append(f"{what}: {int(nameless.sum())} rows name no trial; they are left out")
+        notes.append(f"{what}: {int(nameless.sum())} rows without a trial name are ignored")
         table = table[~nameless]
     return table, notes
 
@@ -112,25 +108,25 @@ def _checked(sheet: Sheet, needed: tuple[str, ...]) -> tuple[pd.DataFrame, list[
 def _tidied(
     table: pd.DataFrame, value_columns: list[str], what: str
 ) -> tuple[pd.DataFrame, list[str]]:
-    """Drop rows without a time or any value, and rows given twice; put each trial in order."""
+    """Drop rows without time or values and duplicates; sort each trial by time."""
     notes = []
     count = len(table)
     bad = table["t_s"].isna() | ~np.isfinite(table["t_s"]) | table[value_columns].isna().all(axis=1)
     table = table[~bad]
     if int(bad.sum()):
-        notes.append(f"{what}: {int(bad.sum())} of {count} rows have no time or no value; left out")
+        notes.append(f"{what}: {int(bad.sum())} of {count} rows lack a time or values; ignored")
     doubled = table.duplicated(["trial", "t_s"])
     apart = doubled & ~table.duplicated(["trial", "t_s", *value_columns])
-    if float(apart.mean() if len(apart) else 0.0) > COARSE:
+    if float(apart.mean() if len(apart) else 0.0) > COARSE_CLOCK_FRACTION:
         raise UsageError(
-            f"{what}: {int(apart.sum())} of {count} rows repeat a time of their trial with another"
-            " value",
-            hint="Are the times rounded, or two things recorded under one trial's name?",
+            f"{what}: {int(apart.sum())} of {count} rows repeat a time of their trial with other"
+            " values",
+            hint="Check whether times are rounded, or two recordings share one trial name.",
         )
     if int(doubled.sum()):
-        notes.append(f"{what}: {int(doubled.sum())} rows repeat a time of their trial; left out")
+        notes.append(f"{what}: {int(doubled.sum())} rows repeat a time of their trial; ignored")
         table = table[~doubled]
-    table = _of_one_mind(table, what, notes)
+    table = _drop_contradictory(table, what, notes)
     times = table.groupby("trial", sort=False)["t_s"]
     set_back = [str(name) for name, t in times if _set_back(t.to_numpy())]
     if set_back:
@@ -138,23 +134,27 @@ def _tidied(
         table = table[~table["trial"].isin(set_back)]
         if table.empty:
             raise UsageError(
-                f"{what}: the clock is set back within trial {names}",
-                hint="Are several trials under one name? Each needs a name and a clock of its own.",
+                f"{what}: the time jumps back within trial {names}",
+                hint="If several trials share this name, give each its own name and clock.",
             )
-        notes.append(f"{what}: the clock is set back within trial {names}; left out")
+        notes.append(f"{what}: the time jumps back within trial {names}; trial ignored")
         times = table.groupby("trial", sort=False)["t_s"]
     backwards = times.apply(lambda t: bool((t.diff() < 0).any()))
     if bool(backwards.any()):
         names = ", ".join(str(name) for name in backwards[backwards].index[:4])
-        notes.append(f"{what}: the clock runs backwards in trial {names}; rows were sorted by time")
+        notes.append(f"{what}: rows of trial {names} were not in order; sorted by time")
         table = table.sort_values(["trial", "t_s"], kind="stable")
-    return _thinned(table, what, notes), notes
+    return _subsampled(table, what, notes), notes
 
 
-def _of_one_mind(table: pd.DataFrame, what: str, notes: list[str]) -> pd.DataFrame:
-    """Without trials that state two balls, two sessions or two back-swings."""
-    told = {"backswing_deg": "two back-swings", "ball": "two balls", "session": "two sessions"}
-    for column, said in told.items():
+def _drop_contradictory(table: pd.DataFrame, what: str, notes: list[str]) -> pd.DataFrame:
+    """Drop trials that state two balls, sessions or back-swings."""
+    contradictions = {
+        "backswing_deg": "two back-swings",
+        "ball": "two balls",
+        "session": "two sessions",
+    }
+    for column, said in contradictions.items():
         if column not in table:
             continue
         stated = table.groupby("trial", sort=False)[column].nunique()
@@ -165,42 +165,42 @@ def _of_one_mind(table: pd.DataFrame, what: str, notes: list[str]) -> pd.DataFra
         table = table[~table["trial"].astype(str).isin(torn)]
         if table.empty:
             raise UsageError(
-                f"{what}: the column {column} says {said} within trial {names}",
-                hint="Each trial has one; are several trials under one name?",
+                f"{what}: the column {column} states {said} within trial {names}",
+                hint="Each trial has one. If several trials share this name, rename them.",
             )
-        notes.append(f"{what}: trial {names} states {said} in {column}; left out")
+        notes.append(f"{what}: trial {names} states {said} in {column}; trial ignored")
     return table
 
 
-def _thinned(table: pd.DataFrame, what: str, notes: list[str]) -> pd.DataFrame:
-    """Every n-th row of trials, and every n-th trial, where there are more than a fit can use."""
+def _subsampled(table: pd.DataFrame, what: str, notes: list[str]) -> pd.DataFrame:
+    """Every n-th row of long trials, and every n-th of many trials."""
     names = table["trial"].drop_duplicates()
-    if len(names) > MOST_TRIALS:
-        stride = -(-len(names) // MOST_TRIALS)
+    if len(names) > MAX_TRIALS:
+        stride = -(-len(names) // MAX_TRIALS)
         notes.append(f"{what}: of {len(names)} trials one in {stride} is used")
         table = table[table["trial"].isin(set(names.iloc[::stride]))]
     trials = table.groupby("trial", sort=False)
     sizes = trials["t_s"].transform("size").to_numpy()
-    most = min(MOST_ROWS, max(MOST_SAMPLES // max(trials.ngroups, 1), LEAST_RUN))
+    most = min(MAX_TRIAL_ROWS, max(MAX_SAMPLES // max(trials.ngroups, 1), MIN_RUN_ROWS))
     every = -(-sizes // most)
     if sizes.size == 0 or int(every.max()) < 2:
         return table
     place = trials.cumcount().to_numpy()
     notes.append(
-        f"{what}: trials of more than {most} rows are thinned, to one row in"
-        f" {int(every.max())} of the longest"
+        f"{what}: trials of more than {most} rows are reduced, the longest to one row in"
+        f" {int(every.max())}"
     )
     kept: pd.DataFrame = table[place % every == 0]
     return kept
 
 
 def _set_back(time: FloatArray) -> bool:
-    """Whether a clock was set back, so that two runs of rows claim the same time.
+    """Whether the time jumps back, so that two runs of rows cover the same time.
 
-    Rows out of order are another matter: sorted, they are one record again.
+    Misplaced single rows do not count: sorted, they form one record.
     """
     cuts = np.flatnonzero(np.diff(time) < 0.0) + 1
-    runs = [run for run in np.split(time, cuts) if run.size >= LEAST_RUN]
+    runs = [run for run in np.split(time, cuts) if run.size >= MIN_RUN_ROWS]
     spans = sorted((float(run.min()), float(run.max())) for run in runs)
     return any(later[0] < earlier[1] for earlier, later in itertools.pairwise(spans))
 
@@ -212,14 +212,14 @@ def _numbers(table: pd.DataFrame, column: str) -> FloatArray:
 def _samples(
     source: TableLike, needed: tuple[str, ...], setup: Setup
 ) -> tuple[pd.DataFrame, list[str]]:
-    """Rows of the ball, or where `phi_rad` is needed, of the pendulum; notes on reading them."""
+    """Rows of the ball, or of the pendulum if `phi_rad` is needed; notes on reading them."""
     trial = source.stem if isinstance(source, Path) else "1"
     if isinstance(source, Path) and made_elsewhere(source, setup.columns):
-        # comes with the measuring chain
+        # import here: it needs the measuring chain
         from pipelines.interop.measured import track_table
 
         source = track_table(source, setup.columns)
-    sheet = read_sheet(source, UNITS, ("trial", *STATED))
+    sheet = read_sheet(source, SAMPLE_UNITS, ("trial", *WORD_COLUMNS))
     table = sheet.table
     if is_track_table(table):
         if "phi_rad" in needed:
@@ -231,7 +231,7 @@ def _samples(
 
 
 def _rest_height(setup: Setup) -> float:
-    """Height of the resting ball's centre, m; 0 where the support or the ball is not known."""
+    """Height of the resting ball's centre, m; 0 if the support or the ball is unknown."""
     ball = setup.ball or next(iter(setup.balls.values()), None)
     if setup.support is None or ball is None:
         return 0.0
@@ -241,15 +241,15 @@ def _rest_height(setup: Setup) -> float:
 def load_campaign(
     ball_csv: TableLike | None, pendulum_csv: TableLike | None, setup: Setup
 ) -> CampaignRecords:
-    """Read a campaign.
+    """Read the tables of a campaign.
 
     Parameters
     ----------
     ball_csv, pendulum_csv : Path, DataFrame or None
-        As in the contract; one of them may be missing. A track table of ``vision measure --tracks``
-        serves as either: the free flight, or the free swing, is cut out of it.
+        As in the contract; one of them may be missing. For a track table of ``vision measure
+        --tracks`` the free flight, or the free swing, is selected.
     setup : Setup
-        For the name of the ball where the file has no column ``ball``.
+        Gives the ball if the file has no column ``ball``.
 
     Returns
     -------
@@ -258,14 +258,14 @@ def load_campaign(
     Raises
     ------
     UsageError
-        For files that can't be read, lack a column, or hold nothing.
+        For files that can't be read, lack a column, or are empty.
     TooLittleDataError
         If no row of the ball's file is usable.
     """
     if ball_csv is None and pendulum_csv is None:
         raise UsageError(
-            "there is neither a ball's nor a pendulum's file to explain",
-            hint="Give a table of the ball (BALL.csv), of the pendulum (--pendulum), or clips.",
+            "no table of a ball or of a pendulum was given",
+            hint="Pass a table of the ball (BALL.csv), of the pendulum (--pendulum), or clips.",
         )
     balls: dict[str, pd.DataFrame] = {}
     swings: dict[str, pd.DataFrame] = {}
@@ -284,15 +284,15 @@ def load_campaign(
         if not names:
             raise TooLittleDataError(
                 f"{name_of(ball_csv)}: no row has a time and a position",
-                hint="Without the ball's table the pendulum is taken to swing freely.",
+                hint="To analyse a free swing alone, omit the ball's table.",
             )
         if pendulum_csv is not None and swings and len(alone) == len(swings):
             raise UsageError(
                 f"{name_of(ball_csv)} and {name_of(pendulum_csv)} have no trial in common",
-                hint="A trial goes by the same name in both tables.",
+                hint="Use the same trial names in both tables.",
             )
         if alone:
-            notes.append(f"no ball was seen in trial {', '.join(alone[:6])}; left out")
+            notes.append(f"trial {', '.join(alone[:6])} has no ball; trial ignored")
     trials = tuple(_trial(name, balls.get(name), swings.get(name)) for name in names)
     if tracked:
         return ClipCampaign(trials, tuple(notes), unknown_widths(trials), calibrated=False)
@@ -303,33 +303,33 @@ _Read = tuple[dict[str, pd.DataFrame], bool, list[str]]
 
 
 def _balls_of(ball_csv: TableLike, setup: Setup) -> _Read:
-    """Rows of the ball by trial, whether they come from a clip, and what is to be told."""
+    """Rows of the ball by trial, whether they come from a clip, and notes."""
     table, notes = _samples(ball_csv, ("trial", "t_s"), setup)
     tracked = is_track_table(table)
     axes = [name for name in ("x_m", "y_m", "z_m") if name in table.columns]
     if not axes:
         raise UsageError(
             f"{name_of(ball_csv)} has no column with a position",
-            hint="x_m, y_m or z_m is needed.",
+            hint="Add x_m, y_m or z_m.",
         )
     table, more = _tidied(table, axes, name_of(ball_csv))
     return _by_trial(table), tracked, [*notes, *more]
 
 
 def _swings_of(pendulum_csv: TableLike, setup: Setup) -> _Read:
-    """Rows of the pendulum by trial, whether they come from a clip, and what is to be told."""
+    """Rows of the pendulum by trial, whether they come from a clip, and notes."""
     table, notes = _samples(pendulum_csv, ("trial", "t_s", "phi_rad"), setup)
     tracked = is_track_table(table)
     table, more = _tidied(table, ["phi_rad"], name_of(pendulum_csv))
     if table.empty:
         raise UsageError(
             f"{name_of(pendulum_csv)}: no row has a time and an angle",
-            hint="Leave the pendulum's table away, or fill its column phi_rad.",
+            hint="Omit the pendulum's table, or fill its column phi_rad.",
         )
     if float(np.nanmax(np.abs(_numbers(table, "phi_rad")))) > 2.0 * math.pi:
         raise UsageError(
             f"{name_of(pendulum_csv)} has angles beyond a full turn",
-            hint="phi_rad is in radians.",
+            hint="Give phi_rad in radians.",
         )
     return _by_trial(table), tracked, [*notes, *more]
 
@@ -340,7 +340,7 @@ def _by_trial(table: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 def _trial(name: str, ball: pd.DataFrame | None, swing: pd.DataFrame | None) -> Trial:
     time, position, std = np.zeros(0), np.zeros((0, 3)), None
-    words: dict[str, str | None] = dict.fromkeys(STATED)
+    words: dict[str, str | None] = dict.fromkeys(WORD_COLUMNS)
     backswing = None
     if ball is not None:
         time = _numbers(ball, "t_s")
@@ -355,7 +355,7 @@ def _trial(name: str, ball: pd.DataFrame | None, swing: pd.DataFrame | None) -> 
                     for axis in ("x_m_std", "y_m_std", "z_m_std")
                 ]
             )
-        words = {name: _word(ball, name) for name in STATED}
+        words = {name: _word(ball, name) for name in WORD_COLUMNS}
         if "backswing_deg" in ball and ball["backswing_deg"].notna().any():
             backswing = math.radians(float(ball["backswing_deg"].dropna().iloc[0]))
     swing_time, angle = np.zeros(0), np.zeros(0)
@@ -367,21 +367,21 @@ def _trial(name: str, ball: pd.DataFrame | None, swing: pd.DataFrame | None) -> 
 
 
 def _word(table: pd.DataFrame, column: str) -> str | None:
-    """What a trial's rows say in a column of words; None where they don't."""
+    """A trial's entry in a column of words; None if empty."""
     said = [] if column not in table else table[column].dropna().tolist()
     return str(said[0]).strip() if said else None
 
 
 def baseline_from_setup(setup: Setup, campaign: CampaignRecords) -> Baseline:
-    """What the setup file says, as the engine's baseline.
+    """Build the engine's baseline from the setup file.
 
-    A ball with a contact table uses it; without one the project's time-resolved contact is
-    tabulated. Bodies are made only for the balls that the campaign names.
+    A ball with a contact table uses it; otherwise the time-resolved contact model is tabulated.
+    Only balls named in the campaign are included.
 
     Raises
     ------
     SetupError
-        If a ball is not described, or the model holds an effect that does not exist.
+        If a ball is not described, or the model lists an unknown effect.
     """
     struck = setup.pendulum is not None and all(
         trial.backswing is not None for trial in campaign.trials if trial.ball_time.size
@@ -433,7 +433,7 @@ def _model_effects(setup: Setup) -> Mapping[str, Mapping[str, float]]:
 
 
 def _unmeasured(setup: Setup) -> frozenset[str]:
-    """Effects of the model that stand there by default, or without a size."""
+    """Effects of the model that are there by default, or without a magnitude."""
     drag = str(EffectId.DRAG)
     open_ = drag in setup.model.effects and not setup.model.parameters.get(drag)
     return frozenset({drag}) if open_ else frozenset()
@@ -481,21 +481,21 @@ def _contact_table(ball: BallSetup, setup: Setup) -> ContactTable | None:
     if ball.cor is None or setup.pendulum is None:
         return None
     support = setup.support or bodies.PAPER_SUPPORT
-    outcome = contact_outcomes(setup.pendulum, ball.body(), support, TABLE_SPEEDS)
+    outcome = contact_outcomes(setup.pendulum, ball.body(), support, CONTACT_TABLE_SPEEDS)
     columns = (
         outcome.cor, outcome.contact_time, outcome.pendulum_speed_after, outcome.pendulum_angle,
         outcome.ball_x, outcome.ball_y, outcome.ball_vx, outcome.ball_vy,
     )  # fmt: skip
-    return ContactTable(TABLE_SPEEDS, np.column_stack([np.asarray(c) for c in columns]))
+    return ContactTable(CONTACT_TABLE_SPEEDS, np.column_stack([np.asarray(c) for c in columns]))
 
 
-COLUMNS = {
+RESULT_COLUMNS = {
     "impact_speed": ("impact_speed_m_s", "pendulum_speed_before_m_s"),
     "ball_speed": ("ball_speed_m_s",),
     "range": ("range_m", "landing_distance_m"),
 }
 
-"""Names of each number; the second ones are those that `vision measure --csv` writes."""
+"""Column names of each result; the second ones are those of `vision measure --csv`."""
 
 TRIAL_UNITS = {
     "impact_speed": "m_s", "pendulum_speed_before": "m_s", "ball_speed": "m_s",
@@ -504,28 +504,28 @@ TRIAL_UNITS = {
 
 """Stem of each column of numbers → its unit."""
 
-BACKSWING = ("backswing_deg", "backswing_angle_deg")
+BACKSWING_COLUMNS = ("backswing_deg", "backswing_angle_deg")
 
-TRIAL = ("trial", "clip")
+TRIAL_COLUMNS = ("trial", "clip")
 
 
 def is_trial_table(path: TableLike) -> bool:
-    """Whether a table's header is that of a trial table: numbers of trials, and no times."""
+    """Whether a table has one row per trial: results, and no times."""
     try:
         columns = set(read_sheet(path, TRIAL_UNITS, rows=1).table.columns)
     except UsageError:
-        return False  # told in full when its samples are read
-    results = {name for key in ("ball_speed", "range") for name in COLUMNS[key]}
-    return "t_s" not in columns and bool(columns & (results | {*COLUMNS["impact_speed"]}))
+        return False  # the reader of samples reports the error
+    results = {name for key in ("ball_speed", "range") for name in RESULT_COLUMNS[key]}
+    return "t_s" not in columns and bool(columns & (results | {*RESULT_COLUMNS["impact_speed"]}))
 
 
 def load_trial_table(path: TableLike) -> TrialTable:
-    """Read a trial table.
+    """Read a table with one row per trial.
 
     Raises
     ------
     UsageError
-        If it can't be read, has no rows, or holds numbers that can't be.
+        If it can't be read, has no rows, or contains impossible numbers.
     """
     sheet = read_sheet(path, TRIAL_UNITS, ("trial", "clip", "ball"))
     what, notes = name_of(path), list(sheet.notes)
@@ -536,13 +536,13 @@ def load_trial_table(path: TableLike) -> TrialTable:
             return np.full(len(table), np.nan)
         return numbers_of(table, name, what, notes, positive=positive)
 
-    found = {key: _first(table, names) for key, names in COLUMNS.items()}
+    found = {key: _first(table, names) for key, names in RESULT_COLUMNS.items()}
     values = np.column_stack([column(found[key]) for key in CHANNELS])
     stds = np.column_stack(
         [column(f"{name}_std" if (name := found[key]) else None, positive=True) for key in CHANNELS]
     )
-    backswing = np.deg2rad(column(_first(table, BACKSWING)))
-    name = _first(table, TRIAL)
+    backswing = np.deg2rad(column(_first(table, BACKSWING_COLUMNS)))
+    name = _first(table, TRIAL_COLUMNS)
     names = (
         [str(n) for n in table[name]] if name else [str(k + 1) for k in range(len(table))]
     )  # fmt: skip
@@ -555,7 +555,7 @@ def load_trial_table(path: TableLike) -> TrialTable:
     left_out = [n for n, k in zip(names, kept, strict=True) if not k]
     if left_out and kept.any():
         notes.append(
-            f"{len(left_out)} rows lack a start or a result and were left out:"
+            f"{len(left_out)} rows lack a start or a result and are ignored:"
             f" trial {', '.join(left_out[:6])}"
         )
     whole = TrialTable(tuple(names), tuple(balls), values, stds, backswing, tuple(notes))
@@ -565,15 +565,15 @@ def load_trial_table(path: TableLike) -> TrialTable:
 def _require_bounds(
     values: FloatArray, columns: Sequence[str | None], names: Sequence[str], what: str
 ) -> None:
-    """Refuse the first speed or range that can't be, by trial and column."""
+    """Refuse the first impossible speed or range, by trial and column."""
     wrong = np.argwhere((values <= 0.0) | (values > FARTHEST))
     if wrong.size:
         row, channel = wrong[0]
         raise UsageError(
             f"{what}: {columns[channel]} is {values[row, channel]:g} in trial {names[row]};"
-            f" speeds and ranges are above zero, and below {FARTHEST:g}",
-            hint="The range runs from the ball's centre at rest the way the ball flies, in metres."
-            " Correct the cell, or leave it empty.",
+            f" speeds and ranges must be positive and below {FARTHEST:g}",
+            hint="The range is measured from the ball's centre at rest in the direction of flight,"
+            " in metres. Correct the cell, or leave it empty.",
         )
 
 
@@ -588,7 +588,7 @@ def explain_trial_table(
     Raises
     ------
     UsageError
-        For a table or setup that can't be used.
+        For an invalid table or setup.
     TooLittleDataError
         If there are too few trials.
     """
@@ -603,35 +603,35 @@ def _first(table: pd.DataFrame, names: Sequence[str]) -> str | None:
 
 def _without_doubles(table: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
     if table.empty:
-        raise UsageError("the table has a header but no rows", hint="Write one row for each trial.")
+        raise UsageError("the table has a header but no rows", hint="Write one row per trial.")
     doubled = table.duplicated()
     if int(doubled.sum()):
-        notes.append(f"{int(doubled.sum())} rows are given twice; left out")
+        notes.append(f"{int(doubled.sum())} duplicate rows are ignored")
         table = table[~doubled]
-    name = _first(table, TRIAL)
+    name = _first(table, TRIAL_COLUMNS)
     if name is not None and table[name].duplicated().any():
         again = ", ".join(str(n) for n in table.loc[table[name].duplicated(), name].unique()[:4])
-        notes.append(f"trial {again} has several rows; each is taken as a trial of its own")
+        notes.append(f"trial {again} has several rows; each counts as a separate trial")
     return table.reset_index(drop=True)
 
 
-EXCLUDED = "excluded"
-"""Column in which the results of a campaign say why a clip is left out: marked as bad, a copy."""
+EXCLUDED_COLUMN = "excluded"
+"""Column of a campaign's results that gives the reason why a clip is excluded."""
 
 
 def _without_excluded(table: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
-    if EXCLUDED not in table:
+    if EXCLUDED_COLUMN not in table:
         return table
-    kept = table[EXCLUDED].isna() | (table[EXCLUDED].astype(str).str.strip() == "")
+    kept = table[EXCLUDED_COLUMN].isna() | (table[EXCLUDED_COLUMN].astype(str).str.strip() == "")
     if kept.all():
         return table
-    notes.append(f"{int((~kept).sum())} rows say in {EXCLUDED} why they don't count; left out")
+    notes.append(f"{int((~kept).sum())} rows with a reason in {EXCLUDED_COLUMN} are ignored")
     return table[kept].reset_index(drop=True)
 
 
 OwnEffects = Path | Sequence[Effect] | None
 
-"""A user's own effects: a Python file that holds them, or the objects."""
+"""User-defined effects: a Python file that contains them, or the objects."""
 
 
 def explain_files(
@@ -648,11 +648,11 @@ def explain_files(
     ball, pendulum : Path, DataFrame or None
         Tables as in the contract; one may be missing.
     setup : Path or Setup
-        What the lab knows.
+        The lab's setup.
     hold_out : tuple of str, optional
-        Names of trials to keep out of the fit.
+        Names of trials excluded from the fit.
     effects : Path or sequence of Effect, optional
-        A user's own.
+        User-defined effects.
 
     Returns
     -------
@@ -661,9 +661,9 @@ def explain_files(
     Raises
     ------
     UsageError
-        For files that can't be read or don't hold what is needed.
+        For files that can't be read or lack required columns.
     TooLittleDataError
-        If there is too little to tell.
+        If there are too few data.
     """
     return explain_files_in_full(ball, pendulum, setup, hold_out, effects).verdict
 
@@ -675,7 +675,7 @@ def explain_files_in_full(
     hold_out: tuple[str, ...] | None = None,
     effects: OwnEffects = None,
 ) -> Explained:
-    """As `explain_files`, with the fits that plots and reports need."""
+    """As `explain_files`, with the fits needed by plots and reports."""
     known = setup if isinstance(setup, Setup) else load_setup(setup)
     return explain_campaign(load_campaign(ball, pendulum, known), known, hold_out, effects)
 
@@ -689,22 +689,22 @@ def explain_clips(
     *,
     strikes: bool | None = None,
 ) -> Explained:
-    """Measure clips and explain them as one campaign, one trial a clip.
+    """Measure clips and explain them as one campaign, one trial per clip.
 
     Parameters
     ----------
     clips : sequence of Path
-        One strike each; what can't be measured is left out and noted.
+        One strike each; a clip that can't be measured is skipped and noted.
     setup : Path or Setup
-        What the lab knows.
+        The lab's setup.
     hold_out : tuple of str, optional
-        Names of clips (without ending) to keep out of the fit.
+        Names of clips (without ending) excluded from the fit.
     effects : Path or sequence of Effect, optional
-        A user's own.
+        User-defined effects.
     trials : Path, optional
         A table of the clips with their back-swings and balls.
     strikes : bool, optional
-        Compare the swing before each strike, too, where all back-swings are known; by default where
+        Also compare the swing before each strike, if all back-swings are known; by default if
         the setup states pendulum and support.
 
     Raises
@@ -715,7 +715,7 @@ def explain_clips(
     stated = setup if isinstance(setup, Setup) else load_setup(setup)
     known = with_rig(stated)
     facts = None if trials is None else clip_facts(trials)
-    compared = states_the_rig(stated) if strikes is None else strikes
+    compared = has_rig(stated) if strikes is None else strikes
     campaign = campaign_from_clips(clips, known, facts, strikes=compared)
     return explain_campaign(campaign, known, hold_out, effects)
 
@@ -726,18 +726,18 @@ def explain_table_file(
     hold_out: tuple[str, ...] | None = None,
     effects: OwnEffects = None,
 ) -> TableExplained:
-    """Explain a table with a few numbers per trial.
+    """Explain a table with one row per trial.
 
     Raises
     ------
     UsageError
-        For a table or setup that can't be used.
+        For an invalid table or setup.
     TooLittleDataError
         If there are too few trials.
     """
     known = setup if isinstance(setup, Setup) else load_setup(setup)
     own = _own(effects)
-    with under_guard(own):
+    with effect_limits(own):
         return explain_trial_table(table, known, hold_out or (), own)
 
 
@@ -747,12 +747,12 @@ def explain_campaign(
     hold_out: tuple[str, ...] | None = None,
     effects: OwnEffects = None,
 ) -> Explained:
-    """Explain a campaign that has been read or measured already."""
+    """Explain a campaign that has been read or measured."""
     baseline = baseline_from_setup(known, campaign)
     if isinstance(campaign, ClipCampaign):
         baseline = replace(baseline, instruments=campaign.instruments, assumed=campaign.assumed)
     own = _own(effects)
-    with under_guard(own):
+    with effect_limits(own):
         explained = explain_in_full(
             campaign, baseline, options=Options(hold_out=hold_out or (), effects=own)
         )

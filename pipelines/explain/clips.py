@@ -1,11 +1,8 @@
-"""Clips as a campaign: the measuring chain, its tracks in metres, one trial a clip.
+"""Convert clips and track tables to trials with calibration uncertainties.
 
-Track tables of `vision measure --tracks` as input: the free motion in them, cut out.
-
-A track goes from the ball at rest through contact and flight to the bounce; a model of free motion
-holds only between. Where it begins and ends is told by the track itself.
-
-What a calibration leaves open, against faults of the instrument that are named.
+A track runs from the ball at rest through contact and flight to the bounce. A model of free motion
+holds only in between; the limits are determined from the track itself. Errors allowed by the
+calibration are compared with instrument faults that the engine names.
 """
 
 import math
@@ -51,15 +48,15 @@ if TYPE_CHECKING:
 __all__ = [
     "ClipCampaign",
     "ClipFacts",
-    "before_the_wall",
     "calibration_widths",
     "campaign_from_clips",
+    "clear_interval",
     "clip_facts",
     "common_widths",
     "flight_rows",
+    "has_rig",
     "is_track_table",
-    "outline_shares",
-    "states_the_rig",
+    "outline_fractions",
     "swing_rows",
     "trial_of",
     "unknown_widths",
@@ -69,41 +66,38 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 
-LEAST_ROWS = 8
+MIN_FLIGHT_ROWS = 8
+"""Rows: fewer do not distinguish a flight from a contact (chosen)."""
 
-"""Fewer rows tell no flight from a contact."""
+MIN_REST_ROWS = 5
+"""Rows at the start in which the ball must be at rest: fewer do not distinguish noise from a slow
+drift (chosen)."""
 
-STILL_ROWS = 5
-
-"""Rows at the start in which a ball must lie still: fewer do not tell the noise from a creeping
-ball."""
-
-OFF = 4.0
-
-"""Standard deviations off the free motion at which a row no longer belongs to it."""
+MAX_DEVIATION = 4.0
+"""Standard deviations from the free motion beyond which a row does not belong to it (chosen)."""
 
 
 def is_track_table(table: pd.DataFrame) -> bool:
-    """Whether the table is one of tracks: several objects, told by the column ``object``."""
+    """Whether the table contains tracks of objects, in a column ``object``."""
     return {"object", "t_s"} <= set(table.columns)
 
 
 def flight_rows(table: pd.DataFrame, name: str, rest_height: float = 0.0) -> pd.DataFrame:
-    """The ball's free flight, x forward from rest, y up from the floor; a trial each.
+    """The ball's free flight, x forward from rest, y up from the floor; one trial per clip.
 
     Parameters
     ----------
     table : DataFrame
-        Track table; a column ``trial`` tells several clips apart.
+        Track table; a column ``trial`` distinguishes clips.
     name : str
-        What to call the trial where there is no such column.
+        Name of the trial without such a column.
     rest_height : float
         Height of the resting ball's centre, m.
 
     Raises
     ------
     UsageError
-        If the ball has no metres, or no flight is in the track.
+        If the ball has no metric positions, or the track has no flight.
     """
     return pd.concat(
         [_flight(part, trial, rest_height) for trial, part in _trials(table, name, "ball")],
@@ -112,7 +106,7 @@ def flight_rows(table: pd.DataFrame, name: str, rest_height: float = 0.0) -> pd.
 
 
 def swing_rows(table: pd.DataFrame, name: str) -> pd.DataFrame:
-    """The pendulum's free swing, up to where it meets the ball; a trial each.
+    """The pendulum's free swing until it meets the ball; one trial per clip.
 
     Parameters
     ----------
@@ -122,16 +116,16 @@ def swing_rows(table: pd.DataFrame, name: str) -> pd.DataFrame:
     Raises
     ------
     UsageError
-        If there is no pendulum with angles in the table.
+        If the table has no pendulum with angles.
     """
     parts = []
     for trial, swing in _trials(table, name, "pendulum"):
         if "phi_rad" not in swing or swing["phi_rad"].isna().all():
             raise UsageError(
                 f"{name}: the pendulum has no angles (phi_rad)",
-                hint="Measure the clip with --tracks: it writes phi_rad where a swing is seen.",
+                hint="Measure the clip with --tracks: it writes phi_rad if a swing is visible.",
             )
-        touched = _touched(_of(table, trial, "ball"))
+        touched = _time_before_contact(_of(table, trial, "ball"))
         parts.append(swing if touched is None else swing[swing["t_s"] < touched])
     return pd.concat(parts, ignore_index=True)
 
@@ -141,8 +135,8 @@ def _trials(table: pd.DataFrame, name: str, kind: str) -> list[tuple[str, pd.Dat
     mine = named[named["object"] == kind].sort_values(["trial", "t_s"], kind="stable")
     if mine.empty:
         raise UsageError(
-            f"{name} holds no rows of a {kind}",
-            hint="The column object says what a row is of: ball or pendulum.",
+            f"{name} contains no rows of a {kind}",
+            hint="The column object must contain ball or pendulum.",
         )
     return [(str(trial), part) for trial, part in mine.groupby("trial", sort=False)]
 
@@ -154,37 +148,37 @@ def _of(table: pd.DataFrame, trial: str, kind: str) -> pd.DataFrame:
     return mine.sort_values("t_s")
 
 
-def _leaves(ball: pd.DataFrame) -> float | None:
-    """When the ball leaves its place, s; None where it never lies still."""
-    if len(ball) < LEAST_ROWS:
+def _departure_time(ball: pd.DataFrame) -> float | None:
+    """Time at which the ball leaves its rest position, s; None if it is never at rest."""
+    if len(ball) < MIN_FLIGHT_ROWS:
         return None
     position = ball[["x_px", "y_px"]].to_numpy(float)
-    still = position[:STILL_ROWS]
+    still = position[:MIN_REST_ROWS]
     spread = np.median(np.abs(np.diff(position, n=2, axis=0)), axis=0) / (0.6745 * np.sqrt(6.0))
     away = np.abs(position - np.median(still, axis=0)).max(axis=1)
-    off = away > OFF * np.sqrt(2.0) * max(float(spread.max()), 1e-6)
-    if off[:STILL_ROWS].any():
+    off = away > MAX_DEVIATION * np.sqrt(2.0) * max(float(spread.max()), 1e-6)
+    if off[:MIN_REST_ROWS].any():
         return None
-    # three rows in a row: one that is off by itself is an outlier
+    # three rows in succession: a single deviating row is an outlier
     gone = [row for row in np.flatnonzero(off) if off[row : row + 3].all()]
     return float(ball["t_s"].iloc[gone[0]]) if gone else None
 
 
 def _clear(ball: pd.DataFrame, left: float) -> NDArray[np.bool_]:
-    """Rows in which the ball has left its place by its own radius: no contact lasts so long."""
+    """Rows in which the ball is more than its radius from rest: contact has ended by then."""
     rest = ball.loc[ball["t_s"] < left, ["x_px", "y_px"]].median()
     away = np.hypot(ball["x_px"] - rest["x_px"], ball["y_px"] - rest["y_px"])
     reach = ball["radius_px"].median() if "radius_px" in ball else 0.0
     return np.asarray((ball["t_s"] >= left) & (away > (0.0 if np.isnan(reach) else reach)))
 
 
-def _touched(ball: pd.DataFrame) -> float | None:
-    """A moment before the pendulum meets the ball, s; None where the ball never lies still.
+def _time_before_contact(ball: pd.DataFrame) -> float | None:
+    """A time before the pendulum meets the ball, s; None if the ball is never at rest.
 
-    The ball is seen to leave some frames after the first touch: as long again as it then takes to
-    move by its radius is early enough.
+    The ball's motion is detected some frames after first contact. The time it then takes to move by
+    its radius, subtracted once more, is early enough.
     """
-    left = _leaves(ball)
+    left = _departure_time(ball)
     if left is None:
         return None
     clear = ball.loc[_clear(ball, left), "t_s"]
@@ -193,20 +187,20 @@ def _touched(ball: pd.DataFrame) -> float | None:
 
 def _flight(ball: pd.DataFrame, trial: str, rest_height: float) -> pd.DataFrame:
     known = ball.dropna(subset=["x_m", "y_m"])
-    if len(known) < LEAST_ROWS:
+    if len(known) < MIN_FLIGHT_ROWS:
         raise UsageError(
-            f"trial {trial}: the ball has no metres in this table",
-            hint="Measure the clip with --wall-grid or --ball, so that a scale is known.",
+            f"trial {trial}: the table has no positions of the ball in metres",
+            hint="Measure the clip with --wall-grid or --ball to set the scale.",
         )
-    left = _leaves(known)
+    left = _departure_time(known)
     moving = known if left is None else known[_clear(known, left)]
     time = moving["t_s"].to_numpy(float)
     place = moving[["x_m", "y_m"]].to_numpy(float)
     first, end = _free_stretch(time, place)
-    if end - first < LEAST_ROWS:
+    if end - first < MIN_FLIGHT_ROWS:
         raise UsageError(
-            f"trial {trial}: no free flight is in this track",
-            hint="The ball must fly through ten frames or more; look at the overlay.",
+            f"trial {trial}: the track contains no free flight",
+            hint="The ball must fly for at least ten frames; check the overlay.",
         )
     flight = moving.iloc[first:end].copy()
     forward = 1.0 if place[end - 1, 0] >= place[first, 0] else -1.0
@@ -219,27 +213,27 @@ def _flight(ball: pd.DataFrame, trial: str, rest_height: float) -> pd.DataFrame:
 
 
 def _free_stretch(time: FloatArray, place: FloatArray) -> tuple[int, int]:
-    """Rows [first, end) that one smooth free motion goes through, grown from its middle.
+    """Rows [first, end) of one smooth free motion, grown from its middle.
 
-    Free flight with drag is a cubic in time to far below the noise of any track over a second;
-    a push at its beginning or a bounce at its end is not.
+    Over a second, free flight with drag is a cubic in time to far below the noise of any track; a
+    push at its beginning or a bounce at its end is not.
     """
     end = _bounce(time, place[:, 1])
-    first, stop = end // 4, max(end - end // 8, end // 4 + LEAST_ROWS)
+    first, stop = end // 4, max(end - end // 8, end // 4 + MIN_FLIGHT_ROWS)
     stop = min(stop, end)
     noise: FloatArray | None = None
     for _ in range(2 * len(time)):
         inside = slice(first, stop)
-        if stop - first < LEAST_ROWS:
+        if stop - first < MIN_FLIGHT_ROWS:
             return first, first
         centre, half = time[inside].mean(), max(float(np.ptp(time[inside])) / 2.0, 1e-9)
         fits = [np.polyfit((time[inside] - centre) / half, row, 3) for row in place[inside].T]
         off = np.stack([place[:, k] - np.polyval(fits[k], (time - centre) / half) for k in (0, 1)])
         if noise is None:
-            # of the middle, which is surely free: rows let in later must not widen the door
+            # from the middle, which is free: rows added later must not raise the limit
             noise = np.sqrt((off[:, inside] ** 2).sum(axis=1) / (stop - first - 4))
-        free = np.all(np.abs(off) < OFF * noise[:, np.newaxis], axis=0)
-        # one row that is off is an outlier, two in a row are the end of the free motion
+        free = np.all(np.abs(off) < MAX_DEVIATION * noise[:, np.newaxis], axis=0)
+        # one deviating row is an outlier, two in succession end the free motion
         grown = (
             first - 1 if first > 0 and free[max(first - 2, 0) : first].any() else first,
             stop + 1 if stop < end and free[stop : min(stop + 2, end)].any() else stop,
@@ -252,7 +246,7 @@ def _free_stretch(time: FloatArray, place: FloatArray) -> tuple[int, int]:
 
 def _bounce(time: FloatArray, height: FloatArray) -> int:
     """First row after the ball turns upwards again, or the number of rows."""
-    if len(time) < LEAST_ROWS:
+    if len(time) < MIN_FLIGHT_ROWS:
         return len(time)
     rate = np.gradient(height, time)
     smooth = np.convolve(rate, np.ones(5) / 5.0, mode="same")
@@ -268,24 +262,21 @@ def _bounce(time: FloatArray, height: FloatArray) -> int:
     return lowest
 
 
-COVERED = 2.5
-
-"""Standard deviations within which a fault is what the calibration itself allows: 99 % of them."""
+MAX_CALIBRATION_DEVIATION = 2.5
+"""Standard deviations within which a fault is consistent with the calibration: 99 % of them."""
 
 OUTLINE_PX = 0.15
-
-"""How far the outline of a ball may wander along its flight, by its shading against the wall."""
+"""px: drift of a ball's fitted outline along its flight, from its shading (assumed)."""
 
 OWN_CALIBRATION = (
-    "the clip itself in place of its track table: vision explain CLIP holds what is found against"
-    " the clip's own calibration"
+    "the clip itself instead of its track table: vision explain CLIP compares the result with the"
+    " clip's own calibration"
 )
 
-LEAST_AXIS = 1e-12
+MIN_RELATIVE_AXIS = 1e-12
+"""Relative length of a covariance axis below which it is rounding error."""
 
-"""Share of the largest axis below which one is rounding, not knowledge."""
-
-PARAMETERS = {
+FAULT_PARAMETERS = {
     "time_base": "rate_error",
     "length_scale": "scale_error",
     "camera_roll": "roll",
@@ -293,31 +284,31 @@ PARAMETERS = {
     "lens_distortion": "radial",
 }
 
-"""The strength of a fault of the instrument, by the fault's id."""
+"""Parameter name of an instrument fault, by the fault's id."""
 
 
 def calibration_widths(measured: "ClipMeasurement") -> dict[str, float]:
     """Standard uncertainties of rate and scale (relative) and of roll (rad) of one clip.
 
-    The calibration's, and what the ball's outline adds: slow errors that all clips share. Without
-    a calibration nothing has measured the roll.
+    From the calibration and from the drift of the ball's outline: slow errors shared by all clips.
+    Without a calibration the roll is not measured.
 
     Returns
     -------
     dict
-        By the id of the effect that such an error would be.
+        By the id of the corresponding effect.
     """
     rate = measured.rate.std / measured.rate.fps
     if measured.calibration is None or measured.impact is None:
         return {
             "time_base": rate,
-            "length_scale": _stretched(measured),
+            "length_scale": _relative_scale_std(measured),
         }
     rows = np.isin(measured.tracks.ball.frame, measured.impact.tracks.ball_frame)
     px = measured.tracks.ball.centre_px[rows]
     scale, roll = _scale_and_roll(measured.calibration, px[:: max(1, len(px) // 40)])
-    # free fall is the clock and the rule of a flight, and it is the picture's rows that show it
-    along, fall = outline_shares(px)
+    # free fall sets time and length scale of a flight, along the columns of the image
+    along, fall = outline_fractions(px)
     return {
         "time_base": math.hypot(rate, 0.5 * fall),
         "length_scale": math.hypot(scale, fall),
@@ -325,29 +316,29 @@ def calibration_widths(measured: "ClipMeasurement") -> dict[str, float]:
     }
 
 
-STRETCHING = frozenset(
+SCALE_SOURCES = frozenset(
     {UncertaintySource.BALL_DIAMETER, UncertaintySource.SCALE, UncertaintySource.CAMERA_SLANT}
 )
-"""What leaves the size of a path open where no grid tells it."""
+"""Sources of the scale's uncertainty without a grid."""
 
 
-def _stretched(measured: "ClipMeasurement") -> float:
-    """By what share a path may be too long where no grid tells, as its speed's own budget says."""
+def _relative_scale_std(measured: "ClipMeasurement") -> float:
+    """Relative uncertainty of the scale without a grid, from the budget of the speed."""
     speed = measured.quantity("ball_speed")
     if not speed.value:
         return Defaults.BALL_DIAMETER.std
-    parts = [part.std for part in speed.budget if part.source in STRETCHING]
+    parts = [part.std for part in speed.budget if part.source in SCALE_SOURCES]
     return max(math.hypot(*parts) / speed.value, Defaults.BALL_DIAMETER.std)
 
 
-def outline_shares(px: np.ndarray) -> tuple[float, float]:
-    """What a wandering outline is of a path's (N, 2) extent along and across the picture's rows."""
+def outline_fractions(px: np.ndarray) -> tuple[float, float]:
+    """Outline drift relative to a path's (N, 2) extent along and across the image rows."""
     along, fall = OUTLINE_PX / np.maximum(np.ptp(px, axis=0), OUTLINE_PX)
     return float(along), float(fall)
 
 
 def _scale_and_roll(calibration: "Calibration", px: np.ndarray) -> tuple[float, float]:
-    """How far the calibration's covariance stretches and turns a track, one sigma each."""
+    """Standard uncertainties of scale and roll of a track, from the calibration's covariance."""
     std = np.sqrt(np.maximum(np.diag(calibration.covariance), 0.0))
     free = std > 0.0
     outer = np.outer(std[free], std[free])
@@ -360,7 +351,7 @@ def _scale_and_roll(calibration: "Calibration", px: np.ndarray) -> tuple[float, 
         moved[free] = step * std[free]
         here = calibration.with_parameters(calibration.vector + moved)
         metres, _ = CameraMapping(here).ball(px, nothing)
-        # As complex numbers about their middle: a stretch and a turn are one factor.
+        # as complex numbers about their centre, scale and rotation are one factor
         flat = metres[:, 0] + 1j * metres[:, 1]
         return np.asarray(flat - flat.mean())
 
@@ -368,7 +359,7 @@ def _scale_and_roll(calibration: "Calibration", px: np.ndarray) -> tuple[float, 
     factors = [
         np.vdot(base, track(math.sqrt(length) * axis)) / np.vdot(base, base) - 1.0
         for length, axis in zip(lengths, axes.T, strict=True)
-        if length > LEAST_AXIS
+        if length > MIN_RELATIVE_AXIS
     ]
     return (
         float(np.sqrt(sum(factor.real**2 for factor in factors))),
@@ -376,26 +367,25 @@ def _scale_and_roll(calibration: "Calibration", px: np.ndarray) -> tuple[float, 
     )
 
 
-def left_open(measured: "ClipMeasurement") -> tuple[Effect, ...]:
-    """What one clip leaves open: faults whose parameters have its uncertainties as widths.
+def clip_faults(measured: "ClipMeasurement") -> tuple[Effect, ...]:
+    """Faults of one clip, with the measured uncertainties as widths of their parameters.
 
-    How far the ball's centre may wander along its flight comes first. Of a strike, how far the mass
-    may, where the axis is and where the ball rests, as measured; scale and roll as in
-    `calibration_widths`.
+    The drift of the ball's centre along its flight comes first. For a strike follow those of the
+    mass, the axis and the ball's rest position; scale and roll as in `calibration_widths`.
     """
     if measured.impact is None:
         return ()
-    # comes with the measuring chain
+    # import here: it needs the measuring chain
     from vision.pendulum.arc import LOOK_PX
 
     tracks = measured.impact.tracks
-    # What is stated of a centre and does not show from frame to frame is slow.
+    # uncertainty of a centre that is not visible as frame-to-frame noise is slow drift
     flying = tracks.ball_cov_m2[tracks.ball_time_s >= _release(measured) - 1e-9]
     seen = np.sqrt(np.diag(np.median(flying, axis=0)))
     slow, fixed = WanderingCentre(), BehindTheBall()
     wander = (
-        _held(slow, np.repeat(seen, len(slow.orders))),
-        _held(fixed, np.repeat(seen, len(fixed.orders)), (Level.CAMPAIGN,)),
+        _with_widths(slow, np.repeat(seen, len(slow.orders))),
+        _with_widths(fixed, np.repeat(seen, len(fixed.orders)), (Level.CAMPAIGN,)),
     )
     if measured.tracks.pendulum is None:
         return wander
@@ -406,11 +396,11 @@ def left_open(measured: "ClipMeasurement") -> tuple[Effect, ...]:
     about, turns = Form.ABOUT_THE_START, WanderingMass()
     return (
         *wander,
-        _held(turns, [LOOK_PX * metres_per_px / arm] * len(turns.parameters)),
-        _held(PivotElsewhere(), axis),
-        _held(OriginOffset(id="rest_elsewhere"), tracks.rest_std_m),
-        _held(LengthScale(id="scale_of_the_clip", form=about), [widths["length_scale"]]),
-        _held(
+        _with_widths(turns, [LOOK_PX * metres_per_px / arm] * len(turns.parameters)),
+        _with_widths(PivotElsewhere(), axis),
+        _with_widths(OriginOffset(id="rest_elsewhere"), tracks.rest_std_m),
+        _with_widths(LengthScale(id="scale_of_the_clip", form=about), [widths["length_scale"]]),
+        _with_widths(
             CameraRoll(id=ROLL_OF_THE_CLIP, form=about),
             [widths.get("camera_roll", Defaults.CAMERA_ROLL.std)],
         ),
@@ -419,12 +409,12 @@ def left_open(measured: "ClipMeasurement") -> tuple[Effect, ...]:
 
 ROLL_OF_THE_CLIP = "roll_of_the_clip"
 
-IN_EACH = (Level.CAMPAIGN, Level.TRIAL)
-"""One camera errs alike in all clips, and each clip anew: either takes the whole width."""
+CAMERA_LEVELS = (Level.CAMPAIGN, Level.TRIAL)
+"""An error may be common to all clips of a camera or differ per clip: both take the full width."""
 
 
-def _held(
-    fault: Effect, widths: Sequence[float] | FloatArray, levels: tuple[Level, ...] = IN_EACH
+def _with_widths(
+    fault: Effect, widths: Sequence[float] | FloatArray, levels: tuple[Level, ...] = CAMERA_LEVELS
 ) -> Effect:
     held = tuple(
         replace(p, width=float(width), expected=0.0)
@@ -434,12 +424,9 @@ def _held(
 
 
 def common_faults(clips: Sequence[tuple[Effect, ...]]) -> tuple[Effect, ...]:
-    """Faults of a campaign, each as wide as the median of its clips says; none if a clip has none.
-
-    One camera errs alike in all clips, and each clip anew: either takes the whole width.
-    """
+    """Faults of a campaign, each with the median width over its clips; none if a clip has none."""
     return tuple(
-        _held(
+        _with_widths(
             alike[0],
             np.median([[p.width for p in one.parameters] for one in alike], axis=0),
             alike[0].levels,
@@ -449,26 +436,26 @@ def common_faults(clips: Sequence[tuple[Effect, ...]]) -> tuple[Effect, ...]:
 
 
 def common_widths(clips: Iterable[Mapping[str, float]]) -> dict[str, float]:
-    """Widths of a campaign: clips of one camera err together, so the median of theirs."""
+    """Widths of a campaign: the median over its clips, which share a camera."""
     rows = list(clips)
-    names = [name for name in PARAMETERS if all(name in row for row in rows)]
+    names = [name for name in FAULT_PARAMETERS if all(name in row for row in rows)]
     return {name: float(np.median([row[name] for row in rows])) for name in names if rows}
 
 
 def unknown_widths(trials: Iterable[Trial]) -> dict[str, float]:
-    """Standard uncertainties that a calibration leaves open of which nothing is told.
+    """Typical calibration uncertainties, for tracks without calibration data.
 
-    A table of tracks says where the ball was seen, not how well camera, plane and clock were known.
+    A track table gives positions, but not the uncertainty of camera, plane and clock.
 
     Parameters
     ----------
     trials : iterable of Trial
-        Their paths tell how large the picture is at least.
+        Their paths give a minimum size of the image.
 
     Returns
     -------
     dict
-        By the id of the effect that such an error would be.
+        By the id of the corresponding effect.
     """
     spans = [
         np.nanmax(path, axis=0) - np.nanmin(path, axis=0)
@@ -488,11 +475,11 @@ def unknown_widths(trials: Iterable[Trial]) -> dict[str, float]:
 def within_calibration(
     verdict: EngineVerdict, widths: Mapping[str, float], *, known: bool = True
 ) -> EngineVerdict:
-    """The verdict without faults of the instrument that its own calibration allows.
+    """Remove instrument faults from a verdict that the calibration allows.
 
-    If nothing but such faults is named, nothing is missing: the calibration's uncertainty already
-    says so. Where the calibration is not known, its usual widths can't say that much: the names
-    stay, in doubt. Beside physics, or far beyond the widths, a verdict stays as it is.
+    If only such faults are named, nothing is missing. If the calibration is unknown, its typical
+    uncertainties are not sufficient evidence: the names stay, downgraded. Next to physics, or far
+    beyond the widths, a verdict is unchanged.
 
     Parameters
     ----------
@@ -500,18 +487,18 @@ def within_calibration(
     widths : mapping
         Id of a fault → standard uncertainty of the calibration in it.
     known : bool
-        Whether the widths are those of the recording's own calibration.
+        Whether the widths are from the recording's own calibration.
     """
     if not widths:
         return verdict
-    notes = (*verdict.notes, _told(widths, known))
+    notes = (*verdict.notes, _widths_text(widths, known))
     if not verdict.effects or not all(_allowed(effect, widths) for effect in verdict.effects):
         return replace(verdict, notes=notes)
     sizes = ", ".join(
         f"{effect.id} {p.name} = {p.value:.2g} ± {p.std:.1g}"
         for effect in verdict.effects
         for p in effect.parameters
-        if p.name == PARAMETERS[effect.id]
+        if p.name == FAULT_PARAMETERS[effect.id]
     )
     if not known:
         doubted = (replace(e, probability=min(e.probability, DOUBTED)) for e in verdict.effects)
@@ -520,7 +507,7 @@ def within_calibration(
             verdict="ambiguous",
             effects=tuple(doubted),
             next_measurement=OWN_CALIBRATION,
-            notes=(*notes, f"{sizes} is in doubt: {Doubt.UNKNOWN_CALIBRATION.value}"),
+            notes=(*notes, f"{sizes} is uncertain: {Doubt.UNKNOWN_CALIBRATION.value}"),
         )
     return replace(
         verdict,
@@ -529,42 +516,41 @@ def within_calibration(
         effects=(),
         indistinguishable=(),
         next_measurement=None,
-        notes=(*notes, f"{sizes} is no finding: it lies within what the calibration leaves open"),
+        notes=(*notes, f"{sizes} is not significant: the calibration allows it"),
     )
 
 
 def _allowed(effect: NamedEffect, widths: Mapping[str, float]) -> bool:
     return effect.id in widths and any(
-        p.name == PARAMETERS[effect.id]
-        and abs(p.value) <= COVERED * math.hypot(widths[effect.id], p.std)
+        p.name == FAULT_PARAMETERS[effect.id]
+        and abs(p.value) <= MAX_CALIBRATION_DEVIATION * math.hypot(widths[effect.id], p.std)
         for p in effect.parameters
     )
 
 
-def _told(widths: Mapping[str, float], known: bool) -> str:
+def _widths_text(widths: Mapping[str, float], known: bool) -> str:
     roll = widths.get("camera_roll")
-    told = (
-        f"the rate to {100.0 * widths['time_base']:.2g} %, the scale to"
-        f" {100.0 * widths['length_scale']:.2g} % and the roll"
-        f" {'not at all' if roll is None else f'to {math.degrees(roll):.2g} deg'}"
+    text = (
+        f"rate ± {100.0 * widths['time_base']:.2g} %, scale ±"
+        f" {100.0 * widths['length_scale']:.2g} %, roll"
+        f" {'unknown' if roll is None else f'± {math.degrees(roll):.2g}°'}"
     )
     if known:
-        return f"the calibration knows {told}"
+        return f"uncertainty of the calibration: {text}"
     return (
-        f"the table does not tell how well its clip was calibrated; usual is {told}, the depth of"
-        f" the plane to {100.0 * widths['parallax']:.2g} %, and a lens that nobody measured"
-        f" displaces the picture's edge by {100.0 * Defaults.LENS_DISTORTION.std:.2g} %"
+        f"the table does not state its calibration's uncertainty; assumed: {text}, depth of the"
+        f" plane ± {100.0 * widths['parallax']:.2g} %, displacement by an uncalibrated lens at the"
+        f" edge of the image {100.0 * Defaults.LENS_DISTORTION.std:.2g} %"
     )
 
 
-MOST_WARNINGS = 3
-
-"""Warnings of one clip that are passed on: further ones are there if the clip is measured."""
+MAX_CLIP_WARNINGS = 3
+"""Warnings passed on per clip (chosen); `vision measure` shows all."""
 
 
 @dataclass(frozen=True)
 class ClipFacts:
-    """What the lab wrote down about one clip; None where it did not.
+    """The lab's entries about one clip; None if missing.
 
     Attributes
     ----------
@@ -581,19 +567,19 @@ class ClipFacts:
 
 @dataclass(frozen=True)
 class ClipCampaign(CampaignRecords):
-    """Trials from clips, with what their calibration leaves open.
+    """Trials from clips, with the uncertainties of their calibration.
 
     Attributes
     ----------
     widths : mapping
-        Id of a fault of the instrument → standard uncertainty of the calibration in it.
+        Id of an instrument fault → standard uncertainty of the calibration in it.
     calibrated : bool
-        Whether the widths are of the clips' own calibration, or what is usual of one.
+        Whether the widths are from the clips' own calibration rather than typical values.
     instruments : tuple of Effect
-        What each clip leaves open of where its axis, its resting ball, its scale and its horizontal
-        are, and all clips of a camera alike.
+        Faults of axis, resting ball, scale and horizontal, per clip and common to all clips of a
+        camera.
     assumed : frozenset of str
-        Ids among them of what nothing has measured.
+        Ids of those that nothing has measured.
     """
 
     widths: Mapping[str, float] = field(default_factory=dict)
@@ -603,7 +589,7 @@ class ClipCampaign(CampaignRecords):
 
 
 def clip_facts(path: Path) -> dict[str, ClipFacts]:
-    """Read a table of clips: ``clip``, and ``backswing_deg``, ``ball``, ``session``, or some.
+    """Read a table of clips: ``clip``, and any of ``backswing_deg``, ``ball``, ``session``.
 
     Returns
     -------
@@ -619,7 +605,7 @@ def clip_facts(path: Path) -> dict[str, ClipFacts]:
     if "clip" not in table or not {"backswing_deg", "ball", "session"} & set(table.columns):
         raise UsageError(
             f"{path} has the columns {', '.join(table.columns)}",
-            hint="A table of clips has a column clip, and backswing_deg, ball or session.",
+            hint="A table of clips needs a column clip, and backswing_deg, ball or session.",
         )
     nothing = pd.Series(np.nan, index=table.index)
     angles = nothing.to_numpy()
@@ -627,7 +613,7 @@ def clip_facts(path: Path) -> dict[str, ClipFacts]:
         said: list[str] = []
         angles = numbers_of(table, "backswing_deg", path.name, said)
         if said:
-            raise UsageError(said[0].removesuffix("; they are left out"), hint="Mend these cells.")
+            raise UsageError(said[0].removesuffix("; they are ignored"), hint="Correct the cells.")
     words = [table.get(column, nothing) for column in ("ball", "session")]
     facts = {}
     for name, angle, *said in zip(table["clip"], angles, *words, strict=True):
@@ -646,24 +632,24 @@ def campaign_from_clips(
     *,
     strikes: bool = False,
 ) -> ClipCampaign:
-    """Measure clips and lay their tracks out as trials.
+    """Measure clips and convert their tracks to trials.
 
-    Flights are compared; with `strikes` the swing that leads to them, too. A clip whose back-swing
-    is neither told nor in view starts from the angle that its speed before contact implies without
-    losses; losses of the swing can then only be seen in the recorded part.
-    A clip that can't be measured is left out and noted, unless none can.
+    Flights are compared; with `strikes` also the preceding swing. A clip whose back-swing is
+    neither given nor visible starts from the angle implied by its speed before contact without
+    losses; losses of the swing are then only detectable in the recorded part.
+    A clip that can't be measured is skipped and noted, unless none can.
 
     Parameters
     ----------
     clips : sequence of Path
     setup : Setup
     facts : mapping, optional
-        Clip's name → what the lab wrote down about it.
+        Clip's name → the lab's entries about it.
     measure : callable, optional
-        The measuring chain, if another than `measure_clip`.
+        The measuring chain, if other than `measure_clip`.
     strikes : bool
-        Compare the swing before the strike, too: what clips leave open of axis, rest, scale,
-        horizontal and centres is then open in the model, as far as it is stated.
+        Also compare the swing before the strike; the uncertainties of axis, rest position, scale,
+        horizontal and centres are then parameters of the model.
 
     Raises
     ------
@@ -678,7 +664,7 @@ def campaign_from_clips(
     again = sorted({name for name in names if names.count(name) > 1})
     if again:
         raise UsageError(
-            f"two clips are called {again[0]}", hint="Every clip is a trial and needs its own name."
+            f"two clips are called {again[0]}", hint="Rename one: the name identifies the trial."
         )
     known, setup = facts or {}, with_rig(setup)
     trials: list[Trial] = []
@@ -696,19 +682,17 @@ def campaign_from_clips(
             refused.append((path, problem))
             continue
         trials.append(trial)
-        clear.append(before_the_wall(measured, setup))
+        clear.append(clear_interval(measured, setup))
         widths.append(calibration_widths(measured))
-        faults.append(left_open(measured))
+        faults.append(clip_faults(measured))
         notes += [f"{path.name}: {text}" for text in said]
     if not trials:
         raise refused[0][1]
-    left_out = [
-        f"{path.name} could not be measured and is left out: {why.message}" for path, why in refused
-    ]
+    left_out = [f"{path.name} could not be measured: {why.message}" for path, why in refused]
     told = all(_struck(trial, setup) for trial in trials)
     trials = [_seen_clearly(t, c) for t, c in zip(trials, clear, strict=True)]
     if not (strikes and told):
-        # Without a whole strike to compare, a swing is no part of a free flight.
+        # without a whole strike, the swing can't be compared
         trials = [_flight_only(trial) for trial in trials]
         faults = [tuple(f for f in one if isinstance(f, WanderingCentre)) for one in faults]
         notes.insert(0, _why_flights(told))
@@ -721,7 +705,7 @@ def campaign_from_clips(
 
 
 def with_rig(setup: Setup) -> Setup:
-    """The setup with the paper's pendulum and support where it is silent, as the chain assumes."""
+    """The setup with the paper's pendulum and support where it states none."""
     return replace(
         setup,
         pendulum=setup.pendulum or PAPER_PENDULUM,
@@ -729,24 +713,24 @@ def with_rig(setup: Setup) -> Setup:
     )
 
 
-def states_the_rig(setup: Setup) -> bool:
-    """Whether a setup says what struck: a supposed rig would be told from the real one."""
+def has_rig(setup: Setup) -> bool:
+    """Whether a setup states pendulum and support: an assumed rig would differ from the real one."""
     return None not in (setup.pendulum, setup.support)
 
 
-def _why_flights(told: bool) -> str:
-    if not told:
-        return "not every strike is known from its back-swing on: flights are compared"
-    return "flights are compared; --strikes compares the swing that leads to them, too"
+def _why_flights(from_backswing: bool) -> str:
+    if not from_backswing:
+        return "only flights are compared: not every strike has a known back-swing"
+    return "only flights are compared; pass --strikes to include the swing"
 
 
 def _release(measured: "ClipMeasurement") -> float:
-    """When the ball is free in the first frame of its flight, s."""
+    """Time at which the ball is free, in the first frame of its flight, s."""
     return -math.inf if measured.impact is None else float(measured.impact.flight.time_s[0])
 
 
 def _struck(trial: Trial, setup: Setup) -> bool:
-    """Whether the baseline can follow the trial from the back-swing on."""
+    """Whether the baseline can simulate the trial from the back-swing on."""
     ball = setup.balls.get(trial.ball or "", setup.ball)
     told = ball is not None and (
         bool(ball.contact_outcome) or None not in (ball.cor, ball.launch_angle, ball.mass)
@@ -754,12 +738,12 @@ def _struck(trial: Trial, setup: Setup) -> bool:
     return told and trial.backswing is not None
 
 
-def before_the_wall(measured: "ClipMeasurement", setup: Setup) -> tuple[float, float, float]:
-    """From when to when the wall alone is behind and beside the ball, and the swing ends, s.
+def clear_interval(measured: "ClipMeasurement", setup: Setup) -> tuple[float, float, float]:
+    """Times from and until which only the wall is behind the ball, and end of the swing, s.
 
-    Until it has left its place by its own radius the mass is beside it; where its lower rim covers
-    the foot of the wall it is seen before the floor and its own shadow. Where no camera is known,
-    the picture tells where that is.
+    Until it has moved by its radius the ball is next to the mass; where its lower rim covers the
+    foot of the wall it is in front of the floor and its own shadow. Without a calibrated camera
+    that position is found in the image.
     """
     impact = measured.impact
     if impact is None:
@@ -768,7 +752,7 @@ def before_the_wall(measured: "ClipMeasurement", setup: Setup) -> tuple[float, f
     away = np.hypot(*(tracks.ball_m - tracks.rest_m).T)
     gone = (away > radius) & (tracks.ball_time_s >= _release(measured))
     first = float(tracks.ball_time_s[gone][0]) if gone.any() else _release(measured)
-    # A ball takes longer to go its own radius than a contact lasts.
+    # a ball takes longer to move by its radius than a contact lasts
     touched = _release(measured) - (first - _release(measured))
     if measured.calibration is None or setup.support is None:
         flying = gone & (tracks.ball_time_s <= impact.last_flight_s + 1e-9)
@@ -781,26 +765,26 @@ def before_the_wall(measured: "ClipMeasurement", setup: Setup) -> tuple[float, f
     return first, float(tracks.ball_time_s[over][0]) if over.any() else math.inf, touched
 
 
-OTHER_SURFACE = 2.0
-"""Spread of the background along a ball's outline, over what is usual along its flight, from which
-another surface is behind it: a boundary that shows as much as the wall itself does."""
+SURFACE_CHANGE_RATIO = 2.0
+"""Standard deviation of the background along a ball's outline, relative to its usual value along
+the flight, from which another surface is behind it (chosen: the wall's own variation)."""
 
-RIM = 0.15
-"""Share of the radius on either side of an outline that its fit looks at."""
+RIM_FRACTION = 0.15
+"""Width of the zone evaluated by the outline fit, on either side, as a fraction of the radius."""
 
-OUTER = (0.02, 0.98)
-"""Quantiles between which a background spreads: two in a hundred pixels may be faulty."""
+BACKGROUND_QUANTILES = (0.02, 0.98)
+"""Quantiles that bound the background: 2 % of the pixels may be faulty (chosen)."""
 
 
 def _before_another_surface(measured: "ClipMeasurement", flying: NDArray[np.bool_]) -> float:
-    """When the ball comes before a surface that it then stays before to the end of its flight, s.
+    """Time from which the ball stays in front of another surface until its flight ends, s.
 
-    A floor draws the outline towards its own side, and a ball's shadow lies on it.
+    A floor biases the outline towards its side, and the ball's shadow is on it.
 
     Parameters
     ----------
     flying : (N,) bool array
-        Clear rows of its flight.
+        Rows of its flight clear of the mass.
     """
     ball, impact = measured.tracks.ball, measured.impact
     if impact is None or not flying.any():
@@ -812,19 +796,19 @@ def _before_another_surface(measured: "ClipMeasurement", flying: NDArray[np.bool
     spread = np.full(flying_s.size, math.inf)
     for at, row in enumerate(rows):
         away = np.hypot(across - ball.centre_px[row, 0], down - ball.centre_px[row, 1])
-        near = background[np.abs(away / ball.radius_px[row] - 1.0) < RIM]
+        near = background[np.abs(away / ball.radius_px[row] - 1.0) < RIM_FRACTION]
         if near.size:
-            spread[at] = np.ptp(np.quantile(near, OUTER))
-    one_surface = np.flatnonzero(spread <= OTHER_SURFACE * np.median(spread))
+            spread[at] = np.ptp(np.quantile(near, BACKGROUND_QUANTILES))
+    one_surface = np.flatnonzero(spread <= SURFACE_CHANGE_RATIO * np.median(spread))
     end = int(one_surface[-1]) + 1
     return float(flying_s[end]) if end < flying_s.size else math.inf
 
 
 def _seen_clearly(trial: Trial, clear: tuple[float, float, float]) -> Trial:
-    """The flight where it is clear, and the swing that leads to it.
+    """The flight where it is clear, and the preceding swing.
 
-    Beside the mass the ball at rest is drawn aside, and the mass itself behind the ball and about
-    where it turns: ten times as far as before it struck.
+    Next to the mass the ball's outline is biased, and so is the mass behind the ball and near its
+    turning point: ten times more than before the strike.
     """
     flying = (trial.ball_time >= clear[0] - 1e-9) & (trial.ball_time < clear[1] - 1e-9)
     std = None if trial.position_std is None else trial.position_std[flying]
@@ -847,27 +831,27 @@ def _flight_only(trial: Trial) -> Trial:
 def trial_of(
     name: str, measured: "ClipMeasurement", setup: Setup, about: ClipFacts | None = None
 ) -> tuple[Trial, list[str]]:
-    """One clip's tracks as a trial, with notes on what was assumed.
+    """Convert one clip's tracks to a trial, with notes on assumptions.
 
     Raises
     ------
     NotFoundError
-        If no strike could be measured in the clip.
+        If no strike was measured in the clip.
     """
     facts = about or ClipFacts()
     if measured.impact is None:
         raise NotFoundError(
-            f"{name}: no strike could be measured in this clip",
-            hint="vision measure says what is missing.",
+            f"{name}: no strike was measured in this clip",
+            hint="Run vision measure on it: it reports what is missing.",
         )
     tracks = measured.impact.tracks
-    notes = list(measured.warnings[:MOST_WARNINGS])
+    notes = list(measured.warnings[:MAX_CLIP_WARNINGS])
     named = setup.balls.get(facts.ball or "", setup.ball)
     rest_height = 0.0
     if setup.support is not None:
         radius = 0.5 * named.diameter if named is not None else tracks.radius_m
         rest_height = setup.support.height + radius
-    # What bounces is no flight any more.
+    # after a bounce the flight is over
     flying = tracks.ball_time_s <= measured.impact.last_flight_s + 1e-9
     moved = (tracks.ball_m - tracks.rest_m + np.array([0.0, rest_height]))[flying]
     blank = np.full(moved.shape[0], np.nan)
@@ -893,7 +877,7 @@ def _backswing(measured: "ClipMeasurement", setup: Setup) -> tuple[float | None,
     contact = None if setup.ball is None else setup.ball.launch_angle
     if setup.pendulum is None or speed is None or contact is None:
         return None, []
-    note = "the back-swing is not in view; taken from the speed before contact"
+    note = "back-swing not visible; estimated from the speed before contact"
     return _lossless_backswing(setup.pendulum, speed, contact), [note]
 
 

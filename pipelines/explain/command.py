@@ -1,7 +1,4 @@
-"""`vision explain`: where simulation and recording differ, what was left out, and the proof.
-
-The improved model as a setup file that `simulate`, `plan` and `measure` take.
-"""
+"""`vision explain`: find missing physics, write the improved model as a setup."""
 
 import json
 import sys
@@ -40,9 +37,8 @@ SIMULATED = frozenset({"flight", "contact", "swing"})
 def improved_setup(setup: Path, explained: Explained | TableExplained) -> str:
     """Text of the setup file with the named effects in its [model].
 
-    Everything else stays as it was written. Faults of the instrument are no part of a model of the
-    motion, and a setup file holds every effect in its usual form only: others are noted in a
-    comment.
+    Everything else stays as written. Instrument faults are not part of a motion model, and a setup
+    file contains every effect in its usual form only: others are listed in a comment.
     """
     kept, inside = [], False
     for line in setup.read_text(encoding="utf-8").splitlines():
@@ -77,7 +73,7 @@ def _entries(
 
 
 def _simulated(effect: Effect) -> bool:
-    """Whether `simulate` can hold the effect: physics in the form that a setup file means."""
+    """Whether `simulate` can use the effect: physics, in the form that a setup file means."""
     forms = CATALOGUE.get(effect.id, ())
     usual = bool(forms) and forms[0].form == effect.form
     return effect.phase in SIMULATED and usual
@@ -93,36 +89,34 @@ _InputsArgument = Annotated[
     list[Path] | None,
     typer.Argument(help="BALL.csv, a table of trials, or clips.", metavar="[BALL.csv | CLIP...]"),
 ]
-_PendulumOption = Annotated[Path | None, typer.Option(help="The pendulum's samples (CSV).")]
+_PendulumOption = Annotated[Path | None, typer.Option(help="Samples of the pendulum (CSV).")]
 _TrialsOption = Annotated[
     Path | None,
-    typer.Option(help="Clips only: a table clip,backswing_deg,ball of what was written down."),
+    typer.Option(help="Clips only: lab book with columns clip,backswing_deg,ball."),
 ]
 _StrikesOption = Annotated[
     bool | None,
     typer.Option(
         "--strikes/--flights",
-        help="Clips only: compare the swing before each strike, too, or flights alone; by default"
-        " the swing where the setup states pendulum and support.",
+        help="Clips only: also compare the swing before each strike, or flights alone; default:"
+        " with the swing if the setup states pendulum and support.",
     ),
 ]
 _ColumnsOption = Annotated[
     str | None,
-    typer.Option(help="Of another program's table: 't=Time (s), x=X (cm), y=Y (cm), ball=A'."),
+    typer.Option(help="Column map of a foreign table: 't=Time (s), x=X (cm), y=Y (cm), ball=A'."),
 ]
 _HoldOutOption = Annotated[
-    str | None, typer.Option(help="Trials to keep out of the fit, separated by commas.")
+    str | None, typer.Option(help="Trials excluded from the fit, separated by commas.")
 ]
-_EffectsOption = Annotated[
-    Path | None, typer.Option(help="A Python file with effects of your own.")
-]
+_EffectsOption = Annotated[Path | None, typer.Option(help="Python file with your own effects.")]
 _JsonFileOption = Annotated[
     str | None,
     typer.Option("--json", help="Write the verdict as JSON ('-': stdout)."),
     FileRole.WRITES,
 ]
 _ReportOption = Annotated[
-    Path | None, typer.Option(help="Write the story as HTML."), FileRole.WRITES
+    Path | None, typer.Option(help="Write the report (HTML)."), FileRole.WRITES
 ]
 _PlotOption = Annotated[
     Path | None, typer.Option(help="Write the plots (.png or .svg)."), FileRole.WRITES
@@ -132,7 +126,7 @@ _ModelOption = Annotated[
     typer.Option(help="Write the improved model as a setup file (TOML)."),
     FileRole.WRITES,
 ]
-_QuietOption = Annotated[bool, typer.Option(help="Print nothing but results asked for.")]
+_QuietOption = Annotated[bool, typer.Option(help="Print only requested results.")]
 
 
 def explain_command(
@@ -151,14 +145,14 @@ def explain_command(
     model: _ModelOption = None,
     quiet: _QuietOption = False,
 ) -> None:
-    """Find where simulation and recording differ and what physics was left out.
+    """Find where simulation and recording differ and which physics is missing.
 
     Example: vision explain ball.csv --pendulum pendulum.csv --setup setup.toml --report story.html
     """
     if setup is None:
         raise UsageError(
-            "explain needs a setup file: it says what the model already knows",
-            hint="vision explain BALL.csv --setup SETUP.toml",
+            "explain needs a setup file: it defines the baseline model",
+            hint="Run vision explain BALL.csv --setup SETUP.toml",
         )
     ball = _ball_file(inputs or [])
     known = load_setup(setup)
@@ -173,8 +167,8 @@ def explain_command(
     elif ball is not None and _of_trials(ball, known.columns):
         if pendulum is not None:
             raise UsageError(
-                f"{ball} holds numbers of whole trials; a pendulum's samples don't go with them",
-                hint="Leave --pendulum away.",
+                f"{ball} has one row per trial; samples of a pendulum can't be combined with it",
+                hint="Omit --pendulum.",
             )
         explained = explain_table_file(ball, known, held, effects)
     else:
@@ -212,7 +206,7 @@ def _ball_file(inputs: list[Path]) -> Path | None:
         return tables[0]
     if tables:
         raise UsageError(
-            "explain takes one ball file, or clips, not both and not several tables",
+            "pass either one ball file or clips, not both and not several tables",
             hint="Put all trials into one file with a column `trial`.",
         )
     return None

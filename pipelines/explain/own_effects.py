@@ -1,8 +1,8 @@
-"""A user's own effects: tried in a process of their own before they take part.
+"""User-defined effects: load and check them in a separate process.
 
-``vision effects check FILE`` says what an effect lacks; `vision explain --effects FILE` asks the
-same first. What loops, ends the program or breaks it does so in that process, which has a limit of
-time, and is told in plain words.
+``vision effects check FILE`` reports what an effect lacks; `vision explain --effects FILE` runs the
+same check first. Code that loops, exits or crashes does so in that process, which has a time limit;
+the message states the cause.
 """
 
 import contextlib
@@ -29,44 +29,44 @@ from mismatch.candidates import refuse_unusable
 from physics.effects import Effect
 from physics.effects.base import CameraView, Contact, FlightState, Outcome, Phase, SwingState
 
-__all__ = ["EFFECT_COMMANDS", "EffectCommands", "check_effect", "load_effects", "under_guard"]
+__all__ = ["EFFECT_COMMANDS", "EffectCommands", "check_effect", "effect_limits", "load_effects"]
 
-LOAD_PATIENCE = 30.0
-"""s that a file of effects may take to be read and tried once; reading the catalogue takes one."""
+LOAD_TIMEOUT_S = 30.0
+"""s: limit for loading and checking a file of effects; loading the catalogue takes one."""
 
-TRIAL_BYTES = 3 << 29
-"""1.5 GiB: reading the catalogue and trying an effect takes a fifth of it."""
+MAX_CHECK_BYTES = 3 << 29
+"""1.5 GiB: limit for checking; catalogue and one effect take a fifth of it."""
 
-RUN_PATIENCE = 900
-"""s that a campaign may take with a user's effects in it: thirty times what it takes without."""
+RUN_TIMEOUT_S = 900
+"""s: limit for a campaign with user-defined effects; without them it takes a thirtieth."""
 
 
 class EffectCommands(TyperGroup):
-    """Commands about a user's own effects."""
+    """Commands for user-defined effects."""
 
 
-def load_effects(path: Path, seconds: float = LOAD_PATIENCE) -> tuple[Effect, ...]:
-    """Effects from a user's Python file: the instances in its list ``EFFECTS``, or every one.
+def load_effects(path: Path, seconds: float = LOAD_TIMEOUT_S) -> tuple[Effect, ...]:
+    """Load effects from a Python file: the instances in its list ``EFFECTS``, or all instances.
 
     Raises
     ------
     UsageError
-        If the file can't be read or run, holds no effect, or one that can't be fitted.
+        If the file can't be read or run, contains no effect, or one that can't be fitted.
     """
     if not path.is_file():
-        raise UsageError(f"there is no file {path}", hint="Check the path given to --effects.")
+        raise UsageError(f"there is no file {path}", hint="Check the path passed as --effects.")
     _try_apart(path, seconds)
     return _loaded(path)
 
 
 @contextlib.contextmanager
-def under_guard(effects: Sequence[Effect]) -> Iterator[None]:
-    """Nothing that a user's effect does ends the program, fills its output or takes for ever.
+def effect_limits(effects: Sequence[Effect]) -> Iterator[None]:
+    """Stop user-defined effects that exit, print without limit or run too long.
 
     Raises
     ------
     UsageError
-        If one of them tries.
+        If one of them does.
     """
     if not effects:
         yield
@@ -75,21 +75,21 @@ def under_guard(effects: Sequence[Effect]) -> Iterator[None]:
 
     def late(_number: int, _frame: FrameType | None) -> None:
         raise UsageError(
-            f"with the effects {names} there is no answer after {RUN_PATIENCE} s",
-            hint="Their hooks must end at every strength: is there a loop without end?",
+            f"no result after {RUN_TIMEOUT_S} s with the effects {names}",
+            hint="Their hooks must return for every strength; check for endless loops.",
         )
 
     timed = hasattr(signal, "SIGALRM") and threading.current_thread() is threading.main_thread()
     before = signal.signal(signal.SIGALRM, late) if timed else None
     if timed:
-        signal.alarm(RUN_PATIENCE)
+        signal.alarm(RUN_TIMEOUT_S)
     try:
         with contextlib.redirect_stdout(sys.stderr):
             yield
     except SystemExit as problem:
         raise UsageError(
             f"one of the effects {names} ends the program",
-            hint="Its hooks must return values, and never call sys.exit.",
+            hint="Its hooks must return values and never call sys.exit.",
         ) from problem
     finally:
         if timed:
@@ -98,35 +98,35 @@ def under_guard(effects: Sequence[Effect]) -> Iterator[None]:
 
 
 def check_effect(effect: Effect) -> None:
-    """Hold an effect against what the catalogue's own must keep.
+    """Check that an effect meets the catalogue's requirements.
 
     Raises
     ------
     UsageError
-        With what it lacks.
+        States what it lacks.
     """
     refuse_unusable(effect)
     if effect.phase not in get_args(Phase):
         _refuse(
             effect,
-            f"acts in a phase {effect.phase!r}, which there is none of",
-            f"Its phase is one of {', '.join(get_args(Phase))}.",
+            f"acts in an unknown phase {effect.phase!r}",
+            f"Its phase must be one of {', '.join(get_args(Phase))}.",
         )
     for hook in sorted(effect.hooks):
         before = _untouched(hook)
-        for share in (0.0, 0.1):
-            found = _called(effect, hook, share)
+        for fraction in (0.0, 0.1):
+            found = _called(effect, hook, fraction)
             if not all(np.all(np.isfinite(part)) for part in found):
                 _refuse(
                     effect,
-                    f"gives values that are no numbers in its hook {hook}",
-                    "It must give finite numbers for every state.",
+                    f"returns values that are not finite numbers in its hook {hook}",
+                    "Return finite numbers for every state.",
                 )
             same = all(np.allclose(a, b, atol=1e-9) for a, b in zip(found, before, strict=True))
-            if share == 0.0 and not same:
+            if fraction == 0.0 and not same:
                 _refuse(
                     effect,
-                    f"acts at its neutral values, too, in its hook {hook}",
+                    f"acts at its neutral values in its hook {hook}",
                     "At the neutral values of its parameters it must change nothing.",
                 )
 
@@ -135,17 +135,17 @@ def _refuse(effect: Effect, why: str, help_: str) -> None:
     raise UsageError(f"the effect {effect.id!r} {why}", hint=help_)
 
 
-def _values(effect: Effect, share: float) -> dict[str, Any]:
-    """Neutral values, moved by a share of each strength's scale, within its bounds."""
+def _values(effect: Effect, fraction: float) -> dict[str, Any]:
+    """Neutral values plus a fraction of each strength's scale, within its bounds."""
     moved: dict[str, Any] = dict(effect.neutral)
     for p in effect.strengths:
-        up = p.neutral + share * p.scale
-        moved[p.name] = up if up <= p.upper else max(p.neutral - share * p.scale, p.lower)
+        up = p.neutral + fraction * p.scale
+        moved[p.name] = up if up <= p.upper else max(p.neutral - fraction * p.scale, p.lower)
     return moved
 
 
 def _states() -> dict[str, Any]:
-    """A state of every kind, in arrays as the engine hands them: trials by samples."""
+    """A state of every kind, as arrays of trials by samples like the engine's."""
     trials, steps = np.linspace(-0.5, 0.5, 3)[:, None], np.linspace(0.0, 1.0, 4)
     plain = np.ones((3, 1))
     flight = FlightState(
@@ -166,7 +166,7 @@ def _states() -> dict[str, Any]:
 
 
 def _untouched(hook: str) -> tuple[Any, ...]:
-    """What a hook gives where nothing is added."""
+    """Return value of a hook that adds nothing."""
     made = _states()
     view = made["view"]
     if hook == "contact":
@@ -182,9 +182,9 @@ def _untouched(hook: str) -> tuple[Any, ...]:
     return plain[hook]
 
 
-def _called(effect: Effect, hook: str, share: float) -> tuple[Any, ...]:
-    """What a hook gives, component by component."""
-    made, values = _states(), _values(effect, share)
+def _called(effect: Effect, hook: str, fraction: float) -> tuple[Any, ...]:
+    """Return value of a hook, by component."""
+    made, values = _states(), _values(effect, fraction)
     given: dict[str, tuple[Any, ...]] = {
         "force": (made["flight"],),
         "torque": (made["swing"],),
@@ -200,32 +200,32 @@ def _called(effect: Effect, hook: str, share: float) -> tuple[Any, ...]:
         _refuse(
             effect,
             f"fails in its hook {hook}: {type(problem).__name__}: {problem}",
-            "Its hooks are given arrays that broadcast over trials and parameter sets.",
+            "Its hooks receive arrays that broadcast over trials and parameter sets.",
         )
     if hook == "contact":
         if not isinstance(found, Outcome):
             _refuse(
                 effect,
-                f"gives a {type(found).__name__} for the outcome of the contact",
-                "Its hook contact gives an Outcome: dataclasses.replace(outcome, …).",
+                f"returns a {type(found).__name__} for the outcome of the contact",
+                "Return an Outcome from contact: dataclasses.replace(outcome, …).",
             )
         return tuple(getattr(found, f.name) for f in fields(Outcome))
     if hook in ("force", "image"):
         if not isinstance(found, tuple | list) or len(found) != 3:
             _refuse(
                 effect,
-                f"gives no three components in its hook {hook}",
-                "It returns a tuple: along x, y and z.",
+                f"does not return three components in its hook {hook}",
+                "Return a tuple: components along x, y and z.",
             )
         return tuple(found)
     if found is None:
-        _refuse(effect, f"gives nothing in its hook {hook}", "It must return its value.")
+        _refuse(effect, f"returns nothing in its hook {hook}", "Return its value.")
     return (found,)
 
 
 @contextlib.contextmanager
 def _leaving_no_bytecode() -> Iterator[None]:
-    """What is read from a user's folder leaves nothing in it."""
+    """Import without writing bytecode into the user's folder."""
     before, sys.dont_write_bytecode = sys.dont_write_bytecode, True
     try:
         yield
@@ -236,7 +236,7 @@ def _leaving_no_bytecode() -> Iterator[None]:
 def _loaded(path: Path) -> tuple[Effect, ...]:
     spec = importlib.util.spec_from_file_location("effects_of_the_user", path)
     if spec is None or spec.loader is None:
-        raise UsageError(f"{path} is no Python file", hint="Name a file that ends in .py.")
+        raise UsageError(f"{path} is not a Python file", hint="Pass a file that ends in .py.")
     module = importlib.util.module_from_spec(spec)
     try:
         with contextlib.redirect_stdout(sys.stderr), _leaving_no_bytecode():
@@ -244,7 +244,7 @@ def _loaded(path: Path) -> tuple[Effect, ...]:
     except (Exception, SystemExit) as problem:  # a user's file may raise anything
         raise UsageError(
             f"{path} stops with {type(problem).__name__}: {problem}",
-            hint="Run it by itself with python to see where.",
+            hint="Run it with python to find the line.",
         ) from problem
     listed = getattr(module, "EFFECTS", None)
     if listed is None:
@@ -254,13 +254,13 @@ def _loaded(path: Path) -> tuple[Effect, ...]:
         _refuse_strangers(path, found)
     else:
         raise UsageError(
-            f"EFFECTS in {path} is no list but {listed!r}",
+            f"EFFECTS in {path} is not a list but {listed!r}",
             hint="Write EFFECTS = [MyEffect(...)], a list of instances.",
         )
     effects = tuple(item for item in found if isinstance(item, Effect))
     if not effects:
         raise UsageError(
-            f"{path} holds no effect",
+            f"{path} contains no effect",
             hint="Subclass physics.effects.Effect and list an instance in EFFECTS.",
         )
     return effects
@@ -270,23 +270,23 @@ def _refuse_strangers(path: Path, listed: Sequence[object]) -> None:
     for item in listed:
         if isinstance(item, type) and issubclass(item, Effect):
             raise UsageError(
-                f"EFFECTS in {path} holds the class {item.__name__}",
+                f"EFFECTS in {path} contains the class {item.__name__}",
                 hint=f"List an instance of it: {item.__name__}(...).",
             )
         if not isinstance(item, Effect):
             raise UsageError(
-                f"EFFECTS in {path} holds {item!r}, which is no effect",
+                f"EFFECTS in {path} contains {item!r}, which is not an effect",
                 hint="Subclass physics.effects.Effect and list instances.",
             )
 
 
 def _try_apart(path: Path, seconds: float) -> None:
-    """Load and check the file in a process of its own.
+    """Load and check the file in a separate process.
 
     Raises
     ------
     UsageError
-        With what it said, or how it ended.
+        With its message, or how the process ended.
     """
     with tempfile.TemporaryDirectory() as folder:
         answer = Path(folder) / "answer.json"
@@ -297,14 +297,14 @@ def _try_apart(path: Path, seconds: float) -> None:
             )
         except subprocess.TimeoutExpired as problem:
             raise UsageError(
-                f"{path} has not answered within {seconds:.0f} s",
-                hint="Is there a loop without end, in the file or in a hook?",
+                f"{path} did not return within {seconds:.0f} s",
+                hint="Check for endless loops in the file or in a hook.",
             ) from problem
         if not answer.exists():
             raise UsageError(
                 f"{path} ends the program (exit code {ended.returncode}) before its effects are"
                 " read",
-                hint="A file of effects defines them; it must not end or replace the program.",
+                hint="A file of effects must only define them, not end or replace the program.",
             )
         told = json.loads(answer.read_text(encoding="utf-8"))
     if told:
@@ -312,15 +312,15 @@ def _try_apart(path: Path, seconds: float) -> None:
 
 
 def _answer(path: Path, answer: Path) -> None:
-    """In the process apart: load, check, and write down what is wrong."""
+    """Run in the separate process: load, check, and write down errors."""
     told: dict[str, str | None] = {}
     before = threading.active_count()
     try:
         effects = _loaded(path)
         if threading.active_count() > before:
             raise UsageError(
-                f"{path} starts threads, which would work on beside the fit",
-                hint="A file of effects defines them, and does nothing else.",
+                f"{path} starts threads, which would run during the fit",
+                hint="A file of effects must only define them.",
             )
         for effect in effects:
             try:
@@ -333,17 +333,17 @@ def _answer(path: Path, answer: Path) -> None:
 
 
 def _limit_memory() -> None:
-    """Let what eats memory run into a MemoryError of its own, not into the machine's end."""
+    """Limit memory, so that excessive use raises MemoryError instead of exhausting the machine."""
     with contextlib.suppress(ImportError, ValueError, OSError):
         import resource
 
-        resource.setrlimit(resource.RLIMIT_DATA, (TRIAL_BYTES, TRIAL_BYTES))
+        resource.setrlimit(resource.RLIMIT_DATA, (MAX_CHECK_BYTES, MAX_CHECK_BYTES))
 
 
 def check_command(
     file: Annotated[Path, typer.Argument(help="A Python file with effects.", metavar="FILE")],
 ) -> None:
-    """Check a file of your own effects before it takes part in `vision explain --effects`.
+    """Check a file of your own effects before using it in `vision explain --effects`.
 
     Example: vision effects check my_effects.py
     """
@@ -359,5 +359,5 @@ EFFECT_COMMANDS = {"check": check_command}
 if __name__ == "__main__":
     _limit_memory()
     _answer(Path(sys.argv[1]), Path(sys.argv[2]))
-    # threads that the file left behind would keep the process
+    # os._exit: threads started by the file would keep the process alive
     os._exit(0)

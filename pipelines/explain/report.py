@@ -1,11 +1,4 @@
-"""The story of a verdict as one HTML page that needs nothing else.
-
-Pictures of a verdict: what was recorded over both simulations, and what each leaves over.
-
-One figure for a verdict: residuals before and after, and the missing force with its band.
-
-One figure for a trial table: what is left of each number before and after.
-"""
+"""HTML report and figures of a verdict, for campaigns and trial tables."""
 
 import base64
 import hashlib
@@ -52,7 +45,7 @@ MARKERS = "osD^v<>P"
 
 
 def figure_of_table(explained: TableExplained) -> Picture:
-    """Residuals against impact speed, one panel for each number, balls by marker."""
+    """Residuals against impact speed, one panel per result, balls by marker."""
     forward = explained.forward
     table = forward.table
     channels = [k for k in range(3) if table.present[k]]
@@ -98,7 +91,7 @@ def _panel(
         )  # fmt: skip
 
 
-LABELS = {
+FORCE_LABELS = {
     "horizontal": "horizontal force / N",
     "vertical": "vertical force / N",
     "angle": "torque / N m",
@@ -129,7 +122,7 @@ def _binned(forward: Forward, fit: Fit, channel: int, axis: Axes, colour: str, n
 
 
 def figure_of(explained: Explained | TableExplained) -> Picture:
-    """Residuals by channel, and the missing force by direction; of a table, by impact speed."""
+    """Residuals by channel and the missing force by direction; for tables against impact speed."""
     if isinstance(explained, TableExplained):
         return figure_of_table(explained)
     forward, base = explained.prepared.forward, explained.prepared.fit
@@ -137,7 +130,7 @@ def figure_of(explained: Explained | TableExplained) -> Picture:
     channels = [k for k in range(3) if forward.records.ball_used[..., k].any()]
     if forward.records.pendulum_used.any():
         channels.append(3)
-    # About a baseline that is out of step with a long swing no torque can be told from its phase.
+    # with a baseline that is out of phase with a long swing, phase errors resemble torques
     seen = {("horizontal", "vertical", "out_of_plane", "angle")[k] for k in channels}
     found = () if forward.mode == "swing" else missing_force(forward, base)
     forces = [force for force in found if force.channel in seen]
@@ -170,7 +163,7 @@ def figure_of(explained: Explained | TableExplained) -> Picture:
             )  # fmt: skip
             axis.plot(force.place, force.value, color="tab:green")
             axis.axhline(0.0, color="0.6", lw=0.8)
-            axis.set_ylabel(f"missing {LABELS[force.channel]}")
+            axis.set_ylabel(f"missing {FORCE_LABELS[force.channel]}")
             axis.set_xlabel("angle / rad" if force.channel == "angle" else "time after release / s")
         else:
             axis.set_axis_off()
@@ -184,55 +177,49 @@ def draw_explained(explained: Explained | TableExplained, path: Path) -> None:
         figure.savefig(part, format=path.suffix.lstrip(".") or "png", dpi=130)
 
 
-MOST_PANELS = 6
+MAX_PANELS = 6
+"""Panels per page (chosen: readable size)."""
 
-"""Panels, so that a page shows all of them at a size that can be read."""
-
-BASELINE, IMPROVED, SEEN = "tab:red", "tab:blue", "0.25"
+BASELINE_COLOUR, IMPROVED_COLOUR, RECORDED_COLOUR = "tab:red", "tab:blue", "0.25"
 
 AXES = ("x", "y", "z")
 
-MOST_NUMBERS = 6
-
-"""Numbers of a law that a table holds."""
+MAX_TABLE_PARAMETERS = 6
+"""Parameters of a law shown as a table (chosen); more are drawn as a curve."""
 
 LIBRARIES = ("numpy", "scipy")
+"""Libraries whose versions may affect the numbers."""
 
-"""On whose versions the numbers may depend."""
+CURVE_BINS = 24
+"""Intervals of a coordinate in which rows are averaged (chosen)."""
 
-BINS = 24
+MIN_CURVE_ROWS = 8
+"""Rows needed to draw a curve (chosen)."""
 
-"""Stretches of a coordinate in which rows are averaged."""
+LAW_DRAWS = 60
+"""Draws of a law's parameters for its band (chosen)."""
 
-LEAST_ROWS = 8
-
-"""Rows from which a curve is drawn."""
-
-DRAWS = 60
-
-"""Draws of a law's numbers, for its band."""
-
-ALONG = {
+COORDINATE_LABELS = {
     Coordinate.TIME: "time after release / s",
-    Coordinate.PLACE: "place along the way / m",
+    Coordinate.PLACE: "position along the path / m",
     Coordinate.HEIGHT: "height / m",
     Coordinate.SPEED: "speed / (m/s)",
     Coordinate.RATE: "angular velocity / (rad/s)",
     Coordinate.ANGLE: "angle / rad",
     Coordinate.DIRECTION: "direction above the horizontal / rad",
-    Coordinate.ORDER: "place of the trial, first to last",
+    Coordinate.ORDER: "order of the trial, first to last",
 }
 
-FLYING = frozenset(
+FLIGHT_COORDINATES = frozenset(
     {
         Coordinate.TIME, Coordinate.PLACE, Coordinate.HEIGHT, Coordinate.SPEED,
         Coordinate.DIRECTION,
     }
 )  # fmt: skip
 
-"""Coordinates that a flight has."""
+"""Coordinates of a flight."""
 
-WAYS = {
+DIRECTION_WORDS = {
     "horizontal": "forward",
     "vertical": "upward",
     "along_velocity": "along the path",
@@ -242,7 +229,7 @@ WAYS = {
 
 @dataclass(frozen=True)
 class TrialMisfit:
-    """Root mean square of what is left of one trial, mm or mrad, before and after."""
+    """Root mean square residual of one trial, mm or mrad, before and after."""
 
     name: str
     before: float
@@ -250,13 +237,13 @@ class TrialMisfit:
 
     @property
     def removed(self) -> float | None:
-        """Share of it that the answer takes away."""
+        """Fraction removed by the improved model."""
         return None if self.after is None else 1.0 - self.after / max(self.before, 1e-12)
 
 
 @dataclass(frozen=True)
 class _Track:
-    """A trial's rows along one pair of axes: recorded, and as both models have it."""
+    """A trial's rows along one pair of axes: recorded, and in both models."""
 
     across: FloatArray
     seen: FloatArray
@@ -271,7 +258,7 @@ def _predicted(explained: Explained, fit: Fit) -> FloatArray:
 
 
 def _answer(explained: Explained) -> Fit | None:
-    """The fit that the verdict stands for; None where it names nothing."""
+    """The fit of the named effects; None if none is named."""
     best = explained.naming.best
     return None if best is None or not explained.verdict.effects else best.fit
 
@@ -297,7 +284,7 @@ def _time(explained: Explained, axis: int) -> FloatArray:
 
 
 def _tracks(explained: Explained) -> tuple[list[_Track | None], str, str]:
-    """Each trial's path with the names of both axes: x and y of a flight, else over time."""
+    """Each trial's path with the axis labels: x and y of a flight, otherwise against time."""
     records = explained.prepared.forward.records
     axes = _axes(explained)
     flat = {0, 1} <= set(axes)
@@ -334,7 +321,7 @@ def paths_figure(explained: Explained) -> Picture:
     tracks, across, up = _tracks(explained)
     shown = [k for k, track in enumerate(tracks) if track is not None]
     picked = [
-        shown[k] for k in np.linspace(0, len(shown) - 1, min(MOST_PANELS, len(shown)), dtype=int)
+        shown[k] for k in np.linspace(0, len(shown) - 1, min(MAX_PANELS, len(shown)), dtype=int)
     ]
     names = explained.trials
     rows = 1 + -(-len(picked) // 2)
@@ -342,10 +329,10 @@ def paths_figure(explained: Explained) -> Picture:
     grid = figure.add_gridspec(rows, 2)
     for place, trial in enumerate(picked):
         axis = figure.add_subplot(grid[1 + place // 2, place % 2])
-        _draw_off(axis, tracks[trial])
+        _draw_difference(axis, tracks[trial])
         axis.set_title(f"trial {names[trial]}", fontsize=9)
         axis.set_xlabel(across, fontsize=8)
-        axis.set_ylabel(f"{up.replace(' / ', ' off / m')}", fontsize=8)
+        axis.set_ylabel(f"{up.replace(' / ', ' difference / m')}", fontsize=8)
     together = figure.add_subplot(grid[0, :])
     _draw(together, tracks, size=1.5)
     together.set_title(f"all {len(shown)} trials", fontsize=9)
@@ -356,14 +343,16 @@ def paths_figure(explained: Explained) -> Picture:
     return figure
 
 
-def _draw_off(axis: Axes, track: _Track | None) -> None:
-    """One trial as the simulation before misses it, a thousand times as large."""
+def _draw_difference(axis: Axes, track: _Track | None) -> None:
+    """One trial minus the baseline simulation, magnified 1000 times."""
     if track is None:
         return
-    axis.plot(track.across, 1e3 * (track.seen - track.before), ".", ms=3.0, color=SEEN)
-    axis.axhline(0.0, lw=1.0, color=BASELINE, alpha=0.8)
+    axis.plot(track.across, 1e3 * (track.seen - track.before), ".", ms=3.0, color=RECORDED_COLOUR)
+    axis.axhline(0.0, lw=1.0, color=BASELINE_COLOUR, alpha=0.8)
     if track.after is not None:
-        axis.plot(track.across, 1e3 * (track.after - track.before), "-", lw=1.2, color=IMPROVED)
+        axis.plot(
+            track.across, 1e3 * (track.after - track.before), "-", lw=1.2, color=IMPROVED_COLOUR
+        )
     axis.tick_params(labelsize=8)
 
 
@@ -373,25 +362,30 @@ def _draw(axis: Axes, tracks: list[_Track | None], size: float) -> None:
         if track is None:
             continue
         axis.plot(
-            track.across, track.seen, ".", ms=size, color=SEEN, label="recorded" if first else None
+            track.across,
+            track.seen,
+            ".",
+            ms=size,
+            color=RECORDED_COLOUR,
+            label="recorded" if first else None,
         )
-        axis.plot(track.across, track.before, "-", lw=1.0, color=BASELINE, alpha=0.8,
+        axis.plot(track.across, track.before, "-", lw=1.0, color=BASELINE_COLOUR, alpha=0.8,
                   label="simulated before" if first else None)  # fmt: skip
         if track.after is not None:
-            axis.plot(track.across, track.after, "-", lw=1.0, color=IMPROVED,
-                      label="simulated with what was left out" if first else None)  # fmt: skip
+            axis.plot(track.across, track.after, "-", lw=1.0, color=IMPROVED_COLOUR,
+                      label="simulated with the missing effect" if first else None)  # fmt: skip
         first = False
     axis.tick_params(labelsize=8)
 
 
 def _left(explained: Explained, fit: Fit, axis: int) -> FloatArray:
-    """Recorded less simulated, mm or mrad, by trial and row."""
+    """Recorded − simulated, mm or mrad, by trial and row."""
     at = _rows(explained, axis)
     return 1e3 * (explained.prepared.forward.records.values - _predicted(explained, fit))[:, at]
 
 
 def residuals_figure(explained: Explained) -> Picture:
-    """What both simulations leave over, every trial a line, over time and over what matters."""
+    """Residuals of both simulations, one line per trial, against time and speed."""
     axes = _axes(explained)
     figure = Picture(figsize=(7.2, 2.5 * len(axes)), layout="constrained")
     panels = figure.subplots(len(axes), 2, squeeze=False)
@@ -399,9 +393,9 @@ def residuals_figure(explained: Explained) -> Picture:
     for row, axis in enumerate(axes):
         used, time = _used(explained, axis), _time(explained, axis)
         coordinate, name = _coordinate(explained, axis)
-        fits = [(explained.prepared.fit, BASELINE, "before")]
+        fits = [(explained.prepared.fit, BASELINE_COLOUR, "before")]
         if answer is not None:
-            fits.append((answer, IMPROVED, "after"))
+            fits.append((answer, IMPROVED_COLOUR, "after"))
         for fit, colour, label in fits:
             left = _left(explained, fit, axis)
             for panel, along in ((panels[row, 0], time), (panels[row, 1], coordinate)):
@@ -422,7 +416,7 @@ def residuals_figure(explained: Explained) -> Picture:
 
 
 def _coordinate(explained: Explained, axis: int) -> tuple[FloatArray, str]:
-    """What a force of this kind goes with: speed in flight, angular velocity in a swing."""
+    """Coordinate of the residuals: speed in flight, angular velocity in a swing."""
     fit = _answer(explained) or explained.prepared.fit
     predicted, time = _predicted(explained, fit), _time(explained, axis)
     swinging = axis == 3
@@ -438,9 +432,9 @@ def _coordinate(explained: Explained, axis: int) -> tuple[FloatArray, str]:
 
 
 def law_figure(explained: Explained) -> Picture | None:
-    """Each force or torque that was named over what it depends on, with its 95 % band.
+    """Each named force or torque against its coordinate, with its 95 % band.
 
-    None where nothing of that kind was named.
+    None if no force or torque is named.
     """
     curves = [curve for member in _members(explained) for curve in _curve(explained, member.effect)]
     if not curves:
@@ -467,7 +461,7 @@ def law_figure(explained: Explained) -> Picture | None:
 
 @dataclass(frozen=True)
 class _Curve:
-    """A law over its coordinate: the mean of rows there, and 95 % of what its numbers allow."""
+    """A law against its coordinate: mean of the rows, and 95 % band from its parameters."""
 
     along: FloatArray
     size: FloatArray
@@ -485,7 +479,7 @@ def _members(explained: Explained) -> tuple[Candidate, ...]:
 
 
 def _curve(explained: Explained, effect: Effect) -> list[_Curve]:
-    """The law's curve for each ball; nothing for what is no force or torque."""
+    """The law's curve for each ball; empty if the effect is no force or torque."""
     best = explained.naming.best
     acting = None if best is None else _acting(explained, best.fit, effect)
     if best is None or acting is None:
@@ -496,14 +490,14 @@ def _curve(explained: Explained, effect: Effect) -> list[_Curve]:
     found = []
     for index, ball in enumerate(names):
         mine = rows == index if acting.flying else np.ones(rows.size, dtype=bool)
-        if int(mine.sum()) > LEAST_ROWS:
+        if int(mine.sum()) > MIN_CURVE_ROWS:
             found.append(_banded(best.fit, effect, acting, mine, ball))
     return found
 
 
 @dataclass(frozen=True)
 class _Acting:
-    """Rows at which a law acts: which they are, its coordinate there, and its size for values."""
+    """Rows at which a law acts, its coordinate there, and its magnitude for given parameters."""
 
     used: NDArray[np.bool_]
     place: FloatArray
@@ -527,10 +521,10 @@ def _acting(explained: Explained, fit: Fit, effect: Effect) -> _Acting | None:
         largest = max(parts, key=lambda way: float(np.abs(parts[way]).sum()))
         way = effect.form if effect.form in parts else largest
         place = np.broadcast_to(np.asarray(flight.along(effect.coordinate)), since.shape)[used]
-        along = effect.coordinate if effect.coordinate in FLYING else Coordinate.SPEED
+        along = effect.coordinate if effect.coordinate in FLIGHT_COORDINATES else Coordinate.SPEED
         return _Acting(
-            used, place, lambda values: forces(values)[way], f"force {WAYS[way]} / N",
-            ALONG[along], True,
+            used, place, lambda values: forces(values)[way], f"force {DIRECTION_WORDS[way]} / N",
+            COORDINATE_LABELS[along], True,
         )  # fmt: skip
     if isinstance(effect, Drift):
         return _drifting(forward, effect)
@@ -545,32 +539,37 @@ def _acting(explained: Explained, fit: Fit, effect: Effect) -> _Acting | None:
         return np.broadcast_to(np.asarray(effect.torque(values, swing)), used.shape)[used]
 
     place = np.broadcast_to(np.asarray(over), used.shape)[used]
-    return _Acting(used, place, torque, "torque / N m", ALONG[along], False)
+    return _Acting(used, place, torque, "torque / N m", COORDINATE_LABELS[along], False)
 
 
 def _drifting(forward: Forward, effect: Drift) -> _Acting:
-    """What a contact drifts by, at the rows of every trial."""
+    """The drift of a contact, at the rows of every trial."""
     used = np.atleast_1d(forward.records.ball_used.any(axis=-1))
     place = np.broadcast_to(forward.records.order[:, None], used.shape)[used]
     unit = effect.strengths[0].unit
     name = effect.form.replace("_", " ") + (f" / {unit}" if unit != "1" else "")
     return _Acting(
-        used, place, lambda values: effect.size(values, place), name, ALONG[Coordinate.ORDER], False
+        used,
+        place,
+        lambda values: effect.size(values, place),
+        name,
+        COORDINATE_LABELS[Coordinate.ORDER],
+        False,
     )
 
 
 def _banded(
     fit: Fit, effect: Effect, acting: _Acting, mine: NDArray[np.bool_], ball: str
 ) -> _Curve:
-    """Means of rows in even stretches of the coordinate, for the answer and for draws about it."""
+    """Means of rows in equal intervals of the coordinate, for the fit and for draws about it."""
     place = acting.place[mine]
-    edges = np.linspace(place.min(), place.max() + 1e-12, BINS + 1)
-    which = np.clip(np.searchsorted(edges, place, side="right") - 1, 0, BINS - 1)
-    count = np.bincount(which, minlength=BINS)
+    edges = np.linspace(place.min(), place.max() + 1e-12, CURVE_BINS + 1)
+    which = np.clip(np.searchsorted(edges, place, side="right") - 1, 0, CURVE_BINS - 1)
+    count = np.bincount(which, minlength=CURVE_BINS)
     kept = count > 0
 
     def means(values: Values) -> FloatArray:
-        sums = np.bincount(which, acting.size(values)[mine], minlength=BINS)
+        sums = np.bincount(which, acting.size(values)[mine], minlength=CURVE_BINS)
         return np.asarray((sums / np.maximum(count, 1))[kept])
 
     values = dict(_values(fit, effect))
@@ -578,12 +577,10 @@ def _banded(
     names = [fit.free[k].parameter.name for k in own]
     middle = [float(values[name]) for name in names]
     spread = fit.reduced_chi2 * fit.covariance[np.ix_(own, own)]
-    draws = np.random.default_rng(5).multivariate_normal(middle, spread, DRAWS)
+    draws = np.random.default_rng(5).multivariate_normal(middle, spread, LAW_DRAWS)
     moved = np.array([means(values | dict(zip(names, draw, strict=True))) for draw in draws])
     low, high = np.quantile(moved, [0.025, 0.975], axis=0)
-    what = (
-        "a force in no catalogue" if effect.id == EffectId.UNNAMED else effect.id.replace("_", " ")
-    )
+    what = "an uncatalogued force" if effect.id == EffectId.UNNAMED else effect.id.replace("_", " ")
     middles = (0.5 * (edges[1:] + edges[:-1]))[kept]
     return _Curve(middles, means(values), low, high, what, ball, acting.along, acting.name)
 
@@ -605,7 +602,7 @@ def _directions(force: Vector, flight: FlightState) -> dict[str, FloatArray]:
 
 
 def misfit_by_trial(explained: Explained) -> tuple[TrialMisfit, ...]:
-    """What is left of every trial before and after, in mm (mrad for swings alone)."""
+    """Residual of every trial before and after, in mm (mrad for swings alone)."""
     axes = [a for a in _axes(explained) if a < 3] or [3]
     answer = _answer(explained)
     found = []
@@ -642,26 +639,26 @@ def _together(explained: Explained, rows: list[TrialMisfit], axes: list[int]) ->
 
 
 def _noise(explained: Explained) -> float:
-    """What noise alone would leave, mm or mrad."""
+    """Residual expected from noise alone, mm or mrad."""
     axes = [a for a in _axes(explained) if a < 3] or [3]
     return 1e3 * float(np.sqrt(np.mean(np.square(explained.prepared.noise.sigma[:, axes]))))
 
 
 FORCES = (
-    "Above: mean residual in units of the noise, over time. Below: the force that is missing, by"
-    " the residuals alone, with its 95 % band; one curve for all trials."
+    "Above: mean residual in units of the noise, against time. Below: the missing force estimated"
+    " from the residuals alone, with its 95 % band; one curve for all trials."
 )
 
-SWING_MEANS = "Mean residual in units of the noise, over time."
+SWING_MEANS = "Mean residual in units of the noise, against time."
 
-TABLE = "Recorded minus model for each number, over impact speed."
+TABLE = "Recorded − model for each result, against impact speed."
 
 CELL = """<div style="max-width:60rem"><p><b>{{ headline }}</b></p>
 {% for line in lines %}<p>{{ line }}</p>{% endfor %}</div>"""
 
 
 def verdict_html(verdict: EngineVerdict) -> str:
-    """The story in plain words as HTML for a notebook's cell."""
+    """Summary of the verdict as HTML for a notebook cell."""
     headline, *lines = verdict.text().splitlines()
     return Environment(autoescape=True).from_string(CELL).render(headline=headline, lines=lines)
 
@@ -671,8 +668,8 @@ def _page() -> str:
 
 
 @dataclass(frozen=True)
-class _Told:
-    """A named effect with its law as a picture (SVG, base64), as text, and where it is from."""
+class _EffectSection:
+    """A named effect with its law as a picture (SVG, base64), as text, and its source."""
 
     named: NamedEffect
     law: str
@@ -681,8 +678,8 @@ class _Told:
 
     @property
     def table(self) -> bool:
-        """Whether its numbers are few enough to be read one by one; a curve is drawn instead."""
-        return len(self.named.parameters) <= MOST_NUMBERS
+        """Whether its parameters are shown as a table; otherwise a curve is drawn."""
+        return len(self.named.parameters) <= MAX_TABLE_PARAMETERS
 
 
 @dataclass(frozen=True)
@@ -698,7 +695,7 @@ def _png(figure: Picture) -> str:
 
 
 def _typeset(law: str) -> str:
-    """A formula as SVG, base64; empty where matplotlib can't set it."""
+    """A formula as SVG, base64; empty if matplotlib can't typeset it."""
     buffer = io.BytesIO()
     law = re.sub(r"\\tfrac(\d)(\d)", r"\\frac{\1}{\2}", law).replace(r"\tfrac", r"\frac")
     law = re.sub(r"\\(mathbf|boldsymbol) ?(\\[A-Za-z]+|[A-Za-z])", r"\\\1{\2}", law)
@@ -709,19 +706,19 @@ def _typeset(law: str) -> str:
     return base64.b64encode(buffer.getvalue()).decode("ascii")
 
 
-def _told(explained: Explained | TableExplained) -> list[_Told]:
+def _effect_sections(explained: Explained | TableExplained) -> list[_EffectSection]:
     if isinstance(explained, TableExplained):
         members = () if explained.best is None else explained.best.members
     else:
         best = explained.naming.best
         members = () if best is None else best.members
-    told = []
+    sections = []
     for named in explained.verdict.effects:
         effect = next((m.effect for m in members if m.id == named.id), None)
         law = "" if effect is None else effect.law
         source = "" if effect is None else effect.source
-        told.append(_Told(named, _typeset(law), law, source))
-    return told
+        sections.append(_EffectSection(named, _typeset(law), law, source))
+    return sections
 
 
 def _provenance(paths: Sequence[Path]) -> list[_ReportFile]:
@@ -735,12 +732,12 @@ def _provenance(paths: Sequence[Path]) -> list[_ReportFile]:
 def explain_report_html(
     explained: Explained | TableExplained, rests_on: Sequence[Path] = ()
 ) -> str:
-    """The page as text; `rests_on` are its files, told with their hashes."""
+    """The page as text; `rests_on` are its input files, listed with their hashes."""
     page = Environment(autoescape=True).from_string(_page())
     common = {
         "v": explained.verdict,
         "headline": explained.verdict.headline,
-        "effects": _told(explained),
+        "effects": _effect_sections(explained),
         "png": _png(figure_of(explained)),
         "sources": _provenance(rests_on),
         "version": version("impact-vision"),

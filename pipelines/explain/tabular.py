@@ -1,8 +1,7 @@
-"""The door for tables: a CSV file or a DataFrame in, columns of numbers out, and what was read.
+"""Read CSV files and DataFrames as columns of numbers; report their format.
 
-Nothing is coerced in silence: encoding, separator, decimal commas and units in the header are
-recognised and told, every cell that is no number is counted and named, and what can't be read in
-one way only is refused.
+Encoding, separator, decimal commas and units in the header are recognised and reported. Cells that
+are not numbers are counted and named; ambiguous input is refused.
 """
 
 import codecs
@@ -22,52 +21,52 @@ __all__ = ["Sheet", "TableLike", "name_of", "numbers_of", "read_sheet"]
 
 TableLike = Path | pd.DataFrame
 
-LARGEST = 1 << 30
-"""Bytes of a table: a day of film at 600 Hz is a tenth of that."""
+MAX_TABLE_BYTES = 1 << 30
+"""Bytes: ten days of samples at 600 Hz."""
 
-MOST_READ = 2_000_000
-"""Rows of a table that are kept; of a longer one, one in every few."""
+MAX_TABLE_ROWS = 2_000_000
+"""Rows kept of a table; of a longer one every n-th row is read (chosen)."""
 
-CHUNK = 250_000
-"""Rows that are read at a time."""
+CHUNK_ROWS = 250_000
+"""Rows read at a time (chosen)."""
 
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars"}
 
-HEAD = 1 << 18
-"""Bytes from which encoding, header and separator are told."""
+HEAD_BYTES = 1 << 18
+"""Bytes from which encoding, header and separator are determined (chosen)."""
 
-LOOKED_AT = 500
-"""Lines whose fields are counted before anything is read."""
+CHECKED_LINES = 500
+"""Lines whose fields are counted before reading (chosen)."""
 
-UNITS = {
+UNIT_FACTORS = {
     "s": {"ms": 1e-3, "us": 1e-6, "min": 60.0},
     "m": {"mm": 1e-3, "cm": 1e-2, "um": 1e-6, "km": 1e3},
     "rad": {"mrad": 1e-3, "deg": np.pi / 180.0},
     "deg": {"rad": 180.0 / np.pi},
     "m_s": {"mm_s": 1e-3, "cm_s": 1e-2, "km_h": 1.0 / 3.6},
 }
-"""Factors of the units that a header may have in place of the contract's."""
+"""Factors of units accepted in a header instead of the contract's."""
 
 DECIMAL_COMMA = re.compile(r"[+-]?\d*(?:,\d+)?(?:[eE][+-]?\d+)?")
 GROUPED = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
-"""What may as well be a thousand."""
+"""Pattern that may also be a thousands separator."""
 
 NAMED_CELLS = 3
-"""Cells that a note names, of those that are no numbers."""
+"""Cells without a number listed in a note (chosen)."""
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """A table as it was read.
+    """A table as read.
 
     Attributes
     ----------
     table : DataFrame
-        Columns in the units of the contract; cells that may be numbers are as they were written.
+        Columns in the units of the contract; cells of numeric columns are not parsed yet.
     name : str
-        What to call it in messages.
+        Its name in messages.
     notes : tuple of str
-        What was recognised in reading it.
+        Format recognised on reading.
     """
 
     table: pd.DataFrame
@@ -76,7 +75,7 @@ class Sheet:
 
 
 def name_of(source: TableLike) -> str:
-    """What to call the table in a message."""
+    """Name of the table in messages."""
     return source.name if isinstance(source, Path) else "the table"
 
 
@@ -91,9 +90,9 @@ def read_sheet(
     units : mapping
         Stem of each column of numbers → its unit in the contract: ``{"x": "m"}`` for ``x_m``.
     words : sequence of str
-        Columns that are words, whatever they look like.
+        Columns that are always words.
     rows : int, optional
-        Read no more than so many.
+        Maximum number of rows to read.
 
     Returns
     -------
@@ -102,7 +101,7 @@ def read_sheet(
     Raises
     ------
     UsageError
-        If the file can't be read, or has two columns of one name.
+        If the file can't be read, or has two columns of the same name.
     """
     notes: list[str] = []
     if isinstance(source, Path):
@@ -121,23 +120,23 @@ def read_sheet(
 def numbers_of(
     table: pd.DataFrame, column: str, what: str, notes: list[str], *, positive: bool = False
 ) -> FloatArray:
-    """A column as floats, NaN where there is none; what is no number is noted.
+    """A column as floats, NaN where empty; cells that are not numbers are noted.
 
     Parameters
     ----------
     table : DataFrame
     column : str
     what : str
-        What to call the table.
+        Name of the table.
     notes : list of str
-        Takes what was left out.
+        Receives the notes.
     positive : bool
-        Whether only numbers above zero make sense.
+        Whether only positive numbers are valid.
 
     Raises
     ------
     UsageError
-        If most cells are no numbers, or may be read in two ways.
+        If most cells are not numbers, or the column is ambiguous.
     """
     cells = table[column]
     words = cells.notna()
@@ -149,14 +148,14 @@ def numbers_of(
     written = words.to_numpy(dtype=bool)
     bad = written & np.isnan(found)
     _refuse_most(table, column, what, bad, written)
-    _note(table, column, what, bad, "no numbers", notes)
+    _note(table, column, what, bad, "not numbers", notes)
     endless = np.isinf(found)
     _note(table, column, what, endless, "infinite", notes)
     found = np.where(endless, np.nan, found)
     if positive:
         low = written & (found <= 0.0)
         _refuse_exact(table, column, what, low, written)
-        _note(table, column, what, low, "not above zero", notes)
+        _note(table, column, what, low, "not positive", notes)
         found = np.where(low, np.nan, found)
     return np.asarray(found, dtype=np.float64)
 
@@ -168,24 +167,24 @@ def _refuse_most(
         return
     first = int(np.flatnonzero(bad)[0])
     raise UsageError(
-        f"{what}: the column {column} holds no numbers: row {first + 1} is"
+        f"{what}: the column {column} contains no numbers: row {first + 1} is"
         f" {_shown(table[column].iloc[first])}",
-        hint="Numbers without units, with a point as decimal mark, are expected.",
+        hint="Write numbers without units, with a decimal point.",
     )
 
 
 def _refuse_exact(
     table: pd.DataFrame, column: str, what: str, low: np.ndarray, written: np.ndarray
 ) -> None:
-    """A column of noughts says that all is exact, which is another thing than not known."""
+    """Refuse a column of zero uncertainties, which means exact rather than unknown."""
     if 2 * int(low.sum()) <= int(written.sum()) or not low.any():
         return
     first = int(np.flatnonzero(low)[0])
     raise UsageError(
-        f"{what}: nothing is known exactly, but {int(low.sum())} of {int(written.sum())} numbers of"
-        f" {column} are not above zero (row {first + 1}: {_shown(table[column].iloc[first])})",
-        hint="Write a standard uncertainty, or leave the column away where none is known: the"
-        " scatter of the table itself then says how far to trust it.",
+        f"{what}: no measurement is exact, but {int(low.sum())} of {int(written.sum())} numbers of"
+        f" {column} are not positive (row {first + 1}: {_shown(table[column].iloc[first])})",
+        hint="Write standard uncertainties, or omit the column if they are unknown: they are then"
+        " estimated from the residuals.",
     )
 
 
@@ -199,7 +198,7 @@ def _note(
     more = ", …" if rows.size > NAMED_CELLS else ""
     notes.append(
         f"{what}: {rows.size} of {len(table)} cells of {column} are {why} ({shown}{more});"
-        " they are left out"
+        " they are ignored"
     )
 
 
@@ -211,29 +210,29 @@ def _shown(cell: object) -> str:
 def _without_commas(
     text: pd.Series, written: pd.Series, column: str, what: str, notes: list[str]
 ) -> pd.Series:
-    """Cells with decimal commas as cells with points, if every cell that needs one has one."""
+    """Convert decimal commas to points, if every number with a mark has a comma."""
     held = text[written & text.str.contains(",", regex=False)]
     if held.empty or not held.map(DECIMAL_COMMA.fullmatch).notna().all():
         return text
     if text[written].str.contains(".", regex=False).any():
-        return text  # points and commas: none of them is sure
+        return text  # both points and commas: ambiguous
     if held.map(GROUPED.fullmatch).notna().all():
         raise UsageError(
             f"{what}: {_shown(held.iloc[0])} in the column {column} may be a thousand or a decimal",
-            hint="Write numbers with a point as decimal mark and without marks between thousands.",
+            hint="Write numbers with a decimal point and without thousands separators.",
         )
-    notes.append(f"{what}: commas in the column {column} are taken as decimal marks")
+    notes.append(f"{what}: commas in the column {column} are read as decimal commas")
     return text.str.replace(",", ".", regex=False)
 
 
 def _in_units(table: pd.DataFrame, units: Mapping[str, str], notes: list[str]) -> pd.DataFrame:
-    """Columns whose header names another unit than the contract's, converted and renamed."""
+    """Convert and rename columns whose header has another unit than the contract's."""
     for stem, unit in units.items():
         for suffix in ("", "_std"):
             wanted = f"{stem}_{unit}{suffix}"
             others = [
                 (f"{stem}_{other}{suffix}", factor)
-                for other, factor in UNITS.get(unit, {}).items()
+                for other, factor in UNIT_FACTORS.get(unit, {}).items()
                 if f"{stem}_{other}{suffix}" in table.columns
             ]
             if not others:
@@ -241,7 +240,7 @@ def _in_units(table: pd.DataFrame, units: Mapping[str, str], notes: list[str]) -
             if wanted in table.columns or len(others) > 1:
                 both = ", ".join([*([wanted] if wanted in table else []), *(n for n, _ in others)])
                 raise UsageError(
-                    f"the columns {both} say the same twice", hint="Leave one of them."
+                    f"the columns {both} are the same quantity", hint="Remove one of them."
                 )
             name, factor = others[0]
             said: list[str] = []
@@ -259,30 +258,30 @@ def _read(path: Path, words: Sequence[str], notes: list[str], most: int | None) 
     lines = head.lstrip("\r\n").splitlines()
     if not lines or not lines[0].strip():
         raise UsageError(
-            f"can't read {path}: it is empty", hint="A CSV file with a header line is expected."
+            f"can't read {path}: it is empty", hint="Pass a CSV file with a header line."
         )
     mark = _separator(lines[0])
     header = [name.strip() for name in _fields([lines[0]], mark)[0]]
     _refuse_doubles(header, path.name)
-    _refuse_long_rows(path, lines[1 : LOOKED_AT + 1], header, mark)
+    _refuse_long_rows(path, lines[1 : CHECKED_LINES + 1], header, mark)
     if mark != ",":
-        notes.append(f"{path.name}: columns are parted by {SEPARATORS[mark]}")
+        notes.append(f"{path.name}: columns are separated by {SEPARATORS[mark]}")
     try:
         return _kept_rows(path, mark, encoding, words, notes, most)
     except (OSError, ValueError, OverflowError) as problem:  # what pandas raises is a ValueError
         said = " ".join(str(problem).split())
         raise UsageError(
-            f"can't read {path}: {said}", hint="A CSV file with a header line is expected."
+            f"can't read {path}: {said}", hint="Pass a CSV file with a header line."
         ) from problem
 
 
 def _kept_rows(
     path: Path, mark: str, encoding: str, words: Sequence[str], notes: list[str], most: int | None
 ) -> pd.DataFrame:
-    """Rows of the file, or of a long one, one in every few: read piece by piece."""
-    every = 1 if most is not None else -(-_lines(path) // MOST_READ) or 1
+    """Rows of the file, or every n-th row of a long one, read in chunks."""
+    every = 1 if most is not None else -(-_lines(path) // MAX_TABLE_ROWS) or 1
     if every > 1:
-        notes.append(f"{path.name}: of more than {MOST_READ} rows one in {every} is read")
+        notes.append(f"{path.name}: of more than {MAX_TABLE_ROWS} rows one in {every} is read")
     reader = pd.read_csv(
         path,
         sep=mark,
@@ -291,13 +290,13 @@ def _kept_rows(
         dtype=dict.fromkeys(words, str),
         skipinitialspace=True,
         index_col=False,
-        chunksize=CHUNK,
+        chunksize=CHUNK_ROWS,
         nrows=most,
         low_memory=False,
     )
     with reader:
         parts = [
-            part.iloc[-(number * CHUNK) % every :: every] for number, part in enumerate(reader)
+            part.iloc[-(number * CHUNK_ROWS) % every :: every] for number, part in enumerate(reader)
         ]
     table = pd.concat(parts, ignore_index=True)
     table.columns = [str(column).strip() for column in table.columns]
@@ -310,41 +309,41 @@ def _lines(path: Path) -> int:
 
 
 def _head(path: Path) -> tuple[str, str]:
-    """The first lines of a regular file of bearable size, and the encoding that wrote it."""
+    """The first lines of a regular file of acceptable size, and its encoding."""
     try:
         if not path.exists():
-            raise UsageError(f"can't read {path}: there is no such file", hint="Check its path.")
+            raise UsageError(f"can't read {path}: no such file", hint="Check the path.")
         if not path.is_file():
             raise UsageError(
-                f"can't read {path}: it is no regular file",
-                hint="Name a CSV file; a pipe or a device may never end.",
+                f"can't read {path}: not a regular file",
+                hint="Pass a CSV file rather than a pipe or device.",
             )
-        if path.stat().st_size > LARGEST:
+        if path.stat().st_size > MAX_TABLE_BYTES:
             raise UsageError(
-                f"can't read {path}: it has {path.stat().st_size / 1e9:.3g} GB, more than a table"
-                f" of samples may have ({LARGEST / 1e9:.3g} GB)",
-                hint="Cut it into experiments, or write every n-th row.",
+                f"can't read {path}: it has {path.stat().st_size / 1e9:.3g} GB; the limit is"
+                f" {MAX_TABLE_BYTES / 1e9:.3g} GB",
+                hint="Split it into experiments, or write every n-th row.",
             )
         with path.open("rb") as file:
-            raw = file.read(HEAD)
+            raw = file.read(HEAD_BYTES)
     except (OSError, ValueError) as problem:
-        raise UsageError(f"can't read {path}: {problem}", hint="Check its path.") from problem
+        raise UsageError(f"can't read {path}: {problem}", hint="Check the path.") from problem
     encoding = _encoding(raw)
     try:
-        # a cut within a character is no fault of the file
+        # a cut within a multi-byte character is not an error of the file
         text = codecs.getincrementaldecoder(encoding)().decode(raw)
     except UnicodeDecodeError:
         encoding = "cp1252"
         text = raw.decode(encoding, errors="replace")
     if "\x00" in text or not all(c.isprintable() or c in "\r\n\t" for c in text[:2000]):
         raise UsageError(
-            f"can't read {path}: it is no text", hint="A CSV file with a header line is expected."
+            f"can't read {path}: it is not text", hint="Pass a CSV file with a header line."
         )
     return text, encoding
 
 
 def _encoding(raw: bytes) -> str:
-    """Encoding by the byte-order mark, or by every second byte of plain text being zero."""
+    """Encoding from the byte-order mark, or from zeros in every second byte of plain text."""
     for mark, name in (
         (codecs.BOM_UTF8, "utf-8-sig"),
         (codecs.BOM_UTF32_LE, "utf-32"),
@@ -363,13 +362,13 @@ def _encoding(raw: bytes) -> str:
 
 
 def _separator(header: str) -> str:
-    """The mark that parts most columns of the header."""
+    """The mark that separates most columns of the header."""
     counts = {mark: len(_fields([header], mark)[0]) for mark in SEPARATORS}
     return max(counts, key=lambda mark: counts[mark])
 
 
 def _fields(lines: Iterable[str], mark: str) -> list[list[str]]:
-    """Fields of each line; one empty field for what is no line of a table at all."""
+    """Fields of each line; one empty field for a line that is not part of a table."""
     try:
         return list(csv.reader(lines, delimiter=mark)) or [[""]]
     except csv.Error:
@@ -380,19 +379,19 @@ def _refuse_doubles(names: Sequence[str], what: str) -> None:
     again = sorted({name for name in names if name and list(names).count(name) > 1})
     if again:
         raise UsageError(
-            f"{what} has two columns called {again[0]}", hint="Leave one of them, or rename it."
+            f"{what} has two columns called {again[0]}", hint="Remove or rename one of them."
         )
 
 
 def _refuse_long_rows(path: Path, lines: Iterable[str], header: Sequence[str], mark: str) -> None:
-    """Refuse rows with more fields than the header, which would shift one into the next."""
+    """Refuse rows with more fields than the header, which would shift columns."""
     for number, fields in enumerate(_fields(lines, mark), 1):
         while len(fields) > len(header) and not fields[-1].strip():
             fields = fields[:-1]
         if len(fields) > len(header):
-            hint = "Are there decimal commas? Write decimal points, or part columns by semicolons."
+            hint = "If it uses decimal commas, write decimal points, or separate columns by ;."
             raise UsageError(
-                f"can't read {path}: row {number} has {len(fields)} fields, the header names"
+                f"can't read {path}: row {number} has {len(fields)} fields, the header"
                 f" {len(header)} columns",
-                hint=hint if mark == "," else "Write one field for each column of the header.",
+                hint=hint if mark == "," else "Write one field per column of the header.",
             )

@@ -35,7 +35,7 @@ def test_the_report_says_what_it_rests_on_and_shows_the_paths_first(rolling):
     assert "Nothing is named" in page
     assert "ball.csv, SHA-256" in page
     assert "http" not in page.replace("http://www.w3.org", "")
-    assert "simulated with what was left out" not in page
+    assert "simulated with the missing effect" not in page
 
 
 def test_throws_read_off_a_grid_by_hand_get_no_confident_name(tmp_path):

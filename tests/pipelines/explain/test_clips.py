@@ -22,13 +22,13 @@ from physics.bodies import PAPER_PENDULUM
 from physics.effects import Level
 from pipelines.explain.clips import (
     ClipFacts,
-    before_the_wall,
     calibration_widths,
     campaign_from_clips,
+    clear_interval,
     clip_facts,
     common_widths,
-    outline_shares,
-    states_the_rig,
+    has_rig,
+    outline_fractions,
     with_rig,
     within_calibration,
 )
@@ -169,9 +169,9 @@ def test_strikes_are_compared_by_default_only_of_a_stated_rig():
         '[pendulum]\nlength = "0.55 m"\ninertia = "1.6 kg m^2"\nmass = "6 kg"\ncom = "0.45 m"\n'
     )
     support = '[support]\nheight = "0.3 m"\n'
-    assert states_the_rig(read_setup(pendulum + support))
-    assert not states_the_rig(read_setup(pendulum))
-    assert not states_the_rig(read_setup(support))
+    assert has_rig(read_setup(pendulum + support))
+    assert not has_rig(read_setup(pendulum))
+    assert not has_rig(read_setup(support))
 
 
 def test_a_clip_belongs_to_the_session_that_its_table_says():
@@ -227,7 +227,7 @@ def test_a_flight_is_compared_where_the_wall_alone_is_behind_the_ball():
         ball_plane_offset=0.5, camera_distance=4.0,
     )  # fmt: skip
     clip.impact.last_flight_s = 0.49
-    flown = before_the_wall(clip, rig)
+    flown = clear_interval(clip, rig)
     lowest = tracks.ball_m[:, 1] - tracks.radius_m
     seen = tracks.ball_time_s[lowest >= foot]
     away = np.hypot(*(tracks.ball_m - tracks.rest_m).T)
@@ -243,7 +243,7 @@ def test_without_a_camera_the_picture_tells_where_the_floor_begins(edge):
     clip.tracks.background[380:] -= 60.0 * edge
     # What stands on the wall midway is no surface that it stays before.
     clip.tracks.background[:250, 600:640] -= 80.0
-    end = before_the_wall(clip, rig)[1]
+    end = clear_interval(clip, rig)[1]
     if not edge:
         assert end == math.inf
         return
@@ -283,18 +283,18 @@ def test_an_error_that_the_calibration_allows_is_no_finding():
     inside = within_calibration(_named("time_base", "rate_error", 0.002), widths)
     assert inside.verdict == "no_mismatch"
     assert not inside.effects
-    assert "no finding" in inside.notes[-1]
+    assert "is not significant" in inside.notes[-1]
     outside = within_calibration(_named("time_base", "rate_error", 0.017), widths)
     assert outside.verdict == "explained"
     assert outside.effects
     physics = within_calibration(_named("wind", "wind_x", 0.001), widths)
     assert physics.effects
-    assert "the calibration knows" in physics.notes[-1]
+    assert "uncertainty of the calibration" in physics.notes[-1]
 
 
 def test_an_outline_that_wanders_matters_the_more_the_smaller_the_picture():
     path = np.array([[10.0, 80.0], [110.0, 50.0], [210.0, 110.0]])
-    along, fall = outline_shares(path)
+    along, fall = outline_fractions(path)
     assert (along, fall) == pytest.approx((0.15 / 200.0, 0.15 / 60.0))
-    assert outline_shares(0.5 * path) == pytest.approx((2.0 * along, 2.0 * fall))
-    assert outline_shares(path[:1]) == (1.0, 1.0)
+    assert outline_fractions(0.5 * path) == pytest.approx((2.0 * along, 2.0 * fall))
+    assert outline_fractions(path[:1]) == (1.0, 1.0)

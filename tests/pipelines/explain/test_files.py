@@ -118,7 +118,7 @@ def test_a_clock_that_is_set_back_leaves_its_trial_out(thrown):
     ball.write_text("\n".join([header, *back]) + "\n")
     campaign = load_campaign(ball, None, read_setup(SETUP))
     assert [trial.name for trial in campaign.trials] == ["1", "2", "3"]
-    assert any("set back within trial 0" in note for note in campaign.notes)
+    assert any("the time jumps back within trial 0" in note for note in campaign.notes)
 
 
 def test_rows_out_of_order_are_sorted(thrown):
@@ -136,7 +136,7 @@ def test_several_trials_under_one_name_are_told(thrown):
         f"1,{float(row.split(',')[1]) + 1e-4 * int(row[0])},{row.split(',', 2)[2]}" for row in rows
     ]
     ball.write_text("\n".join([header, *one]) + "\n")
-    with pytest.raises(UsageError, match="set back within trial 1"):
+    with pytest.raises(UsageError, match="the time jumps back within trial 1"):
         explain_files(ball, None, setup)
 
 
@@ -183,8 +183,8 @@ def test_a_clock_that_stands_still_is_refused(tmp_path):
 
 
 def test_a_campaign_of_any_size_is_thinned_to_what_can_be_fitted(tmp_path, monkeypatch):
-    monkeypatch.setattr("pipelines.explain.campaign.MOST_SAMPLES", 100)
-    monkeypatch.setattr("pipelines.explain.campaign.MOST_TRIALS", 5)
+    monkeypatch.setattr("pipelines.explain.campaign.MAX_SAMPLES", 100)
+    monkeypatch.setattr("pipelines.explain.campaign.MAX_TRIALS", 5)
     ball = tmp_path / "ball.csv"
     rows = [f"{trial},{k / 10},{k}" for trial in range(10) for k in range(60)]
     ball.write_text("trial,t_s,x_m\n" + "\n".join(rows) + "\n")

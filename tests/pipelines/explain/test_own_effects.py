@@ -11,7 +11,7 @@ from metrology import UsageError
 from physics.effects import CATALOGUE
 from pipelines.cli import app
 from pipelines.explain import own_effects
-from pipelines.explain.own_effects import check_effect, load_effects, under_guard
+from pipelines.explain.own_effects import check_effect, effect_limits, load_effects
 
 PULL = """
 import sys, time
@@ -43,19 +43,19 @@ def told(tmp_path, text):
 WRONG = {
     "raise RuntimeError('no')": "RuntimeError: no",
     "import sys; sys.exit(0)": "stops with SystemExit",
-    "x = 1": "holds no effect",
+    "x = 1": "contains no effect",
     "def f(:": "SyntaxError",
-    "EFFECTS = 3": "is no list",
-    "EFFECTS = [3]": "is no effect",
-    "EFFECTS = []": "holds no effect",
-    "from physics.effects import Effect\nEFFECTS = [Effect]": "holds the class Effect",
+    "EFFECTS = 3": "is not a list",
+    "EFFECTS = [3]": "is not an effect",
+    "EFFECTS = []": "contains no effect",
+    "from physics.effects import Effect\nEFFECTS = [Effect]": "contains the class Effect",
     pull("raise ZeroDivisionError('no wind tunnel')"): "no wind tunnel",
     pull("sys.exit(0)"): "ends the program",
-    pull("return nothing, nothing"): "no three components",
-    pull("return None"): "no three components",
-    pull("return np.nan * values['k'] + nothing, nothing, nothing"): "no numbers",
+    pull("return nothing, nothing"): "does not return three components",
+    pull("return None"): "does not return three components",
+    pull("return np.nan * values['k'] + nothing, nothing, nothing"): "not finite numbers",
     pull("return 1.0 + nothing, nothing, nothing"): "acts at its neutral values",
-    pull(phase="night"): "a phase 'night'",
+    pull(phase="night"): "unknown phase 'night'",
     pull(parameters=""): "nothing to fit",
     pull().replace('"pull", "A', '"magnus", "A'): "an id that the catalogue has",
 }
@@ -86,7 +86,7 @@ def test_a_sound_file_is_taken_and_what_it_prints_stays_out_of_results(tmp_path,
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("while True: pass", "has not answered within"),
+        ("while True: pass", "did not return within"),
         ("import os; os._exit(0)", "exit code 0"),
         ("x = bytearray(1 << 31)", "MemoryError"),
         ("import threading as t; t.Thread(target=t.Event().wait).start()", "starts threads"),
@@ -109,15 +109,15 @@ def test_the_catalogue_keeps_what_users_must():
 
 def test_a_hook_that_ends_the_program_later_on_is_told():
     effect = CATALOGUE["drag"][0]
-    with pytest.raises(UsageError, match="drag ends the program"), under_guard([effect]):
+    with pytest.raises(UsageError, match="drag ends the program"), effect_limits([effect]):
         raise SystemExit(0)
 
 
 def test_a_hook_that_never_ends_later_on_is_told(monkeypatch):
-    monkeypatch.setattr(own_effects, "RUN_PATIENCE", 1)
+    monkeypatch.setattr(own_effects, "RUN_TIMEOUT_S", 1)
     with (
-        pytest.raises(UsageError, match="no answer after 1 s"),
-        under_guard([CATALOGUE["drag"][0]]),
+        pytest.raises(UsageError, match="no result after 1 s"),
+        effect_limits([CATALOGUE["drag"][0]]),
     ):
         time.sleep(5.0)
 

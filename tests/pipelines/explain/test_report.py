@@ -48,7 +48,7 @@ def test_the_page_says_how_many_independent_numbers_it_rests_on(heavier):
     records = replace(forward.records, inflation=np.full(4, 2.0))
     shared = replace(heavier.prepared, forward=replace(forward, records=records))
     page = explain_report_html(replace(heavier, prepared=shared))
-    assert re.search(rf"worth {records.count / 2:.0f}\s+independent ones", page)
+    assert re.search(rf"equivalent to {records.count / 2:.0f}\s+independent ones", page)
 
 
 @pytest.mark.parametrize(("gain", "doubted"), [(0.3, True), (40.0, False)])

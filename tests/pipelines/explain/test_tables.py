@@ -94,8 +94,8 @@ def test_doubles_and_texts_for_numbers_are_told(tmp_path):
     )
     table = load_trial_table(path)
     assert table.trials == 3
-    assert any("given twice" in note for note in table.notes)
-    assert any("no numbers" in note for note in table.notes)
+    assert any("duplicate rows" in note for note in table.notes)
+    assert any("not numbers" in note for note in table.notes)
     assert any("several rows" in note for note in table.notes)
 
 
@@ -129,4 +129,4 @@ def test_what_a_campaign_excludes_takes_no_part(tmp_path):
     )
     table = load_trial_table(path)
     assert table.names == ("a", "c")
-    assert any("1 rows say in excluded" in note for note in table.notes)
+    assert any("1 rows with a reason in excluded" in note for note in table.notes)

@@ -32,10 +32,10 @@ def column(sheet, name="x_m"):
         (PLAIN.encode("utf-8-sig"), None),
         (PLAIN.encode("utf-16"), "read as utf-16"),
         (PLAIN.encode("utf-16-le"), "read as utf-16-le"),
-        (PLAIN.replace(",", ";"), "parted by semicolons"),
-        (PLAIN.replace(",", "\t"), "parted by tabs"),
-        (PLAIN.replace(",", ";").replace(".", ","), "decimal marks"),
-        ('trial,t_s,x_m\n1,0,"0,125"\n1,0,"0,25"\n1,0,"-1,5"\n', "decimal marks"),
+        (PLAIN.replace(",", ";"), "separated by semicolons"),
+        (PLAIN.replace(",", "\t"), "separated by tabs"),
+        (PLAIN.replace(",", ";").replace(".", ","), "decimal commas"),
+        ('trial,t_s,x_m\n1,0,"0,125"\n1,0,"0,25"\n1,0,"-1,5"\n', "decimal commas"),
         ("trial,t_s,x_mm\n1,0,125\n1,0.1,250\n1,0.2,-1500\n", "x_mm is converted"),
         (PLAIN.replace("t_s", "t_s,größe").replace("\n1,", "\n1,0,").encode("cp1252"), "cp1252"),
     ],
@@ -50,10 +50,10 @@ def test_the_same_numbers_come_of_every_way_to_write_them(tmp_path, raw, said):
     ("raw", "said"),
     [
         (b"", "empty"),
-        (b"\x89PNG\r\n\x1a\n" + bytes(range(256)), "no text"),
+        (b"\x89PNG\r\n\x1a\n" + bytes(range(256)), "not text"),
         (PLAIN.replace("x_m", "t_s"), "two columns called t_s"),
         ("trial,t_s,x_m\n1,0,1,0,125\n", "5 fields"),
-        ("trial,t_s,x_m,x_mm\n1,0,1,1000\n", "twice"),
+        ("trial,t_s,x_m,x_mm\n1,0,1,1000\n", "same quantity"),
         ("trial,t_s,x_m\n1,0,1\n1,0,1,2\n", "4 fields"),
     ],
 )
@@ -66,7 +66,7 @@ def test_cells_that_are_no_numbers_are_counted_and_named(tmp_path):
     raw = "trial,t_s,x_m\n1,0,0.1\n1,1,lost\n1,2,inf\n1,3,\n1,4,0.5\n"
     values, notes = column(sheet_of(tmp_path, raw))
     assert np.isfinite(values).tolist() == [True, False, False, False, True]
-    assert "1 of 5 cells of x_m are no numbers (row 2: 'lost')" in notes[0]
+    assert "1 of 5 cells of x_m are not numbers (row 2: 'lost')" in notes[0]
     assert "1 of 5 cells of x_m are infinite (row 3" in notes[1]
 
 
@@ -88,15 +88,15 @@ def test_uncertainties_that_are_none_are_told():
     notes = []
     values = numbers_of(table, "x_m_std", "the table", notes, positive=True)
     assert np.isfinite(values).tolist() == [True, False, False, False]
-    assert "2 of 4 cells of x_m_std are not above zero" in notes[1]
+    assert "2 of 4 cells of x_m_std are not positive" in notes[1]
 
 
 @pytest.mark.parametrize("cells", [[0.0, 0.0, 0.0], ["0", "0,0", ""], [0.1, 0.0, -1.0]])
 def test_what_is_said_to_be_exact_is_refused(cells):
-    with pytest.raises(UsageError, match="nothing is known exactly") as refused:
+    with pytest.raises(UsageError, match="no measurement is exact") as refused:
         numbers_of(pd.DataFrame({"x_m_std": cells}), "x_m_std", "b.csv", [], positive=True)
     assert "b.csv" in refused.value.message
-    assert "leave the column away" in refused.value.hint
+    assert "omit the column" in refused.value.hint
 
 
 def test_pipes_devices_and_folders_are_refused_at_once(tmp_path):
@@ -108,8 +108,8 @@ def test_pipes_devices_and_folders_are_refused_at_once(tmp_path):
 
 
 def test_a_table_without_end_is_thinned_evenly_and_told(tmp_path, monkeypatch):
-    monkeypatch.setattr("pipelines.explain.tabular.MOST_READ", 100)
-    monkeypatch.setattr("pipelines.explain.tabular.CHUNK", 64)
+    monkeypatch.setattr("pipelines.explain.tabular.MAX_TABLE_ROWS", 100)
+    monkeypatch.setattr("pipelines.explain.tabular.CHUNK_ROWS", 64)
     raw = "trial,t_s,x_m\n" + "".join(f"1,{k},{k}\n" for k in range(500))
     values, notes = column(sheet_of(tmp_path, raw))
     assert values.tolist() == list(range(0, 500, 6))
