@@ -1,1 +1,1 @@
-"""Tracks and tables of other programs: read into one form, and written so that they open there."""
+"""Read and write tracks and tables of other programs."""

@@ -1,7 +1,4 @@
-"""Tracks as another program wrote them, in one form whatever the program.
-
-XML and ZIP files of strangers, opened so that none of them can take the machine with it.
-"""
+"""Tracks of other programs in one form; safe reading of XML and ZIP files."""
 
 import zipfile
 from collections.abc import Mapping
@@ -40,11 +37,11 @@ IntArray = NDArray[np.int64]
 
 BALL, PENDULUM = "ball", "pendulum"
 
-"""Objects as the track table of `vision measure` names them."""
+"""Object names of the track table of `vision measure`."""
 
 
 class Program(StrEnum):
-    """Who wrote the file."""
+    """The program that wrote the file."""
 
     TRACKER = "Tracker"
     KINOVEA = "Kinovea"
@@ -57,17 +54,17 @@ class Program(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class PlaneOfMotion:
-    """The other program's scale and axes, in the plane of motion.
+    """Scale and axes of the other program, in the plane of motion.
 
     Attributes
     ----------
     px_per_m : float
     relative_std : float
-        Standard uncertainty of the scale over its value, as far as the file tells.
+        Relative standard uncertainty of the scale, if the file gives one.
     origin_px : (2,) array
-        Where x = y = 0; pixel centres are integers.
+        Position of x = y = 0; pixel centres are integers.
     turn_rad : float
-        Angle of the x axis above the picture's rows, counterclockwise, rad.
+        Angle of the x axis above the image rows, counterclockwise, rad.
     """
 
     px_per_m: float
@@ -76,13 +73,13 @@ class PlaneOfMotion:
     turn_rad: float = 0.0
 
     def metres(self, px: FloatArray) -> FloatArray:
-        """Points (N, 2) of the picture in metres, x along the axis, y 90° further."""
+        """Convert points (N, 2) of the image to metres, y 90° counterclockwise from x."""
         x, y = (np.asarray(px, dtype=float) - self.origin_px).T
         cosine, sine = np.cos(self.turn_rad), np.sin(self.turn_rad)
         return np.column_stack([x * cosine - y * sine, -x * sine - y * cosine]) / self.px_per_m
 
     def pixels(self, metres: FloatArray) -> FloatArray:
-        """The reverse of `metres`."""
+        """Inverse of `metres`."""
         x, y = (np.asarray(metres, dtype=float) * self.px_per_m).T
         cosine, sine = np.cos(self.turn_rad), np.sin(self.turn_rad)
         turned = np.column_stack([x * cosine - y * sine, -x * sine - y * cosine])
@@ -91,23 +88,23 @@ class PlaneOfMotion:
 
 @dataclass(frozen=True, eq=False)
 class ExternalTrack:
-    """One object, one row per frame in which it was marked, in time order.
+    """One object, one row per marked frame, in time order.
 
     Attributes
     ----------
     name : str
-        As the other program has it.
+        Its name in the other program.
     frame : (N,) int array
-        Index of the picture in its clip, from 0.
+        Index of the frame in its clip, from 0.
     px : (N, 2) array
-        Pixel centres are integers, y points down. Of a table in metres alone: at the scale of its
+        Pixel centres are integers, y points down. For a table in metres: at the scale of its
         `PlaneOfMotion`.
     time_s : (N,) array or None
-        As the other program has it, s.
+        Times of the other program, s.
     std_px : (N, 2) array or None
-        Standard uncertainty that the other program states, px.
+        Standard uncertainty stated by the other program, px.
     radius_px : (N,) array or None
-        Size, where it was measured, px.
+        Radius, if measured, px.
     """
 
     name: str
@@ -122,13 +119,13 @@ class ExternalTrack:
 
     @property
     def has_size(self) -> bool:
-        """Whether its size was measured in every picture."""
+        """Whether its size was measured in every frame."""
         return self.radius_px is not None and bool(np.isfinite(self.radius_px).all())
 
 
 @dataclass(frozen=True, eq=False)
 class ExternalTracks:
-    """All that a file tells.
+    """Contents of a file of tracks.
 
     Attributes
     ----------
@@ -136,15 +133,15 @@ class ExternalTracks:
     program : Program
     tracks : tuple of ExternalTrack
     size : (2,) tuple of int or None
-        Width and height of the pictures, px.
+        Width and height of the frames, px.
     fps : float or None
-        Pictures per second of real time, as the file says or its times imply.
+        Frames per second of real time, as stated or implied by the times.
     plane : PlaneOfMotion or None
-        None where the file knows pixels only.
+        None if the file contains only pixels.
     clip : str or None
         Name of the clip.
     notes : tuple of str
-        What was taken for granted on reading, in whole sentences.
+        Assumptions made on reading, in whole sentences.
     """
 
     path: Path
@@ -157,17 +154,17 @@ class ExternalTracks:
     notes: tuple[str, ...] = ()
 
     def chosen(self, columns: Mapping[str, str]) -> Self:
-        """The same with the ball first, and called so, and the pendulum where there is one.
+        """Put the ball first and the pendulum, if any, second, with these names.
 
         Parameters
         ----------
         columns : mapping of str to str
-            ``{"ball": "masa A", "pendulum": "bob"}`` where the names do not tell by themselves.
+            ``{"ball": "masa A", "pendulum": "bob"}``, needed if the names are not obvious.
 
         Raises
         ------
         UsageError
-            If a name is not in the file, or nothing tells which track is the ball.
+            If a name is not in the file, or the ball's track is ambiguous.
         """
         given = {one.name: one for one in self.tracks}
         ball, pendulum = (self._called(kind, columns) for kind in (BALL, PENDULUM))
@@ -177,9 +174,9 @@ class ExternalTracks:
         if ball is None and (pendulum is None or others):
             names = ", ".join(repr(name) for name in given) or "none"
             raise UsageError(
-                f"{self.path.name} does not say which of its tracks is the ball: {names}",
-                hint=f'Say it: --columns "ball={next(iter(given), "NAME")}", or as ball = "…" in '
-                "the table [columns] of the setup file.",
+                f"{self.path.name} does not state which track is the ball: {names}",
+                hint=f'Pass --columns "ball={next(iter(given), "NAME")}", or set ball = "…" in the'
+                " table [columns] of the setup file.",
             )
         named = [] if ball is None else [replace(given[ball], name=BALL)]
         named += [] if pendulum is None else [replace(given[pendulum], name=PENDULUM)]
@@ -198,7 +195,7 @@ class ExternalTracks:
 
 
 def as_track_table(external: ExternalTracks) -> pd.DataFrame:
-    """Rows as `vision measure --tracks` writes them; empty where the file does not tell.
+    """Rows as written by `vision measure --tracks`; empty cells where the file has no value.
 
     Parameters
     ----------
@@ -230,15 +227,12 @@ def as_track_table(external: ExternalTracks) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True)
 
 
-LARGEST_BYTES = 256 * 2**20
-
-"""256 MiB: a track of a million marks in Tracker's XML is below 200."""
-
-_MOST = f"{LARGEST_BYTES >> 20} MiB at most"
+MAX_TRACK_FILE_BYTES = 256 * 2**20
+"""256 MiB (chosen: a million marks in Tracker's XML need less than 200)."""
 
 
 def read_bytes(path: Path, what: str) -> bytes:
-    """All of a file.
+    """Contents of a file.
 
     Raises
     ------
@@ -248,19 +242,19 @@ def read_bytes(path: Path, what: str) -> bytes:
     try:
         if path.exists() and not path.is_file():
             raise UsageError(
-                f"can't read {path}: it is no regular file",
-                hint="Name a file; a pipe or a device may never end.",
+                f"can't read {path}: it is not a regular file",
+                hint="Pass a file rather than a pipe or device.",
             )
-        if path.stat().st_size > LARGEST_BYTES:
+        if path.stat().st_size > MAX_TRACK_FILE_BYTES:
             raise UsageError(
-                f"{path} is too large to be {what} ({LARGEST_BYTES >> 20} MiB at most)",
-                hint="Is it a file of tracks? Save the tracks alone.",
+                f"{path} is too large to be {what} ({MAX_TRACK_FILE_BYTES >> 20} MiB at most)",
+                hint="Check that it is a file of tracks; export only the tracks.",
             )
         return path.read_bytes()
     except OSError as problem:
         raise UsageError(
             f"can't read {path}: {problem.strerror}",
-            hint="Check its path, and that you may read it.",
+            hint="Check the path and your read permission.",
         ) from problem
 
 
@@ -270,71 +264,71 @@ def root_of(data: bytes, path: Path, what: str) -> Element:
     Raises
     ------
     UsageError
-        If it is broken, or does what no file of tracks does.
+        If it is damaged, or declares entities.
     """
     try:
         root: Element = fromstring(data, forbid_dtd=True)
     except DefusedXmlException as problem:
         raise UsageError(
             f"{path} declares XML entities, which no {what} does; it was not read",
-            hint="Save it anew from the program that made it.",
+            hint="Save it again with the program that made it.",
         ) from problem
     except (ParseError, LookupError, ValueError) as problem:
         raise UsageError(
-            f"{path} is no {what}: {problem}",
-            hint="Is it cut off? Save it anew from the program that made it.",
+            f"{path} is not a {what}: {problem}",
+            hint="It may be cut off. Save it again with the program that made it.",
         ) from problem
     return root
 
 
 def read_member(path: Path, suffix: str, what: str) -> bytes:
-    """The one file of a ZIP whose name ends in `suffix`.
+    """The only file in a ZIP whose name ends in `suffix`.
 
     Raises
     ------
     UsageError
-        If the archive is broken, holds no such file, or one that unpacks to more than can be.
+        If the archive is damaged, has no such file, or one that unpacks to too many bytes.
     """
     try:
         with zipfile.ZipFile(path) as archive:
             inside = [one for one in archive.infolist() if one.filename.lower().endswith(suffix)]
             if not inside:
-                raise UsageError(f"{path} holds no {suffix} file", hint=f"It is no {what}.")
+                raise UsageError(f"{path} contains no {suffix} file", hint=f"It is not a {what}.")
             if len(inside) > 1:
                 names = ", ".join(one.filename for one in inside[:4])
                 raise UsageError(
-                    f"{path} holds several {suffix} files: {names}",
-                    hint="Unpack it and name the one that is meant.",
+                    f"{path} contains several {suffix} files: {names}",
+                    hint="Unpack it and pass one of them.",
                 )
-            # as much as may be and one byte: what its directory says of its size may be a lie
+            # read one byte more than allowed: the size in the directory may be wrong
             with archive.open(inside[0]) as file:
-                data = file.read(LARGEST_BYTES + 1)
+                data = file.read(MAX_TRACK_FILE_BYTES + 1)
     except (zipfile.BadZipFile, zipfile.LargeZipFile, EOFError, RuntimeError, OSError) as problem:
         raise UsageError(
-            f"{path} is no whole {what}: {problem}",
-            hint="Is it cut off? Save it anew from the program that made it.",
+            f"{path} is not a complete {what}: {problem}",
+            hint="It may be cut off. Save it again with the program that made it.",
         ) from problem
     except NotImplementedError as problem:
         raise UsageError(
-            f"{path} is packed in a way that can't be read: {problem}",
-            hint="Unpack it and name the file inside.",
+            f"{path} uses a compression that can't be read: {problem}",
+            hint="Unpack it and pass the file inside.",
         ) from problem
-    if len(data) > LARGEST_BYTES:
+    if len(data) > MAX_TRACK_FILE_BYTES:
         raise UsageError(
-            f"{inside[0].filename} in {path} is too large ({LARGEST_BYTES >> 20} MiB)",
-            hint="Is it a file of tracks? Save it anew from the program that made it.",
+            f"{inside[0].filename} in {path} is too large ({MAX_TRACK_FILE_BYTES >> 20} MiB)",
+            hint="Check that it is a file of tracks. Save it again with the program that made it.",
         )
     return data
 
 
 def text_of(parent: Element, name: str) -> str | None:
-    """Text of the first child `name`, None where there is none."""
+    """Text of the first child `name`; None if missing."""
     child = parent.find(name)
     return None if child is None or child.text is None else child.text.strip()
 
 
 def numbers(text: str | None, count: int) -> tuple[float, ...] | None:
-    """``"x;y;t"`` as numbers; None where it is not so many."""
+    """Numbers of ``"x;y;t"``; None unless there are `count`."""
     if text is None:
         return None
     try:

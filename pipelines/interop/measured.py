@@ -1,11 +1,4 @@
-"""`vision measure --from-tracks`: the numbers of a clip whose tracks another program made.
-
-What was measured here, in the form in which other programs take it.
-
-Tracks read and written by what the file is.
-
-`vision convert`: tracks and lens files from one program to another.
-"""
+"""`vision measure --from-tracks` and `vision convert`: foreign tracks."""
 
 import os
 from collections.abc import Callable, Mapping
@@ -68,19 +61,18 @@ __all__ = [
     "write_tracks",
 ]
 
-_LEAST_ROWS = 3
-
-"""Rows: two places give a velocity, the third shows whether it is one."""
+_MIN_TRACK_ROWS = 3
+"""Rows: two positions give a velocity, the third tests it."""
 
 
 def external_of(measured: ClipMeasurement, path: Path, clip: Path | None) -> ExternalTracks:
-    """Tracks of a measurement with the scale and axes at the ball's rest.
+    """Tracks of a measurement with the scale and axes at the ball's rest position.
 
     Parameters
     ----------
     measured : ClipMeasurement
     path : Path
-        Where they are to be written: the clip is named relative to it.
+        Output path; the clip's path is written relative to it.
     clip : Path or None
     """
     table = tracks_as_frame(measured)
@@ -95,7 +87,7 @@ def external_of(measured: ClipMeasurement, path: Path, clip: Path | None) -> Ext
     )
     ball = table[table["object"] == "ball"].dropna(subset=["x_m", "y_m"])
     plane = None
-    if len(ball) >= _LEAST_ROWS:
+    if len(ball) >= _MIN_TRACK_ROWS:
         plane = _plane(ball[["x_px", "y_px"]].to_numpy(float), ball[["x_m", "y_m"]].to_numpy(float))
     named = None
     if clip is not None:
@@ -112,11 +104,11 @@ def external_of(measured: ClipMeasurement, path: Path, clip: Path | None) -> Ext
 
 
 def _plane(px: np.ndarray, metres: np.ndarray) -> PlaneOfMotion | None:
-    """Scale and turn that carry the ball's pixels into its metres best (Umeyama 1991).
+    """Fit scale and rotation from the ball's pixels to its metres (Umeyama 1991).
 
-    Other programs know one scale and one turn; perspective and the lens are left out.
+    Other programs have one scale and one rotation: perspective and lens distortion are omitted.
     """
-    # y of the picture points down
+    # y of the image points down
     seen = (px - px.mean(axis=0)) * [1.0, -1.0]
     real = metres - metres.mean(axis=0)
     size = float((seen**2).sum())
@@ -129,21 +121,21 @@ def _plane(px: np.ndarray, metres: np.ndarray) -> PlaneOfMotion | None:
         return None
     turn = -float(np.arctan2(across, along))
     plane = PlaneOfMotion(1.0 / per_px, 0.0, np.zeros(2), turn)
-    # where x = y = 0 in metres
+    # position of x = y = 0 in metres
     origin = px.mean(axis=0) + plane.pixels(-metres.mean(axis=0)[np.newaxis])[0]
     return PlaneOfMotion(1.0 / per_px, 0.0, origin, turn)
 
 
 def settled_columns(path: Path, said: Mapping[str, str], setup: Path | None) -> dict[str, str]:
-    """What the columns are; what nobody said is asked on a terminal, once.
+    """Meaning of the columns; ask once on a terminal for those that are unknown.
 
     Parameters
     ----------
     path : Path
-        A table of tracks, or a file that needs no asking.
+        A table of tracks, or any other file of tracks.
     said : mapping of str to str
     setup : Path or None
-        Gets the answers as its table ``[columns]``, where it has none.
+        Receives the answers as its table ``[columns]`` if it has none.
     """
     if not path.is_file():
         return dict(said)
@@ -152,14 +144,14 @@ def settled_columns(path: Path, said: Mapping[str, str], setup: Path | None) -> 
         if load_setup(setup).columns:
             return answers
         keep_columns(setup, answers)
-        screen(errors=True).print(f"kept in the table [columns] of {setup}", soft_wrap=True)
+        screen(errors=True).print(f"saved in the table [columns] of {setup}", soft_wrap=True)
     return answers
 
 
 def track_table(path: Path, columns: Mapping[str, str]) -> pd.DataFrame:
-    """Another program's tracks as the rows that `vision measure --tracks` writes.
+    """Another program's tracks as rows of `vision measure --tracks`.
 
-    The pendulum's rows get the angle about the centre of the arc that they lie on, 0 straight down.
+    The pendulum's rows get the angle about the centre of their arc, 0 straight down.
 
     Raises
     ------
@@ -182,17 +174,17 @@ def read_tracks(path: Path, columns: Mapping[str, str] | None = None) -> Externa
     ----------
     path : Path
     columns : mapping of str to str, optional
-        Which column is which, and which track is the ball (`columns.parse_columns`).
+        Meaning of the columns, and which track is the ball (`columns.parse_columns`).
 
     Raises
     ------
     UsageError
-        If it can't be read, is of no kind that is known, or does not tell what is what.
+        If it can't be read, is of an unknown kind, or its columns are ambiguous.
     """
     said = columns or {}
     suffix = path.suffix.lower()
     if not path.exists():
-        raise UsageError(f"there is no file {path}", hint="Check its path.")
+        raise UsageError(f"there is no file {path}", hint="Check the path.")
     if suffix in (".trk", ".trz"):
         return read_trk(path)
     if suffix == ".kva":
@@ -200,16 +192,16 @@ def read_tracks(path: Path, columns: Mapping[str, str] | None = None) -> Externa
     if suffix in TABLE_SUFFIXES:
         return read_table_of_tracks(path, said)
     known = ", ".join((*PROJECT_SUFFIXES, *TABLE_SUFFIXES))
-    raise UsageError(f"{path}: its name does not say what it is", hint=f"Known are {known}.")
+    raise UsageError(f"{path} has an unknown ending", hint=f"Known endings: {known}.")
 
 
 def write_tracks(path: Path, external: ExternalTracks) -> None:
-    """Write tracks as Tracker (.trk), Kinovea (.kva), CSV or XLSX; whole or not at all.
+    """Write tracks as Tracker (.trk), Kinovea (.kva), CSV or XLSX, atomically.
 
     Raises
     ------
     UsageError
-        If the name does not say which.
+        If the ending is none of these.
     """
     suffix = path.suffix.lower()
     if suffix == ".trk":
@@ -226,43 +218,36 @@ def write_tracks(path: Path, external: ExternalTracks) -> None:
             as_track_table(external).to_excel(temporary, index=False)
     else:
         raise UsageError(
-            f"{path}: its name does not say what kind of file it is",
-            hint="Name a file that ends in .trk, .kva, .csv or .xlsx.",
+            f"{path} has an unknown ending",
+            hint="Use .trk, .kva, .csv or .xlsx.",
         )
 
 
 FloatArray = NDArray[np.float64]
 
-LEAST_MARK_STD_PX = 0.1
-
-"""px: templates are matched, and marks clicked, to no better than about a tenth of a pixel."""
+MIN_MARK_STD_PX = 0.1
+"""px: limit of template matching and of clicked marks (assumed)."""
 
 CLICKED_MARK_STD_PX = 0.5
-
-"""px, of a track too short to show its own scatter: half a pixel, as a careful click."""
+"""px: standard uncertainty of a mark in a track too short to estimate it (a careful click)."""
 
 UNSEEN_RADIUS_PX = 10.0
-
-"""px: where neither the ball's size nor a scale is known; only the search for rest looks at it."""
+"""px: used if neither the ball's size nor a scale is known; affects only the search for rest."""
 
 _SCENE_FRAMES = 25
+"""Number of frames in the median image of the scene (chosen: a moving object covers any point in
+fewer than half of them)."""
 
-"""Frames whose median shows the scene without what moves: it is hidden in fewer than half of
-them."""
-
-_SAME_RATE = 0.01
-
+_RATE_TOLERANCE = 0.01
 """Relative: 59.94 and 60 fps are the same rate, 30 and 29 are not."""
 
 _MARGIN_PX = 16
-
-"""px around the tracks, so that the ball itself is inside the picture that they are said to come
-from."""
+"""px around the tracks, so that the ball is inside the image assumed for them (chosen)."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Filmed:
-    """What the clip adds to its tracks: or stands in for it, where it is not given."""
+    """The clip of the tracks, or its replacement if it is not given."""
 
     info: ClipInfo
     background: NDArray[np.float32]
@@ -277,25 +262,25 @@ def measure_from_tracks(
     columns: Mapping[str, str] | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> ClipMeasurement:
-    """Measure a motion from tracks that another program made.
+    """Measure a motion from tracks made by another program.
 
     Parameters
     ----------
     path : Path
         Tracks of Tracker, Kinovea, trackpy, DeepLabCut, SLEAP, or a table.
     options : MeasureOptions, optional
-        Setup and overrides, as for a clip. A scale in them goes before that of the file.
+        Setup and overrides, as for a clip. A scale in them overrides that of the file.
     clip : Path, optional
-        The clip that was tracked: its wall and its frame times are used then.
+        The clip that was tracked: provides the wall and the frame times.
     columns : mapping of str to str, optional
-        Which column is which and which track is the ball; goes before ``[columns]`` of the setup.
+        Meaning of the columns, and which track is the ball; overrides the setup's ``[columns]``.
     progress : callable, optional
-        Called with the step's name and the part of it that is done.
+        Called with the step's name and the fraction completed.
 
     Raises
     ------
     UsageError
-        If the tracks can't be read, or don't belong to the clip.
+        If the tracks can't be read, or do not belong to the clip.
     MeasurementError
         If there are too few marks.
     """
@@ -305,7 +290,7 @@ def measure_from_tracks(
     if external.tracks[0].name != BALL:
         raise UsageError(
             f"{path.name} has a pendulum and no ball",
-            hint='Name the ball: --columns "ball=NAME".',
+            hint='Pass --columns "ball=NAME" to name the ball.',
         )
     inputs = gather_inputs(options.setup, options.ball, options.wall_grid)
     filmed = _of_clip(clip, external) if clip is not None else _without_clip(external)
@@ -322,7 +307,7 @@ def measure_from_tracks(
     seen = external.tracks[0].has_size
     followed = FollowedClip(tracks, filmed.clock, rate, inputs, scale, size_seen=seen)
     found = measure_tracks(followed, progress, options.budget)
-    source = f"Tracks from {path.name} ({external.program}); nothing was looked for in pictures."
+    source = f"Tracks from {path.name} ({external.program}); no images were analysed."
     warnings = (source, *external.notes, *said_of_scale, *filmed.warnings)
     return measurement_of(filmed.info, followed, found, warnings)
 
@@ -330,7 +315,7 @@ def measure_from_tracks(
 def _scale(
     external: ExternalTracks, options: MeasureOptions, clip: Path | None
 ) -> tuple[tuple[float, float] | None, tuple[str, ...]]:
-    """Metres per pixel with its std: as said, else as the wall will tell, else as the file has."""
+    """Metres per pixel with its std: given, or from the wall, or from the file."""
     if options.scale_m_per_px is not None:
         return options.scale_m_per_px, ()
     walled = options.wall_grid is not None or options.setup.wall.grid is not None
@@ -339,43 +324,43 @@ def _scale(
     per_px = 1.0 / external.plane.px_per_m
     std = external.plane.relative_std
     said = (
-        f"The scale is that of {external.path.name}, taken to be good to {100 * std:.1f} %"
-        " (a stick nearer or farther than the motion); say it better with --scale."
+        f"The scale is that of {external.path.name}, assumed accurate to {100 * std:.1f} %"
+        " (a calibration stick may be out of the plane of motion). Pass --scale to set it."
     )
     return (per_px, per_px * std), (said,)
 
 
 def _of_clip(path: Path, external: ExternalTracks) -> _Filmed:
-    # marks of another program are in the file's own pixels
+    # other programs mark the pixels of the file
     clip = ClipReader.open(path, whole=True)
     last = max(int(track.frame.max()) for track in external.tracks)
     size = (clip.info.width, clip.info.height)
     if external.size is not None and external.size != size:
         raise UsageError(
-            f"{external.path.name} was made on pictures of {external.size[0]} × {external.size[1]}"
+            f"{external.path.name} was made from frames of {external.size[0]} × {external.size[1]}"
             f" px, {path.name} has {size[0]} × {size[1]}",
-            hint="Give the clip that was tracked.",
+            hint="Pass the clip that was tracked.",
         )
     step = max(1, clip.info.frames // _SCENE_FRAMES)
     pictures = [frame.gray for frame in clip.frames() if frame.index % step == 0]
     clock = clip.capture_times(1.0)
     if last >= len(clock):
         raise UsageError(
-            f"{external.path.name} has a mark in picture {last}; {path.name} has {len(clock)}",
-            hint="Give the clip that was tracked; pictures count from 0.",
+            f"{external.path.name} has a mark in frame {last}; {path.name} has {len(clock)} frames",
+            hint="Pass the clip that was tracked; frames count from 0.",
         )
     deep = 1.0 if pictures[0].dtype == np.uint8 else 1.0 / 257.0
     background = estimate_background(pictures, deep).image
     info = clip.info
     said = external.fps
-    if said is not None and abs(said / info.container_fps - 1.0) > _SAME_RATE:
-        # another rate than the file's: somebody told the program how fast the camera ran
+    if said is not None and abs(said / info.container_fps - 1.0) > _RATE_TOLERANCE:
+        # a rate other than the file's was entered as the camera's rate
         info = replace(info, capture_fps_metadata=info.capture_fps_metadata or said)
     return _Filmed(info, background, clock, clip.warnings)
 
 
 def _without_clip(external: ExternalTracks) -> _Filmed:
-    """A stand-in for the clip: empty pictures as large as the tracks, on the tracks' own clock."""
+    """Replacement of the clip: empty frames that contain the tracks, with their times."""
     count = max(int(track.frame.max()) for track in external.tracks) + 1
     low = np.vstack([track.px for track in external.tracks]).max(axis=0) + _MARGIN_PX
     width, height = external.size or (max(int(low[0]), 1), max(int(low[1]), 1))
@@ -396,13 +381,13 @@ def _without_clip(external: ExternalTracks) -> _Filmed:
         capture_fps_metadata=rate,
         variable_rate=False,
     )
-    # as many rows as any motion spans: positions left of or above the picture do no harm
+    # at most as many rows as any motion spans: positions outside the image do no harm
     empty = np.zeros((min(height, 8192), min(width, 8192)), dtype=np.float32)
     return _Filmed(info, empty, _clock(external, count), ())
 
 
 def _clock(external: ExternalTracks, count: int) -> FloatArray:
-    """Time of each picture in pictures: even, but where the file's own times are not."""
+    """Time of each frame: even, unless the file's times are uneven."""
     clock = np.arange(count, dtype=float)
     if external.program is Program.TRACKER or external.fps is None:
         return clock
@@ -433,7 +418,7 @@ def _tracks(
     pendulum = None if swing is None or rest is None else _pendulum(swing, ball, rest.direction)
     rest_frames = None if rest is None else (rest.first, rest.last)
     motion = motion_of(ball, rest_frames, pendulum=pendulum is not None)
-    # a table that falls up is asked about by what gravity makes of it: pictures have no signs
+    # an upside-down table is detected from gravity: image axes have no sign here
     motion = replace(motion, fall_px=None)
     return Tracks(
         ball=ball,
@@ -466,32 +451,32 @@ def _track(given: ExternalTrack, radius: float) -> Track:
 
 
 def _mark_std(given: ExternalTrack) -> FloatArray:
-    """Standard uncertainty of each mark (N, 2), px: as stated, else by its own scatter.
+    """Standard uncertainty of each mark (N, 2), px: as stated, or from its own noise.
 
-    Third differences take out any smooth motion; their scatter is √20 times that of the marks.
+    Third differences remove smooth motion; their standard deviation is √20 times that of the marks.
     """
     if given.std_px is not None and np.isfinite(given.std_px).all():
-        return np.maximum(given.std_px, LEAST_MARK_STD_PX)
+        return np.maximum(given.std_px, MIN_MARK_STD_PX)
     step = np.diff(given.frame)
     steady = step == np.median(step) if len(step) else np.zeros(0, dtype=bool)
-    # a third difference needs four marks in a row; of fewer than four there is no scatter to tell
+    # a third difference needs four consecutive marks; without one the noise is unknown
     whole = steady[:-2] & steady[1:-1] & steady[2:]
     if np.sum(whole) < 4:
         return np.full((len(given), 2), CLICKED_MARK_STD_PX)
     third = np.diff(given.px, n=3, axis=0)
     scatter = 1.4826 * np.median(np.abs(third[whole]), axis=0) / np.sqrt(20.0)
-    return np.tile(np.maximum(scatter, LEAST_MARK_STD_PX), (len(given), 1))
+    return np.tile(np.maximum(scatter, MIN_MARK_STD_PX), (len(given), 1))
 
 
 def _pendulum(mass: Track, ball: Track, forward: FloatArray) -> PendulumTrack | None:
-    """The mass on the arc that its marks lie on; where its face is nobody knows.
+    """The mass on the arc of its marks; the position of its face is unknown.
 
     Parameters
     ----------
     mass : Track
     ball : Track
     forward : (2,) array
-        Direction in which the ball leaves.
+        Direction of the ball after impact.
     """
     if len(mass) < 8:
         return None
@@ -499,14 +484,14 @@ def _pendulum(mass: Track, ball: Track, forward: FloatArray) -> PendulumTrack | 
     pivot = centre_of_arc(px)
     reach_px = np.hypot(*(px - pivot).T)
     arm = float(np.median(reach_px))
-    # radial scatter of the marks, over the part of the circle that they span
+    # radial standard deviation of the marks, over the arc that they span
     turned = np.ptp(np.arctan2(*(px - pivot).T))
     spread = (float(np.std(reach_px - arm)) / max(1.0 - np.cos(0.5 * turned), 1e-3)) ** 2
     side = 1.0 if forward[0] >= 0.0 else -1.0
     angle = np.arctan2(side * (px[:, 0] - pivot[0]), px[:, 1] - pivot[1])
     std = np.sqrt(mass.covariance_px2[:, 0, 0]) / arm
     touching = int(np.argmin(np.hypot(*(px - np.median(ball.centre_px[:3], axis=0)).T)))
-    # the face is somewhere between the mark and the ball: half of that way, give or take all of it
+    # the face is between mark and ball: half of that distance ± all of it
     gap = np.median(ball.centre_px[:3], axis=0) - px[touching]
     reach = max(float(np.hypot(*gap)), 1.0)
     face = Face(int(mass.frame[touching]), px[touching] + 0.5 * gap, reach)
@@ -526,19 +511,19 @@ _LENS_SUFFIXES = (".toml", ".yaml", ".yml")
 
 def convert_command(
     source: Annotated[Path, typer.Argument(metavar="IN", help="Tracks, or a lens file.")],
-    target: Annotated[Path, typer.Argument(metavar="OUT", help="What to write.")],
+    target: Annotated[Path, typer.Argument(metavar="OUT", help="File to write.")],
     columns: Annotated[
-        str | None, typer.Option(help="Of a table: 't=Time (s), x=X (cm), y=Y (cm), ball=A'.")
+        str | None, typer.Option(help="Column map: 't=Time (s), x=X (cm), y=Y (cm), ball=A'.")
     ] = None,
 ) -> None:
-    """Turn tracks or a lens of one program into those of another.
+    """Convert tracks or a lens between programs.
 
     Tracks are read from Tracker (.trk, .trz, text), Kinovea (.kva, text), trackpy, DeepLabCut,
     SLEAP or a table, and written as .trk, .kva, .csv or .xlsx; lenses from and to TOML and the
     YAML of OpenCV and ROS. Example: vision convert clip.trk clip.kva
     """
     if target.exists() and target.resolve() == source.resolve():
-        raise UsageError(f"{target} would overwrite what is read", hint="Give it another name.")
+        raise UsageError(f"{target} would overwrite the input", hint="Choose another name.")
     if source.suffix.lower() in _LENS_SUFFIXES:
         _lens(source, target)
         return
@@ -560,8 +545,8 @@ def _lens(source: Path, target: Path) -> None:
     suffix = target.suffix.lower()
     if suffix not in _LENS_SUFFIXES:
         raise UsageError(
-            f"{target}: a lens file ends in {', '.join(_LENS_SUFFIXES)}",
-            hint=f"vision convert {source} lens.yaml",
+            f"{target} has an unknown ending; lens files end in {', '.join(_LENS_SUFFIXES)}",
+            hint=f"Run for example vision convert {source} lens.yaml",
         )
     text = lens_yaml(prior, target.stem) if suffix in YAML_SUFFIXES else prior_toml(prior)
     write_text_whole(target, text)

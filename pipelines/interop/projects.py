@@ -1,7 +1,7 @@
-"""Projects of other programs, read and written: Tracker's, and Kinovea's annotations.
+"""Read and write projects of Tracker and annotations of Kinovea.
 
 Tracker (https://physlets.org/tracker; .trk, .trz, and its text export) stores marks in pixels whose
-origin is the corner of the first pixel, half a pixel off the pixel centres used here; the axes'
+origin is the corner of the first pixel, half a pixel from the pixel centres used here; the axes'
 angle is in degrees (``ImageCoordSystem.FrameData`` of the Open Source Physics library).
 
 Kinovea (https://www.kinovea.org; .kva) stores a track as ``x;y;t`` in pixels from the corner of the
@@ -42,9 +42,9 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 
 CORNER_PX = 0.5
-"""Tracker's 0 is the corner of the first pixel, ours its centre."""
+"""px: origin of Tracker and Kinovea (corner of the first pixel) relative to its centre."""
 CLICKED_STD_PX = 0.5
-"""px: how well an end of a calibration stick is clicked, each coordinate."""
+"""px: standard uncertainty of a clicked end of a calibration stick, per coordinate (assumed)."""
 
 _OBJECT = "org.opensourcephysics.cabrillo.tracker."
 _MEDIA = "org.opensourcephysics.media.core."
@@ -58,14 +58,14 @@ def read_trk(path: Path) -> ExternalTracks:
     Raises
     ------
     UsageError
-        If it can't be read, or holds no marks.
+        If it can't be read, or contains no marks.
     """
     packed = path.suffix.lower() == ".trz"
     data = read_member(path, ".trk", "Tracker archive") if packed else read_bytes(path, _PROJECT)
     root = root_of(data, path, _PROJECT)
     if root.get("class") != _OBJECT + "TrackerPanel":
         raise UsageError(
-            f"{path} is no {_PROJECT}", hint="Save one in Tracker with File > Save Tab As…"
+            f"{path} is not a {_PROJECT}", hint="Save one in Tracker with File > Save Tab As…"
         )
     interval_ms = _number_at(_inside(root, "clipcontrol"), "delta_t")
     tracks: list[ExternalTrack] = []
@@ -79,7 +79,7 @@ def read_trk(path: Path) -> ExternalTracks:
     marked = tuple(track for track in tracks if len(track))
     if not marked:
         raise UsageError(
-            f"{path} holds no marked point mass", hint="Mark or autotrack one in Tracker first."
+            f"{path} contains no marked point mass", hint="Mark or autotrack one in Tracker first."
         )
     width, height = _number_at(root, "width"), _number_at(root, "height")
     video = _inside(_inside(root, "videoclip"), "video")
@@ -135,7 +135,7 @@ def _number_at(parent: Element | None, name: str) -> float | None:
 
 
 def _frame_data(item: Element) -> dict[int, Element]:
-    """Entries of ``framedata`` by the index of their picture."""
+    """Entries of ``framedata`` by frame index."""
     held = _property(item, "framedata")
     found: dict[int, Element] = {}
     for one in [] if held is None else held.findall("property"):
@@ -176,7 +176,7 @@ def _plane_of_axes(root: Element, sticks: list[float], path: Path) -> PlaneOfMot
     origin = [_number_at(axes, name) for name in ("xorigin", "yorigin")]
     scale, across = _number_at(axes, "xscale"), _number_at(axes, "yscale")
     if None in origin or scale is None or scale <= 0.0 or (scale == 1.0 and across == 1.0):
-        # 1 px per unit is what a project without a calibration has
+        # a project without a calibration has 1 px per unit
         return None
     try:
         unit_m = parse_quantity(f"1 {_text(root, 'length_unit') or 'm'}", "m")
@@ -201,7 +201,7 @@ def tracker_project(external: ExternalTracks) -> str:
     Parameters
     ----------
     external : ExternalTracks
-        Its frames count from the clip's first; its clip is named relative to where the file goes.
+        Its frames count from the clip's first; the clip's path is relative to the output.
     """
     root = Element("object", {"class": _OBJECT + "TrackerPanel"})
     if external.size is not None:
@@ -228,7 +228,7 @@ def tracker_project(external: ExternalTracks) -> str:
 
 
 _COLOURS = ((255, 0, 0), (0, 160, 255), (0, 200, 0), (255, 160, 0))
-"""Red, green, blue of 255: colours that are told apart on a bright wall, as Tracker starts with."""
+"""Red, green, blue of 255: distinguishable on a bright wall, as in Tracker."""
 
 
 def _add(parent: Element, name: str, kind: str, value: object) -> None:
@@ -295,11 +295,11 @@ def _add_mass(parent: Element, track: ExternalTrack, colour: tuple[int, int, int
 
 
 _ANNOTATION = "Kinovea annotation file"
-_MOST_FRAMES = 2.0**31
-"""More than any container counts."""
-_SQUARE = 0.02
-"""Relative, supposed: a quadrilateral whose local scale differs by more over the track is no single
-scale."""
+_MAX_FRAMES = 2.0**31
+"""Largest frame count of any container."""
+_MAX_SCALE_VARIATION = 0.02
+"""Relative (assumed): if the local scale of a quadrilateral varies by more along the track, it is
+refused."""
 
 
 def read_kva(path: Path) -> ExternalTracks:
@@ -308,12 +308,12 @@ def read_kva(path: Path) -> ExternalTracks:
     Raises
     ------
     UsageError
-        If it can't be read, holds no track, or a plane that looks aslant at the motion.
+        If it can't be read, contains no track, or a plane that is oblique to the motion.
     """
     root = root_of(read_bytes(path, _ANNOTATION), path, _ANNOTATION)
     if root.tag != "KinoveaVideoAnalysis":
         raise UsageError(
-            f"{path} is no {_ANNOTATION}", hint="Save one in Kinovea with File > Save."
+            f"{path} is not a {_ANNOTATION}", hint="Save one in Kinovea with File > Save."
         )
     ticks = _positive(text_of(root, "AverageTimeStampsPerFrame")) or 1.0
     start = _number(text_of(root, "FirstTimeStamp")) or 0.0
@@ -321,7 +321,7 @@ def read_kva(path: Path) -> ExternalTracks:
     tracks = [_track(one, k, ticks, start, rate) for k, one in enumerate(root.iter("Track"))]
     marked = tuple(track for track in tracks if len(track))
     if not marked:
-        raise UsageError(f"{path} holds no track", hint="Track a point in Kinovea first.")
+        raise UsageError(f"{path} contains no track", hint="Track a point in Kinovea first.")
     size = numbers(text_of(root, "ImageSize"), 2)
     return ExternalTracks(
         path=path,
@@ -357,13 +357,13 @@ def _track(
     begins = _number(text_of(item, "TimePosition"))
     tick = rows[:, 2]
     if begins is not None and len(tick) and tick[0] < begins - 0.5 * ticks:
-        # before 0.8.16 a track counted from its own first mark
+        # before 0.8.16 ticks counted from the track's first mark
         tick = tick - tick[0] + begins
     counted = np.rint((tick - start) / ticks)
-    if not (np.isfinite(rows).all() and (np.abs(counted) < _MOST_FRAMES).all()):
+    if not (np.isfinite(rows).all() and (np.abs(counted) < _MAX_FRAMES).all()):
         raise UsageError(
-            f"track {name or number + 1}: a mark lies nowhere, or at a time that no clip has",
-            hint="Open the file in Kinovea and save it anew, or export the track as text.",
+            f"track {name or number + 1}: a mark has no valid position or time",
+            hint="Open the file in Kinovea and save it again, or export the track as text.",
         )
     frame, first = np.unique(counted.astype(np.int64), return_index=True)
     px = rows[first, :2] - CORNER_PX
@@ -409,7 +409,7 @@ def _unit_m(held: Element) -> float | None:
 
 
 def _line_scale(line: Element, unit_m: float) -> tuple[float | None, float]:
-    """Pixels per metre of a line, with the relative uncertainty of clicking it."""
+    """Pixels per metre of a line, with the relative uncertainty of its clicked ends."""
     length, segment = _positive(text_of(line, "Length")), line.find("Segment")
     if length is not None and segment is not None:
         ends = [numbers(text_of(segment, name), 2) for name in ("A", "B")]
@@ -424,7 +424,7 @@ def _line_scale(line: Element, unit_m: float) -> tuple[float | None, float]:
 
 
 def _line_turn(line: Element) -> float:
-    """Angle of the x axis above the picture's rows, rad: 0 unless the line is said to lie along."""
+    """Angle of the x axis above the image rows, rad: 0 unless the line defines an axis."""
     segment, kind = line.find("Segment"), text_of(line, "Axis")
     if segment is None or kind not in _ALONG:
         return 0.0
@@ -432,18 +432,18 @@ def _line_turn(line: Element) -> float:
     if start is None or end is None:
         return 0.0
     slope = math.atan2(start[1] - end[1], end[0] - start[0]) - _ALONG[kind]
-    # a line drawn from right to left or downwards means the same axis
+    # a line from right to left or downwards defines the same axis
     return math.remainder(slope, math.pi)
 
 
 _ALONG = {"LineHorizontal": 0.0, "LineVertical": math.pi / 2}
-"""``CalibrationAxis``: which of the axes the line is in the real world."""
+"""``CalibrationAxis``: angle of the axis that the line defines, rad."""
 
 
 def _quad_scale(
     quad: Element, unit_m: float, tracks: tuple[ExternalTrack, ...], path: Path
 ) -> PlaneOfMotion | None:
-    """Scale of a quadrilateral where the tracks go; refused where it is not one scale."""
+    """Scale of a quadrilateral along the tracks; refused if it varies."""
     size, shape = numbers(text_of(quad, "Size"), 2), quad.find("Quadrilateral")
     corners = [] if shape is None else [numbers(text_of(shape, name), 2) for name in "ABCD"]
     if size is None or len(corners) < 4 or None in corners:
@@ -462,11 +462,11 @@ def _quad_scale(
     across = np.hypot(*(metres(px + down) - metres(px)).T)
     usual = float(np.median(np.concatenate([along, across])))
     if max(np.ptp(along), np.ptp(across), abs(np.median(along) - np.median(across))) > (
-        _SQUARE * usual
+        _MAX_SCALE_VARIATION * usual
     ):
         raise UsageError(
-            f"{path}: the calibrated plane is seen aslant, its scale changes along the track",
-            hint="Give the clip with --from-tracks, so that its wall can be calibrated, "
+            f"{path}: the calibrated plane is oblique, its scale varies along the track",
+            hint="Pass the clip with --from-tracks, so that its wall can be calibrated, "
             "or a scale of the plane of motion with --scale.",
         )
     step = metres(px + right) - metres(px)
@@ -478,7 +478,7 @@ def _quad_scale(
 
 
 def _old_scale(root: Element, tracks: tuple[ExternalTrack, ...]) -> PlaneOfMotion | None:
-    """``CalibrationHelp`` of the versions before 0.8.16."""
+    """``CalibrationHelp`` of versions before 0.8.16."""
     held = root.find("CalibrationHelp")
     if held is None:
         return None
@@ -494,7 +494,7 @@ def _old_scale(root: Element, tracks: tuple[ExternalTrack, ...]) -> PlaneOfMotio
 
 
 def kinovea_annotations(external: ExternalTracks) -> str:
-    """Text of a .kva file with one trajectory per track; a tick is a picture of the clip.
+    """Text of a .kva file with one trajectory per track; one tick per frame of the clip.
 
     Parameters
     ----------
@@ -502,7 +502,7 @@ def kinovea_annotations(external: ExternalTracks) -> str:
         Its frames count from the clip's first.
     """
     root = Element("KinoveaVideoAnalysis")
-    # Kinovea reads these in order: sizes and times come first
+    # Kinovea requires this order: sizes and times come first
     SubElement(root, "FormatVersion").text = "2.0"
     SubElement(root, "Producer").text = "impact-vision"
     SubElement(root, "OriginalFilename").text = Path(external.clip or external.path.name).stem
@@ -524,7 +524,7 @@ def kinovea_annotations(external: ExternalTracks) -> str:
 
 
 def _point(point: FloatArray) -> str:
-    # Kinovea holds a float32: 8 digits lose nothing
+    # Kinovea uses float32: 8 digits are exact
     return ";".join(f"{value:.8g}" for value in np.asarray(point) + CORNER_PX)
 
 

@@ -1,9 +1,8 @@
-"""Tracks in tables: text exports of Tracker and Kinovea, trackpy, DeepLabCut, SLEAP, spreadsheets.
+"""Read tracks from tables of Tracker, Kinovea, trackpy, DeepLabCut or SLEAP.
 
-Positions in pixels are taken with the centres of pixels at integers, as trackpy and DeepLabCut have
-them; those of Tracker's ``pixelx`` and ``pixely`` count from the corner of the first pixel.
-
-What the columns of somebody's table mean: recognised, said with --columns, or asked once.
+Pixel centres are at integers, as in trackpy and DeepLabCut; Tracker's ``pixelx`` and ``pixely``
+count from the corner of the first pixel. The meaning of unknown columns is given with --columns or
+asked once.
 """
 
 import csv
@@ -48,14 +47,14 @@ __all__ = [
 
 KEYS = {
     "t": "the time",
-    "frame": "the picture's number, from 0",
+    "frame": "the frame number, from 0",
     "x": "the position to the right",
     "y": "the position up (of pixels: down)",
-    "object": "the name of what was tracked, where a table holds several",
-    "trial": "the name of the trial, where a table holds several",
+    "object": "the name of the object, in a table of several",
+    "trial": "the name of the trial, in a table of several",
 }
 
-"""Columns that may be named, and what each holds."""
+"""Columns that may be named, with their meaning."""
 
 WORDS = {
     "ball": "name of the track that is the ball",
@@ -64,7 +63,7 @@ WORDS = {
     "t_unit": "unit of the time: s or ms",
 }
 
-"""Further keys, whose values are no columns."""
+"""Further keys, whose values are not columns."""
 
 _KNOWN = {
     "t": ("t", "t_s", "time", "time_s", "times", "zeit", "temps", "tiempo", "tempo"),
@@ -75,21 +74,21 @@ _KNOWN = {
     "trial": ("trial",),
 }
 
-"""Names that mean what they say in every table seen; whatever else is asked for."""
+"""Column names that are unambiguous; others are asked for."""
 
 _UNIT = re.compile(r"[\(\[]\s*([^)\]]+?)\s*[\)\]]|[_ ](px|mm|cm|m|ms|s|in|ft)$", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
 class ColumnUse:
-    """Which column holds what.
+    """Meaning of the columns.
 
     Attributes
     ----------
     columns : mapping of str to str
         By the keys of `KEYS`; x and y are always there, and t or frame.
     metre : float or None
-        Metres per unit of x and y; None where they are pixels.
+        Metres per unit of x and y; None if they are pixels.
     second : float
         Seconds per unit of t.
     """
@@ -105,7 +104,7 @@ def parse_columns(text: str | None) -> dict[str, str]:
     Raises
     ------
     UsageError
-        If it is not of that form, or a key means nothing here.
+        If it is not of that form, or has an unknown key.
     """
     found: dict[str, str] = {}
     for part in next(csv.reader([text or ""], skipinitialspace=True), []):
@@ -124,20 +123,20 @@ def parse_columns(text: str | None) -> dict[str, str]:
 
 
 def column_use(header: Sequence[str], said: Mapping[str, str], table: str) -> ColumnUse:
-    """Find out which column is which.
+    """Determine the meaning of the columns.
 
     Parameters
     ----------
     header : sequence of str
     said : mapping of str to str
-        As `parse_columns`; goes before what a name seems to mean.
+        As `parse_columns`; overrides the names' usual meaning.
     table : str
-        What to call the table in a message.
+        Name of the table in messages.
 
     Raises
     ------
     UsageError
-        If a column that was said is not there, or one that is needed can't be told.
+        If a named column is missing, or a required one can't be determined.
     """
     columns: dict[str, str] = {}
     for key in KEYS:
@@ -157,9 +156,9 @@ def column_use(header: Sequence[str], said: Mapping[str, str], table: str) -> Co
     if missing:
         example = ", ".join(f"{key}=NAME" for key in missing)
         raise UsageError(
-            f"{table} does not say which column is {' and which is '.join(missing)};"
-            f" it has {_listed(header)}",
-            hint=f'Say it: --columns "{example}", or in the table [columns] of the setup file.',
+            f"{table}: no column found for {' and '.join(missing)}; it has {_listed(header)}",
+            hint=f'Pass --columns "{example}", or set them in the table [columns] of the setup'
+            " file.",
         )
     unit = said.get("unit") or _unit_of(columns["x"]) or "px"
     t_unit = said.get("t_unit") or _unit_of(columns.get("t", "t")) or "s"
@@ -168,12 +167,12 @@ def column_use(header: Sequence[str], said: Mapping[str, str], table: str) -> Co
 
 
 def ask_columns(header: Sequence[str], said: Mapping[str, str], table: str) -> dict[str, str]:
-    """Ask on the terminal for what `column_use` can't tell; nothing where there is no terminal.
+    """Ask on the terminal for undetermined columns; nothing without a terminal.
 
     Returns
     -------
     dict of str to str
-        What was said before, with the answers.
+        The columns given, with the answers.
     """
     answers = dict(said)
     if not header or not (sys.stdin.isatty() and sys.stderr.isatty()):
@@ -196,7 +195,7 @@ def ask_columns(header: Sequence[str], said: Mapping[str, str], table: str) -> d
 
 
 def keep_columns(setup: Path, columns: Mapping[str, str]) -> None:
-    """Add the table ``[columns]`` to a setup file that has none; the rest of it stays as it is."""
+    """Add the table ``[columns]`` to a setup file that has none; keep the rest."""
     text = setup.read_text(encoding="utf-8").rstrip()
     write_text_whole(setup, f"{text}\n\n" + tomli_w.dumps({"columns": dict(columns)}))
 
@@ -208,7 +207,7 @@ def _unanswered(key: str, header: Sequence[str], answers: Mapping[str, str]) -> 
 
 
 def _plain(name: str) -> str:
-    """A column's name without its unit in brackets, in lower case."""
+    """A column's name without its unit, in lower case."""
     bare = re.sub(r"[\(\[].*?[\)\]]", "", name).strip().lower()
     return re.sub(r"[ \-.]+", "_", bare)
 
@@ -231,21 +230,18 @@ PROJECT_SUFFIXES = (".trk", ".trz", ".kva")
 
 TABLE_SUFFIXES = (".csv", ".tsv", ".txt", ".dat", ".xlsx", *HDF5_SUFFIXES)
 
-LEAST_LIKELIHOOD = 0.6
-
-"""DeepLabCut's own ``pcutoff``: marks that the network holds less likely are left out."""
+MIN_LIKELIHOOD = 0.6
+"""DeepLabCut's default ``pcutoff``: marks with a lower likelihood are ignored."""
 
 TABLE_PX_PER_M = 1000.0
+"""px/m: a table in metres is drawn at one millimetre per pixel (convention)."""
 
-"""A table in metres has no pixels: it is laid on a picture of a millimetre a pixel."""
-
-ON_THE_GRID = 0.25
-
-"""Times that are off an even clock by less than this part of a step are on it."""
+MAX_CLOCK_DEVIATION = 0.25
+"""Fraction of a step by which times may deviate from an even clock (chosen)."""
 
 
 def _decoded(data: bytes) -> str:
-    """Text of a file whose encoding nobody states: UTF-8, UTF-16 with a mark, or Latin-1."""
+    """Text of unknown encoding: UTF-8, UTF-16 with a byte order mark, or Latin-1."""
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         return data.decode("utf-16", errors="replace")
     try:
@@ -255,19 +251,19 @@ def _decoded(data: bytes) -> str:
 
 
 def read_table_of_tracks(path: Path, said: Mapping[str, str]) -> ExternalTracks:
-    """Read a table of tracks, whoever wrote it.
+    """Read a table of tracks of any program.
 
     Parameters
     ----------
     path : Path
         CSV, TSV or text (any separator, decimal point or comma), XLSX, or SLEAP's HDF5.
     said : mapping of str to str
-        Which column is which, where the names do not tell (`columns.parse_columns`).
+        Meaning of columns with ambiguous names (`columns.parse_columns`).
 
     Raises
     ------
     UsageError
-        If it can't be read, or nothing tells what its columns are.
+        If it can't be read, or its columns can't be determined.
     """
     suffix = path.suffix.lower()
     if suffix in HDF5_SUFFIXES:
@@ -279,7 +275,7 @@ def read_table_of_tracks(path: Path, said: Mapping[str, str]) -> ExternalTracks:
     if not lines:
         raise UsageError(
             f"{path} is empty",
-            hint="Export the tracks anew: a line of heads and a row for each mark.",
+            hint="Export the tracks again: a header line and one row per mark.",
         )
     for recognises, read in _READERS:
         if recognises(lines):
@@ -288,7 +284,7 @@ def read_table_of_tracks(path: Path, said: Mapping[str, str]) -> ExternalTracks:
 
 
 def header_of(path: Path) -> list[str]:
-    """Names of the columns of a table that is no known program's; none of anything else.
+    """Column names of a table of no known program; empty for anything else.
 
     Raises
     ------
@@ -305,13 +301,12 @@ def header_of(path: Path) -> list[str]:
     return list(_frame_of(lines, path).columns) if lines else []
 
 
-_HEAD_BYTES = 2**16
-
-"""Bytes that are looked at to tell which program wrote a file: more than the longest header."""
+_PROGRAM_HEAD_BYTES = 2**16
+"""Bytes read to identify the program of a file (chosen: more than the longest header)."""
 
 
 def made_elsewhere(path: Path, columns: Mapping[str, str]) -> bool:
-    """Whether a file is another program's, or a table whose columns somebody named.
+    """Whether a file is another program's, or a table with named columns.
 
     Parameters
     ----------
@@ -328,7 +323,7 @@ def made_elsewhere(path: Path, columns: Mapping[str, str]) -> bool:
 
 
 def is_of_a_program(path: Path) -> bool:
-    """Whether a text file's first lines are those of a program whose tables are known.
+    """Whether a text file's first lines are those of a known program.
 
     Raises
     ------
@@ -339,11 +334,11 @@ def is_of_a_program(path: Path) -> bool:
         return False
     try:
         with path.open("rb") as file:
-            head = file.read(_HEAD_BYTES)
+            head = file.read(_PROGRAM_HEAD_BYTES)
     except OSError as problem:
         raise UsageError(
             f"can't read {path}: {problem.strerror}",
-            hint="Check its path, and that you may read it.",
+            hint="Check the path and your read permission.",
         ) from problem
     lines = [line for line in _decoded(head).splitlines() if line.strip()]
     if not lines:
@@ -361,7 +356,7 @@ def _is_deeplabcut(lines: Sequence[str]) -> bool:
 
 
 def _is_tracker_text(lines: Sequence[str]) -> bool:
-    """Names of the masses over a header that begins with the time."""
+    """Names of the masses above a header that begins with the time."""
     at = 1 if lines[0].startswith("#multi") else 0
     if len(lines) < at + 3:
         return False
@@ -381,7 +376,7 @@ def _is_sleap(lines: Sequence[str]) -> bool:
 
 
 def _separator(line: str) -> str:
-    """Which of tab, semicolon and comma parts a header; a blank where none does."""
+    """Separator of a header: tab, semicolon or comma; a blank without any."""
     for mark in ("\t", ";", ","):
         if mark in line:
             return mark
@@ -389,7 +384,7 @@ def _separator(line: str) -> str:
 
 
 def _with_point_decimals(table: pd.DataFrame) -> pd.DataFrame:
-    """Columns of words that are numbers with a decimal comma, as numbers."""
+    """Convert columns of numbers with a decimal comma."""
     for name in table.columns:
         if pd.api.types.is_numeric_dtype(table[name]):
             continue
@@ -403,12 +398,12 @@ def _with_point_decimals(table: pd.DataFrame) -> pd.DataFrame:
 def _frame_of(lines: Sequence[str], path: Path) -> pd.DataFrame:
     at = next((k for k, line in enumerate(lines) if not line.startswith(("#", "%", "//"))), 0)
     if at > 0 and not re.search(r"[A-Za-z]", lines[at]):
-        # the header itself is a comment, as numpy.savetxt writes it
+        # the header itself is a comment, as in numpy.savetxt
         at -= 1
         lines = [*lines[:at], lines[at].lstrip("#%/ "), *lines[at + 1 :]]
     try:
         with warnings.catch_warnings():
-            # rows with more cells than there are heads: what is beyond would be left out
+            # rows longer than the header: pandas would drop the surplus cells
             warnings.simplefilter("error", pd.errors.ParserWarning)
             table = pd.read_csv(
                 io.StringIO("\n".join(lines[at:])),
@@ -419,12 +414,12 @@ def _frame_of(lines: Sequence[str], path: Path) -> pd.DataFrame:
             )
     except pd.errors.ParserWarning as problem:
         raise UsageError(
-            f"{path} has rows with more cells than its header has names",
+            f"{path} has rows with more cells than its header",
             hint="Name every column; the header found is: " + lines[at][:80],
         ) from problem
     except (ValueError, pd.errors.ParserError) as problem:
         raise UsageError(
-            f"{path} is no table: {problem}", hint="A header line and one row per mark is expected."
+            f"{path} is not a table: {problem}", hint="Write a header line and one row per mark."
         ) from problem
     table.columns = [str(name).strip() for name in table.columns]
     return _with_point_decimals(table)
@@ -434,10 +429,10 @@ def _sheet(path: Path) -> pd.DataFrame:
     read_bytes(path, "a spreadsheet")
     try:
         table = pd.read_excel(path)
-    # openpyxl raises whatever its parser came upon in a broken file
+    # openpyxl raises many types on damaged files
     except Exception as problem:
         raise UsageError(
-            f"{path} is no spreadsheet: {problem}", hint="Save it anew as .xlsx, or as .csv."
+            f"{path} is not a spreadsheet: {problem}", hint="Save it again as .xlsx or .csv."
         ) from problem
     table.columns = [str(name).strip() for name in table.columns]
     return _with_point_decimals(table.dropna(how="all"))
@@ -454,7 +449,7 @@ def _track(
     time_s: FloatArray | None = None,
     extra: Mapping[str, FloatArray] | None = None,
 ) -> ExternalTrack:
-    """A track of the rows that have a place and a time, in order, each picture once."""
+    """A track of the rows with position and time, in order, one per frame."""
     key = time_s if frame is None else frame
     assert key is not None
     known = np.isfinite(px).all(axis=1) & np.isfinite(key)
@@ -477,7 +472,7 @@ def _track(
 
 
 def _frames(time_s: FloatArray) -> NDArray[np.int64]:
-    """Numbers of the pictures at these times: on an even clock with gaps, else one by one."""
+    """Frame numbers at these times: on an even clock with gaps, otherwise consecutive."""
     if len(time_s) < 2:
         return np.zeros(len(time_s), dtype=np.int64)
     step = np.diff(time_s)
@@ -485,15 +480,15 @@ def _frames(time_s: FloatArray) -> NDArray[np.int64]:
     if usual <= 0.0:
         return np.arange(len(time_s))
     steps = step / usual
-    # beyond what a double counts by ones every number is whole, and tells of no clock
+    # above 2**53 every double is an integer, so that integer steps indicate no clock
     countable = float(np.sum(steps)) < 2.0 / np.finfo(np.float64).eps
-    if countable and np.max(np.abs(steps - np.rint(steps))) < ON_THE_GRID:
+    if countable and np.max(np.abs(steps - np.rint(steps))) < MAX_CLOCK_DEVIATION:
         return np.concatenate([[0], np.cumsum(np.rint(steps))]).astype(np.int64)
     return np.arange(len(time_s))
 
 
 def _rate(tracks: Sequence[ExternalTrack]) -> float | None:
-    """Pictures per second of tracks that have both, 1/s."""
+    """Frames per second of tracks with both frames and times, 1/s."""
     for track in tracks:
         if track.time_s is not None and len(track) > 1:
             span = float(track.time_s[-1] - track.time_s[0])
@@ -513,9 +508,8 @@ def _found(
     marked = tuple(track for track in tracks if len(track))
     if not marked:
         raise UsageError(
-            f"{path} holds no row with a time and a place",
-            hint="Export the tracks with a column of times or pictures and two of places;"
-            " --columns says which is which.",
+            f"{path} contains no row with time and position",
+            hint="Export a column of times or frames and two of positions; --columns names them.",
         )
     return ExternalTracks(path, program, marked, fps=_rate(marked), plane=plane, notes=tuple(notes))
 
@@ -525,7 +519,7 @@ def _table_plane() -> PlaneOfMotion:
 
 
 def _spreadsheet(table: pd.DataFrame, path: Path, said: Mapping[str, str]) -> ExternalTracks:
-    """Any table with a header: trackpy's, our own, or one whose columns somebody names."""
+    """Any table with a header: trackpy's, this toolkit's, or one with named columns."""
     names = set(table.columns)
     if {"x", "y", "frame", "mass", "size"} <= names:
         return _trackpy(table, path)
@@ -556,7 +550,7 @@ def _trackpy(table: pd.DataFrame, path: Path) -> ExternalTracks:
         parts = [(f"particle {name:g}", rows) for name, rows in table.groupby("particle")]
     tracks = []
     for name, rows in parts:
-        # trackpy's size is a radius of gyration of the brightness, no outline
+        # trackpy's size is a radius of gyration of the brightness, not of the outline
         extra = {}
         if "ep" in rows and np.isfinite(_values(rows, "ep")).all():
             extra["std_px"] = np.repeat(_values(rows, "ep")[:, np.newaxis], 2, axis=1)
@@ -607,7 +601,7 @@ def _tracker_text(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> 
             kind, shift = ("x", "y"), 0.0
         if not set(kind) <= own.keys():
             raise UsageError(
-                f"{path}: the columns of {name} hold no x and y",
+                f"{path}: the columns of {name} contain no x and y",
                 hint="In Tracker, show x and y (or pixelx and pixely) in the table, and export.",
             )
         place = np.column_stack([_values(table, own[part]) for part in kind])  # type: ignore[arg-type]
@@ -619,17 +613,17 @@ def _tracker_text(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> 
 
 
 def _metre(said: Mapping[str, str]) -> float:
-    """Metres per unit of a program's export; Tracker's unit is the metre unless it is changed."""
+    """Metres per unit of a program's export; Tracker's default is the metre."""
     return parse_quantity(f"1 {said.get('unit', 'm')}", "m")
 
 
 def _clock_s(text: str) -> float:
-    """Seconds of ``7.25``, or of Kinovea's ``1:07.25`` from the first minute on.
+    """Seconds of ``7.25``, or of Kinovea's ``1:07.25`` above one minute.
 
     Raises
     ------
     ValueError
-        For anything else: in ``0:00:07:25`` the last may be hundredths or pictures.
+        For anything else: the last part of ``0:00:07:25`` may be hundredths or frames.
     """
     *minutes, seconds = text.split(":")
     if len(minutes) > 2:
@@ -654,9 +648,9 @@ def _kinovea_text(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> 
             blocks[-1][1].append([_clock_s(parts[0]), *map(float, parts[1:3])])
         except ValueError as problem:
             raise UsageError(
-                f"{path}: {line.strip()!r} is no row of T X Y",
-                hint="In Kinovea's preferences choose times in seconds and export as text again, or"
-                " take the line out.",
+                f"{path}: {line.strip()!r} is not a row of T X Y",
+                hint="Choose times in seconds in Kinovea's preferences and export as text again, or"
+                " delete the line.",
             ) from problem
     unit = said.get("unit", "px")
     in_px = unit.lower() in ("px", "pixel", "pixels")
@@ -668,7 +662,7 @@ def _kinovea_text(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> 
         if plane is not None:
             place = plane.pixels(table[:, 1:] * _metre(said))
         tracks.append(_track(name, place, None, table[:, 0]))
-    notes = () if "unit" in said else ("Kinovea's text does not say its unit; taken as pixels.",)
+    notes = () if "unit" in said else ("Kinovea's text states no unit; pixels are assumed.",)
     return _found(path, Program.KINOVEA, tracks, plane, notes)
 
 
@@ -679,7 +673,7 @@ def _deeplabcut(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> Ex
     if rows is None:
         raise UsageError(
             f"{path} has no line `coords`, which DeepLabCut writes",
-            hint="Give the CSV file that analyze_videos writes, with its three lines of heads.",
+            hint="Pass the CSV file of analyze_videos, with its three header lines.",
         )
     heads = [line.split(mark) for line in lines[1 : rows + 1]]
     table = _numbers_of(lines[rows + 1 :], mark, path)
@@ -693,7 +687,7 @@ def _deeplabcut(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> Ex
             continue
         place = table[:, [own["x"], own["y"]]]
         if "likelihood" in own:
-            unsure = table[:, own["likelihood"]] < LEAST_LIKELIHOOD
+            unsure = table[:, own["likelihood"]] < MIN_LIKELIHOOD
             left_out += int(unsure.sum())
             place = np.where(unsure[:, np.newaxis], np.nan, place)
         tracks.append(_track(name, place, table[:, 0]))
@@ -705,8 +699,8 @@ def _numbers_of(lines: Sequence[str], mark: str, path: Path) -> FloatArray:
         table = pd.read_csv(io.StringIO("\n".join(lines)), sep=mark, header=None)
     except (ValueError, pd.errors.ParserError) as problem:
         raise UsageError(
-            f"{path} is cut off or no table: {problem}",
-            hint="Save it anew from the program that made it.",
+            f"{path} is cut off or not a table: {problem}",
+            hint="Save it again with the program that made it.",
         ) from problem
     return np.asarray(table.apply(pd.to_numeric, errors="coerce"), dtype=float)
 
@@ -714,11 +708,11 @@ def _numbers_of(lines: Sequence[str], mark: str, path: Path) -> FloatArray:
 def _unlikely(count: int) -> tuple[str, ...]:
     if not count:
         return ()
-    return (f"{count} marks of a likelihood below {LEAST_LIKELIHOOD:g} were left out.",)
+    return (f"{count} marks with a likelihood below {MIN_LIKELIHOOD:g} are ignored.",)
 
 
 def _sleap(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> ExternalTracks:
-    """``sleap-convert --format analysis.csv``: a row per animal and picture, NODE.x, NODE.y."""
+    """``sleap-convert --format analysis.csv``: a row per animal and frame, NODE.x, NODE.y."""
     table = _frame_of(lines, path)
     nodes = [name[:-2] for name in table.columns if name.endswith(".x")]
     tracks = []
@@ -733,7 +727,7 @@ def _sleap(lines: Sequence[str], path: Path, said: Mapping[str, str]) -> Externa
 
 
 def _sleap_h5(path: Path) -> ExternalTracks:
-    """SLEAP's analysis HDF5: ``tracks`` (animals, 2, nodes, pictures)."""
+    """SLEAP's analysis HDF5: ``tracks`` (animals, 2, nodes, frames)."""
     try:
         import h5py
     except ImportError as problem:
@@ -745,8 +739,8 @@ def _sleap_h5(path: Path) -> ExternalTracks:
         with h5py.File(path) as file:
             if "tracks" not in file:
                 raise UsageError(
-                    f"{path} is no analysis file of SLEAP: it has no data set `tracks`",
-                    hint="Of DeepLabCut, give the CSV file.",
+                    f"{path} is not an analysis file of SLEAP: it has no data set `tracks`",
+                    hint="For DeepLabCut, pass the CSV file.",
                 )
             places = np.asarray(file["tracks"], dtype=float)
             names = [
@@ -757,13 +751,13 @@ def _sleap_h5(path: Path) -> ExternalTracks:
             ]
     except OSError as problem:
         raise UsageError(
-            f"{path} is no whole HDF5 file: {problem}",
-            hint="Export it anew: sleap-convert --format analysis.",
+            f"{path} is not a complete HDF5 file: {problem}",
+            hint="Export it again: sleap-convert --format analysis.",
         ) from problem
     if places.ndim != 4 or places.shape[1] != 2:
         raise UsageError(
-            f"{path}: `tracks` is not (animals, 2, nodes, pictures)",
-            hint="Export it anew: sleap-convert --format analysis.",
+            f"{path}: `tracks` is not (animals, 2, nodes, frames)",
+            hint="Export it again: sleap-convert --format analysis.",
         )
     frame = np.arange(places.shape[3], dtype=float)
     tracks = []

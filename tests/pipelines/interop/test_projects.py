@@ -189,7 +189,7 @@ def test_kinovea_annotations_without_an_origin_keep_their_scale(tmp_path) -> Non
 def test_a_mark_of_kinovea_beyond_all_clips_is_refused(mark, tmp_path) -> None:
     path = tmp_path / "a.kva"
     path.write_text(KVA.replace("100.5;200.5;2048", mark))
-    with pytest.raises(UsageError, match="nowhere, or at a time that no clip has"):
+    with pytest.raises(UsageError, match="no valid position or time"):
         read_tracks(path)
 
 
@@ -247,9 +247,9 @@ BOMB = (
     [
         (BOMB, "entities"),
         ('<!DOCTYPE a SYSTEM "file:///etc/passwd"><a/>', "entities"),
-        ("<object class=", "no (Tracker project|Kinovea annotation file)"),
-        ("", "no (Tracker project|Kinovea annotation file)"),
-        ("<html></html>", "no (Tracker project|Kinovea annotation file)"),
+        ("<object class=", "not a (Tracker project|Kinovea annotation file)"),
+        ("", "not a (Tracker project|Kinovea annotation file)"),
+        ("<html></html>", "not a (Tracker project|Kinovea annotation file)"),
     ],
 )
 def test_hostile_or_broken_xml_is_refused(name, text, said, tmp_path) -> None:
@@ -265,17 +265,17 @@ def test_cut_archives_and_archives_of_something_else_are_refused(tmp_path) -> No
         archive.writestr("a.trk", "<object/>" + " " * 10_000)
     cut = tmp_path / "cut.trz"
     cut.write_bytes(whole.getvalue()[:-30])
-    with pytest.raises(UsageError, match="no whole Tracker archive"):
+    with pytest.raises(UsageError, match="not a complete Tracker archive"):
         read_tracks(cut)
     other = tmp_path / "other.trz"
     with zipfile.ZipFile(other, "w") as archive:
         archive.writestr("a.txt", "hello")
-    with pytest.raises(UsageError, match=r"holds no \.trk file"):
+    with pytest.raises(UsageError, match=r"contains no \.trk file"):
         read_tracks(other)
 
 
 def test_an_archive_that_unpacks_without_end_is_refused(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("pipelines.interop.external.LARGEST_BYTES", 2**20)
+    monkeypatch.setattr("pipelines.interop.external.MAX_TRACK_FILE_BYTES", 2**20)
     path = tmp_path / "bomb.trz"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("a.trk", b"0" * (2**20 + 1))
@@ -284,7 +284,7 @@ def test_an_archive_that_unpacks_without_end_is_refused(tmp_path, monkeypatch) -
 
 
 def test_marks_with_many_gaps_are_as_sure_as_clicks(tmp_path) -> None:
-    """Many steps alike, and never four marks in a row: no scatter can be told, and none is."""
+    """Many equal steps, but never four consecutive marks: the noise stays undetermined."""
     frame = np.flatnonzero(np.arange(48) % 4 != 3)
     fall = np.column_stack([50.0 + 3.0 * frame, 40.0 + 0.0851 * frame**2])
     rows = [f"{k},{x:.4f},{y:.4f}" for k, (x, y) in zip(frame, fall, strict=True)]

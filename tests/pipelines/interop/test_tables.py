@@ -87,7 +87,7 @@ def test_kinovea_text_with_decimal_commas(written) -> None:
 def test_kinovea_text_beyond_a_minute_counts_minutes(written) -> None:
     path = written("a.txt", KINOVEA.replace("0.008", "1:00.008").replace("0.016", "2:01:00.016"))
     assert read_tracks(path).tracks[0].time_s.tolist() == pytest.approx([0.0, 60.008, 7260.016])
-    with pytest.raises(UsageError, match="no row of T X Y") as refused:
+    with pytest.raises(UsageError, match="not a row of T X Y") as refused:
         read_tracks(written("b.txt", KINOVEA.replace("0.008", "0:00:00:01")))
     assert "times in seconds" in refused.value.hint
 
@@ -135,7 +135,7 @@ def test_sleap_tables(written, tmp_path) -> None:
     assert external.tracks[0].frame.tolist() == [0, 1, 3]
     assert external.tracks[0].px[2].tolist() == [4.0, 8.0]
     (tmp_path / "cut.h5").write_bytes(path.read_bytes()[:300])
-    with pytest.raises(UsageError, match="no whole HDF5"):
+    with pytest.raises(UsageError, match="not a complete HDF5"):
         read_tracks(tmp_path / "cut.h5")
 
 
