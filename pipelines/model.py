@@ -1,8 +1,7 @@
-"""The forward model on the command line: `vision simulate` and `vision plan`.
+"""Forward model: `vision simulate` and `vision plan`, with plots and output.
 
-From back-swing or impact speed to landing, or back from a wanted distance (section V.3): which
-ball, law and experiment are meant, effects of the catalogue (``--effect magnus:spin=10``, [model]
-effects), one strike with its numbers and its two flights, the pictures, and how results go out.
+Simulates a strike from back-swing or impact speed to landing, or inverts it for a wanted distance
+(section V.3), with effects of the catalogue (``--effect magnus:spin=10``, [model] effects).
 """
 
 import csv
@@ -118,12 +117,12 @@ _DEFAULT_BALL = "jokku"
 
 
 def setup_or_default(path: Path | None) -> Setup:
-    """The setup file, or the paper's experiment where none is given."""
+    """The setup file, or the paper's experiment without one."""
     return Setup() if path is None else load_setup(path)
 
 
 def choose_ball(setup: Setup, option: str | None) -> bodies.Ball:
-    """The ball of `ball_asked` as the physics needs it."""
+    """The ball of `ball_asked` in the form that the physics needs."""
     return ball_asked(setup, option).body()
 
 
@@ -133,7 +132,7 @@ def ball_asked(setup: Setup, option: str | None) -> BallSetup:
     Raises
     ------
     UsageError
-        If the option names nothing, or the setup has several balls and none is chosen.
+        If the option is unknown, or the setup has several balls and none is chosen.
     """
     if option is not None:
         return setup.balls.get(option) or ball_from_option(option)
@@ -150,7 +149,7 @@ def ball_asked(setup: Setup, option: str | None) -> BallSetup:
 
 
 def choose_cor(ball: bodies.Ball, option: str) -> tuple[CorLaw, bool]:
-    """The law that ``--cor`` asks for, and whether it is the ball's own fitted law.
+    """The law requested by ``--cor``, and whether it is the ball's own fitted law.
 
     ``variable`` is the ball's law, ``constant`` its value at zero speed (as the paper defines its
     constant law), anything else a number or a formula in v.
@@ -168,7 +167,7 @@ def choose_cor(ball: bodies.Ball, option: str) -> tuple[CorLaw, bool]:
 
 
 def angle_of(text: str, place: str = "--backswing") -> float:
-    """An angle in rad; a bare number is in degrees, as a protractor reads. `place` names it."""
+    """An angle in rad; a bare number is in degrees. `place` is its name in messages."""
     try:
         typed: str | float = math.radians(float(text))
     except ValueError:
@@ -192,7 +191,7 @@ def choose_drag(option: str) -> float | DragCurve:
 
 
 def experiment_of(setup: Setup, ball: bodies.Ball, drag_option: str | None = None) -> Experiment:
-    """Bodies and air of the setup, the paper's where it is silent."""
+    """Bodies and air of the setup; the paper's where it states none."""
     effects = setup.model.effects
     drag = setup.model.parameters.get("drag", {}).get("drag_coefficient", SUBCRITICAL_DRAG)
     chosen: float | DragCurve = drag if "drag" in effects else 0.0
@@ -210,28 +209,28 @@ def experiment_of(setup: Setup, ball: bodies.Ball, drag_option: str | None = Non
 
 @dataclass(frozen=True)
 class AskedExperiment:
-    """The experiment that was asked for, and its law of restitution.
+    """The requested experiment and its law of restitution.
 
     Attributes
     ----------
     experiment : Experiment
     law : CorLaw
     campaign : BallLaw or None
-        Where the law comes from, if a campaign found it.
+        Origin of the law, if it is from a campaign.
     ball : BallSetup or None
-        As asked for.
-    unsure : tuple of (UncertaintySource, Experiment)
-        The experiment with each number whose uncertainty the setup gives that much larger.
+        The requested ball.
+    uncertain : tuple of (UncertaintySource, Experiment)
+        The experiment with one uncertain input larger by its standard uncertainty, for each.
     """
 
     experiment: Experiment
     law: CorLaw
     campaign: BallLaw | None = None
     ball: BallSetup | None = None
-    unsure: tuple[tuple[UncertaintySource, Experiment], ...] = ()
+    uncertain: tuple[tuple[UncertaintySource, Experiment], ...] = ()
 
     def scatter_at(self, speed: float | None, scatter: PlanScatter) -> PlanScatter:
-        """The scatter with what a campaign knows of the law at an impact speed, m/s."""
+        """Trial-to-trial variation, with the uncertainty of a campaign's law at a speed, m/s."""
         if self.campaign is None or speed is None:
             return scatter
         return self.campaign.scatter_at(speed, scatter)
@@ -240,12 +239,12 @@ class AskedExperiment:
 def asked(
     setup: Setup, ball: str | None, cor: str, drag: str | None, cor_law: Path | None = None
 ) -> AskedExperiment:
-    """Setup and options together: which ball, with which restitution and drag.
+    """Combine setup and options: ball, restitution and drag.
 
     Raises
     ------
     UsageError
-        If an option names nothing, SetupError if the file of laws can't be read.
+        If an option is unknown; SetupError if the file of laws can't be read.
     """
     chosen = ball_asked(setup, ball)
     struck = chosen.body()
@@ -254,11 +253,11 @@ def asked(
         struck = campaign.struck(struck)
     law, own = choose_cor(struck, cor)
     experiment = experiment_of(setup, struck, drag)
-    unsure = _unsure(setup, chosen, experiment)
-    return AskedExperiment(experiment, law, campaign if own else None, chosen, unsure)
+    uncertain = _uncertain_inputs(setup, chosen, experiment)
+    return AskedExperiment(experiment, law, campaign if own else None, chosen, uncertain)
 
 
-def _unsure(
+def _uncertain_inputs(
     setup: Setup, ball: BallSetup, experiment: Experiment
 ) -> tuple[tuple[UncertaintySource, Experiment], ...]:
     rig, body = rig_of(setup, ball), experiment.pendulum
@@ -306,9 +305,9 @@ def _unsure(
 
 
 def scatter_of(setup: Setup, ball: BallSetup | None = None) -> PlanScatter:
-    """The setup's scatter; where it is silent, 0.2 deg, 0.2 deg, 0.005, 0.01 and 0.3 deg.
+    """The setup's standard deviations; default 0.2 deg, 0.2 deg, 0.005, 0.01 and 0.3 deg.
 
-    How well the ball's launch angle is known stands beside the angle, too.
+    The uncertainty of the ball's launch angle is given with the angle.
     """
     stated = None if ball is None else ball.launch_angle_std
     given = {} if stated is None else {"launch_angle_law": stated}
@@ -346,7 +345,7 @@ _UNIT_SUFFIX = {"1": "", "m/s": "_m_s", "N s": "_N_s"}
 
 
 def quantities_as_csv(quantities: Sequence[Quantity]) -> str:
-    """One row; columns NAME_UNIT and NAME_UNIT_std as the contract spells them."""
+    """One row; columns NAME_UNIT and NAME_UNIT_std as in the contract."""
     row: dict[str, object] = {}
     for quantity in quantities:
         name = quantity.name + _UNIT_SUFFIX.get(quantity.unit, f"_{quantity.unit}")
@@ -368,7 +367,7 @@ def send_out(
     csv_to: Path | None,
     quiet: bool,
 ) -> None:
-    """Write what was asked for: JSON, CSV, and a table on stdout unless JSON goes there."""
+    """Write the requested output: JSON, CSV, and a table on stdout unless JSON goes there."""
     document = quantities_as_json(quantities, warnings)
     if csv_to is not None:
         write_text_whole(csv_to, quantities_as_csv(quantities))
@@ -411,7 +410,7 @@ def parse_effect(text: str) -> Term:
     Raises
     ------
     UsageError
-        For an effect or parameter that is not in the catalogue, or a value that is no number.
+        For an unknown effect or parameter, or a value that is not a number.
     """
     name, _, rest = text.partition(":")
     effect, given = catalogue.effect_named(name.strip()), {}
@@ -441,8 +440,8 @@ def _added(name: str, given: Mapping[str, float]) -> Term:
         )
     if effect.phase == "measurement":
         raise UsageError(
-            f"{name!r} is a fault of the recording, not of the motion",
-            hint="`vision render` puts it into a clip; `vision explain` finds it in one.",
+            f"{name!r} is an error of the recording, not of the motion",
+            hint="Use `vision render` to put it into a clip, `vision explain` to find it in one.",
         )
     if missing := [p.name for p in effect.strengths if p.name not in given]:
         raise UsageError(
@@ -463,7 +462,7 @@ def added_effects(setup: Setup, options: tuple[str, ...]) -> tuple[Term, ...]:
 
 
 def speed_with_losses(experiment: Experiment, backswing: float, effects: tuple[Term, ...]) -> float:
-    """Impact speed (m/s) from a back-swing angle (rad), with whatever acts on the swing."""
+    """Impact speed (m/s) from a back-swing angle (rad), with all effects of the swing."""
     pendulum, angle = experiment.pendulum, experiment.ball.launch_angle
     start = start_angle(backswing, effects)
     if not any(added.brakes for added in effects):
@@ -474,7 +473,7 @@ def speed_with_losses(experiment: Experiment, backswing: float, effects: tuple[T
 
 
 def start_angle(backswing: float, effects: tuple[Term, ...]) -> float:
-    """Back-swing angle (rad) that the pendulum really starts from."""
+    """Actual start angle (rad) of the pendulum."""
     start = backswing
     for added in effects:
         if added.alters_start:
@@ -489,7 +488,7 @@ def alter_outcome(
     outcome: ContactOutcome,
     effects: tuple[Term, ...],
 ) -> ContactOutcome:
-    """What the contact hands over (floats), with the effects that act in it."""
+    """The outcome of the contact (floats), with the effects that change it."""
     acting = [added for added in effects if added.alters_contact]
     if not acting:
         return outcome
@@ -541,12 +540,12 @@ _STYLE: Any = {
     "svg.hashsalt": "impact-vision",
 }
 
-"""Points of type and lines: legible where a page is printed at half its size."""
+"""Font size and line widths, points: readable on a page printed at half size."""
 
 
 @contextmanager
 def styled_figure(width: float = 6.4, height: float = 3.6) -> "Iterator[Picture]":
-    """A figure to draw on in the style of these plots; sizes in inches."""
+    """A figure in the style of these plots; sizes in inches."""
     import matplotlib
 
     from pipelines.report.plots import Picture
@@ -557,7 +556,7 @@ def styled_figure(width: float = 6.4, height: float = 3.6) -> "Iterator[Picture]
 
 @contextmanager
 def saved_figure(path: Path, width: float = 6.4, height: float = 3.6) -> "Iterator[Picture]":
-    """A figure that is written whole to `path` (.png or .svg) when the block succeeds.
+    """A figure written atomically to `path` (.png or .svg) when the block succeeds.
 
     Raises
     ------
@@ -574,13 +573,13 @@ def saved_figure(path: Path, width: float = 6.4, height: float = 3.6) -> "Iterat
 def flights_figure(
     experiment: Experiment, impulsive: FlightPath, turned: FlightPath | None
 ) -> "Picture":
-    """The ball's path by the paper's launch and by the contact followed in time."""
+    """The ball's path from the paper's launch and from the time-resolved contact."""
     with styled_figure() as figure:
         axes = figure.subplots()
         axes.axhline(experiment.ball.radius, color=GRAY, lw=0.8, ls=":")
         for flight, colour, label in (
-            (impulsive, BLUE, "launched along the contact angle (steps a to e)"),
-            (turned, ORANGE, "contact followed in time"),
+            (impulsive, BLUE, "impulsive launch (steps a to e)"),
+            (turned, ORANGE, "time-resolved contact"),
         ):
             if flight is None:
                 continue
@@ -601,7 +600,7 @@ def plan_figure(
     wanted: tuple[float, float],
     fitted: Callable[[float], bool],
 ) -> "Picture":
-    """Distance over back-swing angle (rad), the wanted point, and where the law is extrapolated."""
+    """Distance against back-swing angle (rad), the wanted point, and the extrapolated range."""
     degrees = np.rad2deg(angles)
     with styled_figure() as figure:
         axes = figure.subplots()
@@ -615,12 +614,12 @@ def plan_figure(
         )
         axes.plot(math.degrees(wanted[0]), wanted[1], "o", color="black", ms=5)
         axes.set(xlabel="back-swing angle (deg)", ylabel="landing distance (m)")
-        axes.plot([], [], color=GRAY, lw=1.0, ls="--", label="beyond the fitted speeds")
+        axes.plot([], [], color=GRAY, lw=1.0, ls="--", label="outside the fitted speeds")
         axes.legend(loc="upper left")
     return figure
 
 
-UNITS = {
+SIMULATED_UNITS = {
     "backswing_angle": "deg",
     "impact_speed": "m/s",
     "pendulum_speed_before": "m/s",
@@ -642,15 +641,13 @@ UNITS = {
     "flight_time_contact_model": "s",
 }
 
-SMALLEST_COR = 1e-3
-
-"""Share of the speed that a shifted coefficient of restitution is kept above: a law needs e > 0,
-and no ball that flies has less."""
+MIN_COR = 1e-3
+"""Lower limit of a shifted COR, 1: a law needs e > 0, and every ball that flies has more."""
 
 
 @dataclass(frozen=True)
 class Shift:
-    """One draw of what repeats imperfectly."""
+    """One draw of the trial-to-trial variation."""
 
     backswing: float = 0.0
     cor: float = 0.0
@@ -685,14 +682,14 @@ def strike_inputs(
     speed = 0.0 if impact_speed is None else impact_speed
     if released is not None:
         speed = speed_with_losses(moved, released, effects)
-    e = min(max(float(law(speed)) + shift.cor, SMALLEST_COR), 1.0)
+    e = min(max(float(law(speed)) + shift.cor, MIN_COR), 1.0)
     return StrikeInputs(
         moved, released, speed, e, float(ball.contact_time(speed)) + shift.contact_time
     )
 
 
-def followed_contacts(strikes: list[StrikeInputs]) -> ContactOutcome:
-    """All contacts followed in time, at once."""
+def simulate_contacts(strikes: list[StrikeInputs]) -> ContactOutcome:
+    """Simulate all contacts in time, at once."""
     first = strikes[0].experiment
     return contact_outcomes(
         first.pendulum,
@@ -713,7 +710,7 @@ def strike_numbers(
     *,
     samples: int = 2,
 ) -> tuple[dict[str, float], FlightPath, FlightPath | None]:
-    """One strike's numbers, the flight from the paper's launch and from the contact in time."""
+    """One strike's numbers, and its flights from the paper's launch and the resolved contact."""
     moved, speed, e, time = strike.experiment, strike.speed, strike.cor, strike.contact_time
     carried = alter_outcome(moved, speed, e, _paper_outcome(moved, speed, e, time), effects)
     flight = _fly(moved, carried, effects, samples)
@@ -755,7 +752,7 @@ def strike_numbers(
 def _paper_outcome(
     experiment: Experiment, speed: float, cor: float, contact_time: float
 ) -> ContactOutcome:
-    """The impulsive launch of Eqs 8 to 10 and 13, 14 as what a contact hands over."""
+    """The impulsive launch of Eqs 8 to 10, 13 and 14 as the outcome of a contact."""
     after = paper_impact(experiment, speed, cor)
     launch = impulsive_launch(experiment, speed, cor, contact_time)
     cosine, sine = math.cos(experiment.ball.launch_angle), math.sin(experiment.ball.launch_angle)
@@ -799,9 +796,9 @@ class Simulation:
         Named as in the contract.
     warnings : tuple of str
     flight : FlightPath
-        The numerical path by the paper's launch, with all forces.
+        The numerical path from the paper's launch, with all forces.
     contact_flight : FlightPath or None
-        The path from the time-resolved contact; None where that contact can't be followed.
+        The path from the time-resolved contact; None if that contact can't be simulated.
     """
 
     quantities: tuple[Quantity, ...]
@@ -818,7 +815,7 @@ def simulate(
     cor: CorLaw | None = None,
     scatter: PlanScatter | None = None,
     effects: tuple[Term, ...] = (),
-    unsure: Sequence[tuple[UncertaintySource, Experiment]] = (),
+    uncertain: Sequence[tuple[UncertaintySource, Experiment]] = (),
 ) -> Simulation:
     """Steps a to e of the paper from a back-swing angle (rad) or an impact speed (m/s).
 
@@ -828,13 +825,13 @@ def simulate(
     backswing, impact_speed : float, optional
         Exactly one of them, rad or m/s.
     cor : CorLaw, optional
-        Default the ball's.
+        Default: the ball's law.
     scatter : PlanScatter
         For the standard uncertainties.
     effects : tuple of Term
-        Further physics from the catalogue.
-    unsure : sequence of (UncertaintySource, Experiment)
-        The experiment with a number one standard uncertainty larger, for each that is unsure.
+        Further effects of the catalogue.
+    uncertain : sequence of (UncertaintySource, Experiment)
+        The experiment with one uncertain input larger by its standard uncertainty, for each.
 
     Returns
     -------
@@ -845,11 +842,11 @@ def simulate(
     UsageError
         If both or neither of back-swing and impact speed are given.
     DomainError
-        For inputs that no law holds for.
+        For inputs outside the range of every law.
     """
     if (backswing is None) == (impact_speed is None):
         raise UsageError(
-            "give either a back-swing angle or an impact speed",
+            "pass either a back-swing angle or an impact speed",
             hint="For example --backswing 90deg, or --impact-speed 3.2.",
         )
     if impact_speed is not None:
@@ -862,20 +859,21 @@ def simulate(
     runs = [strike_numbers(s, t, effects)[0] for s, t in zip(strikes, turned, strict=True)]
     best, flight, contact_flight = strike_numbers(strikes[0], turned[0], effects, samples=201)
     others = []
-    for source, moved in unsure:
+    for source, moved in uncertain:
         struck = strike_inputs(moved, backswing, impact_speed, law, effects, Shift())
-        contact = None if why else followed_contacts([struck]).at(0)
+        contact = None if why else simulate_contacts([struck]).at(0)
         others.append((source, strike_numbers(struck, contact, effects)[0]))
     budgets = {
-        name: (*_budget(name, runs, sources), *_by_unsure(name, best, others)) for name in best
+        name: (*_budget(name, runs, sources), *_by_uncertain(name, best, others)) for name in best
     }
     quantities = [
-        Quantity.measured(name, value, UNITS[name], budgets[name]) for name, value in best.items()
+        Quantity.measured(name, value, SIMULATED_UNITS[name], budgets[name])
+        for name, value in best.items()
     ]
     if contact_flight is None:
         quantities += [
             Quantity.missing(n, unit, why)
-            for n, unit in UNITS.items()
+            for n, unit in SIMULATED_UNITS.items()
             if n not in best and "model" in n
         ]
     warnings = _warnings(experiment, best["impact_speed"], law, best["ball_speed"])
@@ -883,9 +881,9 @@ def simulate(
 
 
 def _contacts(strikes: list[StrikeInputs]) -> tuple[list[ContactOutcome | None], str]:
-    """What contacts followed in time hand over, or none of them and why."""
+    """Outcomes of the time-resolved contacts, or None for each and the reason."""
     try:
-        followed = followed_contacts(strikes)
+        followed = simulate_contacts(strikes)
         return [followed.at(i) for i in range(len(strikes))], ""
     except DomainError as problem:
         return [None] * len(strikes), problem.message
@@ -894,7 +892,7 @@ def _contacts(strikes: list[StrikeInputs]) -> tuple[list[ContactOutcome | None],
 def _sources(
     scatter: PlanScatter, by_backswing: bool
 ) -> list[tuple[UncertaintySource, tuple[Shift, Shift]]]:
-    """What repeats imperfectly, each one standard deviation down and up."""
+    """Trial-to-trial variations, each one standard deviation down and up."""
     cor = math.hypot(scatter.cor, scatter.cor_law)
     angle = math.hypot(scatter.launch_angle, scatter.launch_angle_law)
     time = Defaults.CONTACT_TIME.std
@@ -923,10 +921,10 @@ def _budget(
     )
 
 
-def _by_unsure(
+def _by_uncertain(
     name: str, best: dict[str, float], others: list[tuple[UncertaintySource, dict[str, float]]]
 ) -> tuple[Contribution, ...]:
-    """Change of a quantity with each number that is unsure, one standard uncertainty larger."""
+    """Change of a quantity per uncertain input, by one standard uncertainty."""
     return tuple(Contribution(source, abs(other[name] - best[name])) for source, other in others)
 
 
@@ -938,16 +936,16 @@ def _warnings(
     low, high = ball.cor_range
     if law == ball.cor and not low * 0.98 <= speed <= high * 1.02:
         notes.append(
-            f"the impact speed of {speed:.3f} m/s is outside {low:.2f} to {high:.2f} m/s,"
-            f" where the law of restitution of the {ball.name} was fitted: extrapolated"
+            f"the impact speed {speed:.3f} m/s is outside {low:.2f} to {high:.2f} m/s, the fitted"
+            f" range of the {ball.name}'s law of restitution: extrapolated"
         )
     reynolds = air.reynolds(highest_speed, ball.diameter)
     if isinstance(experiment.drag_coefficient, DragCurve):
         notes += experiment.drag_coefficient.notes(0.3 * reynolds, reynolds)
     elif reynolds > 1.5e5:
         notes.append(
-            f"at Re = {reynolds:.2g} the drag coefficient may fall (drag crisis);"
-            " it is taken as constant here"
+            f"at Re = {reynolds:.2g} the drag coefficient may drop (drag crisis);"
+            " it is assumed constant here"
         )
     return tuple(notes)
 
@@ -972,7 +970,7 @@ def simulate_command(
     ] = None,
     quiet: NoTableOption = False,
 ) -> None:
-    """Simulate a strike and the flight after it.
+    """Simulate a strike and the subsequent flight.
 
     Example: vision simulate --backswing "90 deg" --ball jokku --effect magnus:spin=10
     """
@@ -995,7 +993,7 @@ def simulate_command(
         cor=wanted.law,
         scatter=wanted.scatter_at(reached, scatter_of(known, wanted.ball)),
         effects=added,
-        unsure=wanted.unsure,
+        uncertain=wanted.uncertain,
     )
     if plot is not None:
         from pipelines.report.plots import save_figure
@@ -1016,7 +1014,7 @@ _CONTACT_ANGLE = ("backswing_angle_contact_model", "deg")
 
 @dataclass(frozen=True)
 class Planning:
-    """A plan in numbers.
+    """The numbers of a plan.
 
     Attributes
     ----------
@@ -1037,7 +1035,7 @@ def plan(
     cor: CorLaw | None = None,
     scatter: PlanScatter | None = None,
 ) -> Planning:
-    """Back-swing and speed for `distance` (m), by the variable and by the constant COR.
+    """Back-swing and speed for `distance` (m), with the variable and the constant COR.
 
     Parameters
     ----------
@@ -1045,7 +1043,7 @@ def plan(
     distance : float
         m.
     cor : CorLaw, optional
-        Default the ball's law.
+        Default: the ball's law.
     scatter : PlanScatter, optional
 
     Returns
@@ -1055,7 +1053,7 @@ def plan(
     Raises
     ------
     DomainError
-        If the distance is out of the pendulum's reach.
+        If the pendulum can't reach the distance.
     """
     law = experiment.ball.cor if cor is None else cor
     found = plan_distance(experiment, distance, cor=law, scatter=scatter)
@@ -1088,7 +1086,7 @@ def _quantity(name: str, value: float, unit: str, std: float) -> Quantity:
 
 
 def _at_rest(law: CorLaw) -> ConstantCor | None:
-    """The constant COR of the paper, that of the gentlest impact; None for a power of the speed."""
+    """The constant COR of the paper, at zero speed; None for a power law of the speed."""
     try:
         return ConstantCor(float(law(0.0)))
     except DomainError:
@@ -1098,7 +1096,7 @@ def _at_rest(law: CorLaw) -> ConstantCor | None:
 def _alternative(
     experiment: Experiment, distance: float, law: CorLaw, scatter: PlanScatter | None
 ) -> list[Quantity]:
-    """The same plan with the constant COR of the paper, where it reaches that far."""
+    """The same plan with the constant COR of the paper, if it reaches the distance."""
     other = plan_distance(experiment, distance, cor=law, scatter=scatter)
     return [
         _quantity(
@@ -1114,7 +1112,7 @@ def _alternative(
 def _by_contact_model(
     experiment: Experiment, distance: float, law: CorLaw, found: Plan
 ) -> list[Quantity]:
-    """Angle and speed when the contact is followed in time instead of taken as instantaneous."""
+    """Angle and speed with the time-resolved instead of the instantaneous contact."""
     name, unit = _CONTACT_ANGLE
     angle, gravity = experiment.ball.launch_angle, experiment.gravity
     fastest = frictionless_speed(experiment.pendulum, math.pi, angle, gravity)
@@ -1128,7 +1126,7 @@ def _by_contact_model(
         grid = np.linspace(slowest, speed, 7)
         reached = lands(grid)
         if not reached[0] <= distance <= reached[-1]:
-            return [Quantity.missing(name, unit, "out of reach when contact is followed in time")]
+            return [Quantity.missing(name, unit, "not reachable with time-resolved contact")]
         above = int(np.clip(np.searchsorted(reached, distance), 1, 6))
         slowest, speed = float(grid[above - 1]), float(grid[above])
     speed = float(np.interp(distance, reached, grid))
@@ -1144,15 +1142,15 @@ def _planning_warnings(experiment: Experiment, found: Plan, law: CorLaw) -> tupl
     notes = list(experiment.air.notes)
     if law == experiment.ball.cor and not low * 0.98 <= found.impact_speed <= high * 1.02:
         notes.append(
-            f"an impact speed of {found.impact_speed:.3f} m/s is outside {low:.2f} to {high:.2f}"
-            f" m/s, where the law of restitution of the {experiment.ball.name} was fitted:"
+            f"the impact speed {found.impact_speed:.3f} m/s is outside {low:.2f} to {high:.2f}"
+            f" m/s, the fitted range of the {experiment.ball.name}'s law of restitution:"
             " the plan is an extrapolation"
         )
     return tuple(notes)
 
 
 def planned_figure(experiment: Experiment, law: CorLaw, planned: Planning) -> "Picture":
-    """Distance over back-swing by the law and by a constant one, with the plan on it."""
+    """Plot distance against back-swing for both laws, with the plan."""
     low, high = experiment.ball.cor_range
     pendulum, ball = experiment.pendulum, experiment.ball
     angles = np.linspace(1.5 * ball.launch_angle, math.pi, 90)
@@ -1191,15 +1189,15 @@ def plan_command(
     json_to: ResultsJsonOption = None,
     csv_to: ResultsCsvOption = None,
     plot: Annotated[
-        Path | None, typer.Option(help="Draw distance by angle: .png or .svg."), FileRole.WRITES
+        Path | None, typer.Option(help="Plot distance by angle: .png or .svg."), FileRole.WRITES
     ] = None,
     quiet: NoTableOption = False,
 ) -> None:
-    """Plan a strike: the back-swing angle and impact speed that reach a distance.
+    """Find the back-swing angle and impact speed for a landing distance.
 
     Example: vision plan --distance 2.5m --ball jokku
 
-    How many strikes a law of restitution needs: vision plan campaign --help
+    For the number of strikes a law of restitution needs, see: vision plan campaign --help
     """
     known = setup_or_default(setup)
     wanted = asked(known, ball, cor, drag, cor_law)
@@ -1207,7 +1205,7 @@ def plan_command(
     scatter = scatter_of(known, wanted.ball)
     planned = plan(wanted.experiment, metres, cor=wanted.law, scatter=scatter)
     if wanted.campaign is not None:
-        # how well the law is known depends on the speed that the plan asks for
+        # the law's uncertainty depends on the planned speed
         scatter = wanted.scatter_at(planned.plan.impact_speed, scatter)
         planned = plan(wanted.experiment, metres, cor=wanted.law, scatter=scatter)
     if plot is not None:

@@ -1,12 +1,12 @@
-"""The paper recomputed: what it prints, its tables cell by cell, Table 5 looked into, figures.
+"""The paper recomputed: its tables cell by cell, Table 5 investigated, figures.
 
-Tables 2 to 10 stand here digit by digit (the number of digits matters); beside them the paper's
-four conclusions on Eq. 17, its speeds against a frictionless swing, impact speeds that it measured
-but does not print, its Eqs 26 and 27, and which unsaid things could explain the 16 simulated
-distances of Table 5, and which could not. Figures show ours as lines, the print as points.
+Tables 2 to 10 are stored as printed (the number of digits matters), with the paper's four
+conclusions on Eq. 17, its speeds compared with a frictionless swing, impact speeds that it implies,
+its Eqs 26 and 27, and candidate explanations of the 16 simulated distances of Table 5. Figures show
+our results as lines, the paper's as points.
 
-Run ``python -m pipelines.paper docs/model.md`` after a change of the physics: it writes the
-generated parts of that page.
+``python -m pipelines.paper docs/model.md`` rewrites the generated parts of that page; run it after
+a change of the physics.
 """
 
 import json
@@ -66,10 +66,10 @@ from pipelines.model import BLUE, GRAY, ORANGE, saved_figure
 from pipelines.terminal import screen
 
 __all__ = [
-    "ALLOWANCE",
     "BACKSWINGS_DEG",
     "EFFECTIVE_MASS",
     "FIGURES",
+    "MAX_MISFIT_M",
     "TABLE_5",
     "TABLE_5_PERCENT",
     "TABLE_6",
@@ -91,10 +91,10 @@ __all__ = [
     "contact_candidate",
     "draw_figures",
     "draw_sensitivities",
+    "fit_candidates",
     "half_digit",
     "implied_fits",
-    "investigate",
-    "judged",
+    "judge",
     "law_of",
     "measured_speeds",
     "paper_command",
@@ -107,7 +107,7 @@ __all__ = [
 
 BACKSWINGS_DEG = (30, 60, 90, 120)
 
-"""deg: the settings of Tables 5 to 8."""
+"""Degrees: settings of Tables 5 to 8."""
 
 TABLE_5 = {
     "jokku": {
@@ -146,7 +146,7 @@ TABLE_6 = {
 
 WANTED_IMPULSES = {"jokku": (1.0, 1.4, 1.8, 2.2), "basketball": (1.5, 2.5, 3.5, 3.8)}
 
-"""N s: the columns of Table 7."""
+"""N s: columns of Table 7."""
 
 TABLE_7 = {
     "jokku": {
@@ -175,7 +175,7 @@ WANTED_DISTANCES = {
     "basketball": (1.0, 1.4, 1.8, 2.2, 2.8),
 }
 
-"""m: the columns of Table 9."""
+"""m: columns of Table 9."""
 
 TABLE_9 = {
     "jokku": ("52.64", "69.16", "89.36", "111.62", "129.81"),
@@ -204,14 +204,14 @@ _BEYOND: Verdict = "not reproducible from what is printed"
 
 @dataclass(frozen=True)
 class Cell:
-    """A printed number beside ours.
+    """A printed number with ours.
 
     Attributes
     ----------
     table : int
     row, column : str
     printed, ours, difference : float
-        In the table's unit; the difference is ours minus print.
+        In the table's unit; the difference is ours − print.
     verdict : Verdict
     note : str
     """
@@ -232,7 +232,7 @@ def half_digit(text: str) -> float:
     return float(0.5 * 10.0 ** -len(decimals))
 
 
-def judged(
+def judge(
     table: int,
     row: str,
     column: str,
@@ -244,22 +244,22 @@ def judged(
     note: str = "",
     within: str = "",
 ) -> Cell:
-    """Judge a cell.
+    """Compare a cell with the recomputed value.
 
     Parameters
     ----------
     table, row, column
-        Where it is.
+        Position of the cell.
     printed : str
         The digits as printed.
     ours : float
         Recomputed.
     input_rounding : float
-        How far the printed inputs' own rounding can shift `ours`.
+        Largest change of `ours` by the rounding of the printed inputs.
     beyond : Verdict
-        Verdict where neither rounding explains the difference.
+        Verdict if rounding does not explain the difference.
     note, within : str
-        Why, where it is not explained; and what to say where it is.
+        Notes if the difference is not explained, and if it is.
     """
     difference = ours - float(printed)
     half = half_digit(printed)
@@ -267,7 +267,7 @@ def judged(
     if abs(difference) <= half * (1.0 + 1e-9):
         verdict, said = "reproduced", within
     elif abs(difference) <= half + input_rounding:
-        verdict, said = "rounding", within or "within what the rounding of its inputs allows"
+        verdict, said = "rounding", within or "within the rounding of its inputs"
     else:
         verdict, said = beyond, note
     return Cell(table, row, column, float(printed), ours, difference, verdict, said)
@@ -338,18 +338,17 @@ def backswing_by_rational(name: str, speed: float) -> float:
     return float(brentq(lambda b: speed_by_rational(name, b) - speed, 15.0, 400.0, xtol=1e-12))
 
 
-ALLOWANCE = {"simulated": 0.006, "experiment": 0.010}
-
+MAX_MISFIT_M = {"simulated": 0.006, "experiment": 0.010}
 """m. The simulation ran "until the y coordinate is near to zero", up to one step late: 6 mm for a
-step of 1 ms at 6 m/s. The experiment was read on gradations of 10 mm. A candidate that misses a
-printed distance by more is excluded."""
+step of 1 ms at 6 m/s. The experiment was read on a scale with 10 mm divisions. A candidate with a
+larger difference from a printed distance is excluded."""
 
-KINDS = ("variable", "constant")
+COR_KINDS = ("variable", "constant")
 
 
 @dataclass(frozen=True)
 class Explanation:
-    """A candidate and how well it fits.
+    """A candidate explanation and its fit.
 
     Attributes
     ----------
@@ -357,13 +356,13 @@ class Explanation:
     data : str
         "simulated" (16 numbers) or "experiment" (8 numbers).
     parameters : tuple of (str, float)
-        Fitted values, with the ball they belong to; SI, angles in degrees.
+        Fitted values, by ball; SI, angles in degrees.
     rms, largest : float
         Residuals, m.
     allowed : bool
-        Whether no residual exceeds `ALLOWANCE`.
+        Whether no residual exceeds `MAX_MISFIT_M`.
     physical : bool
-        Whether the values are ones a lab could have (see `_BOUNDS`).
+        Whether the values are plausible for a lab (see `_FIT_BOUNDS`).
     """
 
     name: str
@@ -375,12 +374,12 @@ class Explanation:
     physical: bool
 
 
-_SCALES = {"origin": 0.05, "height": 0.02, "contact_time": 0.005, "drag": 0.3, "turn": 1.0}
+_FIT_SCALES = {"origin": 0.05, "height": 0.02, "contact_time": 0.005, "drag": 0.3, "turn": 1.0}
 
-"""m, m, s, factor and degree: about what the paper leaves open of each, so that a solver's steps
-are alike."""
+"""m, m, s, factor and degree: approximate uncertainties left by the paper; scale the solver's
+steps."""
 
-_BOUNDS = {
+_FIT_BOUNDS = {
     "origin": (-0.03, 0.03),
     "height": (-0.01, 0.01),
     "contact_time": (0.005, 0.03),
@@ -388,8 +387,8 @@ _BOUNDS = {
     "turn": (-1.0, 1.0),
 }
 
-"""What would be unremarkable: a tape misread by 3 cm or 1 cm, 5 to 30 ms of contact, a sphere's
-C_D, a degree of launch angle."""
+"""Plausible ranges: a tape misread by 3 cm or 1 cm, 5 to 30 ms of contact, a sphere's C_D, a
+degree of launch angle."""
 
 _CANDIDATES: tuple[tuple[str, bool, tuple[str, ...]], ...] = (
     ("as printed, drag C_D 0.47", False, ()),
@@ -412,7 +411,7 @@ _CANDIDATES: tuple[tuple[str, bool, tuple[str, ...]], ...] = (
 
 @dataclass(frozen=True)
 class _Case:
-    """One ball's rows: launch states before anything is fitted."""
+    """One ball's rows: launch states before the fit."""
 
     experiment: Experiment
     rows: tuple[tuple[ContactOutcome, FloatArray], ...]
@@ -420,7 +419,7 @@ class _Case:
 
 def _case(name: str, in_time: bool, data: str) -> _Case:
     rows = []
-    for kind in KINDS if data == "simulated" else ("variable",):
+    for kind in COR_KINDS if data == "simulated" else ("variable",):
         row = kind if data == "simulated" else "experiment"
         target = np.array([float(text) for text in TABLE_5[name][row]])
         rows.append((_launched(name, in_time, kind), target))
@@ -486,7 +485,7 @@ def _fit(name: str, in_time: bool, free: tuple[str, ...], data: str) -> Explanat
         case = _case(ball, in_time, data)
 
         def misses(vector: FloatArray, case: _Case = case) -> FloatArray:
-            values = {key: float(v) * _SCALES[key] for key, v in zip(free, vector, strict=True)}
+            values = {key: float(v) * _FIT_SCALES[key] for key, v in zip(free, vector, strict=True)}
             return np.concatenate(
                 [_distances(case, out, in_time, values) - want for out, want in case.rows]
             )
@@ -494,12 +493,13 @@ def _fit(name: str, in_time: bool, free: tuple[str, ...], data: str) -> Explanat
         best = _minimum(misses, free)
         residuals.append(misses(best))
         found += [
-            (f"{ball} {key}", float(v) * _SCALES[key]) for key, v in zip(free, best, strict=True)
+            (f"{ball} {key}", float(v) * _FIT_SCALES[key])
+            for key, v in zip(free, best, strict=True)
         ]
     every = np.concatenate(residuals)
     largest = float(np.max(np.abs(every)))
     inside = all(
-        _BOUNDS[key.split(" ", 1)[1]][0] <= value <= _BOUNDS[key.split(" ", 1)[1]][1]
+        _FIT_BOUNDS[key.split(" ", 1)[1]][0] <= value <= _FIT_BOUNDS[key.split(" ", 1)[1]][1]
         for key, value in found
     )
     return Explanation(
@@ -508,7 +508,7 @@ def _fit(name: str, in_time: bool, free: tuple[str, ...], data: str) -> Explanat
         tuple(found),
         float(np.sqrt(np.mean(every**2))),
         largest,
-        largest <= ALLOWANCE[data],
+        largest <= MAX_MISFIT_M[data],
         inside,
     )
 
@@ -516,7 +516,7 @@ def _fit(name: str, in_time: bool, free: tuple[str, ...], data: str) -> Explanat
 def _minimum(misses: Callable[[FloatArray], FloatArray], free: tuple[str, ...]) -> FloatArray:
     if not free:
         return np.zeros(0)
-    start = np.array([0.47 / _SCALES["drag"] if key == "drag" else 0.0 for key in free])
+    start = np.array([0.47 / _FIT_SCALES["drag"] if key == "drag" else 0.0 for key in free])
     start = np.array(
         [3.0 if key == "contact_time" else s for key, s in zip(free, start, strict=True)]
     )
@@ -524,8 +524,8 @@ def _minimum(misses: Callable[[FloatArray], FloatArray], free: tuple[str, ...]) 
     return minimise(misses, start, low=low).values
 
 
-def investigate(data: str = "simulated") -> tuple[Explanation, ...]:
-    """Fit every candidate, each ball with its own values.
+def fit_candidates(data: str = "simulated") -> tuple[Explanation, ...]:
+    """Fit every candidate, with separate parameters for each ball.
 
     Parameters
     ----------
@@ -541,7 +541,7 @@ def investigate(data: str = "simulated") -> tuple[Explanation, ...]:
 
 
 def contact_candidate(name: str) -> tuple[FloatArray, FloatArray]:
-    """Launch angles (deg) at the measured speeds: the paper's, and from the contact in time."""
+    """Launch angles (deg) at the measured speeds: the paper's, and of the time-resolved contact."""
     ball = BALLS[name]
     speeds = measured_speeds(name)
     outcome = _launched(name, True, "variable")
@@ -551,26 +551,25 @@ def contact_candidate(name: str) -> tuple[FloatArray, FloatArray]:
 
 EQUATION = {"jokku": 26, "basketball": 27}
 
-"""Of the paper, by ball: impact speed from the back-swing."""
+"""Number of the paper's equation for the impact speed from the back-swing, by ball."""
 
-HALF_OF_P2 = {"jokku": 0.05, "basketball": 0.005}
-
-"""Half a unit of the last digit that the paper prints of p2, by ball."""
+P2_ROUNDING = {"jokku": 0.05, "basketball": 0.005}
+"""Half a unit of the last printed digit of p₂, by ball."""
 
 SLIPS = frozenset({("basketball", "constant", 2.5)})
 
-"""Cells of Table 7 that the paper prints wrongly: ball, law and impulse, N s."""
+"""Cells of Table 7 that are misprinted: ball, law and impulse, N s."""
 
 _COR_ROUNDING = 1.5e-4 / 1.7
 
-"""Relative change of a speed by the last digits of Eqs 24, 25, which move e by 1.5e-4 at most."""
+"""Relative change of a speed by the last digits of Eqs 24, 25, which change e by up to 1.5e-4."""
 
 
 def audit() -> tuple[Cell, ...]:
     """All cells of Tables 2 to 10 that follow from other printed numbers.
 
-    Pure inputs (masses, lengths, measured distances, balls' properties) have nothing to be
-    recomputed from and are not listed.
+    Pure inputs (masses, lengths, measured distances, properties of balls) can't be recomputed and
+    are not listed.
 
     Returns
     -------
@@ -593,8 +592,8 @@ def audit() -> tuple[Cell, ...]:
 
 def _table_2() -> Iterator[Cell]:
     end, bar, length = 4.750, 1.250, 0.5541
-    yield judged(2, "total mass (kg)", "specification", "6.0", end + bar)
-    yield judged(
+    yield judge(2, "total mass (kg)", "specification", "6.0", end + bar)
+    yield judge(
         2,
         "effective mass (kg)",
         "specification",
@@ -602,7 +601,7 @@ def _table_2() -> Iterator[Cell]:
         end + bar / 3.0,
         within="M + m/3; section IV prints M l² + m l²/3, which is a moment of inertia",
     )
-    yield judged(
+    yield judge(
         2,
         "effective mass as I/L² (kg)",
         "specification",
@@ -611,7 +610,7 @@ def _table_2() -> Iterator[Cell]:
         input_rounding=PAPER_PENDULUM.inertial_mass * (0.0005 / 1.579 + 2 * 0.00005 / length),
         note="from Table 2's own inertia and length; a second reading, 0.46 % less",
     )
-    yield judged(
+    yield judge(
         2,
         "moment of inertia (kg m²)",
         "specification",
@@ -619,7 +618,7 @@ def _table_2() -> Iterator[Cell]:
         (end + bar / 3.0) * length**2,
         note="M l² + m l²/3 for a point mass and a thin rod; the paper's is from a solid model",
     )
-    yield judged(
+    yield judge(
         2,
         "centre of mass (m)",
         "specification",
@@ -631,7 +630,7 @@ def _table_2() -> Iterator[Cell]:
 
 def _table_3() -> Iterator[Cell]:
     kelvin = 26.0 + 273.15
-    yield judged(
+    yield judge(
         3,
         "air density (kg/m³)",
         "specification",
@@ -640,7 +639,7 @@ def _table_3() -> Iterator[Cell]:
         within="dry air at 1013.25 hPa; pressure and humidity are not printed",
         note="dry air at 1013.25 hPa; pressure and humidity are not printed",
     )
-    yield judged(
+    yield judge(
         3,
         "air viscosity (N s/m²)",
         "specification",
@@ -668,11 +667,11 @@ def _table_5() -> Iterator[Cell]:
     )
     for name in BALLS:
         speeds = measured_speeds(name)
-        for kind in KINDS:
+        for kind in COR_KINDS:
             ours = _simulated(name, kind, speeds)
             slope = np.diff(_simulated(name, kind, speeds[:, None] + [[-1e-3, 1e-3]]))[:, 0] / 2e-3
             for i, column in enumerate(_columns(name)):
-                yield judged(
+                yield judge(
                     5,
                     f"{name} {kind}",
                     column,
@@ -686,7 +685,7 @@ def _table_5() -> Iterator[Cell]:
 def _table_5_percent() -> Iterator[Cell]:
     for name in BALLS:
         measured = TABLE_5[name]["experiment"]
-        for kind in KINDS:
+        for kind in COR_KINDS:
             for i, column in enumerate(_columns(name)):
                 text, against = TABLE_5[name][kind][i], measured[i]
                 yield _percent(5, f"{name} {kind}, %", column, text, against, name, kind, i)
@@ -697,7 +696,7 @@ def _percent(
 ) -> Cell:
     simulated, measured = float(text), float(against)
     allowed = 100.0 * (half_digit(text) / measured + simulated * half_digit(against) / measured**2)
-    return judged(
+    return judge(
         table,
         row,
         column,
@@ -717,12 +716,12 @@ def _impulse(name: str, kind: str, speed: float) -> float:
 def _table_6() -> Iterator[Cell]:
     for name in BALLS:
         speeds = measured_speeds(name)
-        for kind in KINDS:
+        for kind in COR_KINDS:
             for i, column in enumerate(_columns(name)):
                 text = TABLE_6[name][kind][i]
                 speed = float(speeds[i])
                 slope = (_impulse(name, kind, speed + 1e-4) - _impulse(name, kind, speed)) / 1e-4
-                yield judged(
+                yield judge(
                     6,
                     f"{name} {kind}",
                     column,
@@ -736,11 +735,11 @@ def _table_6() -> Iterator[Cell]:
 
 def _table_6_rational() -> Iterator[Cell]:
     for name in BALLS:
-        for kind in KINDS:
+        for kind in COR_KINDS:
             for i, angle in enumerate(BACKSWINGS_DEG):
                 speed = speed_by_rational(name, angle)
                 bound = abs(_impulse(name, kind, speed) / speed) * _rational_rounding(name, angle)
-                yield judged(
+                yield judge(
                     6,
                     f"{name} {kind}, speed by Eq. {EQUATION[name]}",
                     f"{angle} deg",
@@ -753,8 +752,8 @@ def _table_6_rational() -> Iterator[Cell]:
 
 
 def _rational_rounding(name: str, angle: float) -> float:
-    """How far the last digits of the coefficients of Eqs 26, 27 can move the speed, m/s."""
-    halves = (0.0005, HALF_OF_P2[name], 0.00005, 0.05, 0.005)
+    """Largest change of the speed, m/s, by the last digits of the coefficients of Eqs 26, 27."""
+    halves = (0.0005, P2_ROUNDING[name], 0.00005, 0.05, 0.005)
     p1, p2, p3, q1, q2 = RATIONAL[name]
     below = angle**2 + q1 * angle + q2
     value = (p1 * angle**2 + p2 * angle + p3) / below
@@ -764,12 +763,12 @@ def _rational_rounding(name: str, angle: float) -> float:
 
 def _table_7() -> Iterator[Cell]:
     for name, ball in BALLS.items():
-        for kind in KINDS:
+        for kind in COR_KINDS:
             for i, impulse in enumerate(WANTED_IMPULSES[name]):
                 text = TABLE_7[name][kind][i]
                 ours = speed_for(ball, law_of(ball, kind), impulse)
                 slip = (name, kind, impulse) in SLIPS
-                yield judged(
+                yield judge(
                     7,
                     f"{name} {kind}",
                     f"{impulse} N s",
@@ -786,12 +785,12 @@ def _table_7() -> Iterator[Cell]:
 
 def _table_8() -> Iterator[Cell]:
     for name, ball in BALLS.items():
-        for kind in KINDS:
+        for kind in COR_KINDS:
             for i, impulse in enumerate(WANTED_IMPULSES[name]):
                 speed = speed_for(ball, law_of(ball, kind), impulse)
                 angle = backswing_by_rational(name, speed)
                 slope = (speed_by_rational(name, angle + 0.1) - speed) / 0.1
-                yield judged(
+                yield judge(
                     8,
                     f"{name} {kind}",
                     f"{impulse} N s",
@@ -807,7 +806,7 @@ def _table_9() -> Iterator[Cell]:
         law = partial(_simulated, name, "variable")
         for i, distance in enumerate(WANTED_DISTANCES[name]):
             speed = speed_for_distance(distance, law, 0.3, 12.0)
-            yield judged(
+            yield judge(
                 9,
                 ball.name,
                 f"{distance} m",
@@ -822,7 +821,7 @@ def _table_10() -> Iterator[Cell]:
     for name in BALLS:
         for i, distance in enumerate(WANTED_DISTANCES[name]):
             text = TABLE_10[name][i]
-            yield judged(
+            yield judge(
                 10,
                 f"{name}, %",
                 f"{distance} m",
@@ -849,12 +848,12 @@ _INPUTS = (
 
 READING_STD = 5.0 / (2.0 * math.sqrt(6.0))
 
-"""deg: a triangular distribution between the protractor's 5-degree marks (GUM 4.3.9)."""
+"""Degrees: triangular distribution between the protractor's 5-degree marks (GUM 4.3.9)."""
 
 
 @dataclass(frozen=True)
 class Conclusion:
-    """A sentence of the paper and what Eq. 17 says.
+    """A statement of the paper and the result of Eq. 17.
 
     Attributes
     ----------
@@ -871,7 +870,7 @@ class Conclusion:
 
 @dataclass(frozen=True)
 class SwingCheck:
-    """A measured impact speed beside what a frictionless swing can give.
+    """A measured impact speed and the limit of a frictionless swing.
 
     Attributes
     ----------
@@ -880,9 +879,9 @@ class SwingCheck:
     measured, limit : float
         m/s.
     backswing_needed_deg : float
-        Back-swing from which a frictionless pendulum would reach the measured speed.
+        Back-swing from which a frictionless pendulum reaches the measured speed.
     flagged : bool
-        Whether it is above the limit by more than the protractor's reading explains.
+        Whether it exceeds the limit by more than the protractor's reading explains.
     """
 
     ball: str
@@ -894,7 +893,7 @@ class SwingCheck:
 
 
 def _point(name: str, index: int = 2) -> RangeInputs:
-    """Inputs of Eq. 17 at one printed distance; 90 deg unless told."""
+    """Inputs of Eq. 17 at one printed distance; default: 90 deg."""
     ball, speed = BALLS[name], float(measured_speeds(name)[index])
     return RangeInputs.of(
         PAPER_PENDULUM,
@@ -936,7 +935,7 @@ def conclusions() -> tuple[Conclusion, ...]:
 
 
 def swing_checks() -> tuple[SwingCheck, ...]:
-    """All measured speeds against the frictionless swing from the printed back-swing angle."""
+    """Compare all measured speeds with a frictionless swing from the printed back-swing."""
     found = []
     for name, ball in BALLS.items():
         for angle, speed in zip(BACKSWINGS_DEG, measured_speeds(name), strict=True):
@@ -952,7 +951,7 @@ def swing_checks() -> tuple[SwingCheck, ...]:
 
 
 def implied_fits(name: str) -> tuple[CorFit, ...]:
-    """Laws of restitution fitted to the four e that Table 6 implies, the preferred first.
+    """Laws of restitution fitted to the four e implied by Table 6, the preferred first.
 
     The uncertainty is that of the table's last digit.
     """
@@ -1063,7 +1062,7 @@ def _figure_12(axes: Axes, ball: Ball) -> None:
     )
     some = np.linspace(25, 125, 12)
     _, landing = time_resolved_landing(experiment, _speeds_by_energy(ball, some))
-    axes.plot(some, np.asarray(landing.distance), color=ORANGE, label="contact in time")
+    axes.plot(some, np.asarray(landing.distance), color=ORANGE, label="time-resolved contact")
     measured = _numbers(TABLE_5[ball.name]["experiment"])
     axes.plot(_ANGLES, measured, "ko", ms=4, label="printed average")
     axes.set(xlabel="back-swing angle (deg)", ylabel="distance (m)")
@@ -1078,7 +1077,7 @@ def _figure_15(axes: Axes, ball: Ball) -> None:
     rough = np.asarray(lost_by_pendulum_approximate(PAPER_PENDULUM, speeds, after.impulse))
     axes.plot(degrees, exact, color=BLUE, label="½ I (ω₁² − ω₂²)")
     axes.plot(degrees, rough, color=ORANGE, ls="--", label="v_M⁰ F̃ (Eqs 20, 21)")
-    axes.set(xlabel="back-swing angle (deg)", ylabel="energy the pendulum loses (J)")
+    axes.set(xlabel="back-swing angle (deg)", ylabel="energy lost by the pendulum (J)")
     axes.legend()
 
 
@@ -1230,7 +1229,7 @@ FIGURES: dict[str, tuple[Painter, tuple[str, ...]]] = {
     "30": (_figure_30, ("jokku",)),
     "31": (_figure_30, ("basketball",)),
 }
-"""Figure number to painter and the balls it shows. Figs 13, 14 and 18 have no printed numbers."""
+"""Painter and balls by figure number. Figs 13, 14 and 18 have no printed numbers."""
 
 
 def draw_figures(folder: Path, only: tuple[str, ...] = ()) -> tuple[Path, ...]:
@@ -1239,7 +1238,7 @@ def draw_figures(folder: Path, only: tuple[str, ...] = ()) -> tuple[Path, ...]:
     Parameters
     ----------
     folder : Path
-        Made if it does not exist.
+        Created if it does not exist.
     only : tuple of str
         Figure numbers ("05"); empty for all.
 
@@ -1251,14 +1250,14 @@ def draw_figures(folder: Path, only: tuple[str, ...] = ()) -> tuple[Path, ...]:
     Raises
     ------
     UsageError
-        If the folder can't be made.
+        If the folder can't be created.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
         raise UsageError(
-            f"can't make the folder {folder}: {problem.strerror}",
-            hint="Name a folder that you may write to.",
+            f"can't create the folder {folder}: {problem.strerror}",
+            hint="Pass a writable folder as --figures.",
         ) from problem
     files = []
     for number, (painter, balls) in FIGURES.items():
@@ -1278,7 +1277,7 @@ def draw_figures(folder: Path, only: tuple[str, ...] = ()) -> tuple[Path, ...]:
 def paper_document(
     cells: tuple[Cell, ...], explanations: tuple[Explanation, ...]
 ) -> dict[str, Any]:
-    """The contract's JSON with the candidates for Table 5 and the checks of the text added."""
+    """The contract's JSON plus the candidates for Table 5 and the checks of the text."""
     return {
         "cells": as_rows(cells),
         "table_5": [
@@ -1322,7 +1321,7 @@ def _cell_table(cells: tuple[Cell, ...], number: int, notes: list[str]) -> Table
 
 
 def _candidate_table(explanations: tuple[Explanation, ...]) -> Table:
-    table = Table(title="Table 5: what could be missing")
+    table = Table(title="Table 5: candidate explanations")
     for name in ("data", "candidate"):
         table.add_column(name)
     for name in ("rms (mm)", "largest (mm)"):
@@ -1331,7 +1330,7 @@ def _candidate_table(explanations: tuple[Explanation, ...]) -> Table:
     for e in explanations:
         verdict = "allowed" if e.allowed else "excluded"
         if e.allowed and not e.physical:
-            verdict = "fits, with values no lab would have"
+            verdict = "fits with implausible values"
         table.add_row(e.data, e.name, f"{e.rms * 1e3:.1f}", f"{e.largest * 1e3:.1f}", verdict)
     return table
 
@@ -1351,17 +1350,19 @@ def paper_command(
     table: Annotated[int | None, typer.Option(help="Show only this table.", metavar="N")] = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print no tables.")] = False,
 ) -> None:
-    """Recompute every table of the paper beside the print, and redraw its figures.
+    """Recompute every table of the paper, compare with the print, and redraw its figures.
 
     Example: vision paper --table 6 --figures figures
     """
     cells = audit()
     if table is not None:
         if table not in {cell.table for cell in cells}:
-            raise UsageError(f"there is no table {table} to recompute", hint="Tables 2 to 10.")
+            raise UsageError(
+                f"there is no table {table} to recompute", hint="Pass --table 2 to 10."
+            )
         cells = tuple(cell for cell in cells if cell.table == table)
     explained = table in (None, 5)
-    candidates = (*investigate("simulated"), *investigate("experiment")) if explained else ()
+    candidates = (*fit_candidates("simulated"), *fit_candidates("experiment")) if explained else ()
     document = json.dumps(
         paper_document(cells, candidates), indent=2, ensure_ascii=False, allow_nan=False
     )
@@ -1400,17 +1401,16 @@ def _show(cells: tuple[Cell, ...], candidates: tuple[Explanation, ...]) -> None:
     for check in swing_checks():
         if check.flagged:
             console.print(
-                f"{check.ball}, {check.backswing_deg} deg: the measured {check.measured:.4f} m/s is"
-                f" above the frictionless limit of {check.limit:.4f} m/s; it needs"
+                f"{check.ball}, {check.backswing_deg} deg: the measured {check.measured:.4f} m/s"
+                f" exceeds the frictionless limit of {check.limit:.4f} m/s; it would need"
                 f" {check.backswing_needed_deg:.1f} deg",
             )
     for verdict, count in Counter(cell.verdict for cell in cells).most_common():
         console.print(f"{count:4d} cells: {verdict}")
 
 
-PICTURES = ("02", "05", "12", "22", "27")
-
-"""Figures of the paper shown on the page."""
+PAGE_FIGURES = ("02", "05", "12", "22", "27")
+"""Figures shown on the model page."""
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -1449,18 +1449,18 @@ def _audit_section(cells: tuple[Cell, ...]) -> str:
 def _candidates_section() -> str:
     rows = []
     for data in ("simulated", "experiment"):
-        for e in investigate(data):
+        for e in fit_candidates(data):
             if not e.allowed:
                 verdict = "excluded"
             else:
-                verdict = "allowed" if e.physical else "fits, with values no lab would have"
+                verdict = "allowed" if e.physical else "fits with implausible values"
             count = str(len(e.parameters))
             rows.append(
                 (data, e.name, count, f"{e.rms * 1e3:.1f}", f"{e.largest * 1e3:.1f}", verdict)
             )
-    allowance = ", ".join(f"{name} {value * 1e3:.0f} mm" for name, value in ALLOWANCE.items())
-    header = ("distances", "candidate", "free numbers", "rms (mm)", "largest (mm)", "verdict")
-    return f"Largest miss allowed: {allowance}.\n\n{_table(header, rows)}"
+    limits = ", ".join(f"{name} {value * 1e3:.0f} mm" for name, value in MAX_MISFIT_M.items())
+    header = ("distances", "candidate", "parameters", "rms (mm)", "largest (mm)", "verdict")
+    return f"Largest difference allowed: {limits}.\n\n{_table(header, rows)}"
 
 
 def _launch_section() -> str:
@@ -1469,7 +1469,7 @@ def _launch_section() -> str:
         constant, turned = contact_candidate(name)
         for speed, fixed, angle in zip(measured_speeds(name), constant, turned, strict=True):
             rows.append((name, f"{speed:.3f}", f"{fixed:.1f}", f"{angle:.1f}"))
-    header = ("ball", "impact speed (m/s)", "paper's launch angle (deg)", "contact in time (deg)")
+    header = ("ball", "impact speed (m/s)", "paper's launch angle (deg)", "time-resolved (deg)")
     return _table(header, rows)
 
 
@@ -1497,7 +1497,7 @@ def _swing_section() -> str:
         )
         for check in swing_checks()
     ]
-    header = ("ball", "back-swing (deg)", "speed (m/s)", "of the limit", "needs (deg)", "flag")
+    header = ("ball", "back-swing (deg)", "speed (m/s)", "relative to limit", "needs (deg)", "flag")
     return _table(header, rows)
 
 
@@ -1526,8 +1526,8 @@ def sections() -> dict[str, str]:
     }
 
 
-def filled(text: str, parts: dict[str, str]) -> str:
-    """`text` with what stands between ``<!-- NAME:begin -->`` and ``<!-- NAME:end -->`` replaced.
+def fill_sections(text: str, parts: dict[str, str]) -> str:
+    """Replace the text between ``<!-- NAME:begin -->`` and ``<!-- NAME:end -->``.
 
     Raises
     ------
@@ -1539,8 +1539,8 @@ def filled(text: str, parts: dict[str, str]) -> str:
         found = pattern.search(text)
         if found is None:
             raise UsageError(
-                f"the page has no place for {name!r}",
-                hint=f"It must hold <!-- {name}:begin --> and <!-- {name}:end -->.",
+                f"the page has no markers for {name!r}",
+                hint=f"Add <!-- {name}:begin --> and <!-- {name}:end -->.",
             )
         begin, end = (f"<!-- {name}:{edge} -->" for edge in ("begin", "end"))
         text = "".join((text[: found.start()], begin, "\n", part, "\n", end, text[found.end() :]))
@@ -1548,10 +1548,10 @@ def filled(text: str, parts: dict[str, str]) -> str:
 
 
 def refresh(page: Path) -> None:
-    """Fill the page's generated parts and draw its pictures beside it."""
-    write_text_whole(page, filled(page.read_text(encoding="utf-8"), sections()))
+    """Rewrite the page's generated parts and draw its figures next to it."""
+    write_text_whole(page, fill_sections(page.read_text(encoding="utf-8"), sections()))
     folder = page.parent / "pictures"
-    for path in draw_figures(folder, only=PICTURES):
+    for path in draw_figures(folder, only=PAGE_FIGURES):
         path.replace(folder / f"model_{path.name}")
     draw_sensitivities(folder / "model_sensitivity.png")
 

@@ -1,4 +1,4 @@
-"""`vision render`: a synthetic clip of the experiment, with the truth beside it."""
+"""`vision render`: a synthetic clip of the experiment with its truth file."""
 
 import math
 import re
@@ -31,21 +31,20 @@ from sample_videos.truth import truth_path
 __all__ = ["RenderOptions", "parse_size", "planned_scene", "render_command"]
 
 FACE_FRICTION = 0.08
-"""Coulomb coefficient of face and ball, supposed: a struck ball is then seen to turn a little."""
+"""Coulomb coefficient of face and ball (assumed: the struck ball rotates visibly)."""
 LIFT = 0.25
-"""Factor on the Magnus force of a lift coefficient of one per spin ratio, supposed: slow spin lifts
-less."""
+"""Lift coefficient per spin ratio, relative to one (assumed: slow spin has less lift)."""
 FRAMES_AFTER_LANDING = 14
-"""Frames that a clip goes on for, so that the touch-down is seen from both sides."""
+"""Frames after landing (chosen: the touch-down is visible from both sides)."""
 NOISE = {"none": 0.0, "low": 0.5, "good": 1.0, "high": 2.5, "dim": 4.0}
-"""Factor on the noise of a well exposed sensor: none, a good industrial camera, a phone by day,
-indoors, in dim light; supposed."""
+"""Noise relative to a well exposed sensor (assumed): none, a good industrial camera, a phone by
+day, indoors, in dim light."""
 VIEWS = ("landing", "impact", "oblique")
 
 
 @dataclass(frozen=True)
 class RenderOptions:
-    """What the command line adds to a setup. SI; None takes the setup's or the default.
+    """Options in addition to the setup. SI; None: from the setup, or the default.
 
     Attributes
     ----------
@@ -54,13 +53,13 @@ class RenderOptions:
     size : (2,) tuple of int
         px.
     noise : float
-        Multiplies the noise of a well lit sensor; 0 is a perfect one.
+        Relative to the noise of a well exposed sensor; 0 is noise-free.
     readout : float
         Rolling shutter from first to last row, s.
     effects : tuple of str
-        Effects of the catalogue, as `parse_effect` reads them.
+        Effects of the catalogue, in the format of `parse_effect`.
     dropped : tuple of int
-        Captured frames that never reach the file.
+        Captured frames that are missing in the file.
     shake : float
         Tremor of a hand-held camera, px.
     roll : float
@@ -93,27 +92,27 @@ def parse_size(text: str) -> tuple[int, int]:
     Raises
     ------
     UsageError
-        If it is no size, or one that can't be filmed.
+        If it is not a size, or out of range.
     """
     found = re.fullmatch(r"\s*(\d{1,5})\s*[x×]\s*(\d{1,5})\s*", text)
     if found is None:
-        raise UsageError(f"--size {text!r} is no picture size", hint="Write it as 432x240.")
+        raise UsageError(f"--size {text!r} is not an image size", hint="Write it as 432x240.")
     width, height = int(found[1]), int(found[2])
     if not (32 <= width <= 4096 and 32 <= height <= 4096):
         raise UsageError(
-            f"a picture of {width} x {height} px can't be rendered",
-            hint="Between 32 and 4096 px each way.",
+            f"an image of {width} x {height} px can't be rendered",
+            hint="Give 32 to 4096 px each way.",
         )
     return width, height
 
 
 def planned_scene(setup: Setup, options: RenderOptions) -> tuple[Scene, Shot]:
-    """Scene and stroke that a setup and options describe.
+    """Scene and stroke for a setup and options.
 
     Raises
     ------
     UsageError
-        For options that can't be, DomainError for physics that can't.
+        For invalid options, DomainError for impossible physics.
     """
     if options.view not in VIEWS:
         raise UsageError(f"there is no view {options.view!r}", hint=f"One of {', '.join(VIEWS)}.")
@@ -124,7 +123,7 @@ def planned_scene(setup: Setup, options: RenderOptions) -> tuple[Scene, Shot]:
     scene = _scene(setup, options, 2.6)
     shot = strike(scene, _physics(setup, options))
     landing = float(shot.flight.landing_position[0])
-    # the stroke does not depend on the camera, so that it may be placed once the landing is known
+    # the stroke does not depend on the camera: place it once the landing is known
     scene = _scene(setup, options, landing)
     span = shot.landing_time - scene.shutter.first
     count = math.ceil(span * scene.shutter.fps) + FRAMES_AFTER_LANDING
@@ -136,7 +135,7 @@ def _physics(setup: Setup, options: RenderOptions) -> Physics:
     effects = added_effects(setup, options.effects)
     if contact := [added.effect.id for added in effects if added.alters_contact]:
         raise UsageError(
-            f"the effect {contact[0]!r} changes what a contact hands over: no film shows that",
+            f"the effect {contact[0]!r} changes the outcome of the contact, which no film shows",
             hint="Set the ball's cor, or use an effect of the swing or the flight.",
         )
     return Physics(
@@ -150,7 +149,7 @@ def _physics(setup: Setup, options: RenderOptions) -> Physics:
     )
 
 
-def _scene(setup: Setup, options: RenderOptions, reach: float) -> Scene:
+def _scene(setup: Setup, options: RenderOptions, landing_x: float) -> Scene:
     camera, wall = setup.camera, setup.wall
     distance = camera.distance_to_wall
     plane = wall.ball_plane_offset
@@ -158,7 +157,7 @@ def _scene(setup: Setup, options: RenderOptions, reach: float) -> Scene:
     scene = default_scene(
         ball=choose_ball(setup, options.ball),
         size=options.size,
-        reach=reach,
+        reach=landing_x,
         view=cast(View, options.view),
         distance=None if distance is None else distance[0],
         foot=None if foot is None else (foot[0][0], foot[1][0]),
@@ -215,17 +214,17 @@ def _filmed(scene: Scene, shot: Shot, out: Path, quiet: bool) -> Truth:
 
 _OutOption = Annotated[
     Path,
-    typer.Option("--out", "-o", help="The clip to write; its name ends as the codec wants."),
+    typer.Option("--out", "-o", help="Clip to write, with the ending of the codec."),
     FileRole.WRITES,
 ]
 _BackswingOption = Annotated[
     str, typer.Option(help="Back-swing angle, such as '90 deg'.", metavar="ANGLE")
 ]
-_SizeOption = Annotated[str, typer.Option(help="Picture size, px.", metavar="WxH")]
+_SizeOption = Annotated[str, typer.Option(help="Image size, px.", metavar="WxH")]
 _FramesOption = Annotated[
-    int | None, typer.Option(help="Default: until shortly after landing.", min=1)
+    int | None, typer.Option(help="Number of frames; default: until after landing.", min=1)
 ]
-_SeedOption = Annotated[int, typer.Option(help="The same seed gives the same clip.", min=0)]
+_SeedOption = Annotated[int, typer.Option(help="Random seed of noise and shake.", min=0)]
 _FpsOption = Annotated[
     str | None, typer.Option(help="Capture rate; default 600 fps.", metavar="RATE")
 ]
@@ -235,7 +234,7 @@ _ShutterOption = Annotated[
 _ReadoutOption = Annotated[
     str, typer.Option(help="Rolling shutter, first row to last.", metavar="TIME")
 ]
-_ContainerFpsOption = Annotated[float, typer.Option(help="Rate that the file claims.")]
+_ContainerFpsOption = Annotated[float, typer.Option(help="Frame rate stated in the file.")]
 _BitrateOption = Annotated[
     float | None, typer.Option(help="kbit/s of played time.", metavar="KBIT")
 ]
@@ -243,12 +242,12 @@ _CodecOption = Annotated[str, typer.Option(help="h264, mjpeg, ffv1 (lossless) or
 _ViewOption = Annotated[str, typer.Option(help="landing, impact or oblique.")]
 _NoiseOption = Annotated[str, typer.Option(help="none, low, good, high, dim.")]
 _DropOption = Annotated[
-    list[int] | None, typer.Option(help="A captured frame that is lost; repeat it.", min=0)
+    list[int] | None, typer.Option(help="Captured frame to drop; repeatable.", min=0)
 ]
 _ShakeOption = Annotated[float, typer.Option(help="Tremor of a hand-held camera, px.", min=0.0)]
 _RollOption = Annotated[str, typer.Option(help="Clockwise roll of the camera.")]
 _MirroredOption = Annotated[bool, typer.Option(help="The ball is struck to the left.")]
-_QuietOption = Annotated[bool, typer.Option("--quiet", help="Say nothing.")]
+_QuietOption = Annotated[bool, typer.Option("--quiet", help="Print nothing.")]
 
 
 def render_command(
@@ -279,10 +278,10 @@ def render_command(
     Example: vision render --setup lab.toml --backswing "90 deg" --seed 7 -o clip.mp4
     """
     if noise not in NOISE:
-        raise UsageError(f"--noise {noise!r} is not known", hint=f"One of {', '.join(NOISE)}.")
+        raise UsageError(f"--noise {noise!r} is unknown", hint=f"One of {', '.join(NOISE)}.")
     if bitrate is not None and not bitrate > 0:
         raise UsageError(
-            f"--bitrate {bitrate:g} is not above zero", hint="Write it in bit/s, as 2000000."
+            f"--bitrate {bitrate:g} is not positive", hint="Give it in kbit/s, such as 2000."
         )
     options = RenderOptions(
         backswing=angle_of(backswing),
@@ -307,7 +306,7 @@ def render_command(
     if not out.absolute().parent.is_dir():
         raise UsageError(
             f"can't write {out}: there is no folder {out.parent}",
-            hint="Make the folder first, or name another.",
+            hint="Make the folder first, or pass another as --out.",
         )
     scene, shot = planned_scene(setup_or_default(setup), options)
     _filmed(scene, shot, out, quiet)

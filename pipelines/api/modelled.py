@@ -151,7 +151,7 @@ def simulate(
         cor=wanted.law,
         scatter=scatter_of(known, wanted.ball),
         effects=added_effects(known, tuple(effects)),
-        unsure=wanted.unsure,
+        uncertain=wanted.uncertain,
     )
     return ModelResult(
         found.quantities,

@@ -20,9 +20,9 @@ from pipelines.paper import (
     audit,
     conclusions,
     draw_figures,
-    filled,
-    investigate,
-    judged,
+    fill_sections,
+    fit_candidates,
+    judge,
     law_of,
     measured_speeds,
     paper_command,
@@ -44,7 +44,7 @@ def cells() -> tuple[Cell, ...]:
 
 @pytest.fixture(scope="module")
 def candidates() -> dict[str, Explanation]:
-    return {e.name: e for e in investigate("simulated")}
+    return {e.name: e for e in fit_candidates("simulated")}
 
 
 def _table(cells: tuple[Cell, ...], number: int, row: str = "") -> list[Cell]:
@@ -149,9 +149,9 @@ def test_the_four_conclusions_and_the_too_fast_swing() -> None:
 
 
 def test_verdicts_know_rounding_from_error() -> None:
-    assert judged(1, "r", "c", "1.23", 1.2349).verdict == "reproduced"
-    assert judged(1, "r", "c", "1.23", 1.24, input_rounding=0.006).verdict == "rounding"
-    assert judged(1, "r", "c", "1.23", 1.25).verdict == "not reproducible from what is printed"
+    assert judge(1, "r", "c", "1.23", 1.2349).verdict == "reproduced"
+    assert judge(1, "r", "c", "1.23", 1.24, input_rounding=0.006).verdict == "rounding"
+    assert judge(1, "r", "c", "1.23", 1.25).verdict == "not reproducible from what is printed"
 
 
 def test_json_is_the_contracts(tmp_path: Path) -> None:
@@ -183,7 +183,7 @@ def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
 
 def test_the_docs_page_holds_what_the_code_says(cells: tuple[Cell, ...]) -> None:
     page = (Path(__file__).parents[2] / "docs" / "model.md").read_text(encoding="utf-8")
-    fresh = filled(page, sections())
+    fresh = fill_sections(page, sections())
     number = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
     assert number.sub("#", fresh) == number.sub("#", page)
     # the last digit may differ from one numerical library to the next

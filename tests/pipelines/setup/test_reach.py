@@ -66,7 +66,7 @@ def simulated(keys: dict[str, str]) -> tuple[Quantity, ...]:
     setup = Setup().having({"ball.preset": "jokku"} | keys)
     wanted = asked(setup, None, "variable", None)
     scatter = scatter_of(setup, wanted.ball)
-    run = simulate(wanted.experiment, backswing=1.2, scatter=scatter, unsure=wanted.unsure)
+    run = simulate(wanted.experiment, backswing=1.2, scatter=scatter, uncertain=wanted.uncertain)
     return run.quantities
 
 
