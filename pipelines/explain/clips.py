@@ -714,7 +714,7 @@ def with_rig(setup: Setup) -> Setup:
 
 
 def has_rig(setup: Setup) -> bool:
-    """Whether a setup states pendulum and support: an assumed rig would differ from the real one."""
+    """Whether a setup states pendulum and support; an assumed rig would differ from it."""
     return None not in (setup.pendulum, setup.support)
 
 

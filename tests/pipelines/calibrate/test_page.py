@@ -38,7 +38,7 @@ def browser() -> Iterator[Any]:
 
 @pytest.fixture(scope="module")
 def still_clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A wall in which nothing moves: quick to calibrate, and the ball has to be told."""
+    """A wall without motion: quick to calibrate, and the ball must be entered."""
     folder = tmp_path_factory.mktemp("still") / "clip"
     folder.mkdir()
     camera = Camera.facing_wall(Lens.centred(432, 244, 520.0), [0.9, 0.5, 2.0], yaw=0.1)

@@ -52,7 +52,7 @@ def test_a_landing_out_of_view_is_foreseen() -> None:
 def test_the_change_that_helps_most_comes_first() -> None:
     untaped = predict_recording(replace(SMALL, tape_std_m=None))
     changes = compare_changes(untaped)
-    assert changes[0].words.startswith("tape camera distance")
+    assert changes[0].words.startswith("measure camera distance")
     assert changes[0].gain > 1.5
     assert changes[0].ratio(untaped, "landing_distance") < 0.5
     assert any(change.closes for change in changes)
@@ -95,7 +95,7 @@ def test_what_makes_no_sense_is_refused(options: list[str], words: str) -> None:
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
 def test_the_renderer_confirms_the_plan() -> None:
-    rows = compared(SETTINGS["dim, small picture, taped"], 2)
+    rows = compared(SETTINGS["dim, small image, distances measured"], 2)
     assert {row.name for row in rows} == set(COMPARED)
     z = np.concatenate([np.array(row.errors) / row.predicted for row in rows])
     assert len(z) >= 12

@@ -272,8 +272,8 @@ def test_drawings_show_what_they_are_about(calibrated: Answers) -> None:
 def test_the_session_tells_what_each_answer_did(clip: Path, tmp_path: Path) -> None:
     session = Session(Answers(open_scene(clip), out=tmp_path / "setup.toml"), [BALL])
     session.find_grid()
-    session.update("taped", ball_plane_offset=Known(0.4, 0.005))
-    assert [change.label for change in session.changes] == ["wall grid found", "taped"]
+    session.update("measured", ball_plane_offset=Known(0.4, 0.005))
+    assert [change.label for change in session.changes] == ["wall grid found", "measured"]
     assert session.changes[1].before == session.changes[0].after
     session.update("squares", pitch=0.05)
     session.answers = replace(session.answers, scene=_blank(session))

@@ -1,6 +1,6 @@
 """A worker that speaks the workers' protocol and draws its numbers from a known law.
 
-What it does is told by the clip's name: ``crash``, ``hang``, ``eat`` and ``refuse`` misbehave.
+The clip's name sets its behaviour: ``crash``, ``hang``, ``eat`` and ``refuse`` fail.
 """
 
 import json

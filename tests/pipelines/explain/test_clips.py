@@ -1,4 +1,4 @@
-"""Clips as a campaign: what is told, what is left out, what is assumed."""
+"""Clips as a campaign: notes, ignored clips, assumptions."""
 
 import math
 from dataclasses import replace

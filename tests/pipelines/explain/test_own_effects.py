@@ -1,4 +1,4 @@
-"""Files of effects that users write: what loops, ends the program or makes no sense is told."""
+"""User-defined effects: loops, exits and invalid values are reported."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""The door for tables: what is recognised is told, what is torn is refused."""
+"""Reading tables: recognised formats are reported, damaged tables refused."""
 
 import os
 
