@@ -67,9 +67,9 @@ from pipelines.terminal import screen
 
 __all__ = [
     "BACKSWINGS_DEG",
-    "EFFECTIVE_MASS",
     "FIGURES",
     "MAX_MISFIT_M",
+    "PAPER_EFFECTIVE_MASS",
     "TABLE_5",
     "TABLE_5_PERCENT",
     "TABLE_6",
@@ -199,7 +199,7 @@ Verdict: TypeAlias = Literal[
     "not reproducible from what is printed",
 ]
 
-_BEYOND: Verdict = "not reproducible from what is printed"
+_NOT_REPRODUCIBLE: Verdict = "not reproducible from what is printed"
 
 
 @dataclass(frozen=True)
@@ -240,7 +240,7 @@ def judge(
     ours: float,
     *,
     input_rounding: float = 0.0,
-    beyond: Verdict = _BEYOND,
+    beyond: Verdict = _NOT_REPRODUCIBLE,
     note: str = "",
     within: str = "",
 ) -> Cell:
@@ -284,7 +284,7 @@ def as_rows(cells: tuple[Cell, ...]) -> list[dict[str, object]]:
     return rows
 
 
-EFFECTIVE_MASS = PAPER_PENDULUM.mass_at_contact
+PAPER_EFFECTIVE_MASS = PAPER_PENDULUM.mass_at_contact
 
 RATIONAL = {
     "jokku": (9.594, -85.5, -0.2311, 152.3, 6.66),
@@ -310,7 +310,7 @@ def speed_for(ball: Ball, law: CorLaw, impulse: float) -> float:
     """Eq. 9 with e(v), solved for the impact speed, m/s."""
 
     def miss(speed: float) -> float:
-        impulse_here = external_impulse(EFFECTIVE_MASS, ball.mass, law(speed), speed)
+        impulse_here = external_impulse(PAPER_EFFECTIVE_MASS, ball.mass, law(speed), speed)
         return float(impulse_here) - impulse
 
     return float(brentq(miss, 1e-3, 50.0, xtol=1e-14))
@@ -710,7 +710,9 @@ def _percent(
 
 def _impulse(name: str, kind: str, speed: float) -> float:
     ball = BALLS[name]
-    return float(external_impulse(EFFECTIVE_MASS, ball.mass, law_of(ball, kind)(speed), speed))
+    return float(
+        external_impulse(PAPER_EFFECTIVE_MASS, ball.mass, law_of(ball, kind)(speed), speed)
+    )
 
 
 def _table_6() -> Iterator[Cell]:
@@ -956,7 +958,7 @@ def implied_fits(name: str) -> tuple[CorFit, ...]:
     The uncertainty is that of the table's last digit.
     """
     ball, speeds = BALLS[name], measured_speeds(name)
-    share = EFFECTIVE_MASS * ball.mass / (EFFECTIVE_MASS + ball.mass) * speeds
+    share = PAPER_EFFECTIVE_MASS * ball.mass / (PAPER_EFFECTIVE_MASS + ball.mass) * speeds
     impulse = np.array([float(text) for text in TABLE_6[name]["variable"]])
     std = np.asarray(1e-4 / math.sqrt(12.0) / share)
     return compare_cor_fits(speeds, np.asarray(impulse / share - 1.0), std)
@@ -980,8 +982,8 @@ def draw_sensitivities(path: Path) -> None:
         axes.legend(loc="lower right")
 
 
-_COLOURS = {"variable": BLUE, "constant": ORANGE}
-_ANGLES = np.array(BACKSWINGS_DEG, dtype=np.float64)
+_KIND_COLOURS = {"variable": BLUE, "constant": ORANGE}
+_BACKSWINGS = np.array(BACKSWINGS_DEG, dtype=np.float64)
 
 
 def _numbers(texts: tuple[str, ...]) -> FloatArray:
@@ -1064,7 +1066,7 @@ def _figure_12(axes: Axes, ball: Ball) -> None:
     _, landing = time_resolved_landing(experiment, _speeds_by_energy(ball, some))
     axes.plot(some, np.asarray(landing.distance), color=ORANGE, label="time-resolved contact")
     measured = _numbers(TABLE_5[ball.name]["experiment"])
-    axes.plot(_ANGLES, measured, "ko", ms=4, label="printed average")
+    axes.plot(_BACKSWINGS, measured, "ko", ms=4, label="printed average")
     axes.set(xlabel="back-swing angle (deg)", ylabel="distance (m)")
     axes.legend()
 
@@ -1087,34 +1089,34 @@ def _figure_16(axes: Axes, ball: Ball) -> None:
     after = paper_impact(Experiment(ball), speeds)
     axes.plot(degrees, speeds, color=BLUE, label="before, frictionless")
     axes.plot(degrees, np.asarray(after.speed_after), color=ORANGE, label="after")
-    axes.plot(_ANGLES, measured_speeds(ball.name), "ko", ms=4, label="implied by Table 6")
+    axes.plot(_BACKSWINGS, measured_speeds(ball.name), "ko", ms=4, label="implied by Table 6")
     axes.set(xlabel="back-swing angle (deg)", ylabel="speed of the pendulum (m/s)")
     axes.legend()
 
 
 def _impulses(ball: Ball, kind: str, speeds: FloatArray) -> FloatArray:
     cor = np.asarray(law_of(ball, kind)(speeds))
-    return np.asarray(external_impulse(EFFECTIVE_MASS, ball.mass, cor, speeds))
+    return np.asarray(external_impulse(PAPER_EFFECTIVE_MASS, ball.mass, cor, speeds))
 
 
 def _figure_17(axes: Axes, ball: Ball) -> None:
     degrees = _grid(25, 125)
     axes.plot(degrees, _impulses(ball, "variable", _speeds_by_energy(ball, degrees)), color=BLUE)
-    axes.plot(_ANGLES, _numbers(TABLE_6[ball.name]["variable"]), "ko", ms=4)
+    axes.plot(_BACKSWINGS, _numbers(TABLE_6[ball.name]["variable"]), "ko", ms=4)
     axes.set(xlabel="back-swing angle (deg)", ylabel="external impulse (N s)")
 
 
 def _implied_cor(ball: Ball) -> FloatArray:
     impulse = _numbers(TABLE_6[ball.name]["variable"])
     speeds = measured_speeds(ball.name)
-    share = EFFECTIVE_MASS * ball.mass / (EFFECTIVE_MASS + ball.mass)
+    share = PAPER_EFFECTIVE_MASS * ball.mass / (PAPER_EFFECTIVE_MASS + ball.mass)
     return np.asarray(impulse / (share * speeds) - 1.0)
 
 
 def _figure_19(axes: Axes, ball: Ball) -> None:
     degrees = _grid(25, 125)
     axes.plot(degrees, np.asarray(ball.cor(_speeds_by_energy(ball, degrees))), color=BLUE)
-    axes.plot(_ANGLES, _implied_cor(ball), "ko", ms=4)
+    axes.plot(_BACKSWINGS, _implied_cor(ball), "ko", ms=4)
     axes.set(xlabel="back-swing angle (deg)", ylabel="coefficient of restitution")
 
 
@@ -1127,7 +1129,7 @@ def _figure_21(axes: Axes, ball: Ball) -> None:
     speeds = _grid(0.0, 6.0)
     for kind in ("variable", "constant"):
         law = law_of(ball, kind)
-        axes.plot(speeds, np.asarray(law(speeds)), color=_COLOURS[kind], label=f"{kind} COR")
+        axes.plot(speeds, np.asarray(law(speeds)), color=_KIND_COLOURS[kind], label=f"{kind} COR")
     axes.plot(measured_speeds(ball.name), _implied_cor(ball), "ko", ms=4, label="by Table 6")
     axes.set(xlabel="speed of the pendulum (m/s)", ylabel="coefficient of restitution")
     axes.legend()
@@ -1140,9 +1142,9 @@ def _figure_22(axes: Axes, ball: Ball) -> None:
             style = "-" if kind == "variable" else "--"
             x, y = flight.position[:, 0], flight.position[:, 1] - ball.radius
             first = f"steps a to e, {kind}" if speed == measured_speeds(ball.name)[0] else None
-            axes.plot(x, y, style, color=_COLOURS[kind], lw=1.0, label=first)
+            axes.plot(x, y, style, color=_KIND_COLOURS[kind], lw=1.0, label=first)
         row = _numbers(TABLE_5[ball.name][kind])
-        axes.plot(row, np.zeros(4), "|", color=_COLOURS[kind], ms=10, label=f"printed, {kind}")
+        axes.plot(row, np.zeros(4), "|", color=_KIND_COLOURS[kind], ms=10, label=f"printed, {kind}")
     measured = _numbers(TABLE_5[ball.name]["experiment"])
     axes.plot(measured, np.zeros(4), "ko", ms=4, label="printed, experiment")
     axes.set(xlabel="x (m)", ylabel="height above the floor (m)", ylim=(-0.02, 0.62))
@@ -1151,7 +1153,7 @@ def _figure_22(axes: Axes, ball: Ball) -> None:
 
 def _figure_23(axes: Axes, ball: Ball) -> None:
     speeds = _grid(0.2, 4.5)
-    for kind, colour in _COLOURS.items():
+    for kind, colour in _KIND_COLOURS.items():
         axes.plot(speeds, _impulses(ball, kind, speeds), color=colour, label=f"{kind} COR")
         points = _numbers(TABLE_6[ball.name][kind])
         axes.plot(measured_speeds(ball.name), points, "o", color=colour, mec="black", ms=4)
@@ -1162,7 +1164,7 @@ def _figure_23(axes: Axes, ball: Ball) -> None:
 def _figure_25(axes: Axes, ball: Ball) -> None:
     wanted = np.array(WANTED_IMPULSES[ball.name])
     impulses = np.linspace(0.3, float(wanted[-1]) * 1.1, 60)
-    for kind, colour in _COLOURS.items():
+    for kind, colour in _KIND_COLOURS.items():
         law = law_of(ball, kind)
         speeds = [speed_for(ball, law, float(j)) for j in impulses]
         axes.plot(impulses, speeds, color=colour, label=f"{kind} COR")
@@ -1177,7 +1179,7 @@ def _figure_27(axes: Axes, ball: Ball) -> None:
     fitted = [speed_by_rational(ball.name, float(b)) for b in degrees]
     axes.plot(degrees, fitted, color=BLUE, label="Eq. 26 or 27 as printed")
     axes.plot(degrees, _speeds_by_energy(ball, degrees), color=GRAY, ls=":", label="frictionless")
-    axes.plot(_ANGLES, measured_speeds(ball.name), "ko", ms=4, label="implied by Table 6")
+    axes.plot(_BACKSWINGS, measured_speeds(ball.name), "ko", ms=4, label="implied by Table 6")
     axes.set(xlabel="back-swing angle (deg)", ylabel="speed before impact (m/s)")
     axes.legend()
 
@@ -1185,7 +1187,7 @@ def _figure_27(axes: Axes, ball: Ball) -> None:
 def _figure_28(axes: Axes, ball: Ball) -> None:
     wanted = np.array(WANTED_IMPULSES[ball.name])
     impulses = np.linspace(0.6 * float(wanted[0]), float(wanted[-1]) * 1.05, 60)
-    for kind, colour in _COLOURS.items():
+    for kind, colour in _KIND_COLOURS.items():
         law = law_of(ball, kind)
         angles = [
             backswing_by_rational(ball.name, speed_for(ball, law, float(j))) for j in impulses

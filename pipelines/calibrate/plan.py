@@ -528,7 +528,7 @@ def _compared(words: str, before: PlannedRecording, after: PlannedRecording) -> 
 FILM_WIDTH_M = 0.036
 """m: width of 35 mm film (ISO 1007), the reference of equivalent focal lengths."""
 
-SHOWN = {
+TABLE_QUANTITIES = {
     "contact_time": "Δt",
     "ball_speed": "speed",
     "launch_angle": "angle",
@@ -741,10 +741,10 @@ def _print_changes(
     table = Table(title="Changes: new ± over old", box=box.SIMPLE_HEAD)
     for heading in ("", "change"):
         table.add_column(heading)
-    for heading in ("all", *SHOWN.values()):
+    for heading in ("all", *TABLE_QUANTITIES.values()):
         table.add_column(heading, justify="right", no_wrap=True)
     for change in tried:
-        ratios = [change.ratio(predicted, name) for name in SHOWN]
+        ratios = [change.ratio(predicted, name) for name in TABLE_QUANTITIES]
         cells = ["–" if ratio is None else f"{ratio:.2f}" for ratio in ratios]
         table.add_row(keys[change.words], change.words, f"{1.0 / change.gain:.2f}", *cells)
     console.print(table)

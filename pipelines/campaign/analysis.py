@@ -482,7 +482,7 @@ class Agreement:
     lower, upper : float
         95 % limits of agreement.
     limits_std : float
-        Standard uncertainty of either limit, √(3/N) of the scatter.
+        Standard uncertainty of either limit, √(3/N) standard deviations.
     slope, slope_std : float
         Of the differences over the means: nonzero if the disagreement grows with the quantity.
     pairs : int
@@ -668,7 +668,7 @@ def ranges(
     )
 
 
-SPEED, COR = "pendulum_speed_before", "cor"
+IMPACT_SPEED_NAME, COR_NAME = "pendulum_speed_before", "cor"
 
 
 @dataclass(frozen=True)
@@ -771,7 +771,7 @@ def _column(results: Sequence[ClipResult], name: str) -> tuple[FloatArray, Float
 
 
 def _ball(name: str, results: Sequence[ClipResult], setup: Setup) -> BallAnalysis:
-    speed, cor = _column(results, SPEED)[0], _column(results, COR)[0]
+    speed, cor = _column(results, IMPACT_SPEED_NAME)[0], _column(results, COR_NAME)[0]
     clips = tuple(
         result
         for result, whole in zip(results, np.isfinite(speed) & np.isfinite(cor), strict=True)
@@ -806,7 +806,7 @@ def _ball(name: str, results: Sequence[ClipResult], setup: Setup) -> BallAnalysi
 
 
 def _points(clips: Sequence[ClipResult]) -> CorPoints:
-    (speed, speed_std), (cor, std) = _column(clips, SPEED), _column(clips, COR)
+    (speed, speed_std), (cor, std) = _column(clips, IMPACT_SPEED_NAME), _column(clips, COR_NAME)
     shared = _shared(clips)
     own = np.sqrt(np.maximum(std**2 - (shared**2).sum(axis=1), (0.05 * std) ** 2))
     if len(speed) > 2 and np.ptp(speed) > 0:
@@ -846,7 +846,10 @@ def _experiment(name: str, setup: Setup) -> Experiment | None:
 def _ranges(
     results: Sequence[ClipResult], experiment: Experiment | None, fits: Sequence[CorLawFit]
 ) -> Ranges | None:
-    speed, (landed, std) = _column(results, SPEED)[0], _column(results, "landing_distance")
+    speed, (landed, std) = (
+        _column(results, IMPACT_SPEED_NAME)[0],
+        _column(results, "landing_distance"),
+    )
     whole = np.isfinite(speed) & np.isfinite(landed)
     if experiment is None or not fits or not whole.any():
         return None
@@ -861,14 +864,14 @@ def _impulse(clips: Sequence[ClipResult], experiment: Experiment | None) -> Floa
     measured = _column(clips, "external_impulse")[0]
     if experiment is None:
         return np.stack([np.full_like(measured, np.nan), measured], axis=1)
-    speed, cor = _column(clips, SPEED)[0], _column(clips, COR)[0]
+    speed, cor = _column(clips, IMPACT_SPEED_NAME)[0], _column(clips, COR_NAME)[0]
     mass = experiment.pendulum.mass_at_contact
     by_cor = external_impulse(mass, experiment.ball.mass, cor, speed)
     return np.stack([np.asarray(by_cor), measured], axis=1)
 
 
 def _energy(clips: Sequence[ClipResult], experiment: Experiment | None) -> FloatArray:
-    before, after = _column(clips, SPEED)[0], _column(clips, "pendulum_speed_after")[0]
+    before, after = _column(clips, IMPACT_SPEED_NAME)[0], _column(clips, "pendulum_speed_after")[0]
     if experiment is None:
         return np.full((len(clips), 2), np.nan)
     impulse = _column(clips, "external_impulse")[0]

@@ -26,10 +26,10 @@ __all__ = ["ReportFacts", "draw_figures", "svg_text", "write_figures", "write_re
 
 FloatArray = NDArray[np.float64]
 
-_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+_BALL_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Distinguishable with any colour vision (Okabe and Ito 2008)."""
 
-_SIZE = (7.0, 4.2)
+_FIGURE_SIZE = (7.0, 4.2)
 """Figure size, inches: the width of an A4 page without margins."""
 
 _FSR = SENSORS[0]
@@ -68,7 +68,7 @@ def draw_figures(analysis: CampaignAnalysis, *, against_paper: bool = False) -> 
 
 
 def _axes(x: str, y: str) -> tuple[Figure, Axes]:
-    figure = Figure(figsize=_SIZE, layout="constrained")
+    figure = Figure(figsize=_FIGURE_SIZE, layout="constrained")
     axes = figure.add_subplot()
     axes.set_xlabel(x)
     axes.set_ylabel(y)
@@ -150,7 +150,7 @@ def _span(values: FloatArray) -> tuple[float, float]:
 
 
 def _cycle() -> tuple[str, ...]:
-    return _COLOURS * 8
+    return _BALL_COLOURS * 8
 
 
 def _against_speed(
@@ -204,7 +204,7 @@ def _sensor_and_model(
 
 
 def _impulse(balls: Sequence[BallAnalysis]) -> Figure | None:
-    figure = Figure(figsize=(_SIZE[0], 1.5 * _SIZE[1]), layout="constrained")
+    figure = Figure(figsize=(_FIGURE_SIZE[0], 1.5 * _FIGURE_SIZE[1]), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True)
     any_drawn = False
     for ball, colour in zip(balls, _cycle(), strict=False):
@@ -313,16 +313,16 @@ def _agreement(one: SensorAnalysis) -> Figure:
         f"mean of camera and {one.sensor.label} / {unit}",
         f"camera − {one.sensor.label} / {unit}",
     )
-    axes.plot(found.means, found.differences, "o", ms=4, color=_COLOURS[0])
+    axes.plot(found.means, found.differences, "o", ms=4, color=_BALL_COLOURS[0])
     axes.axhline(
-        found.bias, color=_COLOURS[1], label=f"bias {found.bias:.3g} ± {found.bias_std:.2g}"
+        found.bias, color=_BALL_COLOURS[1], label=f"bias {found.bias:.3g} ± {found.bias_std:.2g}"
     )
     for limit in (found.lower, found.upper):
-        axes.axhline(limit, color=_COLOURS[1], ls="--", lw=1)
+        axes.axhline(limit, color=_BALL_COLOURS[1], ls="--", lw=1)
         axes.axhspan(
             limit - 1.96 * found.limits_std,
             limit + 1.96 * found.limits_std,
-            color=_COLOURS[1],
+            color=_BALL_COLOURS[1],
             alpha=0.12,
             lw=0,
         )
@@ -554,7 +554,7 @@ def _warned(results: Sequence[ClipResult]) -> list[tuple[str, int]]:
 _MAX_REPORT_ROWS = 2000
 """Rows of the page's table (chosen: the page stays below 5 MB)."""
 
-_SHOWN = (
+_CLIP_COLUMNS = (
     ("pendulum_speed_before", "impact speed, m/s"),
     ("cor", "COR"),
     ("contact_time", "contact time, s"),
@@ -566,7 +566,7 @@ _SHOWN = (
 
 def _clip(item: ClipResult) -> dict[str, object]:
     cells = []
-    for name, _ in _SHOWN:
+    for name, _ in _CLIP_COLUMNS:
         value, std = item.quantity(name)
         cells.append("–" if value != value else _pm(value, std))
     return {

@@ -20,7 +20,7 @@ __all__ = ["WatchPage", "watch_app", "watched"]
 
 MIN_CERTAIN_PROBABILITY = 0.9
 """Probability of the motion kind below which a clip is listed first (chosen)."""
-SHOWN = ("contact_time", "ball_speed", "launch_angle", "cor")
+CARD_QUANTITIES = ("contact_time", "ball_speed", "launch_angle", "cor")
 _PAGE = Path(__file__).with_name("watch.html")
 
 
@@ -167,7 +167,7 @@ def _clip(entry: Entry, points: dict[str, str], folder: Path) -> dict[str, Any]:
         "frame": (folder / "frames" / f"{entry.order.clip}.jpg").is_file(),
         "values": {
             name: {key: quantities[name].get(key) for key in ("value", "std", "unit")}
-            for name in SHOWN
+            for name in CARD_QUANTITIES
             if quantities.get(name, {}).get("value") is not None
         },
         "stamp": json.dumps([entry.attempts, str(entry.state), entry.seconds]),

@@ -187,7 +187,7 @@ AXES = ("x", "y", "z")
 MAX_TABLE_PARAMETERS = 6
 """Parameters of a law shown as a table (chosen); more are drawn as a curve."""
 
-LIBRARIES = ("numpy", "scipy")
+REPORTED_LIBRARIES = ("numpy", "scipy")
 """Libraries whose versions may affect the numbers."""
 
 CURVE_BINS = 24
@@ -741,7 +741,7 @@ def explain_report_html(
         "png": _png(figure_of(explained)),
         "sources": _provenance(rests_on),
         "version": version("impact-vision"),
-        "libraries": ", ".join(f"{name} {version(name)}" for name in LIBRARIES),
+        "libraries": ", ".join(f"{name} {version(name)}" for name in REPORTED_LIBRARIES),
     }
     if isinstance(explained, TableExplained):
         return page.render(**common, means=TABLE)

@@ -48,7 +48,7 @@ UNIT_FACTORS = {
 """Factors of units accepted in a header instead of the contract's."""
 
 DECIMAL_COMMA = re.compile(r"[+-]?\d*(?:,\d+)?(?:[eE][+-]?\d+)?")
-GROUPED = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
+THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 """Pattern that may also be a thousands separator."""
 
 NAMED_CELLS = 3
@@ -216,7 +216,7 @@ def _without_commas(
         return text
     if text[written].str.contains(".", regex=False).any():
         return text  # both points and commas: ambiguous
-    if held.map(GROUPED.fullmatch).notna().all():
+    if held.map(THOUSANDS.fullmatch).notna().all():
         raise UsageError(
             f"{what}: {_shown(held.iloc[0])} in the column {column} may be a thousand or a decimal",
             hint="Write numbers with a decimal point and without thousands separators.",

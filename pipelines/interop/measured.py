@@ -241,7 +241,7 @@ fewer than half of them)."""
 _RATE_TOLERANCE = 0.01
 """Relative: 59.94 and 60 fps are the same rate, 30 and 29 are not."""
 
-_MARGIN_PX = 16
+_FRAME_MARGIN_PX = 16
 """px around the tracks, so that the ball is inside the image assumed for them (chosen)."""
 
 
@@ -362,7 +362,7 @@ def _of_clip(path: Path, external: ExternalTracks) -> _Filmed:
 def _without_clip(external: ExternalTracks) -> _Filmed:
     """Replacement of the clip: empty frames that contain the tracks, with their times."""
     count = max(int(track.frame.max()) for track in external.tracks) + 1
-    low = np.vstack([track.px for track in external.tracks]).max(axis=0) + _MARGIN_PX
+    low = np.vstack([track.px for track in external.tracks]).max(axis=0) + _FRAME_MARGIN_PX
     width, height = external.size or (max(int(low[0]), 1), max(int(low[1]), 1))
     rate = external.fps
     info = ClipInfo(

@@ -49,7 +49,7 @@ CLICKED_STD_PX = 0.5
 _OBJECT = "org.opensourcephysics.cabrillo.tracker."
 _MEDIA = "org.opensourcephysics.media.core."
 _PROJECT = "Tracker project"
-_INDEX = re.compile(r"\[(\d+)\]$")
+_FRAME_INDEX = re.compile(r"\[(\d+)\]$")
 
 
 def read_trk(path: Path) -> ExternalTracks:
@@ -139,7 +139,7 @@ def _frame_data(item: Element) -> dict[int, Element]:
     held = _property(item, "framedata")
     found: dict[int, Element] = {}
     for one in [] if held is None else held.findall("property"):
-        index = _INDEX.match(one.get("name") or "")
+        index = _FRAME_INDEX.match(one.get("name") or "")
         entry = one.find("object")
         if index is not None and entry is not None:
             found[int(index[1])] = entry
@@ -222,12 +222,12 @@ def tracker_project(external: ExternalTracks) -> str:
         {"name": "tracks", "type": "collection", "class": "java.util.ArrayList"},
     )
     for number, track in enumerate(external.tracks):
-        _add_mass(held, track, _COLOURS[number % len(_COLOURS)])
+        _add_mass(held, track, _TRACK_COLOURS[number % len(_TRACK_COLOURS)])
     indent(root, space="    ")
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + tostring(root, encoding="unicode") + "\n"
 
 
-_COLOURS = ((255, 0, 0), (0, 160, 255), (0, 200, 0), (255, 160, 0))
+_TRACK_COLOURS = ((255, 0, 0), (0, 160, 255), (0, 200, 0), (255, 160, 0))
 """Red, green, blue of 255: distinguishable on a bright wall, as in Tracker."""
 
 
@@ -426,17 +426,17 @@ def _line_scale(line: Element, unit_m: float) -> tuple[float | None, float]:
 def _line_turn(line: Element) -> float:
     """Angle of the x axis above the image rows, rad: 0 unless the line defines an axis."""
     segment, kind = line.find("Segment"), text_of(line, "Axis")
-    if segment is None or kind not in _ALONG:
+    if segment is None or kind not in _AXIS_ANGLES:
         return 0.0
     start, end = (numbers(text_of(segment, name), 2) for name in ("A", "B"))
     if start is None or end is None:
         return 0.0
-    slope = math.atan2(start[1] - end[1], end[0] - start[0]) - _ALONG[kind]
+    slope = math.atan2(start[1] - end[1], end[0] - start[0]) - _AXIS_ANGLES[kind]
     # a line from right to left or downwards defines the same axis
     return math.remainder(slope, math.pi)
 
 
-_ALONG = {"LineHorizontal": 0.0, "LineVertical": math.pi / 2}
+_AXIS_ANGLES = {"LineHorizontal": 0.0, "LineVertical": math.pi / 2}
 """``CalibrationAxis``: angle of the axis that the line defines, rad."""
 
 

@@ -56,7 +56,7 @@ KEYS = {
 
 """Columns that may be named, with their meaning."""
 
-WORDS = {
+WORD_KEYS = {
     "ball": "name of the track that is the ball",
     "pendulum": "name of the track that is the pendulum's mass",
     "unit": "unit of x and y: px, m, cm, mm, …",
@@ -65,7 +65,7 @@ WORDS = {
 
 """Further keys, whose values are not columns."""
 
-_KNOWN = {
+_COLUMN_NAMES = {
     "t": ("t", "t_s", "time", "time_s", "times", "zeit", "temps", "tiempo", "tempo"),
     "frame": ("frame", "frame_idx", "frame_index", "frame_number", "frames", "bild", "image"),
     "x": ("x", "x_m", "x_cm", "x_mm", "x_px", "pos_x", "posx", "px", "pixelx", "x_pos"),
@@ -112,8 +112,8 @@ def parse_columns(text: str | None) -> dict[str, str]:
         key, value = key.strip(), value.strip()
         if not part.strip():
             continue
-        if key not in KEYS | WORDS or not value:
-            known = ", ".join([*KEYS, *WORDS])
+        if key not in KEYS | WORD_KEYS or not value:
+            known = ", ".join([*KEYS, *WORD_KEYS])
             raise UsageError(
                 f"--columns: {part.strip()!r} is not KEY=NAME",
                 hint=f"KEY is one of {known}; as in --columns 't=Time (s), x=X (cm), y=Y (cm)'.",
@@ -147,7 +147,7 @@ def column_use(header: Sequence[str], said: Mapping[str, str], table: str) -> Co
                 )
             columns[key] = said[key]
             continue
-        alike = [name for name in header if _plain(name) in _KNOWN[key]]
+        alike = [name for name in header if _plain(name) in _COLUMN_NAMES[key]]
         if len(alike) == 1:
             columns[key] = alike[0]
     missing = [key for key in ("x", "y") if key not in columns]
@@ -203,7 +203,7 @@ def keep_columns(setup: Path, columns: Mapping[str, str]) -> None:
 def _unanswered(key: str, header: Sequence[str], answers: Mapping[str, str]) -> bool:
     if key in answers or (key == "t" and "frame" in answers):
         return False
-    return sum(_plain(name) in _KNOWN[key] for name in header) != 1
+    return sum(_plain(name) in _COLUMN_NAMES[key] for name in header) != 1
 
 
 def _plain(name: str) -> str:

@@ -29,7 +29,7 @@ from vision.following import follow
 from vision.tracks import Track, Tracks
 
 __all__ = [
-    "STEPS",
+    "STEP_NAMES",
     "Answers",
     "BallKind",
     "BallSeen",
@@ -176,7 +176,7 @@ def track_ball(
 
 WallSource = Literal["found", "corners", "hand"]
 
-STEPS = ("clip and rate", "lens", "wall grid", "ball and support", "distances", "check")
+STEP_NAMES = ("clip and rate", "lens", "wall grid", "ball and support", "distances", "check")
 
 """Names of the six steps, in order."""
 

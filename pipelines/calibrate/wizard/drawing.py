@@ -18,7 +18,7 @@ from pipelines.web import Jobs
 
 __all__ = [
     "LABELS",
-    "STYLE",
+    "PAGE_STYLE",
     "MapScale",
     "Place",
     "PlaceRow",
@@ -403,7 +403,7 @@ def _with_origin(answers: Answers, px: FloatArray) -> Answers:
     return replace(answers, origin_px=px, grid=grid)
 
 
-STYLE = """
+PAGE_STYLE = """
 body { background: #f3f5f6; color: #1d2b33; }
 .wz-step { min-width: 0; color: #37474f; text-transform: none;
   border-radius: 6px; padding: 2px 10px; }

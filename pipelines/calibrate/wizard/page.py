@@ -19,7 +19,7 @@ from calib.calibration import Known
 from calib.lens import Board
 from metrology import ImpactVisionError, UncertaintySource, UsageError, measurands, read_number
 from pipelines.calibrate.wizard.answers import (
-    STEPS,
+    STEP_NAMES,
     Answers,
     BallKind,
     board_pictures,
@@ -33,8 +33,8 @@ from pipelines.calibrate.wizard.answers import (
 )
 from pipelines.calibrate.wizard.drawing import (
     LABELS,
+    PAGE_STYLE,
     RAMP,
-    STYLE,
     Place,
     PlaceRow,
     Places,
@@ -67,7 +67,7 @@ __all__ = [
 LINES_SHOWN, CHANGES_SHOWN = 5, 5
 """Lines of the budget and changes shown: as many as a card holds without scrolling."""
 
-WORDS = {UncertaintySource.BALL_PLANE_GUESS: "ball plane only assumed"}
+SOURCE_WORDS = {UncertaintySource.BALL_PLANE_GUESS: "ball plane only assumed"}
 
 
 def outlook_card(session: Session) -> None:
@@ -94,7 +94,7 @@ def _budget(session: Session) -> None:
     largest = max(line.std for line in lines)
     for line in lines:
         with ui.row().classes("w-full items-center no-wrap gap-2 wz-small"):
-            ui.label(WORDS.get(line.source, line.source)).style("width: 13rem; flex: none")
+            ui.label(SOURCE_WORDS.get(line.source, line.source)).style("width: 13rem; flex: none")
             with ui.element("div").style("flex: 1"):
                 ui.element("div").classes("wz-bar").style(
                     f"width: {max(1.0, 100.0 * line.std / largest):.0f}%"
@@ -157,7 +157,7 @@ class WizardPage:
         """Lay the page out."""
         session = self.session
         info = session.answers.scene.info
-        ui.add_css(STYLE)
+        ui.add_css(PAGE_STYLE)
         ui.add_head_html(SCRIPT)
         ui.page_title(f"Calibration: {info.path.name}")
         with ui.column().classes("w-full gap-3").style("max-width: 1500px; margin: 0 auto"):
@@ -188,7 +188,7 @@ class WizardPage:
             .props('aria-label="Steps"')
             .classes("row items-center gap-1 wz-card w-full")
         ):
-            for index, name in enumerate(STEPS):
+            for index, name in enumerate(STEP_NAMES):
                 button = ui.button(
                     f"{index + 1}  {phrase(name)[:-1]}",
                     on_click=lambda _, index=index: self.go(index),
@@ -203,7 +203,7 @@ class WizardPage:
             done = index < self.session.step
             button.classes(add="wz-done" if done else "", remove="" if done else "wz-done")
         self._back.set_enabled(self.session.step > 0)
-        self._next.set_visibility(self.session.step < len(STEPS) - 1)
+        self._next.set_visibility(self.session.step < len(STEP_NAMES) - 1)
 
     @ui.refreshable_method
     def panel(self) -> None:
@@ -212,7 +212,7 @@ class WizardPage:
         self._drawn = self._known
         with ui.column().classes("wz-card w-full gap-3").props("data-test=panel"):
             number = self.session.step
-            ui.html(f"<h2>{number + 1}. {phrase(STEPS[number])[:-1]}</h2>", sanitize=False)
+            ui.html(f"<h2>{number + 1}. {phrase(STEP_NAMES[number])[:-1]}</h2>", sanitize=False)
             self.status()
             PANELS[number](self)
 
@@ -250,7 +250,7 @@ class WizardPage:
 
     def go(self, step: int) -> None:
         """Show another step."""
-        self.session.step = min(max(step, 0), len(STEPS) - 1)
+        self.session.step = min(max(step, 0), len(STEP_NAMES) - 1)
         self.places.leave()
         self.jobs.problem = self.saving_problem = ""
         self.show()

@@ -60,12 +60,12 @@ PLACE_STD_PX = 0.2
 CLICK_STD_PX = 0.5
 """px: standard uncertainty of a clicked position (assumed)."""
 
-GRAVITY = Known(Defaults.GRAVITY.known, Defaults.GRAVITY.std)
+DEFAULT_GRAVITY = Known(Defaults.GRAVITY.known, Defaults.GRAVITY.std)
 
 DRAG_RELATIVE_STD = 0.4
 """Relative uncertainty of the mean drag: 20 % of the default C_D, and the speed enters squared."""
 
-UNKNOWN_DRAG = Known(0.1, 0.1)
+UNKNOWN_DRAG_ACCELERATION = Known(0.1, 0.1)
 """m/s²: mean vertical drag deceleration of a ball of unknown mass (assumed)."""
 
 
@@ -181,10 +181,12 @@ def _fall(answers: Answers) -> FreeFall | None:
     # tracking used the earlier rate; only the product of rate and time matters
     time = flight.frame / answers.capture_fps
     drag = _drag(answers, time)
-    by_rate = 2.0 * GRAVITY.value * nominal_rate_std(answers.capture_fps) / answers.capture_fps
-    std = math.hypot(GRAVITY.std, drag.std, by_rate)
+    by_rate = (
+        2.0 * DEFAULT_GRAVITY.value * nominal_rate_std(answers.capture_fps) / answers.capture_fps
+    )
+    std = math.hypot(DEFAULT_GRAVITY.std, drag.std, by_rate)
     across = np.sqrt(np.einsum("nii->n", flight.covariance_px2) / 2.0)
-    return FreeFall(flight.centre_px, time, across, Known(GRAVITY.value - drag.value, std))
+    return FreeFall(flight.centre_px, time, across, Known(DEFAULT_GRAVITY.value - drag.value, std))
 
 
 def _drag(answers: Answers, time: FloatArray) -> Known:
@@ -193,7 +195,7 @@ def _drag(answers: Answers, time: FloatArray) -> Known:
     assert seen is not None
     assert seen.flight is not None
     if ball.mass is None:
-        return UNKNOWN_DRAG
+        return UNKNOWN_DRAG_ACCELERATION
     metres = 0.5 * ball.diameter / float(np.median(seen.flight.radius_px))
     path = seen.flight.centre_px * metres
     mean = (path[-1] - path[0]) / (time[-1] - time[0])
