@@ -42,8 +42,8 @@ def run_item(item: Item, folder: Path, tracks_from: Path | None = None) -> dict[
     """
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as scratch:
-        given = input_of(item, Path(scratch))
         start = time.process_time()
+        given = input_of(item, Path(scratch))
         record: dict[str, Any] = {"input": _digest(given), "failure": None}
         try:
             if isinstance(given, TableInput):
