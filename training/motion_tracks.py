@@ -1,0 +1,638 @@
+"""Tracks with a known kind of motion: drawn at random, and from truth files of recordings."""
+
+import csv
+import json
+import math
+import os
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.ndimage import gaussian_filter1d
+
+from vision.interpret.models import Observations
+
+FloatArray = NDArray[np.float64]
+
+SHARED = Path(os.environ.get("IMPACT_VISION_SHARED", Path(__file__).parents[2] / "shared"))
+
+ACCEPTED = {
+    "drop": ("drop", "bounce"),
+    "flight": ("flight", "bounce"),
+    "bounce": ("bounce", "flight", "drop"),
+    "roll": ("roll", "slide"),
+}
+"""Kinds that count as right, by the grading of the shared labs; others only themselves."""
+
+
+@dataclass(frozen=True)
+class Labelled:
+    """A track, or a pair, with its kind."""
+
+    name: str
+    kind: str
+    ball: Observations
+    striker: Observations | None = None
+    period: float = math.nan
+
+    def right(self, kind: str) -> bool:
+        """Whether a kind counts as right."""
+        return kind in ACCEPTED.get(self.kind, (self.kind,))
+
+
+# ------------------------------------------------------------------ what a detector makes of it
+def smooth(rng: np.random.Generator, count: int, scale: float, size: float) -> FloatArray:
+    """A smooth random path (count, 2) of a standard deviation, px, over a time scale, frames."""
+    pad = int(4 * scale) + 2
+    noise = rng.normal(size=(count + 2 * pad, 2))
+    path = gaussian_filter1d(noise, scale, axis=0)[pad : pad + count]
+    return np.asarray(size * path / max(float(path.std()), 1e-9))
+
+
+def seen_through(rng: np.random.Generator, path: FloatArray, width: float) -> FloatArray:
+    """Roll, perspective and distortion of a camera that is not set up perfectly."""
+    centre = path.mean(axis=0) + rng.normal(0, 0.1 * width, 2)
+    off = (path - centre) / width
+    roll = rng.normal(0, math.radians(2.0)) * (1 if rng.random() < 0.8 else 4)
+    turn = np.array([[math.cos(roll), -math.sin(roll)], [math.sin(roll), math.cos(roll)]])
+    off = off @ turn.T
+    off = off / (1.0 + off @ rng.normal(0, 0.04, 2))[:, None]
+    off = off * (1.0 + rng.normal(0, 0.03) * (off**2).sum(axis=1))[:, None]
+    return np.asarray(centre + off * width)
+
+
+def detected(
+    rng: np.random.Generator, path: FloatArray, radius: float, frame: FloatArray | None = None
+) -> Observations:
+    """Noise white and correlated, outliers, misses, gaps."""
+    count = len(path)
+    frame = np.arange(count, dtype=np.float64) if frame is None else frame
+    white = math.exp(rng.uniform(math.log(0.1), math.log(2.0)))
+    slow = white * rng.uniform(0.0, 1.5) if rng.random() < 0.5 else 0.0
+    place = path + rng.normal(0, white, path.shape)
+    if slow > 0.0:
+        place = place + smooth(rng, count, rng.uniform(0.7, 5.0), slow)
+    if rng.random() < 0.3:
+        wrong = rng.random(count) < rng.uniform(0.0, 0.05)
+        place[wrong] += rng.normal(0, 3 * radius, (int(wrong.sum()), 2))
+    keep = rng.random(count) > rng.choice([0.0, 0.02, 0.1, 0.3])
+    if rng.random() < 0.2 and count > 30:
+        start = rng.integers(count)
+        keep[start : start + int(rng.uniform(2, 0.15 * count))] = False
+    if keep.sum() < 8:
+        keep[:] = True
+    stated = math.hypot(white, slow) * math.exp(rng.normal(0, 0.4))
+    return Observations.of(frame[keep], place[keep], stated, radius * math.exp(rng.normal(0, 0.1)))
+
+
+# ------------------------------------------------------------------ motions, in px and frames
+def falling(
+    start: FloatArray,
+    speed: FloatArray,
+    gravity: float,
+    floor: float,
+    restitution: float,
+    count: int,
+    drag: float = 0.0,
+    max_bounces: int = 5,
+) -> tuple[FloatArray, list[float]]:
+    """Positions of a fall with bounces on a floor, and when it bounces."""
+    out = np.empty((count, 2))
+    x, v, steps, hits = start.copy(), speed.copy(), 8, list[float]()
+    stopped = False
+    for frame in range(count):
+        out[frame] = x
+        for step in range(steps):
+            if stopped:
+                v[0] *= 1.0 - 0.01 / steps
+                x = x + np.array([v[0] / steps, 0.0])
+                continue
+            pull = np.array([0.0, gravity]) - drag * np.hypot(*v) * v
+            x = x + v / steps + 0.5 * pull / steps**2
+            v = v + pull / steps
+            if x[1] > floor and v[1] > 0.0:
+                x[1] = 2 * floor - x[1]
+                v = v * [0.85, -restitution]
+                hits.append(frame + step / steps)
+                if abs(v[1]) < 3 * gravity or len(hits) >= max_bounces:
+                    stopped = True
+                    x[1] = floor
+    return out, hits
+
+
+def hand_to(
+    rng: np.random.Generator, point: FloatArray, speed: FloatArray, count: int, size: float
+) -> FloatArray:
+    """A hand's way that ends at a point with a velocity."""
+    path = smooth(rng, count, max(count / 5.0, 2.0), size * rng.uniform(0.1, 1.0))
+    time = np.arange(-count, 0, dtype=np.float64)
+    last, rate = path[-1], path[-1] - path[-2] if count > 1 else np.zeros(2)
+    fade = np.exp(time / max(count / 6.0, 1.5))[:, None]
+    path = path - last - fade * (rate - speed) * time[:, None]
+    return np.asarray(point + path + speed * 1.0 - speed * 1.0)
+
+
+def draw_fall(rng: np.random.Generator, width: float, kind: str) -> tuple[str, FloatArray, float]:
+    """A drop, a throw, or a body that already bounces."""
+    radius = width * math.exp(rng.uniform(math.log(0.008), math.log(0.07)))
+    frames = int(math.exp(rng.uniform(math.log(10), math.log(250))))
+    height = width * rng.uniform(0.2, 0.7)
+    gravity = 2 * height / frames**2
+    rest = 0 if rng.random() < 0.2 else int(rng.uniform(3, 0.8 * frames + 10))
+    restitution = rng.uniform(0.4, 0.9)
+    x0 = np.array([0.5 * width, 0.1 * width])
+    bounces = rng.random() < 0.6
+    count = int(frames * (rng.uniform(1.2, 3.5) if bounces else rng.uniform(0.5, 0.98)))
+    count = max(count, 10)
+    drag = rng.uniform(0, 0.1) / height if rng.random() < 0.5 else 0.0
+    fall = math.sqrt(2 * gravity * height)
+    if kind == "drop":
+        v = np.array([rng.normal(0, 0.02), 0.0]) * fall
+        path, _ = falling(x0, v, gravity, x0[1] + height, restitution, count, drag)
+        if rng.random() < 0.35 and rest > 6:
+            before = hand_to(rng, x0, np.zeros(2), rest, width * 0.15)
+            if rng.random() < 0.5:
+                before[-max(rest // 3, 1) :] = x0
+        else:
+            before = (
+                np.tile(x0, (rest, 1)) + smooth(rng, rest, 8.0, rng.choice([0.0, 0.5]))
+                if rest
+                else np.empty((0, 2))
+            )
+        path = np.concatenate([before, path])
+    else:
+        v = fall * np.array([rng.choice([-1, 1]) * rng.uniform(0.15, 1.5), -rng.uniform(-0.3, 1.0)])
+        if rng.random() < 0.15:
+            v[0] *= 0.1
+            v[1] = rng.choice([-1, 1]) * fall * rng.uniform(0.3, 1.0)
+        path, hits = falling(x0, v, gravity, x0[1] + height, restitution, int(count * 1.3), drag)
+        if rng.random() < 0.4 and len(hits) < 2:
+            many = int(rng.uniform(3, 0.6 * frames + 4))
+            time = np.arange(-many, 0)[:, None]
+            path = np.concatenate([hand_to(rng, x0 + 0 * time[0], v, many, width * 0.1), path])
+        elif len(hits) >= 2:
+            kind = "bounce"
+    if rng.random() < 0.15:
+        many = int(rng.uniform(5, 40))
+        speed = path[-1] - path[-2]
+        path = np.concatenate([path, path[-1] + caught(rng, speed, many, width)])
+    return kind, path, radius
+
+
+def caught(rng: np.random.Generator, speed: FloatArray, count: int, width: float) -> FloatArray:
+    """What a hand that catches does with it."""
+    fade = rng.uniform(1.0, 5.0)
+    time = np.arange(1, count + 1)[:, None]
+    path = smooth(rng, count, 6.0, 0.02 * width)
+    return np.asarray(speed * fade * (1 - np.exp(-time / fade)) + path - path[0])
+
+
+def pendulum(
+    amplitude: float, period: float, damping: float, phase: float, count: int
+) -> FloatArray:
+    """Angles of a damped pendulum; period in frames for small swings."""
+    omega = 2 * math.pi / period
+    start = phase * period * (1 + amplitude**2 / 16)
+    found = solve_ivp(
+        lambda t, q: [q[1], -(omega**2) * math.sin(q[0]) - 2 * damping * q[1]],
+        (0, start + count),
+        [amplitude, 0.0],
+        t_eval=start + np.arange(count),
+        rtol=1e-8,
+        atol=1e-9,
+    )
+    return np.asarray(found.y[0])
+
+
+def mean_period(angle: FloatArray) -> float:
+    """Frames between passages through the lowest point, in the mean over the whole track."""
+    at = np.flatnonzero(np.diff(np.sign(angle)) != 0)
+    if len(at) < 3:
+        return math.nan
+    zero = at - angle[at] / (angle[at + 1] - angle[at])
+    return float(2 * (zero[-1] - zero[0]) / (len(zero) - 1))
+
+
+def draw_swing(
+    rng: np.random.Generator, width: float, least: float = 0.6
+) -> tuple[FloatArray, float, float]:
+    """A swing of any size: path, radius, period."""
+    amplitude = math.radians(math.exp(rng.uniform(math.log(4), math.log(120))))
+    periods = math.exp(rng.uniform(math.log(least), math.log(40)))
+    per_period = rng.uniform(8, 120)
+    count = int(np.clip(periods * per_period, 20, 1200))
+    period = count / periods
+    damping = rng.uniform(0, 1.5) / count
+    held = rng.random() < 0.2
+    phase = 0.0 if held else rng.random()
+    angle = pendulum(amplitude, period, damping, phase, count)
+    arm = width * rng.uniform(0.15, 1.0) * min(1.0, 0.45 / max(math.sin(min(amplitude, 1.57)), 0.1))
+    radius = arm * rng.uniform(0.03, 0.3)
+    squeeze = 1.0 if rng.random() < 0.7 else rng.uniform(0.6, 1.0)
+    path = arm * np.column_stack([squeeze * np.sin(angle), np.cos(angle)]) + 0.5 * width
+    if held:
+        path = np.concatenate([np.tile(path[:1], (int(rng.uniform(5, 0.5 * period + 6)), 1)), path])
+    return path, radius, mean_period(angle)
+
+
+def draw_roll(rng: np.random.Generator, width: float) -> tuple[FloatArray, float]:
+    """A roll or slide: on a slope, from rest or not, turning round, braked, ending in a fall."""
+    count = int(math.exp(rng.uniform(math.log(25), math.log(500))))
+    length = width * rng.uniform(0.2, 0.9)
+    tilt = math.radians(abs(rng.normal(0, 12))) if rng.random() < 0.75 else rng.uniform(0, math.pi)
+    form = rng.choice(["rest", "even", "turn", "braked", "faster"])
+    rest = (
+        int(rng.uniform(0, 0.4 * count))
+        if form == "rest" or (form == "braked" and rng.random() < 0.0)
+        else 0
+    )
+    time = np.clip(np.arange(count) - rest, 0, None).astype(float) / max(count - rest, 1)
+    s = {
+        "rest": time**2,
+        "even": time,
+        "turn": 4 * rng.uniform(0.5, 1.0) * time * (1.0 - rng.uniform(0.6, 1.2) * time),
+        "braked": time * (2 - time) if rng.random() < 0.5 else time - 0.3 * time**2,
+        "faster": 0.5 * time + 0.5 * time**2,
+    }[str(form)]
+    unit = np.array([rng.choice([-1, 1]) * math.cos(tilt), math.sin(tilt)])
+    path = np.outer(s * length, unit)
+    if rng.random() < 0.15 and form in ("rest", "faster", "even"):
+        many = int(rng.uniform(0.03, 0.25) * count) + 4
+        speed = path[-1] - path[-2]
+        t = np.arange(1, many + 1)[:, None]
+        pull = 0.25 * width / many**2 * rng.uniform(0.3, 2.0)
+        path = np.concatenate([path, path[-1] + speed * t + 0.5 * np.array([0, pull]) * t**2])
+    elif rng.random() < 0.25:
+        # it comes to rest where something stops it
+        path = np.concatenate([path, np.tile(path[-1], (int(rng.uniform(5, 0.5 * count)), 1))])
+    return path, width * rng.uniform(0.01, 0.08)
+
+
+def draw_strike(
+    rng: np.random.Generator, width: float
+) -> tuple[FloatArray, FloatArray, float, float]:
+    """A pendulum that strikes a ball at rest: both paths and radii."""
+    radius = width * rng.uniform(0.012, 0.09)
+    size = radius * rng.uniform(0.4, 1.4)
+    arm = width * rng.uniform(0.2, 0.7)
+    flight = int(math.exp(rng.uniform(math.log(20), math.log(250))))
+    rest = int(rng.uniform(8, 180))
+    gravity = 2 * width * rng.uniform(0.1, 0.35) / flight**2
+    period = 2 * math.pi * math.sqrt(arm / gravity)
+    swing_by, at = math.radians(rng.uniform(25, 120)), math.radians(rng.uniform(0, 14))
+    speed = arm * math.sqrt(2 * gravity / arm * (math.cos(at) - math.cos(swing_by)))
+    count = rest + flight
+    omega2 = gravity / arm
+
+    def back(_: float, q: FloatArray) -> list[float]:
+        return [q[1], -omega2 * math.sin(q[0])]
+
+    past = solve_ivp(
+        back, (0, -rest), [at, speed / arm], t_eval=-np.arange(0, rest + 1), rtol=1e-7
+    ).y[0][::-1]
+    mass = rng.uniform(5, 20)
+    e = rng.uniform(0.4, 0.9)
+    after_speed = speed * (mass - e) / (mass + 1)
+    gained = speed * mass * (1 + e) / (mass + 1)
+    later = solve_ivp(
+        back, (0, flight), [at, after_speed / arm], t_eval=np.arange(1, flight + 1), rtol=1e-7
+    ).y[0]
+    angle = np.concatenate([past[-rest - 1 :], later])[:count]
+    pivot = np.array([0.35 * width, 0.1 * width])
+    striker = pivot + arm * np.column_stack([np.sin(angle), np.cos(angle)])
+    normal = np.array([math.cos(at), -math.sin(at)])
+    ball_at = pivot + arm * np.array([math.sin(at), math.cos(at)]) + (radius + size) * normal
+    launch = math.radians(rng.uniform(-5, 25))
+    floor = ball_at[1] + rng.uniform(0.05, 0.6) * width
+    fly, _ = falling(
+        ball_at,
+        gained * np.array([math.cos(launch), -math.sin(launch)]),
+        gravity,
+        floor,
+        rng.uniform(0.4, 0.8),
+        flight,
+    )
+    ball = np.concatenate([np.tile(ball_at, (rest + 1, 1)), fly[1:]])[:count]
+    contact = rng.uniform(0.5, 8.0)
+    if contact > 1.0:
+        ball[: min(count, rest + 40)] = gaussian_filter1d(
+            ball, contact / 3.0, axis=0, mode="nearest"
+        )[: min(count, rest + 40)]
+    off = rng.normal(0, 0.2 * size, 2)
+    inside = ball[:, 0] < width * rng.uniform(0.9, 1.6)
+    last = max(int(np.argmin(inside)) if not inside.all() else count, rest + 8)
+    if rng.random() < 0.5:
+        flip = np.array([-1.0, 1.0])
+        ball, striker = ball * flip + [width, 0], striker * flip + [width, 0]
+    del period
+    return ball[:last], striker + off, radius, size
+
+
+def draw_collision(rng: np.random.Generator, width: float) -> tuple[FloatArray, FloatArray, float]:
+    """Two like bodies, one at rest, that meet once: target, striker, radius."""
+    radius = width * rng.uniform(0.012, 0.06)
+    before, after = int(rng.uniform(10, 150)), int(rng.uniform(10, 150))
+    speed = 0.4 * width / max(before, after) * rng.uniform(0.3, 1.0)
+    heading = (
+        rng.choice([0.0, math.pi]) + rng.normal(0, 0.1)
+        if rng.random() < 0.5
+        else rng.uniform(0, 2 * math.pi)
+    )
+    unit = np.array([math.cos(heading), math.sin(heading)])
+    off = rng.uniform(-0.6, 0.6) if rng.random() < 0.5 else 0.0
+    normal = np.array([math.cos(heading + off), math.sin(heading + off)])
+    e, ratio = rng.uniform(0.4, 0.98), rng.uniform(0.4, 2.5)
+    along = speed * math.cos(off)
+    gained = along * (1 + e) / (1 + ratio)
+    lost = ratio * gained
+    target_at = np.array([0.5 * width, 0.5 * width])
+    meets = target_at - 2 * radius * normal
+    brake = rng.uniform(0, 0.5) * speed / max(before, after)
+
+    def way(start: FloatArray, velocity: FloatArray, time: FloatArray) -> FloatArray:
+        rate = max(float(np.hypot(*velocity)), 1e-9)
+        stop = rate / brake if brake > 0 else np.inf
+        t = np.clip(time, -np.inf, stop)
+        return np.asarray(start + np.outer(t - 0.5 * brake / rate * t**2, velocity))
+
+    fraction = rng.random()
+    past, later = np.arange(-before, 0) + fraction, np.arange(0, after) + fraction
+    striker = np.concatenate(
+        [way(meets, speed * unit, past), way(meets, speed * unit - lost * normal, later)]
+    )
+    target = np.concatenate(
+        [np.tile(target_at, (before, 1)), way(target_at, gained * normal, later)]
+    )
+    return target, striker, radius
+
+
+def draw_none(rng: np.random.Generator, width: float) -> tuple[FloatArray, float]:
+    """At rest, drifting, jumping between places, or trembling."""
+    count = int(math.exp(rng.uniform(math.log(15), math.log(400))))
+    path = np.zeros((count, 2))
+    form = rng.choice(["rest", "drift", "jump", "tremble"])
+    if form == "drift":
+        path = smooth(rng, count, count / 4, rng.uniform(0.3, 2.5))
+    if form == "jump":
+        for row in rng.integers(0, count, rng.integers(1, 4)):
+            path[row:] += rng.normal(0, 0.02 * width, 2)
+    if form == "tremble":
+        path = smooth(rng, count, rng.uniform(0.4, 2.0), rng.uniform(0.5, 3.0))
+    return path, width * rng.uniform(0.01, 0.08)
+
+
+def draw_carried(rng: np.random.Generator, width: float) -> tuple[FloatArray, float]:
+    """A hand's way: smooth, of no law, with pauses."""
+    count = int(math.exp(rng.uniform(math.log(25), math.log(500))))
+    scale = count / rng.uniform(3, 25)
+    path = smooth(rng, count, max(scale, 3.0), width * rng.uniform(0.03, 0.25))
+    if rng.random() < 0.4:
+        clock = np.cumsum(np.clip(smooth(rng, count, max(scale, 3.0), 1.0)[:, 0] + 0.7, 0, None))
+        clock = clock / max(clock[-1], 1e-9) * (count - 1)
+        path = np.column_stack(
+            [np.interp(clock, np.arange(count), path[:, axis]) for axis in (0, 1)]
+        )
+    return path, width * rng.uniform(0.01, 0.08)
+
+
+def draw_circle(rng: np.random.Generator, width: float) -> tuple[FloatArray, float]:
+    """A turn at constant rate, seen at an angle."""
+    turns = math.exp(rng.uniform(math.log(0.4), math.log(25)))
+    count = int(np.clip(turns * rng.uniform(8, 80), 25, 800))
+    angle = (
+        rng.uniform(0, 2 * math.pi)
+        + rng.choice([-1, 1]) * 2 * math.pi * turns * np.arange(count) / count
+    )
+    arm, ratio, lean = (
+        width * rng.uniform(0.04, 0.35),
+        rng.uniform(0.35, 1.0),
+        rng.uniform(0, math.pi),
+    )
+    x, y = arm * np.cos(angle), ratio * arm * np.sin(angle)
+    path = np.column_stack(
+        [x * math.cos(lean) - y * math.sin(lean), x * math.sin(lean) + y * math.cos(lean)]
+    )
+    return path, arm * rng.uniform(0.05, 0.4)
+
+
+KINDS = ("strike", "flight", "drop", "swing", "collision", "roll", "circle", "carried", "none")
+_SHARE = np.array([0.2, 0.16, 0.14, 0.14, 0.1, 0.1, 0.05, 0.06, 0.05])
+
+
+def draw(seed: int, kind: str | None = None) -> Labelled:
+    """A track drawn at random."""
+    rng = np.random.default_rng([20, seed])
+    width = float(rng.choice([320, 432, 640, 960, 1280]))
+    kind = str(rng.choice(KINDS, p=_SHARE)) if kind is None else kind
+    striker, period, size = None, math.nan, 1.0
+    if kind in ("drop", "flight"):
+        kind, path, radius = draw_fall(rng, width, kind)
+    elif kind == "swing":
+        path, radius, period = draw_swing(rng, width)
+    elif kind == "roll":
+        path, radius = draw_roll(rng, width)
+    elif kind == "strike":
+        path, striker, radius, size = draw_strike(rng, width)
+    elif kind == "collision":
+        path, striker, radius = draw_collision(rng, width)
+        size = radius
+    elif kind == "circle":
+        path, radius = draw_circle(rng, width)
+    elif kind == "carried":
+        path, radius = draw_carried(rng, width)
+    else:
+        path, radius = draw_none(rng, width)
+    if kind not in ("strike", "collision") and rng.random() < 0.25:
+        # something else that moves is taken for what struck it
+        other = [draw_roll, draw_carried, draw_none][rng.integers(3)](rng, width)
+        spot = path[rng.integers(len(path))] + rng.normal(0, 0.3 * width, 2)
+        many = min(len(other[0]), len(path))
+        striker, size = other[0][:many] - other[0][many // 2] + spot, other[1]
+    elif kind in ("strike", "collision") and rng.random() < 0.15:
+        striker = None
+    both = path if striker is None else np.concatenate([path, striker])
+    shown = seen_through(rng, both, width)
+    if rng.random() < 0.15:
+        # what the registration of a hand-held camera leaves
+        sway = smooth(
+            rng,
+            max(len(path), len(both) - len(path)),
+            rng.uniform(10, 80),
+            10 ** rng.uniform(-0.5, 0.4),
+        )
+        shown = shown + np.concatenate([sway[: len(path)], sway[: len(both) - len(path)]])
+    ball = detected(rng, shown[: len(path)], radius)
+    if kind != "swing" or np.ptp(ball.frame) < len(path) - 2:
+        period = period if kind == "swing" else math.nan
+    return Labelled(
+        f"drawn {seed}",
+        kind,
+        ball,
+        None if striker is None else detected(rng, shown[len(path) :], size),
+        period,
+    )
+
+
+# ------------------------------------------------------------------ simulations of the shared labs
+def lab_track(seed: int, degraded: bool = True) -> Labelled:
+    """The truth of one shared lab's simulation, seen by a camera of ours; nothing is rendered."""
+    sys.path.insert(0, str(SHARED / "labs"))
+    import make_lab
+
+    rng = np.random.default_rng([30, seed])
+    kind = str(
+        rng.choice(
+            ["strike", "swing", "drop", "flight", "roll", "collision"],
+            p=[0.4, 0.12, 0.12, 0.12, 0.12, 0.12],
+        )
+    )
+    lab = make_lab.KINDS[kind](rng)
+    fps, t0, t1 = float(lab["fps"]), lab["t0"], lab["t1"]
+    time = np.arange(t0, t1, 1.0 / fps)[:900]
+    x0, x1, y0, y1 = lab["view"]
+    width = float(rng.choice([432, 480, 640, 854]))
+    scale = width / max(x1 - x0, 1.4 * (y1 - y0))
+    mirror = -1.0 if rng.random() < 0.4 else 1.0
+    shown = {}
+    for body in lab["bodies"]:
+        place = np.asarray(body["pos"](time)).T
+        shown[body["name"]] = (
+            np.column_stack(
+                [mirror * scale * (place[:, 0] - 0.5 * (x0 + x1)), -scale * (place[:, 1] - y1)]
+            )
+            + np.array([0.5 * width, 20.0]),
+            scale * body["R"],
+        )
+    names = {
+        "strike": ("ball", "mass"),
+        "swing": ("mass", None),
+        "collision": ("target", "striker"),
+    }.get(kind, ("ball", None))
+    tracks = []
+    for name in names:
+        if name is None:
+            tracks.append(None)
+            continue
+        path, radius = shown[name]
+        inside = (
+            (path[:, 0] > 0)
+            & (path[:, 0] < width)
+            & (path[:, 1] > -20)
+            & (path[:, 1] < 0.8 * width)
+        )
+        if inside.sum() < 10:
+            tracks.append(None)
+            continue
+        both = seen_through(np.random.default_rng([31, seed]), path, width)
+        frame = np.arange(len(time), dtype=np.float64)
+        tracks.append(
+            detected(rng, both[inside], radius, frame[inside])
+            if degraded
+            else Observations.of(frame[inside], both[inside], 0.3, radius)
+        )
+    if tracks[0] is None:
+        tracks[0] = detected(rng, shown[names[0]][0], shown[names[0]][1])
+    return Labelled(f"lab {seed}", kind, tracks[0], tracks[1])
+
+
+# ------------------------------------------------------------------ truth files
+CLIP_KINDS = {
+    "balltoss_480p30": ("flight",),
+    "basketball_bounce_wood": ("bounce",),
+    "basketball_roll_pan": ("roll", "none"),
+    "freefall_phantom1000": ("drop",),
+    "golf_putt_pan": ("roll",),
+    "green_ball_throw_shadow": ("flight",),
+    "orange_ball_bounce": ("drop",),
+    "pendulum_bag_wall_360p30": ("swing",),
+    "pendulum_ornament_352p30": ("swing",),
+    "projectile_A_canon240": ("flight",),
+    "projectile_B_canon240": ("flight",),
+    "puck_collision_A_canon240": ("collision",),
+    "puck_collision_B_canon240": ("collision",),
+    "red_ball_drop_120fps.display": ("drop",),
+    "rolling_cylinder_canon240": ("roll",),
+    "sliding_slope_canon240": ("roll",),
+    "tennis_toss_1080p30": ("flight",),
+    "yellow_ball_roll_occluded": ("roll",),
+}
+
+
+def clip_tracks(noise: float = 0.0, seed: int = 0) -> Iterator[Labelled]:
+    """Truth of the shared real clips; further noise as a fraction of the stated one."""
+    for name, kinds in CLIP_KINDS.items():
+        file = SHARED / "clips" / "truth" / f"{name}.csv"
+        if not file.exists():
+            continue
+        bodies: dict[str, list[list[float]]] = {}
+        for row in csv.DictReader(file.read_text(encoding="utf-8").splitlines()):
+            values = [
+                float(row[key]) for key in ("frame", "x_px", "y_px", "radius_px", "uncertainty_px")
+            ]
+            bodies.setdefault(row.get("object", "ball"), []).append(values)
+        rng = np.random.default_rng([40, seed])
+        tracks = {}
+        for who, rows in bodies.items():
+            table = np.array(sorted(rows))
+            place = table[:, 1:3] + noise * rng.normal(size=(len(table), 2)) * table[:, 4:5]
+            tracks[who] = Observations.of(
+                table[:, 0], place, table[:, 4], float(np.median(table[:, 3]))
+            )
+        ball = tracks.get("target", tracks.get("ball", next(iter(tracks.values()))))
+        striker = tracks.get("striker")
+        yield Labelled(name, kinds[0], ball, striker)
+
+
+def truth_tracks(seed: int = 0) -> Iterator[Labelled]:
+    """Truth of the shared labs, scenes and renders, degraded as a detector would."""
+    for folder in ("labs", "scenes", "rendered"):
+        for file in sorted((SHARED / folder).glob("*/truth.json")):
+            truth = json.loads(file.read_text())
+            frames, kind = truth["frames"], truth.get("kind", "strike")
+            rng = np.random.default_rng([50, seed, len(frames["t_mid"])])
+            ball, striker = {"swing": ("mass", None), "collision": ("target", "striker")}.get(
+                kind, ("ball", None)
+            )
+            tracks = [_body(rng, frames, truth, name) for name in (ball, striker)]
+            if kind == "strike":
+                tracks = [
+                    _body(rng, frames, truth, None, "u_px", "v_px"),
+                    _body(rng, frames, truth, None, "mass_u", "mass_v"),
+                ]
+            if tracks[0] is not None:
+                period = math.nan
+                if kind == "swing":
+                    period = mean_period(np.array(frames["phi_rad"]))
+                yield Labelled(f"{folder}/{file.parent.name}", kind, tracks[0], tracks[1], period)
+
+
+def _body(rng, frames, truth, name, u="u_px", v="v_px"):
+    if name is None and u == "u_px" and "u_px" not in frames:
+        return None
+    data = (
+        frames
+        if u in frames and name in (None, "ball") and name not in frames
+        else frames.get(name)
+    )
+    if data is None:
+        return None
+    camera = truth.get("camera", {})
+    width, height = camera.get("W", 1e9), camera.get("H", 1e9)
+    x, y = np.array(data[u], dtype=float), np.array(data[v], dtype=float)
+    radius = float(
+        np.nanmedian(np.array(data.get("r_px", frames.get("r_px", [10.0])), dtype=float))
+    )
+    inside = (
+        (x > -0.3 * radius)
+        & (y > -0.3 * radius)
+        & (x < width + 0.3 * radius)
+        & (y < height + 0.3 * radius)
+    )
+    if inside.sum() < 8:
+        return None
+    frame = np.arange(len(x), dtype=np.float64)
+    return detected(rng, np.column_stack([x, y])[inside], radius, frame[inside])
