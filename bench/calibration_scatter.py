@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from calib.calibration import Calibration, Evidence
 from calib.camera import Camera
 from calib.grid import find_wall_grid
-from calib.solve import PRINCIPAL_STD, calibrate
+from calib.solve import PRINCIPAL_POINT_STD, calibrate
 from metrology import CalibrationError
 from tests.calib.synthetic import rendered, some_camera
 from tests.calib.test_pose import DEPTH, RADIUS, evidence, known_lens, seen_grid, wide_camera
@@ -72,7 +72,7 @@ def placed_by_eye(rng: np.random.Generator, size: tuple[int, int] = (640, 360)) 
     """A random camera whose principal point is displaced as the prior of the fit assumes."""
     camera = some_camera(rng, size)
     lens = camera.lens
-    off = rng.normal(0.0, PRINCIPAL_STD * lens.width, 2)
+    off = rng.normal(0.0, PRINCIPAL_POINT_STD * lens.width, 2)
     return replace(camera, lens=replace(lens, cx=lens.cx + off[0], cy=lens.cy + off[1]))
 
 

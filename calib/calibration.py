@@ -1,8 +1,7 @@
-"""A calibrated scene: pixels to metres on the ball's plane and on the wall, and how sure.
+"""A calibrated scene: convert pixels to metres on ball plane and wall, with uncertainty.
 
-Whether a fitted scene can be: a ball between wall and camera.
-
-What is known about a scene besides its grid: taped distances, the ball's size, its free fall.
+`Evidence` holds the inputs besides the grid: measured distances, the ball's size, its free fall.
+`plausible` rejects a scene whose ball is not between wall and camera.
 """
 
 import math
@@ -36,10 +35,10 @@ FloatArray = NDArray[np.float64]
 
 
 class Parameters(NamedTuple):
-    """What a calibration determines, in the order of its vectors; of stacks, arrays.
+    """Parameters of a calibration, in the order of its vectors; arrays for stacks.
 
-    Turns in rad about the camera's axes; places in m in the grid's frame; principal point in px;
-    `log_pitch` of the grid's true pitch over the one that was said.
+    Rotations in rad about the camera's axes; positions in m in the grid's frame; principal point in
+    px; `log_pitch` is the log of the grid's true pitch over the stated one.
     """
 
     turn_x: Any
@@ -63,20 +62,19 @@ class Parameters(NamedTuple):
 
 
 PARAMETERS = Parameters._fields
-
 """Their names, in order."""
 
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """One independent input and what its uncertainty does to the parameters.
+    """One independent input and the covariance it contributes.
 
     Attributes
     ----------
     name : UncertaintySource
         The input.
     covariance : (P, P) array
-        Its share of the covariance of the parameters; the shares add up to the whole.
+        Its part of the covariance of the parameters; the parts add up to the whole.
     """
 
     name: UncertaintySource
@@ -96,11 +94,11 @@ class DepthEstimate:
 class Calibration:
     """Camera, wall and ball plane, with joint uncertainty.
 
-    The world's origin is bound to the ball at rest: whatever the parameters, the ball at rest is at
+    The world's origin is bound to the ball at rest: for all parameters, the ball at rest is at
     `rest_xy` on its plane. Without a ball at rest, the world is the grid's own frame.
 
-    P is the number of `PARAMETERS`. A stack of K calibrations has a vector (K, P): its camera is a
-    stack, and places come out as (K, N, 2) for N pixels.
+    P is the number of `PARAMETERS`. A stack of K calibrations has a vector (K, P); its positions
+    are (K, N, 2) for N pixels.
 
     Attributes
     ----------
@@ -115,13 +113,13 @@ class Calibration:
     rest_px : (2,) array or None
         Outline centre of the ball at rest, px.
     rest_xy : (2,) array
-        World coordinates it has, m.
+        World coordinates of that point, m.
     ball_radius : float or None
         Radius of the ball, m.
     depth_estimates : tuple of DepthEstimate
         Ball plane offset from each input alone.
     depth_known : bool
-        False where nothing but a broad guess stands behind the ball plane offset.
+        False where the ball plane offset rests on a broad prior only.
     chi2_per_dof : float
         Of the grid's nodes about the fitted camera.
     warnings : tuple of str
@@ -209,7 +207,7 @@ class Calibration:
     def position(
         self, px: ArrayLike, covariance_px2: ArrayLike | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Where on its plane the ball is whose outline is centred on a pixel.
+        """Position on its plane of a ball whose outline is centred on a pixel.
 
         Parameters
         ----------
@@ -257,7 +255,7 @@ class Calibration:
         return np.asarray(self.grid_camera.to_plane(px, 0.0) + self.origin)
 
     def gradient(self, function: Callable[["Calibration"], ArrayLike]) -> FloatArray:
-        """Derivative of any quantity by the parameters.
+        """Derivative of any quantity with respect to the parameters.
 
         Parameters
         ----------
@@ -272,7 +270,7 @@ class Calibration:
         columns = []
         for index in range(len(self.vector)):
             step = np.zeros(len(PARAMETERS))
-            # Large enough to rise above rounding, small enough for the map to be straight
+            # Large enough to exceed rounding, small enough for linearity.
             step[index] = np.clip(0.1 * std[index], 1e-9, 1e-2 * max(1.0, abs(self.vector[index])))
             ahead = np.asarray(function(self.with_parameters(self.vector + step)))
             behind = np.asarray(function(self.with_parameters(self.vector - step)))
@@ -280,7 +278,7 @@ class Calibration:
         return np.stack(columns, axis=-1)
 
     def budget(self, function: Callable[["Calibration"], float]) -> tuple[Contribution, ...]:
-        """What each input of the calibration adds to the uncertainty of a scalar quantity."""
+        """Contribution of each input of the calibration to a scalar quantity's uncertainty."""
         slope = self.gradient(function)
         return tuple(
             Contribution(s.name, float(np.sqrt(max(0.0, float(slope @ s.covariance @ slope)))))
@@ -318,21 +316,23 @@ class Calibration:
         return camera.sphere_on_plane(px, self.ball_radius, self._depth)
 
 
-# A ball nearer to the camera than to the wall is not what a measurement against a wall looks like
-FAR_OUT = 0.5
+MAX_USUAL_DEPTH = 0.5
+"""Ball plane offset over camera distance from which a warning is given (chosen): a ball nearer to
+the camera than to the wall is unusual."""
 
-SURE = 2.0
+CONFIDENCE_SIGMAS = 2.0
+"""Confidence margin, standard deviations (convention: 95 %)."""
 
 
 class ContradictionError(CalibrationError):
-    """Grid pitch, ball diameter and taped distances can't all be right."""
+    """Grid pitch, ball diameter and measured distances contradict each other."""
 
 
 def plausible(calibration: Calibration) -> Calibration:
-    """The calibration, with a warning where the ball is suspiciously far from the wall.
+    """Return the calibration, with a warning where the ball is unusually far from the wall.
 
-    Apparent size puts the ball at a distance from the camera that does not depend on the grid; a
-    wrong pitch moves the wall away from behind it.
+    The apparent size determines the ball's distance from the camera independently of the grid; a
+    wrong pitch displaces the wall behind it.
 
     Raises
     ------
@@ -340,21 +340,21 @@ def plausible(calibration: Calibration) -> Calibration:
         If the ball plane is behind the wall or behind the camera.
     """
     depth, distance = calibration.ball_plane_offset, calibration.camera_distance
-    # size against grid tells depth over distance far better than either of them
+    # Size and grid determine the ratio far better than either distance.
     share = depth / distance
     share_std = _total(calibration.budget(lambda c: c.ball_plane_offset / c.camera_distance))
-    if not -SURE * share_std < share < 1.0:
+    if not -CONFIDENCE_SIGMAS * share_std < share < 1.0:
         std = _total(calibration.budget(lambda c: c.ball_plane_offset))
         raise ContradictionError(
             f"the ball plane would be {depth:.2f} ± {std:.2f} m in front of the wall and the "
-            f"camera {distance:.2f} m: no such scene",
-            hint="Likeliest wrong: the pitch of the grid, or the diameter of the ball.",
+            f"camera {distance:.2f} m, which is impossible",
+            hint="Most probably wrong: [wall] grid, or [ball] diameter.",
         )
-    if share - SURE * share_std < FAR_OUT:
+    if share - CONFIDENCE_SIGMAS * share_std < MAX_USUAL_DEPTH:
         return calibration
     told = (
-        f"the ball plane comes out {depth:.2f} m in front of the wall, {distance - depth:.2f} m "
-        "from the camera: check the pitch of the grid and the diameter of the ball"
+        f"the ball plane is {depth:.2f} m in front of the wall, {distance - depth:.2f} m from the "
+        "camera, which is unusual: check the pitch of the grid and the diameter of the ball"
     )
     return replace(calibration, warnings=(*calibration.warnings, told))
 
@@ -364,15 +364,13 @@ def _total(budget: tuple[Contribution, ...]) -> float:
 
 
 RADIUS_COMMON_STD_PX, RADIUS_COMMON_OVER_RANDOM = 0.05, 4.0
-
-"""px, and times the random part: what all radii of a clip are off by together, supposed. What
-biases an outline (shading, blur, compression) biases it in every frame, and more where a frame
-tells less of it."""
+"""Common error of all radii of a clip, px, and over their random error (chosen). What biases an
+outline (shading, blur, compression) does so in every frame, and more if the frame is less clear."""
 
 
 @dataclass(frozen=True)
 class Known:
-    """A number somebody measured, with its standard uncertainty."""
+    """A measured number with its standard uncertainty."""
 
     value: float
     std: float
@@ -393,7 +391,7 @@ class BallOutlines:
     diameter : Known
         Diameter of the ball, m.
     common_std_px : float
-        What all radii may be off by together (blur, threshold, shading), px.
+        Common error of all radii (blur, threshold, shading), px.
     """
 
     centre_px: FloatArray
@@ -406,14 +404,14 @@ class BallOutlines:
     def followed(
         cls, centre_px: FloatArray, radius_px: FloatArray, std_px: FloatArray, diameter: Known
     ) -> Self:
-        """Outlines as following a ball gives them, with what they are off by together."""
+        """Tracked outlines, with their common error."""
         common = np.hypot(RADIUS_COMMON_STD_PX, RADIUS_COMMON_OVER_RANDOM * np.median(std_px))
         return cls(centre_px, radius_px, std_px, diameter, float(common))
 
 
 @dataclass(frozen=True, eq=False)
 class FreeFall:
-    """A stretch of free flight.
+    """An interval of free flight.
 
     Attributes
     ----------
@@ -424,8 +422,8 @@ class FreeFall:
     std_px : (N,) array
         Standard uncertainty of each centre along one axis, px.
     acceleration : Known
-        Mean downward acceleration to expect, m/s²: gravity, less what the air takes; its
-        uncertainty holds that of the capture rate too.
+        Expected mean downward acceleration, m/s²: gravity minus drag; its uncertainty includes
+        that of the capture rate.
     """
 
     centre_px: FloatArray
@@ -436,7 +434,7 @@ class FreeFall:
 
 @dataclass(frozen=True, eq=False)
 class Evidence:
-    """All that may be known; every part optional.
+    """Inputs besides the grid; all optional.
 
     Attributes
     ----------
@@ -449,11 +447,11 @@ class Evidence:
     camera_distance : Known or None
         Camera to wall, along the wall's normal, m.
     camera_x, camera_y : Known or None
-        Where the camera stands, world coordinates, m.
+        Position of the camera, world coordinates, m.
     axis_foot_x, axis_foot_y : Known or None
-        Where the optical axis meets the wall, world coordinates, m.
+        Intersection of the optical axis with the wall, world coordinates, m.
     ball_plane_offset : Known or None
-        Ball plane in front of the wall by tape, m.
+        Measured distance of the ball plane from the wall, m.
     outlines : BallOutlines or None
     fall : FreeFall or None
     pitch_relative_std : float
@@ -475,5 +473,5 @@ class Evidence:
 
     @property
     def taped(self) -> bool:
-        """Whether tape alone tells the scale of the ball plane: then a fall is left as a check."""
+        """Whether measured distances give the ball plane's scale; a fall is then only a check."""
         return self.camera_distance is not None and self.ball_plane_offset is not None

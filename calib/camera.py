@@ -1,18 +1,11 @@
-"""The camera: lens, pose, calibration boards, and lens files.
-
-The camera: a lens, its pose, and what a sphere looks like through it.
+"""Camera model: lens with distortion, pose, and the image of a sphere.
 
 World frame: x right along the wall, y up, z out of the wall towards the camera, in metres; the
 wall is z = 0. Camera frame: X right, Y down, Z forward. Pixel centres are integers, (0, 0) is the
-centre of the top-left pixel, y points down.
-
-The lens: focal length, principal point, and a distortion that is Brown's or a ratio of two such.
-
-Pixel centres are integers, (0, 0) is the centre of the top-left pixel, y points down. Coefficients
-have OpenCV's order and sign. The polynomial is that of D. C. Brown, *Close-range camera
-calibration*, Photogrammetric Engineering 37 (1971) 855–866; a wide lens needs the ratio of
-polynomials of D. Claus and A. W. Fitzgibbon, *A rational function lens distortion model for general
-cameras*, CVPR 2005, in the radial form that OpenCV gave it.
+centre of the top-left pixel, y points down. Coefficients have OpenCV's order and sign. The
+polynomial is that of D. C. Brown, *Close-range camera calibration*, Photogrammetric Engineering 37
+(1971) 855–866; a wide lens needs the ratio of polynomials of D. Claus and A. W. Fitzgibbon, *A
+rational function lens distortion model for general cameras*, CVPR 2005, in OpenCV's radial form.
 """
 
 from dataclasses import dataclass, replace
@@ -26,10 +19,9 @@ __all__ = ["SQUARE_TO_WALL", "Camera", "Lens", "rotation_matrix"]
 
 FloatArray = NDArray[np.float64]
 
-INVERSION_STEPS = 40
-
-"""Steps of the fixed-point inversion at most: it converges linearly, and at a rate of 0.4, near the
-fold of a lens, forty steps give the sixteen digits of a double."""
+MAX_INVERSION_STEPS = 40
+"""Maximum steps of the fixed-point inversion (derived: linear convergence at a rate of 0.4, near
+the fold of a lens, gives the sixteen digits of a double)."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +29,7 @@ class Lens:
     """Intrinsics and distortion of a camera.
 
     A stack of K lenses has arrays (K, 1) for numbers; its methods then take points (K, N, 2), or
-    (N, 2) that all of them look at.
+    (N, 2) common to all.
 
     Attributes
     ----------
@@ -79,7 +71,7 @@ class Lens:
 
     @property
     def matrix(self) -> FloatArray:
-        """Camera matrix as OpenCV takes it, (3, 3)."""
+        """Camera matrix in OpenCV's form, (3, 3)."""
         return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
 
     @property
@@ -107,9 +99,9 @@ class Lens:
 
     @cached_property
     def fold(self) -> Any:
-        """Undistorted radius at which the distortion turns back or has a pole; inf without either.
+        """Undistorted radius at which the distortion folds or has a pole; inf without either.
 
-        Beyond it the model maps two directions to one pixel and means nothing.
+        Beyond it the model maps two directions to one pixel and is invalid.
         """
         above = _coefficients(1.0, self.k1, self.k2, self.k3)
         # of r n(s) / d(s) with s = r²: the slope has the sign of (n + 2 s n') d - 2 s n d'
@@ -126,7 +118,7 @@ class Lens:
         return np.where(largest > 1e-12, 1.0 / np.sqrt(safe), np.inf)[()]
 
     def distort(self, xy: ArrayLike) -> FloatArray:
-        """Where the lens puts a direction.
+        """Map directions through the lens.
 
         Parameters
         ----------
@@ -146,7 +138,7 @@ class Lens:
         return np.stack([x * radial + dx, y * radial + dy], axis=-1)
 
     def undistort(self, xy: ArrayLike) -> FloatArray:
-        """Invert `distort`; NaN where no direction leads to the given place.
+        """Invert `distort`; NaN where there is no solution.
 
         Parameters
         ----------
@@ -162,7 +154,7 @@ class Lens:
         found = self._undo_radial(given)
         if not (np.any(self.p1) or np.any(self.p2)):
             return found
-        for _ in range(INVERSION_STEPS):
+        for _ in range(MAX_INVERSION_STEPS):
             x, y = found[..., 0], found[..., 1]
             offset = np.stack(self._decentring(x, y, x * x + y * y), axis=-1)
             before, found = found, self._undo_radial(given - offset)
@@ -191,7 +183,7 @@ class Lens:
         )
 
     def _stretch(self, r2: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Distorted over undistorted radius at undistorted radius², and how the former changes."""
+        """Distorted over undistorted radius at undistorted radius², and the former's derivative."""
         above = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3))
         slope = 1.0 + r2 * (3.0 * self.k1 + r2 * (5.0 * self.k2 + 7.0 * r2 * self.k3))
         if not self._rational:
@@ -207,7 +199,7 @@ class Lens:
         limit = np.minimum(self.fold, 1e6)
         radius = np.minimum(distorted, limit)
         residual = np.zeros_like(distorted)
-        for _ in range(INVERSION_STEPS):
+        for _ in range(MAX_INVERSION_STEPS):
             stretch, slope = self._stretch(radius * radius)
             residual = radius * stretch - distorted
             if not np.any(np.abs(residual) > 1e-14 * (1.0 + distorted)):
@@ -234,7 +226,7 @@ def _product(one: FloatArray, other: FloatArray) -> FloatArray:
 def _inverse_roots(polynomial: FloatArray) -> NDArray[np.complex128]:
     """One over the roots of polynomials (..., P) whose constant term is 1: (..., P - 1).
 
-    In 1/s the leading coefficient is that 1, whatever other coefficients are 0.
+    In 1/s the leading coefficient is that 1, so other coefficients may be 0.
     """
     order = polynomial.shape[-1] - 1
     companion = np.zeros((*polynomial.shape[:-1], order, order))
@@ -244,17 +236,15 @@ def _inverse_roots(polynomial: FloatArray) -> NDArray[np.complex128]:
 
 
 SQUARE_TO_WALL: FloatArray = np.diag([1.0, -1.0, -1.0])
-
-"""Rotation of a camera that looks straight at the wall, its rows along the picture's rows."""
+"""Rotation of a camera perpendicular to the wall, with horizontal rows."""
 
 OUTLINE_POINTS = 8
+"""Sampled points of an outline (derived): its harmonics decrease by about radius over distance
+each; a sphere three diameters away, off the axis of a 56° lens, is accurate to 2e-5 px."""
 
-"""An outline's harmonics fall by about radius over distance from one to the next: that of a sphere
-three of its diameters away, off to the side of a 56° lens, is right to 2e-5 px with these."""
+_RIM_ANGLES: FloatArray = 2.0 * np.pi * np.arange(OUTLINE_POINTS)[:, np.newaxis] / OUTLINE_POINTS
 
-_TURN: FloatArray = 2.0 * np.pi * np.arange(OUTLINE_POINTS)[:, np.newaxis] / OUTLINE_POINTS
-
-RIM_COSINE, RIM_SINE = np.cos(_TURN), np.sin(_TURN)
+RIM_COSINE, RIM_SINE = np.cos(_RIM_ANGLES), np.sin(_RIM_ANGLES)
 
 
 def rotation_matrix(vector: ArrayLike) -> FloatArray:
@@ -263,7 +253,7 @@ def rotation_matrix(vector: ArrayLike) -> FloatArray:
     angle = np.linalg.norm(v, axis=-1)[..., np.newaxis, np.newaxis]
     # (v ×): the cross product with each of the axes, as columns
     cross = np.cross(v[..., np.newaxis, :], np.eye(3)).swapaxes(-1, -2)
-    # np.sinc keeps both factors finite, and their derivatives right, at angle 0
+    # np.sinc keeps both factors finite, and their derivatives right, at angle 0.
     return np.asarray(
         np.eye(3)
         + np.sinc(angle / np.pi) * cross
@@ -273,10 +263,10 @@ def rotation_matrix(vector: ArrayLike) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A lens somewhere in the room.
+    """A lens with a pose.
 
     A stack of K cameras has a stack of lenses, `rotation` (K, 3, 3) and `position` (K, 1, 3); its
-    methods take points (K, N, …), or (N, …) that all of them look at, and give (K, N, …).
+    methods take points (K, N, …), or (N, …) common to all, and return (K, N, …).
 
     Attributes
     ----------
@@ -302,7 +292,7 @@ class Camera:
         pitch: float = 0.0,
         roll: float = 0.0,
     ) -> Self:
-        """Camera at `position` (x, y, z in m), square to the wall and then turned.
+        """Camera at `position` (x, y, z in m), perpendicular to the wall and then rotated.
 
         Parameters
         ----------
@@ -315,7 +305,7 @@ class Camera:
 
     @property
     def axis_foot(self) -> FloatArray:
-        """Where the optical axis meets the wall, (x, y) in m; NaN where it does not."""
+        """Intersection of the optical axis with the wall, (x, y) in m; NaN if there is none."""
         return self.to_plane(np.stack([self.lens.cx, self.lens.cy], axis=-1), 0.0)
 
     def project(self, points: ArrayLike) -> FloatArray:
@@ -329,7 +319,7 @@ class Camera:
         Returns
         -------
         (..., 2) array
-            Px; NaN for points behind the camera or outside what the lens can see.
+            Px; NaN for points behind the camera or outside the lens's valid range.
         """
         seen = np.asarray(points, dtype=np.float64) - self.position
         seen = seen @ np.swapaxes(self.rotation, -1, -2)
@@ -337,7 +327,7 @@ class Camera:
         return self.lens.to_pixels(self.lens.distort(seen[..., :2] / depth[..., np.newaxis]))
 
     def rays(self, px: ArrayLike) -> FloatArray:
-        """Directions in which pixels look.
+        """Viewing directions of pixels.
 
         Parameters
         ----------
@@ -346,7 +336,7 @@ class Camera:
         Returns
         -------
         (..., 3) array
-            Unit vectors in the world; NaN where the lens sees nothing.
+            Unit vectors in the world; NaN outside the lens's valid range.
         """
         xy = self.lens.undistort(self.lens.from_pixels(px))
         seen = np.concatenate([xy, np.ones_like(xy[..., :1])], axis=-1)
@@ -354,7 +344,7 @@ class Camera:
         return np.asarray(seen @ self.rotation)
 
     def to_plane(self, px: ArrayLike, z: ArrayLike = 0.0) -> FloatArray:
-        """Where the rays of pixels meet a plane parallel to the wall.
+        """Intersection of the rays of pixels with a plane parallel to the wall.
 
         Parameters
         ----------
@@ -374,7 +364,7 @@ class Camera:
         return np.asarray(self.position[..., :2] + across)
 
     def sphere_outline(self, centre: ArrayLike, radius: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Outline of a sphere in the picture: not centred on the projection of its centre.
+        """Outline of a sphere; its centroid is not the projection of the sphere's centre.
 
         Parameters
         ----------
@@ -395,9 +385,9 @@ class Camera:
         sight = centre - self.position
         distance = np.linalg.norm(sight, axis=-1)
         towards = sight / distance[..., np.newaxis]
-        # The visible rim is the circle in which the cone of tangents touches the sphere
+        # The visible rim is the circle in which the cone of tangents touches the sphere.
         rim_centre = centre - towards * (radius**2 / distance)[..., np.newaxis]
-        # a camera inside the sphere sees no outline
+        # A camera inside the sphere has no outline.
         with np.errstate(invalid="ignore"):
             rim_radius = radius * np.sqrt(1.0 - (radius / distance) ** 2)
         down = self.rotation[..., 1, :]
@@ -410,7 +400,7 @@ class Camera:
         return _centroid_and_radius(seen.reshape(*rim.shape[:-1], 2))
 
     def sphere_on_plane(self, outline_px: ArrayLike, radius: ArrayLike, z: ArrayLike) -> FloatArray:
-        """Centre of a sphere on the plane z from its outline's centroid; undoes `sphere_outline`.
+        """Centre of a sphere on plane z from its outline's centroid: inverse of `sphere_outline`.
 
         Parameters
         ----------
@@ -453,7 +443,7 @@ def _centroid_and_radius(outline: FloatArray) -> tuple[FloatArray, FloatArray]:
     here = outline - middle
     x, y = here[..., 0], here[..., 1]
     dx, dy = np.moveaxis(RIM_DERIVATIVE @ here, -1, 0)
-    # Green's theorem, each mean a sum over one turn of 2 pi
+    # Green's theorem, each mean a sum over one turn of 2 pi.
     area = 0.5 * (x * dy - y * dx).mean(axis=-1)
     moment = 0.5 * np.stack([(x * x * dy).mean(axis=-1), -(y * y * dx).mean(axis=-1)], axis=-1)
     return middle[..., 0, :] + moment / area[..., np.newaxis], np.sqrt(2.0 * np.abs(area))

@@ -1,18 +1,12 @@
-"""The wall grid: found by itself, at sub-pixel precision, with the experiment in front of it.
+"""Find the wall grid in a picture and measure its crossings to sub-pixel precision.
 
-Candidates for the wall grid: every seed grown, the likeliest first.
+Seeds (two crossing waves in a window's spectrum) are extended over the picture, the most probable
+first; the coarse lines among the repeating ones are identified and tested for squares; then each
+crossing is measured with its covariance.
 
-Which of the repeating lines are the coarse ones, where they lie, and whether they are a grid.
-
-Measured positions of the grid's nodes, block by block, each with its own noise.
-
-Where in a picture something repeats in two directions, and how: seeds for the wall grid.
-
-The wall grid as two phase fields over the picture, grown from a seed.
-
-Both families of lines are level sets of a smooth map from pixels to the wall: a homography behind a
-radial distortion. The picture, multiplied by the wave the map predicts and averaged locally, tells
-by its phase how far off the map is, everywhere at once; the map is then fitted to that.
+Both families of lines are level sets of a smooth map from pixels to the wall: a homography after a
+radial distortion. The phase of the picture, multiplied by the wave the map predicts and averaged
+locally, is the local error of the map; the map is fitted to these phases.
 """
 
 from dataclasses import dataclass, field, replace
@@ -48,45 +42,41 @@ FloatImage = NDArray[np.float32]
 BoolArray = NDArray[np.bool_]
 Real = TypeVar("Real", np.float32, np.float64)
 
-WINDOWS = (32, 64, 128, 256)
-"""px: windows in which waves are looked for, each twice as large, from eight lines of 4 px to ten
-of 25 px."""
-
-PERIODS_ACROSS = 4.0
-
-"""A window holds at least this many periods of what is looked for in it."""
-
-HIGHEST_FREQUENCY = 0.46
-"""Per px, as in `calib.grid`: below half a period per pixel, less what blur takes."""
-
-FOLDED_FREQUENCY = 1.0 / 3.0
-
-"""Cycles per px; waves above may be fine lines folded over, so longer ones are looked for, too."""
-
-SMALLEST_ANGLE = np.radians(30.0)
-"""rad between both families of lines: a wall seen at 60° along its diagonal shows them 53° apart, 2
-atan(cos 60°); half of that is beyond any view."""
-
-CLIP_AT = 4.0
-"""Robust standard deviations: lines are within, a bright ball or a dark mass is cut to that."""
-
-SMOOTH_FROM = 4.0
-
-"""Px: an average as wide as this is smooth enough to be interpolated between pixels twice as far
+SPECTRUM_WINDOWS_PX = (32, 64, 128, 256)
+"""Sides of the windows searched for waves, px (chosen): from eight lines 4 px apart to ten 25 px
 apart."""
 
-SPECTRA_AT_ONCE = 2**18
+MIN_WINDOW_PERIODS = 4.0
+"""Minimum number of periods in a window (chosen)."""
 
-"""Pixels of the windows that are transformed in one go: as much as the caches hold."""
+MAX_WAVE_FREQUENCY = 0.46
+"""Highest frequency of a wave, cycles per px (derived: the Nyquist limit minus blur)."""
 
-ALIKE = 0.2
+MIN_ALIASED_FREQUENCY = 1.0 / 3.0
+"""Frequency above which waves may be aliased fine lines, cycles per px (chosen); longer waves are
+then searched for, too."""
 
-"""Waves this near in length, by its logarithm, are of one kind."""
+MIN_LINE_ANGLE = np.radians(30.0)
+"""Minimum angle between the families, rad (derived): a wall at 60° along its diagonal shows lines
+2 atan(cos 60°) = 53° apart; half of that is beyond any view."""
+
+CONTRAST_LIMIT = 4.0
+"""Contrast limit, robust standard deviations (chosen): lines are within, a bright ball is not."""
+
+REDUCED_BLUR_PX = 4.0
+"""Standard deviation of a Gaussian, px, from which a picture of half the resolution suffices
+(chosen)."""
+
+SPECTRUM_BATCH_PIXELS = 2**18
+"""Pixels of the windows transformed in one call (chosen: what the caches hold)."""
+
+WAVELENGTH_BAND = 0.2
+"""Half width of a band of wavelengths, in the logarithm (chosen)."""
 
 
 @dataclass(frozen=True)
 class Seed:
-    """Two waves seen in one window.
+    """Two crossing waves in one window.
 
     Attributes
     ----------
@@ -97,9 +87,9 @@ class Seed:
     window : int
         Side of the window, px.
     strength : float
-        Power of the weaker wave over the median of waves about as long, whichever way they run.
+        Power of the weaker wave over the median of waves of similar length in any direction.
     leading : float
-        The same of the wave with the most power.
+        The same of the stronger wave.
     """
 
     centre: FloatArray
@@ -112,14 +102,14 @@ class Seed:
 def flattened(image: FloatArray, scale: float) -> FloatArray:
     """Relative contrast with everything slower than `scale` px removed, extremes clipped.
 
-    Lines are paint: they dim the light by a factor, in the sun and in the shadow alike.
+    Lines are paint: they attenuate light by a factor, in the sun and in a shadow alike.
 
     Parameters
     ----------
     image : (H, W) array
         Gray levels, any positive scale.
     scale : float
-        Standard deviation of the Gaussian that counts as the light, px.
+        Standard deviation of the Gaussian that defines the illumination, px.
 
     Returns
     -------
@@ -130,12 +120,12 @@ def flattened(image: FloatArray, scale: float) -> FloatArray:
     floor = 0.02 * float(np.percentile(light, 95)) + 1e-12
     contrast = image / np.maximum(light, floor) - 1.0
     spread = 1.4826 * float(np.median(np.abs(contrast)))
-    limit = CLIP_AT * max(spread, 0.2 * float(contrast.std()))
+    limit = CONTRAST_LIMIT * max(spread, 0.2 * float(contrast.std()))
     return np.asarray(np.clip(contrast, -limit, limit), dtype=np.float64)
 
 
 def smoothed(image: NDArray[Real], sigma: float) -> NDArray[Real]:
-    """Gaussian average of a picture (H, W), wide ones of a smaller picture.
+    """Gaussian average of a picture (H, W), computed at reduced size if wide.
 
     Parameters
     ----------
@@ -143,34 +133,34 @@ def smoothed(image: NDArray[Real], sigma: float) -> NDArray[Real]:
     sigma : float
         Standard deviation, px.
     """
-    factor = int(sigma / SMOOTH_FROM)
+    factor = int(sigma / REDUCED_BLUR_PX)
     height, width = image.shape
     if factor < 2 or min(height, width) < 4 * factor:
         return np.asarray(cv2.GaussianBlur(image, (0, 0), sigma))
     size = (width // factor, height // factor)
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    # the means over factor x factor pixels have averaged already
+    # The means over factor × factor pixels contribute to the average.
     left = np.sqrt(sigma**2 - (factor**2 - 1.0) / 12.0) / factor
     small = cv2.GaussianBlur(small, (0, 0), left)
     return np.asarray(cv2.resize(small, (width, height), interpolation=cv2.INTER_LINEAR))
 
 
 def find_seeds(image: FloatArray, *, keep: int = 8) -> list[Seed]:
-    """Windows in which two waves cross, the clearest first.
+    """Windows in which two waves cross, the strongest first.
 
     Parameters
     ----------
     image : (H, W) array
         Gray levels.
     keep : int
-        How many seeds to keep of each window size.
+        Number of seeds kept of each window size.
 
     Returns
     -------
     list of Seed
     """
     seeds: list[Seed] = []
-    for window in WINDOWS:
+    for window in SPECTRUM_WINDOWS_PX:
         if window > min(image.shape):
             break
         flat = flattened(image, window / 6.0).astype(np.float32)
@@ -189,7 +179,7 @@ def _starts(length: int, window: int) -> NDArray[np.int64]:
 
 
 def _window_seeds(flat: FloatImage, window: int) -> list[list[Seed]]:
-    """The seed of each window; where it is very fine, also that of its longer waves."""
+    """Seeds of each window; a very fine one is joined by that of longer waves."""
     corners = np.array(
         [
             (left, top)
@@ -199,15 +189,15 @@ def _window_seeds(flat: FloatImage, window: int) -> list[list[Seed]]:
     )
     waves = _Waves.of(window)
     found: list[list[Seed]] = []
-    for some in np.array_split(corners, max(1, len(corners) * window**2 // SPECTRA_AT_ONCE)):
+    for some in np.array_split(corners, max(1, len(corners) * window**2 // SPECTRUM_BATCH_PIXELS)):
         patches = np.array([flat[y : y + window, x : x + window] for x, y in some])
         power = _powers(patches)
-        seeds = _seeds(power, some, waves, HIGHEST_FREQUENCY)
+        seeds = _seeds(power, some, waves, MAX_WAVE_FREQUENCY)
         fine = [
-            one is not None and np.linalg.norm(one.waves, axis=1).max() >= FOLDED_FREQUENCY
+            one is not None and np.linalg.norm(one.waves, axis=1).max() >= MIN_ALIASED_FREQUENCY
             for one in seeds
         ]
-        longer = iter(_seeds(power[fine], some[fine], waves, FOLDED_FREQUENCY))
+        longer = iter(_seeds(power[fine], some[fine], waves, MIN_ALIASED_FREQUENCY))
         for seed, also in zip(seeds, fine, strict=True):
             both = [seed, next(longer) if also else None]
             found.append([one for one in both if one is not None])
@@ -216,7 +206,7 @@ def _window_seeds(flat: FloatImage, window: int) -> list[list[Seed]]:
 
 @dataclass(frozen=True)
 class _Waves:
-    """Wave vectors of a window's spectrum (2 W, W + 1): lengths, twice their angles, their side.
+    """Wave vectors of a window's spectrum (2 W, W + 1).
 
     Attributes
     ----------
@@ -227,7 +217,7 @@ class _Waves:
     cosine, sine : (2 W, W + 1) arrays
         Of twice the angle.
     order, lengths : (M,) arrays
-        Flat places by increasing radius, and those radii.
+        Flat indices by increasing radius, and those radii.
     """
 
     window: int
@@ -249,8 +239,8 @@ class _Waves:
         return cls(window, radius, np.cos(twice), np.sin(twice), order, lengths)
 
     def alike(self, place: tuple[int, int]) -> NDArray[np.int64]:
-        """Flat places of all waves about as long as one."""
-        ratio, length = np.exp(ALIKE), self.radius[place]
+        """Flat indices of all waves of similar length."""
+        ratio, length = np.exp(WAVELENGTH_BAND), self.radius[place]
         first = self.lengths.searchsorted(length / ratio, side="right")
         return self.order[first : self.lengths.searchsorted(length * ratio, side="left")]
 
@@ -267,18 +257,18 @@ def _powers(patches: FloatImage) -> FloatImage:
 def _seeds(
     power: FloatImage, corners: NDArray[np.int64], waves: _Waves, highest: float
 ) -> list[Seed | None]:
-    """The two waves with the most power in each window, of those up to a frequency."""
-    ring = (waves.radius > PERIODS_ACROSS / waves.window) & (waves.radius < highest)
+    """The two strongest waves of each window below a frequency."""
+    ring = (waves.radius > MIN_WINDOW_PERIODS / waves.window) & (waves.radius < highest)
     kept = power[:, ring]
     if len(kept) == 0:
         return []
-    # a picture that is even has no power in half of its waves or more
+    # An even picture has no power in half of its waves or more.
     shown = 2 * np.count_nonzero(kept, axis=1) >= kept.shape[1]
     rows = np.argwhere(ring)
     cosine, sine = (turn[ring].astype(np.float32) for turn in (waves.cosine, waves.sine))
     first = kept.argmax(axis=1)
     alike = cosine * cosine[first, np.newaxis] + sine * sine[first, np.newaxis]
-    apart = alike < np.cos(2.0 * SMALLEST_ANGLE)
+    apart = alike < np.cos(2.0 * MIN_LINE_ANGLE)
     second = np.where(apart, kept, 0.0).argmax(axis=1)
     places = rows[np.stack([first, second], axis=1)]
     vectors = _refined(power, places, 2 * waves.window)
@@ -288,35 +278,34 @@ def _seeds(
         if not shown[index]:
             seeds.append(None)
             continue
-        strengths = [_above_its_kind(here, waves, (int(y), int(x))) for y, x in places[index]]
+        strengths = [_relative_power(here, waves, (int(y), int(x))) for y, x in places[index]]
         seeds.append(
             Seed(centres[index], vectors[index], waves.window, min(strengths), strengths[0])
         )
     return seeds
 
 
-def _above_its_kind(power: FloatImage, waves: _Waves, place: tuple[int, int]) -> float:
-    """Power of a wave over the median of all waves about as long.
+def _relative_power(power: FloatImage, waves: _Waves, place: tuple[int, int]) -> float:
+    """Power of a wave over the median of waves of similar length.
 
-    Most textures are the stronger the longer the wave: what stands out of all waves need not stand
-    out of its own kind.
+    In most textures power grows with wavelength, so a wave is compared with its own band only.
     """
     alike = power.ravel()[waves.alike(place)]
     half = len(alike) // 2
-    # np.median takes as long again for what it checks
+    # np.median takes twice as long because of its checks.
     ordered = np.partition(alike, [half - 1, half])
     middle = 0.5 * float(ordered[half - 1 + len(alike) % 2] + ordered[half])
     return float(power[place] / max(middle, 1e-300))
 
 
 def _refined(power: FloatImage, places: NDArray[np.int64], size: int) -> FloatArray:
-    """Wave vectors (N, 2, 2) of peaks, by parabolas through the logarithm of their neighbours."""
+    """Wave vectors (N, 2, 2) of peaks, by parabolas through the log power of their neighbours."""
     each = np.arange(len(power))[:, np.newaxis]
     row, column = places[..., 0], places[..., 1]
     least = np.finfo(power.dtype).tiny
 
     def log(row: NDArray[np.int64], column: NDArray[np.int64]) -> FloatArray:
-        # The spectrum of a real picture is even: the column left of 0 is the one right of it
+        # The spectrum of a real picture is even: the column left of 0 is the one right of it.
         column = np.minimum(np.abs(column), power.shape[2] - 1)
         return np.asarray(np.log(np.maximum(power[each, row % power.shape[1], column], least)))
 
@@ -331,64 +320,61 @@ def _refined(power: FloatImage, places: NDArray[np.int64], size: int) -> FloatAr
     return np.stack([column + offsets[0], row + offsets[1] - size // 2], axis=-1) / size
 
 
-WINDOW_PERIODS = 1.3
-"""Periods, standard deviation of the window: narrow enough to follow the view, wide enough (three
-periods in effect) to know a wave from an edge."""
+AVERAGE_STD_PERIODS = 1.3
+"""Standard deviation of the averaging window, periods (chosen): narrow enough to follow the view,
+wide enough (three effective periods) to distinguish a wave from an edge."""
 
-COHERENT = 8.0
+MIN_COHERENCE = 8.0
+"""|mean|² over its expectation in noise (derived: exceeded by chance once in e⁸ = 3000 windows)."""
 
-"""|mean|² over its expectation in noise: exceeded by chance once in e^8 = 3000 windows."""
+_AVERAGE_HALF_WIDTH = 4.5
+"""Half width of a Gaussian average, standard deviations (derived: 4, plus reduced resolution)."""
 
-_AVERAGED = 4.5
-"""Standard deviations on either side that a Gaussian average is taken over, and what a smaller
-picture adds to it."""
+REGION_GROWTH = 1.3
+"""Factor by which the region grows in a step (chosen): the map is extrapolated by under a third of
+its size."""
 
-GROWTH = 1.3
-"""Factor by which the region grows in a step, supposed: the map is extrapolated by less than a
-third of its size."""
+MAX_GROWN_PERIOD_PX = 6.0
+"""Period above which the map is grown on a reduced picture, px (chosen)."""
 
-PERIOD_WANTED = 6.0
+MAP_PRIOR_STD = np.array([0.5, 0.5, 0.2, 0.1])
+"""Prior standard deviations of perspective (2) and distortion (2), per half width of the picture
+(chosen): a 45° oblique view through a 90° lens reaches 1; a fish-eye 0.3."""
 
-"""Larger periods are grown on a smaller picture, px."""
-
-# Widths within which a map may stray from an affine one: perspective, then distortion, in units of
-# the half width of the picture. A view 45° oblique through a 90° lens reaches 1; a fish-eye 0.3.
-PRIOR_STD = np.array([0.5, 0.5, 0.2, 0.1])
-
-_LEAST_DEPTH = 0.05
-"""Of that in the picture's middle, supposed: what is nearer is behind the camera, or beside it."""
+_MIN_RELATIVE_DEPTH = 0.05
+"""Minimum depth over that at the picture's centre (chosen): nearer is behind or beside the
+camera."""
 
 PHASE_STD = 0.03
-"""Periods, supposed: how far local phases may be from a smooth map of few parameters."""
+"""Standard deviation of local phases about a smooth map, periods (chosen)."""
 
 
-_COUNTS = tuple(product((0, 1, -1, 2, -2), repeat=2))
-"""Lines by which a part of the grid may be miscounted along both families, supposed: maps that fit
-one part well foretell the next to less than that."""
+_LINE_OFFSETS = tuple(product((0, 1, -1, 2, -2), repeat=2))
+"""Line offsets tried for a separate region along both families (chosen): a map that fits one region
+predicts the next better than that."""
 
-_BEHIND = 1e300
-"""Misfit of a map that puts some of the wall behind the camera."""
+_INVALID_MAP_COST = 1e300
+"""Misfit of a map that puts part of the wall behind the camera."""
 
-_COUNT_ROUNDS = 4
-"""Steps of a fit: the second is exact but for what bends."""
+_OFFSET_FIT_STEPS = 4
+"""Gauss-Newton steps of such a fit (derived: the second is exact except for the nonlinearity)."""
 
-_SURELY_COUNTED, _SHARED = 5.0, 1.0 / (4.0 * np.pi)
-"""Nats by which a count is likelier than the next, odds of 150; and how far windows whose middles
-lie a standard deviation apart count each for itself: by the area that such a window averages over.
-"""
+_MIN_OFFSET_LOG_ODDS, _INDEPENDENT_FRACTION = 5.0, 1.0 / (4.0 * np.pi)
+"""Log odds by which a line count must exceed the next (chosen: odds of 150); and independent
+fraction of windows one standard deviation apart (derived: from the window's effective area)."""
 
 
 @compiled
-def _placed(
+def _grid_coordinates(
     x: float, y: float, centre: FloatArray, scale: FloatArray, p: FloatArray
 ) -> tuple[float, float]:
-    """Grid coordinates of a pixel: see `GridMap`; NaN behind the camera."""
+    """Grid coordinates of a pixel (see `GridMap`); NaN behind the camera."""
     x, y = (x - centre[0]) / scale[0], (y - centre[1]) / scale[1]
     r2 = x * x + y * y
     bent = 1.0 + r2 * (p[8] + r2 * p[9])
     x, y = x * bent, y * bent
     depth = 1.0 + p[6] * x + p[7] * y
-    if not depth > _LEAST_DEPTH:
+    if not depth > _MIN_RELATIVE_DEPTH:
         return np.nan, np.nan
     return (p[0] * x + p[1] * y + p[2]) / depth, (p[3] * x + p[4] * y + p[5]) / depth
 
@@ -399,17 +385,17 @@ def _mapped(
 ) -> None:
     """Write the grid coordinates of pixels (N, 2)."""
     for k in range(len(px)):
-        grid[k, 0], grid[k, 1] = _placed(px[k, 0], px[k, 1], centre, scale, p)
+        grid[k, 0], grid[k, 1] = _grid_coordinates(px[k, 0], px[k, 1], centre, scale, p)
 
 
 @compiled
-def _turned(
+def _write_phases(
     left: int, top: int, centre: FloatArray, scale: FloatArray, p: FloatArray, turns: FloatImage
 ) -> None:
     """Write the phases (2, h, w) of both waves, -π to π; 0 where there is none."""
     for row in range(turns.shape[1]):
         for column in range(turns.shape[2]):
-            u, v = _placed(float(left + column), float(top + row), centre, scale, p)
+            u, v = _grid_coordinates(float(left + column), float(top + row), centre, scale, p)
             turns[0, row, column] = 2.0 * np.pi * (u - np.rint(u)) if u == u else 0.0
             turns[1, row, column] = 2.0 * np.pi * (v - np.rint(v)) if v == v else 0.0
 
@@ -447,7 +433,7 @@ class GridMap:
         """Phases of both waves over a part of a picture, (2, h, w), -π to π; 0 where none."""
         rows, columns = (range(*one.indices(size)) for one, size in zip(part, shape, strict=True))
         found = np.empty((2, len(rows), len(columns)), dtype=np.float32)
-        _turned(columns.start, rows.start, self.centre, self.scale, self.parameters, found)
+        _write_phases(columns.start, rows.start, self.centre, self.scale, self.parameters, found)
         return found
 
     def jacobian(self, px: ArrayLike) -> FloatArray:
@@ -490,18 +476,18 @@ class GridMap:
 
 @dataclass(frozen=True)
 class MapSupport:
-    """How well a map fits, over the picture.
+    """Local agreement of a map with the picture.
 
     Attributes
     ----------
     phase : (2, H, W) array
-        What the picture says beyond the map, in periods, for both families.
+        Phase error of the map, periods, for both families.
     coherence : (2, H, W) array
         |mean|² over its expectation in noise.
     share : (2, H, W) array
-        Share of the local variance that the wave carries.
+        Fraction of the local variance explained by the wave.
     counted : (H, W) array
-        Where the lines seen are surely numbered, if they are not everywhere.
+        Where the line numbers are certain, if not everywhere.
     """
 
     phase: FloatArray
@@ -511,14 +497,14 @@ class MapSupport:
 
     @cached_property
     def area(self) -> NDArray[np.bool_]:
-        """Pixels at which both families are seen where the map has them, (H, W)."""
-        seen = (self.coherence > COHERENT) & (np.abs(self.phase) < 0.25)
+        """Pixels (H, W) at which both families agree with the map."""
+        seen = (self.coherence > MIN_COHERENCE) & (np.abs(self.phase) < 0.25)
         both = np.asarray(seen.all(axis=0))
         return both if self.counted is None else both & self.counted
 
     @cached_property
     def explained(self) -> float:
-        """Share of the whole picture's variance that both waves explain together."""
+        """Fraction of the picture's variance explained by both waves together."""
         return float(np.where(self.area, self.share.sum(axis=0), 0.0).mean())
 
 
@@ -530,7 +516,7 @@ def pixel_grid(shape: tuple[int, ...]) -> FloatArray:
 
 @dataclass(frozen=True)
 class _Contrast:
-    """What is compared with waves: a picture's relative contrast, and its average square.
+    """Relative contrast of a picture, and its average square.
 
     Attributes
     ----------
@@ -545,13 +531,13 @@ class _Contrast:
 
     @classmethod
     def of(cls, flat: FloatArray, sigma: float) -> "_Contrast":
-        """Of relative contrast (H, W)."""
+        """From relative contrast (H, W)."""
         single = flat.astype(np.float32)
         return cls(single, np.maximum(smoothed(single * single, sigma), np.float32(1e-12)), sigma)
 
     def around(self, points: BoolArray) -> tuple[slice, slice]:
-        """Rows and columns that the averages at some points (H, W) are taken over."""
-        reach = int(np.ceil(_AVERAGED * self.sigma))
+        """Rows and columns that contribute to the averages at some points (H, W)."""
+        reach = int(np.ceil(_AVERAGE_HALF_WIDTH * self.sigma))
         return _between(np.any(points, axis=1), reach), _between(np.any(points, axis=0), reach)
 
     def cut(self, part: tuple[slice, slice]) -> "_Contrast":
@@ -579,7 +565,7 @@ class _Contrast:
 
 
 def _between(there: BoolArray, reach: int) -> slice:
-    """From the first to the last, and so many beyond."""
+    """From the first to the last true element, extended by `reach`."""
     places = np.flatnonzero(there)
     if len(places) == 0:
         return slice(None)
@@ -587,7 +573,7 @@ def _between(there: BoolArray, reach: int) -> slice:
 
 
 def grow(image: FloatArray, seed: Seed) -> tuple[GridMap, MapSupport]:
-    """Extend a seed over the picture as far as it holds.
+    """Extend a seed over the picture as far as the map agrees.
 
     Parameters
     ----------
@@ -598,12 +584,12 @@ def grow(image: FloatArray, seed: Seed) -> tuple[GridMap, MapSupport]:
 
     Returns
     -------
-    GridMap, Support
-        The fitted map, and how well it fits; the support may be at a lower resolution than the
-        picture. A phase of 0 is that of the brightest places.
+    GridMap, MapSupport
+        The fitted map and its agreement, which may be at reduced resolution. Phase 0 is the
+        brightest.
     """
     period = float(1.0 / np.linalg.norm(seed.waves, axis=1).max())
-    factor = max(1, int(period / PERIOD_WANTED))
+    factor = max(1, int(period / MAX_GROWN_PERIOD_PX))
     if factor > 1:
         size = (image.shape[1] // factor, image.shape[0] // factor)
         ratio = np.array([size[0] / image.shape[1], size[1] / image.shape[0]])
@@ -616,7 +602,7 @@ def grow(image: FloatArray, seed: Seed) -> tuple[GridMap, MapSupport]:
         )
         return found.resized(1.0 / ratio[0], 1.0 / ratio[1]), support
     longest = float(1.0 / np.linalg.norm(seed.waves, axis=1).min())
-    sigma = WINDOW_PERIODS * longest
+    sigma = AVERAGE_STD_PERIODS * longest
     flat = flattened(image, 1.5 * longest)
     pixels = pixel_grid(image.shape)
     current = _affine(seed, (image.shape[1], image.shape[0]))
@@ -635,25 +621,25 @@ def grow(image: FloatArray, seed: Seed) -> tuple[GridMap, MapSupport]:
             current = _fitted(current, pixels[near], seen.phase, seen.coherence)
         if reach > distance.max():
             break
-        reach *= GROWTH
+        reach *= REGION_GROWTH
     support = contrast.demodulated(current.turns(image.shape))
     label = _parts(support.area)
     if label.max() < 2:
         return current, support
-    current, surely = _recounted(current, _Samples.of(support, pixels, place), label[place])
+    current, surely = _renumbered(current, _Samples.of(support, pixels, place), label[place])
     support = contrast.demodulated(current.turns(image.shape))
     return current, replace(support, counted=np.isin(label, [0, *surely]))
 
 
 def _parts(area: BoolArray) -> NDArray[np.int32]:
-    """Which separate part of an area each pixel lies in, the largest 1; 0 for none, or a small one.
+    """Label of the connected region of each pixel, the largest 1; 0 for none or a small one.
 
-    Small ones hold too few lines to be counted, and change no map.
+    Small regions hold too few lines to be numbered.
     """
     _, label = cv2.connectedComponents(area.astype(np.uint8))
     size = np.bincount(label.ravel())
     size[0] = 0
-    large = [int(part) for part in np.argsort(-size) if size[part] > LEAST_AREA * label.size]
+    large = [int(part) for part in np.argsort(-size) if size[part] > MIN_GRID_AREA * label.size]
     rank = np.zeros(len(size), dtype=np.int32)
     rank[large] = np.arange(1, len(large) + 1)
     return np.asarray(rank[label])
@@ -661,13 +647,13 @@ def _parts(area: BoolArray) -> NDArray[np.int32]:
 
 @dataclass(frozen=True)
 class _Samples:
-    """What the picture says of a map at some pixels.
+    """Phase errors of a map at some pixels.
 
     Attributes
     ----------
     px : (N, 2) array
     shift : (N, 2) array
-        What is missing from the mapped grid coordinates there, periods.
+        Phase errors, periods.
     weight : (N, 2) array
         Inverse variances, periods^-2.
     """
@@ -678,24 +664,23 @@ class _Samples:
 
     @classmethod
     def of(cls, support: MapSupport, pixels: FloatArray, place: BoolArray) -> Self:
-        """Of a map's support at some pixels (H, W)."""
+        """From a map's support at some pixels (H, W)."""
         phase, coherence = support.phase[:, place], support.coherence[:, place]
-        return cls(pixels[place], phase.T, _trusted(phase, coherence).T)
+        return cls(pixels[place], phase.T, _phase_weights(phase, coherence).T)
 
     def at(self, rows: BoolArray) -> Self:
         """Some of the pixels (N,)."""
         return replace(self, px=self.px[rows], shift=self.shift[rows], weight=self.weight[rows])
 
 
-def _recounted(
+def _renumbered(
     current: GridMap, samples: _Samples, label: NDArray[np.int32]
 ) -> tuple[GridMap, list[int]]:
-    """Number the lines of each separate part of a grid anew; the map, and the parts that stand.
+    """Number the lines of each separate region again; return the map and the certain regions.
 
-    Where something hides the lines from top to bottom, waves of one part that are led across it
-    may meet those of the other a whole line off, and a bent map fits both. Each part is counted as
-    many lines on or back as its map is the likeliest for, the largest part first; one of which the
-    count is not sure is left out.
+    Where an object hides lines from top to bottom, the waves of one region extrapolated across it
+    may be off by a whole line, and a bent map then fits both. Each region takes the line offset
+    with the best fit, the largest first; a region whose offset is uncertain is dropped.
 
     Parameters
     ----------
@@ -703,33 +688,43 @@ def _recounted(
     samples : _Samples
         At N pixels.
     label : (N,) int array
-        Which part each pixel lies in, the largest 1; 0 for none.
+        Region of each pixel, the largest 1; 0 for none.
     """
     surely, aims = [1], current(samples.px) + samples.shift
     for part in range(2, int(label.max()) + 1):
         inside = np.isin(label, [*surely, part])
         chosen, own = samples.at(inside), (label[inside] == part)[:, np.newaxis]
-        maps = [_aimed(current, chosen, aims[inside] + own * np.array(lines)) for lines in _COUNTS]
-        costs = np.nan_to_num([cost for _, cost in maps], nan=_BEHIND, posinf=_BEHIND)
+        maps = [
+            _fitted_to_coordinates(current, chosen, aims[inside] + own * np.array(lines))
+            for lines in _LINE_OFFSETS
+        ]
+        costs = np.nan_to_num(
+            [cost for _, cost in maps], nan=_INVALID_MAP_COST, posinf=_INVALID_MAP_COST
+        )
         best, second = np.argsort(costs)[:2]
         spare = max(2 * len(chosen.px) - len(current.parameters), 1)
-        # errors are as large as the best map has them, where that is more than was supposed
+        # Errors are scaled to the best map if they exceed the assumed ones.
         usual = max(1.0, costs[best] / spare)
-        if not _SHARED * 0.5 * (costs[second] - costs[best]) > _SURELY_COUNTED * usual:
+        if (
+            not _INDEPENDENT_FRACTION * 0.5 * (costs[second] - costs[best])
+            > _MIN_OFFSET_LOG_ODDS * usual
+        ):
             continue
         surely.append(part)
-        aims[label == part] += _COUNTS[best]
-        if any(_COUNTS[best]):
+        aims[label == part] += _LINE_OFFSETS[best]
+        if any(_LINE_OFFSETS[best]):
             current = maps[best][0]
     return current, surely
 
 
-def _aimed(current: GridMap, samples: _Samples, aims: FloatArray) -> tuple[GridMap, float]:
-    """Map that takes pixels to given grid coordinates (N, 2), and its misfit as a chi-square."""
-    for _ in range(_COUNT_ROUNDS):
+def _fitted_to_coordinates(
+    current: GridMap, samples: _Samples, aims: FloatArray
+) -> tuple[GridMap, float]:
+    """Map that takes pixels to given grid coordinates (N, 2), and its chi-square."""
+    for _ in range(_OFFSET_FIT_STEPS):
         current = refitted(current, samples.px, aims - current(samples.px), samples.weight)
     left = aims - current(samples.px)
-    strayed = current.parameters[-len(PRIOR_STD) :] / PRIOR_STD
+    strayed = current.parameters[-len(MAP_PRIOR_STD) :] / MAP_PRIOR_STD
     return current, float((samples.weight * left**2).sum() + strayed @ strayed)
 
 
@@ -743,19 +738,19 @@ def _affine(seed: Seed, size: tuple[int, int]) -> GridMap:
 
 
 def _fitted(current: GridMap, px: FloatArray, phase: FloatArray, coherence: FloatArray) -> GridMap:
-    """Map moved to meet the phases found at `px`: one robust Gauss–Newton step with priors."""
-    return refitted(current, px, phase.T, _trusted(phase, coherence).T)
+    """Map corrected for the phases at `px`: one robust Gauss-Newton step with priors."""
+    return refitted(current, px, phase.T, _phase_weights(phase, coherence).T)
 
 
-def _trusted(phase: FloatArray, coherence: FloatArray) -> FloatArray:
+def _phase_weights(phase: FloatArray, coherence: FloatArray) -> FloatArray:
     """Inverse variances of phases, periods^-2."""
-    weight = np.where(coherence > COHERENT, np.minimum(coherence, 50.0) / 50.0, 0.0)
-    # Cauchy weights: a window on a shadow's edge has a phase of its own
+    weight = np.where(coherence > MIN_COHERENCE, np.minimum(coherence, 50.0) / 50.0, 0.0)
+    # Cauchy weights: a window on a shadow's edge has a biased phase.
     return weight / (1.0 + (phase / 0.1) ** 2) / PHASE_STD**2
 
 
 @compiled
-def _pulled(
+def _add_normal_equations(
     px: FloatArray,
     shift: FloatArray,
     weight: FloatArray,
@@ -765,7 +760,7 @@ def _pulled(
     normal: FloatArray,
     right: FloatArray,
 ) -> None:
-    """Add what shifts (N, 2) of pixels (N, 2) ask of a map's parameters: normal equations."""
+    """Add the normal equations of shifts (N, 2) at pixels (N, 2) for a map's parameters."""
     row = np.zeros(10)
     for k in range(len(px)):
         u, v = (px[k, 0] - centre[0]) / scale[0], (px[k, 1] - centre[1]) / scale[1]
@@ -773,7 +768,7 @@ def _pulled(
         bent = 1.0 + r2 * (p[8] + r2 * p[9])
         x, y = u * bent, v * bent
         depth = 1.0 + p[6] * x + p[7] * y
-        if not depth > _LEAST_DEPTH:
+        if not depth > _MIN_RELATIVE_DEPTH:
             continue
         for family in range(2):
             first = 3 * family
@@ -791,81 +786,75 @@ def _pulled(
 
 
 def refitted(current: GridMap, px: FloatArray, shift: FloatArray, weight: FloatArray) -> GridMap:
-    """Map moved to meet measured shifts.
+    """Map corrected for measured shifts, with priors.
 
     Parameters
     ----------
     current : GridMap
     px : (N, 2) array
-        Places.
+        Positions.
     shift : (N, 2) array
-        What is missing from the mapped grid coordinates there, periods.
+        Error of the mapped grid coordinates there, periods.
     weight : (N, 2) array
         Inverse variances, periods^-2.
     """
     normal, right = np.zeros((10, 10)), np.zeros(10)
-    # one layout, for which alone the loop is compiled
+    # A single memory layout, so that the loop is compiled once.
     px, shift, weight = (np.ascontiguousarray(one) for one in (px, shift, weight))
-    _pulled(px, shift, weight, current.centre, current.scale, current.parameters, normal, right)
-    normal[np.arange(6, 10), np.arange(6, 10)] += PRIOR_STD**-2
-    right[6:] -= current.parameters[6:] * PRIOR_STD**-2
+    _add_normal_equations(
+        px, shift, weight, current.centre, current.scale, current.parameters, normal, right
+    )
+    normal[np.arange(6, 10), np.arange(6, 10)] += MAP_PRIOR_STD**-2
+    right[6:] -= current.parameters[6:] * MAP_PRIOR_STD**-2
     normal[np.arange(6), np.arange(6)] += 1e-6
     return current.moved(np.asarray(np.linalg.solve(normal, right), dtype=np.float64))
 
 
-BINS = 32
+PROFILE_BINS = 32
+"""Bins per period of the profile across a line (chosen): a line is three bins wide."""
 
-"""Bins of a period of the profile across a line: a line is a tenth of a period wide, three bins."""
+FINE_PER_COARSE = (2, 3, 4, 5, 6, 8, 10)
+"""Fine lines per coarse one (convention: rulers and millimetre paper)."""
 
-COARSER = (2, 3, 4, 5, 6, 8, 10)
+MIN_HARMONIC_HEIGHT = 5.0
+"""Height of a harmonic over the median of its surroundings (chosen)."""
 
-"""Fine lines per coarse one, as rulers and millimetre paper have them: factors of ten, and those
-between."""
+MIN_WAVE_HEIGHT = 3.0
+"""The same for the wave itself (chosen); local coherence has confirmed it already."""
 
-SIGNIFICANT = 5.0
+MIN_HARMONIC_AMPLITUDE = 0.03
+"""Minimum amplitude of a harmonic, fraction of the wave's (chosen): fainter may be shading or
+compression."""
 
-"""A line of the spectrum must stand this far above the median of its surroundings."""
+MIN_ALIASED_AMPLITUDE = 0.15
+"""The same where harmonics alias (chosen: five times as much, since aliases add to them)."""
 
-CLEAR = 3.0
+MIN_ALIAS_FREE_PERIOD_PX = 6.0
+"""Period, px, below which harmonics of sharp lines alias onto coarser ones (derived)."""
 
-"""Standard deviations for the wave itself, since local coherence has vouched for it already."""
-
-FAINTEST = 0.03
-
-"""Share of the profile, supposed: a harmonic fainter than this may be shading or compression."""
-
-FAINTEST_ALIASED = 0.15
-
-"""Share of the profile where harmonics fold over, supposed: five times as much, since what folds
-over adds to them."""
-
-ALIAS_FREE = 6.0
-
-"""Below this period (px) the harmonics of sharp lines alias to where coarser lines would be."""
-
-HIGHEST_HARMONIC = 12
-
-"""Order: the harmonics of a line a tenth of a period wide fade out at ten."""
+MAX_HARMONIC = 12
+"""Order of the highest harmonic (derived: those of a line a tenth of a period wide vanish at
+10)."""
 
 
 @dataclass(frozen=True)
 class Lattice:
-    """The coarse lines of one family within the waves first found.
+    """Coarse lines of one family, relative to the waves first found.
 
     Attributes
     ----------
     multiple : int
-        How many periods of the wave first found make one coarse period.
+        Periods of the first wave in one coarse period.
     clear : bool
-        Whether the wave stands out of the spectrum of what else varies in its direction.
+        Whether the wave is significant in the spectrum across its lines.
     offset : float
-        Where a coarse line lies, in coarse periods.
+        Position of a coarse line, coarse periods.
     dark : bool
         Whether lines are darker than the wall.
     template : (12,) array
         Amplitudes of the harmonics 1 to 12 of the profile across a line, positive for a peak.
     fine : int or None
-        How many fine periods there are in a coarse one, where fine lines are seen.
+        Fine periods in a coarse one, where fine lines are resolved.
     """
 
     multiple: int
@@ -877,7 +866,7 @@ class Lattice:
 
 
 def analysed(values: FloatArray, coordinate: FloatArray, period_px: float) -> Lattice:
-    """Find the coarse lines in one family.
+    """Find the coarse lines of one family.
 
     Parameters
     ----------
@@ -889,27 +878,29 @@ def analysed(values: FloatArray, coordinate: FloatArray, period_px: float) -> La
         That period, px.
     """
     multiple, clear = _coarsest(
-        values, coordinate, FAINTEST if period_px > ALIAS_FREE else FAINTEST_ALIASED
+        values,
+        coordinate,
+        MIN_HARMONIC_AMPLITUDE if period_px > MIN_ALIAS_FREE_PERIOD_PX else MIN_ALIASED_AMPLITUDE,
     )
     coordinate = coordinate / multiple
     turn = np.exp(-2j * np.pi * coordinate)
     wave = values * turn
     means = [2.0 * np.mean(wave)]
-    for _ in range(1, HIGHEST_HARMONIC):
+    for _ in range(1, MAX_HARMONIC):
         wave = wave * turn
         means.append(2.0 * np.mean(wave))
     harmonics = np.array(means)
-    index = (np.floor((coordinate % 1.0) * BINS)).astype(np.int64) % BINS
-    counts = np.maximum(np.bincount(index, minlength=BINS), 1)
-    profile = np.bincount(index, weights=values, minlength=BINS) / counts
+    index = (np.floor((coordinate % 1.0) * PROFILE_BINS)).astype(np.int64) % PROFILE_BINS
+    counts = np.maximum(np.bincount(index, minlength=PROFILE_BINS), 1)
+    profile = np.bincount(index, weights=values, minlength=PROFILE_BINS) / counts
     profile = profile - profile.mean()
-    # Lines are thinner than the gaps between them, so the profile is skewed towards them
+    # Lines are thinner than the gaps between them, so the profile is skewed towards them.
     dark = bool(np.sum(profile**3) <= 0.0)
     sign = -1.0 if dark else 1.0
     offset = -float(np.angle(sign * harmonics[0])) / (2.0 * np.pi)
-    order = np.arange(1, HIGHEST_HARMONIC + 1)
+    order = np.arange(1, MAX_HARMONIC + 1)
     template = (sign * harmonics * np.exp(2j * np.pi * order * offset)).real
-    # Fine lines put all their strength into the multiples of one harmonic
+    # Fine lines put all their power into the multiples of one harmonic.
     fine = None
     for ratio in (4, 5, 10):
         if period_px * multiple < 2.2 * ratio:
@@ -923,18 +914,18 @@ def analysed(values: FloatArray, coordinate: FloatArray, period_px: float) -> La
 
 def _coarsest(values: FloatArray, coordinate: FloatArray, faintest: float) -> tuple[int, bool]:
     start = float(coordinate.min())
-    index = ((coordinate - start) * BINS).astype(np.int64)
+    index = ((coordinate - start) * PROFILE_BINS).astype(np.int64)
     sums = np.bincount(index, weights=values - values.mean())
-    periods = len(sums) / BINS
+    periods = len(sums) / PROFILE_BINS
     oversampled = 4 * len(sums)
     spectrum = np.abs(np.fft.rfft(sums * np.hanning(len(sums)), oversampled))
-    unit = oversampled / BINS  # bins of the spectrum per cycle of the wave
+    unit = oversampled / PROFILE_BINS  # bins of the spectrum per cycle of the wave
 
     def height(frequency: float, tolerance: float) -> tuple[float, float]:
         middle, near, far = frequency * unit, 1.0 * unit / periods, 8.0 * unit / periods
         around = np.arange(max(0, int(middle - far)), int(middle + far) + 1)
         distance = np.abs(around - middle)
-        # A true peak is highest at its own place; a stronger neighbour's flank is not
+        # A true peak is a local maximum; the flank of a stronger neighbour is not.
         close = around[distance <= 2.0 * near]
         highest = int(close[np.argmax(spectrum[close])])
         peak = float(spectrum[highest]) if abs(highest - middle) <= tolerance * near else 0.0
@@ -942,23 +933,23 @@ def _coarsest(values: FloatArray, coordinate: FloatArray, faintest: float) -> tu
 
     reference = height(1.0, 2.0)[0]
 
-    def seen(frequency: float, tolerance: float = 0.8, clear: float = SIGNIFICANT) -> bool:
+    def seen(frequency: float, tolerance: float = 0.8, clear: float = MIN_HARMONIC_HEIGHT) -> bool:
         peak, floor = height(frequency, tolerance)
         return peak > clear * floor and peak > faintest * reference
 
     best = 1
-    for multiple in COARSER:
+    for multiple in FINE_PER_COARSE:
         if periods / multiple < 4.0:
             break
         parts = [j for j in range(1, multiple) if gcd(j, multiple) == 1]
         share = np.mean([seen(j / multiple) for j in parts])
         if seen(1 / multiple) and share >= 0.75:
             best = multiple
-    return best, seen(1.0, 2.0, CLEAR)
+    return best, seen(1.0, 2.0, MIN_WAVE_HEIGHT)
 
 
 def folded(values: FloatArray, grid: FloatArray, bins: int = 20) -> tuple[FloatArray, FloatArray]:
-    """Average two by two cells of the grid into one picture.
+    """Average the grid's cells into one picture of two by two cells.
 
     Parameters
     ----------
@@ -981,11 +972,11 @@ def folded(values: FloatArray, grid: FloatArray, bins: int = 20) -> tuple[FloatA
     return mean.reshape(shape), count.reshape(shape)
 
 
-def off_axis_share(values: FloatArray, grid: FloatArray) -> float:
-    """How much of the pattern is not lines that run through.
+def off_axis_power(values: FloatArray, grid: FloatArray) -> float:
+    """Power of the pattern that does not belong to continuous lines.
 
-    Lines put their strength on the two axes of the cell's spectrum. A chessboard has much between
-    the axes; a brick wall, whose joints are broken, between and at half orders.
+    Continuous lines have power on both axes of the cell's spectrum only; a chessboard has much
+    between the axes, and a brick wall (broken joints) also at half orders.
 
     Returns
     -------
@@ -1003,7 +994,7 @@ def off_axis_share(values: FloatArray, grid: FloatArray) -> float:
 
 
 def squareness(grid_map: GridMap) -> tuple[float, float]:
-    """Aspect ratio and cosine of the angle of the cells, at the focal length that suits best.
+    """Aspect ratio and angle cosine of the cells, at the focal length that fits best.
 
     Parameters
     ----------
@@ -1029,36 +1020,27 @@ def squareness(grid_map: GridMap) -> tuple[float, float]:
     return best[1], best[2]
 
 
-LARGEST_BLOCK = 6
+MAX_BLOCK = 6
+"""Maximum side of a block measured as one crossing, periods (chosen: averaging 36 crossings reduces
+the noise to a sixth)."""
 
-"""Crossings on a side that are measured together at most: 36 of them take the noise of one down to
-a sixth."""
+MIN_BLOCK_CLARITY = 6.0
+"""Median amplitude of a block, standard deviations (chosen: phase noise of a sixth of a radian)."""
 
-CLEAR_BLOCK = 6.0
+MAX_SHIFT_STD = 1.0 / 12.0
+"""Robust standard deviation of the shifts, periods (derived): six of these change a label by one
+line. Structure finer than the lines, or aliased, shifts small blocks by more than noise does."""
 
-"""Standard deviations that the amplitude of a block must reach in the median: phase noise is its
-inverse, a sixth of a radian."""
+MAX_HARMONIC_FREQUENCY = 0.46
+"""Highest frequency used, cycles per px (derived: the Nyquist limit minus blur and window)."""
 
-EVEN = 1.0 / 12.0
-
-"""Robust scatter of the shifts, periods: six of these make a label wrong by one line.
-
-What is finer than the lines, or folded over by the pixels, shifts small blocks, more than noise.
-"""
-
-BELOW_NYQUIST = 0.46
-
-"""Per px: half a period per pixel is the limit of sampling, less what blur and the window take."""
-
-PIXELS_AT_ONCE = 8192
-
-"""Pixels worked on at once, so that their harmonics stay within the cache of a core (a
-megabyte)."""
+BLOCK_BATCH_PIXELS = 8192
+"""Pixels processed at once (chosen: their harmonics fit into a core's cache, a megabyte)."""
 
 
 @dataclass(frozen=True)
 class Nodes:
-    """Nodes of the grid and how far each lies from where the map has it.
+    """Crossings of the grid and their distances from the mapped positions.
 
     Attributes
     ----------
@@ -1088,16 +1070,16 @@ def measured_nodes(
     frequency: FloatArray,
     templates: tuple[FloatArray, FloatArray],
 ) -> Nodes:
-    """Measure every block of the grid that is in view.
+    """Measure every block of the grid in view.
 
     Parameters
     ----------
     flat : (H, W) array
         Relative contrast.
     grid : (H, W, 2) array
-        Grid coordinates of the pixels by the present map.
+        Grid coordinates of the pixels by the current map.
     usable : (H, W) bool array
-        Where the grid is seen.
+        Where the grid is visible.
     frequency : (2,) array
         Highest local frequency of both families, cycles per px.
     templates : tuple of (12,) arrays
@@ -1106,17 +1088,17 @@ def measured_nodes(
     Returns
     -------
     Nodes
-        From the smallest blocks in which the lines stand clear of the noise and agree with the map.
+        From the smallest blocks whose lines are significant and agree with the map.
     """
     orders = tuple(
         _harmonics(template, float(f)) for template, f in zip(templates, frequency, strict=True)
     )
     values, coordinates = flat[usable], grid[usable]
     nodes = None
-    for block in range(1, LARGEST_BLOCK + 1):
+    for block in range(1, MAX_BLOCK + 1):
         nodes, clarity = _blocks(values, coordinates, block, orders, templates)
         scatter = 1.4826 * np.median(np.abs(nodes.shift)) if len(nodes.shift) else np.inf
-        if clarity > CLEAR_BLOCK and scatter < EVEN:
+        if clarity > MIN_BLOCK_CLARITY and scatter < MAX_SHIFT_STD:
             break
     assert nodes is not None
     return nodes
@@ -1125,7 +1107,7 @@ def measured_nodes(
 def _harmonics(template: FloatArray, frequency: float) -> tuple[int, ...]:
     orders = np.arange(1, len(template) + 1)
     strong = np.abs(template) > 0.15 * np.abs(template[0])
-    below = orders * frequency < BELOW_NYQUIST
+    below = orders * frequency < MAX_HARMONIC_FREQUENCY
     chosen = orders[strong & below][:6]
     return tuple(int(k) for k in chosen) or (1,)
 
@@ -1168,12 +1150,12 @@ def _normal_equations(
     size: int,
     orders: tuple[tuple[int, ...], ...],
 ) -> tuple[NDArray[np.int64], FloatArray, FloatArray, FloatArray]:
-    """Per block: how many pixels, and the normal equations of its light and waves.
+    """Number of pixels per block, and the normal equations of its illumination and waves.
 
-    Block after block, some thousand pixels at a time: what is worked on stays in the caches.
+    Blocks are processed in groups of some thousand pixels, which fit into the caches.
     """
     count = np.bincount(label, minlength=size)
-    # short numbers are sorted by their digits, not by comparing them
+    # Small integers are sorted by radix, not by comparison.
     order = np.argsort(label.astype(np.min_scalar_type(size)), kind="stable")
     ends = np.cumsum(count)
     unknowns = 3 + 2 * sum(len(some) for some in orders)
@@ -1181,7 +1163,7 @@ def _normal_equations(
     begin = 0
     while begin < size:
         at = int(ends[begin] - count[begin])
-        end = max(begin + 1, int(np.searchsorted(ends, at + PIXELS_AT_ONCE)))
+        end = max(begin + 1, int(np.searchsorted(ends, at + BLOCK_BATCH_PIXELS)))
         some = order[at : ends[end - 1]]
         columns = np.empty((len(some), unknowns + 1))
         columns[:, 0] = 1.0
@@ -1215,7 +1197,7 @@ def _shifts(
     orders: tuple[tuple[int, ...], ...],
     templates: tuple[FloatArray, FloatArray],
 ) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """Shift of both families from the sine terms their known profile should not have."""
+    """Shift of both families from the sine terms, which are zero without a shift."""
     blocks = solution.shape[0]
     maps = np.zeros((blocks, 2, solution.shape[1]))
     strength = np.empty((blocks, 2))
@@ -1240,42 +1222,32 @@ def _shifts(
     return shift, spread, strength, float(min(clarity))
 
 
-SEEDS_TRIED = 12
+MAX_SEEDS = 12
+"""Maximum number of seeds tried (chosen)."""
 
-"""Seeds of a lattice that are tried at most, supposed: what is not among the best dozen is no
-wall."""
+MAX_SEARCH_WIDTH_PX = 960
+"""Width to which larger pictures are reduced for the search, px (chosen: time grows with area)."""
 
-SEARCH_WIDTH = 960
+SUFFICIENT_AREA = 0.7
+"""Fraction of the picture covered by a lattice that ends the search (chosen)."""
 
-"""px, supposed: wider pictures are reduced for the search, whose time goes with their area."""
+MAX_SPACING_RATIO = 1.6
+"""Maximum ratio of both spacings (derived: squares seen at 50° are 1.6 times as high as wide)."""
 
-ENOUGH_AREA = 0.7
+MIN_GRID_AREA = 0.03
+"""Minimum fraction of the picture (chosen): smaller areas have too few lines to number."""
 
-"""Share of the picture in which a lattice that is found leaves no room for a better one."""
+MIN_CANDIDATE_VARIANCE = 0.9
+"""Fraction of the best lattice's explained variance from which another is tried, too (chosen)."""
 
-MOST_UNEVEN = 1.6
+MIN_FUNDAMENTAL_VARIANCE = 0.3
+"""Fraction of the best lattice's explained variance that its fundamental waves have (chosen); other
+waves are their overtones."""
 
-"""Ratio of both spacings: squares seen at 50° are 1.6 times as high as wide, and a wall is filmed
-within that."""
+OVERTONE_ORDERS = range(2, 13)
 
-LEAST_AREA = 0.03
-
-"""Share of the picture: what is smaller has too few lines on each side to count them by."""
-
-RIVAL = 0.9
-
-"""Waves that explain this much of what the best explain may be the grid's as well."""
-
-GENERATOR = 0.3
-
-"""Share of the best evidence that the waves which generate a lattice have; the others are their
-overtones."""
-
-OVERTONES = range(2, 13)
-
-SAME = 0.003
-
-"""Cycles per px by which waves known over many periods differ at most where they are one."""
+MAX_WAVE_DIFFERENCE = 0.003
+"""Maximum difference of equal waves, cycles per px (chosen)."""
 
 
 def growths(gray: FloatArray) -> list[tuple[GridMap, MapSupport]]:
@@ -1288,8 +1260,8 @@ def growths(gray: FloatArray) -> list[tuple[GridMap, MapSupport]]:
 
     Returns
     -------
-    list of (GridMap, Support)
-        Best first; others only if they explain nearly as much of the picture, or explain the best.
+    list of (GridMap, MapSupport)
+        Best first; others only if they explain nearly as much, or are its fundamental waves.
 
     Raises
     ------
@@ -1300,17 +1272,20 @@ def growths(gray: FloatArray) -> list[tuple[GridMap, MapSupport]]:
     for image, ratio in _resolutions(gray):
         grown: list[tuple[GridMap, MapSupport]] = []
         seeds = find_seeds(image)
-        tried = _distinct(seeds)[:SEEDS_TRIED]
+        tried = _distinct(seeds)[:MAX_SEEDS]
         for seed in tried:
             grid_map, support = grow(image, seed)
             stripes = max(stripes, _striped(support))
             grown.append((grid_map.resized(ratio[0], ratio[1]), support))
             best = max(grown, key=lambda one: one[1].explained)
             lengths = np.linalg.norm(best[0].jacobian(best[0].centre), axis=1)
-            if best[1].area.mean() > ENOUGH_AREA and lengths.max() < MOST_UNEVEN * lengths.min():
+            if (
+                best[1].area.mean() > SUFFICIENT_AREA
+                and lengths.max() < MAX_SPACING_RATIO * lengths.min()
+            ):
                 break
         grown.sort(key=lambda one: one[1].explained, reverse=True)
-        if grown and grown[0][1].area.mean() > LEAST_AREA:
+        if grown and grown[0][1].area.mean() > MIN_GRID_AREA:
             return ranked(grown)
         if seeds:
             clearest = max(seeds, key=lambda seed: seed.leading)
@@ -1322,40 +1297,45 @@ def growths(gray: FloatArray) -> list[tuple[GridMap, MapSupport]]:
 
 
 def ranked(grown: list[tuple[GridMap, MapSupport]]) -> list[tuple[GridMap, MapSupport]]:
-    """Order maps: generators of the best, then the best, then what explains nearly as much.
+    """Order maps: fundamental waves of the best, the best, then those that explain nearly as much.
 
     Parameters
     ----------
-    grown : list of (GridMap, Support)
+    grown : list of (GridMap, MapSupport)
         The best first.
     """
     best, support = grown[0]
     generators = [
         (one, seen)
         for one, seen in grown[1:]
-        if seen.explained > GENERATOR * support.explained
+        if seen.explained > MIN_FUNDAMENTAL_VARIANCE * support.explained
         and seen.area.mean() > 0.5 * support.area.mean()
         and _overtone(one, best) < _overtone(best, one)
     ]
-    rivals = [one for one in grown[1:] if one[1].explained > RIVAL * support.explained]
+    rivals = [
+        one for one in grown[1:] if one[1].explained > MIN_CANDIDATE_VARIANCE * support.explained
+    ]
     return [*generators, grown[0], *rivals]
 
 
 def _overtone(one: GridMap, other: GridMap) -> float:
-    """Lowest order at which the other map's waves are overtones of this one's, as pixels see them.
+    """Lowest order at which the other map's waves are overtones of this one's, aliasing included.
 
-    To the pixels a wave is the same whatever whole number of cycles per px is added to it: fine
-    lines that are too fine for them come back as coarse ones. Infinite where there is none.
+    Whole cycles per px added to a wave do not change its samples, so lines that are too fine for
+    the pixels appear as coarse ones. Infinite where there is none.
     """
     waves, overtones = one.jacobian(other.centre), other.jacobian(other.centre)
 
     def order(wave: FloatArray) -> float:
-        if min(np.abs(side * ground - wave).max() for ground in waves for side in (-1, 1)) < SAME:
+        if (
+            min(np.abs(side * ground - wave).max() for ground in waves for side in (-1, 1))
+            < MAX_WAVE_DIFFERENCE
+        ):
             return 1.0
-        for times in OVERTONES:
+        for times in OVERTONE_ORDERS:
             for ground in waves:
                 rests = (times * ground - wave, times * ground + wave)
-                if min(np.abs(rest - np.round(rest)).max() for rest in rests) < SAME:
+                if min(np.abs(rest - np.round(rest)).max() for rest in rests) < MAX_WAVE_DIFFERENCE:
                     return float(times)
         return float("inf")
 
@@ -1364,30 +1344,30 @@ def _overtone(one: GridMap, other: GridMap) -> float:
 
 
 def _striped(support: MapSupport) -> float:
-    """Share of the picture in which at least one family of lines is seen."""
-    return float((support.coherence > COHERENT).any(axis=0).mean())
+    """Fraction of the picture in which at least one family of lines is visible."""
+    return float((support.coherence > MIN_COHERENCE).any(axis=0).mean())
 
 
-def nothing_shown() -> CalibrationError:
-    """Refusal of a picture that is one even area, as of tracks that come without their clip."""
+def empty_picture() -> CalibrationError:
+    """Error for a picture of one even area, as with tracks that come without their clip."""
     return CalibrationError(
         "there is no picture of the wall",
-        hint="Give the clip, too, so that its wall can be calibrated, or a scale.",
+        hint="Pass the clip, too, so that its wall can be calibrated, or a scale.",
     )
 
 
 def no_grid() -> CalibrationError:
-    """Refusal of a picture without any grid."""
+    """Error for a picture without any grid."""
     return CalibrationError(
-        "no grid is in view: nothing repeats in two directions",
-        hint="Light the wall evenly, focus on it, and let its squares be 3 px wide or more.",
+        "no grid in view: nothing repeats in two directions",
+        hint="Light the wall evenly, focus on it, and make its squares at least 3 px wide.",
     )
 
 
 def only_stripes() -> CalibrationError:
-    """Refusal of lines in one direction only."""
+    """Error for lines in one direction only."""
     return CalibrationError(
-        "there are lines in one direction, but none that cross them: stripes are no grid",
+        "the wall shows lines in one direction only: stripes are no grid",
         hint="The wall needs lines both along and across.",
     )
 
@@ -1395,16 +1375,16 @@ def only_stripes() -> CalibrationError:
 def _resolutions(gray: FloatArray) -> list[tuple[FloatArray, tuple[float, float]]]:
     """Pictures to search, each with the factors back to the full size."""
     height, width = gray.shape
-    if width <= SEARCH_WIDTH:
+    if width <= MAX_SEARCH_WIDTH_PX:
         return [(gray, (1.0, 1.0))]
-    factor = int(np.ceil(width / SEARCH_WIDTH))
+    factor = int(np.ceil(width / MAX_SEARCH_WIDTH_PX))
     size = (width // factor, height // factor)
     small = np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_AREA), dtype=np.float64)
     return [(small, (width / size[0], height / size[1])), (gray, (1.0, 1.0))]
 
 
 def _distinct(seeds: list[Seed]) -> list[Seed]:
-    """Drop seeds that show the waves of an earlier one nearby: trying them twice tells nothing."""
+    """Drop seeds that repeat the waves of two earlier ones."""
     kept: list[Seed] = []
     for seed in seeds:
         twins = [
@@ -1417,46 +1397,37 @@ def _distinct(seeds: list[Seed]) -> list[Seed]:
     return kept
 
 
-LEAST_NODES = 12
+MIN_NODES = 12
+"""Minimum number of crossings (derived): ten camera and lens parameters against two coordinates
+each, so that more than half are redundant."""
 
-"""Crossings: a camera has ten unknowns with its lens and each crossing two numbers, so that more
-than half are to spare."""
+MAX_OFF_AXIS_POWER = 0.3
+"""Maximum off-axis power (chosen): lines have nearly none, a chessboard has all of it there."""
 
-MOST_OFF_AXIS = 0.3
+MAX_SQUARE_SKEW = 0.08
+"""Maximum |log aspect ratio| and |cosine| of the rectified squares (chosen): a printed grid is
+within 1 %, most tiles and bricks deviate by more."""
 
-"""Share of the pattern between the axes of the grid: lines have nearly none, and a chessboard has
-all of it."""
+NODE_OUTLIER_SIGMAS = 4.0
+"""Outlier limit, standard deviations (derived: normal errors exceed it in one crossing of 8000)."""
 
-MOST_SKEW = 0.08
+MAX_NODE_ROUNDS, NODE_CONVERGENCE = 4, 0.1
+"""Maximum number of rounds of measuring crossings and correcting the map; and convergence limit,
+fraction of the crossings' uncertainty (chosen: they depend on the map to second order only)."""
 
-"""Ratio less one, and cosine, of the sides of a square once the view is undone, supposed: a printed
-grid is within 1 %, most tiles and bricks are oblong by more."""
+MIN_REGION_PERIODS = 3.0
+"""Minimum number of periods in the region (chosen): fewer give no spectrum."""
 
-REJECT_AT = 4.0
+MIN_PERIOD_PX = 2.5
+"""Minimum period, px (chosen): shorter ones may be aliases of finer lines."""
 
-"""Standard deviations: of normal errors one crossing in eight thousand is farther from the map in
-one of its two directions."""
-
-MOST_ROUNDS, SETTLED = 4, 0.1
-
-"""Rounds of measuring the nodes and moving the map; it has settled where it moves by less than this
-share of their standard uncertainty, for the nodes hang on it to second order only."""
-
-FEWEST_PERIODS = 3.0
-"""Periods of a wave that a part of the picture must hold: less shows no grid, and no spectrum."""
-
-LEAST_PERIOD = 2.5
-
-"""Px; what repeats faster may as well be something finer that the pixels have folded over."""
-
-MOST_ASTRAY = 1.0 / 6.0
-
-"""Misfit of single lines, periods: three of these make a label wrong by one line."""
+MAX_LINE_MISFIT = 1.0 / 6.0
+"""Maximum misfit of single lines, periods (derived): three of these change a label by one line."""
 
 
 @dataclass(frozen=True, eq=False)
 class WallGrid:
-    """The lines on the wall, measured.
+    """The measured grid on the wall.
 
     Attributes
     ----------
@@ -1468,7 +1439,7 @@ class WallGrid:
         Grid coordinates: columns counted to the right, rows counted upwards from the node nearest
         the middle of the picture.
     points_px : (N, 2) array
-        Where these crossings are measured in the picture, px.
+        Measured positions of these crossings, px.
     covariance_px2 : (N, 2, 2) array
         Covariance of each, px².
     residual_px : (N, 2) array
@@ -1477,7 +1448,7 @@ class WallGrid:
         Smooth map from pixels to grid coordinates; for drawing and for wall readings, not for the
         pose of the camera.
     area : (H, W) bool array
-        Where the grid is seen.
+        Where the grid is visible.
     dark : bool
         Whether its lines are darker than the wall.
     fine_ratio : int or None
@@ -1485,10 +1456,10 @@ class WallGrid:
     origin_m : (2,) array
         Wall coordinates of node (0, 0), m.
     warnings : tuple of str
-        What the user should know.
+        Warnings for the user.
     line_share : (2,) array
-        Share of the variance across the lines of each family that is one for all of a line: pixels
-        that sample a thin line coarsely put it aside as a whole. Else errors are independent.
+        Fraction of the variance across the lines of each family that is common to a whole line: a
+        thin line, coarsely sampled, is displaced as a whole. Other errors are independent.
     """
 
     size: tuple[int, int]
@@ -1522,11 +1493,11 @@ class WallGrid:
         Parameters
         ----------
         px : (2,) array
-            A place in the picture.
+            A position in the picture.
         wall : (2,) array
-            The wall coordinates it shall have, m.
+            Its new wall coordinates, m.
         snap : bool
-            Take the crossing nearest to `px` instead of `px` itself.
+            Whether to use the crossing nearest to `px`.
         """
         place = self.map(px)
         place = np.round(place) if snap else place
@@ -1554,7 +1525,7 @@ def find_wall_grid(
     Raises
     ------
     CalibrationError
-        If there is no grid of squares in the picture; the message says what was found instead.
+        If the picture has no grid of squares; the message states what was found instead.
     """
     gray = np.asarray(image, dtype=np.float64)
     gray = np.asarray(gray - min(float(gray.min()), 0.0))
@@ -1564,7 +1535,7 @@ def find_wall_grid(
     sign = -1.0 if lattices[0].dark else 1.0
     templates = (sign * lattices[0].template, sign * lattices[1].template)
     frequency = np.linalg.norm(grid_map.jacobian(seen), axis=-1).max(axis=0)
-    for _ in range(MOST_ROUNDS):
+    for _ in range(MAX_NODE_ROUNDS):
         nodes = measured_nodes(flat, grid_map(pixels), area, frequency, templates)
         nodes, px = _located(nodes, grid_map, seen)
         inlier, factor = _agreeing(nodes)
@@ -1572,10 +1543,10 @@ def find_wall_grid(
         before = grid_map(px)
         grid_map = refitted(grid_map, px, -nodes.shift, inlier[:, np.newaxis] / variance)
         moved = np.abs(grid_map(px) - before) / np.sqrt(variance)
-        if np.max(moved[inlier], initial=0.0) < SETTLED:
+        if np.max(moved[inlier], initial=0.0) < NODE_CONVERGENCE:
             break
     nodes, px = _kept(nodes, px, inlier)
-    _require_an_even_grid(nodes, px)
+    _require_even_grid(nodes, px)
     inverse = np.linalg.inv(grid_map.jacobian(px))
     residual = np.einsum("nij,nj->ni", inverse, nodes.shift)
     covariance = factor * inverse @ nodes.covariance @ np.swapaxes(inverse, 1, 2)
@@ -1593,34 +1564,33 @@ def find_wall_grid(
         fine_ratio=fine,
         origin_m=np.zeros(2),
         warnings=_fine_warning(fine, pitch_m, fine_pitch_m),
-        line_share=_line_share(nodes),
+        line_share=_line_correlation(nodes),
     )
 
 
-def _require_an_even_grid(nodes: Nodes, px: FloatArray) -> None:
-    """Refuse too few crossings, and crossings that lie on no even grid."""
-    if len(px) < LEAST_NODES:
+def _require_even_grid(nodes: Nodes, px: FloatArray) -> None:
+    """Reject too few crossings, and crossings that fit no even grid."""
+    if len(px) < MIN_NODES:
         raise CalibrationError(
-            f"only {len(px)} crossings of a grid are in view",
-            hint="Show at least three by four squares of the wall's grid.",
+            f"only {len(px)} crossings of a grid are visible",
+            hint="At least three by four squares of the wall's grid must be in view.",
         )
-    astray = _astray(nodes)
-    if not astray < MOST_ASTRAY:
+    astray = _line_misfit(nodes)
+    if not astray < MAX_LINE_MISFIT:
         raise CalibrationError(
-            f"lines are seen, but their crossings lie {astray:.2f} of a square off any even grid: "
-            "they can't be counted surely",
-            hint="Film with more pixels, nearer, or with better light on the wall.",
+            f"lines are visible, but their crossings deviate by {astray:.2f} of a square from any "
+            "even grid: the lines cannot be numbered",
+            hint="Film with more pixels, from nearer, or with better light on the wall.",
         )
 
 
 def _lattice(gray: FloatArray) -> tuple[GridMap, NDArray[np.bool_], list[Lattice], FloatArray]:
-    """Map to grid coordinates, where it holds, its two families of lines, and the contrast.
+    """Map to grid coordinates, its region, its two families of lines, and the contrast.
 
-    Fine lines folded over by the pixels make waves of their own: where the best waves make no
-    squares, the next may.
+    Aliased fine lines make waves, too: if the best waves make no squares, the next are tried.
     """
     if np.ptp(gray) == 0.0:
-        raise nothing_shown()
+        raise empty_picture()
     refusal: CalibrationError | None = None
     for grid_map, support in growths(gray):
         try:
@@ -1641,17 +1611,17 @@ def _squares(
         raise no_grid()
     flat = flattened(gray, 1.5 * float(periods.max()))
     first = grid_map(seen)
-    if not np.ptp(first, axis=0).min() >= FEWEST_PERIODS:
+    if not np.ptp(first, axis=0).min() >= MIN_REGION_PERIODS:
         raise no_grid()
     lattices = [analysed(flat[area], first[:, f], periods[f]) for f in range(2)]
     if not all(lattice.clear for lattice in lattices):
         raise only_stripes()
     grid_map, lattices = _oriented(grid_map, lattices)
     periods = _periods(grid_map, seen)
-    if periods.min() < LEAST_PERIOD:
+    if periods.min() < MIN_PERIOD_PX:
         raise CalibrationError(
-            f"what repeats does so every {periods.min():.1f} px: too fine to be counted surely",
-            hint="Film nearer or with more pixels: squares must be 3 px wide or more.",
+            f"the pattern repeats every {periods.min():.1f} px: too fine to number its lines",
+            hint="Film from nearer or with more pixels: squares must be at least 3 px wide.",
         )
     flat = flattened(gray, 1.5 * float(periods.max()))
     _require_squares(flat[area], grid_map(seen), grid_map)
@@ -1678,23 +1648,23 @@ def _oriented(grid_map: GridMap, lattices: list[Lattice]) -> tuple[GridMap, list
 
 
 def _require_squares(values: FloatArray, grid: FloatArray, grid_map: GridMap) -> None:
-    off_axis = off_axis_share(values, grid)
-    if off_axis > MOST_OFF_AXIS:
+    off_axis = off_axis_power(values, grid)
+    if off_axis > MAX_OFF_AXIS_POWER:
         raise CalibrationError(
-            "what repeats here is not lines that run through: a chessboard, tiles, bricks",
-            hint="The wall needs a grid of lines; a chessboard belongs to `vision calibrate lens`.",
+            "the pattern has no continuous lines: a chessboard, tiles or bricks",
+            hint="The wall needs a grid of lines. For a chessboard use `vision calibrate lens`.",
         )
     aspect, cosine = squareness(grid_map)
-    if abs(np.log(aspect)) > MOST_SKEW or abs(cosine) > MOST_SKEW:
+    if abs(np.log(aspect)) > MAX_SQUARE_SKEW or abs(cosine) > MAX_SQUARE_SKEW:
         angle = np.degrees(np.arccos(cosine))
         raise CalibrationError(
-            f"the lines do not enclose squares: sides 1 : {aspect:.2f}, angle {angle:.0f} deg",
+            f"the lines do not form squares: sides 1 : {aspect:.2f}, angle {angle:.0f} deg",
             hint="Only a grid of squares can be used, filmed with square pixels.",
         )
 
 
 def _located(nodes: Nodes, grid_map: GridMap, seen: FloatArray) -> tuple[Nodes, FloatArray]:
-    """Pixels of the nodes; those whose pixel can't be had are dropped."""
+    """Pixel positions of the crossings; those without a solution are dropped."""
     coordinates = grid_map(seen[::5])
     cell = np.round(coordinates / nodes.block).astype(np.int64)
     first = cell.min(axis=0)
@@ -1718,22 +1688,22 @@ def _kept(nodes: Nodes, px: FloatArray, keep: NDArray[np.bool_]) -> tuple[Nodes,
 
 
 def _agreeing(nodes: Nodes) -> tuple[NDArray[np.bool_], float]:
-    """Nodes that agree with the map, and the factor by which variances fall short of scatter."""
+    """Crossings that agree with the map, and the factor by which variances are too small."""
     std = np.sqrt(np.einsum("nff->nf", nodes.covariance))
     typical = np.median(nodes.strength, axis=0)
     visible = ((nodes.strength > 0.4 * typical) & (nodes.strength < 2.5 * typical)).all(axis=1)
     visible &= (std < 4.0 * np.median(std, axis=0)).all(axis=1)
     normalised = np.abs(nodes.shift) / std
     factor = max(1.0, float(1.4826 * np.median(normalised[visible])) ** 2) if visible.any() else 1.0
-    inlier = visible & (normalised < REJECT_AT * np.sqrt(factor)).all(axis=1)
+    inlier = visible & (normalised < NODE_OUTLIER_SIGMAS * np.sqrt(factor)).all(axis=1)
     return inlier, factor
 
 
-def _astray(nodes: Nodes) -> float:
-    """Robust scatter of single lines about the map beyond their noise, periods.
+def _line_misfit(nodes: Nodes) -> float:
+    """Robust standard deviation of single lines about the map beyond their noise, periods.
 
-    A line that is off as a whole, as the pixels may have it, is off to either side at random and
-    does no harm to the count. What bends along lines is a wrong map; a node that averages several
+    A line displaced as a whole by the pixel grid is off to either side at random and does not
+    affect the numbering. Curvature along lines means a wrong map; a crossing that averages several
     lines shows that much less of it.
     """
     excess = []
@@ -1748,7 +1718,7 @@ def _astray(nodes: Nodes) -> float:
     return float(nodes.block * np.sqrt(max(0.0, *excess)))
 
 
-def _line_share(nodes: Nodes) -> FloatArray:
+def _line_correlation(nodes: Nodes) -> FloatArray:
     """Intraclass correlation of the shifts along lines, by analysis of variance, (2,)."""
     shares = np.zeros(2)
     for family in range(2):
@@ -1770,7 +1740,7 @@ def _fine_warning(fine: int | None, pitch_m: float, fine_pitch_m: float | None) 
     if fine is None or fine_pitch_m is None or fine == round(pitch_m / fine_pitch_m):
         return ()
     return (
-        f"the wall shows {fine} fine divisions in one coarse one; {1e3 * pitch_m:g} mm with "
-        f"{1e3 * fine_pitch_m:g} mm gradations would have {pitch_m / fine_pitch_m:g}: "
-        "check the pitch",
+        f"the wall shows {fine} fine divisions per coarse one, but {1e3 * pitch_m:g} mm and "
+        f"{1e3 * fine_pitch_m:g} mm lines would give {pitch_m / fine_pitch_m:g}. All lengths scale "
+        "with the pitch: check [wall] grid and fine_grid",
     )

@@ -1,23 +1,15 @@
-"""Lens from pictures of a chessboard or ChArUco board, and how good it is.
+"""Calibrate a lens from board pictures; read and write lens files.
 
-`lens.toml`: a lens written down, with its uncertainties; and the board to print.
+Lens, poses and shape of the board are fitted to the corners of many views in one robust bundle
+adjustment (B. Triggs et al., *Bundle adjustment: a modern synthesis*, 1999): the poses are
+eliminated view by view, and the shared parameters solved for. A printed board is never flat nor its
+squares equal, so the corners' true positions can be fitted, too.
 
-A calibration board, and where its corners are in a picture.
-
-Lens, poses and shape of the board from its corners in many views, in one robust weighted fit.
-
-A bundle adjustment as in B. Triggs et al., *Bundle adjustment: a modern synthesis*, 1999: the poses
-are eliminated view by view, what all views share is solved for. A printed board is never flat, nor
-its squares alike; where its corners really are can be among what is solved for.
-
-A lens known before a clip is looked at, and how well.
-
-Lens files of OpenCV and ROS: YAML, both ways.
-
-OpenCV's ``FileStorage`` writes a YAML 1.0 document with matrices tagged ``opencv-matrix``
-(``camera_matrix``, ``distortion_coefficients``); the ROS message CameraInfo, as
-``camera_calibration`` stores it, has the same names with plain lists, and a ``distortion_model``.
-Both count pixel centres from 0 and have OpenCV's order of coefficients.
+Files are `lens.toml` (a lens with its uncertainties), and YAML of OpenCV or ROS. OpenCV's
+``FileStorage`` writes YAML 1.0 with matrices tagged ``opencv-matrix`` (``camera_matrix``,
+``distortion_coefficients``); the ROS message CameraInfo, as ``camera_calibration`` stores it, has
+the same names with plain lists, and a ``distortion_model``. Both count pixel centres from 0 and use
+OpenCV's order of coefficients.
 """
 
 import re
@@ -43,9 +35,9 @@ from metrology import (
 from metrology.least_squares import Downhill, descend, minimise
 
 __all__ = [
-    "FLOOR",
-    "MODELS",
-    "NAMES",
+    "LENS_MODELS",
+    "LENS_PARAMETERS",
+    "MIN_LENS_STD",
     "YAML_SUFFIXES",
     "Board",
     "BoardFit",
@@ -69,19 +61,16 @@ FloatArray = NDArray[np.float64]
 
 GrayImage = NDArray[np.uint8]
 
-LEAST_MARKED = 6
+MIN_CHARUCO_CORNERS = 6
+"""Minimum number of corners of a ChArUco board (derived: a homography needs four; half as many
+again test the plane)."""
 
-"""Corners of a marked board that must be read: a homography has eight unknowns, four corners; half
-as many again tell whether they are on one plane."""
+CORNER_WINDOW_FRACTION = 0.35
+"""Half width of the corner search over the smallest corner distance (derived: below a half, so that
+no window contains a neighbour)."""
 
-WINDOW_SHARE = 0.35
-
-"""Half the window of the corner search over the smallest distance between corners: below a half, so
-that no window holds a neighbour."""
-
-LARGEST_WINDOW = 5
-
-"""px: an edge is one to two pixels wide, and a larger window takes in the bend of the lens."""
+MAX_CORNER_WINDOW_PX = 5
+"""Maximum half width, px (chosen): an edge is 1 to 2 px wide; larger windows include distortion."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +84,7 @@ class Board:
     square_m : float
         Side of a square, m.
     charuco : bool
-        Whether markers stand in the white squares.
+        Whether there are markers in the white squares.
     """
 
     columns: int
@@ -111,7 +100,7 @@ class Board:
         return np.asarray(flat * self.square_m, dtype=np.float64)
 
     def opencv(self) -> cv2.aruco.CharucoBoard:
-        """The ChArUco board as OpenCV has it."""
+        """The ChArUco board as an OpenCV object."""
         markers = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_5X5_250)
         size = (self.columns + 1, self.rows + 1)
         return cv2.aruco.CharucoBoard(size, self.square_m, 0.75 * self.square_m, markers)
@@ -147,12 +136,12 @@ def find_board(image: GrayImage, board: Board, name: str = "") -> BoardView | No
     image : (H, W) uint8 array
     board : Board
     name : str
-        What to call the picture.
+        Name of the picture.
 
     Raises
     ------
     CalibrationError
-        If the picture is mirrored, which a ChArUco board tells.
+        If a ChArUco board appears mirrored.
     """
     size = (image.shape[1], image.shape[0])
     if board.charuco:
@@ -170,9 +159,9 @@ def find_board(image: GrayImage, board: Board, name: str = "") -> BoardView | No
 def _marked(image: GrayImage, board: Board, name: str, size: tuple[int, int]) -> BoardView | None:
     detector = cv2.aruco.CharucoDetector(board.opencv())
     corners, labels, _, _ = detector.detectBoard(image)
-    if labels is None or len(labels) < LEAST_MARKED:
+    if labels is None or len(labels) < MIN_CHARUCO_CORNERS:
         mirrored = detector.detectBoard(np.ascontiguousarray(image[:, ::-1]))[1]
-        if mirrored is not None and len(mirrored) >= LEAST_MARKED:
+        if mirrored is not None and len(mirrored) >= MIN_CHARUCO_CORNERS:
             raise CalibrationError(
                 f"{name or 'the picture'} shows the board mirrored",
                 hint="Switch off the camera's mirror (selfie) mode.",
@@ -183,18 +172,18 @@ def _marked(image: GrayImage, board: Board, name: str, size: tuple[int, int]) ->
 
 
 def _refined(image: GrayImage, points: FloatArray, board: Board) -> FloatArray:
-    """Corners where the gradients around them meet, the rows running to the right.
+    """Corners where the gradients around them meet, rows running to the right.
 
-    The window stays between the neighbours: a second corner in it would pull the first one over.
+    The window excludes the neighbours: a second corner in it would bias the first.
     """
     table = points.reshape(board.rows, board.columns, 2)
-    # A board turned by half looks the same; one order for all views, for it may not be flat
+    # A board turned by 180° looks the same; all views need one order, since it may not be flat.
     if (table[:, -1] - table[:, 0]).mean(axis=0)[0] < 0.0:
         table = table[::-1, ::-1]
     apart = min(
         float(np.linalg.norm(np.diff(table, axis=axis), axis=-1).min()) for axis in range(2)
     )
-    half = int(np.clip(WINDOW_SHARE * apart, 2, LARGEST_WINDOW))
+    half = int(np.clip(CORNER_WINDOW_FRACTION * apart, 2, MAX_CORNER_WINDOW_PX))
     criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 100, 1e-4)
     start = np.ascontiguousarray(table.reshape(-1, 1, 2), dtype=np.float32)
     refined = cv2.cornerSubPix(image, start, (half, half), (-1, -1), criteria)
@@ -203,52 +192,44 @@ def _refined(image: GrayImage, points: FloatArray, board: Board) -> FloatArray:
 
 IntArray = NDArray[np.int64]
 
-NAMES = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+LENS_PARAMETERS = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 
-MOST_STEPS = 25
+MAX_BOARD_STEPS = 25
+"""Maximum number of Levenberg-Marquardt steps (chosen)."""
 
-"""Steps of the Levenberg-Marquardt search at most: one that has not settled by then does not
-settle."""
-
-SETTLED = 1e-4
-
-"""Relative change of the cost that is none: a hundredth of the chi² by which a parameter moves a
-standard deviation, of a hundred points."""
+BOARD_CONVERGENCE = 1e-4
+"""Relative change of the cost at convergence (derived: with a hundred points, a hundredth of the
+chi² that moves a parameter by its std)."""
 
 COEFFICIENT_STD = 1.0
-
-"""Distortion coefficients of any lens that still gives a picture."""
+"""Prior std of distortion coefficients, 1 (chosen: any lens that gives a picture)."""
 
 SHAPE_STD = 0.02
+"""Prior std of a corner's position on paper or cardboard, fraction of a square (chosen)."""
 
-"""Corners of a board on paper or cardboard off their places, over the side of a square."""
+CORNER_SOFT_SIGMAS = 4.0
+"""Error from which a corner loses weight (Geman-McClure), standard deviations (derived: exceeded by
+one in 3000 of normal errors in two directions)."""
 
-SOFT_FROM = 4.0
+MIN_CORNER_NOISE_PX = 0.01
+"""Minimum noise of a corner, px (chosen), so that exact corners have finite weight."""
 
-"""Standard deviations from which a corner loses weight (Geman-McClure): of normal errors in two
-directions one in three thousand is larger."""
-
-LEAST_NOISE = 0.01
-
-"""px: no corner is found better, so that exact corners do not end in a weight without bound."""
-
-DIGITS = 9
-
-"""Digits after the point, of m: a nanometre tells the corners of any board apart."""
+BOARD_DECIMALS = 9
+"""Decimals of positions in m (chosen: a nanometre distinguishes the corners of any board)."""
 
 
 @dataclass(frozen=True)
 class LensModel:
-    """What is fitted.
+    """A model to fit.
 
     Attributes
     ----------
     name : str
-        In words.
+        Description.
     coefficients : int
         Distortion coefficients, of OpenCV's: 5 for Brown's polynomial, 8 for a ratio.
     shaped : bool
-        Whether the board's corners may lie off their nominal places.
+        Whether the board's corners may deviate from their nominal positions.
     """
 
     name: str
@@ -256,13 +237,12 @@ class LensModel:
     shaped: bool
 
 
-MODELS = (
+LENS_MODELS = (
     LensModel("Brown's polynomial, flat board", 5, False),
     LensModel("Brown's polynomial, board as it is", 5, True),
     LensModel("ratio of polynomials, flat board", 8, False),
     LensModel("ratio of polynomials, board as it is", 8, True),
 )
-
 """From the simplest to the richest."""
 
 
@@ -278,7 +258,7 @@ class BoardFit:
     covariance : array
         Of `lens`, square, for corners with the noise `noise_px`.
     board, shape : (P, 3) arrays
-        Nominal places of the board's corners, and where they are, m.
+        Nominal and fitted positions of the board's corners, m.
     poses : (V, 6) array
         Turn and shift of each view's board.
     errors : tuple of (N, 2) arrays
@@ -308,12 +288,12 @@ class BoardFit:
 
     def to_lens(self, size: tuple[int, int]) -> Lens:
         """The lens, for pictures of a size (width, height)."""
-        return Lens(*size, **dict(zip(NAMES, self.lens.tolist(), strict=False)))
+        return Lens(*size, **dict(zip(LENS_PARAMETERS, self.lens.tolist(), strict=False)))
 
 
 @dataclass(frozen=True, eq=False)
 class _Corners:
-    """Corners of all views, each with its place in the table of the board's corners."""
+    """Corners of all views, each with its index in the board's corners."""
 
     places: tuple[IntArray, ...]
     px: tuple[FloatArray, ...]
@@ -323,7 +303,7 @@ class _Corners:
 
 @dataclass(frozen=True, eq=False)
 class _Equations:
-    """Normal equations with the poses eliminated, and what gives the poses back."""
+    """Normal equations with the poses eliminated, and the terms that give the poses."""
 
     reduced: FloatArray
     right: FloatArray
@@ -334,7 +314,7 @@ class _Equations:
 
 @dataclass(frozen=True, eq=False)
 class _BoardStep:
-    """A step (L,) of lens and board, and the equations that it solves."""
+    """A step (L,) of lens and board, and its equations."""
 
     equations: _Equations
     step: FloatArray
@@ -342,7 +322,7 @@ class _BoardStep:
 
 def _corners(views: Sequence[BoardView]) -> _Corners:
     every = np.concatenate([view.board_m for view in views])
-    board, where = np.unique(np.round(every, DIGITS), axis=0, return_inverse=True)
+    board, where = np.unique(np.round(every, BOARD_DECIMALS), axis=0, return_inverse=True)
     ends = np.cumsum([0] + [len(view.board_m) for view in views])
     places = tuple(np.ravel(where)[a:b] for a, b in pairwise(ends))
     steps = np.diff(np.unique(board[:, 0]))
@@ -362,7 +342,7 @@ def fit_boards(
         A fit to the same views, with this or a simpler model; without it OpenCV's own fit.
     """
     corners = _corners(views)
-    fit = _opened(views, corners) if start is None else start
+    fit = _opencv_fit(views, corners) if start is None else start
     fit = _measured(_with_model(fit, model), corners)
 
     def looking(place: BoardFit) -> Downhill[_BoardStep]:
@@ -375,8 +355,8 @@ def fit_boards(
         looking,
         lambda place, on, share: _moved(place, on.equations, on.step, share, corners),
         lambda place, on: _cost(place, corners, on.equations.noise),
-        settled=lambda seen, reached: seen.cost - reached < SETTLED * seen.cost,
-        most_steps=MOST_STEPS,
+        settled=lambda seen, reached: seen.cost - reached < BOARD_CONVERGENCE * seen.cost,
+        most_steps=MAX_BOARD_STEPS,
     )
     equations = _equations(fit, corners, fit.noise_px)
     size = len(fit.lens)
@@ -385,7 +365,7 @@ def fit_boards(
 
 
 def held_out_errors(fit: BoardFit, view: BoardView, pose: FloatArray) -> FloatArray:
-    """Errors (N, 2), px, of a view that took no part in the fit, at the pose that suits it best.
+    """Errors (N, 2), px, of a view not used in the fit, at its best pose.
 
     Parameters
     ----------
@@ -394,10 +374,12 @@ def held_out_errors(fit: BoardFit, view: BoardView, pose: FloatArray) -> FloatAr
     view : BoardView
         Another view of the same board.
     pose : (6,) array
-        About its turn and shift.
+        Approximate pose.
     """
     order = {tuple(key): place for key, place in zip(fit.board, fit.shape, strict=True)}
-    points = np.array([order.get(tuple(key), key) for key in np.round(view.board_m, DIGITS)])
+    points = np.array(
+        [order.get(tuple(key), key) for key in np.round(view.board_m, BOARD_DECIMALS)]
+    )
 
     def missed(pose: FloatArray) -> FloatArray:
         return (_projected(points, pose, fit.lens)[0] - view.points_px).ravel()
@@ -409,8 +391,8 @@ def held_out_errors(fit: BoardFit, view: BoardView, pose: FloatArray) -> FloatAr
     return _projected(points, pose, fit.lens)[0] - view.points_px
 
 
-def _opened(views: Sequence[BoardView], corners: _Corners) -> BoardFit:
-    """OpenCV's fit of Brown's polynomial, the board taken as flat."""
+def _opencv_fit(views: Sequence[BoardView], corners: _Corners) -> BoardFit:
+    """OpenCV's fit of Brown's polynomial with a flat board."""
     unset: Any = None
     _, matrix, distortion, turns, shifts = cv2.calibrateCamera(
         [view.board_m.astype(np.float32) for view in views],
@@ -424,7 +406,9 @@ def _opened(views: Sequence[BoardView], corners: _Corners) -> BoardFit:
     poses = np.array(
         [np.concatenate([np.ravel(t), np.ravel(s)]) for t, s in zip(turns, shifts, strict=True)]
     )
-    return BoardFit(MODELS[0], lens, np.zeros((9, 9)), corners.board, corners.board, poses, (), 1.0)
+    return BoardFit(
+        LENS_MODELS[0], lens, np.zeros((9, 9)), corners.board, corners.board, poses, (), 1.0
+    )
 
 
 def _with_model(fit: BoardFit, model: LensModel) -> BoardFit:
@@ -451,19 +435,19 @@ def _measured(fit: BoardFit, corners: _Corners) -> BoardFit:
         for where, pose, px in zip(corners.places, fit.poses, corners.px, strict=True)
     )
     values = np.concatenate([error.ravel() for error in errors])
-    noise = max(1.4826 * float(np.median(np.abs(values))), LEAST_NOISE)
+    noise = max(1.4826 * float(np.median(np.abs(values))), MIN_CORNER_NOISE_PX)
     return replace(fit, errors=errors, noise_px=noise)
 
 
 def _weights(error: FloatArray, noise: float) -> FloatArray:
-    """Of the corners of a view, (2 N,): a corner far off counts little."""
-    weight = 1.0 / (1.0 + (error**2).sum(axis=1) / (SOFT_FROM * noise) ** 2)
+    """Weights (2 N,) of the corners of a view, small for outliers."""
+    weight = 1.0 / (1.0 + (error**2).sum(axis=1) / (CORNER_SOFT_SIGMAS * noise) ** 2)
     return np.repeat(weight, 2) / noise**2
 
 
 def _cost(fit: BoardFit, corners: _Corners, noise: float) -> float:
     square = np.concatenate([(error**2).sum(axis=1) for error in fit.errors])
-    soft = (SOFT_FROM * noise) ** 2
+    soft = (CORNER_SOFT_SIGMAS * noise) ** 2
     total = float(np.sum(soft * np.log1p(square / soft))) / noise**2
     off = (fit.shape - fit.board) / (SHAPE_STD * corners.square)
     return total + float((fit.lens[4:] ** 2).sum()) / COEFFICIENT_STD**2 + float((off**2).sum())
@@ -473,7 +457,7 @@ def _equations(fit: BoardFit, corners: _Corners, noise: float) -> _Equations:
     lens, count = len(fit.lens), len(fit.board)
     size = lens + (3 * count if fit.model.shaped else 0)
     reduced, right = np.zeros((size, size)), np.zeros(size)
-    # Views that are all alike leave the focal length open; it still has an order of magnitude
+    # Views with equal tilt do not determine the focal length; the prior keeps it finite.
     reduced[range(4), range(4)] = fit.lens[0] ** -2
     reduced[range(4, lens), range(4, lens)] = COEFFICIENT_STD**-2
     right[4:lens] = -fit.lens[4:] / COEFFICIENT_STD**2
@@ -488,7 +472,7 @@ def _equations(fit: BoardFit, corners: _Corners, noise: float) -> _Equations:
         shared = np.zeros((2 * len(where), size))
         shared[:, :lens] = jacobian[:, 6:]
         if fit.model.shaped:
-            # a corner moves in the camera's axes as the board's shift does
+            # A corner moves in the camera's axes as the board's translation does.
             turn = np.asarray(cv2.Rodrigues(pose[:3])[0])
             by_place = jacobian[:, 3:6] @ turn
             for row, place in enumerate(where):
@@ -521,15 +505,12 @@ def _moved(
     return _measured(moved, corners)
 
 
-MOST_POINTS = 600
+MAX_PRIOR_POINTS = 600
+"""Maximum number of points for comparing lens models (chosen: ample for five parameters)."""
 
-"""Points that compare two models of a lens: a smooth map of five parameters is known long
-before."""
-
-FLOOR: FloatArray = np.array([1e-4, 0.05, 0.05, 1e-4, 1e-4])
-
-"""Relative focal length, px, px and two dimensionless: no lens is known better, since focusing and
-warming up move it by as much."""
+MIN_LENS_STD: FloatArray = np.array([1e-4, 0.05, 0.05, 1e-4, 1e-4])
+"""Minimum std of relative focal length, principal point (px), k1, k2 (chosen: changes from focusing
+and warming up)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -563,15 +544,15 @@ class LensPrior:
     def resized(self, width: int, height: int) -> "LensPrior":
         """The same for the picture resampled to another size."""
         sx, sy = width / self.lens.width, height / self.lens.height
-        std = np.maximum(self.std * [1.0, sx, sy, 1.0, 1.0], FLOOR)
+        std = np.maximum(self.std * [1.0, sx, sy, 1.0, 1.0], MIN_LENS_STD)
         return LensPrior(self.lens.resized(width, height), std, self.correlation)
 
 
 def prior_of(lens: Lens, covariance: FloatArray, seen_px: FloatArray) -> LensPrior:
-    """What the uncertainty of all parameters of a lens amounts to in the five that a clip moves.
+    """Uncertainty of a lens in the five parameters that are fitted to a clip.
 
-    The parameters of a rich model trade off against each other; what matters is how far they leave
-    a place in the picture open. The five are given the covariance that leaves it open as far.
+    The parameters of a rich model are correlated; what matters is the uncertainty of positions in
+    the picture. The five get the covariance that gives the same.
 
     Parameters
     ----------
@@ -579,9 +560,9 @@ def prior_of(lens: Lens, covariance: FloatArray, seen_px: FloatArray) -> LensPri
     covariance : (P, P) array
         Of fx, fy, cx, cy and the distortion coefficients in OpenCV's order.
     seen_px : (N, 2) array
-        Where in the picture the lens was measured.
+        Positions in the picture at which the lens was measured.
     """
-    chosen = seen_px[np.unique(np.linspace(0, len(seen_px) - 1, MOST_POINTS).astype(int))]
+    chosen = seen_px[np.unique(np.linspace(0, len(seen_px) - 1, MAX_PRIOR_POINTS).astype(int))]
     looks = lens.undistort(lens.from_pixels(chosen))
     looks = looks[np.isfinite(looks).all(axis=1)]
     rays = np.c_[looks, np.ones(len(looks))]
@@ -597,33 +578,29 @@ def prior_of(lens: Lens, covariance: FloatArray, seen_px: FloatArray) -> LensPri
     to_five = np.linalg.lstsq(by_five, moves[:, : 4 + count], rcond=None)[0]
     five = to_five @ covariance @ to_five.T
     std = np.sqrt(np.diag(five))
-    return LensPrior(lens, np.maximum(std, FLOOR), five / np.outer(std, std))
+    return LensPrior(lens, np.maximum(std, MIN_LENS_STD), five / np.outer(std, std))
 
 
 YAML_SUFFIXES = (".yaml", ".yml")
 
-_LARGEST = 2**20
+_MAX_LENS_FILE_BYTES = 2**20
+"""Maximum size of a lens file, bytes (chosen: a thousand times the usual one, so that a clip passed
+by mistake is not read)."""
 
-"""Bytes: a thousand times what such a file has, so that a clip given by mistake is not read."""
+_MAX_ENTRY_NUMBERS = 64
+"""Maximum number of values in one entry (derived: OpenCV's longest model has fourteen)."""
 
-_MOST_NUMBERS = 64
+_ROS_MODELS = ("plumb_bob", "rational_polynomial")
+"""Supported distortion models of ROS; ``equidistant`` is another model."""
 
-"""Numbers in one entry: the longest of OpenCV, the thin-prism and tilted model, has fourteen."""
-
-_MODELS = ("plumb_bob", "rational_polynomial")
-
-"""Distortion models of ROS that are a lens here; ``equidistant`` is another law."""
-
-SAID_STD: FloatArray = np.array([2e-3, 2.0, 2.0, 5e-3, 1e-2])
-
-"""Of log focal length, principal point (px), k1 and k2 where the file states no uncertainty: what a
-dozen pictures of a board give (udacity's 27 pictures of 1280 × 960 px: 1.3e-3, 1.1, 0.9, 2e-3,
-3e-3)."""
+UNSTATED_LENS_STD: FloatArray = np.array([2e-3, 2.0, 2.0, 5e-3, 1e-2])
+"""Std of log focal length, principal point (px), k1, k2 where the file states none (chosen: a dozen
+board pictures; Udacity's 27 of 1280 × 960 px give 1.3e-3, 1.1, 0.9, 2e-3, 3e-3)."""
 
 
 def _parsed_yaml(text: str) -> Any:
-    """YAML without objects, but for the matrices that OpenCV tags; ValueError where it is none."""
-    # few measure with such a lens: not loaded before
+    """Parse YAML without objects except OpenCV's matrices; ValueError if it is not YAML."""
+    # Imported here since few clips need it.
     import yaml
 
     class Loader(yaml.SafeLoader):
@@ -640,96 +617,101 @@ def _parsed_yaml(text: str) -> Any:
 
 
 def read_lens_yaml(path: Path) -> LensPrior:
-    """Read a lens as OpenCV or ROS wrote it.
+    """Read a lens file of OpenCV or ROS.
 
     Raises
     ------
     SetupError
-        If it can't be read, lacks the camera's matrix or the size of its pictures, or has a
-        distortion that is no polynomial or ratio of polynomials.
+        If it can't be read, lacks the camera matrix or the picture size, or has an unsupported
+        distortion model.
     """
     table = _document(path)
     camera, bent = _numbers(table, "camera_matrix", path), table.get("distortion_coefficients")
     if camera is None or camera.size != 9:
         raise SetupError(
-            f"{path} has no camera_matrix of 3 × 3", hint="Write it with OpenCV or ROS, or TOML."
+            f"{path} has no camera_matrix of 3 × 3",
+            hint="Write it with OpenCV or ROS, or use TOML.",
         )
-    model = table.get("distortion_model", _MODELS[0])
-    if model not in _MODELS:
+    model = table.get("distortion_model", _ROS_MODELS[0])
+    if model not in _ROS_MODELS:
         raise SetupError(
-            f"{path}: distortion model {model!r} is not known", hint=f"Known: {', '.join(_MODELS)}."
+            f"{path}: distortion model {model!r} is not supported",
+            hint=f"Supported: {', '.join(_ROS_MODELS)}.",
         )
     coefficients = np.zeros(0) if bent is None else _numbers(table, "distortion_coefficients", path)
     assert coefficients is not None
     if coefficients.size > 8 and np.any(coefficients[8:]):
         raise SetupError(
-            f"{path}: thin-prism and tilted-sensor coefficients are not known here",
+            f"{path}: thin-prism and tilted-sensor coefficients are not supported",
             hint="Calibrate the lens again with at most eight: k1 k2 p1 p2 k3 k4 k5 k6.",
         )
     try:
         width, height = (int(table[f"image_{name}"]) for name in ("width", "height"))
     except (KeyError, TypeError, ValueError) as problem:
         raise SetupError(
-            f"{path} does not say how large its pictures are",
-            hint="It needs image_width and image_height.",
+            f"{path} does not state the size of its pictures",
+            hint="Add image_width and image_height.",
         ) from problem
     fx, _, cx, _, fy, cy = camera.ravel()[:6]
     lens = Lens(width, height, fx, fy, cx, cy, *coefficients[:8].tolist())
     if width < 1 or height < 1 or fx <= 0.0 or fy <= 0.0:
         raise SetupError(
-            f"{path}: a picture or a focal length is not positive",
-            hint="Image sizes are counted in px, focal lengths in px, both above zero.",
+            f"{path}: the picture size or focal length is not positive",
+            hint="Give both in px, above zero.",
         )
-    return LensPrior(lens, np.maximum(_std(table, lens, path), FLOOR))
+    return LensPrior(lens, np.maximum(_std(table, lens, path), MIN_LENS_STD))
 
 
 def _document(path: Path) -> dict[str, Any]:
     try:
-        if path.stat().st_size > _LARGEST:
+        if path.stat().st_size > _MAX_LENS_FILE_BYTES:
             raise SetupError(
                 f"{path} is too large for a lens file",
-                hint="A lens file holds some twenty numbers; is it another file?",
+                hint="A lens file has some twenty numbers; check that this is the right file.",
             )
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as problem:
         raise SetupError(
             f"can't read the lens file {path}: {problem}",
-            hint="Name the file that `vision calibrate`, OpenCV or ROS wrote.",
+            hint="Pass a file written by `vision calibrate`, OpenCV or ROS.",
         ) from problem
-    # OpenCV's "%YAML:1.0" is no directive of YAML
+    # OpenCV's "%YAML:1.0" is not a valid YAML directive.
     text = re.sub(r"\A%YAML[^\n]*\n", "", text.lstrip("\ufeff"))
     try:
         table = _parsed_yaml(text)
     except (ValueError, RecursionError) as problem:
         raise SetupError(
-            f"{path} is no YAML: {problem}",
-            hint="Save it anew: it is TOML from `vision calibrate`, or YAML from OpenCV or ROS.",
+            f"{path} is not YAML: {problem}",
+            hint="Write it again: TOML with `vision calibrate`, or YAML with OpenCV or ROS.",
         ) from problem
     if not isinstance(table, dict):
-        raise SetupError(f"{path} is no lens file", hint="It holds no table of names.")
+        raise SetupError(
+            f"{path} is not a lens file",
+            hint="It has no top-level table. Pass a file of `vision calibrate`, OpenCV or ROS.",
+        )
     return table
 
 
 def _numbers(table: dict[str, Any], name: str, path: Path) -> FloatArray | None:
-    """A matrix as flat numbers, as OpenCV or ROS has it, or a plain (nested) list."""
+    """A matrix of OpenCV or ROS, or a plain (nested) list, as flat numbers."""
     held = table.get(name)
     if held is None:
         return None
     if isinstance(held, dict):
         held = held.get("data")
     rows: list[Any] = held if isinstance(held, list) else [held]
-    # two levels and no more: references of YAML within references unfold without end
+    # Two levels only: nested YAML references could expand without end.
     flat = [one for row in rows for one in (row if isinstance(row, list) else [row])]
-    if len(flat) > _MOST_NUMBERS or any(isinstance(one, list | dict) for one in flat):
+    if len(flat) > _MAX_ENTRY_NUMBERS or any(isinstance(one, list | dict) for one in flat):
         raise SetupError(
-            f"{path}: {name} is no matrix of a lens",
+            f"{path}: {name} is not a matrix of a lens",
             hint="Write a row of numbers, or rows of three, as OpenCV and ROS do.",
         )
     try:
         values = np.array([float(one) for one in flat])
     except (TypeError, ValueError) as problem:
         raise SetupError(
-            f"{path}: {name} is no matrix of numbers",
+            f"{path}: {name} is not a matrix of numbers",
             hint="Write a row of numbers, or rows of three, as OpenCV and ROS do.",
         ) from problem
     if not np.isfinite(values).all():
@@ -741,26 +723,26 @@ def _numbers(table: dict[str, Any], name: str, path: Path) -> FloatArray | None:
 
 
 def _std(table: dict[str, Any], lens: Lens, path: Path) -> FloatArray:
-    """Of log focal length, principal point, k1 and k2: as OpenCV's ``stdDeviationsIntrinsics``."""
+    """Std of log focal length, principal point, k1, k2, as OpenCV's ``stdDeviationsIntrinsics``."""
     stated = _numbers(table, "std_deviation_intrinsics", path)
     if stated is None or stated.size < 6:
-        return SAID_STD
+        return UNSTATED_LENS_STD
     fx, _, cx, cy, k1, k2 = stated[:6]
     return np.array([fx / lens.fx, cx, cy, k1, k2])
 
 
 def lens_yaml(prior: LensPrior, name: str = "camera") -> str:
-    """Text of a lens file that OpenCV's FileStorage and ROS both read.
+    """Text of a lens file that both OpenCV's FileStorage and ROS can read.
 
     Parameters
     ----------
     prior : LensPrior
     name : str
-        Of the camera, as ROS wants one.
+        Name of the camera, which ROS requires.
     """
     lens = prior.lens
     bent = lens.coefficients
-    model = _MODELS[1] if bent.size > 5 else _MODELS[0]
+    model = _ROS_MODELS[1] if bent.size > 5 else _ROS_MODELS[0]
     focal, cx, cy, k1, k2 = prior.std.tolist()
     std = [focal * lens.fx, focal * lens.fy, cx, cy, k1, k2]
     projection = np.hstack([lens.matrix, np.zeros((3, 1))])
@@ -790,38 +772,33 @@ def _matrix_text(name: str, values: FloatArray) -> str:
     )
 
 
-LEAST_VIEWS = 6
+MIN_VIEWS = 6
+"""Minimum number of board views (derived: each gives two equations (Zhang 2000) for ten unknowns;
+one more reveals errors)."""
 
-"""Views of the board: each gives two equations for the lens (Zhang 2000), which has ten unknowns
-with its distortion; one more shows what is wrong."""
+MIN_TILT_RANGE = np.radians(8.0)
+"""Minimum range of tilts, rad (derived): perpendicular views determine only the ratio of focal
+length and distance (Zhang 2000); 8° changes the scale across a board, a fifth of its distance wide,
+by 3 %."""
 
-LEAST_TILT_SPREAD = np.radians(8.0)
+MIN_BOARD_COVERAGE = 0.35
+"""Minimum covered fraction of the picture (derived): a third of the area ends at 0.6 of the
+corner's radius, where k1 acts a fifth as much, since distortion grows with the radius cubed."""
 
-"""rad: views square on tell focal length and distance by their ratio only (Zhang 2000); a tilt of
-8° changes scale across a board, a fifth of its distance wide, by 3 %."""
+VIEW_OUTLIER_SIGMAS = 3.5
+"""Outlier limit of a view, robust standard deviations (derived: one in some thousands exceeds
+it)."""
 
-LEAST_COVERAGE = 0.35
-
-"""Share of the picture: distortion grows with the third power of the radius, and a third of the
-area ends at 0.6 of the way to the corner, where k1 does a fifth of what it does there."""
-
-OUTLIER_AT = 3.5
-
-"""Robust standard deviations: one honest view in some thousands is farther off."""
-
-FOLDS = 8
-
-"""Parts for the held-out error, at most: an eighth of the views kept out leaves a lens fitted
-nearly as well as with all."""
+MAX_FOLDS = 8
+"""Maximum number of cross-validation folds (chosen: a fit to 7/8 is nearly as good as to all)."""
 
 RICHER_ERROR_RATIO = 0.97
-
-"""A richer model must bring the held-out error down to this part of the simpler one's."""
+"""Held-out error of a richer model over the simpler one's, below which it is preferred (chosen)."""
 
 
 @dataclass(frozen=True, eq=False)
 class LensCalibration:
-    """A lens and how well it is known.
+    """A lens and its uncertainty.
 
     Attributes
     ----------
@@ -829,20 +806,19 @@ class LensCalibration:
     std : dict of str to float
         Standard uncertainty of each parameter, by its name in `Lens`.
     prior : LensPrior
-        The same as what a clip's calibration starts from: correlations kept.
+        The same as a clip's calibration uses it, with correlations.
     held_out_rms_px : float
-        Reprojection error in views that took no part in the fit: the views are dealt into 8 parts,
-        lens and board are fitted to all parts but one, and each view of that one is given the pose
-        that suits it best; root mean square, over all corners of all used views, of the distance
-        between projected and measured corner.
+        Reprojection error by cross-validation in at most 8 folds: lens and board are fitted to the
+        other folds, and each held-out view gets its best pose; root mean square distance between
+        projected and measured corners.
     rms_px : float
         Reprojection error in the views of the fit.
     used, dropped : tuple of str
-        Names of the pictures used, and of those left out as outliers.
+        Names of the pictures used, and of those dropped as outliers.
     coverage : float
-        Share of the picture's area the corners cover.
+        Fraction of the picture covered by corners.
     model : str
-        What was fitted: the simplest model with about the lowest held-out error.
+        The simplest model with about the lowest held-out error.
     warnings : tuple of str
     """
 
@@ -878,43 +854,43 @@ def calibrate_lens(views: Sequence[BoardView | None]) -> LensCalibration:
     seen = [view for view in views if view is not None]
     if not seen:
         raise CalibrationError(
-            f"the board was found in none of {len(views)} pictures",
+            f"no board found in {len(views)} pictures",
             hint="Check the board's size: it counts inner corners, one less than squares.",
         )
-    if len(seen) < LEAST_VIEWS:
+    if len(seen) < MIN_VIEWS:
         raise CalibrationError(
             f"the board was found in only {len(seen)} of {len(views)} pictures",
-            hint=f"At least {LEAST_VIEWS} are needed, better 15, tilted in different directions; "
+            hint=f"At least {MIN_VIEWS} are needed, better 15, tilted in different directions; "
             "the board's size counts inner corners.",
         )
     if len({view.size for view in seen}) > 1:
-        # Cameras that crop differ by a pixel or two between modes; the commonest size wins
+        # Cameras that crop differ by a pixel or two between modes; the most frequent size is used.
         sizes = [view.size for view in seen]
         common = max(set(sizes), key=sizes.count)
         odd = [view for view in seen if max(abs(np.subtract(view.size, common))) > 2]
         if odd:
             raise CalibrationError(
                 f"{odd[0].name} is {odd[0].size[0]}×{odd[0].size[1]} px, the others are not",
-                hint="All pictures must come from one camera in one mode.",
+                hint="Use pictures of one camera in one mode.",
             )
     fits, kept, dropped = _without_outliers(seen)
     spread = _tilt_spread(fits[-1].poses[:, :3])
-    if spread < LEAST_TILT_SPREAD:
+    if spread < MIN_TILT_RANGE:
         raise CalibrationError(
             f"all views are alike: the board's tilt varies by only {np.degrees(spread):.1f} deg",
-            hint="Tilt the board by 20 to 40 degrees, to all sides.",
+            hint="Tilt the board by 20 to 40 degrees in all directions.",
         )
     fit, held_out = _chosen(fits, kept)
     lens = fit.to_lens(kept[0].size)
-    # What the fit leaves over is not all noise: the covariance is for what predicts other views
+    # Residuals are not all noise: scale the covariance to the held-out error.
     covariance = fit.covariance * max(1.0, 0.5 * held_out**2 / fit.noise_px**2)
-    std = dict(zip(NAMES, np.sqrt(np.diag(covariance)).tolist(), strict=False))
+    std = dict(zip(LENS_PARAMETERS, np.sqrt(np.diag(covariance)).tolist(), strict=False))
     coverage = _coverage(kept)
-    notes = [f"left out as outliers: {', '.join(view.name for view in dropped)}"] if dropped else []
-    if coverage < LEAST_COVERAGE:
+    notes = [f"dropped as outliers: {', '.join(view.name for view in dropped)}"] if dropped else []
+    if coverage < MIN_BOARD_COVERAGE:
         notes.append(
-            f"the board covers only {100 * coverage:.0f} % of the picture: "
-            "distortion outside is extrapolated; hold the board into the corners too"
+            f"the board covers only {100 * coverage:.0f} % of the picture; outside, distortion is "
+            "extrapolated. Take pictures with the board in the corners, too"
         )
     return LensCalibration(
         lens=lens,
@@ -933,16 +909,16 @@ def calibrate_lens(views: Sequence[BoardView | None]) -> LensCalibration:
 def _without_outliers(
     views: list[BoardView],
 ) -> tuple[list[BoardFit], list[BoardView], list[BoardView]]:
-    """Fits of all models to the views that agree, those views, and the ones left out.
+    """Fits of all models to the views that agree, those views, and the dropped ones.
 
-    The richest model is the judge: a simpler one blames the views that reach farthest out.
+    The richest model decides: a simpler one would drop the views that extend farthest out.
     """
     kept, dropped = views, list[BoardView]()
     for _ in range(3):
         fits = _fits(kept)
         rms = fits[-1].view_rms_px
         bad = [v for v, value in zip(kept, rms, strict=True) if value > _outlier_limit(rms)]
-        if not bad or len(kept) - len(bad) < LEAST_VIEWS:
+        if not bad or len(kept) - len(bad) < MIN_VIEWS:
             return fits, kept, dropped
         dropped += bad
         kept = [view for view in kept if view not in bad]
@@ -951,7 +927,7 @@ def _without_outliers(
 
 def _fits(views: Sequence[BoardView]) -> list[BoardFit]:
     fits: list[BoardFit] = []
-    for model in MODELS:
+    for model in LENS_MODELS:
         fits.append(fit_boards(views, model, fits[-1] if fits else None))
     return fits
 
@@ -970,7 +946,7 @@ def _chosen(fits: Sequence[BoardFit], views: Sequence[BoardView]) -> tuple[Board
 def _outlier_limit(rms: FloatArray) -> float:
     middle = float(np.median(rms))
     spread = 1.4826 * float(np.median(np.abs(rms - middle)))
-    return middle + OUTLIER_AT * max(spread, 0.05 * middle)
+    return middle + VIEW_OUTLIER_SIGMAS * max(spread, 0.05 * middle)
 
 
 def _tilt_spread(turns: FloatArray) -> float:
@@ -980,7 +956,7 @@ def _tilt_spread(turns: FloatArray) -> float:
 
 
 def _coverage(views: Sequence[BoardView]) -> float:
-    """Share of 8 by 6 fields of the picture that hold a corner or lie within a board."""
+    """Fraction of the picture within the convex hull of some view's corners."""
     width, height = views[0].size
     covered = np.zeros((60, 80), dtype=np.uint8)
     for view in views:
@@ -990,12 +966,12 @@ def _coverage(views: Sequence[BoardView]) -> float:
 
 
 def _held_out(views: Sequence[BoardView], whole: BoardFit) -> float:
-    """Reprojection error of views not used in the fit, root mean square over all corners, px.
+    """Cross-validated reprojection error, root mean square over all corners, px.
 
-    The pose of a held-out view is its own; lens and board come from the others.
+    Only the pose of a held-out view is fitted to it.
     """
     squares: list[float] = []
-    folds = min(FOLDS, len(views) // 2)
+    folds = min(MAX_FOLDS, len(views) // 2)
     for fold in range(folds):
         training = [index for index in range(len(views)) if index % folds != fold]
         start = replace(whole, poses=whole.poses[training])
@@ -1007,21 +983,20 @@ def _held_out(views: Sequence[BoardView], whole: BoardFit) -> float:
 
 
 A4_M = (0.297, 0.210)
-
-"""m: the sheet, ISO 216."""
+"""Size of the sheet, m (convention: ISO 216)."""
 
 
 def lens_toml(calibration: LensCalibration) -> str:
     """Text of a lens file."""
     lens = calibration.lens
     lines = ["[lens]", f"width = {lens.width}", f"height = {lens.height}"]
-    lines += [f"{name} = {getattr(lens, name)!r}" for name in NAMES]
+    lines += [f"{name} = {getattr(lens, name)!r}" for name in LENS_PARAMETERS]
     lines += ["", "[std]"]
-    lines += [f"{name} = {calibration.std.get(name, 0.0)!r}" for name in NAMES]
+    lines += [f"{name} = {calibration.std.get(name, 0.0)!r}" for name in LENS_PARAMETERS]
     lines += [
         "",
         "[prior]",
-        "# what it all amounts to in log focal length, principal point x and y (px), k1 and k2",
+        "# std and correlation of log focal length, principal point x and y (px), k1 and k2",
         f"std = {calibration.prior.std.tolist()!r}",
         f"correlation = {np.round(calibration.prior.related, 9).tolist()!r}",
         "",
@@ -1035,7 +1010,7 @@ def lens_toml(calibration: LensCalibration) -> str:
 
 
 def write_lens(path: Path, calibration: LensCalibration) -> None:
-    """Write a lens file, whole or not at all: YAML of OpenCV and ROS where its name says so."""
+    """Write a lens file atomically: YAML for OpenCV and ROS if its suffix is .yaml or .yml."""
     if path.suffix.lower() in YAML_SUFFIXES:
         write_text_whole(path, lens_yaml(calibration.prior, path.stem))
     else:
@@ -1043,10 +1018,10 @@ def write_lens(path: Path, calibration: LensCalibration) -> None:
 
 
 def prior_toml(prior: LensPrior) -> str:
-    """Text of a lens file for a lens that was read from elsewhere."""
+    """Text of a lens file for a lens read from elsewhere."""
     lens = prior.lens
     lines = ["[lens]", f"width = {lens.width}", f"height = {lens.height}"]
-    lines += [f"{name} = {float(getattr(lens, name))!r}" for name in NAMES]
+    lines += [f"{name} = {float(getattr(lens, name))!r}" for name in LENS_PARAMETERS]
     lines += [
         "",
         "[prior]",
@@ -1069,7 +1044,7 @@ def read_lens(path: Path, *, width: int | None = None, height: int | None = None
     Raises
     ------
     SetupError
-        If the file is missing or wrong, or its picture has another shape.
+        If the file is missing or invalid, or its picture has another aspect ratio.
     """
     if path.suffix.lower() in YAML_SUFFIXES:
         return _for_picture(read_lens_yaml(path), width, height)
@@ -1081,48 +1056,48 @@ def read_lens(path: Path, *, width: int | None = None, height: int | None = None
     )
     table = parse_toml(text, f"the lens file {path}")
     numbers = table.get("lens", {})
-    missing = [n for n in ("width", "height", *NAMES[:4]) if n not in numbers]
+    missing = [n for n in ("width", "height", *LENS_PARAMETERS[:4]) if n not in numbers]
     if missing:
         raise SetupError(
             f"{path} lacks {', '.join(missing)} in its table [lens]",
-            hint="Write it anew with `vision calibrate lens`.",
+            hint="Write it again with `vision calibrate lens`.",
         )
     lens = Lens(
         int(numbers["width"]),
         int(numbers["height"]),
-        *(float(numbers.get(name, 0.0)) for name in NAMES),
+        *(float(numbers.get(name, 0.0)) for name in LENS_PARAMETERS),
     )
     return _for_picture(_prior(lens, table, path), width, height)
 
 
 def _for_picture(prior: LensPrior, width: int | None, height: int | None) -> LensPrior:
-    """The lens scaled to a picture of the same shape."""
+    """The lens scaled to a picture of the same aspect ratio."""
     lens = prior.lens
     if width is None or height is None:
         return prior
     if abs(width / height - lens.width / lens.height) > 0.01 * width / height:
         raise SetupError(
             f"the lens was calibrated at {lens.width}×{lens.height} px, the clip has "
-            f"{width}×{height}: another shape",
-            hint="Calibrate in the mode the clip is filmed in: other modes crop the sensor.",
+            f"{width}×{height}: another aspect ratio",
+            hint="Calibrate in the mode used for filming: other modes crop the sensor.",
         )
     return prior.resized(width, height)
 
 
 def _prior(lens: Lens, table: dict[str, Any], path: Path) -> LensPrior:
-    """Uncertainty as the file has it: with correlations, or of each parameter by itself."""
+    """Uncertainty in the file: with correlations, or of each parameter."""
     given = table.get("prior", {})
     if "std" in given and "correlation" in given:
         std, related = (np.asarray(given[key], dtype=float) for key in ("std", "correlation"))
         if std.shape != (5,) or related.shape != (5, 5):
             raise SetupError(
                 f"the table [prior] of {path} needs 5 and 5 × 5 numbers",
-                hint="Write it anew with `vision calibrate lens`.",
+                hint="Write it again with `vision calibrate lens`.",
             )
-        return LensPrior(lens, np.maximum(std, FLOOR), related)
-    own = {name: float(table.get("std", {}).get(name, 0.0)) for name in NAMES}
+        return LensPrior(lens, np.maximum(std, MIN_LENS_STD), related)
+    own = {name: float(table.get("std", {}).get(name, 0.0)) for name in LENS_PARAMETERS}
     spread = [own["fx"] / lens.fx, own["cx"], own["cy"], own["k1"], own["k2"]]
-    return LensPrior(lens, np.maximum(np.array(spread), FLOOR))
+    return LensPrior(lens, np.maximum(np.array(spread), MIN_LENS_STD))
 
 
 def write_board(path: Path, board: Board) -> None:

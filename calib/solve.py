@@ -1,23 +1,15 @@
-"""From a measured grid and all else that is known to a calibrated scene: the one way there.
+"""Calibrate a scene: one weighted fit of camera, lens and ball plane to grid and evidence.
 
-Measuring, the wizard and planning all come through here. Where nothing is taped, a fall weighs in:
-gravity is a scale that nobody has to tape.
+Seen perpendicularly, a grid determines only the ratio of focal length and distance, the scale of
+the wall. A broad prior on the focal length keeps the fit finite, and the covariance describes the
+correlation; measured distances, ball diameter or free fall then constrain their combinations. If no
+distance is measured by hand, a free fall enters the fit: gravity gives the scale.
 
-Camera, lens and ball plane from the grid and whatever else is known, in one weighted fit.
-
-Seen square on, a grid does not tell focal length from distance: only their ratio, the scale of the
-wall, is determined. A broad prior on the focal length keeps the fit finite, and the covariance
-carries the trade-off; tape, ball diameter or free fall then narrow exactly the combination they
-determine.
-
-Has the camera moved since it was calibrated? The same wall, looked at again.
-
-What a camera that does not stand there yet will tell: its noise, and its view of the grid.
-
-Edges are located by least squares, whose bound is Cramér and Rao's: noise over contrast, and less
-the longer and sharper the edge. Beside the bound stands what a follower leaves over for other
-reasons (shading, pattern, shadows, compression); on recordings with a known truth, ray-traced and
-real, that is about 0.05 px for a ball and 0.15 px for a pendulum's mass, whatever their size.
+The module also detects a moved camera (`camera_movement`), and predicts noise and grid of a planned
+camera. An edge located by least squares attains the Cramér–Rao bound: noise over contrast, smaller
+for a longer and sharper edge. Tracking adds errors of other origin (shading, pattern, shadows,
+compression), which on recordings with known truth, ray-traced and real, are about 0.05 px for a
+ball and 0.15 px for a pendulum's mass, independent of size.
 """
 
 import math
@@ -63,27 +55,23 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 
 Residuals = Callable[[Calibration], FloatArray]
-
 """Whitened residuals (n,) of a calibration, or (K, n) of a stack of them."""
 
-# A lens nobody knows: 24° to 100° of view, its distortion anything from a fish-eye to a telephoto,
-# its principal point within a few per cent of the middle.
 FOCAL_OVER_WIDTH, LOG_FOCAL_STD = 1.25, 0.5
+"""Focal length of an unknown lens over picture width, and std of its logarithm (chosen: 24° to 100°
+angle of view)."""
 
-PRINCIPAL_STD = 0.01
-
-"""Share of the width by which the principal point of a lens that nobody measured is off the middle:
-a few tens of pixels of a few thousand."""
+PRINCIPAL_POINT_STD = 0.01
+"""Std of the principal point of an unknown lens, fraction of the width (chosen: a few tens of
+pixels of a few thousand)."""
 
 K1_STD, K2_STD = 0.3, 0.1
+"""Std of the distortion of an unknown lens, 1 (chosen: from a fish-eye, -0.3, to a telephoto,
+0)."""
 
-"""Dimensionless, of the distortion of a lens that nobody measured: from a fish-eye (-0.3) to a
-telephoto (0)."""
-
-DEPTH_SHARE, DEPTH_SHARE_STD = 0.1, 0.1
-
-"""Share of the distance at which the ball flies before the wall, and its standard deviation: half a
-metre of four to five, nothing or twice that."""
+RELATIVE_DEPTH, RELATIVE_DEPTH_STD = 0.1, 0.1
+"""Prior of ball plane offset over camera distance, and its std (chosen: half a metre of four to
+five, with zero and twice that within one std)."""
 
 DEPTH_SOURCES = {
     UncertaintySource.BALL_PLANE_OFFSET: ("ball_plane_offset",),
@@ -93,62 +81,55 @@ DEPTH_SOURCES = {
 
 INTRINSICS = ("log_focal", "principal_x", "principal_y", "k1", "k2")
 
-ALWAYS = (
+UNTESTED_SOURCES = (
     UncertaintySource.GRID_LINES,
     UncertaintySource.LENS_UNKNOWN,
     UncertaintySource.LENS_CALIBRATION,
     UncertaintySource.BALL_PLANE_GUESS,
 )
 
-STRAINED_AT = 3.5
+INPUT_OUTLIER_SIGMAS = 3.5
+"""Residual of an input, standard deviations (derived: exceeded by one correct input in 2000)."""
 
-"""Standard deviations: of honest inputs one in two thousand is farther off."""
-
-SURELY_WRONG = 2.0 * math.log(20.0)
-
-"""Of chi²: what this input relieves over the next if it is twenty times likelier to be the wrong
-one."""
+MIN_SUSPECT_CHI2_GAIN = 2.0 * math.log(20.0)
+"""Difference of chi² between suspected inputs (chosen: odds of twenty)."""
 
 _CAMERA_PARAMETERS = 10
-"""Numbers of a camera that the crossings of a grid tell."""
+"""Camera parameters determined by the grid's crossings (derived: 6 pose, focal length, principal
+point x and y, distortion)."""
 
-_REWEIGHTED = 0.8
-"""Weight of the crossings below which the fit is done again with it: above, the place moves by less
-than a tenth of what is open, and a factor on the covariance is as good."""
+_MIN_UNCHANGED_WEIGHT = 0.8
+"""Weight of the crossings below which the fit is repeated (chosen): above, the position changes by
+less than a tenth of its uncertainty, and scaling the covariance suffices."""
 
-_PATCHES = 6
-"""Patches along the longer side of the picture within which errors may be alike, supposed: as large
-as a ball, a mass or a person in it."""
+_PATCHES_ACROSS = 6
+"""Patches along the picture's longer side within which errors correlate (chosen: the size of a
+ball, a mass or a person)."""
 
-_FEWEST_PATCHES, _FEWEST_IN_PATCH = 6, 2.0
-"""Patches, and crossings in one, without which nothing is told of what they share."""
+_MIN_PATCHES, _MIN_PATCH_CROSSINGS = 6, 2.0
+"""Minimum number of patches, and of crossings per patch, to estimate their correlation (chosen)."""
 
-WORST_CHI2 = 10.0
+MAX_GRID_CHI2 = 10.0
+"""Chi² per degree of freedom (chosen): crossings whose covariance matches a smooth map and that
+miss a camera by three times that have wrong labels."""
 
-"""The crossings' covariance is as large as their scatter about a smooth map: a camera that misses
-them by three times that is none, and their labels are wrong."""
+MAX_SCENE_STEPS = 40
+"""Maximum number of Gauss-Newton steps (chosen): no convergence by then means contradicting
+inputs."""
 
-MOST_STEPS = 40
-
-"""Steps of Gauss-Newton at most: one that starts from the closed form and has not settled by then
-has inputs that contradict each other."""
-
-STEPS: FloatArray = np.array(
+DIFFERENCE_STEPS: FloatArray = np.array(
     [1e-5, 1e-5, 1e-5, 1e-4, 1e-4, 1e-4, 1e-4, 1e-2, 1e-2, 1e-4, 1e-4, 1e-4, 1e-4]
 )
-
-"""Steps of finite differences, in the units of the parameters (rad, m, log, px, log): a hundredth
-of what a calibration leaves open, far above rounding."""
+"""Steps of finite differences in the parameters' units (rad, m, log, px, log) (chosen: a hundredth
+of a calibration's uncertainty, far above rounding)."""
 
 FALL_POINTS = 24
+"""Maximum number of averaged positions of a fall (derived: runs so short change the acceleration to
+fourth order only)."""
 
-"""Places that stand for the frames of a fall: means over runs so short that they change the
-acceleration to fourth order only."""
-
-SIZE_POINTS, ALIKE_SHARE, ROUGH_SHARE = 15, 0.2, 0.1
-
-"""Radii at so many places along the path; errors are alike over this share of it, all but so much
-of their variance."""
+SIZE_POINTS, SIZE_CORRELATION_LENGTH, SIZE_UNCORRELATED_FRACTION = 15, 0.2, 0.1
+"""Number of radii used along the path; correlation length of their errors, fraction of the path;
+and uncorrelated fraction of their variance (chosen)."""
 
 
 def calibrate(
@@ -161,7 +142,7 @@ def calibrate(
     grid : WallGrid
         The measured grid.
     evidence : Evidence, optional
-        Tape, ball, free fall.
+        Measured distances, ball, free fall.
     lens : LensPrior, optional
         Lens known beforehand; without it the lens comes from the grid's straight lines.
 
@@ -184,17 +165,17 @@ def calibrate(
         rows = _jacobian(found.blocks[UncertaintySource.GRID_LINES], fitted)
         covariance = np.sum([s.covariance for s in sources], axis=0)
         together = Source(
-            UncertaintySource.GRID_LINES, covariance @ _lines_together(grid, rows) @ covariance
+            UncertaintySource.GRID_LINES, covariance @ _line_information(grid, rows) @ covariance
         )
         sources = tuple(together if s.name is UncertaintySource.GRID_LINES else s for s in sources)
-    if not np.isfinite(chi2) or chi2 > WORST_CHI2:
+    if not np.isfinite(chi2) or chi2 > MAX_GRID_CHI2:
         raise CalibrationError(
-            f"no camera explains where the grid's lines are (chi² {chi2:.0f} per degree)",
-            hint="Is the wall flat, and the lens free of extreme distortion? Give a lens.toml.",
+            f"no camera fits the grid's lines (chi² {chi2:.0f} per degree of freedom)",
+            hint="Check that the wall is flat. For a strongly distorting lens pass a lens.toml.",
         )
     estimates = _depths(found, present)
     known = any(name in found.blocks for name in present)
-    if weight.min() >= _REWEIGHTED:
+    if weight.min() >= _MIN_UNCHANGED_WEIGHT:
         widened = 1.0 / float(weight.min()) ** 2
         sources = tuple(
             Source(
@@ -219,19 +200,19 @@ def calibrate(
 
 
 @dataclass(frozen=True, eq=False)
-class _Balanced:
-    """A fit whose lines count for as much as they agree with one another.
+class _ReweightedFit:
+    """A fit with crossings weighted for their correlation.
 
     Attributes
     ----------
     fitted : Calibration
     sources : tuple of Source
     blocks : dict of UncertaintySource to callable
-        As they were weighed.
+        As weighted.
     chi2 : float
-        Of the grid's crossings, per degree, before that.
+        Of the grid's crossings, per degree of freedom, before weighting.
     weight : (n,) array
-        Of their residuals.
+        Weights of their residuals.
     """
 
     fitted: Calibration
@@ -241,24 +222,26 @@ class _Balanced:
     weight: FloatArray
 
 
-def _balanced(
+def _reweighted_fit(
     grid: WallGrid, start: Calibration, blocks: dict[UncertaintySource, Residuals]
-) -> _Balanced:
+) -> _ReweightedFit:
     fitted, sources = _fit(start, blocks)
     every = blocks[UncertaintySource.GRID_LINES]
     nodes = every(fitted)
     chi2 = float(nodes @ nodes / max(len(nodes) - _CAMERA_PARAMETERS, 1))
     weight = _patch_weights(grid, nodes.reshape(-1, 2))
-    if weight.min() < _REWEIGHTED:
-        # what else is known counts for more beside lines that tell so much less
+    if weight.min() < _MIN_UNCHANGED_WEIGHT:
+        # With a lower weight of the lines, the other inputs gain influence: fit again.
         blocks = blocks | {UncertaintySource.GRID_LINES: lambda c: every(c) * weight}
         fitted, sources = _fit(start, blocks)
-    return _Balanced(fitted, sources, blocks, chi2, weight)
+    return _ReweightedFit(fitted, sources, blocks, chi2, weight)
 
 
-def _depths(found: _Balanced, present: list[UncertaintySource]) -> tuple[DepthEstimate, ...]:
+def _depths(found: _ReweightedFit, present: list[UncertaintySource]) -> tuple[DepthEstimate, ...]:
     return tuple(
-        _alone(name, found.fitted, found.blocks) for name in present if name in found.blocks
+        _depth_from_one_input(name, found.fitted, found.blocks)
+        for name in present
+        if name in found.blocks
     )
 
 
@@ -267,9 +250,9 @@ def _reconciled(
     start: Calibration,
     blocks: dict[UncertaintySource, Residuals],
     present: list[UncertaintySource],
-) -> tuple[_Balanced, tuple[str, ...]]:
-    """A fit without the inputs that contradict the others, and what is to be said of them."""
-    found = _balanced(grid, start, blocks)
+) -> tuple[_ReweightedFit, tuple[str, ...]]:
+    """Fit without the inputs that contradict the others, and warnings about them."""
+    found = _reweighted_fit(grid, start, blocks)
     told: list[str] = []
     while suspects := _suspects(found.fitted, found.blocks):
         told.append(_disagreement(tuple(suspects), _depths(found, present)))
@@ -277,9 +260,9 @@ def _reconciled(
             doubtful = _widened(found.blocks, suspects)
             fitted, sources = _fit(found.fitted, doubtful)
             return replace(found, fitted=fitted, sources=sources, blocks=doubtful), tuple(told)
-        # from the start: beside a wrong input the lines looked off, too
+        # Start from the beginning: the wrong input also distorted the weights of the lines.
         blocks = {name: block for name, block in blocks.items() if name not in suspects}
-        found = _balanced(grid, start, blocks)
+        found = _reweighted_fit(grid, start, blocks)
     return found, tuple(told)
 
 
@@ -298,11 +281,14 @@ def _start(grid: WallGrid, evidence: Evidence, lens: LensPrior | None) -> Calibr
             best = (float(error[0]), rotation, position)
     if best is None:
         raise CalibrationError(
-            "the grid is seen mirrored", hint="Un-mirror the clip, or film the wall directly."
+            "the grid appears mirrored",
+            hint="Un-mirror the clip, or film the wall directly.",
         )
     x, y, distance = best[2]
     depth = (
-        evidence.ball_plane_offset.value if evidence.ball_plane_offset else DEPTH_SHARE * distance
+        evidence.ball_plane_offset.value
+        if evidence.ball_plane_offset
+        else RELATIVE_DEPTH * distance
     )
     values = [x, y, np.log(distance), np.log(guess.fx), guess.cx, guess.cy, guess.k1, guess.k2]
     return Calibration(
@@ -332,7 +318,13 @@ def _blocks(
     if lens is None:
         width, height = grid.size
         centre = [np.log(FOCAL_OVER_WIDTH * width), (width - 1) / 2, (height - 1) / 2, 0.0, 0.0]
-        spread = [LOG_FOCAL_STD, PRINCIPAL_STD * width, PRINCIPAL_STD * width, K1_STD, K2_STD]
+        spread = [
+            LOG_FOCAL_STD,
+            PRINCIPAL_POINT_STD * width,
+            PRINCIPAL_POINT_STD * width,
+            K1_STD,
+            K2_STD,
+        ]
         name, known_to = UncertaintySource.LENS_UNKNOWN, np.diag(1.0 / np.array(spread))
     else:
         known = lens.lens
@@ -345,33 +337,35 @@ def _blocks(
     blocks[UncertaintySource.GRID_PITCH] = lambda c: _one(c.parameters.log_pitch / pitch_std)
     intrinsics = [PARAMETERS.index(n) for n in INTRINSICS]
     blocks[name] = lambda c: (c.vector[..., intrinsics] - np.array(centre)) @ known_to.T
-    _add_tape(blocks, evidence)
+    _add_distances(blocks, evidence)
     _add_ball(blocks, evidence)
 
     def share(c: Calibration) -> FloatArray:
         p = c.parameters
-        return _one((p.ball_plane_offset / np.exp(p.log_distance) - DEPTH_SHARE) / DEPTH_SHARE_STD)
+        return _one(
+            (p.ball_plane_offset / np.exp(p.log_distance) - RELATIVE_DEPTH) / RELATIVE_DEPTH_STD
+        )
 
     blocks[UncertaintySource.BALL_PLANE_GUESS] = share
     return blocks
 
 
 def _one(residual: ArrayLike) -> FloatArray:
-    """A single residual, or that of each of a stack, as a block of one."""
+    """A single residual, or that of each element of a stack, as a block of one."""
     return np.asarray(residual, dtype=np.float64)[..., np.newaxis]
 
 
 def _whitening(grid: WallGrid) -> Callable[[FloatArray], FloatArray]:
-    """What makes errors of variance 1 of errors (N, 2), px, of the crossings."""
+    """Function that whitens errors (N, 2), px, of the crossings."""
     if not grid.line_share.any():
         root = np.linalg.inv(np.linalg.cholesky(grid.covariance_px2))
-        return lambda error: _turned(root, error)
+        return lambda error: _transformed(root, error)
     across = grid.map.jacobian(grid.points_px)
     std = np.sqrt(np.einsum("nfi,nij,nfj->nf", across, grid.covariance_px2, across))
-    return lambda error: np.asarray(_turned(across, error) / std)
+    return lambda error: np.asarray(_transformed(across, error) / std)
 
 
-def _turned(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
+def _transformed(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
     """Matrices (N, 2, 2) times vectors (..., N, 2): a fifth of the time of `numpy.einsum`."""
     x, y = vectors[..., 0], vectors[..., 1]
     rows = [matrices[:, row, 0] * x + matrices[:, row, 1] * y for row in range(2)]
@@ -379,26 +373,26 @@ def _turned(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
 
 
 def _patch_weights(grid: WallGrid, error: FloatArray) -> FloatArray:
-    """Weights (2 N,) of the crossings' whitened errors (N, 2), less where they agree in patches.
+    """Weights (2 N,) of the crossings' whitened errors (N, 2), reduced where patches agree.
 
-    What passes before the wall, its shadow, or a poster puts all crossings near it aside alike: so
-    many of them tell no more than a few. Their share of one error is the intraclass correlation,
-    by analysis of variance, and the weights are over the root of the design effect (Kish 1965),
-    and over that of their chi-square where they scatter by more than they state.
+    An object in front of the wall, its shadow, or a poster displaces all crossings near it alike,
+    so that many of them contain the information of a few. Their correlation is the intraclass
+    correlation from an analysis of variance. The weights are divided by the root of the design
+    effect (Kish 1965), and by that of chi² per degree of freedom where it exceeds 1.
     """
     spare = max(error.size - _CAMERA_PARAMETERS, 1)
     scatter = max(1.0, float((error**2).sum()) / spare)
-    place = np.floor(grid.points_px * (_PATCHES / max(grid.size))).astype(np.int64)
+    place = np.floor(grid.points_px * (_PATCHES_ACROSS / max(grid.size))).astype(np.int64)
     _, patch, count = np.unique(place, axis=0, return_inverse=True, return_counts=True)
     patch = patch.ravel()
     weight = np.full_like(error, 1.0 / np.sqrt(scatter))
     patches, each = len(count), len(error) / len(count)
-    if patches < _FEWEST_PATCHES or each < _FEWEST_IN_PATCH:
+    if patches < _MIN_PATCHES or each < _MIN_PATCH_CROSSINGS:
         return weight.ravel()
     for column in range(2):
         off = error[:, column]
         if grid.line_share[column] > 0.0:
-            # what a line has in common is told by itself
+            # Errors common to a line are treated separately.
             line, many = np.unique(grid.nodes[:, column], return_inverse=True, return_counts=True)[
                 1:
             ]
@@ -413,11 +407,11 @@ def _patch_weights(grid: WallGrid, error: FloatArray) -> FloatArray:
     return weight.ravel()
 
 
-def _lines_together(grid: WallGrid, rows: FloatArray) -> FloatArray:
-    """Information (P, P) that errors of the crossings carry into the parameters.
+def _line_information(grid: WallGrid, rows: FloatArray) -> FloatArray:
+    """Information (P, P) of the parameters from correlated errors along lines.
 
-    The weights are those of independent errors: what a line's crossings have in common may drift
-    from line to line, and weights that rely on its being random would follow the drift.
+    The weights remain those of independent errors: the common error of a line may drift from line
+    to line, and weights based on its randomness would follow the drift.
     """
     per_family = rows.reshape(-1, 2, rows.shape[1])
     spread = rows.T @ rows
@@ -430,7 +424,7 @@ def _lines_together(grid: WallGrid, rows: FloatArray) -> FloatArray:
     return np.asarray(spread)
 
 
-def _add_tape(blocks: dict[UncertaintySource, Residuals], evidence: Evidence) -> None:
+def _add_distances(blocks: dict[UncertaintySource, Residuals], evidence: Evidence) -> None:
     def add(
         name: UncertaintySource, known: Known | None, value: Callable[[Calibration], FloatArray]
     ) -> None:
@@ -481,30 +475,32 @@ def _add_ball(blocks: dict[UncertaintySource, Residuals], evidence: Evidence) ->
 
 
 def _size_whitening(outlines: BallOutlines, chosen: NDArray[np.intp]) -> FloatArray:
-    """What whitens errors of the outlines' radii at some of them, (n, n).
+    """Matrix (n, n) that whitens errors of selected outline radii.
 
-    What biases an outline is common to all or changes along the path, as slowly as the ball turns
-    and the scene behind it changes: as large as the common uncertainty, either of them.
+    The bias of an outline has a constant part and one that changes along the path, as slowly as the
+    ball rotates and the background changes; each is as large as the common uncertainty.
     """
     relative = outlines.diameter.std / outlines.diameter.value
     size = relative * np.median(outlines.radius_px)
     place = np.linspace(0.0, 1.0, len(chosen))
-    alike = np.exp(-0.5 * ((place - place[:, np.newaxis]) / ALIKE_SHARE) ** 2)
+    alike = np.exp(-0.5 * ((place - place[:, np.newaxis]) / SIZE_CORRELATION_LENGTH) ** 2)
     share = len(outlines.std_px) / len(chosen)
     covariance = np.diag(outlines.std_px[chosen] ** 2 / share) + size**2
-    covariance += outlines.common_std_px**2 * (1.0 + alike + ROUGH_SHARE * np.eye(len(chosen)))
+    covariance += outlines.common_std_px**2 * (
+        1.0 + alike + SIZE_UNCORRELATED_FRACTION * np.eye(len(chosen))
+    )
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
 
 
 def _fall_residuals(c: Calibration, fall: FreeFall) -> FloatArray:
-    # Means over short runs in time change the acceleration only to fourth order
+    # Means over short runs change the acceleration only to fourth order.
     runs = np.array_split(np.arange(len(fall.time_s)), min(FALL_POINTS, len(fall.time_s)))
     time = np.array([fall.time_s[run].mean() for run in runs])
     time -= time.mean()
     px = np.array([fall.centre_px[run].mean(axis=0) for run in runs])
     y = c.position(px)[0][..., 1]
     noise = np.array([np.sqrt((fall.std_px[run] ** 2).mean() / len(run)) for run in runs])
-    # the weights hang on the noise alone: the scale is the same for all runs
+    # The weights depend on the noise alone: the scale is the same for all runs.
     design = np.stack([np.ones_like(time), time, -0.5 * time**2], axis=1) / noise[:, np.newaxis]
     normal = np.linalg.inv(design.T @ design)
     acceleration = (y / noise) @ (design @ normal[2])
@@ -517,7 +513,7 @@ def _fall_residuals(c: Calibration, fall: FreeFall) -> FloatArray:
 def _fit(
     start: Calibration, blocks: dict[UncertaintySource, Residuals]
 ) -> tuple[Calibration, tuple[Source, ...]]:
-    """The scene of least cost, and the share of each block in its covariance."""
+    """The best fit, and the contribution of each block to its covariance."""
 
     def residuals(c: Calibration) -> FloatArray:
         return np.concatenate([block(c) for block in blocks.values()], axis=-1)
@@ -533,13 +529,15 @@ def _fit(
         looking,
         lambda c, step, share: c.with_parameters(c.vector + share * step),
         lambda c, _: float((value := residuals(c)) @ value),
-        # The gain in chi² that was still to be had, against the unit that matters
+        # Remaining gain in chi², compared with 1.
         settled=lambda seen, _: seen.gain < 1e-6,
-        most_steps=MOST_STEPS,
+        most_steps=MAX_SCENE_STEPS,
     )
     jacobian = _jacobian(residuals, current)
-    scaled = jacobian * STEPS
-    covariance = STEPS[:, np.newaxis] * np.linalg.inv(scaled.T @ scaled) * STEPS
+    scaled = jacobian * DIFFERENCE_STEPS
+    covariance = (
+        DIFFERENCE_STEPS[:, np.newaxis] * np.linalg.inv(scaled.T @ scaled) * DIFFERENCE_STEPS
+    )
     sources, at = [], 0
     for name, block in blocks.items():
         length = len(block(current))
@@ -550,17 +548,17 @@ def _fit(
 
 
 def _jacobian(residuals: Residuals, at: Calibration) -> FloatArray:
-    """Central differences by all parameters, from one stack of calibrations."""
-    moved = np.diag(STEPS)
+    """Central differences for all parameters, from one stack of calibrations."""
+    moved = np.diag(DIFFERENCE_STEPS)
     stack = at.with_parameters(np.concatenate([at.vector + moved, at.vector - moved]))
     ahead, behind = np.split(residuals(stack), 2)
-    return np.asarray((ahead - behind).T / (2.0 * STEPS))
+    return np.asarray((ahead - behind).T / (2.0 * DIFFERENCE_STEPS))
 
 
-def _alone(
+def _depth_from_one_input(
     name: UncertaintySource, fitted: Calibration, blocks: dict[UncertaintySource, Residuals]
 ) -> DepthEstimate:
-    """Ball plane offset with only one of the inputs that tell it."""
+    """Ball plane offset from only one of the inputs that determine it."""
     kept = {n: block for n, block in blocks.items() if n is name or n not in DEPTH_SOURCES}
     alone, sources = _fit(fitted, kept)
     depth = PARAMETERS.index("ball_plane_offset")
@@ -575,11 +573,11 @@ def _total(c: Calibration, blocks: dict[UncertaintySource, Residuals]) -> float:
 def _suspects(
     fitted: Calibration, blocks: dict[UncertaintySource, Residuals]
 ) -> dict[UncertaintySource, float]:
-    """Inputs that may be the wrong one, with the chi² they relieve; none where all agree."""
-    inputs = [name for name in blocks if name not in ALWAYS]
+    """Inputs that may be wrong, with the chi² each removal saves; none where all agree."""
+    inputs = [name for name in blocks if name not in UNTESTED_SOURCES]
     spare = {name: len(blocks[name](fitted)) - 1 for name in inputs}
     strain = sum(float(np.sum(blocks[name](fitted) ** 2)) - spare[name] for name in inputs)
-    if len(inputs) < 2 or strain < STRAINED_AT**2 / 2.0:
+    if len(inputs) < 2 or strain < INPUT_OUTLIER_SIGMAS**2 / 2.0:
         return {}
     whole = _total(fitted, blocks)
     relief = {}
@@ -587,16 +585,16 @@ def _suspects(
         kept = {other: block for other, block in blocks.items() if other is not name}
         relief[name] = whole - _total(_fit(fitted, kept)[0], kept) - spare[name]
     most = max(relief.values())
-    if most < STRAINED_AT**2:
+    if most < INPUT_OUTLIER_SIGMAS**2:
         return {}
     likely = sorted(relief, key=lambda name: relief[name], reverse=True)
-    return {name: relief[name] for name in likely if relief[name] > most - SURELY_WRONG}
+    return {name: relief[name] for name in likely if relief[name] > most - MIN_SUSPECT_CHI2_GAIN}
 
 
 def _widened(
     blocks: dict[UncertaintySource, Residuals], suspects: dict[UncertaintySource, float]
 ) -> dict[UncertaintySource, Residuals]:
-    """Each input that may be the wrong one as uncertain as it is off if it is."""
+    """Scale the uncertainty of each suspected input to its residual."""
 
     def less(block: Residuals, share: float) -> Residuals:
         return lambda c: block(c) * share
@@ -610,28 +608,28 @@ def _widened(
 def _disagreement(
     suspects: tuple[UncertaintySource, ...], estimates: tuple[DepthEstimate, ...]
 ) -> str:
-    """Say that the inputs contradict each other, which is likely wrong, and what follows."""
+    """Message that inputs contradict each other, the suspected one, and the consequence."""
     told = [f"{1e3 * e.value:.0f} ± {1e3 * e.std:.0f} mm by {e.source}" for e in estimates]
-    listed = f" (how far the ball plane is from the wall: {', '.join(told)})" if told else ""
+    listed = f" (distance of the ball plane from the wall: {', '.join(told)})" if told else ""
     if len(suspects) == 1:
-        likeliest = f"the likeliest wrong input is: {suspects[0]}, which is left out"
+        likeliest = f"most probably wrong is {suspects[0]}; it is not used"
     else:
-        likeliest = f"one of these is wrong: {', '.join(suspects)}; each counts for less"
+        likeliest = f"one of these is wrong: {', '.join(suspects)}; their weights are reduced"
     return f"the inputs contradict each other{listed}; {likeliest}"
 
 
 @dataclass(frozen=True)
 class Movement:
-    """How the wall's crossings have moved in the picture between two recordings.
+    """Movement of the wall's crossings in the picture between two recordings.
 
     Attributes
     ----------
     px : float
         Root mean square movement, px.
     std : float
-        What noise alone would make of it, px.
+        Its expectation from noise alone, px.
     moved : bool
-        Whether the movement stands out of the noise and is larger than a tenth of a px.
+        Whether it is significant and larger than a tenth of a px.
     """
 
     px: float
@@ -647,7 +645,7 @@ class Movement:
 def camera_movement(old: WallGrid, new: WallGrid) -> Movement:
     """Compare two pictures of the same wall by the same camera.
 
-    The grid repeats, so that a movement by more than half a pitch is seen short by whole pitches.
+    The grid repeats, so the movement is known only modulo a pitch.
 
     Raises
     ------
@@ -666,7 +664,7 @@ def camera_movement(old: WallGrid, new: WallGrid) -> Movement:
     wall -= np.round(np.median(wall, axis=0))
     step = np.linalg.solve(new.map.jacobian(px), wall[..., np.newaxis])[..., 0]
     length = float(np.sqrt((step**2).sum(axis=-1).mean()))
-    # A map has ten parameters, fitted to two coordinates of each crossing
+    # A map has ten parameters, fitted to two coordinates of each crossing.
     noise = 0.0
     for grid in (old, new):
         variance = float(np.median(np.trace(grid.covariance_px2, axis1=1, axis2=2)))
@@ -675,35 +673,30 @@ def camera_movement(old: WallGrid, new: WallGrid) -> Movement:
     return Movement(length, std, length > max(4.0 * std, 0.1))
 
 
-DISAGREE_AT = 3.0
-
-"""Standard deviations: of honest falls one in 370 is farther off by chance."""
+MAX_FALL_DISAGREEMENT = 3.0
+"""Disagreement of a fall, standard deviations (derived: exceeded by one correct fall in 370)."""
 
 PATH_POINTS = 9
-
-"""Places on the throw that stands for the flight: a parabola needs three, the rest shows what a
-calibration bends."""
+"""Positions on the trajectory that represents the flight (chosen: a parabola needs three)."""
 
 PATH_STD_PX = 1e-4
-
-"""px, of these places: they follow from the calibration, and the fall's own uncertainty holds all
-that is random."""
+"""Std of these positions, px (chosen: negligible; the fall's own uncertainty has the noise)."""
 
 
 @dataclass(frozen=True, eq=False)
 class SeenFall:
-    """The acceleration that a flight shows in a calibrated scene, against what it should be.
+    """Acceleration of a flight in a calibrated scene, and its expected value.
 
     Attributes
     ----------
     apparent : Known
-        As the calibration shows it, drag taken off, m/s²; the standard uncertainty holds the noise
-        of the track and twice the relative uncertainty of the capture rate, not that of the
-        calibration.
+        Acceleration by this calibration, drag subtracted, m/s²; its standard uncertainty contains
+        the noise of the track and twice the relative uncertainty of the capture rate, not that of
+        the calibration.
     gravity : float
         Local gravity, m/s².
     px : (N, 2) array or None
-        Where in the picture the ball flew; None takes the middle of the picture.
+        Positions of the flight in the picture; None for the middle of the picture.
     """
 
     apparent: Known
@@ -713,17 +706,17 @@ class SeenFall:
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """A calibrated scene and all that it follows from.
+    """A calibrated scene and its inputs.
 
     Attributes
     ----------
     calibration : Calibration
     grid : WallGrid
     evidence : Evidence
-        A fall that took part is not in it.
+        Without a fall used in addition.
     lens : LensPrior or None
     contradiction : str or None
-        What disagrees, where a fall contradicts everything else; it is left out then.
+        Message if a fall contradicts everything else; the fall is not used then.
     """
 
     calibration: Calibration
@@ -733,22 +726,21 @@ class Solved:
     contradiction: str | None = None
 
     def weighing(self, fall: SeenFall) -> "Solved":
-        """Solve anew with a fall, as this calibration shows it, as a further input.
+        """Repeat the fit with a fall, as measured by this calibration, as further input.
 
         Raises
         ------
         CalibrationError
-            If there is no such fall (its acceleration is not positive), or it puts the ball behind
-            the wall.
+            If the acceleration of the fall is not positive, or it puts the ball behind the wall.
         """
         value, std = fall.apparent.value, fall.apparent.std
         if not (value > 0.0 and std > 0.0 and fall.gravity > 0.0):
             raise CalibrationError(
-                f"a free fall of {value:.3g} ± {std:.2g} m/s² tells no scale",
-                hint="Track more of the flight, or leave free fall out.",
+                f"a free fall of {value:.3g} ± {std:.2g} m/s² gives no scale",
+                hint="Track more of the flight, or do not use the free fall.",
             )
         before = self.calibration
-        time, path = _path(before, fall)
+        time, path = _fall_path(before, fall)
         told = FreeFall(path, time, np.full(len(time), PATH_STD_PX), Known(fall.gravity, std))
 
         def log_acceleration(c: Calibration) -> float:
@@ -758,7 +750,9 @@ class Solved:
         slope = before.gradient(log_acceleration)
         prior = float(slope @ before.covariance @ slope)
         wanted = math.log(fall.gravity / value)
-        if abs(wanted) >= DISAGREE_AT * math.hypot(math.sqrt(max(prior, 0.0)), std / value):
+        if abs(wanted) >= MAX_FALL_DISAGREEMENT * math.hypot(
+            math.sqrt(max(prior, 0.0)), std / value
+        ):
             return replace(self, contradiction=_contradiction(before, slope, wanted, fall))
         evidence = replace(self.evidence, fall=told)
         return replace(self, calibration=_fitted(self.grid, evidence, self.lens))
@@ -771,19 +765,19 @@ def solve(
     lens: LensPrior | None = None,
     see_fall: Callable[[Calibration], SeenFall | None] | None = None,
 ) -> Solved:
-    """Calibrate a scene with all that is known of it.
+    """Calibrate a scene from all its inputs.
 
     Parameters
     ----------
     grid : WallGrid
         The measured grid.
     evidence : Evidence, optional
-        Tape, ball, free fall.
+        Measured distances, ball, free fall.
     lens : LensPrior, optional
         Lens known beforehand; without it the lens comes from the grid's straight lines.
     see_fall : callable, optional
-        Tells the fall that a calibration shows, None where there is none; asked where tape does
-        not tell the scale.
+        Returns the fall measured by a calibration, or None; called if no measured distance gives
+        the scale.
 
     Returns
     -------
@@ -814,8 +808,8 @@ def _fitted(grid: WallGrid, evidence: Evidence, lens: LensPrior | None) -> Calib
         ) from problem
 
 
-def _path(calibration: Calibration, fall: SeenFall) -> tuple[FloatArray, FloatArray]:
-    """A throw that shows the given acceleration, where the ball flew: times and outline centres."""
+def _fall_path(calibration: Calibration, fall: SeenFall) -> tuple[FloatArray, FloatArray]:
+    """Trajectory with the given acceleration in the flight's region: times and outline centres."""
     gravity, px = fall.apparent.value, fall.px
     width, height = calibration.lens.width, calibration.lens.height
     if px is None:
@@ -840,7 +834,7 @@ def _path(calibration: Calibration, fall: SeenFall) -> tuple[FloatArray, FloatAr
 def _contradiction(
     calibration: Calibration, slope: FloatArray, wanted: float, fall: SeenFall
 ) -> str:
-    """Say what disagrees, and which input would have to be off by the fewest uncertainties."""
+    """Message of a contradicting fall, and the input that needs the smallest correction."""
     candidates: list[tuple[float, str]] = []
     for source in calibration.sources:
         effect = math.sqrt(max(0.0, float(slope @ source.covariance @ slope)))
@@ -850,41 +844,42 @@ def _contradiction(
     percent = 100.0 * abs(math.expm1(-wanted))
     return (
         f"the ball falls with {fall.apparent.value:.2f} ± {fall.apparent.std:.2f} m/s² instead of "
-        f"{fall.gravity:.2f}: lengths on its plane come out {percent:.1f} % too "
-        f"{'short' if wanted > 0.0 else 'long'}; likeliest wrong: {min(candidates)[1]}, or the "
-        f"capture rate, which would have to be {faster:+.1f} % different"
+        f"{fall.gravity:.2f}: lengths on its plane are {percent:.1f} % too "
+        f"{'short' if wanted > 0.0 else 'long'}. Most probably wrong: {min(candidates)[1]}, or the "
+        f"capture rate, which would have to change by {faster:+.1f} %"
     )
 
 
 BALL_ERROR_PX, MASS_ERROR_PX, CROSSING_ERROR_PX = 0.05, 0.15, 0.3
-"""px that following leaves over besides noise, of ball and mass, from recordings of known truth
-(see above); and of a crossing of the grid, supposed."""
-HIDDEN_SHARE = 0.3
-"""Share of the wall that pendulum, stand and ball hide: supposed, as in the rendered scenes."""
-LEAST_CROSSINGS = 12
-"""Crossings, as `calib.grid.LEAST_NODES` asks for."""
-LEAST_PITCH_PX = 3.0
-"""px: above the 2.5 px where lines may fold over (`calib.grid.LEAST_PERIOD`), below what the
-search is sure to find."""
-FULL_WELL, READ_NOISE, GAMMA, WALL_SHARE = 9000.0, 18.0, 2.2, 0.66
-"""Electrons of a small sensor's pixel, and where a well exposed wall lies on its scale."""
+"""Errors of tracking besides noise, px: ball and mass (fitted: recordings with known truth, see
+above), and a crossing of the grid (chosen)."""
+HIDDEN_FRACTION = 0.3
+"""Fraction of the wall hidden by pendulum, stand and ball (chosen, as in the rendered scenes)."""
+MIN_CROSSINGS = 12
+"""Minimum number of crossings (derived: `calib.grid.LEAST_NODES`)."""
+MIN_PITCH_PX = 3.0
+"""Minimum pitch, px (chosen): above the 2.5 px where lines may alias
+(`calib.grid.LEAST_PERIOD`)."""
+FULL_WELL, READ_NOISE, SENSOR_GAMMA, WALL_BRIGHTNESS = 9000.0, 18.0, 2.2, 0.66
+"""Full well and read noise of a small sensor's pixel, electrons; gamma; and brightness of a well
+exposed wall, fraction of full scale (chosen: typical values)."""
 REFERENCE_EXPOSURE_S = 1e-3
-"""s: the shutter that `light` is defined by."""
+"""Exposure that `light` refers to, s (convention)."""
 BOARD_LENS_STD: FloatArray = np.array([1e-3, 0.5, 0.5, 2e-3, 2e-3])
-"""Relative focal length, principal point (px), k1, k2 after twenty pictures of a board,
-supposed."""
+"""Std of relative focal length, principal point (px), k1, k2 after twenty board pictures
+(chosen)."""
 
 
 @dataclass(frozen=True)
 class PictureNoise:
-    """How the picture comes out.
+    """Noise, contrast and sharpness of a planned picture.
 
     Attributes
     ----------
     gray_std : float
         Noise of a pixel of the wall, gray levels of 255.
     contrast : float
-        Step between ball or mass and what is behind, gray levels.
+        Step between ball or mass and background, gray levels.
     blur_px : float
         Standard deviation of the point spread, px.
     """
@@ -895,7 +890,7 @@ class PictureNoise:
 
     @classmethod
     def by_light(cls, light: float, exposure_s: float) -> "PictureNoise":
-        """Photon and read noise of a camera that turns up its gain until the wall is bright.
+        """Photon and read noise of a camera whose gain makes the wall bright.
 
         Parameters
         ----------
@@ -906,10 +901,10 @@ class PictureNoise:
             Shutter, s.
         """
         full = min(light * exposure_s / REFERENCE_EXPOSURE_S, 1.0)
-        electrons = WALL_SHARE * FULL_WELL * full
+        electrons = WALL_BRIGHTNESS * FULL_WELL * full
         relative = np.sqrt(electrons + READ_NOISE**2) / electrons
-        gray = 255.0 * WALL_SHARE ** (1.0 / GAMMA)
-        return cls(float(gray * relative / GAMMA))
+        gray = 255.0 * WALL_BRIGHTNESS ** (1.0 / SENSOR_GAMMA)
+        return cls(float(gray * relative / SENSOR_GAMMA))
 
 
 def edge_std(
@@ -923,9 +918,9 @@ def edge_std(
     radius_px : (...) array
         Radius of the disc, px.
     way_px : (...) array
-        How far it moves during the exposure, px: a uniform smear.
+            Motion during the exposure, px: a uniform smear.
     own : float
-        What the follower leaves over beside noise, px.
+        Error of tracking besides noise, px.
     """
     radius = np.asarray(radius_px, dtype=np.float64)
     spread = np.sqrt(noise.blur_px**2 + np.asarray(way_px) ** 2 / 12.0)
@@ -939,14 +934,14 @@ def lens_of_view(width: int, height: int, horizontal_rad: float) -> Lens:
 
 
 def board_lens(lens: Lens) -> LensPrior:
-    """The lens as a calibration with a board would know it."""
+    """The lens with the uncertainty of a board calibration."""
     return LensPrior(lens, BOARD_LENS_STD)
 
 
 def planned_grid(
     camera: Camera, pitch_m: float = 0.05, *, error_px: float | None = None
 ) -> WallGrid:
-    """Crossings of the wall's grid as the camera will see them, the scene hiding some.
+    """Expected crossings of the wall's grid in the picture, some hidden by the scene.
 
     Parameters
     ----------
@@ -960,27 +955,29 @@ def planned_grid(
     Raises
     ------
     CalibrationError
-        If the lines will be too close, or too few be in view.
+        If the lines would be too close, or too few in view.
     """
     lens = camera.lens
     corners = [[0, 0], [lens.width - 1, 0], [0, lens.height - 1], [lens.width - 1, lens.height - 1]]
     reach = camera.to_plane(np.array(corners, dtype=float), 0.0)
     if not np.isfinite(reach).all():
-        raise CalibrationError("the camera would look past the wall", hint="Turn it to the wall.")
+        raise CalibrationError(
+            "the camera would point past the wall", hint="Turn it towards the wall."
+        )
     low, high = np.floor(reach.min(axis=0) / pitch_m), np.ceil(reach.max(axis=0) / pitch_m)
     columns, rows = (np.arange(a, b + 1) for a, b in zip(low, high, strict=True))
     nodes = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(np.int64)
     px = camera.project(np.c_[pitch_m * nodes, np.zeros(len(nodes))])
     inside = ((px > 1.0) & (px < [lens.width - 2.0, lens.height - 2.0])).all(axis=1)
     apart = lens.fx * pitch_m / camera.position[2]
-    if apart < LEAST_PITCH_PX:
+    if apart < MIN_PITCH_PX:
         raise CalibrationError(
             f"the lines of the wall would be {apart:.1f} px apart",
             hint="Film with more pixels, from nearer, or with a narrower view.",
         )
-    # what stands before the wall hides a block of it, low and on one side
-    kept = np.flatnonzero(inside)[: int((1.0 - HIDDEN_SHARE) * inside.sum())]
-    if len(kept) < LEAST_CROSSINGS:
+    # Objects in front of the wall hide a block of it, low and on one side.
+    kept = np.flatnonzero(inside)[: int((1.0 - HIDDEN_FRACTION) * inside.sum())]
+    if len(kept) < MIN_CROSSINGS:
         raise CalibrationError(
             f"only {len(kept)} crossings of the wall's grid would be in view",
             hint="Film from farther away, or with a wider view.",

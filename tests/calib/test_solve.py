@@ -146,7 +146,7 @@ def test_a_fall_that_agrees_is_silent(scene: Scene) -> None:
 
 
 def test_a_fall_upwards_is_refused(untaped: Solved) -> None:
-    with pytest.raises(CalibrationError, match="tells no scale"):
+    with pytest.raises(CalibrationError, match="gives no scale"):
         untaped.weighing(SeenFall(Known(-0.2, 0.1), GRAVITY))
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from calib.calibration import BallOutlines, Calibration, Evidence, FreeFall, Known
 from calib.grid import GridMap, WallGrid, find_wall_grid, refitted
-from calib.lens import FLOOR, NAMES
+from calib.lens import LENS_PARAMETERS, MIN_LENS_STD
 from calib.solve import solve
 from metrology import (
     CalibrationError,
@@ -613,13 +613,13 @@ def _lens_text(answers: Answers, calibration: Calibration) -> str:
         return answers.lens.text.split(VIEW, 1)[0].rstrip() + "\n"
     lens = calibration.grid_camera.lens
     covariance = calibration.covariance[6:11, 6:11]
-    std = np.maximum(np.sqrt(np.diag(covariance)), FLOOR)
+    std = np.maximum(np.sqrt(np.diag(covariance)), MIN_LENS_STD)
     related = covariance / np.outer(std, std)
     np.fill_diagonal(related, 1.0)
     own = {"fx": lens.fx * std[0], "fy": lens.fy * std[0]}
     own |= dict(zip(("cx", "cy", "k1", "k2"), std[1:].tolist(), strict=True))
     lines = ["[lens]", f"width = {lens.width}", f"height = {lens.height}"]
-    lines += [f"{name} = {float(getattr(lens, name))!r}" for name in NAMES]
+    lines += [f"{name} = {float(getattr(lens, name))!r}" for name in LENS_PARAMETERS]
     lines += ["", "[std]", *(f"{name} = {float(value)!r}" for name, value in own.items())]
     lines += [
         "",

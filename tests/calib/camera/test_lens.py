@@ -9,7 +9,7 @@ import pytest
 
 from calib.camera import Camera, Lens, rotation_matrix
 from calib.lens import (
-    MODELS,
+    LENS_MODELS,
     Board,
     BoardView,
     calibrate_lens,
@@ -56,27 +56,27 @@ def test_the_lens_is_recovered_within_its_uncertainty() -> None:
 
 
 def test_a_simple_lens_and_a_flat_board_are_taken_as_such() -> None:
-    assert calibrate_lens([view(seed) for seed in range(12)]).model == MODELS[0].name
+    assert calibrate_lens([view(seed) for seed in range(12)]).model == LENS_MODELS[0].name
 
 
 def test_a_wide_lens_and_a_bent_board_are_told_by_the_held_out_views() -> None:
     wide = Lens(640, 480, 281.0, 282.0, 325.0, 248.0, 0.45, 0.05, 0.0, 0.0, 0.0, 0.75, 0.15)
     views = [view(seed, lens=wide, bulge=0.002, away=0.22) for seed in range(16)]
     found = calibrate_lens(views)
-    assert found.model == MODELS[3].name
+    assert found.model == LENS_MODELS[3].name
     # the noise of the corners is 0.14 px in length
     assert found.held_out_rms_px < 0.2
     looks = np.stack(np.meshgrid(np.linspace(-0.5, 0.5, 7), np.linspace(-0.4, 0.4, 5)), axis=-1)
     off = found.lens.to_pixels(found.lens.distort(looks)) - wide.to_pixels(wide.distort(looks))
     assert np.linalg.norm(off, axis=-1).max() < 1.0
-    flat = fit_boards(views, MODELS[2])
+    flat = fit_boards(views, LENS_MODELS[2])
     assert flat.rms_px > 1.5 * found.rms_px
 
 
 def test_the_held_out_error_is_that_of_views_the_fit_never_saw() -> None:
     views = [view(seed) for seed in range(8)]
-    fit = fit_boards(views[1:], MODELS[0])
-    own = fit_boards(views, MODELS[0]).poses[0]
+    fit = fit_boards(views[1:], LENS_MODELS[0])
+    own = fit_boards(views, LENS_MODELS[0]).poses[0]
     error = held_out_errors(fit, views[0], own + 0.01)
     # two axes of 0.1 px, less the six numbers of the pose that the 96 coordinates give
     assert np.sqrt((error**2).sum(axis=1).mean()) == pytest.approx(0.137, rel=0.15)
@@ -140,7 +140,7 @@ def test_lens_files_round_trip_and_scale(tmp_path: Path) -> None:
     assert read_lens(path).lens == found.lens
     assert read_lens(path).covariance == pytest.approx(found.prior.covariance, rel=1e-6)
     assert read_lens(path, width=320, height=240).lens.fx == pytest.approx(found.lens.fx / 2)
-    with pytest.raises(SetupError, match="another shape"):
+    with pytest.raises(SetupError, match="another aspect ratio"):
         read_lens(path, width=640, height=360)
     path.write_text("[lens]\nwidth = 3\n")
     with pytest.raises(SetupError, match="lacks height"):

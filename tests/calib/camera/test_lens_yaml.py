@@ -67,18 +67,18 @@ def test_a_lens_goes_to_toml_and_back(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "no lens file"),
-        ("a: [", "no YAML"),
-        ("a: !!python/object/apply:os.system [ls]", "no YAML"),
+        ("", "not a lens file"),
+        ("a: [", "not YAML"),
+        ("a: !!python/object/apply:os.system [ls]", "not YAML"),
         (ROS.replace("plumb_bob", "equidistant"), "equidistant"),
-        (ROS.replace("image_width: 1280\n", ""), "how large"),
-        (ROS.replace("data: [560.1", "data: [x"), "no matrix"),
+        (ROS.replace("image_width: 1280\n", ""), "the size of"),
+        (ROS.replace("data: [560.1", "data: [x"), "not a matrix"),
         (ROS.replace("rows: 3\n  cols: 3\n  data: [560.1, 0.0,", "data: [560.1,"), "3 × 3"),
         (
             "a: &a [1, 1, 1]\n"
             + "".join(f"{b}: &{b} [{f'*{a},' * 9}]\n" for a, b in pairwise("abcdefghij"))
             + "camera_matrix: *j\n",
-            "no matrix",
+            "not a matrix",
         ),
     ],
 )

@@ -253,4 +253,4 @@ def test_gradations_that_contradict_the_stated_pitch_are_reported() -> None:
     camera = Camera.facing_wall(Lens.centred(640, 360, 760.0), [0.4, 0.3, 1.2])
     grid = find_wall_grid(rendered(camera, shadow=False), pitch_m=0.1, fine_pitch_m=0.01)
     assert grid.fine_ratio == 5
-    assert "check the pitch" in grid.warnings[0]
+    assert "check [wall] grid" in grid.warnings[0]

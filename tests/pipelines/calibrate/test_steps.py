@@ -12,7 +12,7 @@ import pytest
 from calib.calibration import Known
 from calib.camera import Camera, Lens
 from calib.grid import WallGrid
-from calib.lens import FLOOR, Board, LensPrior, read_lens
+from calib.lens import MIN_LENS_STD, Board, LensPrior, read_lens
 from calib.solve import camera_movement
 from metrology import CalibrationError, ClipError, SetupError, UsageError
 from pipelines.calibrate.command import Dialogue, ask_all
@@ -178,7 +178,7 @@ def test_a_lens_known_beforehand_is_kept_as_it_was(calibrated: Answers, tmp_path
     assert text.count("[view]") == 1
     assert tomllib.loads(text)["lens"] == tomllib.loads(choice.text)["lens"]
     assert 'lens = "lens.toml"\n\n' in setup_text(again, outlook(again))
-    with pytest.raises(SetupError, match="another shape"):
+    with pytest.raises(SetupError, match="another aspect ratio"):
         lens_from_file(lens, (640, 480))
 
 
@@ -249,7 +249,7 @@ def test_a_lens_needs_pictures_of_the_board() -> None:
     with pytest.raises(ClipError, match="not a readable image"):
         lens_from_board([("a.jpg", b"")], Board(8, 6), SIZE)
     gray = cv2.imencode(".png", np.full((180, 320), 128, np.uint8))[1].tobytes()
-    with pytest.raises(CalibrationError, match="found in none"):
+    with pytest.raises(CalibrationError, match="no board found"):
         lens_from_board([("a.png", gray)], Board(8, 6), SIZE)
 
 
@@ -334,4 +334,4 @@ def test_a_lens_known_beforehand_narrows_what_the_lens_leaves_open(calibrated: A
 
 
 def lens_choice() -> LensChoice:
-    return LensChoice(LensPrior(CAMERA.lens, 10.0 * FLOOR), "[lens]\n", "known")
+    return LensChoice(LensPrior(CAMERA.lens, 10.0 * MIN_LENS_STD), "[lens]\n", "known")

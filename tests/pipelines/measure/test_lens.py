@@ -73,7 +73,7 @@ def test_a_lens_of_another_picture_is_refused(
 ) -> None:
     scene, tracks, inputs = filmed
     other = lens_file(scene, tmp_path / "lens.toml", width=640, height=480)
-    with pytest.raises(SetupError, match="another shape"):
+    with pytest.raises(SetupError, match="another aspect ratio"):
         metres.known_lens(tracks, with_lens(inputs, other))
     with pytest.raises(SetupError, match="can't read"):
         metres.known_lens(tracks, with_lens(inputs, tmp_path / "none.toml"))
