@@ -1,11 +1,11 @@
-"""Impact and flight from video, each number with an uncertainty: the front door for notebooks.
+"""Public API for notebooks: measure, simulate, explain, plan; loaded lazily.
 
 >>> import impact_vision as iv
 >>> m = iv.measure("a.mp4", setup="lab.toml", wall_grid="50mm", ball="jokku")  # doctest: +SKIP
 >>> m.ball_speed  # doctest: +SKIP
 ball_speed: 5.2012 ± 0.0093 m/s
 
-Importing takes no time: what a name needs is loaded when it is first used.
+Importing is fast: the modules behind a name are loaded at its first use.
 """
 
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""The ground every room stands on: error tree, quantities, unit strings, whole files."""
+"""Foundation of all packages: errors, quantities, units, least squares, files."""
 
 from metrology.defaults import Default, Defaults
 from metrology.errors import (

@@ -1,15 +1,14 @@
-"""What makes loops quick: a compiler behind a door, and work shared out to the processor's cores.
+"""Fast loops: compile functions with numba at first use; map work over threads.
 
-Compiled loops are numba's, kept on disk, free of the interpreter's lock. Loading the compiler takes
-a quarter of a second, so it is loaded when the first loop runs. A loop is compiled at its first use
-after an install and read from disk from then on. What that first use costs is kept low: a loop that
-only others call is compiled as a part of them, without a way in from Python, once for each type of
-its arguments; and code is optimised as far as makes it run faster, which for loops over some tens
-of pixels is not far.
+Compiled loops are cached on disk and release the interpreter lock. Importing numba takes a quarter
+of a second, so it is imported when the first loop runs. To keep first use cheap, a loop called only
+by compiled ones is compiled into them without a Python wrapper, once for each type of its
+arguments, and the optimisation level is the lowest that gives full speed for loops over some tens
+of pixels.
 
-Arithmetic is IEEE's, in the order that is written: sums in any order and joined multiplications are
-no faster here, and code just compiled rounded otherwise than the same code read from disk, so that
-a clip's second measuring could follow another piece than its first.
+Arithmetic follows IEEE in source order: reordered sums and fused multiplications are no faster here
+and code just compiled would round differently from the same code read from disk, so that repeated
+measurements of a clip could differ.
 """
 
 import gc
@@ -26,44 +25,46 @@ from typing import Any, TypeVar, cast
 
 __all__ = [
     "compiled",
-    "side_by_side",
-    "with_room",
+    "map_in_threads",
+    "with_stack_space",
 ]
 
 Function = TypeVar("Function", bound=Callable[..., object])
 
-_OPTIMISED = 1
-"""Of the compiler's levels 0 to 3: a third of what compiling costs at 3, and as fast (measured)."""
+_OPTIMISATION_LEVEL = 1
+"""LLVM optimisation level (measured): a third of the compile time of level 3, equally fast code."""
 
-_ROOM = 33_000
-"""Words of 8 bytes: just more than 256 KB, so that 512 KB are taken and half of them are left."""
+_STACK_WORDS = 33_000
+"""Stack size, words of 8 bytes (derived): just over 256 KB, so that Python allocates 512 KB and
+half of it remains free."""
 
-_COMPILING = RLock()
+_COMPILE_LOCK = RLock()
 
 
 def compiled(function: Function) -> Function:
-    """Compile a function of numbers and arrays when it is first called.
+    """Compile a function of numbers and arrays at its first call.
 
-    It may call other compiled ones. Where nothing can be kept on disk it is compiled every time.
+    It may call other compiled ones. Without a writable cache folder it is compiled in every
+    process.
     """
     return cast(Function, _Compiled(function))
 
 
-def with_room(function: Function) -> Function:
-    """Let a function take room for the calls below it at once.
+def with_stack_space(function: Function) -> Function:
+    """Make a function allocate stack space for the calls below it at once.
 
-    Python before 3.13 holds calls in pieces of 16 KB that it fetches and gives back one by one
-    (python/cpython issue 142183). Where the end of one falls into a loop that is deep down, every
-    turn asks the system for memory: half a million times while one clip's loops are compiled.
+    Python before 3.13 allocates frames in blocks of 16 KB (python/cpython issue 142183). Where the
+    end of a block falls into a deeply nested loop, every iteration allocates and frees memory: half
+    a million times while the loops for one clip are compiled.
     """
     plain = cast(FunctionType, function)
-    plain.__code__ = plain.__code__.replace(co_stacksize=_ROOM)
+    plain.__code__ = plain.__code__.replace(co_stacksize=_STACK_WORDS)
     return function
 
 
 @cache
 def _compiler() -> Any:
-    # the compiler colours the messages of what it tries in vain, which nobody reads
+    # Coloured error messages of failed attempts cost time, and nobody reads them.
     os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
     import numba
 
@@ -71,7 +72,7 @@ def _compiler() -> Any:
 
 
 class _Compiled:
-    """Stands for a function until it is called, or met in another one that is compiled."""
+    """Proxy of a function until it is called, or used by another compiled one."""
 
     def __init__(self, function: Callable[..., object]) -> None:
         self._function = function
@@ -84,12 +85,12 @@ class _Compiled:
         options: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
         try:
             return numba.njit(cache=True, **options)(self._function)
-        except RuntimeError:  # no folder to keep it in
+        except RuntimeError:  # no writable cache folder
             return numba.njit(**options)(self._function)
 
     @cached_property
     def _part(self) -> Any:
-        """The same to be called by other compiled functions alone."""
+        """The same for calls from compiled functions only."""
         numba = _compiler()
         options: dict[str, Any] = {"error_model": "numpy"}
         options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
@@ -98,7 +99,7 @@ class _Compiled:
         compiled_for = part.get_call_template
 
         def of_any_value(types: tuple[Any, ...], keywords: Any) -> Any:
-            # a constant among the arguments is no type of its own
+            # A constant argument is not a type of its own.
             return compiled_for(tuple(plain(one) for one in types), keywords)
 
         part.get_call_template = of_any_value
@@ -106,7 +107,7 @@ class _Compiled:
 
     @property
     def _numba_type_(self) -> Any:
-        """What the compiler asks of a value that it meets in another function."""
+        """Type that numba requests for a value used in another function."""
         return self._part._numba_type_
 
     def __call__(self, *values: Any) -> Any:
@@ -114,9 +115,9 @@ class _Compiled:
             return self._made(*values)
         return self._called_first(*values)
 
-    @with_room
+    @with_stack_space
     def _called_first(self, *values: Any) -> Any:
-        with _COMPILING, _lightly_optimised():
+        with _COMPILE_LOCK, _lightly_optimised():
             result = self._made(*values)
         self._ready = True
         return result
@@ -126,14 +127,14 @@ class _Compiled:
 def _lightly_optimised() -> Iterator[None]:
     config = _compiler().config
     level, vectors, collecting = config.OPT, config.LOOP_VECTORIZE, gc.isenabled()
-    config.OPT, config.LOOP_VECTORIZE = type(level)(_OPTIMISED), 0
-    # the compiler makes millions of small objects that all stay: looking for waste takes 6 %
+    config.OPT, config.LOOP_VECTORIZE = type(level)(_OPTIMISATION_LEVEL), 0
+    # The compiler allocates millions of small objects that all stay: garbage collection takes 6 %.
     gc.disable()
     try:
         yield
     finally:
         config.OPT, config.LOOP_VECTORIZE = level, vectors
-        # nor are they looked through later
+        # Exclude them from later collections, too.
         gc.freeze()
         if collecting:
             gc.enable()
@@ -142,38 +143,39 @@ def _lightly_optimised() -> Iterator[None]:
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-_MOST_WORKERS = 4
-"""Processes at most: a clip gives no work to more."""
-_AHEAD = 2
+_MAX_THREADS = 4
+"""Maximum number of threads (chosen): a clip does not keep more busy."""
+_QUEUED_PER_THREAD = 2
+"""Items queued per thread (chosen)."""
 
 
-def side_by_side(work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
-    """Do the same work on many things, a few at a time.
+def map_in_threads(work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
+    """Apply a function to many items in parallel threads.
 
     Parameters
     ----------
     work : callable
-        What to do with one of them; it must not change what the others use.
+        The function; it must not modify shared data.
     items : iterable
-        The things; only as many are taken ahead as keep the workers busy.
+        The items; consumed only as far ahead as keeps the threads busy.
 
     Yields
     ------
     Result
         In the order of the items.
     """
-    count = min(_MOST_WORKERS, os.cpu_count() or 1)
+    count = min(_MAX_THREADS, os.cpu_count() or 1)
     every = iter(items)
     first = list(islice(every, 2))
     if count == 1 or len(first) < 2:
-        # one thing alone keeps nobody else busy
+        # A single item needs no thread.
         yield from map(work, chain(first, every))
         return
     waiting: deque[Future[Result]] = deque()
     with ThreadPoolExecutor(count) as pool:
         for item in chain(first, every):
             waiting.append(pool.submit(work, item))
-            if len(waiting) > count * _AHEAD:
+            if len(waiting) > count * _QUEUED_PER_THREAD:
                 yield waiting.popleft().result()
         while waiting:
             yield waiting.popleft().result()

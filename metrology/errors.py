@@ -1,22 +1,21 @@
-"""The error tree: every way this project refuses, and the exit code that goes with it.
+"""The error classes of this project and their exit codes.
 
 ::
 
     ImpactVisionError
     ├── UsageError                 2  a wrong option, unit, name or combination
-    │   ├── SetupError             2  the setup file is wrong; says where and the nearest right key
-    │   ├── UnitError              2  "50 parsecs of mm" is no length
-    │   ├── OutputError            2  a file can't be written: no folder, no right, no room
+    │   ├── SetupError             2  the setup file is wrong; names the place and the nearest key
+    │   ├── UnitError              2  "50 parsecs of mm" is not a length
+    │   ├── OutputError            2  a file can't be written: no folder, no permission, disk full
     │   └── DomainError            2  a number outside what the physics allows (also a ValueError)
     ├── ClipError                  3  the clip can't be read: missing, truncated, no video in it
     └── MeasurementError           4  read, but the quantity can't be measured from it
         ├── NotFoundError          4  no ball, no pendulum, no contact, no landing in view
         ├── CalibrationError       4  no grid, wrong pitch, too few views, camera moved
-        ├── TooLittleDataError     4  too few trials or points to tell
+        ├── TooLittleDataError     4  too few trials or points
         └── NoFitError             4  no model can be fitted: singular, not finite, no optimum
 
-Every error carries a message that says what is wrong and where, and a hint that says what would
-help.
+Every error has a message that states what is wrong and where, and a hint on what to do.
 """
 
 from typing import ClassVar
@@ -38,14 +37,14 @@ __all__ = [
 
 
 class ImpactVisionError(Exception):
-    """Root of the tree; catch it to catch everything this project raises on purpose.
+    """Base class of all errors that this project raises on purpose.
 
     Parameters
     ----------
     message : str
         What is wrong, and where.
     hint : str, optional
-        What would help.
+        What to do.
     """
 
     exit_code: ClassVar[int] = 1
@@ -57,7 +56,7 @@ class ImpactVisionError(Exception):
 
     @property
     def in_one_line(self) -> str:
-        """What is wrong and what would help, as the reason of a missing quantity."""
+        """Message and hint in one line, as the reason of a missing quantity."""
         return self.message if self.hint is None else f"{self.message}. {self.hint}"
 
     def __str__(self) -> str:
@@ -75,11 +74,11 @@ class SetupError(UsageError):
 
 
 class UnitError(UsageError):
-    """A text that is no quantity of the wanted dimension."""
+    """A text that is not a quantity of the required dimension."""
 
 
 class OutputError(UsageError):
-    """A file can't be written where it was asked for."""
+    """A file can't be written."""
 
 
 class DomainError(UsageError, ValueError):
@@ -99,15 +98,15 @@ class MeasurementError(ImpactVisionError):
 
 
 class NotFoundError(MeasurementError):
-    """What was looked for is not in the picture: ball, pendulum, contact, landing."""
+    """An object is not in the picture: ball, pendulum, contact, landing."""
 
 
 class CalibrationError(MeasurementError):
-    """Pixels can't be turned into metres: no grid, wrong pitch, too few views."""
+    """Pixels can't be converted to metres: no grid, wrong pitch, too few views."""
 
 
 class TooLittleDataError(MeasurementError):
-    """Too few trials or points to tell."""
+    """Too few trials or points."""
 
 
 class NoFitError(MeasurementError):

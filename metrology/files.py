@@ -1,7 +1,7 @@
-"""The doors for files: what is read is a small regular text, what is written is whole or not there.
+"""Read small text files safely; write files atomically.
 
-A file that is there keeps its mode and its links: a symbolic link is followed, a device or a pipe
-is written to and never replaced (POSIX `rename` would put a file in its place).
+An existing file keeps its mode and its links: a symbolic link is followed; a device or a pipe is
+written to and never replaced (POSIX `rename` would put a file in its place).
 """
 
 import codecs
@@ -27,10 +27,10 @@ __all__ = [
     "written_whole",
 ]
 
-LARGEST_TEXT = 4 << 20
-"""Bytes of a setup, a lens or a law: a hundred times what the longest of ours has."""
+MAX_TEXT_BYTES = 4 << 20
+"""Maximum size of a setup, lens or law file, bytes (chosen: a hundred times the usual)."""
 
-_MARKS = {
+_BYTE_ORDER_MARKS = {
     codecs.BOM_UTF8: "utf-8-sig",
     codecs.BOM_UTF16_LE: "utf-16",
     codecs.BOM_UTF16_BE: "utf-16",
@@ -40,66 +40,67 @@ _MARKS = {
 def read_small_text(
     path: Path, *, what: str = "", hint: str = "", error: type[UsageError] = UsageError
 ) -> str:
-    """Read a text file that a person wrote: UTF-8, or UTF-16 with its mark.
+    """Read a text file: UTF-8, or UTF-16 with a byte order mark.
 
     Parameters
     ----------
     path : Path
     what : str
-        What the file should be, for the message: "the setup file".
+        Description for the message: "the setup file".
     hint : str
-        What would help.
+        Advice for the message.
     error : type
-        What is raised.
+        Exception to raise.
 
     Raises
     ------
     UsageError
-        If there is no such file, it is no regular file (a pipe, a device, a folder), larger than
-        4 MiB, or no text.
+        If there is no such file, or it is not regular (a pipe, a device, a folder), larger than
+        4 MiB, or not text.
     """
     name = f"{what} {shown_path(path)}".strip()
     try:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode):
             kind = "a folder" if stat.S_ISDIR(status.st_mode) else "a device or a pipe"
-            raise error(f"can't read {name}: it is {kind}", hint=hint or "Give a file.")
-        if status.st_size > LARGEST_TEXT:
+            raise error(f"can't read {name}: it is {kind}", hint=hint or "Pass a file.")
+        if status.st_size > MAX_TEXT_BYTES:
             raise error(
-                f"can't read {name}: {status.st_size / 2**20:.0f} MiB, and at most "
-                f"{LARGEST_TEXT >> 20} MiB are read",
-                hint=hint or "Is it another file that was meant?",
+                f"can't read {name}: it has {status.st_size / 2**20:.0f} MiB, the limit is "
+                f"{MAX_TEXT_BYTES >> 20} MiB",
+                hint=hint or "Check that this is the right file.",
             )
         raw = path.read_bytes()
     except OSError as problem:
         raise error(
             f"can't read {name}: {problem.strerror}",
-            hint=hint or "Is the name right, and may you read it?",
+            hint=hint or "Check the name, and that you may read the file.",
         ) from problem
-    encoding = next((name for mark, name in _MARKS.items() if raw.startswith(mark)), "utf-8")
+    encoding = next(
+        (name for mark, name in _BYTE_ORDER_MARKS.items() if raw.startswith(mark)), "utf-8"
+    )
     try:
         return raw.decode(encoding)
     except UnicodeDecodeError as problem:
         raise error(
-            f"can't read {name}: its byte {problem.start} is no {encoding.upper()} text",
+            f"can't read {name}: byte {problem.start} is not {encoding.upper()} text",
             hint="Save it as UTF-8.",
         ) from problem
 
 
 def parse_toml(text: str, name: str) -> dict[str, Any]:
-    """Turn the text of a TOML file into its tables.
+    """Parse a TOML file's text.
 
     Parameters
     ----------
     text : str
     name : str
-        What to call the file in a message.
+        Name of the file in a message.
 
     Raises
     ------
     SetupError
-        If it is no TOML, has a number of more digits than Python reads, or tables in tables
-        without end.
+        If it is not TOML, or has an integer over 64 bits or too deeply nested lists.
     """
     try:
         held = tomllib.loads(text)
@@ -107,18 +108,18 @@ def parse_toml(text: str, name: str) -> dict[str, Any]:
         return held
     except RecursionError as problem:
         raise SetupError(
-            f"{name} is not valid TOML: lists in lists without end",
+            f"{name} is not valid TOML: too deeply nested lists",
             hint="Write one list of numbers for a key.",
         ) from problem
     except ValueError as problem:
         raise SetupError(
-            f"{name} is not valid TOML: {_in_short(str(problem))}",
+            f"{name} is not valid TOML: {_shortened(str(problem))}",
             hint='A line reads key = value, with texts in quotes: diameter = "0.2 m".',
         ) from problem
 
 
 def _require_sizes(held: object, name: str, place: str) -> None:
-    """Refuse whole numbers beyond the 64 bits that TOML has: no float holds the longest of them."""
+    """Reject integers beyond TOML's 64 bits, which may exceed the range of a float."""
     if isinstance(held, dict):
         for key, value in held.items():
             _require_sizes(value, name, f"{place}.{key}" if place else str(key))
@@ -127,29 +128,29 @@ def _require_sizes(held: object, name: str, place: str) -> None:
             _require_sizes(value, name, place)
     elif isinstance(held, int) and held.bit_length() > _TOML_BITS:
         raise SetupError(
-            f"{name}: {_in_short(place)} is a whole number of {len(str(abs(held)))} digits",
+            f"{name}: {_shortened(place)} is a whole number of {len(str(abs(held)))} digits",
             hint="Whole numbers have 19 digits at most; write a larger one as 1.5e30.",
         )
 
 
 _TOML_BITS = 63
-"""TOML v1.0.0, Integer: 64 bits with the sign."""
-_NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS})
+"""Bits of an integer without its sign (convention: TOML v1.0.0)."""
+_DISK_ERRORS = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS})
 
 
 @contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
-    """Give a temporary path; its content takes the name `path` only if the block succeeds.
+    """Yield a temporary path; its content gets the name `path` only if the block succeeds.
 
     Parameters
     ----------
     path : Path
-        The file wanted at the end. The temporary one keeps its suffix, which encoders look at.
+        The final file. The temporary one keeps its suffix, which encoders depend on.
 
     Yields
     ------
     Path
-        Where to write.
+        Path to write to.
 
     Raises
     ------
@@ -159,14 +160,14 @@ def written_whole(path: Path) -> Iterator[Path]:
     direct = _is_special(path)
     target = path if direct else Path(os.path.realpath(path))
     folder = Path(tempfile.gettempdir()) if direct else target.parent
-    # named before it is made: a signal in between leaves nothing behind
+    # The name is set before the file exists: a signal in between leaves nothing behind.
     temporary = folder / f".{path.stem[:40]}-{secrets.token_hex(6)}{path.suffix}"
     try:
-        with _told(path):
+        with _system_errors(path):
             temporary.touch(mode=0o600, exist_ok=False)
-        with _told(path, _NO_ROOM):
+        with _system_errors(path, _DISK_ERRORS):
             yield temporary
-        with _told(path):
+        with _system_errors(path):
             if direct:
                 _pour(temporary, target)
             else:
@@ -177,13 +178,13 @@ def written_whole(path: Path) -> Iterator[Path]:
 
 
 def write_text_whole(path: Path, text: str) -> None:
-    """Write a text file in one go, UTF-8."""
+    """Write a UTF-8 text file atomically."""
     with written_whole(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
 def refuse_unwritable(path: Path) -> None:
-    """Refuse a file that can't be written, before the work that makes its content.
+    """Raise if a file can't be written, before its content is computed.
 
     Parameters
     ----------
@@ -196,19 +197,19 @@ def refuse_unwritable(path: Path) -> None:
     """
     if _is_special(path):
         return
-    with _told(path):
+    with _system_errors(path):
         target = Path(os.path.realpath(path))
         if target.is_dir():
-            raise IsADirectoryError(errno.EISDIR, "there is a folder of that name")
+            raise IsADirectoryError(errno.EISDIR, "it is a folder")
         if not target.parent.is_dir():
-            raise NotADirectoryError(errno.ENOTDIR, f"there is no folder {path.parent}")
+            raise NotADirectoryError(errno.ENOTDIR, f"the folder {path.parent} does not exist")
         if not os.access(target.parent, os.W_OK):
             raise PermissionError(errno.EACCES, f"you may not write to {target.parent}")
 
 
 @contextmanager
-def _told(path: Path, codes: frozenset[int] | None = None) -> Iterator[None]:
-    """Turn an error of the system into a message; with `codes`, only these errors."""
+def _system_errors(path: Path, codes: frozenset[int] | None = None) -> Iterator[None]:
+    """Convert a system error to `OutputError`; with `codes`, only these errors."""
     try:
         yield
     except OSError as problem:
@@ -216,12 +217,12 @@ def _told(path: Path, codes: frozenset[int] | None = None) -> Iterator[None]:
             raise
         raise OutputError(
             f"can't write {shown_path(path)}: {problem.strerror or problem}",
-            hint="Name a file in a folder that exists, that you may write to, on a disk with room.",
+            hint="Choose a file in an existing folder that you may write to, on a disk with space.",
         ) from problem
 
 
 def _is_special(path: Path) -> bool:
-    """Whether it is an open stream, or something that is neither a file nor a folder."""
+    """Whether it is an open stream, or neither a file nor a folder."""
     if path.is_absolute() and path.parts[1:2] in (("dev",), ("proc",)):
         return True
     try:
@@ -240,7 +241,7 @@ def _pour(source: Path, target: Path) -> None:
 
 
 def _mode_of(target: Path) -> int:
-    """The mode of the file that is there; else what the user's mask leaves."""
+    """Mode of the existing file; otherwise the default of the user's mask."""
     try:
         return stat.S_IMODE(target.stat().st_mode)
     except OSError:
@@ -250,9 +251,9 @@ def _mode_of(target: Path) -> int:
 
 
 def shown_path(path: str | Path) -> str:
-    """A path as a message names it: in short where it is long."""
-    return _in_short(str(path))
+    """A path for a message, shortened if long."""
+    return _shortened(str(path))
 
 
-def _in_short(text: str) -> str:
+def _shortened(text: str) -> str:
     return text if len(text) <= 200 else f"{text[:80]}…{text[-80:]} ({len(text)} characters)"

@@ -1,10 +1,8 @@
-"""Robust least squares with Gaussian priors, a covariance that owns up to misfit, and responses.
+"""Robust least squares with priors: fits, covariances, and their response to changed inputs.
 
-The one door for fits: the parameters are few, residuals are cheap in stacks, and what is wanted of
-an optimum, beside the parameters, is how it moves with everything that went into it.
-
-`fit` is for data with standard uncertainties, `minimise` for what has bounds or only a scale, and
-`descend` for what has a structure of its own (a scene, the views of a board). They share the loss.
+`fit` is for data with standard uncertainties, `minimise` for bounds or an unknown scale, and
+`descend` for structured problems (a scene, the views of a board). They share the loss. A covariance
+is widened by misfit.
 """
 
 from collections.abc import Callable
@@ -25,15 +23,16 @@ Step = TypeVar("Step")
 Residuals = Callable[[FloatArray], FloatArray]
 """Parameters (P,) to standardised residuals (N,)."""
 
-_SOFT_FROM = 2.5
-"""Standard deviations from which a residual counts linearly (soft L1): of Gaussian noise one in
-eighty is beyond."""
-_MOST_STEPS = 12
-"""Gauss-Newton steps at most: near an optimum each doubles the digits, a handful is usual."""
-_MOST_HALVINGS = 12
-"""Halvings of a step at most: where a four-thousandth of it gains nothing, there is nothing to."""
-_RENEW_AT = 1.2
-"""Factor, χ² per degree of freedom above which the noise is larger than was said."""
+_SOFT_SIGMAS = 2.5
+"""Residual from which the loss is linear (soft L1), standard deviations (derived: exceeded by one
+in eighty of Gaussian noise)."""
+_MAX_STEPS = 12
+"""Maximum Gauss-Newton steps (chosen): convergence is quadratic, a handful is usual."""
+_MAX_HALVINGS = 12
+"""Maximum halvings of a step (chosen): to a four-thousandth of it."""
+_MAX_CHI2_AS_STATED = 1.2
+"""χ² per degree of freedom above which the noise exceeds the stated one and the fit is repeated
+with rescaled priors (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +48,8 @@ class Fitted:
     residuals : (N,) array
         Standardised residuals of the data.
     chi2_per_dof : float
-        From the median absolute residual, so that a few outliers don't count, times the correlation
-        of neighbouring residuals; no less than was said of the data.
+        From the median absolute residual, to ignore a few outliers, times the correlation of
+        neighbouring residuals; at least 1.
     jacobian : (N, P) array
         Of the residuals by the parameters.
     centre : (P,) array
@@ -58,7 +57,7 @@ class Fitted:
     precision : (P, P) array
         Of the priors.
     prior_weight : float
-        By which it was multiplied beside data that are worth less than they say.
+        Factor of the priors, for data noisier than stated.
     """
 
     values: FloatArray
@@ -87,14 +86,14 @@ def fit(
     residuals : callable
         (P,) parameters to (N,) residuals over their standard uncertainty.
     start : (P,) array
-        Where to start.
+        Initial parameters.
     prior, prior_std : (P,) arrays, optional
         Gaussian priors; an infinite std is no prior.
     channels : int
-        How many interleaved series the residuals are (2 for x, y, x, y, …).
+        Number of interleaved series of residuals (2 for x, y, x, y, …).
     stacked : bool
-        Whether `residuals` takes stacks of parameters (K, P) to (K, N), too: then a Jacobian is one
-        call.
+        Whether `residuals` also maps stacks of parameters (K, P) to (K, N), so that a Jacobian
+        needs one call.
 
     Returns
     -------
@@ -103,7 +102,7 @@ def fit(
     Raises
     ------
     NoFitError
-        If the residuals are no numbers at the start: the motion is nothing like the model.
+        If the residuals are not finite at the start: the motion does not match the model.
     """
     values = np.asarray(start, dtype=float)
     centre = values if prior is None else np.asarray(prior, dtype=float)
@@ -112,8 +111,8 @@ def fit(
     weight = 1.0
     values, left, jacobian = _descend(residuals, slope, values, centre, precision)
     chi2 = _chi2(left, len(values), channels)
-    if chi2 > _RENEW_AT:
-        # Data that are worth less than they say are worth less beside the priors, too.
+    if chi2 > _MAX_CHI2_AS_STATED:
+        # Data noisier than stated get less weight relative to the priors, too.
         weight = chi2
         values, left, jacobian = _descend(residuals, slope, values, centre, weight * precision)
         chi2 = _chi2(left, len(values), channels)
@@ -128,25 +127,25 @@ def moved_fit(
     prior: ArrayLike | None = None,
     prior_std: ArrayLike | None = None,
 ) -> Fitted:
-    """The fit after its data, model or priors moved a little, to first order.
+    """The fit after a small change of its data, model or priors, to first order.
 
-    At an optimum the gradient is zero, and stays so as an input p moves: the parameters follow by
-    −H⁻¹ ∂g/∂p (implicit function theorem), one linear solve. What the residuals' own curvature adds
-    to H is left out, as in every Gauss–Newton step.
+    At an optimum the gradient is zero. If an input p changes, the parameters change by −H⁻¹ ∂g/∂p
+    (implicit function theorem), one linear solve. The residuals' second derivatives are neglected
+    in H, as in every Gauss–Newton step.
 
     Parameters
     ----------
     fitted : Fitted
-        Before.
+        Before the change.
     residuals : callable
-        After; as many as before, each at its old place.
+        After it; as many as before, in the same order.
     prior, prior_std : (P,) arrays, optional
-        Priors after; as weighed against the data as before.
+        Priors after it; with the same weight relative to the data.
 
     Returns
     -------
     Fitted
-        With moved values; all else as before.
+        With changed values; all else as before.
 
     Raises
     ------
@@ -158,11 +157,11 @@ def moved_fit(
     precision = fitted.precision if prior_std is None else _precision(prior_std, len(values))
     left = residuals(values)
     if left.shape != fitted.residuals.shape:
-        raise ValueError("residuals came or went: the fit has to be done anew")
+        raise ValueError("the number of residuals changed: repeat the fit")
 
-    # second derivative of the soft-L1 loss; the data may move by far more than their noise, all
-    # alike, so that its slope there would say nothing
-    bend = (1.0 + (fitted.residuals / _SOFT_FROM) ** 2) ** -1.5
+    # Second derivative of the soft-L1 loss at the old residuals: a common change of the data may
+    # far exceed their noise, and the derivative there would be meaningless.
+    bend = (1.0 + (fitted.residuals / _SOFT_SIGMAS) ** 2) ** -1.5
     weighed = fitted.jacobian.T * bend
     change = weighed @ (left - fitted.residuals) + fitted.prior_weight * (
         precision @ (values - centre) - fitted.precision @ (values - fitted.centre)
@@ -174,18 +173,18 @@ def moved_fit(
 
 @dataclass(frozen=True)
 class Optimum:
-    """Parameters of least cost.
+    """Result of `minimise`.
 
     Attributes
     ----------
     values : (P,) array
     residuals : (N,) array
-        There.
+        At the optimum.
     jacobian : (N, P) array
-        Of the residuals, each weighed by how much it still counts: its product with itself is the
-        curvature of the cost.
+        Of the residuals, weighted by the loss: its product with itself is the curvature of the
+        cost.
     cost : float
-        Half the sum of the squares, those beyond the scale of the loss counted linearly.
+        Half the sum of the squares, linear beyond the scale of the loss.
     """
 
     values: FloatArray
@@ -207,19 +206,19 @@ def minimise(
     tolerance: float = 1e-8,
     most_evaluations: int | None = None,
 ) -> Optimum:
-    """Parameters within bounds that make residuals least, by scipy's trust regions.
+    """Minimise residuals within bounds, by scipy's trust regions.
 
     Parameters
     ----------
     residuals : callable
         (P,) parameters to (N,) residuals.
     start : (P,) array
-        Where to start, within the bounds.
+        Initial parameters, within the bounds.
     soft_from : float
-        Size from which a residual counts linearly (soft L1); none does by default.
+        Residual from which the loss is linear (soft L1); infinite by default.
     loss : callable, optional
-        Another loss, goes before `soft_from`: squared residuals (N,) to what they cost and its
-        first two derivatives (3, N).
+        Another loss instead of `soft_from`: squared residuals (N,) to their cost and its first two
+        derivatives (3, N).
     slopes : callable, optional
         (P,) parameters to the Jacobian (N, P); else by differences.
     stacked : bool
@@ -227,16 +226,16 @@ def minimise(
     low, high : (P,) arrays or floats
         Bounds.
     tolerance : float
-        Share of the cost, or of the parameters, below which a step no longer matters.
+        Relative change of cost or parameters at convergence.
     most_evaluations : int, optional
         Of the residuals, the Jacobian's not counted.
 
     Raises
     ------
     NoFitError
-        If the residuals are no numbers at the start.
+        If the residuals are not finite at the start.
     """
-    # takes longer to load than most fits to do
+    # Importing takes longer than most fits.
     from scipy.optimize import least_squares
 
     if stacked and slopes is None:
@@ -257,8 +256,8 @@ def minimise(
         )
     except ValueError as problem:
         raise NoFitError(
-            "what was measured is not what this model can fit",
-            hint="Look at the overlay: is what was followed the thing that was meant?",
+            "the measured motion does not match this model",
+            hint="Look at the overlay and check that the right object was tracked.",
         ) from problem
     jacobian = np.asarray(found.jac, dtype=float)
     return Optimum(np.asarray(found.x), np.asarray(found.fun), jacobian, float(found.cost))
@@ -266,7 +265,7 @@ def minimise(
 
 @dataclass(frozen=True)
 class Downhill(Generic[Step]):
-    """A cost as it looks from one place.
+    """Cost and Gauss-Newton step at one point.
 
     Attributes
     ----------
@@ -274,7 +273,7 @@ class Downhill(Generic[Step]):
     step : object
         The Gauss-Newton step.
     gain : float
-        What it gains if the cost is a parabola; NaN where that is not told.
+        Its predicted gain; NaN where unknown.
     """
 
     cost: float
@@ -292,17 +291,17 @@ def descend(
     most_steps: int,
     most_halvings: int = 8,
 ) -> State:
-    """Gauss-Newton steps with halving, of whatever can be looked at and moved.
+    """Gauss-Newton steps with halving, for states of any kind.
 
     Parameters
     ----------
     start : object
     looking : callable
-        The cost and the step at a place.
+        State to its cost and step.
     moved : callable
-        The place after so much of a step.
+        State after a fraction of a step.
     cost : callable
-        Of a place, with the weights that the step was looked for with; NaN is no way on.
+        Cost of a state, with the weights of the step; NaN is rejected.
     settled : callable
         Whether a step with its new cost was the last.
     most_steps, most_halvings : int
@@ -336,28 +335,28 @@ def _descend(
     centre: FloatArray,
     precision: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Gauss-Newton steps to the least cost: parameters, residuals and Jacobian there."""
+    """Gauss-Newton steps to the minimum: parameters, residuals and Jacobian there."""
 
     def cost(at: FloatArray, residuals: FloatArray) -> float:
-        soft = _SOFT_FROM**2 * (np.hypot(1.0, residuals / _SOFT_FROM) - 1.0)
+        soft = _SOFT_SIGMAS**2 * (np.hypot(1.0, residuals / _SOFT_SIGMAS) - 1.0)
         total = float(soft.sum() + 0.5 * (at - centre) @ precision @ (at - centre))
         return total if np.isfinite(total) else np.inf
 
     left = residuals(values)
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         jacobian = slope(residuals, values)
-        weight = 1.0 / np.hypot(1.0, left / _SOFT_FROM)
+        weight = 1.0 / np.hypot(1.0, left / _SOFT_SIGMAS)
         normal = jacobian.T @ (weight[:, np.newaxis] * jacobian) + precision
         if not np.isfinite(normal).all():
             raise NoFitError(
-                "the motion followed is not one that this model can fit",
-                hint="Check the capture rate (--fps), and that ball and mass were followed.",
+                "the tracked motion does not match this model",
+                hint="Check the capture rate (--fps), and that ball and mass were tracked.",
             )
         downhill = jacobian.T @ (weight * left) + precision @ (values - centre)
         step = -np.linalg.lstsq(normal, downhill, rcond=None)[0]
-        # the gain in chi² still to be had, against the unit that matters
+        # Remaining gain in χ², compared with 1.
         settled = float(step @ normal @ step) < 1e-4
-        for _ in range(_MOST_HALVINGS):
+        for _ in range(_MAX_HALVINGS):
             moved = residuals(values + step)
             if settled or cost(values + step, moved) <= cost(values, left):
                 values, left = values + step, moved
@@ -374,12 +373,12 @@ def _chi2(left: FloatArray, parameters: int, channels: int) -> float:
     count = len(left)
     spread = 1.4826 * float(np.median(np.abs(left))) if count else 1.0
     share = count / max(count - parameters, 1)
-    # what scatters less than was said has room for errors that last over several frames
+    # Residuals below the stated noise leave room for correlated errors.
     return max(spread**2 * _correlation(left, channels), 1.0) * share
 
 
 def _correlation(left: FloatArray, channels: int) -> float:
-    """Frames per independent frame: what follows an edge is off alike in neighbouring frames.
+    """Frames per independent frame: the tracking errors of neighbouring frames are correlated.
 
     From the lag-one correlation ρ of the residuals, (1 + ρ) / (1 − ρ), of a first-order process.
     """
@@ -397,7 +396,7 @@ def _steps(values: FloatArray) -> FloatArray:
 
 
 def _slope_of_stack(residuals: Residuals, values: FloatArray) -> FloatArray:
-    """Central differences by all parameters, from one stack of them, (N, P)."""
+    """Central differences for all parameters, from one stack of them, (N, P)."""
     steps = _steps(values)
     moved = np.diag(steps)
     ahead, behind = np.split(residuals(np.concatenate([values + moved, values - moved])), 2)
@@ -405,7 +404,7 @@ def _slope_of_stack(residuals: Residuals, values: FloatArray) -> FloatArray:
 
 
 def _slope(residuals: Residuals, values: FloatArray) -> FloatArray:
-    """Central differences by one parameter after the other, (N, P)."""
+    """Central differences for one parameter after the other, (N, P)."""
     steps = _steps(values)
     columns = [residuals(values + move) - residuals(values - move) for move in np.diag(steps)]
     return np.stack(columns, axis=1) / (2.0 * steps)

@@ -1,9 +1,8 @@
-"""The one door for numbers that people type: option, setup file and wizard are read here alike.
+"""Parse numbers with units that users type, and test them against their valid ranges.
 
-Every length, mass, rate and angle has a `Measurand`: its unit and the range in which it can be
-meant, with the reason. A number outside is refused before any work, in the same words everywhere.
-
-Unit strings, parsed only where a person types one: ``50mm``, ``600 fps``, ``8.5 deg``.
+Every length, mass, rate and angle has a `Measurand`: its unit and valid range, with the reason.
+Options, setup file and wizard use the same ones, so that a number outside is rejected before any
+work with the same message. Units are parsed only here: ``50mm``, ``600 fps``, ``8.5 deg``.
 """
 
 import math
@@ -53,13 +52,15 @@ __all__ = [
     "read_scale",
 ]
 
-_FLOAT = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_FLOAT_PATTERN = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 
 _PLUS_MINUS = ("±", "+/-", "+-")
 
 _IN_BRACKETS = re.compile(r"\(([^()]*)\)\s*([^()]*)")
 
-_NUMBER_AND_UNIT = re.compile(rf"({_FLOAT})(?:\s*/\s*({_FLOAT}))?\s*([A-Za-zµμ°%][\w\s*/^°%-]*)?")
+_NUMBER_AND_UNIT = re.compile(
+    rf"({_FLOAT_PATTERN})(?:\s*/\s*({_FLOAT_PATTERN}))?\s*([A-Za-zµμ°%][\w\s*/^°%-]*)?"
+)
 
 PLAIN_UNITS: dict[str, dict[str, float]] = {
     "m": {"m": 1.0, "cm": 0.01, "mm": 0.001},
@@ -76,9 +77,8 @@ PLAIN_UNITS: dict[str, dict[str, float]] = {
     "Pa*s": {"Pa s": 1.0, "Pa*s": 1.0, "mPa s": 0.001},
     "1": {"%": 0.01},
 }
-
-"""What nearly everybody writes, by the unit wanted: factors known without a registry of all units,
-which takes longer to load than a clip that was measured before takes to be shown again."""
+"""Conversion factors of common units to the unit wanted: a registry of all units takes longer to
+load than a cached clip takes to show again."""
 
 
 @cache
@@ -87,19 +87,19 @@ def _registry() -> Any:
 
     registry: Any = pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
     registry.define("frame = []")
-    # of a camera, not the length of 1/96 inch that style sheets mean by it
+    # Pixel of a camera, not the length of 1/96 inch in style sheets.
     registry.define("@alias pixel = px")
     registry.define("fps = 1 / second")
     return registry
 
 
 def parse_quantity(text: str | float, unit: str) -> float:
-    """Turn what a person typed into a float in `unit`.
+    """Convert text to a float in `unit`.
 
     Parameters
     ----------
     text : str or float
-        ``"50mm"``, ``"1/2000 s"``, or a bare number, which is taken to be in `unit` already.
+        ``"50mm"``, ``"1/2000 s"``, or a bare number, which is already in `unit`.
     unit : str
         The unit wanted, as pint spells it ("m", "kg/m^3", "rad").
 
@@ -110,7 +110,7 @@ def parse_quantity(text: str | float, unit: str) -> float:
     Raises
     ------
     UnitError
-        If the text is no number, or has another dimension.
+        If the text is not a number, or has another dimension.
     """
     if isinstance(text, int | float) and not isinstance(text, bool):
         return _finite(float(text), str(text), unit)
@@ -126,7 +126,7 @@ def parse_quantity(text: str | float, unit: str) -> float:
         elif unit_text:
             parsed = _registry().Quantity(magnitude, _registry().parse_units(unit_text))
             magnitude = float(parsed.to(unit).magnitude)
-    # pint has errors of its own, and lets those of what it parses with through
+    # pint has its own errors and passes on those of its parsers.
     except Exception as problem:
         raise _no_quantity(str(text), unit) from problem
     return _finite(magnitude, str(text), unit)
@@ -142,14 +142,14 @@ def _no_quantity(text: str, unit: str) -> UnitError:
     with_doubt = any(sign in text for sign in ("±", "+-", "+/-"))
     return UnitError(
         f"{text!r} is not a quantity in {unit}",
-        hint="It takes no uncertainty here: write the number and its unit alone."
+        hint="No uncertainty is accepted here: write only the number and its unit."
         if with_doubt
         else f"Write a number with a unit, such as '1 {unit}'.",
     )
 
 
 def parse_with_uncertainty(text: str | float, unit: str, default_std: float) -> tuple[float, float]:
-    """Turn ``"4.00 m ± 5 mm"`` (or ``+/-``, ``+-``) into value and standard uncertainty in `unit`.
+    """Convert ``"4.00 m ± 5 mm"`` (or ``+/-``, ``+-``) to value and standard uncertainty.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def parse_with_uncertainty(text: str | float, unit: str, default_std: float) -> 
     unit : str
         The unit wanted.
     default_std : float
-        Standard uncertainty where none is written, in `unit`.
+        Standard uncertainty if none is given, in `unit`.
 
     Returns
     -------
@@ -167,17 +167,17 @@ def parse_with_uncertainty(text: str | float, unit: str, default_std: float) -> 
     Raises
     ------
     UnitError
-        If either part is no quantity of that dimension, or the uncertainty is negative.
+        If either part has not that dimension, or the uncertainty is negative.
     """
     value, std = parse_measured(text, unit)
     return value, default_std if std is None else std
 
 
 def parse_measured(text: str | float, unit: str) -> tuple[float, float | None]:
-    """Turn ``"0.353 kg ± 1 g"`` into value and standard uncertainty, None where none is written.
+    """Convert ``"0.353 kg ± 1 g"`` to value and standard uncertainty, None if none is given.
 
-    A unit on one side of the sign serves both (``"450 ± 10 mm"``); ``± 0.5 %`` is a share of the
-    value; a temperature's uncertainty is a difference (``"26 degC ± 1 degC"`` is ± 1 K).
+    A unit on one side of the sign applies to both (``"450 ± 10 mm"``); ``± 0.5 %`` is relative; a
+    temperature's uncertainty is a difference (``"26 degC ± 1 degC"`` is ± 1 K).
 
     Parameters
     ----------
@@ -194,7 +194,7 @@ def parse_measured(text: str | float, unit: str) -> tuple[float, float | None]:
     Raises
     ------
     UnitError
-        If either part is no quantity of that dimension, or the uncertainty is negative.
+        If either part has not that dimension, or the uncertainty is negative.
     """
     if not isinstance(text, str):
         return parse_quantity(text, unit), None
@@ -221,7 +221,7 @@ def _value_and_std(value: str, spread: str, unit: str, text: str) -> tuple[float
         std = 0.01 * size * abs(number)
     else:
         step = (right[3] or own).strip()
-        # a difference: where a unit has another zero (degC), that zero drops out
+        # A difference, so that the zero of a unit such as degC cancels.
         std = size * (parse_quantity(f"1 {step}", unit) - parse_quantity(f"0 {step}", unit))
     if not std >= 0:
         raise UnitError(
@@ -232,20 +232,20 @@ def _value_and_std(value: str, spread: str, unit: str, text: str) -> tuple[float
 
 @dataclass(frozen=True)
 class Measurand:
-    """A kind of number that people type.
+    """A kind of number that users type.
 
     Attributes
     ----------
     name : str
-        What it is, as in a sentence ("the side of a square of the wall grid").
+        Its name in a sentence ("the side of a square of the wall grid").
     unit : str
-        SI unit that the number is turned into.
+        SI unit of the value.
     lowest, highest : float
-        Range in which it can be meant, both ends included, in `unit`.
+        Valid range, both ends included, in `unit`.
     why : str
-        Where the range comes from.
+        Reason for the range.
     example : str
-        How to write one.
+        Example text.
     """
 
     name: str
@@ -256,14 +256,14 @@ class Measurand:
     example: str
 
     def require(self, value: float, typed: object = None) -> float:
-        """Refuse a number outside the range.
+        """Reject a number outside the range.
 
         Parameters
         ----------
         value : float
             In `unit`.
         typed : object, optional
-            What the person typed, for the message.
+            The user's text, for the message.
 
         Returns
         -------
@@ -273,7 +273,7 @@ class Measurand:
         Raises
         ------
         DomainError
-            If it is not finite or outside the range; the message says why there is a range.
+            If it is not finite or outside the range; the message states the range's reason.
         """
         if math.isfinite(value) and self.lowest <= value <= self.highest:
             return value
@@ -283,7 +283,7 @@ class Measurand:
         told = "" if typed is None or str(typed) == said else f"{typed!r}: "
         raise DomainError(
             f"{told}{self.name} can't be {said}; {self.why}",
-            hint=f"Give it with its unit, such as {self.example!r}."
+            hint=f"Write it with its unit, such as {self.example!r}."
             if self.unit != "1"
             else f"Write for example {self.example!r}.",
         )
@@ -291,7 +291,7 @@ class Measurand:
 
 @dataclass(frozen=True)
 class Given:
-    """A number as a person gave it: value and, where written, standard uncertainty, SI."""
+    """A number as given: value and, if stated, standard uncertainty, SI."""
 
     value: float
     std: float | None = None
@@ -305,12 +305,12 @@ def read_number(typed: str | float, what: Measurand, place: str = "") -> float:
     typed : str or float
     what : Measurand
     place : str
-        The option it was typed at (``--fps``), for the message.
+        The option (``--fps``), for the message.
 
     Raises
     ------
     UnitError
-        If it is no quantity of that dimension.
+        If it has not that dimension.
     DomainError
         If it is out of range.
     """
@@ -328,12 +328,12 @@ def read_given(typed: str | float, what: Measurand, place: str = "") -> Given:
     typed : str or float
     what : Measurand
     place : str
-        The option it was typed at (``--fps``), for the message.
+        The option (``--fps``), for the message.
 
     Raises
     ------
     UnitError
-        If either part is no quantity of that dimension.
+        If either part has not that dimension.
     DomainError
         If the value is out of range, or the uncertainty is zero.
     """
@@ -344,26 +344,26 @@ def read_given(typed: str | float, what: Measurand, place: str = "") -> Given:
         raise _at(place, problem) from problem
     if std == 0.0:
         raise DomainError(
-            f"{place} {typed!r}: nothing is known without uncertainty".strip(),
-            hint="Leave the ± out, and the usual uncertainty is taken.",
+            f"{place} {typed!r}: an uncertainty of zero is not possible".strip(),
+            hint="Leave out the ± part to use the default uncertainty.",
         )
     return Given(value, std)
 
 
 def read_scale(typed: str | float, place: str = "") -> tuple[float, float]:
-    """A scale in the plane of motion, as length per pixel or as pixels per length.
+    """Read a scale in the plane of motion, as length per pixel or pixels per length.
 
     Parameters
     ----------
     typed : str or float
         ``"2.44 mm/px"``, ``"409.9 px/m ± 2 px/m"``; a bare number is in m/px.
     place : str
-        The option it was typed at (``--scale``), for the message.
+        The option (``--scale``), for the message.
 
     Returns
     -------
     value, std : float
-        m/px; the standard uncertainty of `Defaults.PLANE_SCALE` where none is written.
+        m/px; the standard uncertainty of `Defaults.PLANE_SCALE` if none is given.
 
     Raises
     ------
@@ -379,8 +379,8 @@ def read_scale(typed: str | float, place: str = "") -> tuple[float, float]:
             turned = read_given(typed, PIXELS_PER_METRE, place)
         except UnitError:
             raise UnitError(
-                f"{place} {typed!r} is no scale".strip(),
-                hint=f"Such as '{PLANE_SCALE.example}' or '{PIXELS_PER_METRE.example} ± 2 px/m'.",
+                f"{place} {typed!r} is not a scale".strip(),
+                hint=f"Write '{PLANE_SCALE.example}' or '{PIXELS_PER_METRE.example} ± 2 px/m'.",
             ) from None
         std = None if turned.std is None else turned.std / turned.value**2
         given = Given(1.0 / turned.value, std)
@@ -389,11 +389,11 @@ def read_scale(typed: str | float, place: str = "") -> tuple[float, float]:
 
 
 def _at(place: str, problem: UsageError) -> UsageError:
-    """The same refusal with the option's name before it."""
+    """The same error with the option's name in front."""
     return type(problem)(f"{place} {problem.message}".strip(), hint=problem.hint)
 
 
-_RIG = "rigs on a bench or a stand are meant, from a finger's breadth to a house"
+_RIG_RANGE = "pendulums from a finger's breadth to a house are supported"
 
 CAPTURE_RATE = Measurand(
     "a capture rate", "1/s", 1.0, 1e7, "cameras take 1 to ten million frames per second", "600 fps"
@@ -410,7 +410,7 @@ PIXELS_PER_METRE = Measurand(
 )  # fmt: skip
 
 SHUTTER = Measurand(
-    "a shutter time", "s", 1e-9, 10.0, "shutters are open for nanoseconds to seconds", "1/2000 s"
+    "a shutter time", "s", 1e-9, 10.0, "shutter times are nanoseconds to seconds", "1/2000 s"
 )
 
 CAMERA_DISTANCE = Measurand(
@@ -419,7 +419,7 @@ CAMERA_DISTANCE = Measurand(
 )  # fmt: skip
 
 WALL_COORDINATE = Measurand(
-    "a place on the wall", "m", -1000.0, 1000.0, "walls are less than 1 km wide", "1.10 m"
+    "a position on the wall", "m", -1000.0, 1000.0, "walls are less than 1 km wide", "1.10 m"
 )
 
 GRID_PITCH = Measurand(
@@ -453,19 +453,19 @@ BACKSWING = Measurand(
     " lowest point", "90 deg",
 )  # fmt: skip
 
-PENDULUM_LENGTH = Measurand("a pendulum's length", "m", 0.01, 100.0, _RIG, "0.5541 m")
+PENDULUM_LENGTH = Measurand("a pendulum's length", "m", 0.01, 100.0, _RIG_RANGE, "0.5541 m")
 
 PENDULUM_INERTIA = Measurand(
-    "a pendulum's moment of inertia", "kg*m^2", 1e-9, 1e7, _RIG, "1.579 kg m^2"
+    "a pendulum's moment of inertia", "kg*m^2", 1e-9, 1e7, _RIG_RANGE, "1.579 kg m^2"
 )
 
-PENDULUM_MASS = Measurand("a pendulum's mass", "kg", 1e-4, 1e5, _RIG, "6.0 kg")
+PENDULUM_MASS = Measurand("a pendulum's mass", "kg", 1e-4, 1e5, _RIG_RANGE, "6.0 kg")
 
 CENTRE_OF_MASS = Measurand(
-    "the distance from the pivot to the centre of mass", "m", 1e-3, 100.0, _RIG, "0.4553 m"
+    "the distance from the pivot to the centre of mass", "m", 1e-3, 100.0, _RIG_RANGE, "0.4553 m"
 )
 
-EFFECTIVE_MASS = Measurand("an effective mass", "kg", 1e-4, 1e5, _RIG, "5.1667 kg")
+EFFECTIVE_MASS = Measurand("an effective mass", "kg", 1e-4, 1e5, _RIG_RANGE, "5.1667 kg")
 
 SUPPORT_HEIGHT = Measurand(
     "the height of the support", "m", 0.0, 100.0, "the ball falls from 0 to 100 m", "0.3120 m"
@@ -477,10 +477,10 @@ AIR_TEMPERATURE = Measurand(
 )  # fmt: skip
 
 AIR_PRESSURE = Measurand(
-    "an air pressure", "Pa", 1e4, 2e5, "people film at 100 hPa to 2000 hPa", "1013.25 hPa"
+    "an air pressure", "Pa", 1e4, 2e5, "air pressures are 100 hPa to 2000 hPa", "1013.25 hPa"
 )
 
-HUMIDITY = Measurand("a relative humidity", "1", 0.0, 1.0, "it is 0 to 1", "50 %")
+HUMIDITY = Measurand("a relative humidity", "1", 0.0, 1.0, "it is between 0 and 1", "50 %")
 
 AIR_DENSITY = Measurand(
     "a density of the air", "kg/m^3", 1e-6, 20.0, "gases have up to 20 kg/m³", "1.180 kg/m^3"
@@ -495,7 +495,7 @@ DRAG_COEFFICIENT = Measurand(
 )
 
 SPEED = Measurand(
-    "a speed", "m/s", 1e-3, 1000.0, "impacts have millimetres to a kilometre per second", "3.2 m/s"
+    "a speed", "m/s", 1e-3, 1000.0, "impact speeds are between 1 mm/s and 1 km/s", "3.2 m/s"
 )
 
 DISTANCE = Measurand(
@@ -503,11 +503,11 @@ DISTANCE = Measurand(
 )
 
 ANGLE_STD = Measurand(
-    "the scatter of an angle", "rad", 0.0, math.pi, "angles scatter by less than half a turn",
+    "the standard deviation of an angle", "rad", 0.0, math.pi, "it is less than half a turn",
     "0.2 deg",
 )  # fmt: skip
 
 POSITION_STD = Measurand(
-    "the noise of positions", "m", 1e-9, 100.0, "positions are known to between 1 nm and 100 m",
+    "the noise of positions", "m", 1e-9, 100.0, "position noise is between 1 nm and 100 m",
     "1.7 mm",
 )  # fmt: skip

@@ -1,8 +1,6 @@
-"""A measured quantity: value, standard uncertainty, unit, and its budget (GUM, JCGM 100).
+"""Measured quantities with standard uncertainty, budget (GUM) and their formatting.
 
-Where uncertainty comes from: one name for each input that a budget may list.
-
-Numbers with their uncertainty as they are printed: two significant digits of it (GUM, 7.2.6).
+Printed uncertainties have two significant digits (GUM 7.2.6).
 """
 
 import math
@@ -21,9 +19,9 @@ __all__ = [
 
 
 class UncertaintySource(StrEnum):
-    """An input whose uncertainty enters a result (GUM 3.3); the value is what is printed.
+    """An input whose uncertainty enters a result (GUM 3.3); the value is its printed name.
 
-    Decisions compare members, never the words.
+    Decisions compare members, never the text.
     """
 
     TRACK_NOISE = "noise of the tracks"
@@ -42,8 +40,8 @@ class UncertaintySource(StrEnum):
     CONTACT_NORMAL = "direction of a round bob's contact"
     SUPPORT_HEIGHT = "height of the support"
     BALL_MASS = "mass of the ball"
-    CAMERA_ROLL = "roll of the camera, no grid to tell"
-    CAMERA_SLANT = "slant of the camera, no grid to tell"
+    CAMERA_ROLL = "roll of the camera (no grid)"
+    CAMERA_SLANT = "tilt of the camera (no grid)"
     SCALE = "scale of lengths"
     PERSPECTIVE = "depth of the motion's plane"
     DRAG = "drag of the air"
@@ -51,20 +49,20 @@ class UncertaintySource(StrEnum):
 
     GRID_LINES = "grid lines"
     GRID_PITCH = "pitch of the grid"
-    LENS_UNKNOWN = "lens not known beforehand"
+    LENS_UNKNOWN = "lens not calibrated"
     LENS_CALIBRATION = "lens calibration"
-    CAMERA_DISTANCE = "camera distance by tape"
-    CAMERA_X = "camera place by tape, x"
-    CAMERA_Y = "camera place by tape, y"
-    AXIS_FOOT_X = "axis foot by tape, x"
-    AXIS_FOOT_Y = "axis foot by tape, y"
-    BALL_PLANE_OFFSET = "ball plane offset by tape"
+    CAMERA_DISTANCE = "measured camera distance"
+    CAMERA_X = "measured camera position, x"
+    CAMERA_Y = "measured camera position, y"
+    AXIS_FOOT_X = "measured axis foot, x"
+    AXIS_FOOT_Y = "measured axis foot, y"
+    BALL_PLANE_OFFSET = "measured ball plane offset"
     BALL_DIAMETER = "ball diameter"
     FREE_FALL = "free fall"
-    BALL_PLANE_GUESS = "ball plane guessed"
+    BALL_PLANE_GUESS = "assumed ball plane offset"
     BALL_CENTRE = "ball in the picture"
 
-    TRIAL_SCATTER = "scatter of the trials"
+    TRIAL_SCATTER = "variation between trials"
     COR = "coefficient of restitution"
     IMPACT_SPEED = "impact speed"
     LAUNCH_ANGLE = "launch angle"
@@ -80,10 +78,10 @@ class UncertaintySource(StrEnum):
 
     @property
     def shared_by_setup(self) -> bool:
-        """Whether all clips of one laboratory and one setup file are off by it together.
+        """Whether all clips of one laboratory and one setup file share its error.
 
-        What is each clip's own (noise, where the camera was put down for it) averages out over a
-        campaign; what is shared does not.
+        Errors of single clips (noise, the camera's position for it) average out over a campaign;
+        shared ones do not.
         """
         return self in _SHARED
 
@@ -135,7 +133,7 @@ class Contribution:
     source : UncertaintySource
         The input the uncertainty comes from.
     std : float
-        What it adds to the quantity, one standard deviation, in the quantity's unit.
+        Its contribution to the quantity's uncertainty (k = 1), in the quantity's unit.
     """
 
     source: UncertaintySource
@@ -144,7 +142,7 @@ class Contribution:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number that can be defended, or the reason why there is none.
+    """A value with uncertainty, or the reason why there is none.
 
     Attributes
     ----------
@@ -192,13 +190,13 @@ _UNITS = {"1": "", "deg": "°", "m/s^2": "m/s²", "kg m^2": "kg m²", "N s": "N 
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
-_SMALL, _LARGE = 1e-4, 1e6
-
-"""Sizes, in the number's own unit, beyond which a power of ten is written, as printf's %g does."""
+_MIN_PLAIN, _MAX_PLAIN = 1e-4, 1e6
+"""Range, in the number's unit, outside which a power of ten is written (convention: printf's
+%g)."""
 
 
 def format_quantity(quantity: Quantity) -> str:
-    """Print a quantity: ``"6.361 ± 0.012 m/s"``, or why there is none.
+    """Format a quantity: ``"6.361 ± 0.012 m/s"``, or why there is none.
 
     Parameters
     ----------
@@ -214,12 +212,12 @@ def format_quantity(quantity: Quantity) -> str:
 
 
 def format_value(value: float, std: float | None, unit: str) -> str:
-    """Print value, standard uncertainty (left out where it is not known) and unit."""
+    """Format value, standard uncertainty (omitted if unknown) and unit."""
     suffix = format_unit(unit)
     gap = "" if suffix in ("", "°") else " "
     size = max(abs(value), std or 0.0)
     exponent = 0
-    if math.isfinite(size) and size > 0 and not _SMALL <= size < _LARGE:
+    if math.isfinite(size) and size > 0 and not _MIN_PLAIN <= size < _MAX_PLAIN:
         exponent = math.floor(math.log10(size))
     if std is None and not exponent:
         return f"{format_pair(value, None)[0]}{gap}{suffix}"
@@ -235,7 +233,7 @@ def format_value(value: float, std: float | None, unit: str) -> str:
 
 
 def format_pair(value: float, std: float | None) -> tuple[str, str | None]:
-    """Print value and standard uncertainty, both rounded to two significant digits of the latter.
+    """Format value and standard uncertainty, both to two significant digits of the latter.
 
     Parameters
     ----------
@@ -252,7 +250,7 @@ def format_pair(value: float, std: float | None) -> tuple[str, str | None]:
         return f"{value:.6g}", None
     if std == 0 or not math.isfinite(std):
         return f"{value:.6g}", f"{std:g}"
-    # Rounding 0.0996 to two digits gives 0.10: the digits are counted after rounding.
+    # Rounding 0.0996 to two digits gives 0.10: count the digits after rounding.
     place = math.floor(math.log10(float(f"{std:.1e}"))) - 1
     if place >= 0:
         return f"{round(value, -place):.0f}", f"{round(std, -place):.0f}"
@@ -260,5 +258,5 @@ def format_pair(value: float, std: float | None) -> tuple[str, str | None]:
 
 
 def format_unit(unit: str) -> str:
-    """Spell a unit for readers: nothing for 1, ° for deg, m/s² for m/s^2."""
+    """Format a unit for readers: nothing for 1, ° for deg, m/s² for m/s^2."""
     return _UNITS.get(unit, unit)

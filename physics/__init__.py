@@ -1,4 +1,4 @@
-"""The paper's model and beyond it: pendulum, impact, restitution, air, flight, effects.
+"""Physics of pendulum, impact, restitution, air and flight, with an effect catalogue.
 
-Floats in SI, no input or output.
+Numbers are floats in SI; there is no input or output.
 """

@@ -1,7 +1,4 @@
-"""Air: density of moist air after CIPM-2007, viscosity after Sutherland and Wilke.
-
-Drag and lift coefficients of spheres and balls, as smooth curves with source and range.
-"""
+"""Moist air (CIPM-2007; Sutherland, Wilke), and drag and lift curves of balls."""
 
 import math
 from dataclasses import dataclass
@@ -31,23 +28,23 @@ __all__ = [
 
 GAS_CONSTANT = 8.314472
 
-"""J/(mol K), the value CIPM-2007 was evaluated with."""
+"""Molar gas constant used by CIPM-2007, J/(mol K) (convention)."""
 
 MOLAR_MASS_DRY = 28.96546e-3
 
-"""kg/mol, dry air with 400 µmol/mol of CO₂ (CIPM-2007, Eq. 4)."""
+"""Molar mass of dry air with 400 µmol/mol of CO₂, kg/mol (convention: CIPM-2007, Eq. 4)."""
 
 MOLAR_MASS_WATER = 18.01528e-3
 
-"""kg/mol (CIPM-2007, section 2)."""
+"""Molar mass of water, kg/mol (convention: CIPM-2007, section 2)."""
 
 CIPM_TEMPERATURE = (288.15, 300.15)
 
-"""K, 15 to 27 °C: where CIPM-2007 is established (section 1)."""
+"""Range of CIPM-2007, K, 15 to 27 °C (convention: its section 1)."""
 
 CIPM_PRESSURE = (600e2, 1100e2)
 
-"""Pa, 600 to 1100 hPa: likewise."""
+"""Range of CIPM-2007, Pa (convention: its section 1)."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +58,7 @@ class Air:
     viscosity : float
         Dynamic viscosity, Pa s.
     notes : tuple of str
-        Where a formula was used outside the range it was checked in.
+        Notes on formulas used outside their verified range.
     """
 
     density: float
@@ -79,7 +76,7 @@ class Air:
         pressure: float = 101325.0,
         relative_humidity: float = 0.0,
     ) -> Self:
-        """Air from what a lab reads off the wall.
+        """Air from temperature, pressure and humidity.
 
         Parameters
         ----------
@@ -93,7 +90,7 @@ class Air:
         Returns
         -------
         Air
-            With a note where temperature or pressure leave the range of CIPM-2007
+            With a note where temperature or pressure are outside the range of CIPM-2007
             (15 to 27 °C, 600 to 1100 hPa).
 
         Raises
@@ -163,7 +160,7 @@ def vapour_fraction(temperature: float, pressure: float, relative_humidity: floa
     fraction = relative_humidity * enhancement * saturation / pressure
     if fraction >= 1.0:
         raise DomainError(
-            f"water boils at {temperature} K and {pressure} Pa: there is no moist air"
+            f"water boils at {temperature} K and {pressure} Pa, so there is no moist air"
         )
     return fraction
 
@@ -264,7 +261,7 @@ def standard_drag(reynolds: Number) -> Number:
 
 @dataclass(frozen=True)
 class DragCurve:
-    """C_D(Re): a subcritical level that gives way to a supercritical one at the drag crisis.
+    """C_D(Re): a subcritical level that falls to a supercritical one at the drag crisis.
 
     C_D = high + (low − high) / (1 + exp((Re − centre) / width)), with `low` the curve of
     `standard_drag` where it is None, and the supercritical level rising by `rise` per decade of Re.
@@ -281,7 +278,7 @@ class DragCurve:
     valid : (2,) tuple of float
         Reynolds numbers between which the source has data.
     source : str
-        Where the numbers are from.
+        Source of the numbers.
     confirmed : bool
         Whether the numbers were found in the source or in two independent accounts of it.
     """
@@ -311,7 +308,7 @@ class DragCurve:
         return self.valid[0] <= lowest and highest <= self.valid[1]
 
     def notes(self, lowest: float, highest: float) -> tuple[str, ...]:
-        """What a user should know about using the curve between two Reynolds numbers."""
+        """Warnings about using the curve between two Reynolds numbers."""
         notes = []
         if not self.covers(lowest, highest):
             notes.append(
@@ -355,7 +352,7 @@ SOCCER_DRAG = DragCurve(
     confirmed=True,
 )
 
-"""Soccer ball with panels; the smaller jokku ball is taken to be like it."""
+"""Soccer ball with panels; assumed for the smaller jokku ball, too."""
 
 BASKETBALL_DRAG = DragCurve(
     name="basketball",
@@ -383,20 +380,20 @@ def drag_curve(surface: str) -> DragCurve:
     Raises
     ------
     DomainError
-        If there is none of that name.
+        If there is no such curve.
     """
     try:
         return DRAG_CURVES[surface]
     except KeyError:
         raise DomainError(
-            f"there is no drag curve {surface!r}",
-            hint=f"Name one of {', '.join(DRAG_CURVES)}, or give a drag coefficient such as 0.47.",
+            f"unknown drag curve {surface!r}",
+            hint=f"Use one of {', '.join(DRAG_CURVES)}, or a drag coefficient such as 0.47.",
         ) from None
 
 
 @cache
 def _through(places: tuple[float, ...], values: tuple[float, ...]) -> Any:
-    # a second to import, which what needs no such curve shall not wait for
+    # Importing takes a second, which other uses of this module need not wait for.
     from scipy.interpolate import PchipInterpolator
 
     return PchipInterpolator(places, values)
@@ -404,7 +401,7 @@ def _through(places: tuple[float, ...], values: tuple[float, ...]) -> Any:
 
 @dataclass(frozen=True)
 class LiftTable:
-    """C_L(Sp) of a spinning ball, monotone cubic between tabulated points and level beyond them.
+    """C_L(Sp) of a spinning ball: monotone cubic between tabulated points, constant beyond.
 
     Attributes
     ----------
@@ -449,4 +446,4 @@ SOCCER_LIFT = LiftTable(
     confirmed=False,
 )
 
-"""Soccer ball beyond the drag crisis."""
+"""Soccer ball at Reynolds numbers above the drag crisis."""

@@ -1,9 +1,4 @@
-"""Pendulum, ball and support as the physics sees them, with the paper's own (Tables 2 to 4).
-
-How long ball and pendulum stay in touch, as a law of the impact speed.
-
-Energies of the pendulum and the loss in the impact (Eqs 18 to 23, exact and as printed).
-"""
+"""Pendulum, ball and support, contact-time law and energies; the paper's presets."""
 
 import math
 from dataclasses import dataclass, field
@@ -36,7 +31,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class ContactTimeLaw:
-    """Δt(v) = Δt₀ (v / v₀)^(−(n − 1)/(n + 1)): a spring of force k δⁿ, by dimension analysis.
+    """Δt(v) = Δt₀ (v / v₀)^(−(n − 1)/(n + 1)): a spring of force k δⁿ, by dimensional analysis.
 
     With n = 1 (a linear spring) the contact time does not depend on speed, with n = 3/2 (Hertz) it
     falls as v^(−1/5). An inflated shell lies between.
@@ -74,7 +69,7 @@ GRAVITY = Defaults.GRAVITY.known
 
 @dataclass(frozen=True)
 class Pendulum:
-    """A rigid bar with a mass at its end, swinging about a fixed horizontal axis.
+    """A rigid bar with a mass at its end, rotating about a fixed horizontal axis.
 
     Attributes
     ----------
@@ -87,11 +82,11 @@ class Pendulum:
     com : float
         Pivot to centre of mass, m.
     effective_mass : float or None
-        The mass that Eqs 8 to 10 put at the contact point, kg; None takes I/L², which is what the
-        equation of motion implies.
+        The mass that Eqs 8 to 10 put at the contact point, kg; None uses I/L², which the equation
+        of motion implies.
     face_offset : float
-        How far the striking face leads the line from the pivot through the bar, m. It places the
-        pivot relative to the ball and hardly matters otherwise.
+        Distance of the striking face in front of the line from the pivot through the bar, m. It
+        places the pivot relative to the ball and has little other influence.
     """
 
     length: float
@@ -117,18 +112,18 @@ class Pendulum:
 
     @property
     def mass_at_contact(self) -> float:
-        """The effective mass M_E that Eqs 8 to 10 are evaluated with, kg."""
+        """The effective mass M_E used in Eqs 8 to 10, kg."""
         return self.inertial_mass if self.effective_mass is None else self.effective_mass
 
 
 @dataclass(frozen=True)
 class Ball:
-    """An inflated ball and how it rebounds.
+    """An inflated ball with its laws of restitution and contact time.
 
     Attributes
     ----------
     name : str
-        What the setup file and the column ``ball`` call it.
+        Name in the setup file and the column ``ball``.
     mass, diameter : float
         kg, m.
     launch_angle : float
@@ -143,7 +138,7 @@ class Ball:
     cor_range : (2,) tuple of float
         Impact speeds between which `cor` was fitted, m/s.
     surface : str
-        Which drag curve fits the surface: "smooth", "soccer" or "basketball".
+        Name of the drag curve of the surface: "smooth", "soccer" or "basketball".
     inertia_factor : float
         Moment of inertia about the centre over m R²; 2/3 for a thin shell.
     """
@@ -182,7 +177,7 @@ class Ball:
 
 @dataclass(frozen=True)
 class Support:
-    """What the ball rests on before it is struck.
+    """Support of the ball before the strike.
 
     Attributes
     ----------
@@ -204,7 +199,8 @@ PAPER_PENDULUM = Pendulum(
     length=0.5541, inertia=1.579, mass=6.0, com=0.4553, effective_mass=5.1667, face_offset=0.045
 )
 
-"""Table 2. The face offset is not printed; it is that of the simulated reference contacts."""
+"""Table 2. The face offset is not printed; it is that of the simulated reference contacts
+(assumed)."""
 
 PAPER_SUPPORT = Support(height=0.3120)
 
@@ -245,10 +241,10 @@ def kinetic_energy(pendulum: Pendulum, speed: Number) -> Number:
 
 
 def lost_by_pendulum(pendulum: Pendulum, before: Number, after: Number) -> Number:
-    """½ I (ω₁² − ω₂²), J: what the pendulum gives away, to the ball and to deformation (Eq. 19)."""
+    """½ I (ω₁² − ω₂²), J: energy lost by the pendulum, to the ball and to deformation (Eq. 19)."""
     return kinetic_energy(pendulum, before) - kinetic_energy(pendulum, after)
 
 
 def lost_by_pendulum_approximate(pendulum: Pendulum, before: Number, impulse: Number) -> Number:
-    """Eqs 20, 21 with the dimensions put right: v_M⁰ F̃, J. Too large by 1/(1 − F̃/(2 M v))."""
+    """Eqs 20, 21 with dimensions corrected: v_M⁰ F̃, J. Too large by 1/(1 − F̃/(2 M v))."""
     return before * impulse

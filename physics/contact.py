@@ -1,34 +1,27 @@
-"""Pendulum and ball in contact: laws, their solution in time, and the instantaneous impact.
+"""Contact of pendulum and ball: force law, solution in time, and instantaneous impact.
 
-One contact, followed through time by a stiff-safe solver with events.
-
-What a contact leaves behind, and a table of such outcomes by impact speed.
-
-Hunt–Crossley contact between a turning face and a resting ball: the equations of motion.
-
-The ball (centre B, radius R) is pushed by the flat face of a pendulum whose pivot P is fixed. With
-the bar at angle φ the unit vector along the bar is a = (sin φ, −cos φ), the face's normal is
-n = (cos φ, sin φ), and the face is the plane (r − P)·n = f. Then
+**Resolved contact** (Hunt and Crossley, J. Appl. Mech. 42, 440, 1975). The ball (centre B, radius
+R) is pushed by the flat face of a pendulum with a fixed pivot P. With the bar at angle φ, a unit
+vector along the bar a = (sin φ, −cos φ) and the face's normal n = (cos φ, sin φ), the face is the
+plane (r − P)·n = f. Then
 
     compression      δ  = R + f − (B − P)·n
     lever of force   s  = (B − P)·a
     rate             δ̇  = ω s − v·n
     force            F  = k δⁿ (1 + c δ̇),  never pulling
 
-Hunt and Crossley, J. Appl. Mech. 42, 440 (1975). Everything here takes floats and arrays alike.
+One contact is solved by a stiff solver with events, many at once by fixed Runge–Kutta steps over
+arrays, calibrated to e(v) and Δt(v).
 
-Many contacts at once: fixed-step Runge–Kutta over arrays, calibrated to e(v) and Δt(v).
+**Instantaneous impact** (Eqs 2 and 7 to 10): impulse and velocities from masses and e.
 
-The instantaneous impact (Eqs 2 and 7 to 10): impulse and velocities from masses and e.
-
-Which contact times are possible: between two elastic bodies at their stiffest and their softest.
-
-The stiffest is a solid steel sphere (Hertz; Johnson, Contact Mechanics, 1985, §11.4)
+**Bounds of the contact time**, between the stiffest and the softest elastic bodies. The stiffest is
+a solid steel sphere (Hertz; Johnson, Contact Mechanics, 1985, §11.4)
 
     Δt = 2.87 (m*² / (R E*² v))^(1/5),
 
-the softest an inflated shell, pressed flat over the disc that the face cuts off. It pushes back
-with its gauge pressure times that disc, π D δ for small δ: a spring of stiffness k = π D p, so that
+the softest an inflated shell, flattened over the disc that the face cuts off. Its force is the
+gauge pressure times that disc, π D δ for small δ, a spring of stiffness k = π D p, so that
 
     Δt = π √(m* / k),    1 / m* = 1 / m_ball + 1 / m_face.
 """
@@ -55,8 +48,8 @@ from physics.integrator import Event, SolvedPath, follow_until, runge_kutta_step
 from physics.restitution import require_cor
 
 __all__ = [
-    "LOWEST_PRESSURE",
-    "STIFFEST_MODULUS",
+    "MAX_CONTACT_MODULUS",
+    "MIN_GAUGE_PRESSURE",
     "ContactHistory",
     "ContactOutcome",
     "ContactScene",
@@ -130,8 +123,8 @@ class ContactOutcome:
 
 
 SLIP_SCALE = 0.02
-
-"""m/s: slip at which regularised Coulomb friction has reached tanh(1) = 76 % of its full size."""
+"""Slip, m/s, at which regularised Coulomb friction has tanh(1) = 76 % of its full value
+(chosen)."""
 
 State = Sequence[Number]
 
@@ -164,7 +157,7 @@ class HuntCrossley:
         require_non_negative("the friction of the face", self.friction)
 
     def force(self, compression: Number, rate: Number) -> Number:
-        """Normal force, N, at compression δ (m) and rate δ̇ (m/s); zero where they are apart."""
+        """Normal force, N, at compression δ (m) and rate δ̇ (m/s); zero without contact."""
         pressed = np.maximum(compression, 0.0)
         push: Number = self.stiffness * pressed**self.exponent
         return np.maximum(push * (1.0 + self.damping * rate), 0.0)
@@ -172,7 +165,7 @@ class HuntCrossley:
 
 @dataclass(frozen=True)
 class ContactScene:
-    """A pendulum, a ball on its support, and where the pivot must be for them to touch at `angle`.
+    """A pendulum, a ball on its support, and the pivot for which they touch at `angle`.
 
     World frame: x from the ball's centre at rest, y up from the floor, z towards the camera.
 
@@ -215,7 +208,7 @@ class ContactScene:
     def _touching(
         self, state: State, sine: Number, cosine: Number
     ) -> tuple[Number, Number, Number]:
-        """`kinematics`, with sine and cosine of the bar's angle at hand."""
+        """`kinematics`, given sine and cosine of the bar's angle."""
         _, omega, x, y, vx, vy = state[:6]
         pivot_x, pivot_y = self.pivot
         from_x, from_y = x - pivot_x, y - pivot_y
@@ -248,7 +241,7 @@ class ContactScene:
         push = law.force(compression, rate)
         ball, body = self.ball, self.pendulum
         rub: Number = 0.0
-        # the face rubs on the flattened patch, nearer to the centre than the radius
+        # The friction acts at the flattened patch, nearer to the centre than the radius.
         reach = ball.radius - np.maximum(compression, 0.0)
         if law.friction > 0.0:
             slip = vx * sine - vy * cosine + reach * spin + omega * body.face_offset
@@ -320,14 +313,12 @@ def damping_for_cor(cor: Number) -> Number:
     return result if result.ndim else float(result)
 
 
-STEPS = 160
+CONTACT_STEPS = 160
+"""Steps per contact (measured: with half the step the outcome changes by less than 1e-6)."""
 
-"""Steps per contact: halved again, the outcome moves by less than 1e-6 of itself; measured."""
-
-COARSE_STEPS, COARSE_TOLERANCE = 40, 1e-4
-
-"""Steps per contact while the calibration is further off than this share: a quarter of the steps
-costs a quarter, and fourth order leaves 1e-6 · 4⁴, a few 1e-4."""
+COARSE_CONTACT_STEPS, COARSE_CALIBRATION_ERROR = 40, 1e-4
+"""Steps per contact while the calibration's relative error exceeds this tolerance (derived: fourth
+order gives 1e-6 · 4⁴, a few 1e-4, at a quarter of the cost)."""
 
 
 def released(
@@ -335,9 +326,9 @@ def released(
     law: HuntCrossley,
     impact_speed: FloatArray,
     expected_time: FloatArray,
-    steps: int = STEPS,
+    steps: int = CONTACT_STEPS,
 ) -> ContactOutcome:
-    """Follow contacts from onset to release with classical fourth-order steps.
+    """Solve contacts from onset to release with classical fourth-order steps.
 
     Parameters
     ----------
@@ -348,7 +339,7 @@ def released(
     impact_speed : (N,) array
         m/s.
     expected_time : (N,) array
-        About how long each contact lasts, s.
+        Approximate duration of each contact, s.
     steps : int
         Steps in that time.
 
@@ -392,8 +383,8 @@ def released(
                 return _outcome(scene, impact_speed, when, final)
         state, rates = after, rates_after
     raise DomainError(
-        f"a ball struck at {impact_speed[~found][0]:.3g} m/s does not come free of the face",
-        hint="A very slow impact or a very small coefficient of restitution can't be followed.",
+        f"a ball struck at {impact_speed[~found][0]:.3g} m/s is not released by the face",
+        hint="The impact is too slow, or the restitution too small, to simulate.",
     )
 
 
@@ -430,7 +421,7 @@ def _crossing(
     rates_after: FloatArray,
     step: FloatArray,
 ) -> FloatArray:
-    """Share of the step at which the compression vanishes, by bisection on the Hermite cubic."""
+    """Fraction of the step at which the compression vanishes, by bisection on the cubic."""
     low, high = np.zeros_like(step), np.ones_like(step)
     for _ in range(45):
         middle = 0.5 * (low + high)
@@ -472,8 +463,8 @@ def calibrate_contacts(
 ) -> tuple[HuntCrossley, ContactOutcome]:
     """Stiffness and damping for which each contact returns its `cor` and `contact_time`.
 
-    The head-on contact without gravity has a solution in closed form; its inverse, applied to what
-    the full simulation missed by, converges in a few rounds.
+    The head-on contact without gravity has a solution in closed form; its inverse, applied to the
+    remaining error of the full simulation, converges in a few rounds.
 
     Parameters
     ----------
@@ -485,9 +476,9 @@ def calibrate_contacts(
     friction : float
         Of the face.
     rounds : int
-        Most rounds to try.
+        Maximum number of rounds.
     tolerance : float
-        Largest relative miss of `cor` and `contact_time` allowed at the end.
+        Maximum relative error of `cor` and `contact_time` at the end.
 
     Returns
     -------
@@ -504,9 +495,9 @@ def calibrate_contacts(
     body = scene.pendulum.inertial_mass
     reduced = body * scene.ball.mass / (body + scene.ball.mass)
     aimed_cor, aimed_time = cor.copy(), contact_time.copy()
-    # friction that grips is stiff: the explicit steps must be shorter
+    # Static friction is stiff and needs shorter explicit steps.
     finer = 2 if friction > 0.0 or scene.support.friction > 0.0 else 1
-    missed, steps = np.inf, COARSE_STEPS * finer
+    missed, steps = np.inf, COARSE_CONTACT_STEPS * finer
     for _ in range(rounds):
         law = HuntCrossley(
             np.asarray(stiffness_for_time(reduced, impact_speed, aimed_time, exponent)),
@@ -518,14 +509,14 @@ def calibrate_contacts(
         cor_miss = np.asarray(outcome.cor) / cor
         time_miss = np.asarray(outcome.contact_time) / contact_time
         missed = float(np.max(np.abs([cor_miss - 1.0, time_miss - 1.0])))
-        if missed < tolerance and steps == STEPS * finer:
+        if missed < tolerance and steps == CONTACT_STEPS * finer:
             return law, outcome
-        if missed < COARSE_TOLERANCE:
-            steps = STEPS * finer
+        if missed < COARSE_CALIBRATION_ERROR:
+            steps = CONTACT_STEPS * finer
         aimed_cor, aimed_time = aimed_cor / cor_miss, aimed_time / time_miss
     raise DomainError(
         f"no contact law gives these coefficients of restitution and contact times"
-        f" (missed by {missed:.1e})",
+        f" (relative error {missed:.1e})",
         hint="Check the law of restitution and the contact times at the lowest and highest speed.",
     )
 
@@ -591,18 +582,15 @@ def contact_outcomes(
     return outcome
 
 
-LONGEST = 1.0
+MAX_CONTACT_TIME = 1.0
+"""Maximum duration of a contact, s (chosen)."""
 
-"""s; a contact that lasts longer is called stuck."""
+RESTING_TOLERANCE = 1e-8
+"""Distance below its rest height at which a ball is on the support again, m (chosen)."""
 
-TOUCHING = 1e-8
-
-"""m; a ball this little below its rest height lies on the support again."""
-
-MOST_PHASES = 8
-
-"""Times a ball may leave its support and sink back onto it during one contact: of strikes on the
-paper's rig none does so more than once, so that more than a few is a solver that chatters."""
+MAX_CONTACT_PHASES = 8
+"""Maximum number of phases on and off the support in one contact (chosen): strikes on the paper's
+rig have at most three; more are numerical chatter."""
 
 
 @dataclass(frozen=True)
@@ -624,7 +612,7 @@ class ContactHistory:
     force : (N,) array
         Normal force of the face, N.
     lift_off : float
-        When the ball left its support, s; the time of release if it never did.
+        Time at which the ball left its support, s; that of release if it never did.
     law : HuntCrossley
         The contact law followed.
     scene : ContactScene
@@ -676,7 +664,7 @@ def calibrate_contact(
     Raises
     ------
     DomainError
-        If no stiffness and damping do.
+        If there are none.
     """
     law, _ = calibrate_contacts(
         scene,
@@ -704,11 +692,11 @@ def simulate_contact(
     law: HuntCrossley | None = None,
     samples: int = 201,
 ) -> ContactHistory:
-    """Follow face and ball from first touch to release (Hunt and Crossley 1975).
+    """Simulate a contact from first touch to release (Hunt and Crossley 1975).
 
-    The pendulum turns, its face with it; gravity acts on both; the support pushes until the face
-    lifts the ball off it. LSODA changes to an implicit method where friction makes the equations
-    stiff; lift-off and release are events.
+    Gravity acts on pendulum and ball; the support pushes until the face lifts the ball off it.
+    LSODA switches to an implicit method where friction makes the equations stiff; lift-off and
+    release are events.
 
     Parameters
     ----------
@@ -719,11 +707,11 @@ def simulate_contact(
     gravity : float
         m/s².
     cor, contact_time : float, optional
-        What the contact shall return, 1 and s; default the ball's laws at this speed.
+        Required result, 1 and s; default the ball's laws at this speed.
     friction : float
         Coulomb coefficient between face and ball.
     law : HuntCrossley, optional
-        Follow this law as it is instead of calibrating one.
+        Use this law instead of calibrating one.
     samples : int
         Rows of the history.
 
@@ -754,10 +742,10 @@ def simulate_contact(
 
 
 def _phases(scene: ContactScene, law: HuntCrossley, state: FloatArray) -> list[SolvedPath]:
-    """The motion on the support, off it, perhaps on it again, until the face lets go."""
+    """Motion on the support, off it, and perhaps on it again, until release."""
     phases: list[SolvedPath] = []
     resting, since = True, 0.0
-    while not phases or (phases[-1].ended_by == 1 and len(phases) < MOST_PHASES):
+    while not phases or (phases[-1].ended_by == 1 and len(phases) < MAX_CONTACT_PHASES):
         phases.append(_phase(scene, law, state, since, resting=resting))
         since, state = phases[-1].end, phases[-1].state.copy()
         if not resting:
@@ -765,8 +753,8 @@ def _phases(scene: ContactScene, law: HuntCrossley, state: FloatArray) -> list[S
         resting = not resting
     if phases[-1].ended_by != 0:
         raise DomainError(
-            f"the ball is not released by the face within {LONGEST:g} s",
-            hint="A very slow impact or a very small coefficient of restitution can't be followed.",
+            f"the ball is not released by the face within {MAX_CONTACT_TIME:g} s",
+            hint="The impact is too slow, or the restitution too small, to simulate.",
         )
     return phases
 
@@ -784,14 +772,14 @@ def _phase(
         return float(scene.derivative(list(state), law, False)[5])
 
     def height(_: float, state: FloatArray) -> float:
-        return float(state[3]) - scene.rest_height + TOUCHING
+        return float(state[3]) - scene.rest_height + RESTING_TOLERANCE
 
-    # on the support until the push upwards beats the weight; off it until it sinks back
+    # On the support until the upward force exceeds the weight; off it until the ball sinks back.
     leaves = Event(upward, 1.0) if resting else Event(height, -1.0)
     return follow_until(
         rates,
         start,
-        (since, since + LONGEST),
+        (since, since + MAX_CONTACT_TIME),
         [Event(compression, -1.0), leaves],
         method="LSODA",
         relative=1e-9,
@@ -847,7 +835,7 @@ def _history(
 
 @dataclass(frozen=True)
 class ImpulsiveImpact:
-    """Both sides of an impact along the contact normal; floats or arrays.
+    """Velocities and impulse of an impact along the contact normal; floats or arrays.
 
     Attributes
     ----------
@@ -870,7 +858,7 @@ class ImpulsiveImpact:
 
     @property
     def mean_speed(self) -> Number:
-        """v_M^avg = (v_M⁰ + v_M) / 2, m/s: the face during contact, as Eq. 13 has it."""
+        """v_M^avg = (v_M⁰ + v_M) / 2, m/s: mean speed of the face during contact (Eq. 13)."""
         return 0.5 * (self.speed_before + self.speed_after)
 
 
@@ -922,24 +910,21 @@ def cor_from_ball_speed(
     return ball * (effective_mass + ball_mass) / (effective_mass * before) - 1.0
 
 
-LOWEST_PRESSURE = 8.0e3
+MIN_GAUGE_PRESSURE = 8.0e3
+"""Minimum gauge pressure of a ball, Pa (chosen: a soft play ball; a volleyball has 30 kPa, a
+basketball 55 kPa, a football 60 to 110 kPa by the rules of FIVB, FIBA and IFAB)."""
 
-"""Pa above the air's: a soft play ball; a volleyball has 30 kPa, a basketball 55 kPa, a football 60
-to 110 kPa (rules of FIVB, FIBA and IFAB)."""
+MAX_CONTACT_MODULUS = 1.15e11
+"""Maximum contact modulus, Pa (derived): E* = E / 2(1 − ν²) of steel on steel with E = 210 GPa and
+ν = 0.3; no ball is stiffer."""
 
-STIFFEST_MODULUS = 1.15e11
-
-"""Pa: E* = E / 2(1 − ν²) of steel on steel, since nothing that is thrown is stiffer; E = 210 GPa, ν
-= 0.3."""
-
-_HERTZ = 2.87
-
-"""1: Johnson 1985, Eq. 11.24."""
+_HERTZ_TIME_FACTOR = 2.87
+"""Factor of Hertz's contact time, 1 (convention: Johnson 1985, Eq. 11.24)."""
 
 
 @dataclass(frozen=True)
 class ContactTimeBound:
-    """Contact times that a ball can have.
+    """Possible contact times of a ball.
 
     Attributes
     ----------
@@ -954,16 +939,16 @@ class ContactTimeBound:
 def contact_time_bound(
     ball_mass: float, diameter: float, face_mass: float, speed: float
 ) -> ContactTimeBound:
-    """Bound the contact time of a ball by what bodies can be made of.
+    """Bound the contact time of a ball by the stiffest and softest materials.
 
     Parameters
     ----------
     ball_mass, diameter : float
         Of the ball, kg and m.
     face_mass : float
-        Effective mass of what strikes it, kg.
+        Effective mass of the striker, kg.
     speed : float
-        At which they meet, m/s.
+        Impact speed, m/s.
 
     Returns
     -------
@@ -979,6 +964,8 @@ def contact_time_bound(
     require_positive("an effective mass", face_mass, "kg")
     require_positive("a speed of approach", speed, "m/s")
     mass = ball_mass * face_mass / (ball_mass + face_mass)
-    solid = _HERTZ * (mass**2 / (0.5 * diameter * STIFFEST_MODULUS**2 * speed)) ** 0.2
-    shell = math.pi * math.sqrt(mass / (math.pi * diameter * LOWEST_PRESSURE))
+    solid = (
+        _HERTZ_TIME_FACTOR * (mass**2 / (0.5 * diameter * MAX_CONTACT_MODULUS**2 * speed)) ** 0.2
+    )
+    shell = math.pi * math.sqrt(mass / (math.pi * diameter * MIN_GAUGE_PRESSURE))
     return ContactTimeBound(solid, shell)

@@ -1,6 +1,6 @@
-"""Checks at the door: a number that no law holds for is refused by name, never made a NaN.
+"""Number types of the physics package, and validation of inputs that raises DomainError.
 
-The number types of the physics room: one formula serves a float and an array of trials alike.
+One formula serves a float and an array of trials.
 """
 
 import math
@@ -40,7 +40,7 @@ def _values(value: Number) -> FloatArray:
 
 
 def require_finite(name: str, value: Number) -> None:
-    """Refuse NaN and infinity.
+    """Reject NaN and infinity.
 
     Raises
     ------
@@ -52,7 +52,7 @@ def require_finite(name: str, value: Number) -> None:
 
 
 def require_positive(name: str, value: Number, unit: str = "") -> None:
-    """Refuse zero, negative numbers, NaN and infinity.
+    """Reject zero, negative numbers, NaN and infinity.
 
     Raises
     ------
@@ -65,12 +65,12 @@ def require_positive(name: str, value: Number, unit: str = "") -> None:
 
 
 def require_non_negative(name: str, value: Number, unit: str = "") -> None:
-    """Refuse negative numbers, NaN and infinity.
+    """Reject negative numbers, NaN and infinity.
 
     Raises
     ------
     DomainError
-        If any entry of `value` is negative or no finite number.
+        If any entry of `value` is negative or not finite.
     """
     require_finite(name, value)
     if np.any(_values(value) < 0.0):
@@ -78,12 +78,12 @@ def require_non_negative(name: str, value: Number, unit: str = "") -> None:
 
 
 def require_angle(name: str, value: Number, limit: float = math.pi) -> None:
-    """Refuse angles beyond ±`limit` (rad).
+    """Reject angles beyond ±`limit` (rad).
 
     Raises
     ------
     DomainError
-        If any entry lies outside; the message speaks in degrees, as a person typed it.
+        If any entry lies outside; the message is in degrees.
     """
     require_finite(name, value)
     if np.any(np.abs(_values(value)) > limit):

@@ -1,20 +1,12 @@
-"""The ball in the air: forces, integration, closed form.
+"""Flight of a ball: equation of motion, numerical integration and closed form.
 
-Flights to the floor: one by scipy's adaptive solver, many at once by fixed steps.
-
-The equation of motion of a ball in the air: gravity, and the forces of the effect catalogue.
-
-The one right-hand side of every flight: one ball followed by scipy, thousands marched in a batch,
-the simulator's, the renderer's, the measuring fit's and the mismatch engine's.
-
-Flights in the plane of the picture, compiled: what a fit marches a thousand times.
-
-`FlightModel` with drag and lift alone, by what a clip shows: K and the lift, not the masses and
-coefficients behind them. A flight is x, y (m), vx, vy (m/s), K = ρ S C_D / 2 m (1/m), lift
-(acceleration normal to the velocity per speed, 1/s; positive lifts a ball that flies to +x) and
-gravity (m/s²).
-
-The paper's flight in closed form (Eqs 13 to 16): horizontal drag, no vertical drag.
+`FlightModel` is the equation of motion with gravity and the forces of the effect catalogue, used by
+simulation, rendering, measuring and the mismatch engine; `fly` solves one flight adaptively and
+`land_many` many at once with fixed steps. `flown` and `time_of_fall` are compiled flights in the
+picture plane with drag and lift only, for fits: a flight is x, y (m), vx, vy (m/s), K = ρ S C_D / 2
+m (1/m), lift (acceleration normal to the velocity per speed, 1/s; positive lifts a ball that flies
+to +x) and gravity (m/s²). `land` is the paper's closed form (Eqs 13 to 16) with horizontal drag
+only.
 """
 
 import math
@@ -58,7 +50,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class FlightModel:
-    """Ball, air and what acts on the ball; SI, floats or arrays that broadcast with the batch.
+    """Equation of motion of a ball in air; SI, floats or arrays that broadcast with the batch.
 
     Attributes
     ----------
@@ -69,7 +61,7 @@ class FlightModel:
     terms : sequence of Term
         Effects with a force; others are ignored.
     impact_speed, order : Number
-        As in `FlightState`, for effects that change from trial to trial.
+        As in `FlightState`, for effects that depend on the trial.
     """
 
     mass: Number
@@ -106,7 +98,7 @@ class FlightModel:
         slope[4] = -self.gravity
         drag, spin = self._held(time, state)
         for at, terms in self._by_members:
-            # effects that act in the same members see the same state
+            # Effects that act in the same members share one state.
             seen = self._seen(time, state, at, _part(drag, at), _part(spin, at))
             forces = [term.effect.force(term.values, seen) for term in terms]
             for axis, along in enumerate(zip(*forces, strict=True), start=3):
@@ -145,11 +137,11 @@ class FlightModel:
 
     @cached_property
     def _held_by_size(self) -> dict[int, tuple[Number, Number]]:
-        """What `_held` found, by the size of the batch, where it does not change on the way."""
+        """Results of `_held` by batch size, where they are constant during the flight."""
         return {}
 
     def _held(self, time: Number, state: FloatArray) -> tuple[Number, Number]:
-        """Drag coefficient and spin of the model, for the effects that build on them."""
+        """Drag coefficient and spin, for the effects that build on them."""
         size = state.shape[1] if state.ndim > 1 else 1
         if size in self._held_by_size:
             return self._held_by_size[size]
@@ -169,7 +161,7 @@ class FlightModel:
 
 
 def _spread(value: Number, at: slice | EllipsisType, shape: tuple[int, ...]) -> Number:
-    """A value of some members as a column over the whole batch, nought in the others."""
+    """A value of some members as a column over the whole batch, zero in the others."""
     if isinstance(at, EllipsisType):
         return value
     column = np.zeros((shape[1], *np.shape(value)[1:]))
@@ -182,13 +174,11 @@ def _part(value: Number, at: slice | EllipsisType) -> Number:
     return value[at] if isinstance(value, np.ndarray) and value.ndim else value
 
 
-STEP = 0.02
+FLIGHT_STEP_S = 0.02
+"""Step, s (measured: flights of balls under a second are accurate to 0.1 mm)."""
 
-"""s: fourth-order steps of this length keep flights of balls under a second to 0.1 mm."""
-
-NEWTON_ROUNDS, CLOSE_ENOUGH = 6, 1e-12
-
-"""Rounds of Newton's method on the last step at most, and m off the floor where it stops."""
+MAX_LANDING_ROUNDS, LANDING_TOLERANCE_M = 6, 1e-12
+"""Maximum Newton iterations for the last step, and height error at convergence, m (chosen)."""
 
 
 @dataclass(frozen=True)
@@ -235,7 +225,7 @@ def fly(
     samples: int = 201,
     tolerance: float = 1e-10,
 ) -> FlightPath:
-    """Fly a ball until its centre comes down to `floor` (steps b to e of the paper).
+    """Simulate a flight until the centre reaches `floor` (steps b to e of the paper).
 
     Parameters
     ----------
@@ -244,9 +234,9 @@ def fly(
     position, velocity : three floats
         At launch, m and m/s.
     floor : float
-        Height of the centre at landing, m (the ball's radius where its lowest point touches down).
+        Height of the centre at landing, m (the ball's radius, if its lowest point lands).
     longest : float
-        Longest flight followed, s.
+        Maximum duration, s.
     samples : int
         Rows of the path.
     tolerance : float
@@ -297,7 +287,7 @@ def _path(
 def _not_landed(who: str, longest: float) -> DomainError:
     return DomainError(
         f"{who} not landed after {longest:g} s",
-        hint="Is there gravity, and is the wind or lift of a believable size?",
+        hint="Check gravity, and the size of wind and lift.",
     )
 
 
@@ -306,10 +296,10 @@ def land_many(
     state: FloatArray,
     *,
     floor: Number = 0.0,
-    step: float = STEP,
+    step: float = FLIGHT_STEP_S,
     longest: float = 20.0,
 ) -> tuple[FloatArray, FloatArray]:
-    """Fly many balls to the floor at once.
+    """Simulate many flights to the floor at once.
 
     Parameters
     ----------
@@ -322,7 +312,7 @@ def land_many(
     step : float
         Step, s.
     longest : float
-        Longest flight followed, s.
+        Maximum duration, s.
 
     Returns
     -------
@@ -358,36 +348,36 @@ def land_many(
 def _land(
     model: FlightModel, bracket: FloatArray, since: FloatArray, step: float, level: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Newton's method on the last step's length, from where each ball was still above the floor."""
+    """Newton's method for the last step's length, from the last state above the floor."""
     fall = np.full(since.shape, 0.5 * step)
     there = bracket
-    for _ in range(NEWTON_ROUNDS):
+    for _ in range(MAX_LANDING_ROUNDS):
         there = runge_kutta_step(model.rates, since, bracket, fall)
         miss = there[1] - level
-        if np.max(np.abs(miss)) < CLOSE_ENOUGH:
+        if np.max(np.abs(miss)) < LANDING_TOLERANCE_M:
             break
         fall = np.clip(fall - miss / np.minimum(there[4], -1e-9), 0.0, step)
     return since + fall, there
 
 
-_STEP_S, _LEAST_STEP_S = 0.05, 1e-6
+_STEP_S, _MIN_STEP_S = 0.05, 1e-6
+"""Runge–Kutta step and its minimum, s (measured: a ball that drag slows by a tenth per second is
+accurate to 1e-8 m)."""
 
-"""Runge–Kutta steps: a ball that drag slows by a tenth in a second is right to 1e-8 m with them."""
+_FALL_NEWTON_STEPS = 6
+"""Newton iterations (derived: each doubles the digits, starting from three)."""
 
-_NEWTON_STEPS = 6
-
-"""Steps: Newton doubles the digits in each, and a sample of the path starts with three."""
-
-# A search may try forces that would blow the path up.
-_MOST_DRAG, _MOST_LIFT, _MOST_GRAVITY = 1.0, 5.0, 99.0
+_MAX_DRAG, _MAX_LIFT, _MAX_GRAVITY = 1.0, 5.0, 99.0
+"""Limits of K (1/m), lift (1/s) and gravity (m/s²) in a search (chosen), so that paths stay
+finite."""
 
 
 @compiled
 def rates(flight: FloatArray, state: FloatArray, rate: FloatArray) -> None:
-    """Put the rates (4,) of a state x, y, vx, vy into `rate`, m/s and m/s²."""
-    drag = min(max(flight[4], -_MOST_DRAG), _MOST_DRAG)
-    lift = min(max(flight[5], -_MOST_LIFT), _MOST_LIFT)
-    gravity = min(max(flight[6], -_MOST_GRAVITY), _MOST_GRAVITY)
+    """Write the rates (4,) of a state x, y, vx, vy into `rate`, m/s and m/s²."""
+    drag = min(max(flight[4], -_MAX_DRAG), _MAX_DRAG)
+    lift = min(max(flight[5], -_MAX_LIFT), _MAX_LIFT)
+    gravity = min(max(flight[6], -_MAX_GRAVITY), _MAX_GRAVITY)
     vx, vy = state[2], state[3]
     resist = drag * math.hypot(vx, vy)
     rate[0], rate[1] = vx, vy
@@ -423,7 +413,7 @@ def _march(flight: FloatArray, step: float, states: FloatArray, slopes: FloatArr
 def _read(
     states: FloatArray, slopes: FloatArray, step: float, time: float, found: FloatArray
 ) -> None:
-    """The state (4,) at a time, by the cubic between two steps; the last one is continued."""
+    """State (4,) at a time, by the cubic between two steps; the end cubics extrapolate."""
     place = time / step
     cell = min(max(int(place), 0), len(states) - 2)
     u = place - cell
@@ -441,15 +431,15 @@ def _read(
 def flown(flights: FloatArray, elapsed: FloatArray) -> FloatArray:
     """States x, y, vx, vy (K, N, 4) of flights (K, 7) at times (N,) from their reference, s.
 
-    Times before the reference are marched back to. A path that a search drives to infinity is
-    worth nothing, and says so by NaN.
+    Times before the reference are integrated backwards. A path that a search drives to infinity
+    gives NaN.
     """
     found = np.empty((len(flights), len(elapsed), 4))
     earliest, latest = 0.0, 0.0
     for n in range(len(elapsed)):
         earliest, latest = min(earliest, elapsed[n]), max(latest, elapsed[n])
     for back in (True, False):
-        until = min(earliest, -_LEAST_STEP_S) if back else max(latest, _LEAST_STEP_S)
+        until = min(earliest, -_MIN_STEP_S) if back else max(latest, _MIN_STEP_S)
         steps = math.ceil(abs(until) / _STEP_S)
         states, slopes = np.empty((steps + 1, 4)), np.empty((steps + 1, 4))
         for row in range(len(flights)):
@@ -463,15 +453,15 @@ def flown(flights: FloatArray, elapsed: FloatArray) -> FloatArray:
 @compiled
 def time_of_fall(flight: FloatArray, height: float, longest: float) -> float:
     """Time after which a flight (7,) comes down to a height (m), s; NaN if not within `longest`."""
-    steps = math.ceil(max(longest, _LEAST_STEP_S) / _STEP_S)
-    step = max(longest, _LEAST_STEP_S) / steps
+    steps = math.ceil(max(longest, _MIN_STEP_S) / _STEP_S)
+    step = max(longest, _MIN_STEP_S) / steps
     states, slopes = np.empty((steps + 1, 4)), np.empty((steps + 1, 4))
     _march(flight, step, states, slopes)
     here = np.empty(4)
     for n in range(steps):
         if states[n, 1] > height and states[n + 1, 1] <= height:
             at = n * step
-            for _ in range(_NEWTON_STEPS):
+            for _ in range(_FALL_NEWTON_STEPS):
                 _read(states, slopes, step, at, here)
                 at -= (here[1] - height) / here[3]
             return at
@@ -480,7 +470,7 @@ def time_of_fall(flight: FloatArray, height: float, longest: float) -> float:
 
 @dataclass(frozen=True)
 class Launch:
-    """Where and how the ball leaves, in the paper's reading of the contact.
+    """Launch of the ball after the paper's impulsive contact.
 
     Attributes
     ----------
@@ -489,7 +479,7 @@ class Launch:
     angle : float or array
         θ above the horizontal, rad.
     advance : float or array
-        v_M^avg Δt: how far the ball was carried along θ during contact, m.
+        v_M^avg Δt: displacement of the ball along θ during contact, m.
     """
 
     speed: Number
@@ -534,7 +524,7 @@ def drag_free_distance(distance: Number, constant: Number) -> Number:
 def land(
     launch: Launch, support_height: Number, constant: Number, gravity: float = GRAVITY
 ) -> Landing:
-    """Landing by Eqs 15 (with its bracket put right) and 16.
+    """Landing by Eqs 15 (with its bracket corrected) and 16.
 
     t = (v sin θ + √((v sin θ)² + 2 g (h_s + a sin θ))) / g,
     x = ln(1 + K v cos θ t) / K + a cos θ, with a the advance during contact.
@@ -543,7 +533,7 @@ def land(
     ----------
     launch : Launch
     support_height : float or array
-        h_s: how far the ball's lowest point falls to the floor, m.
+        h_s: height of the ball's lowest point above the floor, m.
     constant : float or array
         K, 1/m; 0 is allowed.
     gravity : float

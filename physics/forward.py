@@ -1,8 +1,7 @@
-"""From impact speed to landing: the paper's steps a to e, and the same with the contact in time.
+"""Forward model from impact speed to landing (steps a to e), and its inversions.
 
-Distance to back-swing angle and speed (section V.3), with a prediction interval.
-
-The coefficient of restitution from the landing distance: Eq. 17 as the implicit law it is.
+`plan_distance` finds back-swing and speed for a distance (section V.3) with a prediction interval;
+`cor_from_range` solves Eq. 17, an implicit equation, for the coefficient of restitution.
 """
 
 import math
@@ -34,7 +33,7 @@ from physics.domain import FloatArray, Number, require_non_negative, require_pos
 from physics.effects.base import Term
 from physics.effects.flight import CoefficientCurve, Drag, DragByReynolds
 from physics.flight import (
-    STEP,
+    FLIGHT_STEP_S,
     FlightModel,
     Landing,
     Launch,
@@ -81,7 +80,7 @@ class Experiment:
     gravity : float
         m/s².
     drag_coefficient : float or CoefficientCurve
-        C_D, or a curve C_D(Re) looked up along the flight (step b); the closed form takes the
+        C_D, or a curve C_D(Re) evaluated along the flight (step b); the closed form uses the
         curve's value at launch.
     """
 
@@ -135,7 +134,7 @@ def impulsive_launch(
     contact_time: Number | None = None,
     launch_angle: Number | None = None,
 ) -> Launch:
-    """The paper's launch: along θ, after being carried by v_M^avg Δt.
+    """The paper's launch: along θ, after a displacement by v_M^avg Δt.
 
     `cor` and `contact_time` (s) default to the ball's laws, `launch_angle` (rad) to its angle.
     """
@@ -156,7 +155,7 @@ def numerical_landing(
     experiment: Experiment,
     launch: Launch,
     *,
-    step: float = STEP,
+    step: float = FLIGHT_STEP_S,
 ) -> Landing:
     """Steps b to e from the paper's launch, drag in both directions."""
     angle, advance = np.asarray(launch.angle), np.asarray(launch.advance)
@@ -176,7 +175,7 @@ def ball_state(x: Number, y: Number, vx: Number, vy: Number) -> FloatArray:
 
 
 def drag_term(coefficient: float | CoefficientCurve | FloatArray) -> Term:
-    """Drag with a constant coefficient, or with one that is looked up by Reynolds number."""
+    """Drag with a constant coefficient, or with one that depends on the Reynolds number."""
     if callable(coefficient):
         return Term(DragByReynolds(curve=coefficient), {})
     require_non_negative("the drag coefficient", coefficient)
@@ -190,9 +189,9 @@ def time_resolved_landing(
     cor: Number | None = None,
     contact_time: Number | None = None,
     friction: float = 0.0,
-    step: float = STEP,
+    step: float = FLIGHT_STEP_S,
 ) -> tuple[ContactOutcome, Landing]:
-    """Contact followed in time, then the flight from where it let go; arrays over `speed` (m/s)."""
+    """Resolved contact, then the flight from release; arrays over `speed` (m/s)."""
     outcome = contact_outcomes(
         experiment.pendulum,
         experiment.ball,
@@ -219,7 +218,7 @@ DistanceLaw = Callable[[FloatArray], FloatArray]
 
 @dataclass(frozen=True)
 class PlanScatter:
-    """What repeats imperfectly and what is not known better; one sigma.
+    """Standard deviations between trials, and standard uncertainties shared by them.
 
     Attributes
     ----------
@@ -244,7 +243,7 @@ class PlanScatter:
 
 @dataclass(frozen=True)
 class Plan:
-    """How to strike to reach a distance.
+    """Setting that reaches a distance.
 
     Attributes
     ----------
@@ -253,10 +252,10 @@ class Plan:
     impact_speed, backswing : float
         m/s and rad.
     speed_std, backswing_std : float
-        How well the setting is known: what the shared uncertainties (law of restitution, launch
-        angle) and the trial's own change in the speed and angle that reach the distance.
+        Standard uncertainty of the setting: from the shared uncertainties (law of restitution,
+        launch angle) and the trial's own change in the speed and angle that reach the distance.
     distance_std : float
-        Scatter of the distance that a setting leads to, one sigma, m.
+        Standard deviation of the distance for a setting, m.
     interval : (2,) tuple of float
         95 % prediction interval of the distance of one trial, m.
     """
@@ -276,7 +275,7 @@ def speed_for_distance(distance: float, law: DistanceLaw, slowest: float, fastes
     Raises
     ------
     DomainError
-        If the distance is out of reach between `slowest` and `fastest` (m/s).
+        If the distance is outside the range between `slowest` and `fastest` (m/s).
     """
     require_positive("the distance", distance, "m")
 
@@ -288,7 +287,7 @@ def speed_for_distance(distance: float, law: DistanceLaw, slowest: float, fastes
         raise DomainError(
             f"a distance of {distance:g} m can't be reached: this pendulum reaches"
             f" {near:.3f} m to {far:.3f} m",
-            hint="Ask for a distance in between, or set up a longer or heavier pendulum.",
+            hint="Choose a distance in between, or a longer or heavier pendulum.",
         )
     return float(scipy.optimize.brentq(miss, slowest, fastest, xtol=1e-12, rtol=1e-13))
 
@@ -302,8 +301,8 @@ def plan_distance(
 ) -> Plan:
     """Back-swing and impact speed for a wanted landing distance.
 
-    The paper's steps a to e run backwards: launch along θ after Eqs 8 to 10, drag in both
-    directions, speed to back-swing by the energy balance of a frictionless pendulum.
+    The paper's steps a to e inverted: launch along θ after Eqs 8 to 10, drag in both directions,
+    speed to back-swing by the energy balance of a frictionless pendulum.
 
     Parameters
     ----------
@@ -322,7 +321,7 @@ def plan_distance(
     Raises
     ------
     DomainError
-        If the distance is out of the pendulum's reach.
+        If the distance is outside the pendulum's range.
     """
     ball, pendulum = experiment.ball, experiment.pendulum
     law = ball.cor if cor is None else cor
@@ -338,7 +337,7 @@ def plan_distance(
         return np.asarray(numerical_landing(experiment, launch).distance)
 
     fastest = frictionless_speed(pendulum, math.pi, ball.launch_angle, experiment.gravity)
-    slowest, fastest = _valid_speeds(law, _SLOWEST, fastest * (1.0 - 1e-9))
+    slowest, fastest = _valid_speeds(law, _MIN_PLANNED_SPEED, fastest * (1.0 - 1e-9))
     speed = speed_for_distance(distance, lands, slowest, fastest)
     backswing = backswing_for_speed(pendulum, speed, ball.launch_angle, experiment.gravity)
 
@@ -348,17 +347,17 @@ def plan_distance(
     return _with_scatter(distance, speed, backswing, slopes, by_angle, scatter)
 
 
-_SLOWEST = 0.05
-"""m/s: the gentlest strike that is planned with; it moves a ball by millimetres."""
+_MIN_PLANNED_SPEED = 0.05
+"""Minimum impact speed in planning, m/s (chosen): it moves a ball by millimetres."""
 
 
 def _valid_speeds(law: CorLaw, slowest: float, fastest: float) -> tuple[float, float]:
-    """Speeds from `slowest` to `fastest` between which the law gives a coefficient of restitution.
+    """Part of `slowest` to `fastest` in which the law gives a coefficient of restitution.
 
     Raises
     ------
     DomainError
-        If it gives none at any speed.
+        If there is none.
     """
 
     def valid(speed: float) -> bool:
@@ -479,7 +478,7 @@ class RangeInputs:
         drag_coefficient: Number,
         gravity: float = GRAVITY,
     ) -> Self:
-        """Gather the inputs from bodies and what was measured."""
+        """Collect the inputs from bodies and measured values."""
         return cls(
             distance,
             impact_speed,
@@ -510,7 +509,7 @@ def _check_inputs(inputs: RangeInputs) -> None:
 
 
 def _ball_speed(inputs: RangeInputs, carried: Number) -> Number:
-    """Speed that lands the ball at the distance, if contact carried it by `carried` along θ (m)."""
+    """Speed that lands the ball at the distance after a displacement `carried` along θ (m)."""
     cosine, sine = np.cos(inputs.launch_angle), np.sin(inputs.launch_angle)
     flown = drag_free_distance(inputs.distance - carried * cosine, inputs.drag_constant)
     fall = inputs.support_height + carried * sine + flown * sine / cosine
@@ -527,7 +526,7 @@ def cor_from_range(inputs: RangeInputs) -> Number:
     """Coefficient of restitution from where the ball landed (Eq. 17).
 
     v_M^avg on the right of Eq. 17 depends on e through v_M; the equation is iterated to a fixed
-    point, which the small share of the contact in the whole path makes a strong contraction.
+    point, a strong contraction since the contact is a small fraction of the whole path.
 
     Parameters
     ----------
@@ -536,12 +535,12 @@ def cor_from_range(inputs: RangeInputs) -> Number:
     Returns
     -------
     float or array
-        e. Not limited to (0, 1]: measured distances may say otherwise.
+        e. Not limited to (0, 1]: measured distances may give other values.
 
     Raises
     ------
     DomainError
-        For inputs outside their domain or a distance that no launch at θ reaches.
+        For inputs outside their domain or a distance that no launch at θ gives.
     """
     _check_inputs(inputs)
     mean_speed: Number = inputs.impact_speed
@@ -558,7 +557,7 @@ def cor_from_range(inputs: RangeInputs) -> Number:
     else:
         raise DomainError(
             "Eq. 17 has no fixed point for these inputs",
-            hint="Is the contact time in seconds? It should be some hundredths.",
+            hint="Check that the contact time is in seconds: some hundredths are usual.",
         )
     return cor_from_ball_speed(
         inputs.effective_mass, inputs.ball_mass, inputs.impact_speed, ball_speed
@@ -566,12 +565,12 @@ def cor_from_range(inputs: RangeInputs) -> Number:
 
 
 def impact_speed_from_range(inputs: RangeInputs, cor: Number) -> Number:
-    """Eq. 22 (with its exponent put right): the impact speed that lands the ball at the distance.
+    """Eq. 22 (with its exponent corrected): impact speed that lands the ball at the distance.
 
     Parameters
     ----------
     inputs : RangeInputs
-        `impact_speed` is only the first guess.
+        `impact_speed` is only the initial guess.
     cor : float or array
         e, known.
 
@@ -631,7 +630,7 @@ def propagate_cor(inputs: RangeInputs, stds: dict[str, float]) -> Quantity:
     inputs : RangeInputs
         Floats.
     stds : dict of str to float
-        Standard uncertainty by field name, in the field's unit; what is absent is taken as exact.
+        Standard uncertainty by field name, in the field's unit; others are exact.
 
     Returns
     -------
@@ -641,11 +640,11 @@ def propagate_cor(inputs: RangeInputs, stds: dict[str, float]) -> Quantity:
     Raises
     ------
     DomainError
-        For a name that is no input.
+        For a name that is not an input.
     """
     names = {f.name for f in fields(inputs)}
     if unknown := set(stds) - names:
-        raise DomainError(f"{sorted(unknown)} are no inputs of Eq. 17; they are {sorted(names)}")
+        raise DomainError(f"{sorted(unknown)} are not inputs of Eq. 17, which are {sorted(names)}")
     slopes = sensitivities(inputs)
     budget = tuple(
         Contribution(UncertaintySource(name.replace("_", " ")), abs(slopes[name]) * std)

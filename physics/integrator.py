@@ -1,7 +1,4 @@
-"""Stepping many trajectories at once, and reading them between the steps.
-
-scipy's adaptive solvers, run until one of several events ends the motion.
-"""
+"""Integrate many trajectories with fixed steps, or one with scipy until an event."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -30,7 +27,7 @@ Rates = Callable[[Any, FloatArray], FloatArray]
 
 
 class Trajectory:
-    """States on an even grid of times, one grid per trajectory, read by cubic Hermite.
+    """States on an even time grid for each trajectory, interpolated by cubic Hermite.
 
     Parameters
     ----------
@@ -48,7 +45,7 @@ class Trajectory:
     def at(self, time: FloatArray) -> FloatArray:
         """States at times of shape (..., s), which may differ from trajectory to trajectory.
 
-        Beyond the ends of the grid the last cubic is continued.
+        Beyond the ends of the grid the last cubic is extrapolated.
 
         Returns
         -------
@@ -65,7 +62,7 @@ class Trajectory:
         begin, end = 2 * u3 - 3 * u2 + 1, 3 * u2 - 2 * u3
         leaving, arriving = (u3 - 2 * u2 + u) * step, (u3 - u2) * step
         states, rates = self.states.ravel(), self.rates.ravel()
-        # one component after the other, from flat places: a fourth of what fancy indices take
+        # Component by component with flat indices: a quarter of the time of fancy indexing.
         here = cell * (components * many) + np.arange(many)[:, None]
         values = np.empty((components, many, reads))
         for component, value in enumerate(values):
@@ -95,7 +92,7 @@ def runge_kutta_step(
         s; a negative step goes back.
     state : (c, ...) array
     first : (c, ...) array, optional
-        Rates at `time`, where they are known already.
+        Rates at `time`, if already known.
 
     Returns
     -------
@@ -119,7 +116,7 @@ def integrate(rates: Rates, start: FloatArray, duration: FloatArray, steps: int)
     start : (c, ...) array
         State at time zero.
     duration : array
-        How far to go, s, per trajectory.
+        Duration, s, per trajectory.
     steps : int
         Number of steps.
 
@@ -141,7 +138,7 @@ def integrate(rates: Rates, start: FloatArray, duration: FloatArray, steps: int)
 
 
 def crossing(path: Trajectory, level: FloatArray) -> FloatArray:
-    """First time at which component 0 rises through `level`; the end of the grid if it never does.
+    """First time at which component 0 rises through `level`; the end of the grid if never.
 
     Returns
     -------
@@ -157,7 +154,7 @@ def crossing(path: Trajectory, level: FloatArray) -> FloatArray:
         picked: FloatArray = np.take_along_axis(grid[:, 0], index[None], axis=0)[0]
         return picked
 
-    # Newton's steps on the cubic of the one cell in which it rises through.
+    # Newton steps on the cubic of the cell in which it rises through.
     below, over = node(path.states, first - 1), node(path.states, first)
     slope, end_slope = node(path.rates, first - 1) * step, node(path.rates, first) * step
     square = 3.0 * (over - below) - 2.0 * slope - end_slope
@@ -184,7 +181,7 @@ class Event:
     function : callable
         (time, state) to float.
     direction : float
-        −1 only where it falls through zero, +1 only where it rises, 0 both.
+        −1 for falling zeros only, +1 for rising ones only, 0 for both.
     """
 
     function: Callable[[float, FloatArray], float]
@@ -193,7 +190,7 @@ class Event:
 
 @dataclass(frozen=True)
 class SolvedPath:
-    """What the solver found.
+    """Solution of an integration.
 
     Attributes
     ----------
@@ -202,7 +199,7 @@ class SolvedPath:
     state : (S,) array
         State at the end.
     ended_by : int or None
-        Index of the event that ended it; None if time ran out.
+        Index of the event that ended it; None at the end of `span`.
     at : callable
         States (S, N) at times (N,), from the solver's dense output.
     """
@@ -237,10 +234,10 @@ def follow_until(
     events : sequence of Event
     method : str
         scipy's name of the solver.
-    relative, absolute : float
+        Name of scipy's solver.
         Tolerances.
     **options : float
-        `first_step`, `max_step` as scipy takes them.
+        `first_step`, `max_step` of scipy.
 
     Returns
     -------

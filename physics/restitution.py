@@ -1,8 +1,7 @@
-"""The coefficient of restitution: laws, fits, and the inversion of Eq. 17.
+"""Coefficient of restitution: laws e(v), their parser, and least-squares fits.
 
-Laws e(v) for the coefficient of restitution: objects, and text that is parsed, never run.
-
-Fits of e(v): exponential, visco-elastic power law, constant; and which the data prefer.
+Laws in text are parsed, never executed. Fits compare an exponential, a visco-elastic power law and
+a constant.
 """
 
 import ast
@@ -38,11 +37,11 @@ __all__ = [
 
 
 class NoValueError(DomainError):
-    """A law of restitution that gives no real number at an impact speed."""
+    """A law of restitution without a real value at an impact speed."""
 
 
 class CorLaw(Protocol):
-    """A law e(v): impact speed in m/s in, coefficient of restitution out, for floats and arrays."""
+    """A law e(v): coefficient of restitution by impact speed in m/s, for floats and arrays."""
 
     def __call__(self, speed: FloatOrArray) -> FloatOrArray:
         """Coefficient of restitution at impact speed `speed`, m/s."""
@@ -50,7 +49,7 @@ class CorLaw(Protocol):
 
 
 def require_cor(value: Number, speed: Number | None = None) -> None:
-    """Refuse a coefficient of restitution outside (0, 1]; `speed`, m/s, tells where.
+    """Reject a coefficient of restitution outside (0, 1]; `speed`, m/s, is for the message.
 
     Raises
     ------
@@ -68,7 +67,7 @@ def require_cor(value: Number, speed: Number | None = None) -> None:
     raise DomainError(
         f"a coefficient of restitution must be above 0 and at most 1, not"
         f" {values[outside].flat[0]:.4g}{at}",
-        hint="Ask for speeds at which the law holds, or give a number such as 0.75.",
+        hint="Use speeds at which the law holds, or give a number such as 0.75.",
     )
 
 
@@ -128,7 +127,7 @@ class PowerLawCor:
     """Visco-elastic contact, e(v) = 1 − a v^p with p = 1/5.
 
     Kuwabara and Kono, Jpn. J. Appl. Phys. 26, 1230 (1987): leading term for spheres in Hertz
-    contact with a viscous part. At speeds where it would fall to zero or below it is refused.
+    contact with a viscous part. Speeds at which it would be zero or negative are rejected.
 
     Attributes
     ----------
@@ -154,13 +153,13 @@ class ShiftedCor:
     Attributes
     ----------
     law : CorLaw
-        The law underneath.
+        The unmodified law.
     offset : float
-        Added at every speed (trial-to-trial scatter, an error of the law).
+        Added at every speed (variation between trials, an error of the law).
     slope : float
         s/m.
     pivot_speed : float
-        Speed at which the slope adds nothing, m/s.
+        Speed at which the slope contributes nothing, m/s.
     """
 
     law: CorLaw
@@ -186,11 +185,11 @@ _OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
 
 _VARIABLE = "v"
 
-"""Impact speed in a law as people write it."""
+"""Name of the impact speed in the text of a law."""
 
 _ARGUMENTS = {"min": 2, "max": 2}
 
-"""Numbers that a function of a law takes; one where it is not named."""
+"""Number of arguments of a function in a law; one if not listed."""
 
 _FUNCTIONS: dict[str, Callable[..., Any]] = {
     "exp": np.exp,
@@ -204,17 +203,17 @@ _FUNCTIONS: dict[str, Callable[..., Any]] = {
 
 _CONSTANTS = {"pi": math.pi, "e": math.e}
 
-_LONGEST_TEXT = 500
+_MAX_LAW_CHARACTERS = 500
 
-"""Characters: ten times the paper's laws; more than that is no law that anybody wrote down."""
+"""Maximum length of a law, characters (chosen: ten times the paper's laws)."""
 
 
 @dataclass(frozen=True)
 class ExpressionCor:
     """A law written as text in the impact speed `v` (m/s), such as ``0.13*exp(-0.27*v) + 0.67``.
 
-    The text is read into a syntax tree in which only numbers, `v`, + − * / **, and the functions
-    exp, log, sqrt, tanh, abs, min, max are allowed; nothing of it is ever run as code.
+    The text is parsed to a syntax tree in which only numbers, `v`, + − * / **, and the functions
+    exp, log, sqrt, tanh, abs, min, max are allowed; it is never executed as code.
 
     Attributes
     ----------
@@ -226,10 +225,10 @@ class ExpressionCor:
     _tree: ast.expr = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        if len(self.text) > _LONGEST_TEXT:
+        if len(self.text) > _MAX_LAW_CHARACTERS:
             raise UsageError(
                 f"a law of restitution of {len(self.text)} characters is too long",
-                hint="Write it shorter; numbers of six digits do.",
+                hint="Shorten it: six digits per number suffice.",
             )
         try:
             tree = ast.parse(self.text.strip().replace("^", "**"), mode="eval").body
@@ -252,13 +251,13 @@ class ExpressionCor:
     def _no_value(self, speed: Number) -> NoValueError:
         return NoValueError(
             f"the law of restitution {self.text!r} has no value at {speed} m/s",
-            hint="It must give a number above 0 and at most 1 at every speed that is asked for.",
+            hint="It must give a number above 0 and at most 1 at every speed used.",
         )
 
 
 def _bad_law(text: str, why: str) -> UsageError:
     return UsageError(
-        f"{text!r} is no law of restitution: {why}",
+        f"{text!r} is not a law of restitution: {why}",
         hint="Write a number, or a formula in v (m/s) such as '0.13*exp(-0.27*v) + 0.67'.",
     )
 
@@ -300,7 +299,7 @@ def _evaluate(node: ast.expr, speed: Any) -> Any:
 
 
 def parse_cor_law(text: str | float) -> CorLaw:
-    """Read a law of restitution as a person writes it.
+    """Parse a law of restitution.
 
     Parameters
     ----------
@@ -315,7 +314,7 @@ def parse_cor_law(text: str | float) -> CorLaw:
     Raises
     ------
     UsageError
-        If the text is no formula of the kind allowed; DomainError if it is a number outside (0, 1].
+        If the text is not an allowed formula; DomainError if it is a number outside (0, 1].
     """
     if isinstance(text, int | float):
         return ConstantCor(float(text))
@@ -327,19 +326,19 @@ def parse_cor_law(text: str | float) -> CorLaw:
         return ExpressionCor(text)
 
 
-_SPEEDS_TRIED = 200
+_TESTED_SPEEDS = 200
 
-"""Speeds between slowest and fastest, 2.6 % apart: a pole or a root that narrow is no law."""
+"""Speeds tested between slowest and fastest (chosen: 2.6 % apart)."""
 
 
 def require_real(law: CorLaw, slowest: float, fastest: float) -> None:
-    """Refuse a law that has no real value at some impact speed, or is no COR at any.
+    """Reject a law without a real value at some impact speed, or never inside (0, 1].
 
     Parameters
     ----------
     law : CorLaw
     slowest, fastest : float
-        m/s; looked at from one to the other.
+        Range to test, m/s.
 
     Raises
     ------
@@ -348,7 +347,7 @@ def require_real(law: CorLaw, slowest: float, fastest: float) -> None:
     """
     outside: DomainError | None = None
     within = 0
-    for speed in np.geomspace(slowest, fastest, _SPEEDS_TRIED).tolist():
+    for speed in np.geomspace(slowest, fastest, _TESTED_SPEEDS).tolist():
         try:
             law(speed)
             within += 1
@@ -361,12 +360,12 @@ def require_real(law: CorLaw, slowest: float, fastest: float) -> None:
 
 
 def law_as_text(law: CorLaw) -> str | float:
-    """A law as it is written in a setup file: a number, or a formula in v (m/s).
+    """Text of a law in a setup file: a number, or a formula in v (m/s).
 
     Raises
     ------
     UsageError
-        For a law of a kind that has no formula.
+        For a law without a formula.
     """
     match law:
         case ConstantCor(value=value):
@@ -459,7 +458,7 @@ def fit_cor(
     speed, cor : (N,) array
         m/s and 1.
     std : (N,) array, optional
-        Standard uncertainty of each e; without it the scatter of the residuals sets the scale.
+        Standard uncertainty of each e; without it the residuals set the scale.
     model : str
         "exponential", "power" or "constant".
 
@@ -489,7 +488,7 @@ def fit_cor(
         "constant": _constant,
     }
     if model not in functions:
-        raise DomainError(f"there is no law {model!r}", hint=f"There are: {', '.join(functions)}.")
+        raise DomainError(f"unknown law {model!r}", hint=f"Laws: {', '.join(functions)}.")
     require_positive("the impact speed", speed, "m/s")
     fit = _least_squares(functions[model], speed, cor, std, start[model])
     return _report(model, _law(model, fit.best_values), fit, len(speed), std is not None)
@@ -498,16 +497,16 @@ def fit_cor(
 def compare_cor_fits(
     speed: FloatArray, cor: FloatArray, std: FloatArray | None = None
 ) -> tuple[CorFit, ...]:
-    """All laws that the number of points allows, the preferred first.
+    """Fits of all laws that the number of points allows, best first.
 
-    Preferred by the corrected Akaike criterion; by BIC where there are too few points for it.
+    The criterion is the corrected Akaike one, or BIC where there are too few points for it.
     """
     fits = []
     for model, parameters in (("exponential", 3), ("power", 1), ("constant", 1)):
         if len(speed) >= parameters:
             fits.append(fit_cor(speed, cor, std, model=model))
     if not fits:
-        raise TooLittleDataError("no points, no law of restitution")
+        raise TooLittleDataError("a law of restitution needs at least one point")
     enough = all(math.isfinite(fit.aicc) for fit in fits)
     return tuple(sorted(fits, key=lambda fit: fit.aicc if enough else fit.bic))
 
@@ -521,7 +520,7 @@ def _least_squares(
 ) -> Any:
     if len(x) < len(start):
         raise TooLittleDataError(f"{len(x)} points can't determine {len(start)} parameters")
-    import lmfit  # with pandas and matplotlib: a second that laws alone need not cost
+    import lmfit  # takes a second (pandas, matplotlib), which evaluating laws need not cost
 
     model = lmfit.Model(function)
     parameters = model.make_params(**start)
@@ -548,7 +547,7 @@ def _report(model: str, law: CorLaw, fit: Any, points: int, absolute: bool) -> C
         half = 1.96 * std if absolute else width * std
         parameters.append(FittedParameter(name, value, std, value - half, value + half))
     chi2 = float(np.sum(np.asarray(fit.residual) ** 2))
-    # with no std given the residuals' own scale counts as one more parameter
+    # Without std the residuals' scale counts as one more parameter.
     count = free if absolute else free + 1
     deviance = chi2 if absolute else points * math.log(max(chi2, 1e-30) / points)
     spare = points - count - 1

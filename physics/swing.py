@@ -1,4 +1,4 @@
-"""The pendulum's swing: energy balance in closed form, and friction and air drag by integration."""
+"""Pendulum swing: energy balance in closed form; friction and air drag by integration."""
 
 import math
 from collections.abc import Sequence
@@ -23,8 +23,9 @@ __all__ = [
     "swing_on",
 ]
 
-CREEP = 0.1
-"""rad/s: five times the rate below which dry friction is smoothed, a fiftieth of a stroke's."""
+INITIAL_RATE = 0.1
+"""Rate at which a swing may begin, rad/s (chosen): five times the rate below which dry friction is
+smoothed, a fiftieth of a strike's."""
 
 
 def frictionless_speed(
@@ -33,7 +34,7 @@ def frictionless_speed(
     contact_angle: float,
     gravity: float = GRAVITY,
 ) -> FloatOrArray:
-    """Speed of the contact point where the face meets the ball, without friction or drag.
+    """Speed of the contact point where it meets the ball, without friction or drag.
 
     ½ I ω² = m g d (cos φ_contact − cos φ_backswing), v = ω L.
 
@@ -104,7 +105,7 @@ def small_period(pendulum: Pendulum, gravity: float = GRAVITY) -> float:
 class SwingModel:
     """The equation of motion of a free pendulum: I φ̈ = −m g d sin φ + torques of the catalogue.
 
-    The one right-hand side of every swing: followed by scipy or marched in a batch.
+    It is used by all solvers of the swing, single or batch.
 
     Attributes
     ----------
@@ -118,9 +119,9 @@ class SwingModel:
         Factor on m g d, for a pendulum whose natural frequency differs from trial to trial.
     order : Number
         As in `SwingState`.
-    step : Number
-        Of the solver, s; 0 where it finds turning points by itself.
+        Of the solver, s; 0 where it resolves turning points.
     losses : Number
+        Factor on torques that depend on the rate, for a bearing with varying losses.
         Factor on torques that go with the rate, for a bearing that does not repeat.
     """
 
@@ -182,7 +183,7 @@ class SwingModel:
 
     @cached_property
     def _restoring(self) -> Number:
-        """Of the weight: angular acceleration over the sine of the angle, 1/s²."""
+        """Angular acceleration by the weight over the sine of the angle, 1/s²."""
         return -(self.mass * self.gravity * self.com / self.inertia * self.stiffer)
 
     def _seen(self, phi: Number, omega: Number, gained: Number = 0.0) -> SwingState:
@@ -221,7 +222,7 @@ def swing(
     gravity: float = GRAVITY,
     samples: int = 201,
 ) -> SwingPath:
-    """Let the pendulum go at `backswing` and follow it to the ball.
+    """Simulate the pendulum from release at `backswing` to the ball.
 
     Parameters
     ----------
@@ -229,9 +230,9 @@ def swing(
     backswing : float
         Angle of release, rad, counted positive backwards.
     contact_angle : float
-        Where it meets the ball, rad past the lowest point.
+        Angle at which it meets the ball, rad past the lowest point.
     terms : sequence of Term
-        What acts besides gravity: effects of the catalogue with a torque.
+        Effects of the catalogue with a torque.
     gravity : float
         m/s².
     samples : int
@@ -244,18 +245,18 @@ def swing(
     Raises
     ------
     DomainError
-        If it never reaches the ball: too small an angle, too much friction, or balanced at 180°.
+        If it does not reach the ball: too small an angle, too much friction, or balanced at 180°.
     """
     frictionless_speed(pendulum, backswing, contact_angle, gravity)
     model = SwingModel.of(pendulum, terms, gravity)
     start = -abs(backswing)
     weight = pendulum.mass * gravity * pendulum.com
-    # a rate at which dry friction has its full size, and nothing else counts yet
-    holds = -float(model.torque(start, CREEP))
+    # At this rate dry friction has its full size, and other losses are negligible.
+    holds = -float(model.torque(start, INITIAL_RATE))
     if weight * math.sin(abs(backswing)) <= holds or math.pi - abs(backswing) < 1e-9:
         raise DomainError(
-            f"a pendulum let go at {math.degrees(backswing):.2f} deg stays where it is",
-            hint="Friction holds it, or it stands upright on its pivot.",
+            f"a pendulum released at {math.degrees(backswing):.2f} deg does not move",
+            hint="Friction holds it, or it is upright above its pivot.",
         )
     path = _approach(model, start, contact_angle, 40.0 * small_period(pendulum, gravity))
     time = np.linspace(0.0, path.end, samples)
@@ -265,7 +266,7 @@ def swing(
 
 
 def swing_on(model: SwingModel, phi: float, omega: float, time: FloatArray) -> FloatArray:
-    """Angle and rate (2, N) at increasing times (s) of a pendulum that swings on from a state.
+    """Angle and rate (2, N) at increasing times (s) of a free swing from a given state.
 
     Parameters
     ----------
@@ -306,7 +307,7 @@ def _approach(model: SwingModel, start: float, contact_angle: float, longest: fl
     )
     if path.ended_by != 0:
         raise DomainError(
-            f"let go at {math.degrees(-start):.1f} deg, the pendulum stops before the ball",
-            hint="The back-swing is too small for the friction given.",
+            f"released at {math.degrees(-start):.1f} deg, the pendulum stops before the ball",
+            hint="Increase the back-swing or reduce the friction.",
         )
     return path

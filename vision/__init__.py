@@ -1,1 +1,1 @@
-"""Frames to tracks: reading clips, finding and following the ball and the pendulum mass, events."""
+"""Clip to tracks: read frames, find and track the ball and the pendulum mass, find events."""

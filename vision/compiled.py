@@ -1,10 +1,10 @@
-"""Compiled loops over pixels: gray levels between them, and a layer held against a picture.
+"""Compiled pixel loops: interpolation, and comparison of a layer with a picture.
 
-A layer is a look T with an opacity α at points; a picture shows b·α·T + (1 − α)·B where it lies,
-with the scene B behind it and a brightness b that is free. Points, looks and opacities are the rows
-x, y, T, α of a float32 array (4, n); pictures are float32, too. A placing maps a point p of the
-layer to the picture as m + M p and is given as (m_x, m_y, M_xx, M_xy, M_yx, M_yy); a way in which a
-placing changes is given alike, per unit of what changes it.
+A layer is an appearance T with an opacity α at points; where it covers it, a picture shows b·α·T +
+(1 − α)·B, with the scene B behind it and a free brightness b. Points, appearances and opacities are
+the rows x, y, T, α of a float32 array (4, n); pictures are float32, too. A placement maps a point p
+of the layer to the picture as m + M p and is given as (m_x, m_y, M_xx, M_xy, M_yx, M_yy); its
+derivative by a parameter has the same form.
 """
 
 import math
@@ -16,7 +16,7 @@ from metrology.compiled import compiled
 
 __all__ = [
     "CORRELATED_PIXELS",
-    "LEAST_SEEN",
+    "MIN_VISIBLE",
     "Moments",
     "gains_along",
     "most_gained",
@@ -29,45 +29,44 @@ FloatImage = NDArray[np.float32]
 Single = np.float32
 Four = tuple[np.float32, np.float32, np.float32, np.float32]
 Moments = tuple[float, float, float, float, float, float]
-"""Part of the opaque layer in view; usual size of the residual, gray levels; log-likelihood gained
-over the scene alone; part explained of what differs from the scene; weighted squares of the
-residual; sum of the weights."""
+"""Fraction of the opaque layer in view; median size of the residual, gray levels; log-likelihood
+gain over the scene alone; explained fraction of the difference from the scene; weighted squares of
+the residual; sum of the weights."""
 
 CORRELATED_PIXELS = 4.0
-"""Neighbouring residuals share interpolation and coding errors; so many pixels count as one."""
+"""Correlated pixels that count as one (chosen): neighbours share interpolation and coding
+errors."""
 
-LEAST_SEEN = 0.33
-"""Opaque part of a layer that has to be in view to tell where it is."""
+MIN_VISIBLE = 0.33
+"""Minimum fraction of a layer in view (chosen)."""
 
 _ONE, _HALF, _QUARTER = np.float32(1.0), np.float32(0.5), np.float32(0.25)
-# Keys' cubic convolution (1981) with the one slope that draws a straight line straight; OpenCV's
-# slope of -0.75 shifts what is seen by up to 0.03 px.
+# Keys' cubic convolution (1981) with the slope that reproduces a straight line; OpenCV's slope of
+# -0.75 shifts edges by up to 0.03 px.
 _A = np.float32(-0.5)
 _A2, _A3 = np.float32(1.5), np.float32(2.5)
 _A4, _A5, _A8 = np.float32(-2.0), np.float32(-2.5), np.float32(-4.0)
-_ROBUST = np.float32(3.0)
-_GAIN = float(_ROBUST * _ROBUST) / (2.0 * CORRELATED_PIXELS)
-# Standard deviation over median size of a normal variable; of the noise, what residuals have at
-# the least.
-_STD_OF_MEDIAN, _LEAST_SCALE = 1.4826, 0.7
-_BINS = 512
-"""Bins of a histogram of gray values, over twice their mean: a quantile is then good to half a per
-cent."""
-# Of a registration: longest step, px, and turn, rad; when it has come to rest
-# and when it has not, px; the most of each step by which redescending weights make it fall short;
-# what keeps the normal equations regular.
-_LONGEST_PX, _MOST_TURN = 1.5, 0.1
-_SHORT, _SHORTISH, _UNSETTLED, _MOST_SHARE = 4e-3, 5e-2, 0.5, 0.7
-"""px, px, px and share: steps that matter to no measurement, that may still be chance, that are no
-rest; and the most of a step that is taken for the next."""
-_RIDGE, _LOOK_RIDGE = 1e-6, 1e-3
-"""Relative: ridges that keep a matrix of full rank where pixels do not tell a direction; far below
-what they tell else."""
+_ROBUST_SIGMAS = np.float32(3.0)
+_LIKELIHOOD_FACTOR = float(_ROBUST_SIGMAS * _ROBUST_SIGMAS) / (2.0 * CORRELATED_PIXELS)
+_STD_OF_MEDIAN, _MIN_RESIDUAL_SIZE = 1.4826, 0.7
+"""Standard deviation over median size of a normal variable (derived); and minimum size of
+residuals over the noise (chosen)."""
+_HISTOGRAM_BINS = 512
+"""Bins of a histogram of gray values over twice their mean (chosen: quantiles to half a per
+cent)."""
+_MAX_STEP_PX, _MAX_TURN_STEP = 1.5, 0.1
+"""Maximum step of a registration, px and rad (chosen)."""
+_NEGLIGIBLE_STEP_PX, _SMALL_STEP_PX, _MAX_SETTLED_STEP_PX, _MAX_LOST_FRACTION = 4e-3, 5e-2, 0.5, 0.7
+"""Steps, px, that are negligible, that may be followed by a negligible one, and that mean no
+convergence; and maximum fraction of a step lost to redescending weights (chosen)."""
+_RIDGE, _BRIGHTNESS_RIDGE = 1e-6, 1e-3
+"""Relative ridges that keep normal equations regular where pixels do not determine a direction
+(chosen: far below the information elsewhere)."""
 
 
 @compiled
 def _cubic(part: Single) -> Four:
-    """Weights of four neighbours, the first one pixel before the point's own."""
+    """Weights of four neighbours, the first one pixel before the point."""
     ahead = part + _ONE
     first = ((_A * ahead - _A5) * ahead + _A8) * ahead - _A4
     second = (_A2 * part - _A3) * part * part + _ONE
@@ -78,14 +77,14 @@ def _cubic(part: Single) -> Four:
 
 @compiled
 def _slope(part: Single) -> Four:
-    """Weights of four neighbours for half the difference of neighbours, drawn linearly between."""
+    """Weights of four neighbours for the central difference, interpolated linearly."""
     near, far = _HALF * (_ONE - part), _HALF * part
     return -near, -far, near, far
 
 
 @compiled
 def _smooth(part: Single) -> Four:
-    """Weights of four neighbours for a quarter, half and quarter of three, drawn linearly."""
+    """Weights of four neighbours for the mean (1/4, 1/2, 1/4) of three, interpolated linearly."""
     near, far = _QUARTER * (_ONE - part), _QUARTER * part
     return near, near + near + far, near + far + far, far
 
@@ -98,7 +97,7 @@ def _row(weights: Four, line: FloatImage, column: int) -> Single:
 
 @compiled
 def _shown(picture: FloatImage, x: Single, y: Single) -> Single:
-    """Gray level at a point that has two pixels beyond it on every side."""
+    """Gray level at a point at least two pixels from the border."""
     column, row = int(x), int(y)
     across, down = _cubic(x - Single(column)), _cubic(y - Single(row))
     level = Single(0.0)
@@ -111,7 +110,7 @@ def _shown(picture: FloatImage, x: Single, y: Single) -> Single:
 def _shown_with_slopes(
     picture: FloatImage, x: Single, y: Single
 ) -> tuple[np.float32, np.float32, np.float32]:
-    """Gray level there and its slopes along x and y; smooth ones are less led astray."""
+    """Gray level at a point and its smoothed slopes along x and y, which are more robust."""
     column, row = int(x), int(y)
     u, v = x - Single(column), y - Single(row)
     across, slope_across, smooth_across = _cubic(u), _slope(u), _smooth(u)
@@ -127,7 +126,7 @@ def _shown_with_slopes(
 
 @compiled
 def _ranked(values: FloatImage, place: int) -> float:
-    """One of few values by its place in their order, which they are put into."""
+    """Value of a rank among few values, which are sorted in place."""
     for k in range(1, len(values)):
         value, j = values[k], k
         while j > 0 and values[j - 1] > value:
@@ -139,20 +138,20 @@ def _ranked(values: FloatImage, place: int) -> float:
 
 @compiled
 def _median(size: FloatImage, count: int) -> float:
-    """Upper middle of the first so many values, all at least 0."""
+    """Upper median of the first `count` values, all at least 0."""
     total = 0.0
     for k in range(count):
         total += size[k]
     if total <= 0.0:
         return 0.0
-    # half of them lie below twice their mean
-    per_bin = (_BINS - 1) / (2.0 * total / count)
-    # an array of zeros takes the compiler longer than all that is here
-    bins = np.empty(_BINS, dtype=np.int64)
-    for k in range(_BINS):
+    # Half of them lie below twice their mean.
+    per_bin = (_HISTOGRAM_BINS - 1) / (2.0 * total / count)
+    # np.zeros would take longer to compile than this whole function.
+    bins = np.empty(_HISTOGRAM_BINS, dtype=np.int64)
+    for k in range(_HISTOGRAM_BINS):
         bins[k] = 0
     for k in range(count):
-        bins[int(min(size[k] * per_bin, _BINS - 1.0))] += 1
+        bins[int(min(size[k] * per_bin, _HISTOGRAM_BINS - 1.0))] += 1
     wanted, place = count // 2, 0
     while wanted >= bins[place]:
         wanted -= bins[place]
@@ -160,7 +159,7 @@ def _median(size: FloatImage, count: int) -> float:
     near = np.empty(bins[place], dtype=np.float32)
     found = 0
     for k in range(count):
-        if int(min(size[k] * per_bin, _BINS - 1.0)) == place:
+        if int(min(size[k] * per_bin, _HISTOGRAM_BINS - 1.0)) == place:
             near[found] = size[k]
             found += 1
     return _ranked(near, wanted)
@@ -178,12 +177,13 @@ def _lay(
     shining: bool,
     work: FloatImage,
 ) -> tuple[float, float]:
-    """Put a layer before the scene; returns its opaque part in view, and its brightness.
+    """Place a layer in front of the scene; return its visible opaque fraction and its brightness.
 
-    The brightness is told by the picture, or else by that less what shines through the layer.
+    The brightness is fitted to the picture, or with `shining` to the picture minus the scene that
+    shows through the layer.
 
-    The rows of `work` (6, n) become: 1 where a point counts; the picture less what shines through;
-    the slopes of that along x and y; the look in front; and, to `compare`, the picture less the
+    The rows of `work` (6, n) become: 1 where a point counts; the picture minus what shows through;
+    its slopes along x and y; the appearance in front; and, to `compare`, the picture minus the
     scene.
     """
     height, width = picture.shape
@@ -230,7 +230,7 @@ def _lay(
 
 @compiled
 def _weigh(bright: float, noise: float, work: FloatImage) -> float:
-    """Residuals in the row of differences, weights in the first; returns their usual size."""
+    """Residuals in the row of differences, weights in the first; return the residuals' size."""
     light = Single(bright)
     size = np.empty(work.shape[1], dtype=np.float32)
     count = 0
@@ -239,8 +239,8 @@ def _weigh(bright: float, noise: float, work: FloatImage) -> float:
         if work[0, k] > 0:
             size[count] = abs(work[1, k])
             count += 1
-    scale = max(_STD_OF_MEDIAN * _median(size, count), _LEAST_SCALE * noise)
-    per = Single(1.0 / (_ROBUST * scale))
+    scale = max(_STD_OF_MEDIAN * _median(size, count), _MIN_RESIDUAL_SIZE * noise)
+    per = Single(1.0 / (_ROBUST_SIGMAS * scale))
     for k in range(work.shape[1]):
         off = work[1, k] * per
         weight = _ONE / (_ONE + off * off)
@@ -250,8 +250,8 @@ def _weigh(bright: float, noise: float, work: FloatImage) -> float:
 
 @compiled
 def _compared(layer: FloatImage, noise: float, work: FloatImage) -> tuple[float, float]:
-    """Log-likelihood gained over the scene alone, and the part explained of what differs."""
-    per = Single(1.0 / (_ROBUST * noise))
+    """Log-likelihood gain over the scene alone, and the explained fraction of the difference."""
+    per = Single(1.0 / (_ROBUST_SIGMAS * noise))
     gained, there, left = 0.0, 0.0, 0.0
     for k in range(layer.shape[1]):
         if work[0, k] > 0:
@@ -261,19 +261,21 @@ def _compared(layer: FloatImage, noise: float, work: FloatImage) -> tuple[float,
             gained += opacity * math.log(ratio)
             there += opacity * abs(work[5, k])
             left += opacity * abs(work[1, k])
-    return _GAIN * gained, 1.0 - left / max(there, 1e-9)
+    return _LIKELIHOOD_FACTOR * gained, 1.0 - left / max(there, 1e-9)
 
 
 def most_gained(differs: FloatImage, opacity: FloatArray, noise: float) -> float:
-    """Log-likelihood that a layer gains which explains all that differs from the scene (n,)."""
-    return float(_GAIN * (opacity @ np.log1p((differs / (_ROBUST * noise)) ** 2)))
+    """Log-likelihood gain of a layer that explains every difference from the scene (n,)."""
+    return float(
+        _LIKELIHOOD_FACTOR * (opacity @ np.log1p((differs / (_ROBUST_SIGMAS * noise)) ** 2))
+    )
 
 
 @compiled
 def _sum_up(
     layer: FloatImage, ways: FloatArray, work: FloatImage, normal: FloatArray, pull: FloatArray
 ) -> tuple[float, float]:
-    """Normal equations of the ways and, last, of the brightness; weighted squares and weights."""
+    """Normal equations of the parameters and, last, the brightness; weighted squares, weights."""
     count, points = ways.shape[0], layer.shape[1]
     columns = np.empty((count + 1, points), dtype=np.float32)
     for i in range(count):
@@ -319,27 +321,27 @@ def registration_moments(
     normal: FloatArray,
     pull: FloatArray,
 ) -> Moments:
-    """Hold a layer against a picture.
+    """Compare a layer with a picture.
 
     Parameters
     ----------
     layer : (4, n) float32 array
     placing : (6,) array
     ways : (k, 6) array
-        By which the placing may change.
+        Derivatives of the placement by its parameters.
     picture, behind : (H, W) float32 arrays
-        As filmed, and the scene behind the layer in reference brightness.
+        As filmed, and the scene behind the layer at reference brightness.
     gain : float
         Brightness of the picture over that of the scene.
     noise : float
         Standard deviation of a pixel, gray levels.
     hidden : (3,) array
-        Centre x, y and radius of a disc in which something else may be in front, px; nothing is
-        where the radius is 0.
+        Centre x, y and radius of a disc that may be hidden by another object, px; radius 0 for
+        none.
     compare : bool
-        Whether to compare with the scene alone; else gained and explained are 0.
+        Whether to compare with the scene alone; otherwise gain and explained fraction are 0.
     normal, pull : (k + 1, k + 1) and (k + 1,) arrays
-        Take the robust normal equations, of the brightness last: the step is −normal⁻¹ pull.
+        Filled with the robust normal equations, brightness last: the step is −normal⁻¹ pull.
 
     Returns
     -------
@@ -365,7 +367,7 @@ def gains_along(
     noise: float,
     hidden: FloatArray,
 ) -> FloatArray:
-    """Log-likelihood gained over the scene alone at each of several placings (k, 6): (k,).
+    """Log-likelihood gain over the scene alone at each of several placements (k, 6): (k,).
 
     −∞ where less than a third of the layer is in view.
     """
@@ -374,7 +376,7 @@ def gains_along(
     for i in range(len(placings)):
         gains[i] = -np.inf
         seen, bright = _lay(layer, placings[i], picture, behind, gain, hidden, True, False, work)
-        if seen >= LEAST_SEEN:
+        if seen >= MIN_VISIBLE:
             _weigh(bright, noise, work)
             gains[i] = _compared(layer, noise, work)[0]
     return gains
@@ -414,29 +416,29 @@ def registered(
     iterations: int,
     normal: FloatArray,
 ) -> tuple[bool, float, float, float, float, float, float]:
-    """Shift and turn a rigid layer until it explains a picture best, by Gauss–Newton.
+    """Shift and rotate a rigid layer until it explains a picture best, by Gauss–Newton steps.
 
     Parameters
     ----------
     layer, picture, behind, gain, noise, hidden
         See `registration_moments`.
     start : (3,) array
-        Where its origin lies (px) and its turn (rad) at first.
+        Initial position of its origin (px) and rotation (rad).
     prior : (3, 3) array
-        Information by which it is held to that.
+        Prior information of these.
     iterations : int
-        Steps at most.
+        Maximum number of steps.
     normal : (4, 4) array
-        Takes the normal equations at the end.
+        Filled with the final normal equations.
 
     Returns
     -------
     settled : bool
     x, y, turn : float
     scale, rms_residual : float
-        Usual size of the residual, and its weighted root mean square over noise.
+        Median size of the residual, and its weighted root mean square over noise.
     seen : float
-        Opaque part in view.
+        Visible opaque fraction.
     """
     pose, step, pull, now = start.copy(), np.zeros(3), np.zeros(4), np.zeros(4)
     placing, ways = np.empty(6), np.zeros((3, 6))
@@ -453,7 +455,7 @@ def registered(
         placing[3], placing[4], placing[5] = -sine, sine, cosine
         ways[2, 2], ways[2, 3], ways[2, 4], ways[2, 5] = -sine, -cosine, cosine, -sine
         seen, bright = _lay(layer, placing, picture, behind, gain, hidden, False, True, work)
-        if seen < LEAST_SEEN:
+        if seen < MIN_VISIBLE:
             return False, pose[0], pose[1], pose[2], scale, rms_residual, seen
         scale = _weigh(bright, noise, work)
         squares, weights = _sum_up(layer, ways, work, normal, pull)
@@ -463,23 +465,23 @@ def registered(
             for j in range(3):
                 normal[i, j] += scale * scale * prior[i, j]
                 pull[i] += scale * scale * prior[i, j] * (pose[j] - start[j])
-        normal[3, 3] += _LOOK_RIDGE * opaque
+        normal[3, 3] += _BRIGHTNESS_RIDGE * opaque
         _solve(normal, pull, now)
-        # Redescending weights make steps fall short by a constant share: it is learnt on the way.
+        # Redescending weights shorten steps by a constant fraction, estimated from past steps.
         along, square = 0.0, 1e-12
         for i in range(3):
             along -= now[i] * step[i]
             square += step[i] * step[i]
-        longer = 1.0 - min(max(along / square, 0.0), _MOST_SHARE) if count > 0 else 1.0
+        longer = 1.0 - min(max(along / square, 0.0), _MAX_LOST_FRACTION) if count > 0 else 1.0
         for i in range(3):
             step[i] = -now[i] / longer
         before, latest = latest, math.hypot(step[0], step[1])
-        limit = min(1.0, _LONGEST_PX / max(latest, 1e-9))
+        limit = min(1.0, _MAX_STEP_PX / max(latest, 1e-9))
         pose[0] += limit * step[0]
         pose[1] += limit * step[1]
-        pose[2] += limit * min(max(step[2], -_MOST_TURN), _MOST_TURN)
+        pose[2] += limit * min(max(step[2], -_MAX_TURN_STEP), _MAX_TURN_STEP)
         if limit < 1.0:
             step[0] = step[1] = step[2] = 0.0
-        if latest < _SHORT and before < _SHORTISH:
+        if latest < _NEGLIGIBLE_STEP_PX and before < _SMALL_STEP_PX:
             break
-    return latest <= _UNSETTLED, pose[0], pose[1], pose[2], scale, rms_residual, seen
+    return latest <= _MAX_SETTLED_STEP_PX, pose[0], pose[1], pose[2], scale, rms_residual, seen

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from metrology import NotFoundError
-from metrology.compiled import side_by_side
+from metrology.compiled import map_in_threads
 from vision.ball.ball import (
     SMALL_RADIUS,
     BallFits,
@@ -1045,7 +1045,7 @@ def _circles(scene: FilmedScene, looks: IntArray) -> list[Circles]:
         return find_circles(*pair, noise)
 
     seen = ((picture, scene.expected(index)) for index, picture in scene.pictures(looks))
-    return list(side_by_side(find, seen))
+    return list(map_in_threads(find, seen))
 
 
 def _meetings(paths: list[BallPath], looks: IntArray) -> IntArray:

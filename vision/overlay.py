@@ -1,12 +1,6 @@
-"""The overlay video: every frame with what was found in it, written whole or not at all.
+"""Draw tracks, contact, landing and numbers on a clip and write the overlay video.
 
-Text on images, with the signs that uncertainties need (± ° ²), which OpenCV's fonts lack.
-
-What an overlay shows beside the tracks, as plain arrays and lines of text.
-
-One frame of the overlay: the picture enlarged, what was found in it, numbers below.
-
-The overlay video: every frame with what was found in it.
+Text is drawn with DejaVu Sans, since OpenCV's fonts lack the signs ± ° ².
 """
 
 from collections.abc import Callable
@@ -38,7 +32,7 @@ __all__ = [
 ]
 
 OVERLAY_SUFFIXES = (".mp4", ".mov", ".mkv")
-"""Kinds of file an overlay can be."""
+"""File suffixes of overlay videos."""
 
 
 Colour = tuple[int, int, int]
@@ -85,7 +79,7 @@ def write_text(
 
 @dataclass(frozen=True)
 class OverlayMarks:
-    """Marks on the picture; everything may be left out.
+    """Marks on the picture; all optional.
 
     Attributes
     ----------
@@ -94,13 +88,13 @@ class OverlayMarks:
     grid_px : (N, 2) array or None
         Wall grid points, px.
     landing_px : (2,) array or None
-        Where the ball's centre is seen at landing, px.
+        Position of the ball's centre at landing, px.
     landing_label : str
-        Written beside the landing point.
+        Label of the landing point.
     captions : tuple of str
         Results in lines, written below the picture.
     capture_fps : float or None
-        Frames per second of the camera, for the running clock; frames are counted without it.
+        Frames per second of the camera, for the displayed time; not shown if None.
     """
 
     contact: tuple[int, int] | None = None
@@ -115,46 +109,46 @@ ColourImage = NDArray[np.uint8]
 
 FloatArray = NDArray[np.float64]
 
-_BALL: Colour = (0, 159, 230)
-"""Blue, green, red of 255, told apart by people with any colour vision, from the palette of Okabe
-and Ito 2008."""
+_BALL_COLOUR: Colour = (0, 159, 230)
+"""Blue, green, red of 255 (convention: palette of Okabe and Ito 2008, distinguishable with any
+colour vision)."""
 
-_STRIKER: Colour = (233, 180, 86)
+_STRIKER_COLOUR: Colour = (233, 180, 86)
 """Blue, green, red of 255, from the same palette."""
 
-_GRID: Colour = (115, 158, 0)
+_GRID_COLOUR: Colour = (115, 158, 0)
 """Blue, green, red of 255, from the same palette."""
 
-_LANDING: Colour = (167, 121, 204)
+_LANDING_COLOUR: Colour = (167, 121, 204)
 """Blue, green, red of 255, from the same palette."""
 
-_CONTACT: Colour = (0, 94, 213)
+_CONTACT_COLOUR: Colour = (0, 94, 213)
 """Blue, green, red of 255, from the same palette."""
 
-_STRIP: Colour = (32, 28, 26)
-"""Blue, green, red of 255, nearly black: behind writing."""
+_STRIP_COLOUR: Colour = (32, 28, 26)
+"""Blue, green, red of 255, nearly black: background of text."""
 
-_TEXT: Colour = (240, 240, 240)
-"""Blue, green, red of 255: writing as bright as is easy to read."""
+_TEXT_COLOUR: Colour = (240, 240, 240)
+"""Blue, green, red of 255: text."""
 
-_DIM: Colour = (170, 170, 170)
-"""Blue, green, red of 255, for what is less important than the rest."""
+_DIM_TEXT: Colour = (170, 170, 170)
+"""Blue, green, red of 255: less important text."""
 
-_WIDTH = 1000
-"""px, a picture narrower than this is enlarged, so that marks of sub-pixels can be seen."""
+_MIN_OVERLAY_WIDTH = 1000
+"""Width to which narrower pictures are enlarged, px (chosen), so that sub-pixel marks show."""
 
-_MOST_ENLARGED = 6
-"""Times: beyond that, a picture is squares."""
+_MAX_ENLARGEMENT = 6
+"""Maximum enlargement (chosen): beyond, pixels dominate the picture."""
 
-_SHIFT = 4
-"""Bits behind the point of OpenCV's drawing: a sixteenth of a pixel."""
+_DRAWING_BITS = 4
+"""Fractional bits of OpenCV's drawing coordinates (chosen: a sixteenth of a pixel)."""
 
-# A track is drawn through gaps of this many frames, and broken at longer ones.
-_GAP = 3
+_MAX_DRAWN_GAP = 3
+"""Longest gap through which a track is drawn, frames (chosen)."""
 
 
 class OverlayPainter:
-    """Paints frames of one clip.
+    """Draw on the frames of one clip.
 
     Parameters
     ----------
@@ -166,7 +160,7 @@ class OverlayPainter:
 
     def __init__(self, width: int, height: int, tracks: Tracks, marks: OverlayMarks) -> None:
         self._tracks, self._marks = tracks, marks
-        self.scale = int(np.clip(round(_WIDTH / width), 1, _MOST_ENLARGED))
+        self.scale = int(np.clip(round(_MIN_OVERLAY_WIDTH / width), 1, _MAX_ENLARGEMENT))
         self._picture = (width * self.scale, height * self.scale)
         self._size = int(np.clip(self._picture[0] / 56, 13, 30))
         self._thick = max(1, round(self._picture[0] / 640))
@@ -174,13 +168,13 @@ class OverlayPainter:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Height and width of what is painted, px; both even, as video codecs want them."""
+        """Height and width of the result, px; both even, as video codecs require."""
         return self._picture[1] + self._picture[1] % 2 + self._strip.shape[0], (
             self._picture[0] + self._picture[0] % 2
         )
 
     def paint(self, index: int, picture: ColourImage) -> ColourImage:
-        """Paint one frame.
+        """Draw on one frame.
 
         Parameters
         ----------
@@ -200,8 +194,8 @@ class OverlayPainter:
         if self._tracks.pendulum is not None:
             self._draw_pendulum(view, index, self._tracks.pendulum)
         if self._tracks.motion.kind is MotionKind.COLLISION and self._tracks.others:
-            self._draw_ball(view, index, self._tracks.others[0].track, _STRIKER)
-        self._draw_ball(view, index, self._tracks.ball, _BALL)
+            self._draw_ball(view, index, self._tracks.others[0].track, _STRIKER_COLOUR)
+        self._draw_ball(view, index, self._tracks.ball, _BALL_COLOUR)
         self._draw_landing(view)
         self._draw_contact(view, index)
         canvas[-self._strip.shape[0] :] = self._strip
@@ -209,7 +203,7 @@ class OverlayPainter:
         return canvas
 
     def _make_strip(self) -> ColourImage:
-        """The strip without its running numbers: captions in as many columns as fit."""
+        """The text strip without its running numbers: captions in as many columns as fit."""
         size, step = self._size, line_height(self._size)
         captions = self._marks.captions
         widest = max((text_width(text, size) for text in captions), default=1) + 2 * size
@@ -220,11 +214,11 @@ class OverlayPainter:
         strip = np.empty(
             (height + height % 2, self._picture[0] + self._picture[0] % 2, 3), np.uint8
         )
-        strip[:] = _STRIP
+        strip[:] = _STRIP_COLOUR
         for number, text in enumerate(captions):
             column, row = divmod(number, max(rows, 1))
             corner = (size + column * (room // columns), size // 2 + step * (row + 1))
-            write_text(strip, text, corner, size, _TEXT)
+            write_text(strip, text, corner, size, _TEXT_COLOUR)
         return strip
 
     def _write_running_numbers(self, strip: ColourImage, index: int) -> None:
@@ -242,28 +236,28 @@ class OverlayPainter:
             if row is not None:
                 angle = np.degrees(self._tracks.pendulum.angle_rad[row])
                 parts.append(f"pendulum {angle:+.2f}°")
-        write_text(strip, "   ".join(parts), (self._size, self._size // 2), self._size, _DIM)
+        write_text(strip, "   ".join(parts), (self._size, self._size // 2), self._size, _DIM_TEXT)
 
     def _place(self, points: FloatArray) -> NDArray[np.int32]:
         """Clip pixels to canvas pixels in fixed point; pixel centres are at integers in both."""
         enlarged = (np.asarray(points, np.float64) + 0.5) * self.scale - 0.5
-        return np.round(enlarged * (1 << _SHIFT)).astype(np.int32)
+        return np.round(enlarged * (1 << _DRAWING_BITS)).astype(np.int32)
 
     def _circle(
         self, view: ColourImage, centre: FloatArray, radius: float, colour: Colour, thick: int
     ) -> None:
         x, y = self._place(centre).tolist()
-        size = max(1, round(radius * self.scale * (1 << _SHIFT)))
-        cv2.circle(view, (x, y), size, colour, thick, cv2.LINE_AA, _SHIFT)
+        size = max(1, round(radius * self.scale * (1 << _DRAWING_BITS)))
+        cv2.circle(view, (x, y), size, colour, thick, cv2.LINE_AA, _DRAWING_BITS)
 
     def _draw_trail(self, view: ColourImage, track: Track, index: int, colour: Colour) -> None:
         past = track.frame <= index
         centres, frames = track.centre_px[past], track.frame[past]
         if len(frames) == 0:
             return
-        for run in np.split(centres, np.flatnonzero(np.diff(frames) > _GAP) + 1):
+        for run in np.split(centres, np.flatnonzero(np.diff(frames) > _MAX_DRAWN_GAP) + 1):
             points = self._place(run).reshape(-1, 1, 2)
-            cv2.polylines(view, [points], False, colour, self._thick, cv2.LINE_AA, _SHIFT)
+            cv2.polylines(view, [points], False, colour, self._thick, cv2.LINE_AA, _DRAWING_BITS)
 
     def _draw_ball(self, view: ColourImage, index: int, ball: Track, colour: Colour) -> None:
         self._draw_trail(view, ball, index, colour)
@@ -274,41 +268,42 @@ class OverlayPainter:
         self._circle(view, ball.centre_px[row], 1.5 * self._thick / self.scale, colour, -1)
 
     def _draw_pendulum(self, view: ColourImage, index: int, pendulum: PendulumTrack) -> None:
-        self._draw_trail(view, pendulum.track, index, _STRIKER)
+        self._draw_trail(view, pendulum.track, index, _STRIKER_COLOUR)
         row = _row(pendulum.track, index)
         if row is None:
             return
         mass = pendulum.track.centre_px[row]
         ends = self._place(np.array([pendulum.pivot_px, mass]))
-        # The pivot is often above the picture: the line is cut off by OpenCV, the dot is not seen.
+        # The pivot is often above the picture: OpenCV clips the line, and the dot is not visible.
         cv2.line(
-            view, ends[0].tolist(), ends[1].tolist(), _STRIKER, self._thick, cv2.LINE_AA, _SHIFT
+            view, ends[0].tolist(), ends[1].tolist(), _STRIKER_COLOUR, self._thick, cv2.LINE_AA,
+            _DRAWING_BITS
         )  # fmt: skip
         for point in (pendulum.pivot_px, mass):
-            self._circle(view, point, 2.5 * self._thick / self.scale, _STRIKER, -1)
+            self._circle(view, point, 2.5 * self._thick / self.scale, _STRIKER_COLOUR, -1)
 
     def _draw_grid(self, view: ColourImage) -> None:
         if self._marks.grid_px is None:
             return
-        arm = round(2.5 * self._thick) << _SHIFT
+        arm = round(2.5 * self._thick) << _DRAWING_BITS
         for x, y in self._place(self._marks.grid_px).tolist():
-            cv2.line(view, (x - arm, y), (x + arm, y), _GRID, 1, cv2.LINE_AA, _SHIFT)
-            cv2.line(view, (x, y - arm), (x, y + arm), _GRID, 1, cv2.LINE_AA, _SHIFT)
+            cv2.line(view, (x - arm, y), (x + arm, y), _GRID_COLOUR, 1, cv2.LINE_AA, _DRAWING_BITS)
+            cv2.line(view, (x, y - arm), (x, y + arm), _GRID_COLOUR, 1, cv2.LINE_AA, _DRAWING_BITS)
 
     def _draw_landing(self, view: ColourImage) -> None:
         if self._marks.landing_px is None:
             return
         centre = self._place(self._marks.landing_px)
-        arm = round(0.7 * self._size) << _SHIFT
+        arm = round(0.7 * self._size) << _DRAWING_BITS
         for across in (np.array([arm, arm]), np.array([arm, -arm])):
             ends = (centre - across).tolist(), (centre + across).tolist()
-            cv2.line(view, *ends, _LANDING, self._thick + 1, cv2.LINE_AA, _SHIFT)
-        x, y = (centre >> _SHIFT).tolist()
+            cv2.line(view, *ends, _LANDING_COLOUR, self._thick + 1, cv2.LINE_AA, _DRAWING_BITS)
+        x, y = (centre >> _DRAWING_BITS).tolist()
         label = self._marks.landing_label
         left = min(x + self._size, view.shape[1] - text_width(label, self._size) - 4)
         corner = (left, y - 2 * self._size)
-        write_text(view, label, (corner[0] + 1, corner[1] + 1), self._size, _STRIP)
-        write_text(view, label, corner, self._size, _LANDING)
+        write_text(view, label, (corner[0] + 1, corner[1] + 1), self._size, _STRIP_COLOUR)
+        write_text(view, label, corner, self._size, _LANDING_COLOUR)
 
     def _draw_contact(self, view: ColourImage, index: int) -> None:
         contact = self._marks.contact
@@ -316,11 +311,11 @@ class OverlayPainter:
             return
         border = 2 * self._thick + 1
         corner = (view.shape[1] - 1 - border // 2, view.shape[0] - 1 - border // 2)
-        cv2.rectangle(view, (border // 2, border // 2), corner, _CONTACT, border)
+        cv2.rectangle(view, (border // 2, border // 2), corner, _CONTACT_COLOUR, border)
         label = f"contact {index - contact[0] + 1}/{contact[1] - contact[0] + 1}"
         size = round(1.3 * self._size)
         width, height = text_width(label, size) + size, line_height(size) + size // 3
-        view[border : border + height, border : border + width] = _CONTACT
+        view[border : border + height, border : border + width] = _CONTACT_COLOUR
         write_text(view, label, (border + size // 2, border + size // 6), size, (255, 255, 255))
 
 
@@ -329,8 +324,8 @@ def _row(track: Track, index: int) -> int | None:
     return place if place < len(track) and track.frame[place] == index else None
 
 
-_PLAYED_FPS = 30
-"""fps at which an overlay plays, as any screen can."""
+_OVERLAY_FPS = 30
+"""Frame rate of an overlay, fps (chosen: any screen can play it)."""
 
 
 def write_overlay(
@@ -348,9 +343,9 @@ def write_overlay(
     path : Path
         A .mp4, .mov or .mkv file.
     clip : ClipReader
-        What was measured.
+        The measured clip.
     tracks : Tracks
-        What was found in it.
+        Its tracks.
     marks : OverlayMarks, optional
         Contact, grid, landing and captions.
     progress : callable, optional
@@ -359,14 +354,14 @@ def write_overlay(
     Raises
     ------
     UsageError
-        If the file's kind is unknown or its folder can't be written to.
+        If the suffix is unknown or the folder can't be written to.
     ClipError
         If the clip can't be read any more.
     """
     if path.suffix.lower() not in OVERLAY_SUFFIXES:
         raise UsageError(
             f"an overlay can't be written as {path.suffix or path.name}",
-            hint=f"Name a file that ends in {', '.join(OVERLAY_SUFFIXES)}.",
+            hint=f"Choose a file name that ends in {', '.join(OVERLAY_SUFFIXES)}.",
         )
     painter = OverlayPainter(clip.info.width, clip.info.height, tracks, marks or OverlayMarks())
     with written_whole(path) as temporary:
@@ -375,7 +370,7 @@ def write_overlay(
         except FFmpegError as problem:
             raise UsageError(
                 f"the overlay {path} can't be written: {problem.strerror}",
-                hint="Is there room on the disk?",
+                hint="Check that the disk has free space.",
             ) from problem
 
 
@@ -384,12 +379,12 @@ def _encode(
 ) -> None:
     height, width = painter.shape
     with av.open(str(path), "w") as container:
-        stream = container.add_stream("libx264", rate=_PLAYED_FPS)
+        stream = container.add_stream("libx264", rate=_OVERLAY_FPS)
         stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
         stream.codec_context.options = {"crf": "20", "preset": "superfast"}
         for count, (index, picture) in enumerate(clip.colour_frames()):
             frame = av.VideoFrame.from_ndarray(painter.paint(index, picture), format="bgr24")
-            frame.pts, frame.time_base = count, Fraction(1, _PLAYED_FPS)
+            frame.pts, frame.time_base = count, Fraction(1, _OVERLAY_FPS)
             container.mux(stream.encode(frame))
             if progress is not None:
                 progress(count + 1)
@@ -407,7 +402,7 @@ def overlay_still(
     tracks : Tracks
     marks : OverlayMarks, optional
     frame : int, optional
-        Which frame; if not given, the last one with the ball in view, so that its whole path shows.
+        Frame number; by default the last one with the ball in view, which shows its whole path.
 
     Raises
     ------

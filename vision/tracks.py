@@ -1,7 +1,4 @@
-"""What the vision room hands on: where ball and pendulum were, frame by frame, in pixels.
-
-When and where the ball lay still before it was struck.
-"""
+"""Tracks of ball and pendulum in pixels, the kind of motion, and the ball's rest."""
 
 import math
 from dataclasses import dataclass, replace
@@ -33,21 +30,21 @@ class MotionKind(Enum):
     """What happens in a clip."""
 
     STRIKE = "strike"
-    """A ball lies still, a pendulum strikes it, it flies."""
+    """A ball at rest is struck by a pendulum and flies."""
     FLIGHT = "flight"
-    """Something flies freely that nothing in the clip was seen to strike: thrown, launched."""
+    """An object flies freely and is struck by nothing in the clip: thrown, launched."""
     DROP = "drop"
-    """Something falls freely from rest, straight down."""
+    """An object falls freely from rest, straight down."""
     SWING = "swing"
-    """Something swings on an arc and strikes nothing."""
+    """An object swings on an arc and strikes nothing."""
     COLLISION = "collision"
-    """Of two like balls one moves, meets the other at rest, and sets it in motion."""
+    """One of two equal balls hits the other at rest and sets it in motion."""
     NONE = "none"
-    """Nothing moves in a way that any of these explains."""
+    """No motion that any of these explains."""
 
 
 class MotionModel(Enum):
-    """How one followed object moves, or what it is instead of an object."""
+    """Motion model of a tracked object, or what it is instead of an object."""
 
     STILL = "still"
     FLIGHT = "free flight"
@@ -62,24 +59,24 @@ class MotionModel(Enum):
 
 @dataclass(frozen=True)
 class Motion:
-    """What was seen to happen, with the doubt that the other explanations leave.
+    """The kind of motion and its probability.
 
     Attributes
     ----------
     kind : MotionKind
-        The likeliest explanation.
+        The most probable kind.
     probability : float
-        Its probability beside the other kinds, 0 to 1.
+        Its probability among the kinds, 0 to 1.
     reasons : tuple of str
-        What speaks for it, in whole sentences.
+        The evidence, in whole sentences.
     frames : (2,) tuple of int or None
-        First and last frame of `Tracks.ball` to which it applies: the free flight without the
-        throw and the bounce, the swing; for a strike and a collision from rest to the end of the
-        free motion. None where there is no such stretch.
+        First and last frame of `Tracks.ball` to which it applies: the free flight without throw
+        and bounce, the swing; for a strike and a collision from rest to the end of free motion.
+        None if there is no such interval.
     alternatives : tuple of (MotionKind, float)
-        Every other kind and its probability, likeliest first.
+        Every other kind and its probability, most probable first.
     fall_px : (2,) tuple of float or None
-        Acceleration of what falls, px per frame², y down; None where none is sure.
+        Acceleration of free fall, px per frame², y down; None where there is no certain one.
     """
 
     kind: MotionKind
@@ -92,16 +89,16 @@ class Motion:
 
 @dataclass(frozen=True)
 class PlaceInClip:
-    """Where frames that were followed on the camera's even clock are in a clip.
+    """Map frame numbers of the camera's even clock to those of a clip.
 
     Attributes
     ----------
     shown : (n,) int array
-        Which of them the clip holds, increasing.
+        Those that the clip contains, increasing.
     first : int
         The clip's frame that is the first of them.
     started : int
-        How many frames after the clip's first, missing ones included, that is.
+        Its number from the clip's first frame, missing frames included.
     count : int
         Number of frames of the clip.
     fps : float
@@ -115,16 +112,16 @@ class PlaceInClip:
     fps: float
 
     def held(self, frame: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Which of some frames the clip holds."""
+        """Whether the clip contains each frame."""
         return np.isin(frame, self.shown)
 
     def frame(self, frame: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The clip's own numbers of frames, or of the last ones before them that it holds."""
+        """Frame numbers in the clip, or of the last frame before them that it contains."""
         row = np.searchsorted(self.shown, frame, side="right") - 1
         return self.first + np.clip(row, 0, len(self.shown) - 1)
 
     def span(self, frames: tuple[int, int]) -> tuple[int, int]:
-        """A first and a last frame in the clip's own numbers."""
+        """First and last frame in the clip's numbering."""
         first, last = self.frame(np.array(frames)).tolist()
         return first, last
 
@@ -133,14 +130,14 @@ class PlaceInClip:
         return (frame + self.started) / self.fps
 
     def each(self, rows: FloatArray) -> FloatArray:
-        """Of rows for each frame followed, those for each of the clip; its ends as the nearest."""
+        """Rows of each tracked frame, taken for each frame of the clip; its ends repeat."""
         inside = np.clip(np.arange(self.count) - self.first, 0, len(self.shown) - 1)
         return np.asarray(rows[self.shown[inside]])
 
 
 @dataclass(frozen=True)
 class Track:
-    """One object followed through the clip. Rows are frames in which it was found, in time order.
+    """Track of one object. Rows are frames in which it was found, in time order.
 
     Pixel centres are integers, (0, 0) is the centre of the top-left pixel, y points down.
 
@@ -161,7 +158,7 @@ class Track:
     radius_std_px : (N,) array
         Its standard uncertainty, px.
     quality : (N,) array
-        0 (doubtful) to 1 (clean).
+        0 (unreliable) to 1 (clean).
     """
 
     frame: NDArray[np.int64]
@@ -181,23 +178,23 @@ class Track:
         return replace(self, **{name: getattr(self, name)[keep] for name in Track.__annotations__})
 
     def in_clip(self, place: "PlaceInClip") -> Self:
-        """The same track with the clip's own frames."""
+        """The same track with the clip's frame numbers."""
         kept = self.where(place.held(self.frame))
         return replace(kept, frame=place.frame(kept.frame), time_s=place.time_s(kept.frame))
 
 
 @dataclass(frozen=True)
 class FollowedObject:
-    """A further object that was followed, and what it is.
+    """A further tracked object.
 
     Attributes
     ----------
     track : Track
-        Where it was.
+        Its track.
     model : MotionModel
-        How it moves.
+        Its motion model.
     reasons : tuple of str
-        Why it is not what was measured, in whole sentences.
+        Why it is not the measured object, in whole sentences.
     """
 
     track: Track
@@ -206,7 +203,7 @@ class FollowedObject:
 
     @property
     def ball_at(self) -> tuple[int, int, int] | None:
-        """x, y (px) and frame at which `--ball-at` points at it: where it was seen most clearly."""
+        """x, y (px) and frame for `--ball-at` to select it: its frame of highest quality."""
         if len(self.track) == 0:
             return None
         clearest = int(np.argmax(self.track.quality))
@@ -221,18 +218,18 @@ class Face:
     Attributes
     ----------
     frame : int
-        Frame in which it is there; the others follow from the swing.
+        Frame it refers to; the others follow from the swing.
     edge_px : (2,) array
         Foremost edge of the mass, px.
     edge_std_px : float
         Its standard uncertainty along the motion, px.
     middle_px : (2,) array or None
-        Middle between the near and the far rim of the face, px; None where they can't be told
-        apart.
+        Middle between the near and the far rim of the face, px; None where they can't be
+        distinguished.
     middle_std_px : float
         Its standard uncertainty along the motion, px.
     spherical : bool
-        Whether it is the front of a round bob, whose middle goes in the plane of the ball's.
+        Whether it is the front of a round bob, whose middle moves in the plane of the ball's.
     """
 
     frame: int
@@ -245,7 +242,7 @@ class Face:
 
 @dataclass(frozen=True)
 class PendulumTrack:
-    """The pendulum mass on its arc: a rigid body turning about a fixed pivot, seen in pixels.
+    """The pendulum mass on its arc: a rigid body rotating about a fixed pivot, in pixels.
 
     Attributes
     ----------
@@ -265,8 +262,8 @@ class PendulumTrack:
     face : Face
         The striking face.
     zero_std_rad : float
-        Standard uncertainty of what all angles are off by together, rad: where the pivot is taken
-        to be, and how far the point that is followed lies beside the arm.
+        Standard uncertainty common to all angles, rad: from the position of the pivot, and from
+        the offset of the tracked point from the arm.
     """
 
     track: Track
@@ -279,7 +276,7 @@ class PendulumTrack:
     zero_std_rad: float = 0.0
 
     def in_clip(self, place: PlaceInClip) -> Self:
-        """The same track with the clip's own frames."""
+        """The same track with the clip's frame numbers."""
         held = place.held(self.track.frame)
         return replace(
             self,
@@ -292,38 +289,37 @@ class PendulumTrack:
 
 @dataclass(frozen=True)
 class Tracks:
-    """All that was followed in one clip.
+    """All tracks of one clip.
 
     Attributes
     ----------
     ball : Track
-        What is measured: the ball that is struck, the thing that flies or falls, the bob that
-        swings (`motion` says which).
+        The measured object: the ball that is struck, the object that flies or falls, the bob that
+        swings (see `motion`).
     pendulum : PendulumTrack or None
         None where no pendulum is in view.
     background : (H, W) float32 array
-        The static scene without the moving things, gray levels.
+        The static scene without moving objects, gray levels.
     rest_frames : (2,) tuple of int or None
-        First and last frame in which the ball lies still before it is struck; None if it never
-        does.
+        First and last frame of the ball's rest before it is struck; None without one.
     others : tuple of FollowedObject
-        Other things that were followed (a struck puck's striker first, a second ball).
+        Other tracked objects (a struck puck's striker first, a second ball).
     dismissed : tuple of FollowedObject
-        What moved, too, and is taken for no ball, with the reasons: a shadow, a ghost, a hand.
+        Rejected candidates for the ball, with reasons: a shadow, a ghost, a hand.
     warnings : tuple of str
-        What the user should know, in whole sentences.
+        Warnings for the user, in whole sentences.
     shift_px : (F, 2) array or None
-        Hand-held camera: where the scene's points lie in each frame of the clip, relative to the
-        scene (all positions above are the scene's); None for a camera that stands still.
+        Hand-held camera: position of the scene's points in each frame of the clip, relative to the
+        scene (all positions above are the scene's); None for a fixed camera.
     motion : Motion
-        What happens in the clip.
+        The kind of motion.
     reasons : tuple of str
-        Why `ball` is taken for the ball, in whole sentences.
+        Why `ball` was selected, in whole sentences.
     maybe_shadow : bool
-        Whether `ball` may be a shadow instead: it takes an even part of the wall's light.
+        Whether `ball` may be a shadow: it attenuates the wall's light evenly.
     lacks : tuple of (int, int)
-        Frames of the clip after which so many are lost without a trace in its times: what flies
-        tells it.
+        Dropped frames that the time stamps do not show, detected from the flight: frame of the
+        clip after which they are missing, and their number.
     """
 
     ball: Track
@@ -340,14 +336,14 @@ class Tracks:
     lacks: tuple[tuple[int, int], ...] = ()
 
     def on_clock(self, clock: FloatArray) -> FloatArray:
-        """Times of the clip's frames (F,), in frames of the camera, lost ones counted."""
+        """Times of the clip's frames (F,) in camera frames, dropped ones included."""
         later = np.zeros(len(clock))
         for after, many in self.lacks:
             later[after + 1 :] += many
         return clock + later
 
     def in_clip(self, place: PlaceInClip) -> Self:
-        """The same tracks with the clip's own frames."""
+        """The same tracks with the clip's frame numbers."""
         rest, motion, shift = self.rest_frames, self.motion, self.shift_px
         if motion.frames is not None:
             motion = replace(motion, frames=place.span(motion.frames))
@@ -369,34 +365,34 @@ class Tracks:
 
 IntArray = NDArray[np.int64]
 
-_FEWEST = 3
-"""Frames: a median of fewer does not leave out one that is wrong."""
+_MIN_REST_FRAMES = 3
+"""Minimum number of frames (derived: a median of fewer does not exclude an outlier)."""
 
-_STRETCH = 12
+_DEPARTURE_MARGIN = 12
+"""Frames before departure that are not used for the rest position (chosen): a constant acceleration
+moves by an eighth of a radius or more in longer times. Twice as many determine a standard deviation
+to a fifth (derived)."""
 
-"""Frames: what starts evenly from rest is not yet gone by a radius's eighth in fewer, and twice as
-many tell a scatter to a fifth."""
 
-
-_SLOWEST_PX, _MOST_EACH = 1e-3, 13.0
-"""px per frame, below which a flight tells no time; and frames for each radius at most: as many as
-a ball of the paper takes at 600 fps, where there are enough."""
+_MIN_SPEED_PX, _MAX_FRAMES_PER_RADIUS = 1e-3, 13.0
+"""Minimum speed, px per frame, and maximum number of frames per radius of motion (derived: the ball
+of Ryu et al. at 600 fps)."""
 
 
 @dataclass(frozen=True)
 class Rest:
-    """The ball lying still.
+    """The ball at rest.
 
     Attributes
     ----------
     first, last : int
-        First and last frame in which it lies still.
+        First and last frame of the rest.
     centre_px : (2,) array
-        Where, px.
+        Position, px.
     direction : (2,) array
-        Unit vector in which it leaves.
+        Unit vector of the departure.
     speed_px : float
-        How fast it goes soon after, px per frame.
+        Speed soon after departure, px per frame.
     """
 
     first: int
@@ -406,24 +402,25 @@ class Rest:
     speed_px: float
 
     def frames_along(self, radii: float, radius: float, least: int = 1) -> int:
-        """In how many frames, at least so many, the ball flies so many of its radii, px each.
+        """Number of frames, at least `least`, in which the ball moves by so many of its radii, px.
 
-        A stretch of time that is told by how fast things go is the same stretch for a slower
-        camera; a faster one, or a slow ball, needs no more frames of it.
+        An interval defined by the motion has the same duration at a lower frame rate; a higher
+        one, or a slow ball, needs no more frames.
         """
-        each = min(radius / max(self.speed_px, _SLOWEST_PX), _MOST_EACH)
+        each = min(radius / max(self.speed_px, _MIN_SPEED_PX), _MAX_FRAMES_PER_RADIUS)
         return max(least, round(radii * each))
 
 
-_HOP, _STAYS = 6, 12
-"""Frames of a hop at most, and of rest after it at least, supposed: what is struck flies on."""
+_MAX_DISPLACEMENT_FRAMES, _MIN_REST_AFTER = 6, 12
+"""Maximum frames of a displacement at rest, and minimum frames of the rest after it (chosen): a
+struck ball flies on."""
 
-_HOP_RADII, _HOPPED_STILL = 0.5, 0.1
-"""Radii of a hop at least; part of it by which what then lies still stirs, supposed."""
+_MIN_DISPLACEMENT_RADII, _MAX_RELATIVE_MOTION = 0.5, 0.1
+"""Minimum displacement, radii; and maximum motion after it, fraction of it (chosen)."""
 
 
 def find_rest(frame: IntArray, centre: FloatArray, radius: float) -> Rest | None:
-    """Find a first stretch of rest that ends in motion.
+    """Find a first interval of rest that ends in motion.
 
     Parameters
     ----------
@@ -439,16 +436,16 @@ def find_rest(frame: IntArray, centre: FloatArray, radius: float) -> Rest | None
     Rest or None
         None if the ball moves from the start, or never leaves.
     """
-    if len(frame) < 2 * _FEWEST:
+    if len(frame) < 2 * _MIN_REST_FRAMES:
         return None
     departure = _departure(centre, radius)
     if departure is None:
         return None
     settled = _settled(centre, departure, radius)
     if settled is not None:
-        # What lay there was another thing, a shadow say, or was put elsewhere by hand.
+        # It was another object, such as a shadow, or was displaced by hand.
         return find_rest(frame[settled:], centre[settled:], radius)
-    if departure < _FEWEST:
+    if departure < _MIN_REST_FRAMES:
         return None
     resting = _latest_rest(centre, departure)
     place = np.median(resting, axis=0)
@@ -468,36 +465,38 @@ def find_rest(frame: IntArray, centre: FloatArray, radius: float) -> Rest | None
 
 
 def _settled(centre: FloatArray, departure: int, radius: float) -> int | None:
-    """Row from which it lies still again, a hop from where it lay; None where it moves on."""
+    """Row from which it is at rest again after a small displacement; None if it moves on."""
     if departure == 0:
         return None
-    for row in range(departure + 1, min(departure + _HOP, len(centre) - _STAYS) + 1):
-        place = np.median(centre[row : row + _STAYS], axis=0)
-        stirred = float(np.hypot(*(centre[row : row + _STAYS] - place).T).max())
+    for row in range(
+        departure + 1, min(departure + _MAX_DISPLACEMENT_FRAMES, len(centre) - _MIN_REST_AFTER) + 1
+    ):
+        place = np.median(centre[row : row + _MIN_REST_AFTER], axis=0)
+        stirred = float(np.hypot(*(centre[row : row + _MIN_REST_AFTER] - place).T).max())
         hopped = float(np.hypot(*(place - np.median(centre[:departure], axis=0))))
-        if hopped > _HOP_RADII * radius and stirred < _HOPPED_STILL * hopped:
+        if hopped > _MIN_DISPLACEMENT_RADII * radius and stirred < _MAX_RELATIVE_MOTION * hopped:
             return row
     return None
 
 
 def _latest_rest(centre: FloatArray, departure: int) -> FloatArray:
-    """Places that tell where the ball lies, and how far they stray.
+    """Positions that determine the rest position and its standard deviation.
 
-    The latest before it starts: earlier ones may be off together, where a thing stood beside the
-    ball, or agree too well, where a recording begins with copies of one picture.
+    The latest before departure: earlier ones may share an error, if an object was next to the
+    ball, or agree too well, if a recording begins with copies of one picture.
     """
-    if departure < 2 * _STRETCH:
+    if departure < 2 * _DEPARTURE_MARGIN:
         return centre[:departure]
-    return centre[max(0, departure - 3 * _STRETCH) : departure - _STRETCH]
+    return centre[max(0, departure - 3 * _DEPARTURE_MARGIN) : departure - _DEPARTURE_MARGIN]
 
 
 def _departure(centre: FloatArray, radius: float) -> int | None:
-    """Row at which the ball leaves for good: it goes a radius away without coming back first.
+    """Row at which the ball leaves for good: it moves by a radius without returning first.
 
-    A few bad fits, while something passes in front or beside, are no departure, and neither are
-    bad ones at the start: where the ball dwells for most of that time is where it lies.
+    A few bad fits, when something passes in front, are no departure, and neither are bad ones at
+    the start: the rest position is where the ball is most of the time.
     """
-    start = np.median(centre[:_FEWEST], axis=0)
+    start = np.median(centre[:_MIN_REST_FRAMES], axis=0)
     far = np.flatnonzero(np.hypot(*(centre - start).T) > radius)
     if len(far) == 0:
         return None

@@ -1,7 +1,7 @@
-"""The effect catalogue: one object each, for simulator, renderer and mismatch engine."""
+"""Effect catalogue: one object per effect for simulator, renderer and mismatch engine."""
 
 from physics.effects.base import (
-    LARGEST_SIZE,
+    MAX_SIZE,
     CameraView,
     Contact,
     Coordinate,
@@ -23,7 +23,7 @@ from physics.effects.catalogue import CATALOGUE, MEASUREMENT_IDS, effect_named
 
 __all__ = [
     "CATALOGUE",
-    "LARGEST_SIZE",
+    "MAX_SIZE",
     "MEASUREMENT_IDS",
     "CameraView",
     "Contact",

@@ -1,26 +1,21 @@
-"""What an effect is: one object that serves simulator, renderer and mismatch engine alike.
+"""Effect model: base class, parameters, states and hooks of the effect catalogue.
 
-An effect overrides one or more hooks. Every hook is a pure function of the effect's parameter
-values and of a state whose entries are floats or arrays that broadcast together (trials, parameter
-sets), and leaves what it is given unchanged at the parameters' neutral values.
+The same effect object serves simulator, renderer and mismatch engine. It overrides one or more
+hooks. Every hook is a pure function of the effect's parameter values and of a state whose entries
+are floats or arrays that broadcast together (trials, parameter sets), and changes nothing at the
+parameters' neutral values.
 
 ==========  ==================================================================================
-hook        gives
+hook        returns
 ==========  ==================================================================================
 force       force on the ball in flight, N, along x, y, z of the world
 torque      torque on the pendulum, N m, positive forward
-start       back-swing angle that the pendulum really starts from, rad
-contact     what the contact hands over to flight and swing
-clock       time that really passed since contact onset, s, for what the recording's clock says
-image       where the camera puts the ball, m
-angle       the pendulum angle that the camera shows, rad
+start       true back-swing angle, rad
+contact     state of ball and pendulum at release
+clock       true time since contact onset, s, for the recorded time
+image       recorded position of the ball, m
+angle       recorded angle of the pendulum, rad
 ==========  ==================================================================================
-
-A number that a law leaves open, and what is known of it beforehand.
-
-The forms that several laws of one id come in.
-
-An effect at work: a law with values for its parameters, in all of a batch or in some.
 """
 
 import math
@@ -36,7 +31,7 @@ import numpy as np
 from physics.domain import FloatArray, Number, Vector
 
 __all__ = [
-    "LARGEST_SIZE",
+    "MAX_SIZE",
     "CameraView",
     "Contact",
     "Coordinate",
@@ -56,25 +51,22 @@ __all__ = [
 ]
 
 OUTLIER_COST = 12.0
+"""Cost of a value from the list of outliers, chi-square (chosen: odds of one to four hundred)."""
 
-"""Chi-square units for a value from the list of outliers: odds of one to four hundred."""
-
-USUAL = 6.0
-
-"""Widths up to which a value is no outlier: beyond six standard deviations a Gaussian prior has
-odds of one in 5e8, below those of `OUTLIER_COST`."""
+MAX_USUAL_WIDTHS = 6.0
+"""Widths up to which a value is no outlier (derived: beyond, a Gaussian prior has odds of one in
+5e8, below those of `OUTLIER_COST`)."""
 
 OUTLIER_WIDTH = 0.005
-
-"""Relative width of such a value: a wrong frame rate or ruler is wrong by a round factor, read as
-well as a nominal rate is kept, half a per cent."""
+"""Relative width of an outlier (chosen): a wrong frame rate or ruler is wrong by a round factor,
+with the tolerance of a nominal rate, half a per cent."""
 
 
 class EffectId(StrEnum):
-    """Ids of the effects that a law or a search treats apart: decisions compare these."""
+    """Ids of the effects that code treats specially; comparisons use these."""
 
     GRAVITY = "gravity"
-    """Always in a model; no entry of the catalogue."""
+    """In every model; not in the catalogue."""
     DRAG = "drag"
     MAGNUS = "magnus"
     DRAG_CRISIS = "drag_crisis"
@@ -83,14 +75,14 @@ class EffectId(StrEnum):
     CAMERA_ROLL = "camera_roll"
     ORIGIN_OFFSET = "origin_offset"
     UNNAMED = "unnamed"
-    """Whatever is in no catalogue: several may stand in one model."""
+    """A force outside the catalogue; a model may have several."""
 
 
 class Extent(Enum):
-    """What a campaign stretches a shape's grid, scale and lower bound over.
+    """Quantity of a campaign that scales a shape's grid, scale and lower bound.
 
-    They are then given in shares of it: 0 where it begins, 1 where it ends; of a length or a
-    duration, in shares of its size.
+    They are then fractions of it: 0 at its beginning, 1 at its end; for a length or a duration,
+    fractions of its size.
     """
 
     FIXED = "fixed"
@@ -102,7 +94,7 @@ class Extent(Enum):
 
 
 class Size(Enum):
-    """What the bodies of a campaign multiply a parameter's scale and bounds, or its width, by."""
+    """Factor, from the bodies of a campaign, of a parameter's scale and bounds, or its width."""
 
     ONE = "1"
     BALL_WEIGHT = "m g of the ball"
@@ -111,20 +103,20 @@ class Size(Enum):
     BOARD = "air density times the fifth power of the pendulum's length"
 
 
-LARGEST_SIZE = {
+MAX_SIZE = {
     Size.ONE: 1.0,
     Size.BALL_WEIGHT: 10.0,
     Size.PENDULUM_TORQUE: 10.0,
     Size.SPIN: 3300.0,
     Size.BOARD: 10.0,
 }
-"""What each can be where the bodies are not known yet: a golf ball leaves its tee with 70 m/s at
-21 mm radius (3300 /s); balls and pendulums that people strike and swing in a laboratory weigh at
-most ten newtons, and ten times the paper's torque."""
+"""Maximum of each factor where the bodies are not known (chosen): a golf ball leaves its tee with
+70 m/s at 21 mm radius (3300 /s); laboratory balls weigh at most ten newtons, and pendulums have at
+most ten times the paper's torque."""
 
 
 class Level(Enum):
-    """What shares one value of a law's strengths; below the campaign they scatter about a mean."""
+    """Group that shares a law's strengths; below the campaign they vary about a mean."""
 
     CAMPAIGN = "campaign"
     SESSION = "session"
@@ -134,38 +126,38 @@ class Level(Enum):
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number that an effect's law leaves open.
+    """A free parameter of an effect's law.
 
     Attributes
     ----------
     name : str
-        As in results and setup files.
+        Name in results and setup files.
     unit : str
         "1" for none.
     scale : float
-        Size that would be unremarkable; the width of its prior.
+        Typical size; the width of its prior.
     lower, upper : float
-        What nature allows. A fit outside rejects the effect.
+        Physical bounds. A fit outside rejects the effect.
     neutral : float
         Value at which the effect vanishes.
     grid : tuple of float
-        For a shape (a place, a width, an exponent), which says where the law acts but not how
-        strongly: values to try first. Empty for a strength.
+        For a shape (a position, a width, an exponent), which determines where the law acts but not
+        how strongly: initial values. Empty for a strength.
     meaning : str
-        In words.
+        Description.
     width : float
-        Standard deviation of what is found in practice: a ruler is read within a few per cent.
-        A size far beyond it counts against the effect. Infinite where the bounds say it all.
+        Standard deviation in practice: a ruler is read to a few per cent. A size far beyond it
+        counts against the effect. Infinite where the bounds suffice.
     expected : float, optional
-        What nature is known to give it, with that width; the neutral value if not given.
+        Natural value, with that width; the neutral value if not given.
     outliers : tuple of float
-        Values that do happen, far beyond the width (a clip played back at half its rate).
+        Possible values far beyond the width (a clip played back at half its rate).
     over : Extent
-        What the grid is stretched over; as it stands by default.
+        Quantity that scales the grid; none by default.
     in_units_of : Size
-        What scale and bounds are multiplied by; nothing by default.
+        Factor of scale and bounds; 1 by default.
     width_in : Size
-        Likewise for the width.
+        Factor of the width.
     """
 
     name: str
@@ -185,17 +177,17 @@ class Parameter:
 
     @property
     def is_shape(self) -> bool:
-        """Whether the parameter says where or how, but not how much."""
+        """Whether the parameter determines where or how, not how much."""
         return bool(self.grid)
 
     @property
     def is_known(self) -> bool:
-        """Whether nature gives it a size other than none."""
+        """Whether its natural value is not the neutral one."""
         return self.expected is not None and self.expected != self.neutral
 
     @property
     def is_held(self) -> bool:
-        """Whether it is one weight of many, each held near nothing by its width."""
+        """Whether it is one weight of many, each with a prior around neutral."""
         return self.expected is not None and self.expected == self.neutral
 
     def believable(self, value: float) -> bool:
@@ -203,7 +195,7 @@ class Parameter:
         edge = 1e-6 * max(abs(self.lower), abs(self.upper))
         if not self.lower - edge <= value <= self.upper + edge:
             return False
-        near = abs(value - self.neutral) <= USUAL * self.width
+        near = abs(value - self.neutral) <= MAX_USUAL_WIDTHS * self.width
         reach = 2.0 * OUTLIER_WIDTH
         return (
             not self.outliers
@@ -212,7 +204,7 @@ class Parameter:
         )
 
     def prior_penalty(self, value: float) -> float:
-        """What a value costs in chi-square units by its prior: a Gaussian, and rare spikes."""
+        """Negative log prior of a value, in chi-square units: a Gaussian, and rare outliers."""
         middle = self.neutral if self.expected is None else self.expected
         plain = ((value - middle) / self.width) ** 2
         spikes = (
@@ -228,7 +220,7 @@ Values: TypeAlias = Mapping[str, Number]
 
 
 class Coordinate(Enum):
-    """What a law depends on most, and along which its form may thus be a little wrong."""
+    """Variable that a law depends on most, along which its form may deviate."""
 
     SPEED = "speed"
     TIME = "time"
@@ -244,7 +236,7 @@ class Coordinate(Enum):
 
 @dataclass(frozen=True)
 class FlightState:
-    """A ball in the air. Shapes broadcast; SI; x along the wall, y up from the floor, z off it.
+    """State of a ball in flight. Shapes broadcast; SI; x along the wall, y up, z off the wall.
 
     Attributes
     ----------
@@ -257,12 +249,12 @@ class FlightState:
     air_density, air_viscosity, gravity : Number
         kg/m³, Pa s, m/s².
     drag_coefficient, spin : Number
-        What the model holds for them, for the effects that build on drag or spin (1, rad/s
-        counter-clockwise about z, which is back-spin).
+        Values in the model, for effects that build on drag or spin (1, rad/s counter-clockwise
+        about z, which is back-spin).
     impact_speed : Number
         The trial's nominal impact speed, m/s.
     order : Number
-        Place of the trial in the campaign, −½ for the first to ½ for the last.
+        Position of the trial in the campaign, −½ for the first to ½ for the last.
     """
 
     time: Number
@@ -296,7 +288,7 @@ class FlightState:
         return np.asarray(np.arctan2(self.vy, across))
 
     def along(self, coordinate: Coordinate) -> Number:
-        """Where the ball is along a coordinate of a law; the speed where it has none in flight."""
+        """Value of a coordinate of a law; the speed for those without a value in flight."""
         places: dict[Coordinate, Number] = {
             Coordinate.TIME: self.time,
             Coordinate.PLACE: self.x,
@@ -328,13 +320,13 @@ class FlightState:
         return 0.5 * self.air_density * self.area
 
 
-STICTION_RATE = 0.02
-"""rad/s below which dry friction is smoothed at least, so that a pendulum may come to rest."""
+MIN_SMOOTHING_RATE = 0.02
+"""Minimum rate of the friction's smoothing, rad/s (chosen), so that a pendulum may come to rest."""
 
 
 @dataclass(frozen=True)
 class SwingState:
-    """A pendulum on its way.
+    """State of a swinging pendulum.
 
     Attributes
     ----------
@@ -343,9 +335,9 @@ class SwingState:
     inertia, mass, com, length, gravity : Number
         kg m², kg, m, m, m/s².
     order : Number
-        Place of the trial in the campaign, −½ to ½.
+        Position of the trial in the campaign, −½ to ½.
     gained : Number
-        Rate that the weight adds within a step of the solver, rad/s.
+        Change of rate by the weight within a step of the solver, rad/s.
     """
 
     phi: Number
@@ -362,17 +354,17 @@ class SwingState:
     def sense(self) -> Number:
         """Sign of the motion, smoothed over a step about a turning point.
 
-        A sign that jumps between two steps leaves an error of a step's friction. This one goes too
-        far on either side by as much as a hyperbolic tangent is short of it, in the first moment:
-        neither rate nor place after the turning point differ from those of a jump.
+        A sign that changes between two steps causes an error of a step's friction. This function
+        overshoots on either side by as much as a hyperbolic tangent falls short, in the first
+        moment: neither rate nor angle after the turning point differ from those of a jump.
         """
-        short = np.tanh(self.omega / np.maximum(np.abs(self.gained), STICTION_RATE))
+        short = np.tanh(self.omega / np.maximum(np.abs(self.gained), MIN_SMOOTHING_RATE))
         return short * (1.0 + math.pi**2 / 12.0 * (1.0 - np.square(short)))
 
 
 @dataclass(frozen=True)
 class Contact:
-    """What goes into a contact.
+    """State at the onset of a contact.
 
     Attributes
     ----------
@@ -385,11 +377,11 @@ class Contact:
     ball_mass, diameter : Number
         kg, m.
     restitution : Number
-        What the model holds for the coefficient of restitution at this speed.
+        Coefficient of restitution in the model at this speed.
     gravity : Number
         m/s².
     order : Number
-        Place of the trial in the campaign, −½ to ½.
+        Position of the trial in the campaign, −½ to ½.
     """
 
     omega: Number
@@ -415,7 +407,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a contact hands over, at release.
+    """State at release.
 
     Attributes
     ----------
@@ -440,7 +432,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class CameraView:
-    """What a camera sees of a ball and a pendulum at one instant.
+    """State of ball and pendulum at one instant, as input of the camera effects.
 
     Attributes
     ----------
@@ -451,9 +443,9 @@ class CameraView:
     phi, omega : Number
         Pendulum, rad and rad/s.
     rest_x, rest_y : Number
-        Ball's centre before the contact, or where its record starts, m.
+        Ball's centre before the contact, or at the start of its record, m.
     centre_x, centre_y, half_width : Number
-        Middle and half the width of what the campaign's balls pass through, m.
+        Middle and half the width of the region of the campaign's trajectories, m.
     length : Number
         Of the pendulum, m; its lowest point is level with the resting ball.
     """
@@ -477,51 +469,51 @@ class CameraView:
 
 @dataclass(frozen=True)
 class Effect:
-    """A piece of physics, or a fault of the measurement, that a model may hold or lack.
+    """A physical effect, or a measurement error, that a model may contain or lack.
 
     Attributes
     ----------
     id : str
-        As in the contract.
+        Id of the contract.
     statement : str
-        What it means that the model lacks it, one sentence in plain words.
+        What it means that the model lacks it, in one sentence.
     law : str
         LaTeX.
     source : str
-        Where the law is from.
+        Reference of the law.
     phase : Phase
         Where it acts.
     parameters : tuple of Parameter
-        What the law leaves open.
+        Free parameters of the law.
     form : str
-        Which of several laws that go by the same id; "" if there is one.
+        Which of several laws with the same id; "" if there is one.
     confusable : tuple of str
-        Effects that are often taken for it; the engine tests at run time which of them are.
+        Effects that are often mistaken for it; the engine tests at run time which of them are.
     separating : str
-        The measurement that tells it from those.
+        The measurement that distinguishes it from those.
     requires : tuple of str
-        Effects without which it does nothing.
+        Effects without which it has no influence.
     certain : bool
-        Whether nature always has it, so that a model without it lacks something for sure.
+        Whether it always exists in nature, so that a model without it is surely incomplete.
     looseness : float
-        How much, relative to itself, the law differs from one apparatus or author to the next once
-        its strength is matched (one sigma); 0 for what is exact.
+        Relative model discrepancy (k = 1) between apparatuses or authors after its strength is
+        matched; 0 for an exact law.
     coordinate : Coordinate
-        Along which it does.
+        Variable along which it deviates.
     axes : int
-        How many coordinates of the ball must be recorded for it to show.
+        Number of recorded coordinates of the ball needed to detect it.
     planar : bool
-        Whether it is a fault of one camera that sees a plane: places in space come from several
-        cameras, or other instruments.
+        Whether it is an error of a single camera that sees a plane; positions in space come from
+        several cameras or other instruments.
     by_air : bool
-        Whether the air does it, which then resists the motion as well.
+        Whether the air causes it, which then has drag, too.
     levels : tuple of Level
-        At which its strengths may live: a coefficient of drag differs from ball to ball, a draught
-        from day to day, the spin of a throw from throw to throw.
+        Levels at which its strengths may vary: a drag coefficient differs between balls, a draught
+        between days, the spin of a throw between throws.
     level : Level
-        At which they do in this one.
+        Level in this instance.
     sharp : bool
-        Whether it may start, end or peak within a small part of the motion, which takes fine steps.
+        Whether it may start, end or peak within a small part of the motion, which needs fine steps.
     """
 
     id: str
@@ -566,31 +558,31 @@ class Effect:
 
     @property
     def neutral(self) -> dict[str, float]:
-        """Parameter values at which nothing changes; shapes take the middle of their grid."""
+        """Parameter values without effect; shapes take the middle of their grid."""
         return {
             p.name: p.grid[len(p.grid) // 2] if p.is_shape else p.neutral for p in self.parameters
         }
 
     @property
     def strengths(self) -> tuple[Parameter, ...]:
-        """Parameters that say how much."""
+        """Parameters that determine how much."""
         return tuple(p for p in self.parameters if not p.is_shape)
 
     @property
     def shapes(self) -> tuple[Parameter, ...]:
-        """Parameters that say where or how."""
+        """Parameters that determine where or how."""
         return tuple(p for p in self.parameters if p.is_shape)
 
     def force(self, values: Values, flight: FlightState) -> Vector:
         """Force on the ball, N."""
-        raise NotImplementedError(f"{self.id} puts no force on the ball")
+        raise NotImplementedError(f"{self.id} has no force on the ball")
 
     def torque(self, values: Values, swing: SwingState) -> Number:
         """Torque on the pendulum, N m, positive forward."""
-        raise NotImplementedError(f"{self.id} puts no torque on the pendulum")
+        raise NotImplementedError(f"{self.id} has no torque on the pendulum")
 
     def start(self, values: Values, backswing: Number) -> Number:
-        """Back-swing angle that the pendulum starts from, rad, given the nominal one."""
+        """True back-swing angle, rad, given the nominal one."""
         return backswing
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
@@ -598,24 +590,24 @@ class Effect:
         return outcome
 
     def clock(self, values: Values, time: Number) -> Number:
-        """Time since contact onset that really passed, s, given what the clock says."""
+        """True time since contact onset, s, given the recorded one."""
         return time
 
     def image(self, values: Values, view: CameraView) -> Vector:
-        """Where the recording puts the ball, m."""
+        """Recorded position of the ball, m."""
         return view.x, view.y, view.z
 
     def angle(self, values: Values, view: CameraView) -> Number:
-        """Angle that the recording gives the pendulum, rad."""
+        """Recorded angle of the pendulum, rad."""
         return view.phi
 
 
 _OVERRIDDEN: dict[type[Effect], frozenset[str]] = {}
-"""Hooks that each kind of effect overrides: they are asked for in every step of every march."""
+"""Hooks that each class of effect overrides, cached since every solver step needs them."""
 
 
 class Form(StrEnum):
-    """Which of several laws of one id; the value is what verdicts print.
+    """Which of several laws of one id; the value appears in verdicts.
 
     A user's own effect may have any text as its form.
     """
@@ -680,9 +672,9 @@ class Term:
     ----------
     effect : Effect
     values : mapping of str to Number
-        A number each, or arrays that broadcast with the members of the batch it acts in.
+        A number each, or arrays that broadcast with the members of the batch in which it acts.
     where : slice or Ellipsis
-        Members along the batch's first axis in which the effect acts; Ellipsis: in all.
+        Members along the batch's first axis in which the effect acts; Ellipsis for all.
     """
 
     effect: Effect
@@ -691,20 +683,20 @@ class Term:
 
     @property
     def flies(self) -> bool:
-        """Whether it puts a force on the ball in flight."""
+        """Whether it has a force on the ball in flight."""
         return "force" in self.effect.hooks
 
     @property
     def brakes(self) -> bool:
-        """Whether it puts a torque on the pendulum."""
+        """Whether it has a torque on the pendulum."""
         return "torque" in self.effect.hooks
 
     @property
     def alters_contact(self) -> bool:
-        """Whether it changes what the contact hands over."""
+        """Whether it changes the state at release."""
         return "contact" in self.effect.hooks
 
     @property
     def alters_start(self) -> bool:
-        """Whether it changes where the pendulum starts from."""
+        """Whether it changes the pendulum's initial angle."""
         return "start" in self.effect.hooks

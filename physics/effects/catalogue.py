@@ -1,4 +1,4 @@
-"""Every effect with an id of its own, in every form of its law."""
+"""The catalogue of effects by id, in every form of their laws."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -42,12 +42,12 @@ from physics.effects.impact import (
     YieldingCor,
 )
 from physics.effects.measurement import (
+    CAMERA_ROTATION,
     FURTHER_TERM,
-    LEANING,
+    ORIGIN_SHIFT,
     OTHER_ROWS,
     PITCH,
-    SHIFT,
-    TURNED,
+    PLANE_SLOPE,
     CameraRoll,
     DroppedFrames,
     LengthScale,
@@ -151,16 +151,16 @@ _ALL: tuple[Effect, ...] = (
     CameraRoll(),
     CameraRoll(form=Form.BALL_ONLY),
     CameraRoll(form=Form.ABOUT_THE_START),
-    CameraRoll(form=Form.ABOUT_A_POINT, parameters=(*CameraRoll().parameters, *SHIFT)),
+    CameraRoll(form=Form.ABOUT_A_POINT, parameters=(*CameraRoll().parameters, *ORIGIN_SHIFT)),
     CameraRoll(
         form=Form.PERSPECTIVE,
-        parameters=(*CameraRoll().parameters, *SHIFT, *TURNED),
+        parameters=(*CameraRoll().parameters, *ORIGIN_SHIFT, *CAMERA_ROTATION),
         source="a pinhole camera turned about all its axes, first order in the angles",
         planar=True,
     ),
     CameraRoll(form=Form.THREE_AXES, parameters=(*CameraRoll().parameters, PITCH), axes=3),
     Parallax(),
-    Parallax(form=Form.LEANING, parameters=(*Parallax().parameters, *LEANING)),
+    Parallax(form=Form.LEANING, parameters=(*Parallax().parameters, *PLANE_SLOPE)),
     LensDistortion(),
     LensDistortion(form=Form.TWO_TERMS, parameters=(*LensDistortion().parameters, FURTHER_TERM)),
     RollingShutter(),
@@ -185,19 +185,17 @@ CATALOGUE: Mapping[str, tuple[Effect, ...]] = _grouped(_ALL)
 """Effect id → its forms, the usual one first."""
 
 MEASUREMENT_IDS = frozenset(e.id for e in _ALL if e.phase == "measurement")
-"""Ids that blame the instrument."""
+"""Ids of measurement errors."""
 
 
 def effect_named(name: str) -> Effect:
-    """Give the usual form of an effect.
+    """Return the usual form of an effect.
 
     Raises
     ------
     UsageError
-        If there is no effect of that id; the message lists what there is.
+        If there is no effect of that id; the message lists all.
     """
     if name not in CATALOGUE:
-        raise UsageError(
-            f"there is no effect {name!r}", hint=f"Known effects: {', '.join(CATALOGUE)}."
-        )
+        raise UsageError(f"unknown effect {name!r}", hint=f"Known effects: {', '.join(CATALOGUE)}.")
     return CATALOGUE[name][0]

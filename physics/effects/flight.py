@@ -1,4 +1,4 @@
-"""Forces on a ball in the air."""
+"""Effects with a force on the ball in flight."""
 
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -49,8 +49,8 @@ class CoefficientCurve(Protocol):
         ...
 
 
-STILL = 1e-3
-"""rad/s of spin that keeps the size of none differentiable."""
+MIN_SPIN = 1e-3
+"""Spin, rad/s, that keeps the spin's magnitude differentiable at zero (chosen: negligible)."""
 
 
 @dataclass(frozen=True)
@@ -79,18 +79,18 @@ class Drag(Effect):
     levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.BALL)
 
     def coefficient(self, values: Values, flight: FlightState) -> Number:
-        """C_D in the state that the ball is in."""
+        """C_D in the ball's state."""
         return values["drag_coefficient"]
 
     def force(self, values: Values, flight: FlightState) -> Vector:
-        """Against the velocity, with its square."""
+        """Opposite to the velocity, with its square."""
         k = -flight.dynamic_area * self.coefficient(values, flight) * flight.speed
         return k * flight.vx, k * flight.vy, k * flight.vz
 
 
 @dataclass(frozen=True)
 class DragByReynolds(Drag):
-    """Resistance of the air with a coefficient looked up by Reynolds number along the flight.
+    """Resistance of the air with a coefficient that depends on the Reynolds number.
 
     Attributes
     ----------
@@ -110,13 +110,13 @@ class DragByReynolds(Drag):
 
 
 USUAL_REYNOLDS = 4e4
-"""Reynolds number at which a coefficient that changes has the value that is stated: a ball of 20 cm
-at 3 m/s."""
+"""Reynolds number to which the stated value of a varying coefficient refers (convention: a ball of
+20 cm at 3 m/s)."""
 
 
 @dataclass(frozen=True)
 class DragThroughLayer(Drag):
-    """Resistance of the air that grows as the flow slows and its boundary layer gets thicker."""
+    """Air resistance whose coefficient grows as the flow slows and its boundary layer thickens."""
 
     form: str = Form.THICKENING_LAYER
     law: str = (
@@ -133,7 +133,7 @@ class DragThroughLayer(Drag):
     levels: tuple[Level, ...] = (Level.CAMPAIGN,)
 
     def coefficient(self, values: Values, flight: FlightState) -> Number:
-        """C_D of the ball and the layer around it."""
+        """C_D of the ball with its boundary layer."""
         around = 1.0 + values["layer"] / np.sqrt(np.maximum(flight.reynolds, 1.0))
         usual = 1.0 + values["layer"] / np.sqrt(USUAL_REYNOLDS)
         thicker: Number = np.square(around / usual)
@@ -142,7 +142,7 @@ class DragThroughLayer(Drag):
 
 @dataclass(frozen=True)
 class DragCrisis(Effect):
-    """The fall of the drag coefficient where the boundary layer turns turbulent."""
+    """The decrease of the drag coefficient where the boundary layer becomes turbulent."""
 
     id: str = "drag_crisis"
     statement: str = "Above a critical speed the drag coefficient falls (drag crisis)."
@@ -169,27 +169,27 @@ class DragCrisis(Effect):
     by_air: bool = True
 
     def fallen(self, values: Values, reynolds: Number) -> Number:
-        """Share of the fall that is behind the ball at its Reynolds number."""
+        """Fraction of the decrease at the Reynolds number."""
         critical = values["critical_reynolds"]
         argument = (reynolds - critical) / (values["width"] * critical)
         share: Number = 0.5 * (1.0 + np.tanh(0.5 * argument))
         return share
 
     def force(self, values: Values, flight: FlightState) -> Vector:
-        """What the lower coefficient gives back."""
+        """Drag saved by the lower coefficient."""
         fallen = self.fallen(values, flight.reynolds)
         k = flight.dynamic_area * values["coefficient_drop"] * fallen * flight.speed
         return k * flight.vx, k * flight.vy, k * flight.vz
 
 
 FALL_WIDTH = 0.1
-"""Width of the fall of a rough sphere's drag over its critical Reynolds number: from nine tenths to
-one tenth between 0.8 and 1.2 of it."""
+"""Width of the decrease for a rough sphere over its critical Reynolds number (chosen: from nine
+tenths to one tenth between 0.8 and 1.2 of it)."""
 
 
 @dataclass(frozen=True)
 class RecoveringCrisis(DragCrisis):
-    """A fall of the drag coefficient that is made up for, in part, at higher Reynolds numbers."""
+    """A decrease of the drag coefficient that partly recovers at higher Reynolds numbers."""
 
     form: str = Form.RECOVERING
     law: str = (
@@ -201,15 +201,15 @@ class RecoveringCrisis(DragCrisis):
     )
     parameters: tuple[Parameter, ...] = (
         *DragCrisis().parameters[:2],
-        # A smooth sphere wins back 0.10 of 0.43 in a decade, rough ones nearly all.
+        # A smooth sphere recovers 0.10 of 0.43 in a decade, rough ones nearly all.
         Parameter(
             "recovery", "1", 0.5, 0.0, 2.0, grid=(0.25, 1.0),
-            meaning="share of the fall that is made up for in a decade of Reynolds number",
+            meaning="fraction of the decrease recovered per decade of Reynolds number",
         ),
     )  # fmt: skip
 
     def fallen(self, values: Values, reynolds: Number) -> Number:
-        """Share of the fall that is behind the ball and not made up for yet."""
+        """Fraction of the decrease minus the recovery at the Reynolds number."""
         critical = values["critical_reynolds"]
         decades = np.log10(np.maximum(reynolds / critical, 1.0))
         left = np.maximum(1.0 - values["recovery"] * decades, 0.0)
@@ -218,7 +218,7 @@ class RecoveringCrisis(DragCrisis):
 
 @dataclass(frozen=True)
 class DensityLapse(Effect):
-    """Air that thins with height."""
+    """Air density that decreases with height."""
 
     id: str = "density_lapse"
     statement: str = "The air gets thinner with height, and with it the drag."
@@ -245,14 +245,14 @@ class DensityLapse(Effect):
     coordinate: Coordinate = Coordinate.HEIGHT
 
     def force(self, values: Values, flight: FlightState) -> Vector:
-        """What thinner air gives back of the drag."""
+        """Drag saved by the lower density."""
         thinned = -np.expm1(-np.asarray(flight.y) * values["inverse_scale_height"])
         k = flight.dynamic_area * flight.drag_coefficient * flight.speed * thinned
         return k * flight.vx, k * flight.vy, k * flight.vz
 
 
 def _spin(axis: str, meaning: str) -> Parameter:
-    """A spin; beyond a few times v/R no throw or strike makes a ball turn."""
+    """A spin parameter; no throw or strike gives a spin beyond a few times v/R."""
     return Parameter(axis, "rad/s", 0.3, -4.0, 4.0, meaning=meaning, in_units_of=Size.SPIN)
 
 
@@ -283,7 +283,7 @@ class Magnus(Effect):
     def force(self, values: Values, flight: FlightState) -> Vector:
         """Lift with a coefficient of one per spin ratio Rω/v, or less where the law saturates."""
         wx, wy, wz = values.get("spin_x", 0.0), values.get("spin_y", 0.0), values["spin"]
-        size = np.sqrt(np.square(wx) + np.square(wy) + np.square(wz) + STILL**2)
+        size = np.sqrt(np.square(wx) + np.square(wy) + np.square(wz) + MIN_SPIN**2)
         k = 0.5 * flight.dynamic_area * flight.diameter * self._coefficient(size, flight)
         return (
             k * (wy * flight.vz - wz * flight.vy),
@@ -294,21 +294,21 @@ class Magnus(Effect):
 
 @dataclass(frozen=True)
 class SaturatingLift(Magnus):
-    """Lift on a spinning ball that grows less and less with the spin ratio."""
+    """Lift on a spinning ball that saturates with the spin ratio."""
 
     form: str = Form.SATURATING
     law: str = r"C_L = 1 / (2.32 + 0.4 / S),\quad S = R\omega / v"
     source: str = "Nathan, Am. J. Phys. 76, 119 (2008)"
 
     def _coefficient(self, size: Number, flight: FlightState) -> Number:
-        """As fitted to measured lift on spinning balls."""
+        """Fit to measured lift on spinning balls."""
         ratio = 0.5 * flight.diameter * size / np.maximum(flight.speed, 1e-6)
         return 1.0 / (2.32 * ratio + 0.4)
 
 
 @dataclass(frozen=True)
 class SpinDecay(Effect):
-    """Spin that the air brakes during the flight."""
+    """Decay of the spin during the flight."""
 
     id: str = "spin_decay"
     statement: str = "The ball's spin, and the lift with it, decays during the flight."
@@ -326,12 +326,12 @@ class SpinDecay(Effect):
     coordinate: Coordinate = Coordinate.TIME
 
     def lost(self, values: Values, time: Number) -> Number:
-        """Share of the spin that is gone, below zero."""
+        """Fraction of the spin that is lost, negative."""
         gone: Number = np.expm1(-np.asarray(time) * values["decay_rate"])
         return gone
 
     def force(self, values: Values, flight: FlightState) -> Vector:
-        """The lift that has been lost."""
+        """The lost lift."""
         lost = self.lost(values, flight.time)
         k = 0.5 * flight.dynamic_area * flight.diameter * flight.spin * lost
         return -k * flight.vy, k * flight.vx, np.zeros_like(np.asarray(flight.vz) * k)
@@ -339,7 +339,7 @@ class SpinDecay(Effect):
 
 @dataclass(frozen=True)
 class SpinDecayBySquare(SpinDecay):
-    """Spin that a torque with its square brakes."""
+    """Decay of the spin by a torque with its square."""
 
     form: str = Form.BY_THE_SQUARE
     law: str = r"\omega(t) = \omega_0 / (1 + \lambda t)"
@@ -349,7 +349,7 @@ class SpinDecayBySquare(SpinDecay):
     )
 
     def lost(self, values: Values, time: Number) -> Number:
-        """Share of the spin that is gone, below zero."""
+        """Fraction of the spin that is lost, negative."""
         gone = np.asarray(time) * values["decay_rate"]
         share: Number = -gone / (1.0 + gone)
         return share
@@ -361,7 +361,7 @@ ASIDE = Parameter("wind_z", "m/s", 0.5, -15.0, 15.0, meaning="positive along z")
 
 @dataclass(frozen=True)
 class Wind(Effect):
-    """A steady draught along the line of flight, or as a vector where more of it is left open."""
+    """A steady draught along the line of flight, or in more directions."""
 
     id: str = "wind"
     statement: str = "The air itself moves: a steady draught along the line of flight."
@@ -380,17 +380,17 @@ class Wind(Effect):
     coordinate: Coordinate = Coordinate.HEIGHT
 
     def _share(self, flight: FlightState) -> Number:
-        """Of the stated wind that blows where the ball is."""
+        """Fraction of the stated wind at the ball."""
         return 1.0
 
     def blowing(self, values: Values, flight: FlightState) -> Vector:
-        """How fast the air moves where the ball is, m/s."""
+        """Wind velocity at the ball, m/s."""
         share = self._share(flight)
         across = (values.get("wind_y", 0.0), values.get("wind_z", 0.0))
         return share * values["wind_x"], share * across[0], share * across[1]
 
     def force(self, values: Values, flight: FlightState) -> Vector:
-        """Drag on the relative velocity less drag on the velocity."""
+        """Drag on the relative velocity minus drag on the velocity."""
         k = flight.dynamic_area * flight.drag_coefficient
         still = flight.speed
         wx, wy, wz = self.blowing(values, flight)
@@ -405,7 +405,7 @@ class Wind(Effect):
 
 @dataclass(frozen=True)
 class WindOverFloor(Wind):
-    """A draught that the floor holds back, the more the lower the ball is."""
+    """A draught with a boundary layer on the floor."""
 
     form: str = Form.HELD_BY_THE_FLOOR
     law: str = (
@@ -415,7 +415,7 @@ class WindOverFloor(Wind):
     source: str = "Prandtl (1925): the seventh-root profile of a turbulent layer over a plane"
 
     def _share(self, flight: FlightState) -> Number:
-        """Of the stated wind at the ball's height; all of it one metre above the floor."""
+        """Fraction of the stated wind at the ball's height; 1 at one metre above the floor."""
         return np.asarray(np.maximum(flight.y, 0.0) ** (1.0 / 7.0))
 
 
@@ -432,12 +432,12 @@ class Buoyancy(Effect):
         Parameter("fraction", "1", 1.0, 0.0, 4.0, meaning="1 for Archimedes' value"),
     )
     confusable: tuple[str, ...] = ("magnus", "time_base", "length_scale", "asymmetric_wake")
-    separating: str = "one drop from rest of this ball beside a small dense one"
+    separating: str = "one drop from rest of this ball next to a small dense one"
     looseness: float = 0.1
     by_air: bool = True
 
     def force(self, values: Values, flight: FlightState) -> Vector:
-        """Straight up."""
+        """Vertical force."""
         lift: Number = values["fraction"] * flight.air_density * flight.volume * flight.gravity
         nothing = np.zeros_like(np.asarray(flight.vx) * lift)
         return nothing, lift + nothing, nothing

@@ -1,8 +1,8 @@
-"""What may go differently while pendulum and ball touch.
+"""Effects during contact of pendulum and ball.
 
-The table or the contact model of the baseline says what a contact does; these change it by the
-impulse that the effect adds. The normal impulse of a contact with restitution e gives the ball
-(1 + e) u M/(M + m) and leaves the pendulum (M − e m) u/(M + m), with M = I/L², u the impact speed.
+The table or contact model of the baseline gives the outcome of a contact; these effects change it
+by the impulse that they add. The normal impulse of a contact with restitution e gives the ball (1 +
+e) u M/(M + m) and leaves the pendulum (M − e m) u/(M + m), with M = I/L², u the impact speed.
 """
 
 from dataclasses import dataclass, replace
@@ -42,15 +42,17 @@ __all__ = [
     "turn_launch",
 ]
 
-PARTING_SHARE = 0.12
-"""Hunt–Crossley contacts with exponents of 1 to 1.6 lie between 0.06 and 0.17."""
+SEPARATION_DISPLACEMENT = 0.12
+"""Fraction of the displacement in contact per change of restitution (fitted): Hunt–Crossley
+contacts with exponents of 1 to 1.6 give 0.06 to 0.17."""
 
-SPRING = 1.25
-"""n in the force of a pressed ball, as the way to the n: between a linear spring's 1 and Hertz's
-3/2, where the time goes with the mass to the 1/(n + 1) and the speed to the (1 − n)/(n + 1)."""
+CONTACT_EXPONENT = 1.25
+"""Exponent n of the contact force by compression (chosen): between a linear spring's 1 and Hertz's
+3/2; the time is proportional to mass^(1/(n + 1)) and speed^((1 − n)/(n + 1))."""
 
 REFERENCE_SPEED = 2.5
-"""m/s, where the slope of a velocity-dependent COR adds nothing (middle of the paper's range)."""
+"""Speed at which the slope of a velocity-dependent COR contributes nothing, m/s (chosen: middle of
+the paper's range)."""
 
 
 def add_normal_speeds(
@@ -58,8 +60,8 @@ def add_normal_speeds(
 ) -> Outcome:
     """Add to the ball's speed along the contact normal and to the pendulum's speed, m/s.
 
-    `early` is the share of the contact time for which the added speed has acted at release: half of
-    it where every moment of the contact is changed alike.
+    `early` is the fraction of the contact time for which the added speed has acted at release: half
+    of it if the whole contact is changed evenly.
     """
     normal = 0.5 * (contact.angle + outcome.pendulum_angle)
     way = early * outcome.contact_time
@@ -75,10 +77,9 @@ def add_normal_speeds(
 
 
 def last_longer(contact: Contact, outcome: Outcome, change: Number) -> Outcome:
-    """Outcome of a contact that lasts longer by a share, at unchanged velocities.
+    """Outcome of a contact that lasts longer by a fraction, at unchanged velocities.
 
-    Released later, the ball has moved further by that share, and the pendulum at the mean of its
-    speeds.
+    Released later, the ball has moved further by that fraction, and the pendulum at its mean speed.
     """
     longer = change * outcome.contact_time
     mean_rate = 0.5 * (contact.omega + outcome.pendulum_speed / contact.length)
@@ -97,17 +98,19 @@ def last_longer(contact: Contact, outcome: Outcome, change: Number) -> Outcome:
 def change_restitution(contact: Contact, outcome: Outcome, change: Number) -> Outcome:
     """Outcome with the coefficient of restitution changed by `change`, everything else alike.
 
-    Dissipation acts late, when the bodies part, so the way hardly changes.
+    Dissipation acts late in the contact, so the displacement hardly changes.
     """
     heavy, light = contact.inertial_mass, contact.ball_mass
     share = change * contact.impact_speed / (heavy + light)
-    return add_normal_speeds(contact, outcome, heavy * share, -light * share, PARTING_SHARE)
+    return add_normal_speeds(
+        contact, outcome, heavy * share, -light * share, SEPARATION_DISPLACEMENT
+    )
 
 
 def turn_launch(outcome: Outcome, angle: Number) -> Outcome:
-    """Outcome with push and velocity turned by `angle` (rad, positive up).
+    """Outcome with force and velocity rotated by `angle` (rad, positive up).
 
-    The way during contact turns with the push; its small vertical part is left as it is.
+    The displacement rotates with the force; its small vertical part is left unchanged.
     """
     cosine, sine = np.cos(angle), np.sin(angle)
     return replace(
@@ -121,7 +124,7 @@ def turn_launch(outcome: Outcome, angle: Number) -> Outcome:
 
 @dataclass(frozen=True)
 class VelocityDependentCor(Effect):
-    """A COR that changes with speed otherwise than the model says."""
+    """A COR whose dependence on speed differs from the model."""
 
     id: str = "velocity_dependent_cor"
     statement: str = "The coefficient of restitution changes with impact speed."
@@ -144,7 +147,7 @@ class VelocityDependentCor(Effect):
 
 @dataclass(frozen=True)
 class YieldingCor(VelocityDependentCor):
-    """A COR that falls with a power of the speed, as of bodies that yield."""
+    """A COR that decreases with a power of the speed, as for plastic bodies."""
 
     law: str = r"e(v) = e_0(v)\,(v / 2.5\,\mathrm{m/s})^{-p}"
     source: str = "Johnson, Contact Mechanics (1985), section 11.5 (p = 1/4 of a plastic contact)"
@@ -162,7 +165,7 @@ class YieldingCor(VelocityDependentCor):
 
 @dataclass(frozen=True)
 class ViscoelasticCor(VelocityDependentCor):
-    """A COR that falls with the fifth root of the speed, as of viscoelastic spheres."""
+    """A COR that decreases with the fifth root of the speed, as for viscoelastic spheres."""
 
     law: str = r"e(v) = e_0(v) - k\,((v / 2.5\,\mathrm{m/s})^{1/5} - 1)"
     source: str = "Kuwabara and Kono, Jpn. J. Appl. Phys. 26, 1230 (1987)"
@@ -184,7 +187,7 @@ MASS_ERROR = Parameter(
 
 @dataclass(frozen=True)
 class EffectiveMass(Effect):
-    """A pendulum that hits with another mass, or on another arm, than the model says."""
+    """A pendulum with another effective mass, or another arm, than the model's."""
 
     id: str = "effective_mass"
     statement: str = "The pendulum meets the ball with another effective mass (contact arm)."
@@ -202,9 +205,9 @@ class EffectiveMass(Effect):
     looseness: float = 0.15
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
-        """Share the momentum with another mass; on another arm also hit at another speed.
+        """Share the momentum with another mass; another arm also changes the impact speed.
 
-        The contact lasts as long as mass and speed then ask for: m u² = F x, with F as x to the n.
+        The contact time follows from mass and speed: m u² = F x, with F as x to the n.
         """
         light, heavy, e = contact.ball_mass, contact.inertial_mass, contact.restitution
         u = contact.impact_speed
@@ -218,17 +221,19 @@ class EffectiveMass(Effect):
         after = (other - e * light) / (other + light) * speed * seen
         pendulum = after - (heavy - e * light) / (heavy + light) * u
         reduced = other / (other + light) * (heavy + light) / heavy
-        longer = (reduced * (speed / u) ** (1.0 - SPRING)) ** (1.0 / (1.0 + SPRING)) - 1.0
+        longer = (reduced * (speed / u) ** (1.0 - CONTACT_EXPONENT)) ** (
+            1.0 / (1.0 + CONTACT_EXPONENT)
+        ) - 1.0
         pushed = add_normal_speeds(contact, outcome, ball, pendulum)
         return last_longer(contact, pushed, longer)
 
 
 @dataclass(frozen=True)
 class ContactArm(EffectiveMass):
-    """A pivot higher or lower over the ball than the model says: arm and geometry change at once.
+    """A pivot higher or lower above the ball than in the model: arm and geometry change together.
 
-    At the same distance from the pivot a ball that lies lower meets the bar further down, and at
-    another angle: the lever, the mass, the direction of the push and the instant change together.
+    At the same distance from the pivot a lower ball meets the bar further down, at another angle:
+    lever, mass, direction of the force and the instant change together.
     """
 
     law: str = (
@@ -239,7 +244,7 @@ class ContactArm(EffectiveMass):
     form: str = Form.GEOMETRY
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
-        """Another lever, and a contact that begins and pushes at another angle."""
+        """Another lever, and a contact at another angle."""
         sine, cosine = np.sin(contact.angle), np.cos(contact.angle)
         lever = contact.length * cosine - 0.5 * contact.diameter * sine
         turned = -values["arm_error"] * contact.length * sine / lever
@@ -251,26 +256,26 @@ class ContactArm(EffectiveMass):
         )
 
 
-SHELL = 1.5
-"""m R² / I of balls that are shells, as inflated ones are."""
+SHELL_INERTIA_RATIO = 1.5
+"""m R² / I of a thin shell, 1 (derived), as for inflated balls."""
 
 
 def _met_by_face(
     contact: Contact, outcome: Outcome, turn: Number, lever: Number, grip: Number
 ) -> Outcome:
-    """Outcome where the face's normal is turned and its surface drags the ball's along.
+    """Outcome with a rotated normal of the face and friction along it.
 
-    The bodies part along the normal e times as fast as they met along it, and the impulse along
-    the normal and across it acts on both.
+    The separation speed along the normal is e times the approach speed, and the impulses along and
+    across the normal act on both bodies.
 
     Parameters
     ----------
     turn : Number
         Of the normal, rad, positive up.
     lever : Number
-        Of the push, over the pendulum's length.
+        Of the force, over the pendulum's length.
     grip : Number
-        Speed that the ball gets across the normal against the turn, m/s.
+        Speed of the ball across the normal, opposite to the turn, m/s.
     """
     sine, light = np.sin(turn), contact.ball_mass / contact.inertial_mass
     before = (1.0 + contact.restitution) * contact.impact_speed / (1.0 + light)
@@ -305,18 +310,18 @@ class ObliqueImpact(Effect):
     looseness: float = 0.25
 
     def turn(self, values: Values, contact: Contact) -> Number:
-        """Angle by which the push is turned up, rad."""
+        """Angle by which the force is rotated up, rad."""
         return np.asarray(-np.arcsin(np.clip(2.0 * values["offset"] / contact.diameter, -0.9, 0.9)))
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
-        """Turn the impulse."""
+        """Rotate the impulse."""
         turn = self.turn(values, contact)
         if self.form != Form.SMOOTH_FACE:
             return turn_launch(outcome, turn)
         return _met_by_face(contact, outcome, turn, np.cos(turn), 0.0)
 
 
-SPIN_SHARE = Parameter(
+SPIN_RATIO = Parameter(
     "spin_share", "1", 0.1, -1.5, 1.5, width=0.3,
     meaning="speed of the ball's surface by spin over the impact speed; back-spin is positive",
 )  # fmt: skip
@@ -324,49 +329,49 @@ SPIN_SHARE = Parameter(
 
 @dataclass(frozen=True)
 class RubbingFace(ObliqueImpact):
-    """A turned face that also rubs, so that the ball spins and the air lifts it."""
+    """A rotated face with friction, which spins the ball so that the air lifts it."""
 
     law: str = r"\Delta\theta = \arcsin(2h/d),\quad \omega = 2 k u / d"
     source: str = "oblique impact with friction, Garwin, Am. J. Phys. 37, 88 (1969)"
-    parameters: tuple[Parameter, ...] = (*ObliqueImpact().parameters, SPIN_SHARE)
+    parameters: tuple[Parameter, ...] = (*ObliqueImpact().parameters, SPIN_RATIO)
     form: str = Form.RUBBING_FACE
 
     def lever(self, turn: Number, contact: Contact) -> Number:
-        """Lever of the push over the pendulum's length."""
+        """Lever of the force over the pendulum's length."""
         return np.cos(turn)
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
-        """Push along the turned normal; what spins the ball also slows it across."""
+        """Force along the rotated normal; the friction that spins the ball also slows it across."""
         turn = self.turn(values, contact)
-        grip = values["spin_share"] * contact.impact_speed / SHELL
+        grip = values["spin_share"] * contact.impact_speed / SHELL_INERTIA_RATIO
         return _met_by_face(contact, outcome, turn, self.lever(turn, contact), grip)
 
     def force(self, values: Values, flight: FlightState) -> Vector:
-        """Lift of the spin that the face gave, with a coefficient of one per spin ratio."""
+        """Lift by the spin from the face, with a coefficient of one per spin ratio."""
         k = flight.dynamic_area * values["spin_share"] * np.asarray(flight.impact_speed)
         return -k * flight.vy, k * flight.vx, np.zeros_like(np.asarray(flight.vz) * k)
 
 
 @dataclass(frozen=True)
 class TurnedFace(RubbingFace):
-    """A face that is turned by one angle, whatever the size of the ball."""
+    """A face rotated by one angle, independent of the ball's size."""
 
     statement: str = "The face is turned and sends the ball off at another angle."
     law: str = r"\Delta\theta = \alpha,\quad \omega = 2 k u / d"
     parameters: tuple[Parameter, ...] = (
         Parameter("turn", "rad", 0.02, -0.6, 0.6, meaning="of the face's normal, positive up"),
-        SPIN_SHARE,
+        SPIN_RATIO,
     )
     form: str = Form.TURNED_FACE
 
     def turn(self, values: Values, contact: Contact) -> Number:
-        """One angle for all balls, rad."""
+        """The same angle for all balls, rad."""
         return values["turn"]
 
 
 @dataclass(frozen=True)
 class FaceTurnedOnArm(TurnedFace):
-    """A face turned about its own place on the arm, so that it meets the ball elsewhere."""
+    """A face rotated about its own position on the arm, so that it meets the ball elsewhere."""
 
     law: str = (
         r"\Delta\theta = \alpha,\quad \omega = 2 k u / d,\quad"
@@ -375,11 +380,11 @@ class FaceTurnedOnArm(TurnedFace):
     form: str = Form.TURNED_ON_ARM
 
     def lever(self, turn: Number, contact: Contact) -> Number:
-        """The normal through the ball's centre passes the pivot further off, or nearer."""
+        """Distance of the pivot from the normal through the ball's centre."""
         return np.cos(turn) + 0.5 * contact.diameter / contact.length * np.sin(turn)
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
-        """The turned face reaches the ball a little sooner, at an earlier angle."""
+        """Contact a little sooner, at an earlier angle."""
         turn = self.turn(values, contact)
         sooner = 0.5 * contact.diameter * (1.0 - np.cos(turn)) / contact.length
         sooner = sooner / self.lever(turn, contact)
@@ -392,7 +397,7 @@ class FaceTurnedOnArm(TurnedFace):
 
 
 def _part_later(contact: Contact, outcome: Outcome, longer: Number, speed: Number) -> Outcome:
-    """Outcome of bodies that stay together for `longer` (s) at a common `speed` (m/s)."""
+    """Outcome of bodies that stay in contact for `longer` (s) at a common `speed` (m/s)."""
     normal = 0.5 * (contact.angle + outcome.pendulum_angle)
     pull = contact.gravity * longer
     return replace(
@@ -409,9 +414,9 @@ def _part_later(contact: Contact, outcome: Outcome, longer: Number, speed: Numbe
 class SupportFriction(Effect):
     """Friction between ball and support until the ball has lifted off.
 
-    A steady force does not change how fast the two bodies part: the face makes up for what the ball
-    loses, and both are slowed by what the support takes from their common momentum. Pressed
-    together more strongly, they part a little later.
+    A steady force does not change the separation speed: the face compensates the ball's loss, and
+    both are slowed by the momentum that the support takes. Pressed together more strongly, they
+    separate a little later.
     """
 
     id: str = "support_friction"
@@ -428,7 +433,7 @@ class SupportFriction(Effect):
     looseness: float = 0.4
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
-        """Take momentum for the time the ball rests on the support."""
+        """Remove momentum while the ball rests on the support."""
         friction = values["friction_coefficient"] * contact.gravity
         gap = outcome.contact_time
         if self.form == Form.BALL_ALONE:
@@ -452,11 +457,11 @@ class SupportFriction(Effect):
         return _part_later(contact, braked, longer, common)
 
 
-SHARES = np.linspace(0.0, 1.0, 65)
-"""Shares of a contact's time at which the way of a half-sine push is tabled, good to 1e-3."""
+CONTACT_TIME_FRACTIONS = np.linspace(0.0, 1.0, 65)
+"""Fractions of a contact's time at which the displacement is tabulated (accurate to 1e-3)."""
 
-WAYS = SHARES - np.sin(np.pi * SHARES) / np.pi
-"""Shares of the way made by then: v grows as 1 - cos under a half-sine push."""
+DISPLACEMENT_FRACTIONS = CONTACT_TIME_FRACTIONS - np.sin(np.pi * CONTACT_TIME_FRACTIONS) / np.pi
+"""Fractions of the displacement then (derived: v grows as 1 − cos under a half-sine force)."""
 
 
 @dataclass(frozen=True)
@@ -472,10 +477,12 @@ class SlidingSupport(SupportFriction):
     form: str = Form.OVER_A_WAY
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
-        """Take momentum until the way is made, or the whole contact where it is not."""
+        """Remove momentum until the ball has left the support, or during the whole contact."""
         both = contact.inertial_mass + contact.ball_mass
         whole = np.maximum(np.abs(outcome.x), 1e-6)
-        share = np.interp(np.minimum(values["way"] / whole, 1.0), WAYS, SHARES)
+        share = np.interp(
+            np.minimum(values["way"] / whole, 1.0), DISPLACEMENT_FRACTIONS, CONTACT_TIME_FRACTIONS
+        )
         lost = values["friction_coefficient"] * contact.gravity * outcome.contact_time * share
         early = -lost * contact.ball_mass / both
         return add_normal_speeds(contact, outcome, early, early, 1.0 - 0.5 * share)
@@ -483,7 +490,7 @@ class SlidingSupport(SupportFriction):
 
 @dataclass(frozen=True)
 class ContactDisplacement(Effect):
-    """A ball that is released further along, or less far, than the model says."""
+    """Displacement of the ball during contact that differs from the model's."""
 
     id: str = "contact_displacement"
     statement: str = "The ball has moved otherwise during contact than the model says."
@@ -498,7 +505,7 @@ class ContactDisplacement(Effect):
     looseness: float = 0.3
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
-        """Stretch the way, at unchanged velocity; a softer ball also stays longer in contact."""
+        """Scale the displacement at unchanged velocity; a softer ball also has a longer contact."""
         change = values["relative_change"]
         if self.form == Form.WAY_ALONE:
             return replace(outcome, x=outcome.x * (1.0 + change))
@@ -507,7 +514,7 @@ class ContactDisplacement(Effect):
 
 @dataclass(frozen=True)
 class PivotRecoil(Effect):
-    """A pivot that gives way and takes momentum."""
+    """A pivot that yields and takes momentum."""
 
     id: str = "pivot_recoil"
     statement: str = "The pivot gives way under the impact and takes part of the momentum."
@@ -522,7 +529,7 @@ class PivotRecoil(Effect):
     looseness: float = 0.25
 
     def contact(self, values: Values, contact: Contact, outcome: Outcome) -> Outcome:
-        """Take the same share from both bodies."""
+        """Remove the same fraction from both bodies."""
         kept = 1.0 - values["lost_share"]
         if self.form == Form.PENDULUM_ALONE:
             lost = contact.impact_speed - outcome.pendulum_speed
@@ -539,7 +546,7 @@ class PivotRecoil(Effect):
 
 @dataclass(frozen=True)
 class SupportRecoil(Effect):
-    """A support that kicks or swallows upward momentum."""
+    """A support that adds or absorbs upward momentum."""
 
     id: str = "support_recoil"
     statement: str = "The support pushes back: the ball leaves with another vertical speed."

@@ -1,4 +1,4 @@
-"""The instrument as a suspect: what clock and camera do to a true motion."""
+"""Measurement errors of clock and camera as effects."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from numpy.polynomial import legendre
 from physics.bodies import GRAVITY
 from physics.domain import FloatArray, Number, Vector
 from physics.effects.base import (
-    STICTION_RATE,
+    MIN_SMOOTHING_RATE,
     CameraView,
     Coordinate,
     Effect,
@@ -22,13 +22,13 @@ from physics.effects.base import (
 )
 
 __all__ = [
+    "CAMERA_ROTATION",
     "FURTHER_TERM",
-    "LEANING",
+    "ORIGIN_SHIFT",
     "OTHER_ROWS",
     "PITCH",
-    "SHIFT",
+    "PLANE_SLOPE",
     "SLOW_ORDERS",
-    "TURNED",
     "BehindTheBall",
     "CameraRoll",
     "DroppedFrames",
@@ -44,18 +44,18 @@ __all__ = [
     "WanderingMass",
 ]
 
-SHIFT = (
+ORIGIN_SHIFT = (
     Parameter("shift_x", "m", 0.005, -2.0, 2.0, meaning="of the origin, for a turn about a point"),
     Parameter("shift_y", "m", 0.005, -2.0, 2.0, meaning="of the origin, for a turn about a point"),
 )
-TURNED = tuple(
+CAMERA_ROTATION = tuple(
     Parameter(
         f"{axis}_per_distance", "1/m", 0.005, -0.3, 0.3, width=0.03, expected=0.0,
         meaning=f"{axis} of the camera over its distance: five degrees at three metres are 0.03",
     )
     for axis in ("yaw", "pitch")
 )  # fmt: skip
-LEANING = tuple(
+PLANE_SLOPE = tuple(
     Parameter(
         f"lean_{way}_per_distance", "1/m", 0.005, -0.3, 0.3, width=0.012, expected=0.0,
         meaning="slope of the ball's plane over the distance: two degrees at three metres",
@@ -68,15 +68,15 @@ WRONG_RATES = tuple(
     for n in (1.2, 1.25, 2.0, 3.0, 4.0, 5.0, 8.0, 10.0, 16.0, 20.0, 24.0)
     for ratio in (1.0 / n, n)
 )
-"""What comes of one rate in use taken for another: 50 for 60, 25 for 30, 30 for 600 a second."""
+"""Relative errors from confusing usual rates (convention): 50 for 60, 25 for 30, 30 for 600 fps."""
 
-WITHIN_PICTURE = 3.0**-0.5
-"""Half widths of the balls' ways, of the optical axis from their middle: a picture that the ways
-fill half of, and that holds them whole, has its middle at most one away, anywhere as likely."""
-AXIS = tuple(
+AXIS_STD = 3.0**-0.5
+"""Std of the optical axis from the middle of the trajectories, half widths (derived): uniform
+within one half width, for a picture that contains the trajectories and is half filled by them."""
+OPTICAL_AXIS = tuple(
     Parameter(
-        f"centre_{way}", "1", 0.5, -3.0, 3.0, grid=grid, width=WITHIN_PICTURE, expected=0.0,
-        meaning=f"optical axis from the middle of the balls' ways, {way}, in their half widths",
+        f"centre_{way}", "1", 0.5, -3.0, 3.0, grid=grid, width=AXIS_STD, expected=0.0,
+        meaning=f"optical axis from the middle of the trajectories, {way}, in their half widths",
     )
     for way, grid in (("along", (-0.6, -0.2, 0.2, 0.6)), ("up", (-0.2, 0.1, 0.4)))
 )  # fmt: skip
@@ -119,13 +119,13 @@ class TimeBase(Effect):
     coordinate: Coordinate = Coordinate.TIME
 
     def clock(self, values: Values, time: Number) -> Number:
-        """Frames came faster by 1 + ε, so less time passed than was counted."""
+        """Frames came faster by 1 + ε, so the true time is shorter than the counted one."""
         return time / (1.0 + values["rate_error"])
 
 
 @dataclass(frozen=True)
 class LengthScale(Effect):
-    """A scale that is off."""
+    """A wrong length scale."""
 
     id: str = "length_scale"
     statement: str = "The length scale of the recording is wrong."
@@ -152,7 +152,7 @@ class LengthScale(Effect):
     coordinate: Coordinate = Coordinate.PLACE
 
     def image(self, values: Values, view: CameraView) -> Vector:
-        """Stretch about the origin on the floor, or about the ball's place at rest."""
+        """Stretch about the origin on the floor, or about the ball's rest position."""
         error = values["scale_error"]
         if self.form == Form.ABOUT_THE_START:
             return (
@@ -193,7 +193,7 @@ class CameraRoll(Effect):
     coordinate: Coordinate = Coordinate.PLACE
 
     def image(self, values: Values, view: CameraView) -> Vector:
-        """Turn the picture."""
+        """Rotate the picture."""
         if self.form == Form.THREE_AXES:
             roll, pitch = values["roll"], values["pitch"]
             return (
@@ -208,7 +208,7 @@ class CameraRoll(Effect):
         x, y = x0 + cosine * dx - sine * dy, y0 + sine * dx + cosine * dy
         if self.form not in (Form.ABOUT_A_POINT, Form.PERSPECTIVE):
             return x, y, view.z
-        # A turn about any point is one about the origin and a shift, which is linear.
+        # A rotation about any point is one about the origin and a shift, which is linear.
         x, y = x + values["shift_x"], y + values["shift_y"]
         if self.form == Form.ABOUT_A_POINT:
             return x, y, view.z
@@ -217,14 +217,14 @@ class CameraRoll(Effect):
         return x + nearer * across, y + nearer * up, view.z
 
     def angle(self, values: Values, view: CameraView) -> Number:
-        """The pendulum's angle turns with the picture, unless it was read against the picture."""
+        """The pendulum's angle rotates with the picture, unless it was read relative to it."""
         if self.form in (Form.BALL_ONLY, Form.ABOUT_THE_START, Form.ABOUT_A_POINT):
             return view.phi
         return view.phi + values["roll"]
 
 
 def _off_axis(values: Values, view: CameraView) -> tuple[Number, Number]:
-    """Where the ball is from the optical axis, m."""
+    """Distance of the ball from the optical axis, m."""
     x0 = view.centre_x + values["centre_along"] * view.half_width
     y0 = view.centre_y + values["centre_up"] * view.half_width
     return view.x - x0, view.y - y0
@@ -232,7 +232,7 @@ def _off_axis(values: Values, view: CameraView) -> tuple[Number, Number]:
 
 @dataclass(frozen=True)
 class Parallax(Effect):
-    """A ball that flies in another plane than the one the scale holds for."""
+    """A ball that flies in another plane than that of the scale."""
 
     id: str = "parallax"
     statement: str = "The ball flies in another plane than the scale was made for (parallax)."
@@ -249,7 +249,7 @@ class Parallax(Effect):
             meaning="relative error of the distance",
             width=0.05,
         ),
-        *AXIS,
+        *OPTICAL_AXIS,
     )
     confusable: tuple[str, ...] = ("length_scale", "time_base", "origin_offset")
     separating: str = RULER
@@ -259,7 +259,7 @@ class Parallax(Effect):
     coordinate: Coordinate = Coordinate.PLACE
 
     def image(self, values: Values, view: CameraView) -> Vector:
-        """Stretch about the foot of the optical axis, by what the plane is nearer at each place."""
+        """Stretch about the foot of the optical axis, by the plane's relative distance."""
         k = values["plane_error"]
         if self.form == Form.LEANING:
             along, up = view.x - view.centre_x, view.y - view.centre_y
@@ -282,7 +282,7 @@ class LensDistortion(Effect):
     phase: Phase = "measurement"
     parameters: tuple[Parameter, ...] = (
         Parameter("radial", "1/m^2", 0.005, -0.3, 0.3, meaning="positive: pincushion"),
-        *AXIS,
+        *OPTICAL_AXIS,
     )
     confusable: tuple[str, ...] = ("parallax", "length_scale", "drag", "rolling_shutter")
     separating: str = "a picture of a grid with this lens"
@@ -292,7 +292,7 @@ class LensDistortion(Effect):
     coordinate: Coordinate = Coordinate.PLACE
 
     def image(self, values: Values, view: CameraView) -> Vector:
-        """Displace radially with the cube of the distance from the axis."""
+        """Radial displacement with the cube of the distance from the axis."""
         dx, dy = _off_axis(values, view)
         square = np.square(dx) + np.square(dy)
         k = values["radial"] * square
@@ -309,7 +309,7 @@ OTHER_ROWS = Parameter(
 
 @dataclass(frozen=True)
 class RollingShutter(Effect):
-    """Rows of the picture that are read one after the other."""
+    """Picture rows read one after the other."""
 
     id: str = "rolling_shutter"
     statement: str = "The picture's rows are read one after the other (rolling shutter)."
@@ -327,12 +327,12 @@ class RollingShutter(Effect):
     coordinate: Coordinate = Coordinate.PLACE
 
     def image(self, values: Values, view: CameraView) -> Vector:
-        """Show the ball where it is when its row is read (first order in the delay)."""
+        """Position of the ball when its row is read (first order in the delay)."""
         late = values["delay"] * (view.rest_y - view.y)
         return view.x + view.vx * late, view.y + view.vy * late, view.z + view.vz * late
 
     def angle(self, values: Values, view: CameraView) -> Number:
-        """Show the pendulum where it is when its rows are read, unless it was timed apart."""
+        """Angle of the pendulum when its rows are read, unless it was timed separately."""
         if self.form == Form.BALL_ONLY:
             return view.phi
         late = values.get("pendulum_delay", 0.0)
@@ -342,7 +342,7 @@ class RollingShutter(Effect):
 
 @dataclass(frozen=True)
 class OriginOffset(Effect):
-    """An origin that is off."""
+    """A wrong origin."""
 
     id: str = "origin_offset"
     statement: str = "The origin of the recorded positions is off."
@@ -359,18 +359,18 @@ class OriginOffset(Effect):
     levels: tuple[Level, ...] = (Level.CAMPAIGN, Level.SESSION)
 
     def image(self, values: Values, view: CameraView) -> Vector:
-        """Displace."""
+        """Shift."""
         return view.x + values["offset_x"], view.y + values["offset_y"], view.z
 
 
 @dataclass(frozen=True)
 class PivotElsewhere(Effect):
-    """A pendulum's angle read about another point than its axis."""
+    """A pendulum angle read about another point than its axis."""
 
     id: str = "pivot_elsewhere"
     statement: str = "The pendulum's angle was read about another point than its axis."
     law: str = r"\varphi_{rec} = \varphi - (d_x \cos\varphi + d_y \sin\varphi) / L"
-    source: str = "an axis found from the arc that the mass was seen on"
+    source: str = "an axis fitted to the arc of the mass"
     phase: Phase = "measurement"
     parameters: tuple[Parameter, ...] = (
         Parameter("pivot_x", "m", 0.005, -0.2, 0.2, meaning="forward"),
@@ -381,21 +381,21 @@ class PivotElsewhere(Effect):
     sharp: bool = False
 
     def angle(self, values: Values, view: CameraView) -> Number:
-        """Where the mass is seen from the wrong point."""
+        """Direction of the mass from the wrong point."""
         across = values["pivot_x"] * np.cos(view.phi) + values["pivot_y"] * np.sin(view.phi)
         return view.phi - across / view.length
 
 
 @dataclass(frozen=True)
 class ReadingLag(Effect):
-    """An angle that is shown late, by the same way in either direction: play, or counted steps."""
+    """An angle that lags by a constant in either direction: play, or encoder steps."""
 
     id: str = "reading_lag"
     statement: str = "The angle shown follows the pendulum with play."
     law: str = r"\varphi_{rec} = \varphi - h\,\mathrm{sign}\,\dot\varphi"
     source: str = (
-        "an encoder counted at one edge of each step shows the step that it left, on the way up as"
-        " on the way down: half a step late"
+        "an encoder counted at one edge of each step shows the step that it left, in both"
+        " directions: half a step late"
     )
     phase: Phase = "measurement"
     parameters: tuple[Parameter, ...] = (
@@ -406,23 +406,24 @@ class ReadingLag(Effect):
     sharp: bool = False
 
     def angle(self, values: Values, view: CameraView) -> Number:
-        """Late; where it turns, until the weight has moved it through the play."""
+        """Late; at turning points, until the weight has moved it through the play."""
         fallen = (
             2.0 * GRAVITY / view.length * np.abs(np.sin(view.phi)) * 2.0 * np.abs(values["lag"])
         )
-        return view.phi - values["lag"] * np.tanh(view.omega / np.sqrt(fallen + STICTION_RATE**2))
+        return view.phi - values["lag"] * np.tanh(
+            view.omega / np.sqrt(fallen + MIN_SMOOTHING_RATE**2)
+        )
 
 
 SLOW_ORDERS = (2, 3, 4)
-"""Legendre orders by which a centre may wander along its way: a shift and a stretch are faults of
-their own, and what is faster is noise with a memory."""
-
+"""Legendre orders of a slowly varying error of the centre (chosen): lower orders are a shift and a
+stretch, effects of their own; higher ones are correlated noise."""
 FINE_ORDERS = tuple(range(5, 13))
-"""Orders by which what hangs on the wall may draw a centre: of the two metres of a flight the last
-ones follow some centimetres near its ends."""
-
+"""Orders of the error from objects on the wall (chosen): near the ends of a flight of two metres
+the last ones resolve some centimetres."""
 SLOW_TURNS = (2, 3)
-"""Turns of the light over a body in one turn of its pendulum: of none and one, zero and axis."""
+"""Harmonics of the pendulum's angle in the illumination of a body (chosen): orders 0 and 1 are zero
+and axis."""
 
 
 def _of_orders(orders: Sequence[int]) -> tuple[Parameter, ...]:
@@ -435,7 +436,7 @@ def _of_orders(orders: Sequence[int]) -> tuple[Parameter, ...]:
 
 @dataclass(frozen=True)
 class WanderingCentre(Effect):
-    """A ball's centre seen beside its own, by its shade, what hides it, what is behind it."""
+    """Slowly varying error of a ball's centre from shading, occlusion and background."""
 
     id: str = "wandering_centre"
     statement: str = "The centre wanders about where the ball is, with light and what is hidden."
@@ -448,7 +449,7 @@ class WanderingCentre(Effect):
     orders: tuple[int, ...] = SLOW_ORDERS
 
     def image(self, values: Values, view: CameraView) -> Vector:
-        """The ball's centre, a polynomial of its way off."""
+        """The ball's centre with a polynomial error along its trajectory."""
         place = np.clip((view.x - view.centre_x) / view.half_width, -1.2, 1.2)
         x, y = view.x, view.y
         for n in self.orders:
@@ -459,7 +460,7 @@ class WanderingCentre(Effect):
 
 @dataclass(frozen=True)
 class BehindTheBall(WanderingCentre):
-    """A wall behind the outline that draws the centre alike wherever any ball passes it."""
+    """Error of the centre from the wall behind it, equal for every ball that passes."""
 
     id: str = "behind_the_ball"
     statement: str = "What is behind the ball's outline draws its centre, alike in all trials."
@@ -469,7 +470,7 @@ class BehindTheBall(WanderingCentre):
 
 @dataclass(frozen=True)
 class WanderingMass(Effect):
-    """A pendulum's mass seen beside its own place, likewise."""
+    """Slowly varying error of the pendulum mass's position, likewise."""
 
     id: str = "wandering_mass"
     statement: str = "The mass wanders about where it is, with light and what is hidden."
@@ -485,7 +486,7 @@ class WanderingMass(Effect):
     sharp: bool = False
 
     def angle(self, values: Values, view: CameraView) -> Number:
-        """The mass, as light and background go over it."""
+        """The mass with harmonic errors of its angle."""
         phi = view.phi
         for n in SLOW_TURNS:
             phi = phi + values[f"cosine_{n}"] * np.cos(n * view.phi)
@@ -495,7 +496,7 @@ class WanderingMass(Effect):
 
 @dataclass(frozen=True)
 class DroppedFrames(Effect):
-    """Frames that the recording lost without a trace."""
+    """Dropped frames that the time stamps do not show."""
 
     id: str = "dropped_frames"
     statement: str = "Frames are missing from the recording, so its clock falls behind."
@@ -521,7 +522,7 @@ class DroppedFrames(Effect):
     coordinate: Coordinate = Coordinate.TIME
 
     def clock(self, values: Values, time: Number) -> Number:
-        """Jump once."""
+        """One step."""
         after: FloatArray = np.asarray(time, dtype=np.float64) - values["instant"]
         lost = (
             100.0 * np.maximum(after, 0.0)

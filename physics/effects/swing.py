@@ -1,4 +1,4 @@
-"""Torques on the pendulum, and where it really starts from."""
+"""Effects on the pendulum: torques, and an offset of the initial angle."""
 
 import math
 from dataclasses import dataclass, replace
@@ -7,7 +7,7 @@ import numpy as np
 
 from physics.domain import Number
 from physics.effects.base import (
-    STICTION_RATE,
+    MIN_SMOOTHING_RATE,
     Coordinate,
     Effect,
     Form,
@@ -68,42 +68,43 @@ class BearingFriction(Effect):
 
 @dataclass(frozen=True)
 class LoadedBearing(BearingFriction):
-    """Dry friction in proportion to what the bearing carries."""
+    """Dry friction in proportion to the bearing's load."""
 
     law: str = r"\tau = -\tau_c\,(\cos\varphi + \dot\varphi^2 d / g)\,\mathrm{sign}\,\dot\varphi"
     source: str = "Coulomb friction under the weight and the centripetal force of the pendulum"
     form: str = Form.UNDER_LOAD
 
     def torque(self, values: Values, swing: SwingState) -> Number:
-        """More where the pendulum hangs and is fast."""
+        """Largest where the pendulum is lowest and fast."""
         load = np.abs(np.cos(swing.phi) + np.square(swing.omega) * swing.com / swing.gravity)
         return load * super().torque(values, swing)
 
 
 STRIBECK_RATE = 0.5
-"""rad/s at which half-fluid friction of a journal bearing sets in; 0.1 to 1 in the source."""
+"""Rate at which mixed friction of a journal bearing sets in, rad/s (chosen: 0.1 to 1 in the
+source)."""
 
 BREAKAWAY = 1.5
-"""Friction at rest over friction at speed, 1.2 to 2 in the source."""
+"""Friction at rest over friction at speed, 1 (chosen: 1.2 to 2 in the source)."""
 
 
 @dataclass(frozen=True)
 class StribeckBearing(BearingFriction):
-    """Dry friction that falls from rest to a constant."""
+    """Dry friction that decreases from rest to a constant."""
 
     law: str = r"\tau = -\tau_c\,(1 + 0.5\,e^{-(\dot\varphi/0.5)^2})\,\mathrm{sign}\,\dot\varphi"
     source: str = "Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30, 1083 (1994)"
     form: str = Form.STRIBECK
 
     def torque(self, values: Values, swing: SwingState) -> Number:
-        """Half as much again where the pendulum turns back."""
+        """Half as much again at turning points."""
         more = (BREAKAWAY - 1.0) * np.exp(-np.square(swing.omega / STRIBECK_RATE))
         return (1.0 + more) * super().torque(values, swing)
 
 
 @dataclass(frozen=True)
 class GivingBearing(BearingFriction):
-    """Dry friction of a bearing that gives, like a spring, before it slips the other way."""
+    """Dry friction of a bearing that yields elastically before it slips in the other direction."""
 
     law: str = r"\tau = -\tau_c\,(1 - 2\,e^{-s/s_0})\,\mathrm{sign}\,\dot\varphi"
     source: str = "Dahl, AIAA J. 14, 1675 (1976)"
@@ -117,49 +118,51 @@ class GivingBearing(BearingFriction):
             1e-6,
             0.02,
             grid=(2e-4,),
-            meaning="way from a turning point after which two thirds of the torque have turned",
+            meaning="angle after a turning point in which two thirds of the torque have reversed",
         ),
     )
 
     def torque(self, values: Values, swing: SwingState) -> Number:
-        """Pulled back where it turned: for a way so short that weight alone speeds it up.
+        """Elastic pull after turning points, over an angle so short that only weight acts in it.
 
-        The pull is spread over a step of the solver at least, with its impulse and its work.
+        The pull is spread over at least a step of the solver, with its impulse and work unchanged.
         """
         weight = swing.mass * swing.gravity * swing.com / swing.inertia
         most = np.sqrt(weight * np.abs(np.sin(swing.phi)) * values["give"])
         inward = -np.sign(swing.phi)
         width = np.sqrt(
-            (1.0 - 2.0 / math.pi) * np.square(most) + np.square(swing.gained) + STICTION_RATE**2
+            (1.0 - 2.0 / math.pi) * np.square(most)
+            + np.square(swing.gained)
+            + MIN_SMOOTHING_RATE**2
         )
         off = (inward * swing.omega - math.sqrt(2.0 / math.pi) * most) / width
         pull = most / width * np.exp(-0.5 * np.square(off))
         return super().torque(values, swing) + values["dry_torque"] * inward * pull
 
 
-FALL = (
+FRICTION_DECREASE = (
     Parameter(
         "breakaway", "1", 0.4, 0.0, 2.0, grid=(0.5,),
-        meaning="friction at rest over that at speed, less one",
+        meaning="friction at rest over that at speed, minus one",
     ),
     Parameter(
         "rate", "rad/s", 0.4, 0.1, 5.0, grid=(0.15, 0.5, 1.5),
-        meaning="rate at which what is more at rest has fallen to a third",
+        meaning="rate at which the excess at rest has decreased to a third",
     ),
     Parameter(
         "steepness", "1", 0.5, 0.5, 2.0, grid=(1.0, 2.0),
         meaning="power of the rate in the exponent",
     ),
 )  # fmt: skip
-"""How friction falls from rest to speed: of the powers 1 is Tustin's (1947), 2 a Gaussian, 1/2 the
-least of Bo and Pavelescu (1982); see Armstrong-Hélouvry, Dupont and Canudas de Wit, Automatica 30,
-1083 (1994)."""
+"""Parameters of the decrease of friction with rate: of the powers 1 is Tustin's (1947), 2 a
+Gaussian, 1/2 the minimum of Bo and Pavelescu (1982); see Armstrong-Hélouvry, Dupont and Canudas de Wit,
+Automatica 30, 1083 (1994)."""
 
 
 def _falling(at_rest: Number, values: Values, swing: SwingState) -> Number:
-    """Torque of friction that falls with the rate, from what it would be were it constant.
+    """Torque of friction that decreases with the rate, given the constant one.
 
-    What is less at a rate vanishes where the motion turns, and needs no smoothing over a step.
+    The decrease vanishes at turning points and needs no smoothing over a step.
     """
     slow = np.maximum(np.abs(swing.omega), 1e-9) / values["rate"]
     less = values["breakaway"] * -np.expm1(-(slow ** values["steepness"]))
@@ -169,21 +172,21 @@ def _falling(at_rest: Number, values: Values, swing: SwingState) -> Number:
 
 @dataclass(frozen=True)
 class FallingBearing(BearingFriction):
-    """Dry friction that falls with the rate, by how much and how soon being open."""
+    """Dry friction that decreases with the rate, with free amount and scale."""
 
     law: str = r"\tau = -\tau_c\,(1 + b\,e^{-|\dot\varphi/\omega_s|^p})\,\mathrm{sign}\,\dot\varphi"
     source: str = StribeckBearing().source
     form: str = Form.FALLING
-    parameters: tuple[Parameter, ...] = (*BearingFriction().parameters, *FALL)
+    parameters: tuple[Parameter, ...] = (*BearingFriction().parameters, *FRICTION_DECREASE)
 
     def torque(self, values: Values, swing: SwingState) -> Number:
-        """More where the pendulum turns back."""
+        """Largest at turning points."""
         return _falling(super().torque(values, swing), values, swing)
 
 
 @dataclass(frozen=True)
 class GivingFallingBearing(GivingBearing):
-    """Dry friction that falls with the rate, of a bearing that gives before it slips."""
+    """Dry friction that decreases with the rate, of a bearing that yields before it slips."""
 
     law: str = (
         r"\tau = -\tau_c\,(1 + b\,e^{-|\dot\varphi/\omega_s|^p})(1 - 2\,e^{-s/s_0})"
@@ -191,10 +194,10 @@ class GivingFallingBearing(GivingBearing):
     )
     source: str = "Canudas de Wit, Olsson, Åström and Lischinsky, IEEE Trans. AC 40, 419 (1995)"
     form: str = Form.GIVING_FALLING
-    parameters: tuple[Parameter, ...] = (*GivingBearing().parameters, *FALL)
+    parameters: tuple[Parameter, ...] = (*GivingBearing().parameters, *FRICTION_DECREASE)
 
     def torque(self, values: Values, swing: SwingState) -> Number:
-        """The bristle bends under what friction there is at the rate."""
+        """Elastic part scaled to the friction at the rate."""
         return _falling(super().torque(values, swing), values, swing)
 
 
@@ -283,7 +286,7 @@ class PendulumDrag(Effect):
 
 @dataclass(frozen=True)
 class ThinRodDrag(PendulumDrag):
-    """Air drag on cords and thin rods, and on faces that the air passes along."""
+    """Air drag on cords and thin rods, and on faces parallel to the motion."""
 
     form: str = Form.THREE_HALVES
     statement: str = (
@@ -303,7 +306,7 @@ class ThinRodDrag(PendulumDrag):
 
 @dataclass(frozen=True)
 class BackswingOffset(Effect):
-    """A protractor whose zero is off."""
+    """A protractor with a wrong zero."""
 
     id: str = "backswing_offset"
     statement: str = "The protractor's zero is off: every swing starts from another angle."

@@ -19,7 +19,7 @@ from calib.calibration import Calibration, ContradictionError
 from calib.grid import WallGrid
 from calib.solve import LOG_FOCAL_STD, Solved
 from metrology import CalibrationError, MeasurementError, UncertaintySource
-from metrology.compiled import with_room
+from metrology.compiled import with_stack_space
 from pipelines.cache import Cache, clip_digest
 from pipelines.measure.budget import (
     ClipConditions,
@@ -285,7 +285,7 @@ class Found:
 
 
 @remembered
-@with_room
+@with_stack_space
 def measure_clip(
     path: Path,
     options: MeasureOptions | None = None,

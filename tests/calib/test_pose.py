@@ -163,7 +163,7 @@ def test_sources_add_up_to_the_whole() -> None:
     whole = scene.position_covariance(landing(camera))[0, 0]
     assert sum(part.std**2 for part in parts) == pytest.approx(whole, rel=1e-6)
     named = {part.source for part in parts}
-    assert {"grid lines", "ball plane offset by tape", "ball diameter", "free fall"} <= named
+    assert {"grid lines", "measured ball plane offset", "ball diameter", "free fall"} <= named
     px, std = scene.uncertainty_map(90)
     assert std.shape == px.shape[:2]
     assert (std > 0).all()
@@ -176,7 +176,7 @@ def test_a_wrong_input_is_named() -> None:
     wrong = replace(known, ball_plane_offset=Known(DEPTH - 0.1, 0.005))
     scene = calibrate(seen_grid(camera, 0.2, rng), wrong)
     # a grid of another pitch would explain it as well
-    assert "one of these is wrong: ball plane offset by tape, pitch" in scene.warnings[0]
+    assert "one of these is wrong: measured ball plane offset, pitch" in scene.warnings[0]
 
 
 def test_an_axis_foot_on_the_wrong_side_is_left_out() -> None:
@@ -188,10 +188,10 @@ def test_an_axis_foot_on_the_wrong_side_is_left_out() -> None:
     right = calibrate(grid, replace(known, axis_foot_x=Known(foot, 0.005)))
     assert right.warnings == ()
     scene = calibrate(grid, replace(known, axis_foot_x=Known(-foot, 0.005)))
-    assert "axis foot by tape, x, which is left out" in scene.warnings[0]
+    assert "measured axis foot, x; it is not used" in scene.warnings[0]
     without = calibrate(grid, known)
     assert scene.vector == pytest.approx(without.vector, rel=1e-6, abs=1e-6)
-    assert "axis foot by tape, x" not in {s.name for s in scene.sources}
+    assert "measured axis foot, x" not in {s.name for s in scene.sources}
 
 
 @pytest.mark.parametrize("wrong_by", [-0.1, 0.1])

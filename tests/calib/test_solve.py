@@ -134,7 +134,7 @@ def test_a_fall_that_contradicts_the_tape_is_told_and_left_out(scene: Scene) -> 
     assert told is not None
     assert "instead of 9.81" in told
     assert "too long" in told
-    assert "ball plane offset by tape" in told
+    assert "measured ball plane offset" in told
     assert "capture rate" in told
 
 

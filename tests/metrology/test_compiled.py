@@ -3,7 +3,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 
-from metrology.compiled import compiled, with_room
+from metrology.compiled import compiled, with_stack_space
 
 
 @compiled
@@ -61,7 +61,7 @@ def _at_any_depth(below: Callable[[int], int]) -> list[int]:
 
 
 def test_no_call_with_room_asks_for_memory_in_every_turn() -> None:
-    most = with_room(lambda: max(_at_any_depth(_below)))
+    most = with_stack_space(lambda: max(_at_any_depth(_below)))
     assert most() < _TURNS // 10
     if sys.version_info < (3, 13):
         assert max(_at_any_depth(_below)) >= _TURNS

@@ -84,7 +84,7 @@ def test_moved_priors_move_the_fit_as_a_fit_done_anew() -> None:
 
 def test_residuals_that_come_or_go_are_refused() -> None:
     near = fit(decay(data_of(5)), [2.0, 1.5, 0.3], stacked=True)
-    with pytest.raises(ValueError, match="anew"):
+    with pytest.raises(ValueError, match="repeat the fit"):
         moved_fit(near, lambda values: decay(data_of(5))(values)[1:])
 
 

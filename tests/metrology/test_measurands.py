@@ -67,7 +67,7 @@ def test_a_wrong_uncertainty_is_refused(typed: str) -> None:
 
 
 def test_nothing_is_known_without_uncertainty() -> None:
-    with pytest.raises(DomainError, match="without uncertainty"):
+    with pytest.raises(DomainError, match="uncertainty of zero"):
         read_given("4 m ± 0 mm", measurands.CAMERA_DISTANCE)
 
 

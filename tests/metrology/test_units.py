@@ -61,4 +61,4 @@ def test_a_number_survives_its_printing(value: float) -> None:
 def test_an_uncertainty_where_none_is_taken_is_named() -> None:
     with pytest.raises(UnitError) as refusal:
         parse_quantity("2 deg ± 0", "rad")
-    assert "no uncertainty" in str(refusal.value.hint)
+    assert "No uncertainty" in str(refusal.value.hint)

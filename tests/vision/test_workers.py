@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from metrology.compiled import side_by_side
+from metrology.compiled import map_in_threads
 from vision.ball.ball import BallFits, follow_ball
 from vision.clip.clip import ClipReader
 from vision.clip.footage import Footage
@@ -17,7 +17,7 @@ CLIP = Path(__file__).parents[2] / "sample_videos" / "clips" / "basketball_60.mp
 
 
 def test_results_come_in_the_order_of_the_items() -> None:
-    assert list(side_by_side(lambda number: number**2, range(50))) == [n**2 for n in range(50)]
+    assert list(map_in_threads(lambda number: number**2, range(50))) == [n**2 for n in range(50)]
 
 
 def test_no_more_items_are_taken_than_keep_the_workers_busy() -> None:
@@ -29,7 +29,7 @@ def test_no_more_items_are_taken_than_keep_the_workers_busy() -> None:
             taken += 1
             yield number
 
-    results = side_by_side(lambda number: number, items())
+    results = map_in_threads(lambda number: number, items())
     assert next(results) == 0
     assert taken < 20
 
@@ -39,7 +39,7 @@ def test_a_failure_is_handed_on() -> None:
         raise ValueError(f"{number} in {threading.current_thread().name}")
 
     with pytest.raises(ValueError, match="0 in"):
-        list(side_by_side(fail, range(3)))
+        list(map_in_threads(fail, range(3)))
 
 
 def test_one_thing_alone_starts_no_worker() -> None:
@@ -47,8 +47,8 @@ def test_one_thing_alone_starts_no_worker() -> None:
         return threading.current_thread()
 
     here = threading.current_thread()
-    assert list(side_by_side(where, [1])) == [here]
-    assert here not in list(side_by_side(where, range(4)))
+    assert list(map_in_threads(where, [1])) == [here]
+    assert here not in list(map_in_threads(where, range(4)))
 
 
 def test_a_ball_is_found_and_fitted_alike_on_one_core_and_on_several(

@@ -31,7 +31,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from metrology.compiled import compiled, side_by_side
+from metrology.compiled import compiled, map_in_threads
 from vision.ball.circles import find_circles
 from vision.ball.edges import Cutouts, EdgeProfile
 from vision.scene import FilmedScene, Window
@@ -890,7 +890,7 @@ def fit_outlines(
             pieces, ring, edge, held, start.smear, ending, first, last, outline, fits.found, sums
         )
 
-    deque(side_by_side(run, range(0, count, _BATCH)), maxlen=0)
+    deque(map_in_threads(run, range(0, count, _BATCH)), maxlen=0)
     fits.centre[:], fits.radius[:] = outline[:, :2], outline[:, 2]
     if fits.found.any():
         _state(fits, sums, held, size)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from vision.compiled import (
     CORRELATED_PIXELS,
-    LEAST_SEEN,
+    MIN_VISIBLE,
     gains_along,
     most_gained,
     registration_moments,
@@ -183,7 +183,7 @@ def registration_step(
         normal,
         pull,
     )
-    if seen < LEAST_SEEN:
+    if seen < MIN_VISIBLE:
         return None
     rms_residual = float(np.sqrt(squares / (weights + 1e-9))) / glimpse.noise
     return RegistrationStep(normal, pull, scale, seen, gained, explained, rms_residual)

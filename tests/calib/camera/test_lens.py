@@ -102,7 +102,7 @@ def test_a_bad_view_is_dropped_and_named() -> None:
 @pytest.mark.parametrize(
     ("views", "reason"),
     [
-        ([None] * 10, "none of 10"),
+        ([None] * 10, "no board found"),
         ([view(s) for s in range(3)] + [None] * 4, "only 3 of 7"),
         ([view(s, alike=True) for s in range(8)], "alike"),
         ([view(1)] * 8, "alike"),

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from metrology import DomainError
-from physics.contact import LOWEST_PRESSURE, STIFFEST_MODULUS, contact_time_bound
+from physics.contact import MAX_CONTACT_MODULUS, MIN_GAUGE_PRESSURE, contact_time_bound
 
 
 def integrated(stiffness: float, exponent: float, mass: float, speed: float) -> float:
@@ -33,9 +33,9 @@ def test_both_ends_are_those_of_the_equations_of_motion() -> None:
     ball, face, diameter, speed = 0.353, 5.167, 0.20175, 2.5
     mass = ball * face / (ball + face)
     bound = contact_time_bound(ball, diameter, face, speed)
-    solid = 4.0 / 3.0 * STIFFEST_MODULUS * np.sqrt(0.5 * diameter)
+    solid = 4.0 / 3.0 * MAX_CONTACT_MODULUS * np.sqrt(0.5 * diameter)
     assert bound.shortest == pytest.approx(integrated(solid, 1.5, mass, speed), rel=0.01)
-    soft = np.pi * diameter * LOWEST_PRESSURE
+    soft = np.pi * diameter * MIN_GAUGE_PRESSURE
     assert bound.longest == pytest.approx(integrated(soft, 1.0, mass, speed), rel=0.001)
 
 

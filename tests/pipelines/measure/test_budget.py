@@ -43,7 +43,7 @@ def a_calibration(distance_std: float, scale_std: float) -> Calibration:
         Lens.centred(400, 300, 900.0),
         np.eye(3),
         vector,
-        (Source("lens not known beforehand", together), Source("grid lines", apart)),
+        (Source("lens not calibrated", together), Source("grid lines", apart)),
     )
 
 
@@ -62,7 +62,7 @@ def test_a_scale_is_as_sure_as_the_ratio_it_hangs_on() -> None:
     scene = a_scene(a_calibration(0.4, 0.001))
     table = systematic_budget(scene, scale_of, np.inf)
     assert table["grid lines"][0] == pytest.approx(0.001 * 225.0, rel=0.01)
-    assert table["lens not known beforehand"][0] < 0.1 * table["grid lines"][0]
+    assert table["lens not calibrated"][0] < 0.1 * table["grid lines"][0]
 
 
 def test_each_input_is_moved_by_itself() -> None:

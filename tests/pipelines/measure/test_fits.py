@@ -203,7 +203,7 @@ def test_a_search_that_would_overshoot_is_held_back() -> None:
 
 
 def test_a_motion_that_is_no_number_is_refused() -> None:
-    with pytest.raises(NoFitError, match="not one that this model can fit"):
+    with pytest.raises(NoFitError, match="does not match this model"):
         fit(lambda v: np.full(10, np.nan) * v[0], [1.0])
 
 
