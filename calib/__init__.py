@@ -1,1 +1,1 @@
-"""Pixels to metres: lens, pose, wall grid, projection, depth of the ball plane, time base."""
+"""Calibration: lens, camera pose, wall grid and ball plane; pixels to metres."""

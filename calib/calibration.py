@@ -1,4 +1,4 @@
-"""A calibrated scene: convert pixels to metres on ball plane and wall, with uncertainty.
+"""Convert pixels to metres on ball plane and wall, with uncertainties.
 
 `Evidence` holds the inputs besides the grid: measured distances, the ball's size, its free fall.
 `plausible` rejects a scene whose ball is not between wall and camera.

@@ -1,4 +1,4 @@
-"""Find the wall grid in a picture and measure its crossings to sub-pixel precision.
+"""Find the wall grid in a picture and measure its crossings.
 
 Seeds (two crossing waves in a window's spectrum) are extended over the picture, the most probable
 first; the coarse lines among the repeating ones are identified and tested for squares; then each

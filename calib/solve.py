@@ -1,4 +1,4 @@
-"""Calibrate a scene: one weighted fit of camera, lens and ball plane to grid and evidence.
+"""Fit camera, lens and ball plane to the wall grid and further evidence.
 
 Seen perpendicularly, a grid determines only the ratio of focal length and distance, the scale of
 the wall. A broad prior on the focal length keeps the fit finite, and the covariance describes the
@@ -856,10 +856,10 @@ above), and a crossing of the grid (chosen)."""
 HIDDEN_FRACTION = 0.3
 """Fraction of the wall hidden by pendulum, stand and ball (chosen, as in the rendered scenes)."""
 MIN_CROSSINGS = 12
-"""Minimum number of crossings (derived: `calib.grid.LEAST_NODES`)."""
+"""Minimum number of crossings (derived: `calib.grid.MIN_NODES`)."""
 MIN_PITCH_PX = 3.0
 """Minimum pitch, px (chosen): above the 2.5 px where lines may alias
-(`calib.grid.LEAST_PERIOD`)."""
+(`calib.grid.MIN_PERIOD_PX`)."""
 FULL_WELL, READ_NOISE, SENSOR_GAMMA, WALL_BRIGHTNESS = 9000.0, 18.0, 2.2, 0.66
 """Full well and read noise of a small sensor's pixel, electrons; gamma; and brightness of a well
 exposed wall, fraction of full scale (chosen: typical values)."""

@@ -1,4 +1,4 @@
-"""Defaults for missing inputs: value, standard uncertainty, unit and source of each.
+"""Defaults of missing inputs, each with uncertainty, unit and source.
 
 All commands take such numbers from here, and results list which ones they used.
 """
@@ -176,7 +176,7 @@ class Defaults:
         "assumed: three releases of an encoder's dry bearing differ by 1.5 %",
         relative=True,
     )  # fmt: skip
-    LEAST_DRAG = Default(
+    MIN_DRAG_COEFFICIENT = Default(
         "minimum drag coefficient of a body in air", 0.07, 0.01, "1",
         "smooth sphere beyond the crisis, from a figure (Achenbach, J. Fluid Mech. 54, 565)",
     )  # fmt: skip

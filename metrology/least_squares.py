@@ -1,4 +1,4 @@
-"""Robust least squares with priors: fits, covariances, and their response to changed inputs.
+"""Robust least squares with priors, covariances and response to inputs.
 
 `fit` is for data with standard uncertainties, `minimise` for bounds or an unknown scale, and
 `descend` for structured problems (a scene, the views of a board). They share the loss. A covariance

@@ -1,4 +1,4 @@
-"""Parse numbers with units that users type, and test them against their valid ranges.
+"""Parse numbers with units and test them against their valid ranges.
 
 Every length, mass, rate and angle has a `Measurand`: its unit and valid range, with the reason.
 Options, setup file and wizard use the same ones, so that a number outside is rejected before any

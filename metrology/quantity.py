@@ -1,4 +1,4 @@
-"""Measured quantities with standard uncertainty, budget (GUM) and their formatting.
+"""Measured quantities with uncertainty budget (GUM), and their formatting.
 
 Printed uncertainties have two significant digits (GUM 7.2.6).
 """

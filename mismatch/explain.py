@@ -285,7 +285,7 @@ def _instruments_off(base: Fit) -> bool:
 def _open_notes(prepared: Prepared, best: Hypothesis | None) -> tuple[str, ...]:
     """What ruler, clock and axes were found off by, where that is more than usual; and a drag."""
     fit = prepared.fit if best is None else best.fit
-    least = Defaults.LEAST_DRAG.known
+    least = Defaults.MIN_DRAG_COEFFICIENT.known
     found = []
     for identity, p, value, std in _left_open(prepared.fit, fit):
         unit = "" if p.unit == "1" else f" {p.unit}"

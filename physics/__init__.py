@@ -1,4 +1,4 @@
-"""Physics of pendulum, impact, restitution, air and flight, with an effect catalogue.
+"""Physics of pendulum, impact and flight, with an effect catalogue.
 
 Numbers are floats in SI; there is no input or output.
 """

@@ -1,4 +1,4 @@
-"""Contact of pendulum and ball: force law, solution in time, and instantaneous impact.
+"""Contact of pendulum and ball: resolved in time, or instantaneous.
 
 **Resolved contact** (Hunt and Crossley, J. Appl. Mech. 42, 440, 1975). The ball (centre B, radius
 R) is pushed by the flat face of a pendulum with a fixed pivot P. With the bar at angle φ, a unit

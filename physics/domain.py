@@ -1,4 +1,4 @@
-"""Number types of the physics package, and validation of inputs that raises DomainError.
+"""Number types of the physics package and input validation (DomainError).
 
 One formula serves a float and an array of trials.
 """

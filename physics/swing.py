@@ -1,4 +1,4 @@
-"""Pendulum swing: energy balance in closed form; friction and air drag by integration."""
+"""Pendulum swing: energy balance, and integration with friction and drag."""
 
 import math
 from collections.abc import Sequence

@@ -1,1 +1,1 @@
-"""Clip to tracks: read frames, find and track the ball and the pendulum mass, find events."""
+"""Read clips, track ball and pendulum mass, and find events."""

@@ -759,7 +759,9 @@ def _airless(forward: Forward, fit: Fit, added: Sequence[Effect]) -> bool:
     if fallen is not None:
         fall, doubt = fit.value(fallen)
         value, std = value - fall, float(np.hypot(std, doubt))
-    return bool(value + SURELY * std * np.sqrt(fit.reduced_chi2) < Defaults.LEAST_DRAG.known)
+    return bool(
+        value + SURELY * std * np.sqrt(fit.reduced_chi2) < Defaults.MIN_DRAG_COEFFICIENT.known
+    )
 
 
 def _lacking(forward: Forward, model: Model) -> tuple[str, ...]:

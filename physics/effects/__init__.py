@@ -1,4 +1,4 @@
-"""Effect catalogue: one object per effect for simulator, renderer and mismatch engine."""
+"""Effect catalogue shared by simulator, renderer and mismatch engine."""
 
 from physics.effects.base import (
     MAX_SIZE,

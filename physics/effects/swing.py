@@ -155,8 +155,8 @@ FRICTION_DECREASE = (
     ),
 )  # fmt: skip
 """Parameters of the decrease of friction with rate: of the powers 1 is Tustin's (1947), 2 a
-Gaussian, 1/2 the minimum of Bo and Pavelescu (1982); see Armstrong-Hélouvry, Dupont and Canudas de Wit,
-Automatica 30, 1083 (1994)."""
+Gaussian, 1/2 the minimum of Bo and Pavelescu (1982); see Armstrong-Hélouvry, Dupont and Canudas
+de Wit, Automatica 30, 1083 (1994)."""
 
 
 def _falling(at_rest: Number, values: Values, swing: SwingState) -> Number:

@@ -48,7 +48,7 @@ from metrology import (
 )
 from physics import bodies
 from physics.air import Air
-from physics.effects import CATALOGUE, LARGEST_SIZE, Parameter
+from physics.effects import CATALOGUE, MAX_SIZE, Parameter
 from physics.restitution import CorLaw, law_as_text
 
 __all__ = [
@@ -256,7 +256,7 @@ def read_parameter(effect: str, key: str, typed: Any) -> Given:
             hint=f"It has {', '.join(known)}.",
         )
     p = known[key]
-    size = LARGEST_SIZE[p.in_units_of]
+    size = MAX_SIZE[p.in_units_of]
     lower, upper = size * p.lower, size * p.upper
     example = size * (p.expected if p.expected is not None else p.scale)
     what = Measurand(

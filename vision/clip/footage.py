@@ -1,4 +1,4 @@
-"""Gray frames of a clip's action, its motion clock and scene cuts, and the capture rate.
+"""Gray frames of a clip's action, motion clock, scene cuts, capture rate.
 
 `Footage` holds the frames in memory where they fit and decodes them again where they don't.
 `MotionClock` advances when something moves: how much a sample of frames shows depends on how far

@@ -1,4 +1,4 @@
-"""Clip properties, and conversion of decoded pictures to upright gray or colour images."""
+"""Clip properties; conversion of decoded pictures to upright images."""
 
 import io
 import threading
