@@ -1,6 +1,6 @@
 """Clips that ship with the package, and the scene renderer that made them.
 
-`default_scene` gives a scene, `staged` the stroke that happens in it; `render_clip` films it to a
+`default_scene` returns a scene, `staged` adds its strike; `render_clip` films it to a
 file with its truth, `render_frames` frame by frame into memory.
 """
 

@@ -1,11 +1,8 @@
-"""Convex bodies with flat faces: boxes and prisms, their outline, and the shadow behind them.
-
-How much of a pixel a shape covers: exact for straight edges, to 1e-3 for round ones.
+"""Solids of a scene: outlines, pixel coverage and shadows.
 
 Everything is seen from the camera's centre. A pixel looks along (x, y, 1) in the camera's frame,
 with x and y free of distortion: straight edges stay straight and a sphere is bounded by a cone.
-
-The things in the room as solids: bracket, support, pendulum, distractors.
+Coverage is exact for straight edges, and accurate to 1e-3 for round ones.
 """
 
 from dataclasses import dataclass
@@ -40,10 +37,10 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 
-SMALLEST_SLOPE = 1e-3
+MIN_EDGE_SLOPE = 1e-3
 
-"""Below this share of its length an edge's direction counts as along an axis, where the area of a
-pixel that it cuts off is a rectangle's."""
+"""Below this fraction of its length an edge's direction counts as along an axis, where the area of
+a pixel that it cuts off is a rectangle's."""
 
 
 @dataclass(frozen=True)
@@ -62,12 +59,12 @@ class Window:
 
     @property
     def slices(self) -> tuple[slice, slice]:
-        """Index of an image."""
+        """Slices of an image."""
         return slice(self.top, self.bottom), slice(self.left, self.right)
 
     @property
     def rows(self) -> slice:
-        """Index of its rows."""
+        """Slice of its rows."""
         return slice(self.top, self.bottom)
 
     def overlaps(self, other: "Window") -> bool:
@@ -91,7 +88,7 @@ class Window:
 
 @dataclass(frozen=True)
 class PixelGrid:
-    """Where the pixels of a picture look.
+    """Viewing directions of a picture's pixels.
 
     Attributes
     ----------
@@ -140,7 +137,7 @@ def pixel_coverage(distance: FloatArray, along_u: FloatArray, along_v: FloatArra
         0 to 1: the integral over the trapezoid that a square's shadow along the normal is.
     """
     one, two = np.abs(along_u), np.abs(along_v)
-    long, short = np.maximum(one, two), np.maximum(np.minimum(one, two), SMALLEST_SLOPE)
+    long, short = np.maximum(one, two), np.maximum(np.minimum(one, two), MIN_EDGE_SLOPE)
     outer, inner = 0.5 * (long + short), 0.5 * (long - short)
     s = np.clip(distance, -outer, outer)
     area = (s + outer) ** 2
@@ -217,7 +214,7 @@ class Solid:
     Attributes
     ----------
     vertices : (N, 3) array
-        m, in whatever frame the user says.
+        m, in the frame of the caller.
     faces : tuple of tuples of int
         Vertices of each face, counter-clockwise seen from outside.
     colour : (3,) tuple
@@ -263,7 +260,7 @@ def cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def outline(vertices: FloatArray, solid: Solid, eye: FloatArray) -> list[tuple[int, int]]:
-    """Edges between what `eye` (3,) sees and what it does not, in order around the outline."""
+    """Edges between faces visible and invisible from `eye` (3,), in order around the outline."""
     seen = [face for face in solid.faces if _facing(vertices, face, eye)]
     edges = {(a, b) for face in seen for a, b in zip(face, face[1:] + face[:1], strict=True)}
     rim = {a: b for a, b in edges if (b, a) not in edges}
@@ -320,7 +317,7 @@ def shade_behind(
     lamp: FloatArray,
     lamp_radius: float,
 ) -> FloatArray:
-    """Share of a lamp's light that a solid takes from points behind it.
+    """Fraction of a lamp's light that a solid blocks for points behind it.
 
     Parameters
     ----------
@@ -411,7 +408,7 @@ def _cylinder(
 
 
 def standing_solids(scene: Scene) -> list[Solid]:
-    """Everything that never moves, farthest from the camera first."""
+    """All static solids, farthest from the camera first."""
     solids: list[Solid] = []
     plane = scene.room.plane
     if scene.room.show_rig:

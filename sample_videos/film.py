@@ -1,13 +1,4 @@
-"""Frame after frame of a scene: who is where in each exposure, and the picture of it.
-
-From light on the sensor to eight bits: point spread, vignetting, flicker, noise, gamma.
-
-One frame: the stage, the shadows of what moves, and what moves, averaged over the exposure.
-
-The moving things in one exposure: their coverage, colour and shadows.
-
-The ball in the picture: a sphere, flattened and widened where a face presses it.
-"""
+"""Render frames of a scene: moving bodies, exposure, optics and sensor."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -59,7 +50,7 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 
-CLIP_SAMPLES = 4
+EDGE_SUPERSAMPLING = 4
 
 """Samples a pixel each way where a plane cuts the outline: an edge is right to a sixteenth."""
 
@@ -94,7 +85,7 @@ class BallPose:
 
     @property
     def depth(self) -> float:
-        """How deep the face presses, m."""
+        """Depth of the compression by the face, m."""
         return float(np.linalg.norm(self.compression))
 
     def form(self) -> FloatArray:
@@ -151,10 +142,10 @@ def _entry(
 def _kept(
     pose: BallPose, centre: FloatArray, form: FloatArray, camera: Camera, grid: PixelGrid
 ) -> FloatArray:
-    """Share of each pixel whose sight lines meet the ball on the free side of the face."""
+    """Fraction of each pixel whose sight lines meet the ball on the free side of the face."""
     axis = camera.rotation @ (pose.compression / pose.depth)
     limit = pose.radius - pose.depth
-    steps = (np.arange(CLIP_SAMPLES) + 0.5) / CLIP_SAMPLES - 0.5
+    steps = (np.arange(EDGE_SUPERSAMPLING) + 0.5) / EDGE_SUPERSAMPLING - 0.5
     pixel = float(centre[..., 2].mean()) * float(
         np.sqrt(np.abs(grid.slope[0] * grid.slope[3] - grid.slope[1] * grid.slope[2]).mean())
     )
@@ -168,8 +159,8 @@ def _kept(
                 (near[..., np.newaxis] * d - centre) @ axis,
                 (far[..., np.newaxis] * d - centre) @ axis,
             )
-            kept += np.clip(0.5 + (limit - reach) * CLIP_SAMPLES / pixel, 0.0, 1.0)
-    return kept / CLIP_SAMPLES**2
+            kept += np.clip(0.5 + (limit - reach) * EDGE_SUPERSAMPLING / pixel, 0.0, 1.0)
+    return kept / EDGE_SUPERSAMPLING**2
 
 
 def _shaded(
@@ -182,7 +173,7 @@ def _shaded(
     scene: Scene,
     shaded_by: list[tuple[FloatArray, float]],
 ) -> FloatArray:
-    """Light (3, M) that the seen pixels get from the ball's surface."""
+    """Light (3, M) that the visible pixels receive from the ball's surface."""
     middle = np.broadcast_to(centre, (*seen.shape, 3))[seen]
     near, _, d = _entry(middle, form, grid.xy[0][seen], grid.xy[1][seen])
     offset = near[:, np.newaxis] * d - middle
@@ -199,7 +190,7 @@ def _shaded(
     points = (pose.middle + outward).T
     lighting = scene.room.lighting
     up = world_normal[:, 1]
-    # from below comes what the floor sends back
+    # The floor reflects light from below.
     light = np.array(lighting.ambient)[:, np.newaxis] * (0.72 + 0.28 * up) * paint
     sight = d @ camera.rotation
     sight /= np.linalg.norm(sight, axis=1, keepdims=True)
@@ -221,7 +212,7 @@ Layer = tuple[FloatArray, FloatArray]
 
 
 class Actor(Protocol):
-    """A moving thing during one exposure, at sub-exposures 0 … S - 1."""
+    """A moving body during one exposure, at sub-exposures 0 … S - 1."""
 
     windows: list[Window]
 
@@ -230,15 +221,15 @@ class Actor(Protocol):
         ...
 
     def shade(self, points: FloatArray, lamp: Lamp) -> FloatArray:
-        """Share of a lamp's light taken from points (3, ...) on the mean over the exposure."""
+        """Mean blocked fraction of a lamp's light at points (3, ...) over the exposure."""
         ...
 
     def closes_sky(self, points: FloatArray, normals: FloatArray) -> FloatArray | None:
-        """Share of the light from everywhere taken from points; None where it is not worth it."""
+        """Blocked fraction of the ambient light at points; None where negligible."""
         ...
 
     def shadow_points(self) -> FloatArray:
-        """World points (N, 3) whose shadows bound this thing's shadow."""
+        """World points (N, 3) whose shadows bound this body's shadow."""
         ...
 
 
@@ -302,16 +293,16 @@ class SolidActor:
         return total * self.solid.colour
 
     def shade(self, points: FloatArray, lamp: Lamp) -> FloatArray:
-        """Share of a lamp's light taken from points (3, ...), at the middle of the exposure."""
+        """Blocked fraction of a lamp's light at points (3, ...), at mid-exposure."""
         here = self._middle(len(self.vertices) // 2)
         return shade_behind(points, here, self.solid, np.array(lamp.position), lamp.radius)
 
     def closes_sky(self, points: FloatArray, normals: FloatArray) -> FloatArray | None:
-        """Nothing: a small box takes too little."""
+        """None: negligible for a small box."""
         return None
 
     def shadow_points(self) -> FloatArray:
-        """World points (N, 3) whose shadows bound this thing's shadow."""
+        """World points (N, 3) whose shadows bound this body's shadow."""
         return self._middle(len(self.vertices) // 2)
 
 
@@ -326,7 +317,7 @@ class RoundActor:
     scene : Scene
     camera : Camera
     shaded_by : list of (centre (3,), radius)
-        Spheres that stand for what may throw a shadow on it.
+        Spheres representing bodies that may cast a shadow on it.
     struck : bool
         Whether it is the ball that the pendulum meets.
     """
@@ -353,17 +344,17 @@ class RoundActor:
         return ball_layer(self.poses[part], window, grid, self.camera, self.scene, self.shaded_by)
 
     def shade(self, points: FloatArray, lamp: Lamp) -> FloatArray:
-        """Share of a lamp's light taken from points (3, ...), at the middle of the exposure."""
+        """Blocked fraction of a lamp's light at points (3, ...), at mid-exposure."""
         return sphere_shade(
             points, self._pose.middle, self._pose.radius, np.array(lamp.position), lamp.radius
         )
 
     def closes_sky(self, points: FloatArray, normals: FloatArray) -> FloatArray | None:
-        """Share of the light from everywhere taken from points (3, ...)."""
+        """Blocked fraction of the ambient light at points (3, ...)."""
         return closed_sky(points, normals, self._pose.middle, self._pose.radius)
 
     def shadow_points(self) -> FloatArray:
-        """World points (N, 3) whose shadows bound this thing's shadow."""
+        """World points (N, 3) whose shadows bound this body's shadow."""
         return self._pose.bounds()
 
 
@@ -375,7 +366,7 @@ WHITE = 1.22
 
 
 def vignette(lens: Lens, sensor: Sensor) -> Float32:
-    """Share of light that reaches each pixel, (H, W, 1)."""
+    """Fraction of light that reaches each pixel, (H, W, 1)."""
     u = (np.arange(lens.width) - lens.cx) / (0.5 * lens.width)
     v = (np.arange(lens.height) - lens.cy) / (0.5 * lens.height)
     square = 0.5 * (u[np.newaxis, :] ** 2 + v[:, np.newaxis] ** 2)
@@ -417,7 +408,7 @@ def developed(
 
 @dataclass(frozen=True)
 class Canvas:
-    """What a frame is painted on: the camera of this frame, its pixels, and the stage it sees."""
+    """Camera of one frame, its pixels, and the stage in view."""
 
     camera: Camera
     grid: PixelGrid
@@ -550,11 +541,11 @@ def _paint(picture: Float32, canvas: Canvas, group: list[Actor]) -> None:
     picture[rows, columns] = total / parts
 
 
-STEP_PX = 0.4
+MAX_SUBEXPOSURE_STEP_PX = 0.4
 
 """Longest way between sub-exposures: well inside a pixel, so that they add up to a smear."""
 
-MOST_PARTS = 24
+MAX_SUBEXPOSURES = 24
 
 """Sub-exposures of a frame at most: a smear of 24 px is then still smooth."""
 
@@ -621,7 +612,7 @@ class Film:
         return exposed(canvas, self._actors(frame, camera))
 
     def ball_coverage(self, frame: int) -> FloatArray:
-        """Share of each pixel that the ball covers on the mean over the exposure, (H, W)."""
+        """Mean fraction of each pixel covered by the ball over the exposure, (H, W)."""
         camera = self.camera(frame)
         total = np.zeros(self._grid.xy.shape[1:])
         struck = [
@@ -647,7 +638,7 @@ class Film:
 
     def _parts(self, times: FloatArray, way_px: float) -> FloatArray:
         """Instants (S, R) of the sub-exposures for what moves `way_px` in the exposure."""
-        count = int(np.clip(np.ceil(way_px / STEP_PX), 1, MOST_PARTS))
+        count = int(np.clip(np.ceil(way_px / MAX_SUBEXPOSURE_STEP_PX), 1, MAX_SUBEXPOSURES))
         offsets = ((np.arange(count) + 0.5) / count - 0.5) * self.scene.shutter.exposure
         return np.asarray(times[np.newaxis, :] + offsets[:, np.newaxis])
 

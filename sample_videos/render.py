@@ -1,6 +1,6 @@
-"""Film a scene: into memory, or to a clip with its truth beside it.
+"""Render a scene to memory, or to a clip with its truth file.
 
-Write frames to a clip: H.264, MJPEG, lossless FFV1, or a folder of pictures.
+Clips are H.264, MJPEG, lossless FFV1, or a folder of pictures.
 """
 
 import shutil
@@ -53,7 +53,7 @@ def write_clip(frames: Iterable[Picture], path: Path, encoding: Encoding) -> Non
         wanted = ", ".join(SUFFIXES[encoding.codec]) if encoding.codec != "png" else "no suffix"
         raise UsageError(
             f"{path.name} does not go with the codec {encoding.codec}",
-            hint=f"Name it with {wanted}.",
+            hint=f"Use {wanted}.",
         )
     if encoding.codec == "png":
         _write_folder(frames, path)
@@ -81,7 +81,7 @@ def _write_video(frames: Iterable[Picture], path: Path, encoding: Encoding) -> N
                     if picture.shape[0] % 2 or picture.shape[1] % 2:
                         raise UsageError(
                             f"H.264 can't hold {picture.shape[1]} x {picture.shape[0]} px",
-                            hint="Give an even width and height.",
+                            hint="Use an even width and height.",
                         )
                     stream.options = {"preset": "medium", "profile": "high", **_REPEATABLE}
                     if encoding.rate_factor is not None:
@@ -108,14 +108,14 @@ def _converted(picture: Picture, codec: str) -> av.VideoFrame:
 def _write_folder(frames: Iterable[Picture], path: Path) -> None:
     if path.exists():
         raise UsageError(
-            f"the folder {path} exists", hint="Name one that does not, or remove it first."
+            f"the folder {path} exists", hint="Choose another name, or remove it first."
         )
     try:
         temporary = Path(mkdtemp(prefix=f".{path.name}-", dir=path.parent))
     except OSError as problem:
         raise UsageError(
             f"can't write {path}: {problem.strerror}",
-            hint="Name a folder inside one that exists and that you may write to.",
+            hint="Choose a folder inside an existing one that you may write to.",
         ) from problem
     try:
         count = 0

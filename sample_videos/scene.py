@@ -1,4 +1,4 @@
-"""What a scene consists of: room, light, camera, sensor, and how the clip is written."""
+"""Description of a scene: room, light, camera, sensor and encoding."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -28,7 +28,7 @@ Vector = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Wall:
-    """The gridded wall z = 0. Lengths in m; contrast is the share of light a line takes away.
+    """The gridded wall z = 0. Lengths in m; contrast is the fraction of light a line absorbs.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Wall:
 
 @dataclass(frozen=True)
 class Lamp:
-    """A spherical lamp: where (m), how large (radius, m), how bright at the ball."""
+    """A spherical lamp: position (m), radius (m), brightness at the ball."""
 
     position: Vector
     radius: float = 0.12
@@ -87,7 +87,7 @@ class BallLook:
     base, mark
         Reflectance of ground and marks, red green blue.
     bulge : float
-        By what share of the relative compression a pressed ball widens sideways.
+        Sideways widening of a compressed ball over its relative compression.
     """
 
     pattern: Literal["jokku", "basketball", "plain"] = "jokku"
@@ -99,7 +99,7 @@ class BallLook:
 
 @dataclass(frozen=True)
 class SwingingScale:
-    """Something that hangs and swings but is not the pendulum: a spring scale on its cord."""
+    """A hanging, swinging body that is not the pendulum: a spring scale on its cord."""
 
     hook: Vector = (1.6, 1.5, 0.25)
     length: float = 0.55
@@ -112,7 +112,7 @@ class SwingingScale:
 
 @dataclass(frozen=True)
 class LooseBall:
-    """A second ball that is not struck: it lies, or rolls with `velocity` (m/s)."""
+    """A second ball that is not struck: at rest, or rolling with `velocity` (m/s)."""
 
     centre: Vector
     radius: float = 0.1
@@ -122,7 +122,7 @@ class LooseBall:
 
 @dataclass(frozen=True)
 class Room:
-    """What stands in the picture; m.
+    """Bodies in the picture; m.
 
     Attributes
     ----------
@@ -153,7 +153,7 @@ class Room:
 
 @dataclass(frozen=True)
 class Shutter:
-    """When light is let in.
+    """Exposure timing.
 
     Attributes
     ----------
@@ -188,7 +188,7 @@ class Sensor:
     blur : float
         Standard deviation of the optics' point spread, px.
     vignetting : float
-        Share of light lost in the corners.
+        Fraction of light lost in the corners.
     gamma : float
         Encoding exponent; 1 writes linear light.
     """
@@ -203,7 +203,7 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Shake:
-    """A camera that does not stand still; px at the middle of the picture.
+    """Camera shake; px at the middle of the picture.
 
     Attributes
     ----------
@@ -241,7 +241,7 @@ class Encoding:
     rate_factor : float or None
         H.264 at constant quality (x264's CRF) instead of at a bitrate.
     container_fps : float
-        The rate that the file claims.
+        Frame rate stated in the file.
     dropped : tuple of int
         Captured frames that never reach the file.
     """
@@ -255,7 +255,7 @@ class Encoding:
 
 @dataclass(frozen=True)
 class Scene:
-    """One clip to be.
+    """Complete description of a clip.
 
     Attributes
     ----------
@@ -305,7 +305,7 @@ class Scene:
         )
         for possible, message in checks:
             if not possible:
-                raise UsageError(f"this scene can't be filmed: {message}")
+                raise UsageError(f"this scene can't be rendered: {message}")
 
     @property
     def contact_angle(self) -> float:

@@ -1,9 +1,4 @@
-"""One stroke from the physics: swing, contact, flight and bounces, as a motion to be filmed.
-
-Where ball and pendulum are at any instant: what the renderer takes, whatever physics made it.
-
-Scenes to start from: a ball, a back-swing, a picture size, and a camera that sees it all.
-"""
+"""Simulate a strike as a motion to render, and default scenes to render it in."""
 
 import math
 from dataclasses import dataclass, replace
@@ -68,7 +63,7 @@ class SceneState:
 
 
 class SceneMotion(Protocol):
-    """Anything that knows where ball and pendulum are."""
+    """Anything that gives the positions of ball and pendulum."""
 
     def at(self, times: ArrayLike) -> SceneState:
         """State at `times` (N,), s; t = 0 is the first touch of face and ball."""
@@ -77,7 +72,7 @@ class SceneMotion(Protocol):
 
 @dataclass(frozen=True)
 class Piece:
-    """Samples of a smooth stretch of a curve: instants (M,) s, values (M, K), rates (M, K)."""
+    """Samples of a smooth piece of a curve: instants (M,) s, values (M, K), rates (M, K)."""
 
     time: FloatArray
     value: FloatArray
@@ -85,7 +80,7 @@ class Piece:
 
     def __post_init__(self) -> None:
         if len(self.time) < 2 or np.any(np.diff(self.time) <= 0.0):
-            raise DomainError("a stretch of a motion needs two or more instants, in rising order")
+            raise DomainError("a piece of a motion needs two or more instants in increasing order")
 
 
 class HermiteCurve:
@@ -168,18 +163,19 @@ class SampledMotion:
         )
 
 
-BOUNCES = 3
+SIMULATED_BOUNCES = 3
 
-"""Bounces after landing that are followed: with a floor_cor of 0.7 the third is a tenth as high."""
+"""Simulated bounces after landing (chosen): with a floor_cor of 0.7 the third is a tenth as
+high."""
 
 FOLLOW_THROUGH = 4.0
 
-"""s that the pendulum is followed after release: longer than any clip goes on."""
+"""Simulated time of the pendulum after release, s (chosen: longer than any clip)."""
 
 
 @dataclass(frozen=True)
 class Physics:
-    """What the stroke obeys beyond the bodies.
+    """Physics of the strike besides the bodies.
 
     Attributes
     ----------
@@ -194,9 +190,9 @@ class Physics:
     face_friction : float
         Coulomb coefficient between face and ball; it makes the ball spin.
     cor, contact_time : float or None
-        What this contact returns (1, s); None takes the ball's laws.
+        Result of this contact (1, s); None uses the ball's laws.
     effects : tuple of Term
-        What acts in flight besides gravity, drag and lift, and on the pendulum besides gravity.
+        Further effects in flight and on the pendulum.
     floor_cor : float
         Coefficient of restitution of ball and floor, after landing.
     """
@@ -244,7 +240,7 @@ class Shot:
 
 
 def strike(scene: Scene, physics: Physics) -> Shot:
-    """Follow one stroke in a scene's rig.
+    """Simulate one strike in a scene.
 
     Raises
     ------
@@ -275,7 +271,7 @@ def strike(scene: Scene, physics: Physics) -> Shot:
     )
     out = contact.outcome
     if out.ball_vx <= 0.0:
-        raise UsageError("this ball does not fly forward", hint="Give a larger back-swing.")
+        raise UsageError("this ball does not fly forward", hint="Increase the back-swing.")
     flight = fly(
         _in_the_air(scene, physics, float(out.ball_spin)),
         (float(out.ball_x), float(out.ball_y), scene.room.plane),
@@ -371,7 +367,7 @@ def _ball_curve(
     ]
     leg, begin = flight, float(contact.time[-1])
     pieces.append(Piece(begin + leg.time, leg.position, leg.velocity))
-    for _ in range(BOUNCES):
+    for _ in range(SIMULATED_BOUNCES):
         begin += leg.landing_time
         off = leg.landing_velocity * [0.85, -physics.floor_cor, 0.85]
         if off[1] < 0.05:
@@ -410,7 +406,7 @@ LOOKS = {
 
 SIDE_M = 0.28
 
-"""Left to see of the pendulum behind the ball at rest."""
+"""Visible width behind the ball at rest, m (chosen)."""
 
 
 def look_of(ball: Ball) -> BallLook:

@@ -1,9 +1,4 @@
-"""The still part of the picture: wall, floor, bracket and support under each lamp.
-
-Paint: the wall's grid, floor and ball, each averaged over what a pixel sees of it.
-
-How much light reaches a surface: lamps with soft shadows, and the light from everywhere.
-"""
+"""Static part of the picture: wall, floor, solids, light and shadows."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -64,7 +59,7 @@ def mottle(x: FloatArray, y: FloatArray, scale: float, seed: int, grain: float =
 
 
 def _lines(at: FloatArray, footprint: FloatArray, pitch: float, width: float) -> FloatArray:
-    """Share of an interval of length `footprint` about `at` that lines of a ruling take up."""
+    """Fraction of an interval of length `footprint` about `at` that lines of a ruling take up."""
 
     def inked(x: FloatArray) -> FloatArray:
         turn = x / pitch + 0.5
@@ -151,7 +146,7 @@ def ball_reflectance(normal: FloatArray, footprint: FloatArray, look: BallLook) 
     return np.asarray(ground + share[:, np.newaxis] * (mark - ground))
 
 
-REFERENCE = np.array([0.5, 0.4, 0.45])
+LIGHT_REFERENCE_M = np.array([0.5, 0.4, 0.45])
 
 """m: where the lamps' light is one, about the ball's place at rest."""
 
@@ -165,7 +160,7 @@ def lamp_light(points: FloatArray, normals: FloatArray, lamp: Lamp) -> FloatArra
     position = np.array(lamp.position)
     away = _column(position, points) - points
     square = np.sum(away * away, axis=0)
-    reference = float(np.sum((position - REFERENCE) ** 2))
+    reference = float(np.sum((position - LIGHT_REFERENCE_M) ** 2))
     cosine = np.sum(away * normals, axis=0) / np.sqrt(square)
     # the terminator is as soft as the lamp is large
     soft = lamp.radius / np.sqrt(reference)
@@ -176,7 +171,7 @@ def lamp_light(points: FloatArray, normals: FloatArray, lamp: Lamp) -> FloatArra
 def sphere_shade(
     points: FloatArray, centre: FloatArray, radius: float, lamp: FloatArray, lamp_radius: float
 ) -> FloatArray:
-    """Share (...) of a lamp's light that a sphere takes from points (3, ...)."""
+    """Fraction (...) of a lamp's light that a sphere blocks at points (3, ...)."""
     to_lamp = _column(lamp, points) - points
     to_ball = centre.reshape(_column(lamp, points).shape) - points
     lamp_distance = np.sqrt(np.sum(to_lamp * to_lamp, axis=0))
@@ -192,7 +187,7 @@ def sphere_shade(
 def closed_sky(
     points: FloatArray, normals: FloatArray, centre: FloatArray, radius: float
 ) -> FloatArray:
-    """Share (...) of the light from everywhere that a sphere keeps from points (3, ...)."""
+    """Fraction (...) of the ambient light that a sphere blocks at points (3, ...)."""
     to_ball = _column(centre, points) - points
     square = np.maximum(np.sum(to_ball * to_ball, axis=0), radius**2)
     cosine = np.sum(to_ball * normals, axis=0) / np.sqrt(square)
@@ -212,7 +207,7 @@ MARGIN_PX = 2
 
 """px around it, as far as a lens smears."""
 
-FARTHEST = 50.0
+MAX_SIGHT_LINE_M = 50.0
 
 """m; a sight line that meets nothing ends here, farther than any wall is."""
 
@@ -264,8 +259,10 @@ def _surfaces(camera: Camera, grid: PixelGrid) -> tuple[FloatArray, NDArray[np.b
     with np.errstate(divide="ignore", invalid="ignore"):
         to_wall = np.where(ray[2] < 0, -start[2] / ray[2], np.inf)
         to_floor = np.where(ray[1] < 0, -start[1] / ray[1], np.inf)
-    reach = np.nan_to_num(np.minimum(to_wall, to_floor), nan=FARTHEST, posinf=FARTHEST)
-    points = start[:, np.newaxis, np.newaxis] + ray * np.minimum(reach, FARTHEST)
+    reach = np.nan_to_num(
+        np.minimum(to_wall, to_floor), nan=MAX_SIGHT_LINE_M, posinf=MAX_SIGHT_LINE_M
+    )
+    points = start[:, np.newaxis, np.newaxis] + ray * np.minimum(reach, MAX_SIGHT_LINE_M)
     return points, to_floor < to_wall
 
 
@@ -314,7 +311,7 @@ class Panorama:
         ]
 
     def stage(self, camera: Camera) -> Stage:
-        """What the scene's camera sees once it has turned to `camera`'s attitude."""
+        """The stage for the scene's camera rotated to `camera`'s attitude."""
         x, y = self._grid.xy
         turned = np.stack([x, y, np.ones_like(x)], axis=-1) @ (
             camera.rotation @ self._scene.camera.rotation.T

@@ -1,4 +1,4 @@
-"""What really happened in a rendered clip, to the last digit: the file beside it."""
+"""True values of a rendered clip, and its truth file."""
 
 import json
 from collections.abc import Mapping
@@ -63,7 +63,7 @@ class FrameTruth:
 
 @dataclass(frozen=True)
 class Truth:
-    """What really happened.
+    """True values of a rendered clip.
 
     Attributes
     ----------
@@ -85,7 +85,7 @@ class Truth:
 
 
 def truth_path(clip: Path) -> Path:
-    """Where the truth of a clip is written: ``a.mp4`` has ``a.truth.json``."""
+    """Path of a clip's truth file: ``a.mp4`` has ``a.truth.json``."""
     return clip.with_name(f"{clip.stem}.truth.json")
 
 
@@ -214,7 +214,7 @@ def _inside(camera: Camera, centre: FloatArray, radius: float) -> bool:
 
 
 def write_truth(truth: Truth, clip: Path) -> Path:
-    """Write the truth beside a clip; returns where."""
+    """Write the truth file next to a clip; return its path."""
     path = truth_path(clip)
     write_text_whole(path, json.dumps(_plain(truth), indent=1) + "\n")
     return path

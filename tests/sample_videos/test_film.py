@@ -265,5 +265,5 @@ def test_the_motion_is_continuous_through_contact_and_landing() -> None:
     ],
 )
 def test_scenes_that_can_not_be_are_refused(wrong: dict) -> None:
-    with pytest.raises(UsageError, match="can't be filmed"):
+    with pytest.raises(UsageError, match="can't be rendered"):
         replace(default_scene(), **wrong)
