@@ -68,7 +68,7 @@ _COMMANDS = {
         "Coefficient of restitution estimated three ways, with their agreement.",
     ),
     "simulate": _Command(
-        "pipelines.model", "simulate_command", "Simulate a strike and the flight after it."
+        "pipelines.model", "simulate_command", "Simulate a strike and the subsequent flight."
     ),
     "plan": _Command(
         "pipelines.campaign.design",
@@ -79,12 +79,12 @@ _COMMANDS = {
     "paper": _Command(
         "pipelines.paper",
         "paper_command",
-        "Recompute every table of the paper beside the print, and redraw its figures.",
+        "Recompute every table of the paper, compare with the print, and redraw its figures.",
     ),
     "explain": _Command(
         "pipelines.explain.command",
         "explain_command",
-        "Find where simulation and recording differ and what physics was left out.",
+        "Find where simulation and recording differ and which physics is missing.",
     ),
     "effects": _Command(
         "pipelines.explain.own_effects",
@@ -104,7 +104,7 @@ _COMMANDS = {
     "convert": _Command(
         "pipelines.interop.measured",
         "convert_command",
-        "Turn tracks or a lens of one program into those of another.",
+        "Convert tracks or a lens between programs.",
     ),
     "cache": _Command(
         "pipelines.cache",
