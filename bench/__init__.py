@@ -1,1 +1,1 @@
-"""Measurements of how well the package does what it says; not installed with it."""
+"""Benchmarks of accuracy, robustness and speed; not installed with the package."""

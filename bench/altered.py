@@ -1,4 +1,4 @@
-"""Measure altered copies of clips and compare them with the originals and the truth.
+"""Measure altered copies of clips and compare with originals and truth.
 
 Run: python -m bench.altered [FOLDER...] [--only CLIP...] [--ways WAY...]
 

@@ -1,4 +1,4 @@
-"""Compare predicted and actual standard deviation of positions over many calibrations.
+"""Compare predicted and actual std of positions over many calibrations.
 
 Run: python -m bench.calibration_scatter [--simulated 200] [--rendered 200]
 

@@ -1,4 +1,4 @@
-"""Compare the errors predicted by `vision calibrate plan` with those of rendered clips.
+"""Compare errors predicted by `vision calibrate plan` with rendered clips.
 
 Run: python -m bench.planning [--clips 2]
 

@@ -1,1 +1,1 @@
-"""The blind proof of the mismatch engine: campaigns with concealed physics, and their scoring."""
+"""Blind test of the mismatch engine on campaigns with concealed physics."""

@@ -1,7 +1,7 @@
-"""Draw concealed campaigns, let the engine explain them, open the keys, write the proof.
+"""Draw concealed campaigns, run the engine, score the answers and write the proof.
 
-The engine gets folders with a ball table, a pendulum table and a setup file. Keys lie in another
-folder and are opened once every answer is written.
+The engine receives folders with a ball table, a pendulum table and a setup file. Keys are in
+another folder and are read after every answer has been written.
 """
 
 import argparse
@@ -38,7 +38,7 @@ ROOT = Path(__file__).parents[2]
 
 
 class World(StrEnum):
-    """Whose campaigns are drawn."""
+    """Generator of the campaigns."""
 
     OWN = "own"
     SECOND = "second"
@@ -46,7 +46,7 @@ class World(StrEnum):
 
 @dataclass(frozen=True)
 class Shelf:
-    """Where campaigns, keys and answers lie."""
+    """Folders of campaigns, keys and answers."""
 
     cache: Path
     seed: int
@@ -101,7 +101,9 @@ def _real_answer(folder: Path, output: Path) -> Answer:
 
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m bench.concealed", description=__doc__)
-    parser.add_argument("--campaigns", type=int, default=50, help="how many (400 for the proof)")
+    parser.add_argument(
+        "--campaigns", type=int, default=50, help="number of campaigns (400 for the proof)"
+    )
     parser.add_argument("--first", type=int, default=0, help="number of the first campaign")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument(
@@ -109,31 +111,31 @@ def _options() -> argparse.Namespace:
         type=World,
         choices=list(World),
         default=World.OWN,
-        help="own: laws as the catalogue writes them, or nearly; second: none of them so",
+        help="own: laws in (nearly) the catalogue's form; second: laws of other forms",
     )
     parser.add_argument(
         "--second", type=int, default=0, metavar="N",
-        help="score the first N campaigns of the second world beside those of the own one",
+        help="score the first N campaigns of the second world as well",
     )  # fmt: skip
     parser.add_argument("--jobs", type=int, default=max((os.cpu_count() or 2) // 2, 1))
     parser.add_argument(
         "--cache",
         type=Path,
         default=Path(tempfile.gettempdir()) / "impact-vision-concealed",
-        help="campaigns, keys and answers are kept here and used again",
+        help="folder of campaigns, keys and answers; reused",
     )
     parser.add_argument(
         "--foreign",
         type=Path,
         nargs="*",
         default=[ROOT.parent / "shared" / name for name in ("concealed_dev", "concealed_foreign")],
-        help="folders of campaigns of a foreign simulator, scored beside ours when there",
+        help="folders of campaigns of an independent simulator; skipped if absent",
     )
     parser.add_argument(
         "--minutes",
         type=float,
-        help="give out no more campaigns after so long, and score what is answered; Ctrl-C and"
-        " SIGTERM do the same at once, and the same command later goes on from there",
+        help="start no campaign after this time and score the answers so far; Ctrl-C and SIGTERM"
+        " do the same at once, and the same command continues later",
     )
     parser.add_argument(
         "--pixels",
@@ -147,20 +149,18 @@ def _options() -> argparse.Namespace:
         type=Path,
         default=None,
         metavar="FOLDER",
-        help="add the section on what `python -m bench.concealed.damaged` left in this folder",
+        help="add the section on the outcomes that `python -m bench.concealed.damaged` wrote here",
     )
     parser.add_argument(
         "--real", type=Path, default=ROOT.parent / "shared" / "realdata", help="real recordings"
     )
-    parser.add_argument("--no-real", action="store_true", help="leave the real recordings out")
-    parser.add_argument(
-        "--answers", type=Path, help="score the answers in this folder, and only those"
-    )
+    parser.add_argument("--no-real", action="store_true", help="skip the real recordings")
+    parser.add_argument("--answers", type=Path, help="score only the answers in this folder")
     parser.add_argument("--kind", help="only campaigns of this kind (reads the keys first)")
     parser.add_argument("--draw-only", action="store_true")
     parser.add_argument(
         "-o", "--output", type=Path,
-        help="report; docs/proof.md for a whole proof, else to the terminal",
+        help="report file (default: docs/proof.md for a complete proof, else the terminal)",
     )  # fmt: skip
     return parser.parse_args()
 
@@ -181,7 +181,7 @@ def _foreign_answer(folder: Path) -> str:
 def _answered(
     options: argparse.Namespace, shelf: Shelf, stop: Stop
 ) -> tuple[list[Scored], list[Scored]]:
-    """Own and foreign campaigns with their answers, as many as there was time for."""
+    """Own and foreign campaigns with their answers, as far as time allowed."""
     numbers = list(range(options.first, options.first + options.campaigns))
     run_until(stop, _draw, [(shelf, n) for n in numbers], options.jobs)
     numbers = [n for n in numbers if (shelf.keys / f"{n:04d}.json").exists()]
@@ -196,7 +196,7 @@ def _answered(
         foreign = [f for f in foreign if (options.answers / _foreign_answer(f[0])).exists()]
     tasks = [(f, answers_in / _foreign_answer(f)) for f, _ in foreign]
     tasks += [(shelf.campaign(n), answers_in / f"{n:04d}.json") for n in numbers]
-    # What an earlier run has answered counts, however short the time of this one.
+    # Answers of earlier runs count even if this run has no time left.
     answers = [_answer(task) if task[1].exists() else None for task in tasks]
     missing = [k for k, answer in enumerate(answers) if answer is None]
     found = run_until(stop, _answer, [tasks[k] for k in missing], options.jobs)
@@ -219,7 +219,7 @@ def _made(shelf: Shelf) -> Shelf:
 
 
 def _second(options: argparse.Namespace, shelf: Shelf) -> list[Scored]:
-    """The second world's first campaigns, beside the own world's."""
+    """The first campaigns of the second world."""
     if not options.second:
         return []
     other = vars(options) | {"campaigns": options.second, "first": 0, "foreign": [], "kind": None}
@@ -258,7 +258,7 @@ def main() -> None:
 
 
 def _reliability(output: Path | None, judgements: list[Judgement]) -> str:
-    """Draw stated probabilities beside the page; the link to the picture, or none."""
+    """Draw the reliability diagram next to the page; its link, or an empty string."""
     pictures = None if output is None else output.parent / "pictures"
     if pictures is None or not pictures.is_dir() or not claims_of(judgements):
         return ""

@@ -1,4 +1,4 @@
-"""Read the JSON of `vision explain` as a scorable answer and check its consistency."""
+"""Read the JSON of `vision explain` as an answer and check its consistency."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ __all__ = ["Answer", "Named", "answer_from_json", "contradictions"]
 
 @dataclass(frozen=True)
 class Named:
-    """One effect that was named: parameters as name -> (value, standard uncertainty or None)."""
+    """A named effect; parameters map a name to (value, standard uncertainty or None)."""
 
     id: str
     probability: float | None
@@ -18,7 +18,7 @@ class Named:
 
 @dataclass(frozen=True)
 class Answer:
-    """A verdict in a form that can be scored; `failure` says why there is none."""
+    """A verdict to be scored; `failure` is the reason if there is none."""
 
     verdict: str
     named: tuple[Named, ...] = ()
@@ -74,17 +74,17 @@ def answer_from_json(raw: Mapping[str, Any], seconds: float) -> Answer:
 
 
 SURE = 0.5
-"""Probability from which a name is stated rather than suggested."""
+"""Probability above which a name is stated rather than suggested."""
 
 HARDLY = 1.0
-"""Chi-square units below which held-out trials fit no better."""
+"""Chi-square gain below which held-out trials do not fit better."""
 
 NOISE_P = 1e-3
-"""Whiteness below which residuals are no noise."""
+"""p-value of whiteness below which residuals are not noise."""
 
 
 def contradictions(raw: Mapping[str, Any]) -> list[str]:
-    """What in the JSON of a verdict can't be true together.
+    """Statements in the JSON of a verdict that contradict each other.
 
     Parameters
     ----------
@@ -97,29 +97,29 @@ def contradictions(raw: Mapping[str, Any]) -> list[str]:
     sure = [e["id"] for e in effects if e["probability"] > SURE]
     found = []
     if kind == "no_mismatch" and (effects or groups or raw["location"] or held):
-        found.append("nothing is missing, and yet something is named, placed or proved")
+        found.append("no mismatch, but an effect, a location or a proof is given")
     if kind == "explained" and len(sure) < len(effects):
-        found.append("found, and yet less likely than not")
+        found.append("explained, but with a probability below one half")
     if kind == "explained" and groups:
-        found.append("found, and yet something else is not excluded")
+        found.append("explained, but an alternative is not excluded")
     if kind in ("explained", "ambiguous") and not effects:
-        found.append("found, and yet nothing is named")
+        found.append("explained or ambiguous, but nothing is named")
     if kind == "unexplained" and sure:
-        found.append("nothing explains it, and yet a name is likely")
+        found.append("unexplained, but a name is probable")
     if kind == "ambiguous" and not groups and "in doubt" not in remainder["statement"]:
-        found.append("in doubt, and no reason is given")
+        found.append("ambiguous without a reason")
     if any(group[0] not in names for group in groups):
-        found.append("a name is not excluded in place of one that is not given")
-    # Chi-square has the error of metres in it, beside what each launch's own scatter took of it.
+        found.append("an alternative to a name that is not given")
+    # The chi-square gain includes effects on each launch that the error in metres does not.
     if sure and held and held["ratio_95"][1] < 1.0 and held.get("chi2_gain", 0.0) <= HARDLY:
-        found.append("a name is likely, and predicts worse")
+        found.append("a name is probable, but predicts worse")
     if groups and not raw["next_measurement"]:
-        found.append("several answers, and nothing that would part them")
+        found.append("several answers without a measurement to separate them")
     said = remainder["statement"]
     if remainder["white"] and "still holds structure" in said:
-        found.append("noise, and structure")
+        found.append("white remainder with structure")
     if not remainder["white"] and "cannot be told from noise" in said:
-        found.append("no noise, and noise")
+        found.append("remainder that is not white called noise")
     if any(a["why_not"].startswith("fits worse by -") for a in raw["alternatives"]):
-        found.append("an alternative fits worse by less than nothing")
+        found.append("an alternative fits better than the answer")
     return found

@@ -1,8 +1,8 @@
-"""How stated probabilities fit frequencies, and what the gate's constants would be by them.
+"""Compare stated probabilities with frequencies and refit the trust constants.
 
-A probability belongs to a name, so a name counts as right only if just that was concealed; how
-often its declared group held the truth is told beside it. Campaigns of other people's laws alone
-are asked: those of the own generator are written as the catalogue writes them.
+A name counts as right only if exactly that effect was concealed; how often its declared group
+contains the truth is listed separately. Only worlds with other force laws count: the own
+generator uses the catalogue's forms.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,16 +31,16 @@ DOUBTED = 0.5
 
 @dataclass(frozen=True)
 class Claim:
-    """One name with its probability: whether it was concealed, alone or by its declared group.
+    """A name with its probability, and whether it or its declared group was right.
 
     Attributes
     ----------
     stated : float
     right, by_group : bool
     grouped : bool
-        Whether others were declared in its place.
+        Whether alternatives were declared.
     names : int
-        Names of the answer that it stood in.
+        Number of names in the answer.
     """
 
     stated: float
@@ -51,26 +51,26 @@ class Claim:
 
     @property
     def untrusted(self) -> float:
-        """The probability before the gate's two constants."""
+        """The probability before the two trust constants."""
         trust = CATALOGUE_TRUST**self.names * (GROUP_TRUST if self.grouped else 1.0)
         return min(self.stated / trust, 1.0)
 
 
 @dataclass(frozen=True)
 class Trusts:
-    """The gate's two constants, as a world's answers would set them."""
+    """The two trust constants fitted to the answers in a world."""
 
     catalogue: float
     group: float
 
     def stated(self, claim: Claim) -> float:
-        """What would have been stated with them."""
+        """The probability stated with these constants."""
         trust = self.catalogue**claim.names * (self.group if claim.grouped else 1.0)
         return claim.untrusted * trust
 
 
 def trusts_of(claims: Sequence[Claim]) -> Trusts:
-    """Constants by the rule of succession, and by right names in groups over what was stated."""
+    """Constants by the rule of succession, and by the ratio of right names to stated ones."""
     alone = [c for c in claims if not c.grouped and c.stated >= SURE]
     catalogue = _succession(sum(c.right for c in alone), len(alone))
     beside = [c for c in claims if c.grouped]
@@ -80,18 +80,18 @@ def trusts_of(claims: Sequence[Claim]) -> Trusts:
 
 
 def cross_calibration(worlds: Mapping[str, Sequence[Judgement]]) -> list[str]:
-    """Markdown lines: constants read off each world, and how they score the others."""
+    """Markdown lines: constants fitted to each world and scored on the others."""
     claims = {name: claims_of(judgements) for name, judgements in worlds.items()}
     claims = {name: found for name, found in claims.items() if found}
     if len(claims) < 2:
         return []
     lines = [
-        "Constants that one world's answers give, and the Brier score of the other world's names"
-        " with them. In use are"
+        "Constants fitted to one world's answers, and the Brier score of the other world's names"
+        " with them. In use:"
         f" `CATALOGUE_TRUST` {CATALOGUE_TRUST} and `GROUP_TRUST` {GROUP_TRUST}.",
         "",
-        "| read off | names | `CATALOGUE_TRUST` | `GROUP_TRUST` | scored on | Brier score |"
-        " with those in use |",
+        "| fitted to | names | `CATALOGUE_TRUST` | `GROUP_TRUST` | scored on | Brier score |"
+        " with the values in use |",
         "|---|---|---|---|---|---|---|",
     ]
     for source, known in claims.items():
@@ -109,7 +109,7 @@ def cross_calibration(worlds: Mapping[str, Sequence[Judgement]]) -> list[str]:
 
 
 def claims_of(judgements: Sequence[Judgement]) -> list[Claim]:
-    """Every name that was given a probability."""
+    """Every name with a probability."""
     found = []
     for judgement in judgements:
         truth = {hidden.id for hidden in judgement.key.effects}
@@ -127,7 +127,7 @@ def claims_of(judgements: Sequence[Judgement]) -> list[Claim]:
 
 
 def _succession(right: int, total: int) -> float:
-    """Laplace's rule: the probability that the next one is right, too."""
+    """Laplace's rule: probability that the next one is right."""
     return (right + 1) / (total + 2)
 
 
@@ -162,11 +162,11 @@ def calibration_section(judgements: Sequence[Judgement], picture: str = "") -> l
     }
     lines = [
         f"{len(claims)} names in {len(judgements)} campaigns. Brier score"
-        f" {brier_score(stated, right):.3f}; whoever always states the share of right names,"
-        f" {base:.2f}, gets {base * (1 - base):.3f}. Mean gap to what was found: {error:.3f}.",
+        f" {brier_score(stated, right):.3f}; always stating the fraction of right names,"
+        f" {base:.2f}, gives {base * (1 - base):.3f}. Mean calibration error: {error:.3f}.",
         "",
-        "| names | stated (mean) | that one was concealed | it or one of its group | next one"
-        " right, by the rule of succession |",
+        "| names | stated (mean) | name right | name or group right | next one right, by the"
+        " rule of succession |",
         "|---|---|---|---|---|",
         *(_row(name, part) for name, part in classes.items()),
         "",
@@ -182,7 +182,7 @@ def calibration_section(judgements: Sequence[Judgement], picture: str = "") -> l
 
 
 def draw_reliability(judgements: Sequence[Judgement], path: Path) -> None:
-    """Frequency over stated probability with 95 % intervals and numbers of names."""
+    """Frequency over stated probability, with 95 % intervals and number of names."""
     claims = claims_of(judgements)
     _, bins = calibration_error([c.stated for c in claims], [c.right for c in claims])
     figure = Picture(figsize=(4.6, 4.4), layout="constrained")
@@ -194,7 +194,7 @@ def draw_reliability(judgements: Sequence[Judgement], path: Path) -> None:
         axis.plot(mean, share, "o", color="tab:blue", ms=3.0 + 1.5 * count**0.5)
         axis.annotate(str(count), (mean, share), (6, -10), textcoords="offset points", fontsize=8)
     axis.set_xlabel("stated probability of a name")
-    axis.set_ylabel("share of such names that were concealed")
+    axis.set_ylabel("fraction of such names that were concealed")
     axis.set_xlim(0.0, 1.06)
     axis.set_ylim(-0.06, 1.06)
     with written_whole(path) as part:

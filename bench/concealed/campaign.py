@@ -1,4 +1,4 @@
-"""A campaign as it is handed over, and its key."""
+"""Write a campaign's files and its key."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -22,9 +22,9 @@ __all__ = ["Hidden", "Key", "TrialTruth", "perform", "read_key", "write_key"]
 
 @dataclass(frozen=True)
 class Hidden:
-    """One concealed effect; `delta_chi2` is what it alone adds to the refitted baseline's misfit.
+    """One concealed effect; `delta_chi2` is its own contribution to the baseline's misfit.
 
-    `alike` are the catalogue ids that could stand in for it at a cost below 6 in chi-squared.
+    `alike` are catalogue ids that mimic it with a chi-square increase below 6.
     """
 
     name: str
@@ -41,7 +41,7 @@ class Hidden:
 
 @dataclass(frozen=True)
 class TrialTruth:
-    """Events of one trial on its own clock (s), with a local effect's start and end."""
+    """Events of one trial on its own clock, s; start and end of a local effect."""
 
     touch: float
     release: float
@@ -52,7 +52,7 @@ class TrialTruth:
 
 @dataclass(frozen=True)
 class Key:
-    """What a scorer may read once the verdict is in."""
+    """The concealed truth, read after the verdict."""
 
     number: int
     seed: int
@@ -106,7 +106,7 @@ def _scattered(rng: np.random.Generator, design: Design) -> Shots:
 def _local_window(
     strengths: list[Strength], motion: Motion, body: int
 ) -> tuple[float, float] | None:
-    """When a local effect acts in one shot, s after the first touch."""
+    """Interval in which a local effect acts in one shot, s after first contact."""
     for strength in strengths:
         constants = strength.constants
         if strength.recipe.name == "gust":
@@ -132,7 +132,7 @@ def _local_window(
 def perform(
     rng: np.random.Generator, design: Design, strengths: list[Strength], folder: Path
 ) -> tuple[TrialTruth, ...]:
-    """Run a campaign with `strengths` concealed in it; write what the camera saw into `folder`."""
+    """Simulate a campaign with `strengths` concealed; write the recording into `folder`."""
     shots, camera = apply(strengths, _scattered(rng, design), design.progress)
     motion = move(shots)
     noise, fps = design.noise, design.fps

@@ -1,8 +1,9 @@
-"""Sound campaigns, damaged in every way that users damage them, and what the engine says of each.
+"""Damage sound campaigns as users do and check the engine's answers.
 
-``python -m bench.concealed.damaged``: a table with one row for every damage.
-What must hold: no traceback, an exit code of the contract, nothing named with a probability above
-0.5, and an answer in bounded time.
+Run: python -m bench.concealed.damaged
+
+Required: no traceback, a documented exit code, no name with a probability above 0.5, and an answer
+in limited time. The table has one row for every kind of damage.
 """
 
 import argparse
@@ -33,18 +34,18 @@ __all__ = [
     "read_outcomes",
 ]
 
-MOST = 0.5
-"""Probability that nothing named in a damaged campaign may exceed."""
+MAX_PROBABILITY = 0.5
+"""Largest probability of a name in a damaged campaign."""
 
 CODES = (0, 2, 3, 4)
-"""Exit codes of the contract without 1, which is a bug."""
+"""Documented exit codes without 1, which reports a bug."""
 
 Bytes = Callable[[str], bytes]
 
 
 @dataclass(frozen=True)
 class Files:
-    """What a user hands over: two tables and a setup; `written` says how a table is put down."""
+    """Two tables and a setup file; `written` formats a table as text."""
 
     ball: pd.DataFrame | None
     pendulum: pd.DataFrame | None
@@ -54,7 +55,7 @@ class Files:
     decimal: str = "."
 
     def change(self, change: Callable[[pd.DataFrame], pd.DataFrame]) -> "Files":
-        """Both tables, changed alike."""
+        """Both tables with the same change."""
         return replace(
             self,
             ball=None if self.ball is None else change(self.ball.copy()),
@@ -62,14 +63,14 @@ class Files:
         )
 
     def like(self, other: "Files") -> bool:
-        """Whether the other files would read the same."""
+        """Whether the other files have the same contents."""
         tables = ((self.ball, other.ball), (self.pendulum, other.pendulum))
         same = all(a is b or (a is not None and a.equals(b)) for a, b in tables)
         ways = (self.written, self.separator, self.decimal, self.setup)
         return same and ways == (other.written, other.separator, other.decimal, other.setup)
 
     def write(self, folder: Path) -> list[str]:
-        """Put the files into a folder; the arguments of `vision explain` for them."""
+        """Write the files into a folder; returns the arguments of `vision explain`."""
         arguments = ["explain"]
         for name, table in (("ball.csv", self.ball), ("pendulum.csv", self.pendulum)):
             if table is None:
@@ -86,7 +87,7 @@ class Files:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a damaged campaign."""
+    """Outcome of a damaged campaign."""
 
     code: int
     verdict: str
@@ -97,11 +98,11 @@ class Outcome:
 
     @property
     def fails(self) -> str:
-        """What may not be, in a word; empty where all is well."""
+        """The violated requirement; empty if there is none."""
         if self.code not in CODES or self.raised:
             return "traceback"
-        if any(p > MOST for p in self.named.values()):
-            return "sure of a name"
+        if any(p > MAX_PROBABILITY for p in self.named.values()):
+            return "confident name"
         return ""
 
 
@@ -166,7 +167,7 @@ def _swung(folder: Path) -> Files:
 SOUND: Mapping[str, Callable[[Path], Files]] = {
     "struck": _struck, "thrown": _thrown, "swung": _swung,
 }  # fmt: skip
-"""Campaigns in which nothing is missing: strikes, free flights, free swings."""
+"""Campaigns without missing physics: strikes, free flights, free swings."""
 
 VALUES = ("x_m", "y_m", "phi_rad")
 
@@ -176,7 +177,7 @@ def _values(table: pd.DataFrame) -> list[str]:
 
 
 def _each(table: pd.DataFrame, change: Callable[[pd.DataFrame, int], pd.DataFrame]) -> pd.DataFrame:
-    """Change every trial by itself."""
+    """Change every trial separately."""
     parts = [change(part.copy(), k) for k, (_, part) in enumerate(table.groupby("trial"))]
     return pd.concat(parts, ignore_index=True)
 
@@ -240,7 +241,7 @@ def _degrees(table: pd.DataFrame) -> pd.DataFrame:
 
 def _small_degrees(table: pd.DataFrame) -> pd.DataFrame:
     if "phi_rad" in table:
-        # Swings of about a degree, written in degrees.
+        # Swings of about one degree, written in degrees.
         table["phi_rad"] = (table["phi_rad"] * 2.0).round(4)
     return table
 
@@ -376,11 +377,11 @@ DAMAGES: Mapping[str, Callable[[Files], Files]] = {
     "millimetres in columns of metres": _scaled(("x_m", "y_m"), 1e3),
     "centimetres in columns of metres": _scaled(("x_m", "y_m"), 1e2),
     "milliseconds in the column of seconds": _scaled(("t_s",), 1e3),
-    "times a million million": _scaled(("t_s",), 1e12),
-    "times beyond all bounds": _scaled(("t_s",), 1e300),
-    "times a millionth": _scaled(("t_s",), 1e-6),
-    "positions beyond all bounds": _scaled(("x_m", "y_m", "phi_rad"), 1e200),
-    "positions next to nothing": _scaled(("x_m", "y_m", "phi_rad"), 1e-200),
+    "times multiplied by 1e12": _scaled(("t_s",), 1e12),
+    "times near the largest number": _scaled(("t_s",), 1e300),
+    "times multiplied by 1e-6": _scaled(("t_s",), 1e-6),
+    "positions near the largest number": _scaled(("x_m", "y_m", "phi_rad"), 1e200),
+    "positions near the smallest number": _scaled(("x_m", "y_m", "phi_rad"), 1e-200),
     "ten samples": _all(_few),
     "gaps of half a swing": _by_trial(_gaps),
     "every time twice": _by_trial(_doubled_clock),
@@ -396,15 +397,15 @@ DAMAGES: Mapping[str, Callable[[Files], Files]] = {
     "stated uncertainties of 1e-300": _added("x_m_std", 1e-300),
     "stated uncertainties of zero": _added("x_m_std", 0.0),
     "stated uncertainties below zero": _added("x_m_std", -0.001),
-    "stated uncertainties without bounds": _added("x_m_std", np.inf),
-    "infinite places": _with("x_m", "inf", 7),
+    "infinite stated uncertainties": _added("x_m_std", np.inf),
+    "infinite positions": _with("x_m", "inf", 7),
     "infinite angles": _with("phi_rad", "inf", 7),
-    "words among the places": _with("x_m", "abc", 7),
-    "words among the angles": _with("phi_rad", "abc", 7),
-    "a column of words": _with("x_m", "abc"),
-    "a column of angles that are words": _with("phi_rad", "abc"),
-    "words among the times": _with("t_s", "now", 5),
-    "a back-swing in words": _with("backswing_deg", "thirty"),
+    "text among the positions": _with("x_m", "abc", 7),
+    "text among the angles": _with("phi_rad", "abc", 7),
+    "a column of text": _with("x_m", "abc"),
+    "a column of angles as text": _with("phi_rad", "abc"),
+    "text among the times": _with("t_s", "now", 5),
+    "a back-swing as text": _with("backswing_deg", "thirty"),
     "no angle at all": _with("phi_rad", ""),
     "two columns of one name": _all(_twice),
     "decimal commas between commas": lambda f: replace(f, written=_comma_in_commas),
@@ -432,20 +433,20 @@ DAMAGES: Mapping[str, Callable[[Files], Files]] = {
         ),
     ),
 }
-"""What is done to a campaign, in words."""
+"""Damage by name."""
 
 
 def damaged_section(found: Mapping[str, Mapping[str, Outcome]]) -> list[str]:
-    """Markdown lines: counts, and what was said of each damage of each campaign."""
+    """Markdown lines: counts, and the answer to each damage of each campaign."""
     every = [outcome for rows in found.values() for outcome in rows.values()]
     if not every:
-        return ["Not asked for.", ""]
+        return ["Not requested.", ""]
     tracebacks = sum(bool(o.raised) or o.code not in CODES for o in every)
-    sure = sum(any(p > MOST for p in o.named.values()) for o in every)
+    sure = sum(any(p > MAX_PROBABILITY for p in o.named.values()) for o in every)
     lines = [
-        f"{len(every)} damaged campaigns (`python -m bench.concealed.damaged`): {tracebacks} ended"
-        f" in a traceback, {sure} in a name with a probability above {MOST}. A number is the exit"
-        " code of what was refused.",
+        f"{len(every)} damaged campaigns (`python -m bench.concealed.damaged`): {tracebacks}"
+        f" tracebacks, {sure} names with a probability above {MAX_PROBABILITY}. A number is the"
+        " exit code of a rejected campaign.",
         "",
         f"| damage | {' | '.join(found)} |",
         "|---|" + "---|" * len(found),
@@ -469,7 +470,7 @@ def _cell(outcome: Outcome | None) -> str:
 
 
 def read_outcomes(folder: Path) -> dict[str, dict[str, Outcome]]:
-    """What an earlier run left in a folder, by campaign and damage."""
+    """Outcomes of an earlier run, by campaign and damage."""
     found: dict[str, dict[str, Outcome]] = {}
     for name in SOUND:
         path = folder / f"{name}.jsonl"
@@ -481,12 +482,14 @@ def read_outcomes(folder: Path) -> dict[str, dict[str, Outcome]]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m bench.concealed.damaged", description=__doc__)
-    parser.add_argument("--sound", choices=SOUND, help="this campaign alone")
-    parser.add_argument("--damage", help="damages whose words hold this")
+    parser.add_argument("--sound", choices=SOUND, help="only this campaign")
+    parser.add_argument("--damage", help="damages whose name contains this text")
     parser.add_argument(
-        "--folder", type=Path, help="keep outcomes here, and go on where an earlier run stopped"
+        "--folder", type=Path, help="folder of outcomes; an interrupted run continues from it"
     )
-    parser.add_argument("--minutes", type=float, default=float("inf"), help="begin no more then")
+    parser.add_argument(
+        "--minutes", type=float, default=float("inf"), help="start none after this time"
+    )
     options = parser.parse_args()
     end = time.monotonic() + 60.0 * options.minutes
     with tempfile.TemporaryDirectory() as scratch:
@@ -503,7 +506,7 @@ def main() -> None:
                     continue
                 damaged = change(files)
                 if damage != "nothing" and damaged.like(files):
-                    continue  # there is nothing of that kind to damage
+                    continue  # the campaign has nothing of this kind to damage
                 outcome = explained(damaged, Path(scratch))
                 with (folder / f"{name}.jsonl").open("a", encoding="utf-8") as kept:
                     kept.write(json.dumps({"damage": damage, **vars(outcome)}) + "\n")

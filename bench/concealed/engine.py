@@ -1,4 +1,4 @@
-"""The engine under test, run on a campaign folder as a user would run it."""
+"""Run the engine on a campaign folder as a user would."""
 
 import hashlib
 import json
@@ -15,7 +15,7 @@ from pipelines.explain.command import explain_command
 __all__ = ["engine_answer", "engine_version"]
 
 SOURCES = ("metrology", "physics", "mismatch", "pipelines/explain", "pipelines/setup")
-"""Folders whose modules an answer depends on, whatever they are called in them."""
+"""Folders whose modules an answer depends on."""
 
 
 def engine_version(root: Path) -> str:
@@ -24,7 +24,7 @@ def engine_version(root: Path) -> str:
     Raises
     ------
     FileNotFoundError
-        If a folder of them holds no module: answers of another engine would pass for this one's.
+        If one of the folders contains no module: answers of another version would be reused.
     """
     digest = hashlib.sha256()
     for folder in SOURCES:
@@ -38,9 +38,9 @@ def engine_version(root: Path) -> str:
 
 
 def engine_answer(folder: Path, output: Path) -> Answer:
-    """Run `vision explain` on a folder's files; the JSON it wrote stays in `output`.
+    """Run `vision explain` on the files of a folder and write its JSON to `output`.
 
-    Times are processor times: a crowded machine makes no engine slow.
+    Times are processor times, independent of the load of the machine.
     """
     app = typer.Typer()
     app.command()(explain_command)

@@ -1,4 +1,4 @@
-"""Campaigns of a foreign simulator, turned into the files a user would hand over."""
+"""Convert campaigns of an independent simulator to the engine's input and keys."""
 
 import argparse
 import json
@@ -11,7 +11,7 @@ from bench.concealed.setup_toml import BallFacts, LabFacts, Outcome, write_setup
 
 __all__ = ["CONTRACT_ID", "convert", "convert_all", "foreign_key", "lab_facts"]
 
-# The foreign tables speak the simulator's symbols.
+# Symbols of the foreign simulator.
 OUTCOME_SYMBOLS = {
     "impact_speed": "v_M0",
     "cor": "e",
@@ -39,7 +39,7 @@ def _ball(public: dict[str, Any]) -> BallFacts:
 
 
 def lab_facts(public: dict[str, Any]) -> LabFacts:
-    """The lab's knowledge from the public half of a foreign campaign."""
+    """Facts known to the laboratory, from the public file of a foreign campaign."""
     pendulum, scatter = public["pendulum"], public["scatter"]
     return LabFacts(
         balls={name: _ball(ball) for name, ball in public["balls"].items()},
@@ -66,7 +66,7 @@ def lab_facts(public: dict[str, Any]) -> LabFacts:
 
 
 def convert(source: Path, target: Path) -> None:
-    """Write ball.csv, pendulum.csv and setup.toml of one foreign campaign; the key stays behind."""
+    """Write ball.csv, pendulum.csv and setup.toml of one foreign campaign, without its key."""
     target.mkdir(parents=True, exist_ok=True)
     for name in ("ball.csv", "pendulum.csv"):
         shutil.copyfile(source / name, target / name)
@@ -75,7 +75,7 @@ def convert(source: Path, target: Path) -> None:
 
 
 def convert_all(source: Path, target: Path) -> list[Path]:
-    """Convert every campaign folder below `source`; the folders written, in order."""
+    """Convert every campaign folder in `source`; returns the folders written, in order."""
     folders = sorted(path.parent for path in source.glob("*/public.json"))
     for folder in folders:
         convert(folder, target / folder.name)
@@ -101,7 +101,7 @@ CONTRACT_ID = {
     "aging": "unnamed",
 }
 PHASE = {"camera": "measurement"}
-# What drifts with the order of the trials has a word of its own in the contract.
+# Drifts with the order of the trials have the phase `across_trials`.
 DRIFTS = frozenset({"aging"})
 CHANNELS = {
     "power13": ("along_velocity", "horizontal"),
@@ -152,7 +152,7 @@ def foreign_key(path: Path) -> Key:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("source", type=Path, help="folder of foreign campaigns (NN/public.json)")
-    parser.add_argument("target", type=Path, help="where the converted campaigns go")
+    parser.add_argument("target", type=Path, help="folder for the converted campaigns")
     options = parser.parse_args()
     for folder in convert_all(options.source, options.target):
         print(folder)

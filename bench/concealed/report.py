@@ -1,4 +1,4 @@
-"""The proof as a page: every row with its counts, every miss by name."""
+"""Write the proof page: every row with its counts, every miss by name."""
 
 import tomllib
 from collections import Counter
@@ -19,39 +19,37 @@ __all__ = ["WHOLE_PROOF", "Asked", "Scored", "proof_text"]
 
 WHOLE_PROOF = 400
 SURE = 0.9
-"""Stated probability from which a reader takes a name for certain."""
+"""Stated probability above which a name counts as certain."""
 
 PARTIAL = (
-    f"**A part of the proof: fewer than the {WHOLE_PROOF} campaigns that it needs were scored, so "
-    "the intervals are wide.**"
+    f"**Incomplete: fewer than {WHOLE_PROOF} campaigns were scored, so the intervals are wide.**"
 )
 
 
 COUNTED = (
-    "What counts: an answer is *right* if everything concealed is named or stands in a declared"
-    " group, and nothing is named beyond that; on a null any id named, or in a group of a verdict"
-    " other than no_mismatch, is wrong. A force in no catalogue must be called `unnamed` (or"
-    " unexplained), in the right phase and direction. The *start of a local effect* is the"
-    " answer's `t_start_s`, held against the key's start after first touch, in shares of the"
-    " median flight: a gust or a notch has one start; what is bound to a place (a magnet) is met"
-    " at another time in each trial, and any time from the earliest to the latest of those starts"
-    " counts as no error, a time outside by its distance to the nearer. A magnet's or a notch's"
-    " start is where ball or pendulum comes within two widths of it. Only strong effects are asked"
-    " for their start.",
+    "Scoring: an answer is *right* if every concealed effect is named or in a declared group, and"
+    " nothing else is named; on a null any named id, or one in a group of a verdict other than"
+    " no_mismatch, is wrong. A force in no catalogue must be reported as `unnamed` (or unexplained)"
+    " in the right phase and direction. The *start of a local effect* is the answer's `t_start_s`,"
+    " compared with the key's start after first contact, as a fraction of the median flight. An"
+    " effect bound to a position (a magnet) starts at a different time in each trial: times"
+    " between the earliest and the latest start have no error. A magnet or a notch starts where"
+    " ball or pendulum comes within two widths of it. Only strong effects are scored for their"
+    " start.",
     "",
 )
 
 
 @dataclass(frozen=True)
 class Scored:
-    """A judgement and the folder it was about."""
+    """A judgement and its campaign folder."""
 
     judgement: Judgement
     folder: Path
 
     @property
     def name(self) -> str:
-        """What the campaign is called in lists of misses."""
+        """Name of the campaign in lists of misses."""
         key = self.judgement.key
         where = f"{self.folder.parent.name} " if key.seed == 0 else ""
         return f"{where}{key.number}"
@@ -59,7 +57,7 @@ class Scored:
 
 @dataclass(frozen=True)
 class Asked:
-    """What was asked for: how many campaigns, of which seed, of which version of the engine."""
+    """Requested number of campaigns, seed and engine version."""
 
     campaigns: int
     seed: int
@@ -101,7 +99,7 @@ def _said_rightly(judgement: Judgement) -> bool:
 
 
 def _coverage(scored: Sequence[Scored]) -> tuple[Proportion, list[str]]:
-    """Share of stated 95 % intervals that hold the truth, over rightly named effects."""
+    """Fraction of the 95 % intervals of rightly named effects that contain the truth."""
     inside, outside = 0, []
     for s in scored:
         key, answer = s.judgement.key, s.judgement.answer
@@ -159,17 +157,17 @@ def _sure_rows(scored: Sequence[Scored]) -> list[tuple[str, str, str, str]]:
          str(Proportion(sum(not right for right in sure), len(sure)))),
         ("Brier score of stated probabilities, a declared group being right", "", "",
          f"{score:.3f} ({len(declared)} names)"),
-        ("answers that contradict themselves", "0", "0",
+        ("answers with contradictions", "0", "0",
          str(_share(scored, lambda j: bool(j.answer.contradictions)))),
     ]  # fmt: skip
 
 
 def _class_rows(scored: Sequence[Scored]) -> list[tuple[str, str, str, str]]:
-    """What is asked of worlds whose laws the catalogue does not hold."""
+    """Requirements on worlds whose laws are not in the catalogue."""
     return [
-        ("nulls on which anything is named", "≤ 2 %", "≤ 0.5 %",
+        ("nulls with a name", "≤ 2 %", "≤ 0.5 %",
          str(_share(_of(scored, "null"), lambda j: j.named))),
-        ("single strong: right id or declared group, nothing beyond it", "93 %", "98 %",
+        ("single strong: right id or declared group, nothing else", "93 %", "98 %",
          str(_share(_of(scored, "single", "strong"), _right))),
         ("single medium", "88 %", "95 %", str(_share(_of(scored, "single", "medium"), _right))),
         ("pairs, both strong", "80 %", "92 %",
@@ -193,9 +191,9 @@ def _main_rows(scored: Sequence[Scored]) -> list[tuple[str, str, str, str]]:
         timing += f"; 24 trials: median {np.median(long):.1f} s"
     strong = _of(scored, "single", "strong")
     return [
-        ("nulls on which physics is wrongly named", "≤ 2 %", "≤ 0.5 %",
+        ("nulls with named physics", "≤ 2 %", "≤ 0.5 %",
          str(_share(nulls, lambda j: j.physics_named))),
-        ("nulls on which anything is wrongly named", "", "",
+        ("nulls with a name", "", "",
          str(_share(nulls, lambda j: j.named))),
         ("single weak effect: right id or its declared group", "", "",
          str(_share(_of(scored, "single", "weak"), lambda j: j.right))),
@@ -210,7 +208,7 @@ def _main_rows(scored: Sequence[Scored]) -> list[tuple[str, str, str, str]]:
          str(_share(_of(scored, "pair"), lambda j: j.right))),
         ("force in no catalogue: unnamed, right direction and place", "80 %", "95 %",
          str(_share(_distinct(scored), _said_rightly))),
-        ("– said to be unnamed", "", "",
+        ("– reported as unnamed", "", "",
          str(_share(_distinct(scored), lambda j: j.unnamed_said))),
         ("– right place (phase, time)", "", "",
          str(_share(_distinct(scored), lambda j: j.place_right))),
@@ -222,7 +220,7 @@ def _main_rows(scored: Sequence[Scored]) -> list[tuple[str, str, str, str]]:
          str(_share(_of(scored, "twins"), lambda j: j.grouped))),
         ("start of a local effect within 5 % of the flight", "85 %", "95 %",
          str(_share(starts, lambda j: j.start_error is not None and j.start_error <= 0.05))),
-        ("95 % intervals of fitted parameters hold the truth", "88–99 %", "93–97 %",
+        ("95 % intervals of fitted parameters that contain the truth", "88–99 %", "93–97 %",
          str(coverage)),
         *_sure_rows(scored),
         ("calibration error of stated probabilities", "0.08", "0.03", f"{error:.3f}"),
@@ -254,7 +252,7 @@ def _answer_words(judgement: Judgement) -> str:
 
 
 def _confusion(scored: Sequence[Scored]) -> list[str]:
-    """Per concealed effect: how often right, and what was said instead."""
+    """For each concealed effect: how often right, and the other answers."""
     rows = []
     singles = [s for s in scored if s.judgement.key.kind in ("single", "outside")]
     for name in sorted({s.judgement.key.effects[0].name for s in singles}):
@@ -264,7 +262,7 @@ def _confusion(scored: Sequence[Scored]) -> list[str]:
         said = "; ".join(f"{words} ×{count}" for words, count in wrong.most_common(4))
         identity = mine[0].judgement.key.effects[0].id
         rows.append((name, identity, str(_share(visible, _good)), said))
-    return _table(("concealed", "id", "medium and strong: right", "said instead"), rows)
+    return _table(("concealed", "id", "medium and strong: right", "other answers"), rows)
 
 
 def _good(judgement: Judgement) -> bool:
@@ -297,7 +295,7 @@ def _misses(scored: Sequence[Scored]) -> list[str]:
 
 
 def _foreign_rows(foreign: Sequence[Scored]) -> list[str]:
-    head = ("", "at least", "aim", "measured")
+    head = ("", "required", "goal", "measured")
     lines = _table(head, _class_rows(foreign))
     rows = []
     for s in foreign:
@@ -313,16 +311,15 @@ def _foreign_rows(foreign: Sequence[Scored]) -> list[str]:
 
 def _second_section(scored: Sequence[Scored]) -> list[str]:
     if not scored:
-        return ["Not asked for.", ""]
+        return ["Not requested.", ""]
     forms = [(law.name, law.id, law.form) for law in (*NAMED, *UNNAMED)]
     _, bins = calibration_error(*map(list, zip(*_declared(scored), strict=True)))
     return [
-        f"{len(scored)} campaigns. Every law is written in a form that the catalogue does not hold:"
-        " what is right here generalises.",
+        f"{len(scored)} campaigns. No law has the form that the catalogue contains.",
         "",
-        *_table(("", "at least", "aim", "measured"), _class_rows(scored)),
+        *_table(("", "required", "goal", "measured"), _class_rows(scored)),
         *_reliability(bins),
-        *_table(("law", "id", "as this world writes it"), forms),
+        *_table(("law", "id", "form in this world"), forms),
         *_misses(scored),
     ]
 
@@ -340,19 +337,19 @@ def _right(judgement: Judgement) -> bool:
 
 UNASKED = frozenset(
     {
-        "Not asked for.",
+        "Not requested.",
         "Not rendered for this page.",
-        "Not beside this checkout, or not asked for.",
-        "Not beside this checkout.",
+        "Not available, or not requested.",
+        "Not available.",
     }
 )
-"""What a section says that a run was not asked for."""
+"""Text of a section that was not requested."""
 
-KEPT = "Of an earlier run; this one was not asked for it."
+KEPT = "From an earlier run."
 
 
 def with_kept_sections(page: str, before: str) -> str:
-    """The page with sections that this run was not asked for as they stood on the page before."""
+    """The page with sections that were not requested taken from the earlier page."""
     old = _sections(before)
     parts = []
     for heading, body in _sections(page).items():
@@ -365,7 +362,7 @@ def with_kept_sections(page: str, before: str) -> str:
 
 
 def _sections(page: str) -> dict[str, str]:
-    """Heading of each section → its text; "" → what comes before the first."""
+    """Text of each section by its heading; the text before the first heading under ""."""
     found: dict[str, str] = {}
     heading, lines = "", list[str]()
     for line in page.splitlines(keepends=True):
@@ -387,9 +384,9 @@ def proof_text(
     reliability: str = "",
     damaged: Sequence[str] = (),
 ) -> str:
-    """The whole page, Markdown; `real`, `pixels` and `damaged` are the lines of those sections.
+    """The page in Markdown; `real`, `pixels` and `damaged` are the lines of those sections.
 
-    `reliability` is the link to the picture of stated probabilities, if there is one.
+    `reliability` is the link to the reliability diagram, if there is one.
     """
     counts = Counter(s.judgement.key.kind for s in own)
     _, outside = _coverage(own)
@@ -399,28 +396,27 @@ def proof_text(
         "# The proof: campaigns with concealed physics",
         "",
         f"Written by `python -m bench.concealed --campaigns {asked.campaigns} --seed {asked.seed}`"
-        f" with engine {asked.engine or 'of that day'}; {len(own)} campaigns were scored: "
+        f" with engine {asked.engine or '(unknown)'}; {len(own)} campaigns were scored: "
         + ", ".join(f"{count} {kind}" for kind, count in sorted(counts.items()))
         + ". The generator has its own force laws, contact and solver and shares no code with the "
-        "engine; the engine is given the tables and the setup file alone; keys are opened when all "
-        "answers are in. Weak, medium and strong are likelihood ratios of truth against the "
-        "refitted baseline: Δχ² below 10, to 100, above. Shares come with counts and 95 % Wilson "
-        "intervals.",
+        "engine. The engine receives only the tables and the setup file; keys are read after all "
+        "answers. Weak, medium and strong: Δχ² of truth against the refitted baseline below 10, up "
+        "to 100, above. Fractions have counts and 95 % Wilson intervals.",
         "",
         *([PARTIAL, ""] if len(own) < WHOLE_PROOF else []),
         *COUNTED,
-        *_table(("", "at least", "aim", "measured"), _main_rows(own)),
-        f"Declared groups hold {np.median(sizes):.0f} ids in the median, {max(sizes)} at most."
+        *_table(("", "required", "goal", "measured"), _main_rows(own)),
+        f"Declared groups contain {np.median(sizes):.0f} ids in the median, at most {max(sizes)}."
         if sizes
         else "No group was declared.",
         "",
         "## Campaigns of a foreign simulator",
         "",
-        *(_foreign_rows(foreign) if foreign else ["Not beside this checkout.", ""]),
-        "## A second world of other forms",
+        *(_foreign_rows(foreign) if foreign else ["Not available.", ""]),
+        "## A second world with other force laws",
         "",
         *_second_section(second),
-        "## Stated probabilities in worlds of other forms",
+        "## Stated probabilities in worlds with other force laws",
         "",
         *cross_calibration(
             {
@@ -431,23 +427,23 @@ def proof_text(
         *calibration_section([s.judgement for s in (*foreign, *second)], reliability),
         "## Damaged campaigns",
         "",
-        *(damaged or ["Not asked for.", ""]),
+        *(damaged or ["Not requested.", ""]),
         "## From pixels",
         "",
         *(pixels or ["Not rendered for this page.", ""]),
         "## Real recordings",
         "",
-        *(real or ["Not beside this checkout, or not asked for.", ""]),
+        *(real or ["Not available, or not requested.", ""]),
         "## By concealed effect",
         "",
         *_confusion(own),
-        "## Stated probability against frequency of being right",
+        "## Stated probability and frequency of right answers",
         "",
         *_reliability(bins),
         "## Misses",
         "",
         *_misses([*own, *foreign]),
-        "## Intervals that miss the truth",
+        "## Intervals that do not contain the truth",
         "",
         *([f"- {line}" for line in outside] or ["None."]),
         "",

@@ -1,4 +1,4 @@
-"""Many tasks on a few processes, until they are done, time is up, or someone stops the run."""
+"""Run tasks in processes until done, out of time or stopped by the user."""
 
 import signal
 import time
@@ -15,7 +15,7 @@ Result = TypeVar("Result")
 
 
 class Stop:
-    """When to give out no more tasks: after `minutes`, or at the first Ctrl-C or SIGTERM."""
+    """Stop condition: after `minutes`, or at the first Ctrl-C or SIGTERM."""
 
     def __init__(self, minutes: float | None = None) -> None:
         self._end = None if minutes is None else time.monotonic() + 60.0 * minutes
@@ -23,12 +23,12 @@ class Stop:
 
     @property
     def now(self) -> bool:
-        """Whether it is time."""
+        """Whether to stop."""
         return self._asked or (self._end is not None and time.monotonic() > self._end)
 
     @contextmanager
     def listening(self) -> Iterator[None]:
-        """Take signals as a wish to stop, once; the second one ends the process."""
+        """Treat the first signal as a request to stop; the second one ends the process."""
         before = {s: signal.getsignal(s) for s in (signal.SIGINT, signal.SIGTERM)}
 
         def ask(number: int, _frame: FrameType | None) -> None:
@@ -45,14 +45,14 @@ class Stop:
 
 
 def _deaf() -> None:
-    # A Ctrl-C reaches every process of the group; workers finish what they hold.
+    # Ctrl-C reaches every process of the group; workers finish their task.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def run_until(
     stop: Stop, work: Callable[[Task], Result], tasks: Sequence[Task], jobs: int
 ) -> list[Result | None]:
-    """Do tasks in order on `jobs` processes; what was not begun when it is time stays None.
+    """Run tasks in order in `jobs` processes; tasks not started before the stop give None.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Make the campaign that ships with the package: the paper's laboratory, one thing left out."""
+"""Simulate the campaign shipped with the package: one effect is concealed."""
 
 import argparse
 from dataclasses import replace
@@ -15,7 +15,7 @@ __all__ = ["CONCEALED", "make_sample"]
 
 SEED = 20
 CONCEALED = Strength(CATALOGUE["magnus"], 9.0)
-"""Back-spin of 9 rad/s: invisible on a plain ball, 2 cm at the end of the longest flight."""
+"""Back-spin of 9 rad/s: 2 cm at the end of the longest flight."""
 
 PAPER_LAB = Lab(
     balls=(JOKKU, BASKETBALL),

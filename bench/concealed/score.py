@@ -1,4 +1,4 @@
-"""Answers held against keys."""
+"""Score answers against keys."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from bench.concealed.campaign import Hidden, Key
 
 __all__ = ["Judgement", "judge", "local_start_error"]
 
-# A force that two catalogue effects can mimic at this cost need not be recognised as foreign.
+# A force that two catalogue effects mimic at this chi-square cost need not be reported as unnamed.
 MIMICKED = 25.0
 MEASUREMENT = frozenset(
     [
@@ -23,7 +23,7 @@ MEASUREMENT = frozenset(
 )
 
 
-# A turn or a stretch about another centre is the same one and a shift, exactly.
+# A rotation or scaling about another centre is the same one plus a shift, exactly.
 SHIFTED = frozenset(["camera_roll", "length_scale", "parallax"])
 
 
@@ -38,13 +38,13 @@ class Judgement:
     physics_named : bool
         Some of it is physics, not the instrument.
     right : bool
-        Everything concealed is named or in a declared group, and nothing else is named.
+        Every concealed effect is named or in a declared group, and nothing else is named.
     covered : bool
-        Everything concealed is named or in a declared group, whatever else is.
+        Every concealed effect is named or in a declared group.
     unnamed_said, direction_right, place_right : bool
         For forces in no catalogue.
     grouped : bool
-        For exact twins: one declared group holds both, and a separating measurement is given.
+        For exact twins: one declared group contains both, and a separating measurement is given.
     start_error : float or None
         Start of a local effect, as a fraction of the flight.
     group_size : int
@@ -66,7 +66,7 @@ class Judgement:
 
 
 def _companions(truth: frozenset[str], answer: Answer) -> frozenset[str]:
-    """Ids that may stand in the answer: the truth and what a declared group puts beside it."""
+    """Ids allowed in the answer: the truth and the members of its declared group."""
     allowed = set(truth)
     if truth & SHIFTED:
         allowed.add("origin_offset")
@@ -94,7 +94,7 @@ def _place_right(hidden: Hidden, key: Key, answer: Answer) -> bool:
 
 
 def _local_spans(key: Key) -> list[tuple[float, float, float]]:
-    """Start and end of the local effect after first touch, and the flight's duration, by trial."""
+    """Start and end of the local effect after first contact and flight duration, by trial."""
     return [
         (t.local_start - t.touch, t.local_end - t.touch, t.landing - t.release)
         for t in key.trials
@@ -103,9 +103,9 @@ def _local_spans(key: Key) -> list[tuple[float, float, float]]:
 
 
 def local_start_error(key: Key, answer: Answer) -> float | None:
-    """Error of a local effect's start (s after first touch) as a fraction of the flight.
+    """Error of a local effect's start (s after first contact) as a fraction of the flight.
 
-    What is bound to a place starts at another time in each trial: any time between them is right.
+    An effect bound to a position starts at different times: any time between them has no error.
     """
     spans = _local_spans(key)
     if not spans or not any(hidden.local for hidden in key.effects):
@@ -119,7 +119,7 @@ def local_start_error(key: Key, answer: Answer) -> float | None:
 
 
 def judge(key: Key, answer: Answer) -> Judgement:
-    """Hold an answer against its key."""
+    """Compare an answer with its key."""
     truth = frozenset(hidden.id for hidden in key.effects)
     said = answer.ids
     claimed = said.union(*answer.groups) if answer.verdict != "no_mismatch" else said

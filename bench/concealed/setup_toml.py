@@ -1,4 +1,4 @@
-"""What a lab knows about a campaign, and how it is written down as a setup file."""
+"""Facts a laboratory knows about a campaign, and the setup file with them."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,7 +22,7 @@ OUTCOME_KEYS = (
 
 @dataclass(frozen=True)
 class Outcome:
-    """What the baseline expects a contact to do at one impact speed (SI, angles in rad)."""
+    """Contact predicted by the baseline at one impact speed (SI, angles in rad)."""
 
     impact_speed: float
     cor: float
@@ -37,7 +37,7 @@ class Outcome:
 
 @dataclass(frozen=True)
 class BallFacts:
-    """One ball as weighed and measured; `cor_law` is a law in the impact speed v (m/s)."""
+    """One measured ball; `cor_law` is a function of the impact speed v (m/s)."""
 
     mass: float
     diameter: float
@@ -48,7 +48,7 @@ class BallFacts:
 
 @dataclass(frozen=True)
 class LabFacts:
-    """Everything in the setup file of a campaign (SI, angles in degrees where named so)."""
+    """Contents of a campaign's setup file (SI; angles in degrees where the name states it)."""
 
     balls: dict[str, BallFacts]
     pendulum_length: float

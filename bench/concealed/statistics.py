@@ -1,4 +1,4 @@
-"""Proportions with intervals, and how well stated probabilities fit frequencies."""
+"""Proportions with intervals, and scores of stated probabilities."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ class Proportion:
 
     @property
     def value(self) -> float:
-        """Share; nan of nothing."""
+        """The proportion; NaN if the total is zero."""
         return self.right / self.total if self.total else float("nan")
 
     def __str__(self) -> str:
@@ -39,7 +39,7 @@ def wilson(right: int, total: int, z: float = 1.959964) -> tuple[float, float]:
 def calibration_error(
     stated: Sequence[float], right: Sequence[bool], bins: int = 10
 ) -> tuple[float, list[tuple[float, float, int]]]:
-    """Mean gap between stated probability and frequency, and (stated, frequency, count) per bin."""
+    """Mean difference of probability and frequency, and (stated, frequency, count) per bin."""
     if not stated:
         return float("nan"), []
     p, hit = np.asarray(stated, float), np.asarray(right, float)
@@ -53,7 +53,7 @@ def calibration_error(
 
 
 def brier_score(stated: Sequence[float], right: Sequence[bool]) -> float:
-    """Mean square of stated probability less outcome (Mon. Weather Rev. 78, 1 (1950))."""
+    """Mean square of stated probability minus outcome (Mon. Weather Rev. 78, 1 (1950))."""
     if not stated:
         return float("nan")
     return float(np.mean(np.square(np.asarray(stated, float) - np.asarray(right, float))))

@@ -1,4 +1,4 @@
-"""Kill every writing command at random moments: outputs must be complete or absent.
+"""Kill writing commands at random moments: outputs are complete or absent.
 
 Run: python -m bench.hostile.kills [--moments 50] [--commands NAME…]
 

@@ -1,4 +1,4 @@
-"""Simulate recordings of other laboratories with scipy, instrument errors included.
+"""Simulate recordings of other laboratories, instrument errors included.
 
 No force law comes from the engine: swings by LSODA, flights by DOP853, each with the errors of its
 instrument (zero offset, wrong length, quantised readings).
@@ -45,7 +45,7 @@ class SwingRig:
         Hz, s.
     starts : tuple of float
         Angle of each release, rad.
-    beside : float
+    encoder_offset : float
         Forward offset of the encoder axis from the pendulum's, over the arm.
     play : float
         Backlash of a reading in either direction, rad.
@@ -64,7 +64,7 @@ class SwingRig:
     rate: float
     duration: float
     starts: tuple[float, ...]
-    beside: float = 0.0
+    encoder_offset: float = 0.0
     play: float = 0.0
     of_each: tuple[float, ...] = ()
 
@@ -82,7 +82,7 @@ STRING = SwingRig(
 
 ENCODER = SwingRig(
     0.26, 0.26, 0.155, 0.0, 0.0, 0.006, 4e-4, 2.0 * np.pi / 1200, 50.0, 12.0, (1.6, 1.45, -1.5),
-    beside=0.0105, play=np.pi / 1200, of_each=(1.0, 0.97, 1.02),
+    encoder_offset=0.0105, play=np.pi / 1200, of_each=(1.0, 0.97, 1.02),
 )  # fmt: skip
 """A pendulum on a coarse encoder that counts one edge per step, its disc off the axis; dry bearing
 friction that varies between releases."""
@@ -100,7 +100,7 @@ def _swing(rig: SwingRig, start: float, time: np.ndarray, factor: float = 1.0) -
         rate, (0.0, time[-1]), [start, 0.0], "LSODA", t_eval=time, rtol=1e-9, atol=1e-10
     )
     angle, pace = path.y
-    return np.asarray(angle - rig.beside * np.cos(angle) - rig.play * np.sign(pace))
+    return np.asarray(angle - rig.encoder_offset * np.cos(angle) - rig.play * np.sign(pace))
 
 
 def write_swings(rig: SwingRig, target: Path, rate: float | None = None, seed: int = 5) -> None:

@@ -1,0 +1,1 @@
+"""Clips with known truth: following, gravity, and the shipped samples."""

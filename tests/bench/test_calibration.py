@@ -1,4 +1,4 @@
-"""Constants of the gate, read off one world and scored on another."""
+"""Trust constants fitted to one world and scored on another."""
 
 import pytest
 
@@ -11,17 +11,17 @@ def claim(raw, right, grouped=False, names=1):
     return Claim(stated, right, right, grouped, names)
 
 
-def test_constants_are_those_that_would_have_made_a_world_honest():
+def test_constants_calibrate_the_answers_of_a_world():
     alone = [claim(1.0, True)] * 18
     beside = [claim(1.0, k < 6, grouped=True) for k in range(10)]
     trusts = trusts_of([*alone, *beside])
     assert trusts.catalogue == pytest.approx(19 / 20)
-    # Six of ten right, of which 9.5 were to be by the first constant alone.
+    # Six of ten right; the first constant alone predicts 9.5.
     assert trusts.group == pytest.approx(6 / 9.5)
     assert sum(trusts.stated(c) for c in beside) == pytest.approx(6.0)
 
 
-def test_what_is_in_use_is_taken_off_before_others_are_put_on():
+def test_the_constants_in_use_are_removed_before_others_apply():
     used = Trusts(CATALOGUE_TRUST, GROUP_TRUST)
     one = claim(0.9, True, grouped=True, names=2)
     assert one.untrusted == pytest.approx(0.9)

@@ -1,3 +1,5 @@
+"""Mechanics, randomness and files of the first generator."""
+
 from dataclasses import replace
 
 import numpy as np
@@ -34,7 +36,7 @@ def test_contact_keeps_angular_momentum_and_obeys_the_restitution_law():
     weightless = replace(SHOTS, gravity=np.full(3, 1e-9))
     contact = collide(weightless, np.array([2.0, 4.0, 7.0]))
     start, end = contact.path.state[0], contact.release
-    # Angular momentum about the pivot, which lies where the first touch puts it.
+    # Angular momentum about the pivot, whose position follows from first contact.
     pivot_x = -LAB.length * np.sin(SHOTS.contact_angle) - (LAB.face_offset + SHOTS.radius) * np.cos(
         SHOTS.contact_angle
     )
@@ -72,7 +74,7 @@ def test_flight_agrees_with_an_adaptive_integrator_at_tight_tolerance():
         assert ours[1] == pytest.approx(one.radius[0], abs=1e-9)
 
 
-def test_every_recipe_leaves_a_trace():
+def test_every_recipe_changes_the_recording():
     recipes = [*CATALOGUE.values(), *UNNAMED.values()]
     one, still = take(SHOTS, np.array([1])), np.array([0.5])
     time = np.linspace(-0.1, 0.25, 200)
@@ -90,10 +92,10 @@ def test_every_recipe_leaves_a_trace():
         assert change > 1e-7, recipe.name
 
 
-def test_a_tilted_face_is_what_the_launch_angle_scatter_refits():
+def test_a_tilted_face_is_absorbed_by_the_launch_angle():
     design = draw_design(np.random.default_rng(3), LAB)
     small = Strength(CATALOGUE["oblique_impact"], 1e-4)
-    # A milliradian lies far inside the stated scatter, so that almost nothing is left of it.
+    # A milliradian is far below the stated standard deviation, so almost nothing is left of it.
     assert visibility(design, [small]).matrix[0, 0] < 0.5
 
 
@@ -112,7 +114,7 @@ def test_the_same_seed_draws_the_same_campaign(tmp_path):
     assert [kind_of(5, n) for n in range(50)] != [kind_of(6, n) for n in range(50)]
 
 
-def test_a_stroke_is_recorded_alike_from_the_same_seed(tmp_path):
+def test_the_same_seed_gives_the_same_recording(tmp_path):
     design = draw_design(np.random.default_rng(3), LAB)
     short = replace(
         design, ball_of_trial=design.ball_of_trial[:1], backswing_deg=design.backswing_deg[:1],
@@ -127,26 +129,26 @@ def test_a_stroke_is_recorded_alike_from_the_same_seed(tmp_path):
     assert (tmp_path / "a" / "ball.csv").read_bytes() != (tmp_path / "c" / "ball.csv").read_bytes()
 
 
-def test_no_pair_takes_more_drag_than_there_is():
+def test_no_pair_makes_the_drag_negative():
     design = draw_design(np.random.default_rng(3), LAB)
     for seed in range(40):
         rng = np.random.default_rng(seed)
         coefficient, drop = rng.uniform(-0.45, 0.45), rng.uniform(0.0, 0.35)
         pair = [Strength(CATALOGUE["drag"], coefficient), Strength(CATALOGUE["drag_crisis"], drop)]
-        lawful = LAB.drag_coefficient + coefficient - drop > 0.0
-        assert drag_stays_positive(design, pair) == lawful
+        positive = LAB.drag_coefficient + coefficient - drop > 0.0
+        assert drag_stays_positive(design, pair) == positive
 
 
-def test_the_key_lies_apart_from_what_is_handed_over(tmp_path):
+def test_the_key_is_not_among_the_files_of_the_engine(tmp_path):
     key = draw_campaign(5, THROWN, tmp_path / "a", tmp_path / "keys")
-    handed = {path.name for path in (tmp_path / "a").iterdir()}
-    assert handed <= {"ball.csv", "pendulum.csv", "setup.toml"}
+    files = {path.name for path in (tmp_path / "a").iterdir()}
+    assert files <= {"ball.csv", "pendulum.csv", "setup.toml"}
     ball = pd.read_csv(tmp_path / "a" / "ball.csv")
     assert {"trial", "t_s", "x_m", "y_m"} <= set(ball.columns)
     assert key.level == "none" or key.level == level_of(key.delta_chi2)
 
 
-def test_shots_side_by_side_do_not_disturb_each_other():
+def test_shots_of_a_batch_are_independent():
     alone = move(take(SHOTS, np.array([1])))
     together = move(concatenate([SHOTS, SHOTS]))
     assert together.landing_time[1] == pytest.approx(alone.landing_time[0], abs=1e-9)

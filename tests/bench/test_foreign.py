@@ -1,3 +1,5 @@
+"""Campaigns of the independent simulator: setup file, tables and key."""
+
 import json
 import tomllib
 
@@ -24,7 +26,7 @@ FACTS = LabFacts(
 )
 
 
-def test_setup_is_toml_with_the_contract_s_keys():
+def test_the_setup_file_has_the_keys_of_the_schema():
     setup = tomllib.loads(setup_text(FACTS))
     assert setup["camera"] == {"capture_fps": 600}
     assert setup["balls"]["jokku"]["contact_outcome"] == [
@@ -44,12 +46,12 @@ def test_setup_is_toml_with_the_contract_s_keys():
     assert setup["noise"]["position"] == "1.7 mm"
 
 
-def test_a_baseline_without_air_has_gravity_alone():
+def test_a_baseline_without_air_has_only_gravity():
     without = tomllib.loads(setup_text(LabFacts(**{**vars(FACTS), "drag_coefficient": None})))
     assert without["model"] == {"effects": ["gravity"]}
 
 
-def test_converted_campaign_says_what_the_public_half_says(tmp_path):
+def test_a_converted_campaign_contains_the_public_facts(tmp_path):
     source = shared_folder("concealed_dev") / "01"
     convert(source, tmp_path / "01")
     public = json.loads((source / "public.json").read_text())
@@ -73,8 +75,7 @@ def test_converted_campaign_says_what_the_public_half_says(tmp_path):
         ("frame_rate", "camera", "measurement"),
     ],
 )
-def test_a_key_tells_phases_by_the_contracts_words(tmp_path, name, acts_in, phase):
-    """A contact that ages drifts from trial to trial: so the contract and the own keys have it."""
+def test_a_key_has_the_phases_of_the_answers(tmp_path, name, acts_in, phase):
     effect = {"name": name, "acts_in": acts_in, "strength_parameter": "a", "parameters": {"a": 0.1}}
     key = {
         "case": 1, "kind": "single", "level": "strong", "delta_chi2": 200.0, "trials": [],

@@ -1,4 +1,4 @@
-"""Benches ask the package for names that it has: nothing else looks at them between two runs."""
+"""Every name that a benchmark imports from the package exists."""
 
 import ast
 from importlib import import_module
@@ -11,7 +11,7 @@ OURS = ("calib", "impact_vision", "metrology", "mismatch", "physics", "pipelines
         "vision")  # fmt: skip
 
 
-def _asked() -> set[tuple[str, str]]:
+def _imported() -> set[tuple[str, str]]:
     found = set()
     for path in (ROOT / "bench").rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -20,16 +20,16 @@ def _asked() -> set[tuple[str, str]]:
     return found
 
 
-@pytest.mark.parametrize("module", sorted({module for module, _ in _asked()}))
-def test_what_a_bench_imports_is_there(module: str) -> None:
-    held = import_module(module)
-    for other, name in _asked_of(module):
-        if not hasattr(held, name):
+@pytest.mark.parametrize("module", sorted({module for module, _ in _imported()}))
+def test_imported_names_exist(module: str) -> None:
+    loaded = import_module(module)
+    for other, name in _names_of(module):
+        if not hasattr(loaded, name):
             import_module(f"{other}.{name}")
 
 
-def _asked_of(module: str) -> list[tuple[str, str]]:
-    return [pair for pair in _ASKED if pair[0] == module]
+def _names_of(module: str) -> list[tuple[str, str]]:
+    return [pair for pair in _IMPORTED if pair[0] == module]
 
 
-_ASKED = sorted(_asked())
+_IMPORTED = sorted(_imported())

@@ -1,3 +1,5 @@
+"""Conversion of the real recordings and prediction from named effects."""
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,7 +11,7 @@ from pipelines.setup.file import load_setup
 from tests.shared_data import shared_folder
 
 
-def test_the_rod_swings_free_in_what_is_handed_over(tmp_path):
+def test_only_the_free_swing_of_the_rod_is_converted(tmp_path):
     rod_pendulum.convert(shared_folder("realdata") / "rod_pendulum", tmp_path)
     table = pd.read_csv(tmp_path / "pendulum.csv")
     first = table.groupby("trial").first()
@@ -18,7 +20,7 @@ def test_the_rod_swings_free_in_what_is_handed_over(tmp_path):
     assert load_setup(tmp_path / "setup.toml").pendulum is not None
 
 
-def test_the_right_torques_predict_the_rod_that_was_kept_out():
+def test_the_right_torques_predict_a_held_out_release():
     source = shared_folder("realdata") / "rod_pendulum"
     inertia = rod_pendulum.ROD_MASS * rod_pendulum.ROD_LENGTH**2 / 3
     both = Answer(
@@ -46,7 +48,7 @@ def test_a_fall_is_predicted_from_its_first_half():
     assert abs(vacuum[-1] - height[-1]) > 1
 
 
-def test_the_other_sets_become_files_of_the_contract(tmp_path):
+def test_the_other_sets_are_converted(tmp_path):
     shared = shared_folder("realdata")
     rocket_coast.convert(shared / "rocket_coast", tmp_path / "r", "juno3", 0.5)
     balldrop.convert(shared / "balldrop", tmp_path / "b", ("volleyball", "golf_ball"), (1,))
@@ -55,6 +57,6 @@ def test_the_other_sets_become_files_of_the_contract(tmp_path):
     for name in "rbj":
         load_setup(tmp_path / name / "setup.toml")
     juggling = pd.read_csv(tmp_path / "j" / "ball.csv")
-    # Flights curve downward along y, which is up.
+    # Flights accelerate downwards along y, which points up.
     one = juggling[juggling["trial"] == juggling["trial"].iloc[0]]
     assert np.polyfit(one["t_s"], one["y_m"], 2)[0] == pytest.approx(-4.9, abs=0.3)

@@ -1,3 +1,5 @@
+"""Concealed runs: interruption, resumption and the filmed campaigns."""
+
 import json
 import subprocess
 import sys
@@ -27,14 +29,14 @@ def test_all_tasks_are_done_in_order():
     assert run_until(Stop(), _double, [1, 2, 3, 4], 2) == [2, 4, 6, 8]
 
 
-def test_what_was_not_begun_in_time_stays_open():
+def test_tasks_not_started_in_time_give_none():
     assert run_until(Stop(minutes=0.0), _double, [1, 2], 1) == [None, None]
     found = run_until(Stop(minutes=0.3 / 60.0), _slow, list(range(40)), 1)
     assert found[0] == 0
     assert found[-1] is None
 
 
-def test_an_interrupted_run_hands_back_what_is_answered():
+def test_an_interrupted_run_returns_its_answers():
     code = (
         "import time, os, signal\n"
         "from bench.concealed.run import Stop, run_until\n"
@@ -47,7 +49,7 @@ def test_an_interrupted_run_hands_back_what_is_answered():
     assert 1 <= int(done.stdout) < 100
 
 
-def test_filmed_campaigns_differ_in_what_is_concealed_alone():
+def test_filmed_campaigns_differ_only_in_the_concealed_effect():
     setups = {filmed.name: read_setup(setup_text(filmed)) for filmed in FILMED}
     assert {s.camera.capture_fps for s in setups.values()} == {600.0}
     assert setups["tilt"].wall.grid is None
@@ -72,7 +74,7 @@ def test_filmed_answers_are_scored_by_name_or_group(tmp_path):
 
 
 @pytest.mark.slow
-def test_what_was_answered_before_a_stop_counts_in_the_next_run(tmp_path, monkeypatch):
+def test_answers_of_a_stopped_run_count_in_the_next_run(tmp_path, monkeypatch):
     shelf = Shelf(tmp_path, 3, "engine")
     for number in (0, 1):
         draw_campaign(3, number, shelf.campaign(number), shelf.keys)

@@ -1,3 +1,5 @@
+"""The shipped campaign: reproducible, small, and explained by the engine."""
+
 from pathlib import Path
 
 import pandas as pd
@@ -23,9 +25,9 @@ def test_the_shipped_campaign_is_small():
     assert sum(path.stat().st_size for path in SHIPPED.iterdir()) < 300_000
 
 
-def test_what_the_shipped_campaign_conceals_is_found_with_its_size(tmp_path):
+def test_the_concealed_effect_is_found_with_its_size(tmp_path):
     answer = engine_answer(SHIPPED, tmp_path / "answer.json")
     assert not answer.failure
-    said = next(named for named in answer.named if named.id == CONCEALED.recipe.id)
-    value, std = said.parameters["spin"]
+    found = next(named for named in answer.named if named.id == CONCEALED.recipe.id)
+    value, std = found.parameters["spin"]
     assert abs(value - CONCEALED.amplitude) < 3.0 * std

@@ -1,3 +1,5 @@
+"""Scores of answers, their statistics and the proof page."""
+
 from pathlib import Path
 
 import pytest
@@ -23,7 +25,7 @@ def key(*effects, kind="single", twins=()):
     return Key(1, 1, kind, "strong", 500.0, None, twins, effects, TRIALS)
 
 
-def said(*ids, groups=(), **more):
+def answered(*ids, groups=(), **more):
     return Answer(
         "explained",
         tuple(Named(i, 0.9, {}) for i in ids),
@@ -33,37 +35,37 @@ def said(*ids, groups=(), **more):
 
 
 def test_the_right_name_alone_is_right():
-    assert judge(key(hidden("drag")), said("drag")).right
-    assert not judge(key(hidden("drag")), said("wind")).right
+    assert judge(key(hidden("drag")), answered("drag")).right
+    assert not judge(key(hidden("drag")), answered("wind")).right
 
 
 def test_a_declared_group_with_the_truth_in_it_is_right():
-    assert judge(key(hidden("drag")), said("wind", groups=[("wind", "drag")])).right
-    assert not judge(key(hidden("magnus")), said("wind", groups=[("wind", "drag")])).right
+    assert judge(key(hidden("drag")), answered("wind", groups=[("wind", "drag")])).right
+    assert not judge(key(hidden("magnus")), answered("wind", groups=[("wind", "drag")])).right
 
 
 def test_a_second_name_spoils_a_right_one():
-    judgement = judge(key(hidden("drag")), said("drag", "magnus"))
+    judgement = judge(key(hidden("drag")), answered("drag", "magnus"))
     assert judgement.covered
     assert not judgement.right
 
 
-def test_a_turn_about_another_centre_is_a_turn_and_a_shift():
-    assert judge(key(hidden("camera_roll")), said("camera_roll", "origin_offset")).right
-    assert not judge(key(hidden("drag")), said("drag", "origin_offset")).right
+def test_a_rotation_about_another_centre_is_a_rotation_and_a_shift():
+    assert judge(key(hidden("camera_roll")), answered("camera_roll", "origin_offset")).right
+    assert not judge(key(hidden("drag")), answered("drag", "origin_offset")).right
 
 
 def test_pairs_need_both():
     pair = key(hidden("drag"), hidden("bearing_friction", phase="swing"), kind="pair")
-    assert judge(pair, said("bearing_friction", "drag")).right
-    assert not judge(pair, said("drag")).covered
+    assert judge(pair, answered("bearing_friction", "drag")).right
+    assert not judge(pair, answered("drag")).covered
 
 
 def test_on_a_null_any_name_counts():
     null = key(kind="null")
     assert not judge(null, Answer("no_mismatch")).named
-    assert judge(null, said("drag")).physics_named
-    clock = judge(null, said("time_base"))
+    assert judge(null, answered("drag")).physics_named
+    clock = judge(null, answered("time_base"))
     assert clock.named
     assert not clock.physics_named
 
@@ -75,13 +77,13 @@ def test_no_mismatch_with_groups_names_nothing():
 
 def test_unnamed_needs_direction_and_place():
     gust = hidden("unnamed", "gust", channels=("along_velocity", "horizontal"), local=True)
-    good = said("unnamed", phase="flight", channel="horizontal", t_start=0.115, t_end=0.17)
+    good = answered("unnamed", phase="flight", channel="horizontal", t_start=0.115, t_end=0.17)
     judgement = judge(key(gust, kind="outside"), good)
     assert judgement.unnamed_said
     assert judgement.direction_right
     assert judgement.place_right
     assert judgement.start_error == pytest.approx(0.005 / 0.4)
-    late = said("unnamed", phase="flight", channel="vertical", t_start=0.4, t_end=0.45)
+    late = answered("unnamed", phase="flight", channel="vertical", t_start=0.4, t_end=0.45)
     judgement = judge(key(gust, kind="outside"), late)
     assert not judgement.direction_right
     assert not judgement.place_right
@@ -90,12 +92,12 @@ def test_unnamed_needs_direction_and_place():
 def test_twins_need_one_group_and_a_measurement():
     twins = key(hidden("time_base"), kind="twins", twins=("time_base", "length_scale"))
     groups = [("time_base", "length_scale")]
-    assert judge(twins, said("time_base", groups=groups, next_measurement="a ruler")).grouped
-    assert not judge(twins, said("time_base", groups=groups)).grouped
-    assert not judge(twins, said("time_base", next_measurement="a ruler")).grouped
+    assert judge(twins, answered("time_base", groups=groups, next_measurement="a ruler")).grouped
+    assert not judge(twins, answered("time_base", groups=groups)).grouped
+    assert not judge(twins, answered("time_base", next_measurement="a ruler")).grouped
 
 
-def test_json_of_the_contract_is_read():
+def test_json_of_a_verdict_is_read():
     answer = answer_from_json(
         {
             "verdict": "explained",
@@ -116,7 +118,7 @@ def test_json_of_the_contract_is_read():
     assert answer.groups == (frozenset({"time_base", "length_scale"}),)
 
 
-def test_drag_is_stated_whole_and_not_as_a_change():
+def test_drag_is_a_coefficient_and_not_a_change():
     setup = {"model": {"drag": {"drag_coefficient": 0.45}}}
     name, value = true_parameter(hidden("drag", amplitude=0.05), setup)
     assert (name, value) == ("drag_coefficient", pytest.approx(0.5))
@@ -128,13 +130,13 @@ def test_keys_survive_a_file(tmp_path):
     assert read_key(tmp_path / "key.json") == original
 
 
-def test_wilson_holds_the_textbook_value():
+def test_wilson_interval_agrees_with_a_published_value():
     # Newcombe, Stat. Med. 17, 857 (1998), table I: 81 of 263.
     assert wilson(81, 263) == pytest.approx((0.2553, 0.3662), abs=1e-4)
     assert str(Proportion(0, 0)) == "–"
 
 
-def test_calibration_error_is_the_gap_weighted_by_count():
+def test_calibration_error_is_weighted_by_count():
     error, rows = calibration_error([0.95, 0.95, 0.95, 0.95, 0.55], [True] * 4 + [False])
     assert error == pytest.approx((0.05 * 4 + 0.55) / 5)
     assert len(rows) == 2
@@ -142,28 +144,28 @@ def test_calibration_error_is_the_gap_weighted_by_count():
 
 def test_the_page_counts_and_lists_misses_by_name(tmp_path):
     own = [
-        Scored(judge(key(kind="null"), said("drag")), tmp_path),
+        Scored(judge(key(kind="null"), answered("drag")), tmp_path),
         Scored(judge(key(kind="null"), Answer("no_mismatch")), tmp_path),
-        Scored(judge(key(hidden("magnus")), said("magnus")), tmp_path),
+        Scored(judge(key(hidden("magnus")), answered("magnus")), tmp_path),
     ]
     (tmp_path / "setup.toml").write_text("[camera]\ncapture_fps = 600\n")
     page = proof_text(own, [], Asked(400, 1), [])
     assert "3 campaigns were scored" in page
-    assert "A part of the proof" in page
-    assert "| nulls on which physics is wrongly named | ≤ 2 % | ≤ 0.5 % | 50.0 % (1/2;" in page
+    assert "Incomplete" in page
+    assert "| nulls with named physics | ≤ 2 % | ≤ 0.5 % | 50.0 % (1/2;" in page
     assert "| single strong effect | 97 % | 99.5 % | 100.0 % (1/1;" in page
     assert "| 1 | null | strong | 500 | nothing | drag" in page
 
 
-def test_a_force_bound_to_a_place_may_start_when_any_trial_meets_it():
+def test_a_force_bound_to_a_position_may_start_at_the_time_of_any_trial():
     magnet = hidden("unnamed", "magnet", local=True)
     spread = (TrialTruth(0.0, 0.01, 0.41, 0.10, 0.20), TrialTruth(0.0, 0.01, 0.41, 0.14, 0.24))
     mine = Key(1, 1, "outside", "strong", 500.0, None, (), (magnet,), spread)
-    at = said("unnamed", phase="flight", channel="horizontal", t_start=0.12, t_end=0.22)
+    at = answered("unnamed", phase="flight", channel="horizontal", t_start=0.12, t_end=0.22)
     assert judge(mine, at).start_error == 0.0
-    early = said("unnamed", phase="flight", channel="horizontal", t_start=0.08, t_end=0.22)
+    early = answered("unnamed", phase="flight", channel="horizontal", t_start=0.08, t_end=0.22)
     assert judge(mine, early).start_error == pytest.approx(0.02 / 0.4)
-    silent = said("unnamed", phase="flight", channel="horizontal")
+    silent = answered("unnamed", phase="flight", channel="horizontal")
     assert judge(mine, silent).start_error == float("inf")
 
 
@@ -173,14 +175,14 @@ def test_a_failure_is_kept_and_read_again():
     assert not judge(key(hidden("drag")), answer).right
 
 
-def test_the_brier_score_of_certainty_and_of_a_coin():
+def test_the_brier_score_of_certainty_and_of_a_coin_toss():
     assert brier_score([1.0, 0.0], [True, False]) == 0.0
     assert brier_score([0.5, 0.5], [True, False]) == pytest.approx(0.25)
 
 
-def test_a_sure_and_wrong_name_stands_in_the_page():
-    wrong = judge(key(hidden("drag")), said("wind"))
-    grouped = judge(key(hidden("drag")), said("wind", groups=[("wind", "drag")]))
+def test_a_confident_wrong_name_is_on_the_page():
+    wrong = judge(key(hidden("drag")), answered("wind"))
+    grouped = judge(key(hidden("drag")), answered("wind", groups=[("wind", "drag")]))
     scored = [Scored(one, Path("one")) for one in (wrong, grouped)]
     page = proof_text([], [], Asked(1, 1), [], second=scored)
     (row,) = [line for line in page.splitlines() if "that is wrong" in line and "1/2" in line]
@@ -188,10 +190,10 @@ def test_a_sure_and_wrong_name_stands_in_the_page():
     assert "C_D falls with Re" in page
 
 
-def test_probabilities_are_held_against_the_name_itself_and_against_its_group():
+def test_probabilities_are_compared_with_the_name_and_with_its_group():
     judgements = [
-        judge(key(hidden("drag")), said("drag")),
-        judge(key(hidden("drag")), said("wind", groups=[("wind", "drag")])),
+        judge(key(hidden("drag")), answered("drag")),
+        judge(key(hidden("drag")), answered("wind", groups=[("wind", "drag")])),
     ]
     claims = claims_of(judgements)
     assert [(c.right, c.by_group, c.grouped) for c in claims] == [
@@ -203,14 +205,14 @@ def test_probabilities_are_held_against_the_name_itself_and_against_its_group():
     assert f"Brier score {brier_score([0.9, 0.9], [True, False]):.3f}" in text
 
 
-def test_a_section_that_was_not_asked_for_stays_as_it_was():
+def test_a_section_that_was_not_requested_is_kept():
     before = proof_text([], [], Asked(1, 1), ["| a | b |"], pixels=["six of six"])
     page = proof_text([], [], Asked(1, 1), ["| c | d |"])
     kept = with_kept_sections(page, before)
     assert "six of six" in kept
     assert "| c | d |" in kept
     assert "| a | b |" not in kept
-    # A second run keeps it as it is and says so once.
+    # A second run does not repeat the remark.
     again = with_kept_sections(page, kept)
     assert again == kept
     assert with_kept_sections(page, "") == page

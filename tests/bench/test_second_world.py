@@ -1,4 +1,4 @@
-"""The second world: its own physics checked against numbers that it did not make."""
+"""Conservation laws and repeatability of the second generator."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ def bare(plan):
     return move(plan.cells)
 
 
-def test_the_swing_keeps_its_energy_down_to_the_touch(plan, bare):
+def test_the_swing_conserves_energy_until_contact(plan, bare):
     cells = plan.cells
     stiffness = 2.0 * cells.weight_arm * cells.gravity / cells.inertia
     drop = np.cos(cells.contact_angle) - np.cos(cells.backswing)
@@ -27,18 +27,18 @@ def test_the_swing_keeps_its_energy_down_to_the_touch(plan, bare):
     assert bare.release.impact_speed == pytest.approx(speed, rel=1e-6)
 
 
-def test_the_contact_keeps_momentum_and_restitution(plan, bare):
+def test_the_contact_conserves_momentum_and_obeys_the_law(plan, bare):
     cells, out = plan.cells, bare.release
     law = cells.cor[0] * np.exp(-0.27 * out.impact_speed) + cells.cor[1]
     assert out.cor == pytest.approx(law, abs=0.012)
     heavy = cells.inertia / cells.length**2
     after = heavy * out.omega * cells.length + cells.mass * np.hypot(out.vx, out.vy)
-    # Gravity takes some of it while they touch.
+    # Gravity changes the momentum during contact.
     assert after == pytest.approx(heavy * out.impact_speed, rel=0.06)
 
 
 @pytest.mark.parametrize("law", [*NAMED, *UNNAMED], ids=lambda law: law.name)
-def test_a_law_of_no_strength_changes_nothing(plan, bare, law):
+def test_a_law_of_zero_amplitude_changes_nothing(plan, bare, law):
     moved = move(plan.cells, ((law, 0.0),))
     times = np.linspace(-0.1, 0.3, 40)
     assert moved.ball_at(times, 0) == pytest.approx(bare.ball_at(times, 0), abs=1e-6)

@@ -1,1 +1,1 @@
-"""Campaigns that are filmed, measured and then explained."""
+"""Concealed campaigns rendered as clips, measured and explained."""

@@ -1,7 +1,9 @@
-"""Film fourteen campaigns, measure the clips, let the engine explain them, and score the answers.
+"""Render campaigns as clips, measure them, run the engine and score the answers.
 
-``python -m bench.concealed.filmed.pixels FOLDER``: clips, tracks and answers are kept in the folder
-and used again; `python -m bench.concealed --pixels FOLDER` puts the section into docs/proof.md.
+Run: python -m bench.concealed.filmed.pixels FOLDER
+
+Clips, tracks and answers are stored in the folder and reused; `python -m bench.concealed --pixels
+FOLDER` writes the section of docs/proof.md.
 """
 
 import argparse
@@ -49,7 +51,7 @@ def _chain_version() -> str:
 
 
 def _measured(version: str, path: Path, options: MeasureOptions) -> ClipMeasurement:
-    """Measure a clip, or take what this version of the chain has measured before."""
+    """Measure a clip, or load the result of the same version."""
     kept = path.with_suffix(f".{version}.pickle")
     if kept.exists():
         found: ClipMeasurement = pickle.loads(kept.read_bytes())
@@ -81,7 +83,7 @@ def _write_facts(folder: Path, filmed: Filmed) -> None:
 
 
 def _explain(task: tuple[Path, int, str]) -> str:
-    """Explain one filmed campaign; what `vision explain CLIP…` does, on kept measurements."""
+    """Explain one filmed campaign from stored measurements, as `vision explain CLIP…` does."""
     folder, which, version = task
     home = folder / FILMED[which].name
     answer = home / f"answer-{version}-{engine_version(ROOT)}.json"
@@ -111,7 +113,7 @@ def main() -> None:
     )
     parser.add_argument("folder", type=Path)
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--minutes", type=float, help="begin nothing after so long")
+    parser.add_argument("--minutes", type=float, help="start nothing after this time")
     options = parser.parse_args()
     stop, version = Stop(options.minutes), _chain_version()
     for filmed in FILMED:

@@ -1,4 +1,4 @@
-"""Fourteen campaigns that are filmed: what each conceals, its scenes and what the lab knows."""
+"""The filmed campaigns: concealed effects, scenes and setup files."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -33,24 +33,24 @@ class Filmed:
     ----------
     name : str
     id : str
-        What the engine should name; "" for nothing.
-    told : str
-        What is concealed, in words.
+        Effect the engine should name; "" for none.
+    description : str
+        What is concealed.
     effects : mapping
-        Effects of flight and swing with their parameters, unknown to the lab.
+        Effects of flight and swing with their parameters, unknown to the laboratory.
     fps : float
-        True capture rate; the lab believes 600.
+        True capture rate; the setup file gives 600.
     roll : float
         Of the camera, rad.
     grid : bool
-        Whether a grid hangs on the wall, and tapes measured where the camera stands.
+        Whether there is a wall grid and the camera's position was measured.
     look
-        Of the ball: patches that show its spin, or plain.
+        Surface of the ball: patches that show its spin, or plain.
     """
 
     name: str
     id: str
-    told: str
+    description: str
     effects: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     fps: float = STATED_FPS
     roll: float = 0.0
@@ -70,13 +70,13 @@ FILMED = (
         roll=np.radians(1.5), grid=False,
     ),
     Filmed(
-        "draught", "wind", "a draught of 2 m/s against the ball",
+        "draught", "wind", "a wind of 2 m/s against the ball",
         effects={"wind": {"wind_x": -2.0}},
     ),
     Filmed("bearing", "bearing_friction", "a dry bearing of 0.8 N m",
            effects={"bearing_friction": {"dry_torque": 0.8}}),
     Filmed("topspin", "magnus", "top-spin of 12 rad/s", effects={"magnus": {"spin": -12.0}}),
-    Filmed("seam", "asymmetric_wake", "a wake that lifts, C_S = 0.12",
+    Filmed("seam", "asymmetric_wake", "an asymmetric wake with lift, C_S = 0.12",
            effects={"asymmetric_wake": {"side_coefficient": 0.12}}),
     Filmed(
         "crisis", "drag_crisis", "a drag that falls by 0.25 about a Reynolds number of 50,000",
@@ -84,13 +84,13 @@ FILMED = (
     ),
     Filmed("faster", "time_base", "612 instead of 600 frames a second", fps=612.0),
     Filmed(
-        "following", "wind", "a draught of 1.5 m/s with a plain ball",
+        "following", "wind", "a wind of 1.5 m/s with a plain ball",
         effects={"wind": {"wind_x": 1.5}}, look="plain",
     ),
-    Filmed("none_plain", "", "nothing, of a plain ball", look="plain"),
+    Filmed("none_plain", "", "nothing, plain ball", look="plain"),
     Filmed("level", "", "nothing, no grid", grid=False),
     Filmed(
-        "headwind", "wind", "a draught of 2 m/s against the ball, no grid",
+        "headwind", "wind", "a wind of 2 m/s against the ball, no grid",
         effects={"wind": {"wind_x": -2.0}}, grid=False,
     ),
 )  # fmt: skip
@@ -98,7 +98,7 @@ FILMED = (
 
 @dataclass(frozen=True)
 class Take:
-    """One clip to be filmed."""
+    """One clip to be rendered."""
 
     name: str
     backswing_deg: float
@@ -126,7 +126,7 @@ def _scene(filmed: Filmed) -> Scene:
 
 
 def takes(filmed: Filmed, seed: int = 1) -> list[Callable[[], Take]]:
-    """The clips of a campaign, each made when it is asked for."""
+    """The clips of a campaign, each drawn on demand."""
 
     def take(number: int) -> Take:
         rng = np.random.default_rng([seed, FILMED.index(filmed), number])
@@ -153,7 +153,7 @@ def takes(filmed: Filmed, seed: int = 1) -> list[Callable[[], Take]]:
 
 
 def setup_text(filmed: Filmed) -> str:
-    """What the lab knows of a campaign: its tape measure, its ball, its rig."""
+    """Setup file of a campaign: measured distances, ball, pendulum."""
     rng = np.random.default_rng([31, FILMED.index(filmed)])
     scene = _scene(filmed)
     foot = scene.camera.axis_foot

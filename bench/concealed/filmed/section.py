@@ -1,4 +1,4 @@
-"""The filmed campaigns as a section of the proof."""
+"""Section of the proof on the filmed campaigns."""
 
 import json
 from pathlib import Path
@@ -10,7 +10,7 @@ __all__ = ["right", "section"]
 
 
 def right(filmed: Filmed, answer: Answer) -> bool:
-    """Whether what is concealed is named or in a declared group, and nothing beside it is."""
+    """Whether the concealed effect is named or in a declared group, and nothing else is named."""
     if not filmed.id:
         return not answer.failure and not answer.ids
     groups = [group for group in answer.groups if filmed.id in group]
@@ -18,7 +18,7 @@ def right(filmed: Filmed, answer: Answer) -> bool:
         return False
     allowed = {filmed.id}.union(*groups)
     if filmed.id == "camera_roll":
-        # A turn about another point is the same turn and a shift.
+        # A rotation about another point is the same rotation plus a shift.
         allowed.add("origin_offset")
     return answer.ids <= allowed
 
@@ -32,7 +32,7 @@ def _words(answer: Answer) -> str:
 
 
 def section(folder: Path) -> list[str]:
-    """Lines of the section, from the results that `pixels` left in a folder."""
+    """Lines of the section, from the results of `pixels` in a folder."""
     path = folder / "results.json"
     if not path.exists():
         return []
@@ -51,18 +51,17 @@ def section(folder: Path) -> list[str]:
             for name, (value, std) in named.parameters.items()
         )
         rows.append(
-            f"| {filmed.name} | {filmed.told} | {raw.get('clips', '–')} | {_words(answer)} |"
+            f"| {filmed.name} | {filmed.description} | {raw.get('clips', '–')} | {_words(answer)} |"
             f" {sizes or '–'} | {'yes' if good else 'no'} |"
         )
     missing = [filmed.name for filmed in FILMED if filmed.name not in results]
     left = f"; not answered for this page: {', '.join(missing)}" if missing else ""
     return [
-        f"{len(FILMED)} campaigns of eight clips of {SIZE[0]} × {SIZE[1]} px, filmed by"
-        " `sample_videos`,"
-        " measured by the chain and explained as `vision explain CLIP…` does"
+        f"{len(FILMED)} campaigns of eight clips of {SIZE[0]} × {SIZE[1]} px, rendered by"
+        " `sample_videos`, measured and explained as `vision explain CLIP…` does"
         f" (`python -m bench.concealed.filmed.pixels`): {hits} of {len(rows)} right{left}.",
         "",
-        "| campaign | concealed | clips measured | said | with | right |",
+        "| campaign | concealed | clips measured | answer | parameters | right |",
         "|---|---|---|---|---|---|",
         *rows,
         "",

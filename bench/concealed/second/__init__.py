@@ -1,1 +1,1 @@
-"""A second world, which shares no law, no contact and no solver with the first or the engine."""
+"""Second generator, with laws, contact and solver of its own."""

@@ -1,4 +1,4 @@
-"""Campaigns of the second world: files as a lab would hand them over, and keys."""
+"""Draw campaigns of the second world: recordings, setup files and keys."""
 
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -14,7 +14,7 @@ from bench.concealed.setup_toml import BallFacts, LabFacts, Outcome, write_setup
 
 __all__ = ["GENERATOR", "KINDS", "draw_campaign", "draw_plan", "kind_of"]
 
-# Raised whenever campaigns of the same seed change.
+# Increased whenever the campaigns of a seed change.
 GENERATOR = 2
 KINDS = ("null",) * 10 + ("single",) * 16 + ("pair",) * 6 + ("outside",) * 8
 LEVELS = {"weak": (3.0, 9.9), "medium": (15.0, 95.0), "strong": (150.0, 5000.0)}
@@ -27,7 +27,7 @@ TABLE_SPEEDS = np.array([0.7, 1.0, 1.4, 1.9, 2.4, 3.0, 3.6, 4.2, 4.9])
 
 @dataclass(frozen=True)
 class Plan:
-    """One campaign before anything is concealed in it; `cell` is each trial's distinct shot."""
+    """One campaign without concealed effects; `cell` is the index of each trial's shot."""
 
     shots: Shots
     cells: Shots
@@ -130,7 +130,7 @@ def draw_plan(rng: np.random.Generator) -> Plan:
 def _seen(
     plan: Plan, motion: Motion, shot: int, concealed: Concealed, frames: tuple[Array, Array]
 ) -> tuple[Array, Array]:
-    """Noise-free positions (n, 2) and angles (m,) at the recording's times since the touch."""
+    """Noise-free positions (n, 2) and angles (m,) at the recording's times since first contact."""
     ball_time, swing_time = frames
     for law, a in concealed:
         if law.clock is not None:
@@ -152,7 +152,7 @@ def _frames(plan: Plan, landing: float, shift: float = 0.0) -> tuple[Array, Arra
 
 
 def _information(plan: Plan, effects: list[tuple[Law, float]]) -> Array:
-    """Information of effects at their amplitudes, everything that a lab refits left free."""
+    """Information matrix of effects at their amplitudes, with all refitted parameters free."""
     cells, n = plan.cells, len(plan.cells)
     nuisances = (("backswing", 1e-4), ("cor_extra", 1e-4), ("tilt", 1e-4))
     moved = [replace(cells, **{k: getattr(cells, k) + h}) for k, h in nuisances]
@@ -244,7 +244,7 @@ def _choose(rng: np.random.Generator, kind: str, plan: Plan) -> list[tuple[Law, 
 def _noisy(
     rng: np.random.Generator, clean: Array, sigma: float, drops: float
 ) -> tuple[Array, Array]:
-    """Noise with heavier tails than a Gaussian's, a few wrong detections, lost rows."""
+    """Heavy-tailed noise, a few wrong detections, lost rows."""
     noise = rng.standard_t(6.0, clean.shape) * sigma / np.sqrt(1.5)
     wrong = rng.random(len(clean)) < 0.003
     noise[wrong] += rng.normal(0.0, 20.0 * sigma, noise[wrong].shape)
@@ -293,13 +293,13 @@ def _perform(
 
 
 def kind_of(seed: int, number: int) -> str:
-    """What kind of campaign `number` of a seed is."""
+    """Kind of campaign `number` of a seed."""
     block = np.random.default_rng([seed, number // len(KINDS), 71]).permutation(KINDS)
     return str(block[number % len(KINDS)])
 
 
 def draw_campaign(seed: int, number: int, folder: Path, keys: Path) -> Key:
-    """Campaign `number` of a seed: its files go to `folder`, its key to the folder `keys`."""
+    """Write campaign `number` of a seed to `folder` and its key to the folder `keys`."""
     key_file = keys / f"{number:04d}.json"
     if key_file.exists():
         return read_key(key_file)

@@ -1,6 +1,6 @@
-"""What the second world conceals: each law in a form that the engine's catalogue does not hold.
+"""Concealed laws of the second world, none in the form of the engine's catalogue.
 
-A law turns one knob, its amplitude `a`. Hooks leave everything as it is at a = 0.
+A law has one parameter, its amplitude `a`; at a = 0 nothing changes.
 """
 
 from collections.abc import Callable
@@ -21,22 +21,22 @@ EITHER = (*ALONG, *UPWARD)
 
 @dataclass(frozen=True)
 class Law:
-    """One thing to conceal.
+    """One law to conceal.
 
     Attributes
     ----------
     name, id, phase : str
-        Its own name, the contract's id, and where it acts.
+        Its name here, the id of the answer, and the phase in which it acts.
     form : str
-        How the law is written here, for the list in the proof.
+        Form of the law, for the list in the proof.
     unit, limit : float
-        A small amplitude for finite differences, and the largest that a lab could have.
+        A small amplitude for finite differences, and the largest plausible one.
     signs : tuple of int
-        Directions it may have.
+        Possible signs.
     channels : tuple of str
         Directions of the mismatch that count as right.
     force, torque, contact, release, restitution, start, clock, image : callable, optional
-        What it changes; None leaves that alone.
+        The quantities it changes; None changes nothing.
     """
 
     name: str
@@ -111,14 +111,14 @@ def _board(a: float, phi: Array, omega: Array) -> Array:
 
 
 def _rubbing(a: float, c: Any) -> tuple[Array, Array, Array]:
-    """Stribeck friction under what the push leaves of the weight, until lift-off."""
+    """Stribeck friction under the load left by the push, until lift-off."""
     load = np.maximum(c.mass * c.gravity - c.push * c.normal_y, 0.0) * (c.rise < 1e-4)
     friction = a * (0.7 + 0.3 * np.exp(-np.abs(c.vx) / 0.3)) * load * np.tanh(c.vx / 0.02)
     return -friction, 0.0 * friction, 0.0 * friction
 
 
 def _rough_face(a: float, c: Any) -> tuple[Array, Array, Array]:
-    """The push turned about the ball's centre, and a face that rubs against sliding off."""
+    """The push rotated about the ball's centre, with sliding friction of the face."""
     turn = -np.arcsin(np.clip(2.0 * a / c.diameter, -0.9, 0.9))
     cosine, sine = np.cos(turn) - 1.0, np.sin(turn)
     sliding = -c.vx * c.normal_y + c.vy * c.normal_x
@@ -168,45 +168,47 @@ NAMED: tuple[Law, ...] = (
         0.02, 0.35, (1,), ALONG, force=_crisis),
     Law("lift", "magnus", "flight", "C_L = 0.6 (1 - exp(-2.2 S))", 0.5, 60.0, BOTH,
         UPWARD, force=_lift),
-    Law("draught", "wind", "flight", "a logarithmic profile over the floor", 0.05, 3.0, BOTH,
+    Law("draught", "wind", "flight", "a logarithmic profile above the floor", 0.05, 3.0, BOTH,
         ALONG, force=_draught),
     Law("lighter", "buoyancy", "flight", "displaced and added mass of air", 0.1, 1.5, (1,),
         UPWARD, force=_lighter),
-    Law("seam", "asymmetric_wake", "flight", "a side force that turns with a slow spin",
+    Law("seam", "asymmetric_wake", "flight", "a side force that rotates with a slow spin",
         0.01, 0.3, BOTH, UPWARD, force=_seam),
-    Law("softening", "velocity_dependent_cor", "contact", "e falls along a step about 2.5 m/s",
+    Law("softening", "velocity_dependent_cor", "contact", "e falls in a step at 2.5 m/s",
         0.003, 0.1, BOTH, restitution=lambda a, v, order: 1.0 - a * np.tanh((v - 2.5) / 1.2)),
-    Law("arm", "effective_mass", "contact", "another lever during contact, in the whole contact",
+    Law("arm", "effective_mass", "contact", "another lever arm throughout the contact",
         0.003, 0.08, BOTH, lever=True),
-    Law("rough_face", "oblique_impact", "contact", "a push turned about the centre, with sliding"
+    Law("rough_face", "oblique_impact", "contact", "a push rotated about the centre, with sliding"
         " friction", 0.001, 0.03, BOTH, contact=_rough_face),
-    Law("rubbing", "support_friction", "contact", "Stribeck friction under the load that the push"
-        " leaves", 0.1, 2.0, (1,), contact=_rubbing),
-    Law("kick", "support_recoil", "contact", "a kick that grows with the root of the speed",
+    Law("rubbing", "support_friction", "contact",
+        "Stribeck friction under the load left by the push", 0.1, 2.0, (1,), contact=_rubbing),
+    Law("kick", "support_recoil", "contact", "an impulse proportional to the root of the speed",
         0.003, 0.15, BOTH, release=_kick),
-    Law("yielding", "pivot_recoil", "contact", "a share lost that grows with the speed",
+    Law("yielding", "pivot_recoil", "contact", "a loss fraction that grows with the speed",
         0.003, 0.1, (1,), release=_yielding),
     Law("softer", "contact_displacement", "contact", "a softer ball, longer in contact", 0.02, 0.4,
         BOTH, softer=True),
-    Law("greased", "bearing_friction", "swing", "dry, and a fifth more with the root of the rate",
+    Law("greased", "bearing_friction", "swing", "dry, plus a fifth with the root of the rate",
         0.02, 0.8, (1,), ("angle",), torque=_greased),
     Law("oil", "viscous_damping", "swing", "torque with the rate to the power 0.85", 0.01, 0.5,
         (1,), ("angle",), torque=_oil),
     Law("board", "pendulum_drag", "swing", "torque with the rate to the power 1.75", 0.005, 0.3,
         (1,), ("angle",), torque=_board),
-    Law("eccentric", "backswing_offset", "swing", "a protractor beside the axle", 0.002, 0.07,
+    Law("eccentric", "backswing_offset", "swing", "a protractor off the axle", 0.002, 0.07,
         BOTH, start=lambda a, angle: angle + a * np.cos(0.5 * angle)),
-    Law("drifting_rate", "time_base", "measurement", "a rate that drifts by a tenth", 0.0005, 0.05,
+    Law("drifting_rate", "time_base", "measurement",
+        "a rate error that drifts by a tenth", 0.0005, 0.05,
         BOTH, clock=lambda a, t: t / (1.0 + a * (1.0 + 0.2 * t))),
-    Law("uneven_scale", "length_scale", "measurement", "pixels not quite square", 0.001, 0.06,
+    Law("uneven_scale", "length_scale", "measurement", "pixels that are not square", 0.001, 0.06,
         BOTH, image=lambda a, x, y, rest_y: (x * (1.0 + a), y * (1.0 + 0.92 * a))),
-    Law("twisted", "camera_roll", "measurement", "roll about the picture's middle that grows along"
-        " it", 0.001, 0.06, BOTH, image=_twisted),
+    Law("twisted", "camera_roll", "measurement",
+        "roll about the image centre that grows along x", 0.001, 0.06, BOTH, image=_twisted),
     Law("bent_lens", "lens_distortion", "measurement", "third and fifth order", 0.001, 0.1, BOTH,
         image=_bent_lens),
-    Law("leaning_plane", "parallax", "measurement", "a plane of flight that leans", 0.001, 0.12,
+    Law("leaning_plane", "parallax", "measurement", "a tilted plane of flight", 0.001, 0.12,
         BOTH, image=_leaning_plane),
-    Law("two_gaps", "dropped_frames", "measurement", "two gaps of unlike length", 2e-4, 0.01, (1,),
+    Law("two_gaps", "dropped_frames", "measurement",
+        "two gaps of different length", 2e-4, 0.01, (1,),
         clock=_two_gaps),
 )  # fmt: skip
 
@@ -259,14 +261,15 @@ UNNAMED: tuple[Law, ...] = (
         0.02, 5.0, BOTH, EITHER, force=_pull),
     Law("puff", "unnamed", "flight", "a squared sine of 90 ms", 0.02, 3.0, BOTH, ALONG,
         force=_puff),
-    Law("flutter", "unnamed", "flight", "faster and faster, dying away", 0.02, 3.0, BOTH, ALONG,
+    Law("flutter", "unnamed", "flight", "a decaying chirp", 0.02, 3.0, BOTH, ALONG,
         force=_flutter),
     Law("cushion", "unnamed", "flight", "an inverse square of the height", 0.05, 4.0, BOTH,
         UPWARD, force=_cushion),
-    Law("ramp", "unnamed", "flight", "a force that grows with the way beyond 40 cm", 0.02, 3.0,
+    Law("ramp", "unnamed", "flight", "a force that grows with the distance beyond 40 cm", 0.02, 3.0,
         (1,), ALONG, force=_ramp),
     Law("catch", "unnamed", "swing", "a squared Lorentzian in the angle", 0.05, 4.0, BOTH,
         ("angle",), torque=_catch),
-    Law("setting", "unnamed", "across_trials", "e settles over the trials", 0.002, 0.1, BOTH,
+    Law("setting", "unnamed", "across_trials",
+        "e approaches a limit over the trials", 0.002, 0.1, BOTH,
         restitution=lambda a, v, order: 1.0 + a * (np.exp(-3.0 * (order + 0.5)) - 0.32)),
 )  # fmt: skip

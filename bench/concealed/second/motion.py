@@ -1,4 +1,4 @@
-"""Swing, contact and flight of the second world, stepped by scipy for all shots at once."""
+"""Integrate swing, contact and flight of the second world with scipy."""
 
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -18,12 +18,12 @@ Concealed = tuple[tuple[Law, float], ...]
 TOLERANCE = 1e-9
 EXPONENT = 1.5
 FOLLOWED = 0.2
-"""s for which the pendulum is followed after release."""
+"""s; the pendulum is integrated this long after release."""
 
 
 @dataclass(frozen=True)
 class Shots:
-    """Shots side by side; every field (n,), SI, angles in rad."""
+    """A batch of shots; every field (n,), SI, angles in rad."""
 
     mass: Array
     diameter: Array
@@ -49,7 +49,7 @@ class Shots:
 
 @dataclass(frozen=True)
 class Motion:
-    """Paths of each shot, read by splines in the time since first touch."""
+    """Trajectories of each shot as splines of the time since first contact."""
 
     release: Any
     landing: Array
@@ -58,7 +58,7 @@ class Motion:
     rest_y: Array
 
     def ball_at(self, time: Array, shot: int) -> Array:
-        """(n, 2) m; at rest before the touch, carried on a line until release."""
+        """(n, 2) m; at rest before contact, on a line until release."""
         gap = float(self.release.contact_time[shot])
         rest = np.array([0.0, self.rest_y[shot]])
         flown = self.ball[shot](np.maximum(time - gap, 0.0))
@@ -72,7 +72,7 @@ class Motion:
 
 
 def _restitution_table() -> tuple[Array, Array]:
-    """Restitution of a Kuwabara–Kono contact by its scaled damping."""
+    """Restitution of a Kuwabara–Kono contact as a function of its scaled damping."""
     damping = np.linspace(0.0, 1.2, 49)
 
     def rate(_: float, state: Array) -> Array:
@@ -113,7 +113,7 @@ def _swing(shots: Shots, concealed: Concealed, start: Array, seconds: float) -> 
 
 
 def _fall(shots: Shots, concealed: Concealed) -> tuple[Array, Array, Array, Array]:
-    """Times, states (2, n, k), time of the first touch (n,) and the rate there (n,)."""
+    """Times, states (2, n, k), time of first contact (n,) and angular velocity there (n,)."""
     backswing = shots.backswing
     for law, a in concealed:
         if law.start is not None:
@@ -136,7 +136,7 @@ def _fall(shots: Shots, concealed: Concealed) -> tuple[Array, Array, Array, Arra
 
 
 def collide(shots: Shots, omega: Array, concealed: Concealed) -> Any:
-    """Contact from the touch on; what it hands over at release."""
+    """The contact and the state at release."""
     n = len(shots)
     lever, stiffness = shots.length, shots.stiffness
     for law, a in concealed:

@@ -1,1 +1,1 @@
-"""The world in which physics is concealed."""
+"""First generator of concealed campaigns, independent of the package under test."""

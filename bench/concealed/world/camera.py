@@ -1,4 +1,4 @@
-"""How the concealed world's camera, clock and rulers err."""
+"""Errors of camera, clock and length scale in the concealed campaigns."""
 
 from dataclasses import dataclass
 
@@ -8,50 +8,50 @@ from bench.concealed.world.shots import Array
 
 __all__ = ["CameraFaults"]
 
-# Height of the picture in the ball's plane: a rolling shutter runs down it once a frame.
+# Height of the field of view in the ball's plane, read once per frame by a rolling shutter.
 VIEW_HEIGHT = 1.2
 LENS_RADIUS = 1.5
 
 
 @dataclass(frozen=True)
 class CameraFaults:
-    """Faults of one campaign's measurement; all zero is a perfect one."""
+    """Measurement errors of one campaign; all zero for none."""
 
     rate_error: float = 0.0
     """True capture rate is nominal * (1 + rate_error)."""
     scale_error: float = 0.0
-    """Lengths read (1 + scale_error) too long, about the world's origin."""
+    """Lengths are multiplied by 1 + scale_error about the origin."""
     roll: float = 0.0
-    """The picture is turned by this angle (rad, counter-clockwise) about (`pole_x`, `pole_y`)."""
+    """The image is rotated by this angle (rad, counter-clockwise) about (`pole_x`, `pole_y`)."""
     pole_x: float = 0.0
     pole_y: float = 0.0
     parallax: float = 0.0
     """The ball's image on the wall is enlarged by this fraction about `axis_foot`."""
     axis_foot: tuple[float, float] = (1.0, 0.6)
     lens: float = 0.0
-    """Radial distortion left over: radius grows by lens * (r / 1.5 m)^2 about `axis_foot`."""
+    """Residual radial distortion: radius grows by lens * (r / 1.5 m)^2 about `axis_foot`."""
     readout: float = 0.0
-    """Seconds that the rolling shutter needs from the top to the bottom of the view."""
+    """s; readout time of the rolling shutter over the height of the image."""
     origin: float = 0.0
     """Offset of the origin (m) along `origin_direction` (rad)."""
     origin_direction: float = 0.0
     gap_frames: float = 0.0
-    """Frames lost without the counter noticing, once in each trial."""
+    """Frames lost without a gap in the frame counter, once in each trial."""
     gap_instant: float = -1.0
-    """When, s after the first touch; negative for an instant of its own in each trial."""
+    """Time of the loss, s after first contact; negative for a random time in each trial."""
 
     def true_times(self, elapsed: Array, hiccup: float, nominal_fps: float) -> Array:
-        """True time (s after first touch) of samples `elapsed` s after it by the frame counter."""
+        """True time, s after first contact, of samples at counter times `elapsed` after it."""
         instant = hiccup if self.gap_instant < 0 else self.gap_instant
         late = self.gap_frames / nominal_fps * (elapsed > instant)
         return elapsed / (1 + self.rate_error) + late
 
     def row_delay(self, height: Array, rest_height: float) -> Array:
-        """Time (s) by which the row at `height` (m) is read after the one of the ball at rest."""
+        """Delay, s, of the row at `height` (m) relative to the row of the ball at rest."""
         return self.readout * (rest_height - height) / VIEW_HEIGHT
 
     def seen(self, place: Array) -> Array:
-        """Positions (n, 2) as read from the picture, without noise."""
+        """Positions (n, 2) as measured in the image, without noise."""
         foot = np.array(self.axis_foot)
         off_axis = place - foot
         off_axis = off_axis * (1 + self.parallax)

@@ -1,4 +1,4 @@
-"""A concealed amplitude in the words of the package's catalogue."""
+"""Convert a concealed amplitude to the catalogue's parameter."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -19,7 +19,7 @@ def _drag(hidden: Hidden, setup: Mapping[str, Any]) -> float:
 
 
 def _above_centre(hidden: Hidden, setup: Mapping[str, Any]) -> float:
-    # A face that meets the ball below its centre sends it up, which is positive here.
+    # A contact below the ball's centre launches it upwards, which is positive here.
     return -hidden.amplitude
 
 
@@ -27,7 +27,7 @@ def _gap(hidden: Hidden, setup: Mapping[str, Any]) -> float:
     return hidden.amplitude / float(setup["camera"]["capture_fps"])
 
 
-# By recipe name: recipes whose law differs from the catalogue's have no comparable parameter.
+# Recipes whose law differs from the catalogue's have no comparable parameter.
 PARAMETERS: dict[str, tuple[str, Callable[[Hidden, Mapping[str, Any]], float]]] = {
     "drag": ("drag_coefficient", _drag),
     "drag_crisis": ("coefficient_drop", _plain),
@@ -55,7 +55,7 @@ PARAMETERS: dict[str, tuple[str, Callable[[Hidden, Mapping[str, Any]], float]]] 
 
 
 def true_parameter(hidden: Hidden, setup: Mapping[str, Any]) -> tuple[str, float] | None:
-    """Name and true value of the catalogue parameter that carries a concealed amplitude."""
+    """Name and true value of the catalogue parameter for a concealed amplitude."""
     entry = PARAMETERS.get(hidden.name)
     if entry is None:
         return None

@@ -1,4 +1,4 @@
-"""The plan of a campaign: which shots are made, when frames are taken, how noisy they are."""
+"""Plan of a campaign: shots, frame times and noise."""
 
 from dataclasses import dataclass
 
@@ -27,7 +27,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class Timing:
-    """One trial's clock: label of the first frame, and where on the clock the first touch falls."""
+    """Clock of one trial: label of the first frame and of first contact."""
 
     first_label: float
     touch_label: float
@@ -36,7 +36,7 @@ class Timing:
 
 @dataclass(frozen=True)
 class Design:
-    """A campaign before anything is concealed in it."""
+    """A campaign without concealed effects."""
 
     lab: Lab
     ball_of_trial: tuple[int, ...]
@@ -53,11 +53,11 @@ class Design:
 
     @property
     def progress(self) -> Array:
-        """Place of each trial in the series, -0.5 to 0.5."""
+        """Position of each trial in the series, -0.5 to 0.5."""
         return np.linspace(-0.5, 0.5, len(self))
 
     def shots(self) -> Shots:
-        """The trials as the baseline has them."""
+        """The trials according to the baseline."""
         balls = [self.lab.balls[i] for i in self.ball_of_trial]
         return blank_shots(self.lab, balls, np.radians(self.backswing_deg))
 
@@ -111,7 +111,7 @@ def draw_design(rng: np.random.Generator, lab: Lab) -> Design:
 
 
 def frames_of(design: Design, trial: int, landing: float) -> tuple[Array, Array]:
-    """Times by the frame counter, s after first touch, of ball rows and of pendulum rows."""
+    """Times by the frame counter, s after first contact, of ball and pendulum rows."""
     timing, fps = design.timing[trial], design.fps
     start = timing.first_label - timing.touch_label
     last = max(landing, design.follow_seconds)

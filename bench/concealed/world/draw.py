@@ -1,4 +1,4 @@
-"""Campaigns from a seed: what is concealed, how strongly, in which laboratory."""
+"""Draw campaigns from a seed: laboratory, concealed effects and their strength."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -16,10 +16,10 @@ from bench.concealed.world.throws import draw_throws, perform_throws, throws_vis
 
 __all__ = ["GENERATOR", "KINDS", "drag_stays_positive", "draw_campaign", "kind_of", "level_of"]
 
-# Raised whenever campaigns of the same seed change, so that caches of old ones are not used.
+# Increased whenever the campaigns of a seed change, so that old caches are not used.
 GENERATOR = 5
 
-# Fifty campaigns in a row hold every kind in the wanted proportion.
+# Fifty consecutive campaigns contain every kind in the required proportion.
 KINDS = tuple(["null"] * 13 + ["single"] * 20 + ["pair"] * 6 + ["twins"] * 2 + ["outside"] * 9)
 LEVELS = {"weak": (3.0, 9.9), "medium": (15.0, 95.0), "strong": (150.0, 5000.0)}
 ALIKE = 6.0
@@ -31,7 +31,7 @@ def level_of(delta_chi2: float) -> str:
 
 
 def kind_of(seed: int, number: int) -> str:
-    """What kind of campaign `number` of a seed is."""
+    """Kind of campaign `number` of a seed."""
     block = np.random.default_rng([seed, number // len(KINDS), 7]).permutation(KINDS)
     return str(block[number % len(KINDS)])
 
@@ -56,10 +56,10 @@ def _wanted(rng: np.random.Generator, level: str) -> float:
 
 
 def _scaled(rng: np.random.Generator, design: Design, recipe: Recipe, target: float) -> Strength:
-    """The amplitude at which the baseline misses by `target`, within the recipe's limit."""
+    """Amplitude at which the baseline's misfit is `target`, within the recipe's limit."""
     sign, limit = int(rng.choice(recipe.signs)), recipe.limit
     if recipe.name == "drag" and sign < 0:
-        # Less drag than the baseline holds, but not less than none.
+        # Less drag than in the baseline, but not negative drag.
         limit = 0.9 * (design.lab.drag_coefficient or 0.0)
     strength = Strength(recipe, sign * recipe.unit, _constants(rng, recipe, design))
     for _ in range(2):
@@ -70,7 +70,7 @@ def _scaled(rng: np.random.Generator, design: Design, recipe: Recipe, target: fl
 
 
 def _signatures(design: Design) -> list[Strength]:
-    """Every catalogue effect, small, with the middle of its constants."""
+    """Every catalogue effect with a small amplitude and central constants."""
     return [
         Strength(r, r.unit, {name: (low + high) / 2 for name, (low, high) in r.constants.items()})
         for r in CATALOGUE.values()
@@ -99,20 +99,20 @@ def _hidden(strength: Strength, seen: Visibility, position: int, first_sign: int
 
 
 def _nearest(seen: Visibility, truth: list[int], first: int) -> float:
-    """What one or two catalogue effects at their best leave of the misfit."""
+    """Misfit left by the best one or two catalogue effects."""
     effects = range(first, len(seen.matrix))
     return min(seen.delta_chi2(truth, list(pair)) for pair in combinations(effects, 2))
 
 
 def drag_stays_positive(design: Design, chosen: Iterable[Strength]) -> bool:
-    """Whether what a pair takes from the drag leaves some of it at every speed."""
+    """Whether the drag of a pair stays positive at every speed."""
     taken = {"drag_coefficient": 1.0, "crisis_drop": -1.0}
     change = sum(taken.get(one.recipe.knob, 0.0) * one.amplitude for one in chosen)
     return (design.lab.drag_coefficient or 0.0) + change > 0.0
 
 
 def _pick_pair(rng: np.random.Generator, design: Design, ids: Iterable[str]) -> list[Strength]:
-    """Two strong effects, each of which the other can't stand in for."""
+    """Two strong effects, neither of which mimics the other."""
     pool = list(ids)
     picked: list[Strength] = []
     for _ in range(20):
@@ -149,7 +149,7 @@ def _choose(rng: np.random.Generator, kind: str, design: Design) -> list[Strengt
 def _draw_twins(rng: np.random.Generator, number: int, seed: int, folder: Path) -> Key:
     throws = draw_throws(rng)
     name = str(rng.choice(["time_base", "length_scale"]))
-    # The measured g is off by twice the clock's error, or once the ruler's.
+    # The relative error of measured g is twice the clock's or once the length scale's.
     per_amplitude = 2.0 if name == "time_base" else 1.0
     target, sign = float(np.exp(rng.uniform(np.log(60), np.log(3000)))), int(rng.choice([-1, 1]))
     amplitude = sign * 0.01 * np.sqrt(target / throws_visibility(throws, 0.01, per_amplitude))
@@ -164,9 +164,9 @@ def _draw_twins(rng: np.random.Generator, number: int, seed: int, folder: Path) 
 
 
 def draw_campaign(seed: int, number: int, folder: Path, keys: Path) -> Key:
-    """Campaign `number` of a seed: its files go to `folder`, its key to the folder `keys`.
+    """Write campaign `number` of a seed to `folder` and its key to the folder `keys`.
 
-    A campaign already drawn by this generator is left as it is.
+    A campaign already drawn by this generator is not changed.
     """
     key_file = keys / f"{number:04d}.json"
     if key_file.exists():

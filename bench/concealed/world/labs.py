@@ -1,4 +1,4 @@
-"""Laboratories of the concealed world: what pendulum, balls and air are, and what is known."""
+"""Laboratories of the concealed campaigns: pendulum, balls, air, known facts."""
 
 from dataclasses import dataclass, fields
 
@@ -15,7 +15,7 @@ OUTCOME_SPEEDS = (0.7, 1.0, 1.5, 2.0, 2.6, 3.2, 3.7, 4.2, 4.8)
 
 @dataclass(frozen=True)
 class Ball:
-    """A ball with its restitution law a*exp(b*v + c) + d and its force law in contact."""
+    """A ball with its restitution law a*exp(b*v + c) + d and its contact force law."""
 
     name: str
     mass: float
@@ -27,7 +27,7 @@ class Ball:
 
     @property
     def law_text(self) -> str:
-        """The law as a person types it."""
+        """The law as text."""
         a, b, c, d = self.law
         return f"{a:.4f}*exp({b:.4f}*v {'+' if c >= 0 else '-'} {abs(c):.4f}) + {d:.4f}"
 
@@ -59,7 +59,7 @@ def _stiffness(ball: Ball, lab: Lab) -> float:
     """Stiffness at which an undamped contact at 2 m/s lasts as long as the ball's contact time."""
     n = ball.force_exponent
     reduced = 1 / (1 / ball.mass + lab.length**2 / lab.inertia)
-    # Collision time = 2*I*deepest/v with deepest from the energy balance.
+    # Contact time = 2*I*d/v with the largest compression d from the energy balance.
     fraction = np.linspace(0, np.pi / 2, 2001)[:-1]
     sine = np.sin(fraction)
     period = 2 * np.trapezoid(np.cos(fraction) / np.sqrt(1 - sine ** (n + 1)), fraction)
@@ -68,7 +68,7 @@ def _stiffness(ball: Ball, lab: Lab) -> float:
 
 
 def blank_shots(lab: Lab, balls: list[Ball], backswing: Array) -> Shots:
-    """Shots of the bare baseline, one per ball and back-swing (rad)."""
+    """Shots of the baseline, one per ball and back-swing (rad)."""
     n = len(balls)
     given = {
         "mass": [b.mass for b in balls],
@@ -124,7 +124,7 @@ def _other_ball(rng: np.random.Generator, name: str) -> Ball:
 
 
 def draw_lab(rng: np.random.Generator, air_in_baseline: bool) -> Lab:
-    """The paper's laboratory in half of the draws, another of its kind in the others."""
+    """The laboratory of Ryu et al. in half of the draws, a similar one in the others."""
     drag = float(np.round(rng.uniform(0.4, 0.5), 2)) if air_in_baseline else None
     if rng.random() < 0.5:
         pool, length, inertia, mass, com, support = (
@@ -173,7 +173,7 @@ def _outcomes(lab: Lab, ball: Ball) -> tuple[Outcome, ...]:
 
 
 def lab_facts(lab: Lab, position_noise: float, angle_noise: float, fps: float) -> LabFacts:
-    """The lab as its setup file tells it, with the contact that its baseline expects."""
+    """Facts for the setup file, with the contact predicted by the baseline."""
     return LabFacts(
         balls={
             ball.name: BallFacts(

@@ -1,4 +1,4 @@
-"""Whole shots: swing, contact and flight joined on one clock that starts at the first touch."""
+"""Join swing, contact and flight on one clock that starts at first contact."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ __all__ = ["Motion", "move"]
 
 @dataclass(frozen=True)
 class Motion:
-    """Where ball and pendulum of each shot are at any time (s) after the first touch."""
+    """Positions of ball and pendulum of each shot at any time, s after first contact."""
 
     shots: Shots
     before: Path
@@ -25,16 +25,16 @@ class Motion:
 
     @property
     def release_time(self) -> Array:
-        """Release after the first touch, (n,)."""
+        """Release, s after first contact, (n,)."""
         return self.contact.release_time
 
     @property
     def landing_time(self) -> Array:
-        """Landing after the first touch, (n,)."""
+        """Landing, s after first contact, (n,)."""
         return self.contact.release_time + self.flight_time
 
     def ball(self, time: Array, body: int) -> Array:
-        """Ball's centre (len(time), 2) of one shot."""
+        """Centre of the ball (len(time), 2) in one shot."""
         released = self.release_time[body]
         rest = [0.0, self.shots.support_height[body] + self.shots.radius[body]]
         place = np.tile(rest, (len(time), 1))
@@ -57,7 +57,7 @@ class Motion:
 
 
 def move(shots: Shots, follow: float = 0.2) -> Motion:
-    """Integrate all shots; the pendulum is followed for `follow` seconds after release."""
+    """Integrate all shots; the pendulum for `follow` seconds after release."""
     before, touch = swing_down(shots)
     contact = collide(shots, before.each_at(touch)[:, 1])
     after = swing_on(shots, contact.release[:, :2], follow)

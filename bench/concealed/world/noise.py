@@ -1,4 +1,4 @@
-"""Noise, outliers and lost rows of the concealed world's tracks."""
+"""Noise, outliers and lost rows of the concealed campaigns."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ def disturb(
 ) -> Array:
     """`clean` (n, channels) with white and correlated noise of total `sigma`, and outliers.
 
-    An outlier is a wrong detection: all channels of the row are off together.
+    An outlier is a wrong detection: all channels of the row are displaced together.
     """
     n, channels = clean.shape
     share = noise.correlated_share
@@ -32,7 +32,7 @@ def disturb(
 
 
 def kept_rows(rng: np.random.Generator, rows: int, noise: Noise) -> np.ndarray:
-    """Which rows were found: single losses, and now and then a stretch behind something."""
+    """Mask of detected rows: single losses and a few occlusions."""
     kept = rng.random(rows) >= noise.missing
     if noise.missing > 0 and rng.random() < 0.2:
         start = int(rng.integers(rows))

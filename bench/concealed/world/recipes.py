@@ -1,4 +1,4 @@
-"""What can be concealed in a campaign: every catalogue id, and forces that are in no catalogue."""
+"""Effects that can be concealed: every catalogue id, and forces in no catalogue."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -15,10 +15,10 @@ CAMERA_FIELDS = {f.name for f in fields(CameraFaults)}
 
 @dataclass(frozen=True)
 class Recipe:
-    """One thing to conceal: which knob it turns, how far, and where its trace should be found.
+    """One effect to conceal: its parameter, range, phase and direction.
 
-    `unit` is a small setting for finite differences, `limit` the largest a lab could have.
-    `channels` are the answers to "in which direction?" that count as right.
+    `unit` is a small value for finite differences, `limit` the largest plausible one.
+    `channels` are the directions that count as right.
     """
 
     name: str
@@ -35,7 +35,7 @@ class Recipe:
 
 @dataclass(frozen=True)
 class Strength:
-    """A recipe with its drawn constants and its amplitude in the knob's unit."""
+    """A recipe with its drawn constants and its amplitude in the parameter's unit."""
 
     recipe: Recipe
     amplitude: float
@@ -127,7 +127,7 @@ UNNAMED: dict[str, Recipe] = {
     )
 }  # fmt: skip
 
-# What the foreign simulator is known to conceal: campaigns of its kind decide.
+# Effects that the independent simulator is known to conceal.
 FOREIGN_KIND = (
     "drag", "magnus", "drag_crisis", "buoyancy", "wind", "oblique_impact", "support_friction",
     "support_recoil", "support_recoil_up", "velocity_dependent_cor", "effective_mass",
@@ -138,7 +138,7 @@ FOREIGN_KIND = (
 
 
 def apply(strengths: list[Strength], shots: Shots, progress: Array) -> tuple[Shots, CameraFaults]:
-    """Shots and camera with everything in `strengths` at work.
+    """Shots and camera with all effects in `strengths`.
 
     `progress` runs from -0.5 at the first trial to 0.5 at the last: the ball ages with it.
     """

@@ -1,6 +1,6 @@
-"""A shot of the concealed world: bodies, nuisances and concealed effects, one array each.
+"""Parameters of a batch of shots: bodies, nuisances, concealed effects.
 
-Nothing here is shared with the package under test: that independence is the point of the proof.
+No code is shared with the package under test, so that the proof is independent.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Shots:
-    """Shots to be integrated side by side; every field has shape (n,), SI, angles in rad.
+    """A batch of shots; every field has shape (n,), SI, angles in rad.
 
     x right from the ball's centre at rest, y up from the floor, angles from the lowest point.
     """
@@ -39,7 +39,7 @@ class Shots:
     cor_b: Array
     cor_c: Array
     cor_d: Array
-    # what repeats imperfectly
+    # trial-to-trial variation
     backswing: Array
     cor_extra: Array
     tilt_extra: Array

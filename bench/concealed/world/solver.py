@@ -1,4 +1,4 @@
-"""Classical Runge-Kutta for many bodies at once, with Hermite interpolation between steps."""
+"""Classical Runge-Kutta for a batch of bodies with Hermite interpolation."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -62,9 +62,9 @@ def integrate(
     steps: int,
     finished: Callable[[Array, Array], bool] | None = None,
 ) -> Path:
-    """March `start` (n, k) by `steps` steps of each body's own size (n,).
+    """Integrate `start` (n, k) by `steps` steps of size (n,), one size per body.
 
-    `finished(time, state)` ends the march early; it must hold for all bodies at once.
+    `finished(time, state)` ends the integration when it is true for all bodies.
     """
     states, rates = [start], [rate(np.zeros_like(step), start)]
     wide = step[:, None]
@@ -81,11 +81,11 @@ def integrate(
 
 
 def first_crossing(path: Path, value: Callable[[Array], Array], after: int = 1) -> Array:
-    """Time (n,) at which `value(state)` first rises through zero, looking from step `after` on."""
+    """Time (n,) at which `value(state)` first rises through zero after step `after`."""
     values = value(path.state)
     rising = (values[after:-1] < 0) & (values[after + 1 :] >= 0)
     if not rising.any(axis=0).all():
-        raise ArithmeticError("a body never reaches the event looked for")
+        raise ArithmeticError("a body does not reach the event")
     index = rising.argmax(axis=0) + after
     low, high = index * path.step, (index + 1) * path.step
     for _ in range(44):

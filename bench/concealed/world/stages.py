@@ -1,4 +1,4 @@
-"""Swing, contact and flight of the concealed world: its own force laws."""
+"""Force laws and integration of swing, contact and flight."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ GUST_EDGE = 0.004
 
 
 def _torque(shots: Shots, angle: Array, speed: Array) -> Array:
-    """Torque on the pendulum about its axis, N m; dry friction is smoothed below a millirad/s."""
+    """Torque on the pendulum about its axis, N m; dry friction is smoothed below 1 mrad/s."""
     notch = (angle - shots.notch_angle) / shots.notch_width
     return (
         -shots.pendulum_mass * shots.gravity * shots.com * np.sin(angle)
@@ -32,7 +32,7 @@ def _swing_rate(shots: Shots, state: Array) -> Array:
 
 
 def swing_down(shots: Shots) -> tuple[Path, Array]:
-    """Swing from rest at the back-swing to the first touch: the path and the time of touch."""
+    """Swing from rest at the back-swing to first contact: trajectory and contact time."""
     start = np.stack([-shots.backswing, np.full(len(shots), 1e-9)], axis=1)
     path = integrate(
         lambda _, state: _swing_rate(shots, state),
@@ -60,7 +60,7 @@ def cor_target(shots: Shots, impact_speed: Array) -> Array:
 
 @dataclass(frozen=True)
 class Contact:
-    """Path of (angle, speed, x, y, vx, vy) while face and ball touch, and how it ends."""
+    """Trajectory of (angle, rate, x, y, vx, vy) during contact, and its final state."""
 
     path: Path
     release_time: Array
@@ -70,7 +70,7 @@ class Contact:
 
 
 def _anchor(shots: Shots, arm: Array, angle: Array) -> Array:
-    """Middle of the striking face from the pivot, (2, n)."""
+    """Centre of the striking face relative to the pivot, (2, n)."""
     return np.stack(
         [
             arm * np.sin(angle) + shots.face_offset * np.cos(angle),
@@ -84,7 +84,7 @@ def _geometry(shots: Shots, state: Array) -> tuple[Array, Array, Array, Array]:
     arm = shots.length * (1 + shots.arm_error)
     tilt = shots.tilt_extra + np.arcsin(shots.off_centre / shots.radius)
     first, angle, speed = shots.contact_angle, state[..., 0], state[..., 1]
-    # The face is anchored on the arm and tilted about its anchor, so that the first touch stays.
+    # The face is tilted about its anchor on the arm, so that first contact does not move.
     normal = np.stack([np.cos(angle + tilt), np.sin(angle + tilt)])
     anchor = _anchor(shots, arm, angle)
     touch = _anchor(shots, arm, first) + shots.radius * np.stack(
@@ -120,7 +120,7 @@ def _contact_rate(shots: Shots, damping: Array, stiffness: Array, state: Array) 
 def _touch(shots: Shots, damping: Array, start: Array) -> Contact:
     impact_speed = start[:, 1] * shots.length * (1 + shots.arm_error)
     reduced = 1 / (1 / shots.mass + shots.length**2 / shots.inertia)
-    # A stretched contact is a softer ball: time goes as stiffness to -1/(exponent + 1).
+    # A longer contact is a softer ball: time scales as stiffness^(-1/(exponent + 1)).
     stiffness = shots.stiffness / (1 + shots.contact_stretch) ** (shots.force_exponent + 1)
     deepest = ((shots.force_exponent + 1) * reduced * impact_speed**2 / (2 * stiffness)) ** (
         1 / (shots.force_exponent + 1)
@@ -162,12 +162,12 @@ def collide(shots: Shots, touch_speed: Array) -> Contact:
 
 
 def _after_losses(shots: Shots, contact: Contact, touch_speed: Array) -> Contact:
-    """What a yielding pivot and a yielding ball stand take away at release."""
+    """Loss at release to a compliant pivot and a compliant support."""
     release = contact.release.copy()
     release[:, 1] -= shots.pivot_loss * (touch_speed - release[:, 1])
     release[:, 1] *= 1 - shots.shared_loss
     release[:, 4:6] *= ((1 - shots.support_loss) * (1 - shots.shared_loss))[:, None]
-    # The kick is spread over the contact: half of it has already moved the ball at release.
+    # The impulse is spread over the contact: half of it has already moved the ball at release.
     kick = shots.support_kick * contact.impact_speed
     release[:, 3] += 0.5 * kick * contact.release_time
     release[:, 5] += kick
@@ -210,7 +210,7 @@ def _uncatalogued(shots: Shots, time: Array, state: Array) -> Array:
 
 
 def fly(shots: Shots, start: Array, longest: float = 3.0) -> tuple[Path, Array]:
-    """Flight from `start` (n, 4) until the ball's lowest point meets the floor: path and time."""
+    """Flight from `start` (n, 4) to the floor: trajectory and time."""
 
     def rate(time: Array, state: Array) -> Array:
         force = flight_force(shots, time, state) / shots.mass[:, None]

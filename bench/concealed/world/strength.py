@@ -1,7 +1,7 @@
-"""How visible a concealed effect is: likelihood ratio of truth to refitted baseline, linearised.
+"""Strength of a concealed effect as a linearised likelihood ratio.
 
-The baseline may refit each trial's back-swing, restitution, launch angle and clock, and each ball's
-restitution and launch-angle offsets, all but the clock within the scatter that the lab states.
+The baseline refits each trial's back-swing, restitution, launch angle and clock, and each ball's
+restitution and launch-angle offsets, all but the clock within the stated standard deviations.
 """
 
 from dataclasses import dataclass, replace
@@ -20,7 +20,7 @@ CLOCK_STEP = 1e-5
 
 @dataclass(frozen=True)
 class Scatter:
-    """Trial-to-trial scatter (one sigma, SI) that labs of this kind state and have."""
+    """Trial-to-trial standard deviations, SI, both true and stated in the setup file."""
 
     backswing: float = float(np.radians(0.2))
     cor: float = 0.005
@@ -39,7 +39,7 @@ class Visibility:
     matrix: Array
 
     def delta_chi2(self, chosen: list[int], against: list[int] | None = None) -> float:
-        """Misfit left when effects `chosen` act and the model may add those in `against`."""
+        """Misfit left when effects `chosen` are present and the model fits those in `against`."""
         total = np.ones(len(chosen)) @ self.matrix[np.ix_(chosen, chosen)] @ np.ones(len(chosen))
         if not against:
             return float(total)
@@ -80,7 +80,7 @@ def _whitened(
         (ball + shift, pendulum + shift),
     )
     noise = design.noise
-    # Correlated noise hides slow signals as much as white noise of this larger size would.
+    # For slow signals, correlated noise is equivalent to white noise of this larger size.
     memory = max(2 * noise.correlation_time * design.fps - 1, 0.0)
     widened = np.sqrt(1 + noise.correlated_share * memory)
     return np.concatenate(
@@ -89,7 +89,7 @@ def _whitened(
 
 
 def visibility(design: Design, effects: list[Strength]) -> Visibility:
-    """Information of each effect in `effects`, at its amplitude, about itself and the others."""
+    """Information matrix of the effects in `effects` at their amplitudes."""
     nuisances = [("backswing", 1e-4), ("cor_extra", 1e-4), ("tilt_extra", 1e-4)]
     physical = [[effect] for effect in effects if effect.recipe.knob != "ageing"]
     shots, cell, cells = _variants(design, [[], *physical])

@@ -1,4 +1,4 @@
-"""Free throws without air: a wrong clock and a wrong ruler are the same there, exactly."""
+"""Throws without drag: clock and scale errors are indistinguishable."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,7 @@ FPS = 240.0
 
 @dataclass(frozen=True)
 class Throws:
-    """Parabolas of a steel ball: place and velocity at the first frame, frames, noise."""
+    """Parabolas of a steel ball: position and velocity at the first frame, frames, noise."""
 
     start: Array
     velocity: Array
@@ -35,7 +35,7 @@ def draw_throws(rng: np.random.Generator) -> Throws:
 
 
 def throws_visibility(throws: Throws, amplitude: float, per_amplitude: float) -> float:
-    """Misfit of g alone being wrong by `amplitude * per_amplitude`, start and velocity refitted."""
+    """Misfit of g with a relative error `amplitude * per_amplitude` after refitting the start."""
     total = 0.0
     for frames in throws.frames:
         t = np.arange(frames) / FPS
@@ -48,7 +48,7 @@ def throws_visibility(throws: Throws, amplitude: float, per_amplitude: float) ->
 def perform_throws(
     rng: np.random.Generator, throws: Throws, rate_error: float, scale_error: float, folder: Path
 ) -> None:
-    """Write the throws as a camera with that clock and that ruler saw them."""
+    """Write the throws as recorded with that clock and length scale."""
     tables = []
     for trial, frames in enumerate(throws.frames):
         label = np.arange(frames) / FPS

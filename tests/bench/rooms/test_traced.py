@@ -1,4 +1,4 @@
-"""What the truth beside traced clips rests on: laws of mechanics and of perspective."""
+"""Mechanics and perspective of the path-traced rooms."""
 
 import math
 from dataclasses import replace
@@ -26,7 +26,7 @@ RIG = Rig(
 )
 
 
-def test_without_loss_momentum_and_energy_are_kept() -> None:
+def test_without_loss_momentum_and_energy_are_conserved() -> None:
     strike = strike_of(RIG)
     assert strike.cor == pytest.approx(1.0, abs=0.02)
     given = RIG.effective_mass * (strike.before - strike.after)
@@ -40,7 +40,7 @@ def test_a_loss_lowers_the_coefficient_of_restitution() -> None:
     assert 0.5 < lossy[1] < lossy[0] < 0.97
 
 
-def test_the_mass_comes_down_from_its_backswing() -> None:
+def test_the_impact_speed_follows_from_the_backswing() -> None:
     strike = strike_of(RIG)
     centre = 0.83 * RIG.length
     drop = centre * (math.cos(RIG.touch) - math.cos(RIG.backswing))
@@ -50,7 +50,7 @@ def test_the_mass_comes_down_from_its_backswing() -> None:
     assert early == pytest.approx(RIG.touch - 0.05 * rate, abs=0.02)
 
 
-def test_outline_is_that_of_rays_that_graze_the_sphere() -> None:
+def test_the_outline_is_that_of_rays_tangent_to_the_sphere() -> None:
     aside = math.radians(20.0)
     forward = np.array([math.sin(aside), 0.0, -math.cos(aside)])
     right = np.array([math.cos(aside), 0.0, math.sin(aside)])

@@ -50,12 +50,12 @@ def test_axis_and_play_of_an_encoder_are_told_beside_its_bearing(known):
     rubbed = _fitted(known, "bearing_friction")
     assert rubbed.fit.ending is Ending.CONVERGED
     assert rubbed.reduced_chi2 < 1.2
-    axis, doubt = _found(rubbed.fit, "pivot_x")
-    assert axis == pytest.approx(ENCODER.beside * ENCODER.stated_length, abs=4.0 * doubt)
-    assert axis > 10.0 * doubt
-    play, doubt = _found(rubbed.fit, "lag")
-    assert play == pytest.approx(ENCODER.play, abs=4.0 * doubt)
-    assert play > 4.0 * doubt
+    axis, std = _found(rubbed.fit, "pivot_x")
+    assert axis == pytest.approx(ENCODER.encoder_offset * ENCODER.stated_length, abs=4.0 * std)
+    assert axis > 10.0 * std
+    play, std = _found(rubbed.fit, "lag")
+    assert play == pytest.approx(ENCODER.play, abs=4.0 * std)
+    assert play > 4.0 * std
 
 
 def test_a_bearing_that_does_not_repeat_is_told_release_by_release(known):
@@ -64,8 +64,8 @@ def test_a_bearing_that_does_not_repeat_is_told_release_by_release(known):
     true = np.array(ENCODER.of_each)
     assert factors / factors.mean() == pytest.approx(true / true.mean(), abs=4e-3)
     inertia = 0.25 * ENCODER.stated_length**2
-    torque, doubt = _found(rubbed.fit, "dry_torque")
-    assert torque == pytest.approx(ENCODER.dry * inertia, abs=3.0 * doubt)
+    torque, std = _found(rubbed.fit, "dry_torque")
+    assert torque == pytest.approx(ENCODER.dry * inertia, abs=3.0 * std)
 
 
 def test_shares_of_the_releases_are_of_what_they_lose_on_average(known):
@@ -83,7 +83,7 @@ def test_a_good_encoder_and_a_bearing_that_repeats_are_left_alone(tmp_path):
 
 def test_what_no_instrument_is_off_by_is_none(tmp_path):
     """Eight times what labs have is another thing, which no fit beside any losses may take up."""
-    known = _prepared(tmp_path, replace(ENCODER, beside=0.08))
+    known = _prepared(tmp_path, replace(ENCODER, encoder_offset=0.08))
     assert not any(isinstance(one, PivotElsewhere) for one in known.forward.baseline.instruments)
 
 
