@@ -15,7 +15,6 @@ from pathlib import Path
 from bench.concealed.answer import Answer, answer_from_json
 from bench.concealed.calibration import claims_of, draw_reliability
 from bench.concealed.campaign import Key, read_key
-from bench.concealed.damaged import damaged_section, read_outcomes
 from bench.concealed.engine import engine_answer, engine_version
 from bench.concealed.filmed.section import section
 from bench.concealed.foreign import convert_all, foreign_key
@@ -145,13 +144,6 @@ def _options() -> argparse.Namespace:
         help="add the section that `python -m bench.concealed.filmed.pixels` wrote to this folder",
     )
     parser.add_argument(
-        "--damaged",
-        type=Path,
-        default=None,
-        metavar="FOLDER",
-        help="add the section on the outcomes that `python -m bench.concealed.damaged` wrote here",
-    )
-    parser.add_argument(
         "--real", type=Path, default=ROOT.parent / "shared" / "realdata", help="real recordings"
     )
     parser.add_argument("--no-real", action="store_true", help="skip the real recordings")
@@ -246,8 +238,7 @@ def main() -> None:
     if output is None and options.campaigns >= WHOLE_PROOF and options.world is World.OWN:
         output = ROOT / "docs" / "proof.md"
     reliability = _reliability(output, [s.judgement for s in (*theirs, *second)])
-    damaged = [] if options.damaged is None else damaged_section(read_outcomes(options.damaged))
-    text = proof_text(own, theirs, asked, real, pixels, second, reliability, damaged)
+    text = proof_text(own, theirs, asked, real, pixels, second, reliability)
     if output is None:
         print(text)
     else:

@@ -1,6 +1,5 @@
 """Convert campaigns of an independent simulator to the engine's input and keys."""
 
-import argparse
 import json
 import shutil
 from pathlib import Path
@@ -147,16 +146,3 @@ def foreign_key(path: Path) -> Key:
     )
     kind = {"none": "null"}.get(raw["kind"], raw["kind"])
     return Key(raw["case"], 0, kind, raw["level"], total, None, (), effects, trials)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("source", type=Path, help="folder of foreign campaigns (NN/public.json)")
-    parser.add_argument("target", type=Path, help="folder for the converted campaigns")
-    options = parser.parse_args()
-    for folder in convert_all(options.source, options.target):
-        print(folder)
-
-
-if __name__ == "__main__":
-    main()

@@ -382,9 +382,8 @@ def proof_text(
     pixels: Sequence[str] = (),
     second: Sequence[Scored] = (),
     reliability: str = "",
-    damaged: Sequence[str] = (),
 ) -> str:
-    """The page in Markdown; `real`, `pixels` and `damaged` are the lines of those sections.
+    """The page in Markdown; `real` and `pixels` are the lines of those sections.
 
     `reliability` is the link to the reliability diagram, if there is one.
     """
@@ -425,9 +424,6 @@ def proof_text(
             }
         ),
         *calibration_section([s.judgement for s in (*foreign, *second)], reliability),
-        "## Damaged campaigns",
-        "",
-        *(damaged or ["Not requested.", ""]),
         "## From pixels",
         "",
         *(pixels or ["Not rendered for this page.", ""]),

@@ -2,7 +2,7 @@
 
 import pytest
 
-from bench.concealed.damaged import DAMAGES, SOUND, Outcome, damaged_section, explained
+from bench.concealed.damaged import DAMAGES, SOUND, Outcome, explained
 
 REFUSED = {
     "samples shuffled within each trial": "do not follow one another",
@@ -39,13 +39,10 @@ def test_a_damage_without_effect_is_detected(tmp_path):
     assert not DAMAGES["noise alone"](files).like(files)
 
 
-def test_confident_names_and_tracebacks_are_counted():
-    good = Outcome(2, "refused", {}, "", 0.1)
-    sure = Outcome(0, "explained", {"drag": 0.9}, "", 0.1)
-    wild = Outcome(1, "refused", {}, "", 0.1, "ValueError()")
-    text = "\n".join(damaged_section({"thrown": {"a": good, "b": sure, "c": wild}}))
-    assert "3 damaged campaigns" in text
-    assert "1 tracebacks, 1 names" in text
+def test_confident_names_and_tracebacks_are_failures():
+    assert Outcome(2, "refused", {}, "").fails == ""
+    assert Outcome(0, "explained", {"drag": 0.9}, "").fails == "confident name"
+    assert Outcome(1, "refused", {}, "", "ValueError()").fails == "traceback"
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Small campaigns made with the forward model, for tests of the machinery around it."""
+"""Small campaigns simulated with the forward model."""
 
 import math
 from dataclasses import replace
@@ -49,7 +49,7 @@ def struck_campaign(
     noise: float = 1e-3,
     scattered: bool = True,
 ) -> tuple[CampaignRecords, Baseline]:
-    """Shots with scatter, a clock of their own each, and whatever effects are added."""
+    """Shots with trial-to-trial variation, individual clocks and the added effects."""
     rng = np.random.default_rng(seed)
     baseline = jokku_baseline()
     ball_time = np.arange(138, 390) / 600.0

@@ -1,4 +1,4 @@
-"""What the engine says of files that are wrong, thin or contradictory: never a confident name."""
+"""Wrong, scarce or contradictory data give no confident name."""
 
 from dataclasses import replace
 
@@ -22,13 +22,13 @@ def confident(verdict) -> list[str]:
     return [effect.id for effect in verdict.effects if effect.probability > 0.95]
 
 
-def test_one_blameless_trial_names_nothing():
+def test_one_trial_without_missing_physics_names_nothing():
     campaign, baseline = thrown_campaign()
     verdict = explain(CampaignRecords(campaign.trials[:1]), baseline)
     assert not confident(verdict)
 
 
-def test_one_throw_is_never_explained_by_a_law_without_a_name_or_by_two_strengths():
+def test_one_throw_gives_neither_an_unnamed_law_nor_two_effects():
     campaign, baseline = thrown_campaign(scale=1.05)
     verdict = explain(CampaignRecords(campaign.trials[:1]), baseline)
     assert "unnamed" not in [effect.id for effect in verdict.effects]
@@ -37,7 +37,7 @@ def test_one_throw_is_never_explained_by_a_law_without_a_name_or_by_two_strength
 
 
 @pytest.mark.parametrize("make", [thrown_campaign, struck_campaign])
-def test_trials_that_are_copies_of_one_are_no_further_evidence_of_anything(make):
+def test_copies_of_one_trial_are_no_further_evidence(make):
     campaign, baseline = make(seed=3)
     one = campaign.trials[0]
     copies = tuple(replace(one, name=str(index)) for index in range(4))
@@ -46,8 +46,8 @@ def test_trials_that_are_copies_of_one_are_no_further_evidence_of_anything(make)
     assert any("trial 1, 2, 3 recorded repeats other trials" in note for note in verdict.notes)
 
 
-def test_a_free_swings_period_blames_neither_clock_nor_law():
-    """Swings of a rig that is 12 % slower than its setup says: nothing tells why."""
+def test_the_period_of_free_swings_names_neither_clock_nor_law():
+    """Swings 12 % slower than the setup predicts; the cause is undetermined."""
     body = PAPER_PENDULUM
     rate = 0.88 * np.sqrt(body.mass * GRAVITY * body.com / body.inertia)
     generator = np.random.default_rng(5)
@@ -81,13 +81,13 @@ def test_a_setup_that_contradicts_the_data_is_refused():
         explain(CampaignRecords(wrong), baseline)
 
 
-def test_paths_of_another_size_are_a_wrong_unit_only_where_all_of_them_are():
-    """How far a refitted baseline runs away hangs on rounding; which trials it leaves does not."""
+def test_scaled_trajectories_are_a_wrong_unit_only_in_all_trials():
+    """How far the refitted baseline diverges depends on rounding; in which trials does not."""
     campaign, baseline = struck_campaign(seed=3)
     prepared = prepare(campaign, baseline)
 
     def refuse(*scales: float) -> None:
-        """With paths of so many times their size, and the baseline as it fits the true ones."""
+        """Check trajectories scaled by these factors against the baseline of the true ones."""
         forward = prepared.forward
         position = np.array(scales)[:, None, None] * forward.records.position
         records = replace(forward.records, position=position)
@@ -100,7 +100,7 @@ def test_paths_of_another_size_are_a_wrong_unit_only_where_all_of_them_are():
         refuse(*[1000.0] * 8)
 
 
-def test_a_setup_with_a_wrong_pendulum_makes_no_name_sure():
+def test_a_wrong_pendulum_in_the_setup_gives_no_confident_name():
     campaign, baseline = struck_campaign(seed=3)
     heavy = replace(baseline.pendulum, inertia=1.5 * baseline.pendulum.inertia)
     verdict = explain(campaign, replace(baseline, pendulum=heavy))
@@ -182,7 +182,7 @@ def test_a_clock_that_jumps_ahead_in_every_trial_is_refused():
         explain(CampaignRecords(tuple(jumping)), baseline)
 
 
-def test_a_hole_in_a_flight_is_no_jump_of_its_clock():
+def test_a_gap_in_a_flight_is_no_jump_of_its_clock():
     campaign, _ = struck_campaign(seed=3)
     holed = []
     for trial in campaign.trials:
@@ -192,7 +192,7 @@ def test_a_hole_in_a_flight_is_no_jump_of_its_clock():
     assert len(kept.trials) == len(holed)
 
 
-def test_a_misfit_without_a_place_or_a_name_is_not_called_nothing():
+def test_a_misfit_without_location_or_name_is_unexplained():
     campaign, baseline = struck_campaign(seed=3, trials=5)
     odd = tuple(
         replace(
@@ -219,7 +219,7 @@ def test_a_ball_table_without_a_number_is_no_free_swing():
         explain(CampaignRecords(empty), baseline)
 
 
-def test_a_stated_uncertainty_is_tested_not_believed():
+def test_a_stated_uncertainty_is_tested():
     campaign, baseline = thrown_campaign()
     for factor in (1 / 3, 3.0):
         sigma = prepare(campaign, baseline).noise.sigma[0, 0]
@@ -242,7 +242,7 @@ def test_too_few_rows_in_each_trial_are_refused():
         explain(CampaignRecords(few), baseline)
 
 
-def test_no_law_is_believed_at_a_size_that_nobody_meets():
+def test_implausible_parameter_values_are_rejected():
     rate = CATALOGUE["time_base"][0].parameters[0]
     scale = CATALOGUE["length_scale"][0].parameters[0]
     assert rate.believable(0.03)
@@ -254,7 +254,7 @@ def test_no_law_is_believed_at_a_size_that_nobody_meets():
 
 
 @pytest.mark.slow
-def test_a_measured_calibration_narrows_what_the_ruler_may_be_blamed_for():
+def test_a_measured_calibration_narrows_the_length_scale():
     campaign, baseline = thrown_campaign(scale=1.03)
     free = explain(campaign, baseline)
     held = explain(

@@ -27,12 +27,12 @@ def with_groups(verdict) -> set[str]:
 
 
 @pytest.fixture(scope="module")
-def blameless():
+def clean():
     return struck_campaign(seed=3)
 
 
-def test_nothing_is_named_where_nothing_is_missing(blameless):
-    verdict = explain(*blameless)
+def test_nothing_is_named_when_nothing_is_missing(clean):
+    verdict = explain(*clean)
     assert verdict.verdict == "no_mismatch"
     assert verdict.effects == ()
     assert verdict.location is None
@@ -40,8 +40,8 @@ def test_nothing_is_named_where_nothing_is_missing(blameless):
     assert 0.9 < verdict.baseline_chi2_per_dof < 1.1
 
 
-def test_the_refitted_baseline_fits_to_the_noise_and_finds_the_clocks(blameless):
-    campaign, baseline = blameless
+def test_the_refitted_baseline_fits_to_the_noise_and_finds_the_clocks(clean):
+    campaign, baseline = clean
     prepared = prepare(campaign, baseline)
     assert prepared.fit.chi2 / prepared.fit.count == pytest.approx(1.0, abs=0.06)
     assert np.all(np.abs(prepared.fit.nuisance[:, 0] - 0.24) < 2e-3)
@@ -69,7 +69,7 @@ def test_a_strong_effect_is_named_with_its_strength(name, values):
     early, late = verdict.held_out.extrapolation_before, verdict.held_out.extrapolation_after
     low, high = verdict.held_out.extrapolation_95
     assert low < early / late < high
-    # What acts in flight, or its clock, foretells the rest of it; each launch is its own anyway.
+    # Effects in flight and of the clock predict the later flight; launches vary individually.
     assert (low > 1.5) is (name in ("magnus", "time_base"))
 
 
@@ -96,7 +96,7 @@ def test_time_and_length_of_free_flights_are_one_group_with_a_measurement():
 
 
 @pytest.mark.slow
-def test_a_users_effect_takes_part():
+def test_a_users_effect_is_a_candidate():
     class Tug(Effect):
         def force(self, values, flight):
             nothing = np.zeros_like(np.asarray(flight.vx))
@@ -128,7 +128,7 @@ def test_an_effect_that_returns_nan_is_refused():
         explain(campaign, baseline, options=Options(effects=(broken,)))
 
 
-def test_three_points_are_too_little():
+def test_three_points_are_too_few():
     _, baseline = thrown_campaign()
     time = np.array([0.0, 0.1, 0.2])
     trial = Trial("a", time, np.zeros((3, 3)), np.zeros(0), np.zeros(0))
@@ -136,14 +136,14 @@ def test_three_points_are_too_little():
         explain(CampaignRecords((trial,)), baseline)
 
 
-def test_held_out_trials_must_exist(blameless):
-    campaign, baseline = blameless
+def test_held_out_trials_must_exist(clean):
+    campaign, baseline = clean
     with pytest.raises(TooLittleDataError, match="99"):
         explain(campaign, baseline, options=Options(hold_out=("99",)))
 
 
-def test_millimetres_and_swapped_columns_are_refused(blameless):
-    campaign, baseline = blameless
+def test_millimetres_and_swapped_columns_are_refused(clean):
+    campaign, baseline = clean
     wide = tuple(replace(t, position=1000.0 * t.position) for t in campaign.trials)
     with pytest.raises(UsageError, match="metres"):
         explain(CampaignRecords(wide), baseline)
@@ -158,8 +158,9 @@ def test_a_fall_in_millimetres_is_refused():
         explain(campaign, baseline)
 
 
-def test_air_that_thins_goes_before_a_wrong_form_of_drag():
-    """One coast of a rocket, where height and speed go together: only nature tells them apart."""
+@pytest.mark.slow
+def test_decreasing_density_is_preferred_to_a_wrong_form_of_drag():
+    """One rocket coast: height and speed are correlated, so only priors separate the two."""
     mass, diameter, drag, height = 20.0, 0.15, 0.45, 9500.0
 
     def rate(_: float, state: np.ndarray) -> list[float]:

@@ -1,4 +1,4 @@
-"""Flights as other labs record them: instruments a little off, and a drag that nobody measured."""
+"""Flights with small instrument errors and an unmeasured drag."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ GRAVITY = 9.806
 
 
 def flights(across=0.0, along=0.0, turned=0.0, stretched=1.0, noise=1e-3, seed=3, spatial=False):
-    """Throws of a tennis ball: m/s² per m/s across and along the velocity, a frame that is off."""
+    """Throws of a tennis ball with forces normal to and along the velocity, and frame errors."""
     rng = np.random.default_rng(seed)
     cosine, sine = np.cos(turned), np.sin(turned)
     frame = stretched * np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
@@ -47,43 +47,45 @@ def tennis(**given):
 DEFAULT_DRAG = {"drag": {"drag_coefficient": Defaults.DRAG_COEFFICIENT.known}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "assumed",
     [
-        pytest.param({}, marks=pytest.mark.slow, id="no drag"),
+        pytest.param({}, id="no drag"),
         pytest.param({"effects": DEFAULT_DRAG, "unmeasured": frozenset({"drag"})}, id="unmeasured"),
     ],
 )
-def test_a_force_across_the_velocity_in_a_vacuum_is_no_lift_of_the_air(assumed):
-    # Lift in proportion to the speed is written alike, but air that lifts resists as well.
+def test_a_force_normal_to_the_velocity_in_a_vacuum_is_no_lift(assumed):
+    # A lift proportional to the speed has the same form, but comes with drag.
     verdict = explain(flights(across=0.15), tennis(**assumed))
     assert [effect.id for effect in verdict.effects] == ["unnamed"]
     assert verdict.location.phase == "flight"
 
 
-def test_a_drag_that_nobody_measured_and_nothing_shows_is_found_to_be_none():
+def test_an_assumed_drag_that_is_absent_is_fitted_as_zero():
     verdict = explain(flights(), tennis(effects=DEFAULT_DRAG, unmeasured=frozenset({"drag"})))
     assert verdict.verdict == "no_mismatch"
     (note,) = (note for note in verdict.notes if "no drag coefficient" in note)
     assert "may be another's" in note
 
 
-def test_a_drag_as_small_as_no_body_has_is_told_only_where_it_is_sure():
+def test_an_unusually_small_drag_is_reported_only_if_significant():
     assumed = tennis(effects=DEFAULT_DRAG, unmeasured=frozenset({"drag"}))
     notes = explain(flights(noise=0.1), assumed).notes
     (note,) = (note for note in notes if "no drag coefficient" in note)
     assert "another's" not in note
 
 
-def test_a_drag_that_was_measured_and_is_not_there_is_told():
+@pytest.mark.slow
+def test_a_measured_drag_that_is_absent_is_reported():
     verdict = explain(flights(), tennis(effects=DEFAULT_DRAG))
     assert "drag" in {one for group in verdict.indistinguishable for one in group} | {
         effect.id for effect in verdict.effects
     }
 
 
-def test_a_stated_drag_that_is_not_there_is_not_paid_for_by_other_names():
-    # Held, it was told as lift and a turned camera with 0.92 each.
+@pytest.mark.slow
+def test_an_absent_stated_drag_gives_no_other_names():
     verdict = explain(flights(across=0.15), tennis(effects=DEFAULT_DRAG))
     named = {effect.id: effect for effect in verdict.effects}
     assert set(named) == {"drag", "unnamed"}
@@ -92,9 +94,8 @@ def test_a_stated_drag_that_is_not_there_is_not_paid_for_by_other_names():
     assert coefficient.std < 0.05
 
 
-def test_a_lift_beside_a_ruler_that_is_off_needs_no_second_law_of_the_air():
-    # The form that saturates leads the linear look and fits nothing; the plain one was then left
-    # out, and a wake told beside it.
+@pytest.mark.slow
+def test_a_lift_with_a_scale_error_needs_no_second_air_force():
     verdict = explain(flights(across=0.15, along=-0.06, stretched=1.05), tennis())
     named = {effect.id for effect in verdict.effects if effect.probability >= 0.5}
     assert "asymmetric_wake" not in named
@@ -102,14 +103,14 @@ def test_a_lift_beside_a_ruler_that_is_off_needs_no_second_law_of_the_air():
 
 
 @pytest.mark.parametrize("spatial", [False, True])
-def test_axes_as_level_as_a_bubble_shows_are_no_finding(spatial):
+def test_axes_level_to_a_spirit_level_are_no_finding(spatial):
     campaign = flights(turned=np.radians(0.3), stretched=1.006, spatial=spatial)
     verdict = explain(campaign, tennis())
     assert verdict.verdict == "no_mismatch"
 
 
 @pytest.mark.parametrize("degrees", [0.7, 2.5])
-def test_axes_that_no_careful_lab_has_are_told_as_such(degrees):
+def test_badly_levelled_axes_are_reported(degrees):
     verdict = explain(flights(turned=np.radians(degrees)), tennis())
     assert [effect.id for effect in verdict.effects] == ["camera_roll"]
     assert verdict.effects[0].probability > 0.5
@@ -117,7 +118,7 @@ def test_axes_that_no_careful_lab_has_are_told_as_such(degrees):
     assert roll.value == pytest.approx(np.radians(degrees), abs=3.0 * roll.std)
 
 
-def test_places_in_space_come_from_no_single_camera():
+def test_positions_in_space_exclude_errors_of_a_single_camera():
     known = prepare(flights(spatial=True), tennis())
     laws = [effect for forms in CATALOGUE.values() for effect in forms]
     ids = {one.id for one in candidates_for(known.forward, known.fit.model, laws)}
@@ -127,8 +128,8 @@ def test_places_in_space_come_from_no_single_camera():
     assert ids >= {"parallax", "lens_distortion", "rolling_shutter"}
 
 
-def test_a_marker_off_the_centre_of_a_ball_that_spins_is_no_noise_with_a_memory():
-    # It wobbles at a pace of its own in each throw; cut into parts it would pass for slow noise.
+def test_an_off_centre_marker_on_a_spinning_ball_is_not_correlated_noise():
+    # Its frequency differs between throws; in short pieces it resembles slow noise.
     rng, seen = np.random.default_rng(4), flights(noise=1e-4)
     trials = []
     for trial in seen.trials[:5]:
@@ -142,7 +143,7 @@ def test_a_marker_off_the_centre_of_a_ball_that_spins_is_no_noise_with_a_memory(
 
 
 def in_moving_air(air, seed=5):
-    """Throws of a foam ball in space, in air that moves as `air` says of the place."""
+    """Throws of a foam ball in space, with the wind `air` as a function of position."""
     rng = np.random.default_rng(seed)
     drag = 0.45 * 0.5 * 1.2 * np.pi / 4.0 * 0.15**2 / 0.02
     trials = []
@@ -164,8 +165,8 @@ def in_moving_air(air, seed=5):
     )  # fmt: skip
 
 
-def test_a_draught_from_the_side_is_told_as_a_draught_alone():
-    # It was told as a draught, a turned frame and a spin, with 0.88 each.
+@pytest.mark.slow
+def test_a_side_wind_is_reported_as_wind_only():
     verdict = explain(*in_moving_air(lambda place: np.array([-1.5, 0.0, 0.6])))
     (named,) = verdict.effects
     assert named.id == "wind"
@@ -177,8 +178,7 @@ def test_a_draught_from_the_side_is_told_as_a_draught_alone():
 
 
 @pytest.mark.slow
-def test_a_jet_across_the_flight_is_a_force_in_no_catalogue_out_of_its_plane():
-    # Without a law in that direction it was told as a turned frame, a spin and a draught.
+def test_a_local_side_jet_is_an_unnamed_force_out_of_the_plane():
     def jet(place):
         return np.array([0.0, 0.0, -2.5 * np.exp(-(((place[0] - 0.8) / 0.25) ** 2))])
 

@@ -1,4 +1,4 @@
-"""The forward model: as many steps as its laws need, against steps that are far finer."""
+"""Step size of the forward model compared with much finer steps."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -16,7 +16,7 @@ from pipelines.setup.file import load_setup
 
 CAMPAIGN = Path(sample_videos.__file__).parent / "campaign"
 STRONG = 10.0
-"""Times what a strength is expected to be at most."""
+"""Multiple of the largest expected strength."""
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""What no free body does, and what no noise allows, is named by no law of the catalogue."""
+"""Motion inconsistent with free bodies or noise gets no name."""
 
 import numpy as np
 import pandas as pd
@@ -19,7 +19,7 @@ def rolling(tmp_path_factory):
     return folder, explain_files_in_full(folder / "ball.csv", None, folder / "setup.toml")
 
 
-def test_a_ball_that_rolls_is_no_flight_and_no_fault_of_a_lens(rolling):
+def test_a_rolling_ball_is_neither_a_flight_nor_a_lens_error(rolling):
     verdict = rolling[1].verdict
     assert verdict.verdict == "unexplained"
     assert verdict.effects == ()
@@ -28,7 +28,7 @@ def test_a_ball_that_rolls_is_no_flight_and_no_fault_of_a_lens(rolling):
     assert verdict.location.channel == "vertical"
 
 
-def test_the_report_says_what_it_rests_on_and_shows_the_paths_first(rolling):
+def test_the_report_lists_its_inputs_and_shows_the_trajectories_first(rolling):
     folder, explained = rolling
     page = explain_report_html(explained, [folder / "ball.csv"])
     assert page.index("recorded paths") < page.index("What remains")
@@ -43,7 +43,7 @@ def test_throws_read_off_a_grid_by_hand_get_no_confident_name(tmp_path):
     rows = []
     for trial in range(6):
         time = 0.03 * np.arange(13)
-        # Each throw goes wrong in a way of its own, far beyond the reading's millimetres.
+        # Each throw has its own error, far above the reading's resolution of 1 mm.
         bend = rng.normal(0.0, 2.0, 2)
         for t in time:
             wrong = bend * np.sin(9.0 * t + trial) * 0.01
@@ -68,8 +68,8 @@ def test_throws_read_off_a_grid_by_hand_get_no_confident_name(tmp_path):
         ((0.9989, 1.0003), -3.0, False),
     ],
 )
-def test_what_predicts_launches_better_is_not_worse_for_a_thousandth_of_a_path(ratio, gain, worse):
-    """A friction on the support was left without a name for 0.06 % of a path's error."""
+def test_better_launches_outweigh_a_thousandth_of_trajectory_error(ratio, gain, worse):
+    """A difference of 0.06 % of the trajectory error is no evidence against an answer."""
     assert HeldOut(("1",), 0.0019412, 0.0019422, ratio, gain=gain).worse is worse
 
 
@@ -84,17 +84,14 @@ def test_what_predicts_launches_better_is_not_worse_for_a_thousandth_of_a_path(r
         ((0.9, 2.4), 0.0, None, False),
     ],
 )
-def test_a_thousandth_proves_no_answer_that_takes_half_of_the_error_it_was_fitted_to(
-    ratio, claimed, gain, proved
-):
+def test_a_thousandth_is_no_proof_of_half_of_the_fitted_error(ratio, claimed, gain, proved):
     kept = HeldOut(("1",), 0.03311, 0.03302, ratio, gain=gain, claimed=claimed)
     assert kept.proves is proved
     assert ("no proof" in kept.in_words) is not proved
 
 
 @pytest.mark.parametrize(("gain", "proved"), [(12.7, True), (2.0, False), (None, False)])
-def test_words_say_a_proof_where_launches_differ_less_though_paths_are_as_far_off(gain, proved):
-    # A sure name stood beside "no proof of a better prediction" for two ten-thousandths of a path.
+def test_the_statement_agrees_with_the_proof(gain, proved):
     kept = HeldOut(("1",), 0.00091281, 0.00091302, (0.9995, 0.99999), gain=gain)
     assert kept.proves is proved
     assert ("no proof" in kept.in_words) is not proved

@@ -1,4 +1,4 @@
-"""Effects that users write: taken as they declare themselves, refused in plain words."""
+"""Effects written by users: accepted as declared or refused with a message."""
 
 import time
 from dataclasses import dataclass, field, replace
@@ -14,7 +14,7 @@ from tests.mismatch.synthetic import thrown_campaign
 
 
 class Thread(Effect):
-    """A thread that holds the ball back."""
+    """A thread that pulls the ball back."""
 
     def force(self, values, flight):
         nothing = np.zeros_like(np.asarray(flight.vx))
@@ -33,7 +33,7 @@ def prepared():
     return prepare(*thrown_campaign())
 
 
-def test_a_parameter_keeps_the_bounds_that_its_user_gave_whatever_its_name(prepared):
+def test_a_parameter_keeps_the_bounds_of_its_user(prepared):
     place = Parameter("place", "m", 0.3, -2.0, 2.0, grid=(-1.0, 1.0))
     pool = candidates_for(prepared.forward, prepared.model, [thread(STRENGTH, place)])
     mine = [c for c in pool if c.id == "thread"]
@@ -41,7 +41,7 @@ def test_a_parameter_keeps_the_bounds_that_its_user_gave_whatever_its_name(prepa
     assert [dict(c.shape)["place"] for c in mine] == [-1.0, 1.0]
 
 
-def test_a_grid_is_stretched_over_the_campaign_where_that_is_declared(prepared):
+def test_a_declared_grid_spans_the_campaign(prepared):
     place = Parameter("x0", "m", 0.1, -9.0, 9.0, grid=(0.0, 1.0), over=Extent.WAY)
     pool = candidates_for(prepared.forward, prepared.model, [thread(STRENGTH, place)])
     found = [dict(c.shape)["x0"] for c in pool if c.id == "thread"]
@@ -49,7 +49,7 @@ def test_a_grid_is_stretched_over_the_campaign_where_that_is_declared(prepared):
     assert found == pytest.approx([np.nanmin(xs), np.nanmax(xs)], abs=0.15)
 
 
-def test_more_shapes_than_can_be_tried_are_told_not_dropped(prepared):
+def test_too_many_shapes_are_an_error(prepared):
     grid = tuple(np.linspace(0.0, 1.0, MOST_SHAPES + 1))
     many = thread(STRENGTH, Parameter("x0", "m", 0.1, -1.0, 2.0, grid=grid))
     with pytest.raises(UsageError, match=f"{MOST_SHAPES + 1} combinations"):
@@ -58,7 +58,7 @@ def test_more_shapes_than_can_be_tried_are_told_not_dropped(prepared):
 
 @dataclass(frozen=True)
 class Listing(Thread):
-    """A thread with a field that may change."""
+    """A thread with a mutable field."""
 
     numbers: list = field(default_factory=list)
 
@@ -77,15 +77,15 @@ class Listing(Thread):
         (Listing("thread", "", "", "", "flight", (STRENGTH,)), "a field that may change"),
     ],
 )
-def test_what_can_never_be_fitted_is_refused(effect, said):
+def test_an_effect_that_cannot_be_fitted_is_refused(effect, said):
     with pytest.raises(UsageError, match=said):
         refuse_unusable(effect)
 
 
-def test_another_form_of_a_known_law_is_welcome():
+def test_another_form_of_a_known_law_is_accepted():
     refuse_unusable(thread(STRENGTH, identity="drag", form="of a thread"))
 
 
-def test_an_effect_that_never_ends_is_told_so():
+def test_an_effect_that_does_not_return_is_an_error():
     with pytest.raises(UsageError, match="has not answered"):
         within_patience(thread(STRENGTH), lambda: time.sleep(2.0), 0.05)

@@ -1,4 +1,4 @@
-"""A law whose place, or the setup's pendulum, leaves it open is no sure answer."""
+"""Effects that the data leave undetermined are no confident answer."""
 
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -22,7 +22,7 @@ from tests.mismatch.synthetic import struck_campaign
 
 
 @pytest.mark.parametrize(("std", "open_"), [(0.1, False), (0.24, True)])
-def test_a_torque_squeezed_against_the_contact_is_not_known(std, open_):
+def test_a_torque_close_to_the_contact_is_undetermined(std, open_):
     notch = Notch()
     values = {"strength": -0.44, "place": 0.115, "reach": 0.024}
     model = Model(((notch, values),))
@@ -35,8 +35,8 @@ def test_a_torque_squeezed_against_the_contact_is_not_known(std, open_):
 
 
 @pytest.mark.parametrize(("std", "open_"), [(0.067, True), (0.02, False)])
-def test_frames_lost_at_an_instant_that_nothing_tells_are_not_known(std, open_):
-    """One fall of a baseball: the gap and its instant stand in for each other."""
+def test_frames_lost_at_an_unknown_time_are_undetermined(std, open_):
+    """One fall of a baseball: the gap and its time are correlated."""
     lost = DroppedFrames()
     model = Model(((lost, {"gap": 0.099, "instant": 0.23}),))
     fit = Fit(
@@ -48,7 +48,7 @@ def test_frames_lost_at_an_instant_that_nothing_tells_are_not_known(std, open_):
 
 
 @pytest.mark.parametrize(
-    ("mean", "remembers", "told", "doubted"),
+    ("mean", "remembers", "known", "suspect"),
     [
         (0.12, True, True, True),
         (0.12, False, True, False),
@@ -57,10 +57,8 @@ def test_frames_lost_at_an_instant_that_nothing_tells_are_not_known(std, open_):
         (1.5, False, False, False),
     ],
 )
-def test_spins_of_each_throw_about_nought_are_not_told_from_slow_noise(
-    mean, remembers, told, doubted
-):
-    """A spin of 0.12 ± 0.38 rad/s, each throw with its own, was told with 0.92."""
+def test_per_trial_spins_about_zero_may_be_slow_noise(mean, remembers, known, suspect):
+    """A per-trial spin of 0.12 ± 0.38 rad/s cannot be separated from slow noise."""
     lift = replace(effect_named("magnus"), level=Level.TRIAL)
     model = Model(((lift, {"spin": mean}),))
     fit = Fit(
@@ -68,9 +66,9 @@ def test_spins_of_each_throw_about_nought_are_not_told_from_slow_noise(
         free_parameters(model), np.diag([0.38]) ** 2, np.zeros((10, 320)),
     )  # fmt: skip
     answer = Hypothesis((Candidate(lift, (), 1),), fit, 60.0)
-    seen = SimpleNamespace(remembers=remembers, tell_memory=told)
+    seen = SimpleNamespace(remembers=remembers, tell_memory=known)
     forward = SimpleNamespace(records=seen)
-    assert _own_like_noise(forward, answer) is doubted
+    assert _own_like_noise(forward, answer) is suspect
 
 
 def _answer(law: Effect, values: dict[str, float]) -> Hypothesis:
@@ -87,8 +85,8 @@ def _answer(law: Effect, values: dict[str, float]) -> Hypothesis:
     ("course", "mode", "like"),
     [(np.sin, "impact", True), (np.cos, "impact", False), (np.sin, "swing", False)],
 )
-def test_a_torque_that_goes_as_the_pendulums_weight_may_be_its_inertia(course, mode, like):
-    """m g d sin φ is what a wrong inertia, mass or centre of mass leaves over in a strike."""
+def test_a_torque_proportional_to_the_weight_may_be_the_inertia(course, mode, like):
+    """A wrong inertia, mass or centre of mass leaves m g d sin φ in a strike."""
     angle = np.linspace(-1.0, 1.0, 60)
     law = TorqueField(low=-1.0, high=1.0)
     knots = np.linspace(law.low, law.high, len(law.parameters))
@@ -101,7 +99,7 @@ def test_a_torque_that_goes_as_the_pendulums_weight_may_be_its_inertia(course, m
     assert _like_its_weight(forward, _answer(law, values)) is like
 
 
-def test_a_torque_at_one_angle_is_not_the_pendulums_weight():
+def test_a_torque_at_one_angle_is_not_the_weight():
     angle = np.linspace(-1.6, 0.2, 60)
     law = Notch()
     forward = SimpleNamespace(
@@ -115,16 +113,16 @@ def test_a_torque_at_one_angle_is_not_the_pendulums_weight():
 
 @dataclass(frozen=True)
 class Fan(Effect):
-    """Blows upward two metres away, where hard shots alone come by."""
+    """A force upwards beyond two metres, which only hard shots reach."""
 
     def force(self, values: Values, flight: FlightState) -> Vector:
-        """Up, from there on."""
+        """Upwards beyond two metres."""
         nothing = np.zeros_like(np.asarray(flight.x))
         return nothing, values["strength"] / (1.0 + np.exp((2.0 - flight.x) / 0.02)), nothing
 
 
-def test_trials_that_cannot_foretell_a_law_are_not_asked_to():
-    """Only the two hard shots reach it, and both are the third of three."""
+def test_held_out_trials_are_predictable_from_the_others():
+    """Only the two hard shots reach it, and both would be held out as third of three."""
     law = Fan("fan", "", "", "", "flight", (Parameter("strength", "N", 0.1, -10.0, 10.0),))
     campaign, baseline = struck_campaign((law, {"strength": 1.0}))
     order = (0, 1, 3, 2, 4, 7, 5, 6)

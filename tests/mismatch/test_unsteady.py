@@ -1,4 +1,4 @@
-"""A strength that is another one in each trial belongs to no law that all trials share."""
+"""A strength that varies between trials is no law common to all."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from tests.mismatch.synthetic import struck_campaign
 
 
 class TurnedMagnus(Magnus):
-    """Spin that changes its sign over the trials, by far more than its mean."""
+    """Spin that changes its sign between trials, by far more than its mean."""
 
     def force(self, values, flight):
         own = {"spin": values["spin"] * (1.0 + 6.0 * np.asarray(flight.order))}
@@ -22,7 +22,7 @@ class TurnedMagnus(Magnus):
 
 
 @pytest.mark.parametrize(("law", "unsteady"), [(Magnus(), False), (TurnedMagnus(), True)])
-def test_a_strength_that_differs_from_trial_to_trial_is_doubted(law, unsteady):
+def test_a_strength_that_varies_between_trials_is_detected(law, unsteady):
     known = prepare(*struck_campaign((law, {"spin": 6.0}), noise=5e-4))
     lift = CATALOGUE["magnus"][0]
     (pool,) = [c for c in candidates_for(known.forward, known.model, [lift], unnamed=False)

@@ -1,4 +1,4 @@
-"""Free swings whose bearing rubs, half swing after half swing, not by the engine's solver."""
+"""Free swings with bearing friction, integrated independently of the engine."""
 
 from collections.abc import Callable
 
@@ -16,10 +16,10 @@ def swung(
     friction: Callable[[float], float],
     linear: float = 0.0,
 ) -> FloatArray:
-    """Angle at some times, until friction holds the pendulum for good.
+    """Angle at the given times, until friction stops the pendulum.
 
     Friction, a function of the rate, and `linear` are torques over inertia, 1/s² and 1/s;
-    stiffness is that of the weight, 1/s².
+    stiffness is that of gravity, 1/s².
     """
     angle, began, way = np.full(time.size, np.nan), 0.0, -np.sign(start)
     state, soon = np.array([start, 0.0]), 1e-5

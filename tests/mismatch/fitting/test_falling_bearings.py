@@ -1,4 +1,4 @@
-"""Bearings that rub less the faster they turn: no drag, no torque beside them."""
+"""Bearing friction that falls with the rate needs no further effect."""
 
 from dataclasses import replace
 
@@ -22,12 +22,12 @@ BASELINE = Baseline({}, pendulum=BODY)
 
 
 def rubbing(rate: float) -> float:
-    """Friction per inertia, 1/s²: a Lorentzian of the rate, which the catalogue does not hold."""
+    """Friction over inertia, 1/s²: a Lorentzian of the rate, not in the catalogue."""
     return DRY * (1.0 + MORE / (1.0 + (rate / SLOW) ** 2))
 
 
 def stretched(rate: float) -> float:
-    """The same as the catalogue writes it, with a power of one and a half."""
+    """The form in the catalogue, with the exponent 1.5."""
     return DRY * (1.0 + MORE * np.exp(-((abs(rate) / SLOW) ** 1.5)))
 
 
@@ -42,9 +42,9 @@ def campaign(linear: float, seed: int) -> tuple[CampaignRecords, Baseline]:
     return CampaignRecords(tuple(trials)), BASELINE
 
 
-@pytest.mark.parametrize("linear", [0.0, pytest.param(LINEAR, marks=pytest.mark.slow)])
-def test_friction_that_falls_with_the_rate_is_told_without_another_loss(linear):
-    # It was told beside a torque near one angle or a quadratic drag, with 0.88 to 0.92.
+@pytest.mark.slow
+@pytest.mark.parametrize("linear", [0.0, LINEAR])
+def test_friction_falling_with_the_rate_needs_no_other_loss(linear):
     verdict = explain(*campaign(linear, 3))
     named = {effect.id: effect for effect in verdict.effects}
     assert set(named) == {"bearing_friction"} | ({"viscous_damping"} if linear else set())
@@ -54,7 +54,7 @@ def test_friction_that_falls_with_the_rate_is_told_without_another_loss(linear):
     assert found == pytest.approx(rubbing(1.0), rel=0.04)
 
 
-def test_friction_that_falls_is_followed_through_every_turning_point():
+def test_falling_friction_is_integrated_through_turning_points():
     span, steps = 4.0 * 2.0 * np.pi / np.sqrt(STIFFNESS), 4 * PIECE_STEPS
     forms = {effect.form: effect for effect in CATALOGUE["bearing_friction"]}
     true = swung(0.4, np.linspace(0.0, span, steps + 1), STIFFNESS, stretched)
@@ -69,8 +69,7 @@ def test_friction_that_falls_is_followed_through_every_turning_point():
     assert off[0] > 4e-3
 
 
-def test_a_pendulum_at_rest_is_seen_to_rest_whatever_its_noise():
-    # One in twenty was held to swing on, and what held it there was told as a torque with 0.92.
+def test_rest_is_detected_in_noise():
     time = np.arange(0.0, 10.0, 1.0 / 60.0)
     still = swung(0.12, time, STIFFNESS, rubbing)
     assert np.ptp(still[-90:]) == 0.0

@@ -1,4 +1,4 @@
-"""Laws that another apparatus writes otherwise: still one name, and nothing beside it."""
+"""Laws in another form still get their one name."""
 
 from dataclasses import dataclass, replace
 
@@ -16,7 +16,7 @@ from tests.mismatch.synthetic import struck_campaign
 
 @dataclass(frozen=True)
 class Kick(Effect):
-    """A support that kicks with the root of the impact speed, late in the contact."""
+    """A support with an impulse proportional to the root of the impact speed."""
 
     id: str = "kick"
     statement: str = "made for this test"
@@ -69,7 +69,7 @@ class Steeper(Effect):
     ("made", "strength", "name"),
     [(Kick(), {"a": 0.12}, "support_recoil"), (Saturating(), {"spin": 14.0}, "magnus")],
 )
-def test_another_form_of_a_law_keeps_its_name_and_buys_no_second_one(made, strength, name):
+def test_another_form_of_a_law_gets_its_name_and_no_second_one(made, strength, name):
     campaign, baseline = struck_campaign((made, strength), noise=5e-4)
     verdict = explain(campaign, baseline)
     assert len(verdict.effects) == 1
@@ -87,7 +87,7 @@ def fitted_with(effect, strength, noise=5e-4):
     return known.forward, fit_model(known.forward, model, free, start)
 
 
-def test_a_law_in_its_own_form_gains_nothing_from_being_loose():
+def test_a_law_in_its_exact_form_gains_nothing_from_model_discrepancy():
     magnus = CATALOGUE["magnus"][0]
     forward, fit = fitted_with(magnus, (magnus, {"spin": 14.0}))
     found = form_evidence(forward, fit, [magnus])
@@ -95,7 +95,7 @@ def test_a_law_in_its_own_form_gains_nothing_from_being_loose():
     assert found.absorbed < 15.0
 
 
-def test_what_another_form_leaves_over_is_taken_up_by_the_error_of_the_form():
+def test_the_misfit_of_another_form_is_absorbed_by_model_discrepancy():
     magnus = CATALOGUE["magnus"][0]
     forward, fit = fitted_with(magnus, (Saturating(), {"spin": 14.0}), noise=2e-4)
     over = fit.chi2 - fit.expected
@@ -105,17 +105,14 @@ def test_what_another_form_leaves_over_is_taken_up_by_the_error_of_the_form():
     assert found.absorbed > 0.7 * over
 
 
-def test_an_exact_law_has_no_error_of_form():
+def test_an_exact_law_has_no_model_discrepancy():
     exact = replace(CATALOGUE["magnus"][0], looseness=0.0)
     forward, fit = fitted_with(exact, (Saturating(), {"spin": 14.0}), noise=2e-4)
     assert form_evidence(forward, fit, [exact]).gain == 0.0
 
 
-def test_a_support_that_kicks_the_ball_may_not_pass_for_what_slows_the_pendulum():
-    """A recoil was put before the friction that acted, for what its form might do to the pendulum.
-
-    What the ball is given more or less, the pendulum loses or keeps: impulse for impulse.
-    """
+def test_support_recoil_does_not_explain_a_slower_pendulum():
+    """The impulse on the ball and on the pendulum are equal and opposite."""
     contact = Contact(6.0, 0.15, 0.55, 1.6, 0.35, 0.2, 0.72, 9.81)
     before = Outcome(0.015, 2.9, 0.2, 0.04, 0.42, 0.0, 5.2, 0.8, 0.0)
     kicked = replace(before, vy=before.vy + 0.3)
@@ -123,12 +120,12 @@ def test_a_support_that_kicks_the_ball_may_not_pass_for_what_slows_the_pendulum(
     assert sizes["vx"] == sizes["vy"] == pytest.approx(0.3)
     assert contact.inertial_mass * sizes["pendulum_speed"] == pytest.approx(0.35 * 0.3)
     assert sizes["pendulum_angle"] < sizes["x"] / contact.length
-    # What slows both bodies alike may be off in both alike.
+    # An effect that slows both bodies has a common discrepancy in both.
     slowed = replace(before, vx=before.vx - 0.1, pendulum_speed=before.pendulum_speed - 0.1)
     assert _sizes(contact, before, slowed)["pendulum_speed"] == pytest.approx(0.1, rel=0.01)
 
 
-def test_a_law_may_leave_over_what_its_other_form_does_and_hardly_anything_of_a_swing():
+def test_model_discrepancy_covers_other_forms_but_not_swings():
     magnus, friction = CATALOGUE["magnus"][0], CATALOGUE["bearing_friction"][0]
     forward, fit = fitted_with(magnus, (Steeper(), {"a": 0.3}), noise=2e-4)
     left = {
@@ -141,7 +138,7 @@ def test_a_law_may_leave_over_what_its_other_form_does_and_hardly_anything_of_a_
     assert left["bearing_friction"] < 0.01 * left["steeper"]
 
 
-def test_a_law_that_acts_twice_as_much_leaves_four_times_as_much():
+def test_model_discrepancy_grows_with_the_square_of_the_strength():
     magnus = CATALOGUE["magnus"][0]
     left = []
     for spin in (7.0, 14.0):
@@ -150,7 +147,7 @@ def test_a_law_that_acts_twice_as_much_leaves_four_times_as_much():
     assert left[1] / left[0] == pytest.approx(4.0, rel=0.3)
 
 
-def test_what_a_law_without_an_error_of_form_leaves_over_may_be_anything():
+def test_without_model_discrepancy_the_misfit_is_unrestricted():
     exact = replace(CATALOGUE["magnus"][0], looseness=0.0)
     forward, fit = fitted_with(exact, (exact, {"spin": 14.0}))
     friction = Candidate(CATALOGUE["bearing_friction"][0], (), 1)

@@ -1,4 +1,4 @@
-"""Strengths of each ball, session and throw, on flights that scipy integrated."""
+"""Parameters per ball, session and trial, on flights integrated by scipy."""
 
 from dataclasses import replace
 
@@ -60,7 +60,7 @@ def _campaign(
 def _fitted(
     campaign: CampaignRecords, baseline: Baseline, laws: list[Effect]
 ) -> tuple[Forward, Hypothesis]:
-    """A set of laws, fitted at the levels that they are given."""
+    """A set of laws fitted at their levels."""
     prepared = prepare(campaign, baseline)
     found = candidates_for(prepared.forward, prepared.model, laws, unnamed=False)
     members = [
@@ -79,7 +79,7 @@ ROLL = next(one for one in CATALOGUE["camera_roll"] if one.form == Form.BALL_ONL
 SPIN = next(one for one in CATALOGUE["magnus"] if one.form == Form.SPIN_VECTOR)
 
 
-def test_every_throw_has_a_spin_of_its_own_about_any_axis():
+def test_every_throw_has_its_own_spin_about_any_axis():
     spins = np.random.default_rng(8).normal(0.0, (60.0, 60.0, 120.0), (8, 3))
     campaign = _campaign([0.45] * 8, spins, ["white"] * 8)
     _, shared = _fitted(*campaign, [DRAG, _at(SPIN, Level.CAMPAIGN)])
@@ -93,7 +93,7 @@ def test_every_throw_has_a_spin_of_its_own_about_any_axis():
     assert np.all(np.abs(own.value - spins[:, [2, 0, 1]]) < 4.0 * own.std)
 
 
-def test_balls_that_differ_get_a_coefficient_each_and_balls_alike_share_one():
+def test_different_balls_have_different_coefficients_and_equal_ones_share_one():
     balls, nothing = ["soft", "smooth", "rough"] * 2, np.zeros((6, 3))
     for drags, differ in (([0.3, 0.45, 0.75] * 2, True), ([0.45] * 6, False)):
         campaign = _campaign(drags, nothing, balls)
@@ -108,7 +108,7 @@ def test_balls_that_differ_get_a_coefficient_each_and_balls_alike_share_one():
         assert np.all(own.std < 0.05)
 
 
-def test_a_balls_own_drag_shares_the_doubt_of_the_ruler():
+def test_per_ball_drag_is_limited_by_the_length_scale():
     balls, drags = ["soft", "smooth", "rough"] * 2, [0.3, 0.45, 0.75] * 2
     rng = np.random.default_rng(12)
     pulls = []
@@ -128,7 +128,7 @@ def test_a_balls_own_drag_shares_the_doubt_of_the_ruler():
 
 
 def _in_sessions(draughts: dict[str, float]) -> tuple[CampaignRecords, Baseline]:
-    """Four throws of two balls in each session, in the draught of that session."""
+    """Four throws of two balls in each session, in the wind of that session."""
     rng = np.random.default_rng(5)
     time = np.arange(0.0, 0.6, 1.0 / 60.0)
     trials = []
@@ -148,7 +148,7 @@ def _in_sessions(draughts: dict[str, float]) -> tuple[CampaignRecords, Baseline]
 WIND = CATALOGUE["wind"][0]
 
 
-def test_a_draught_of_each_session_is_told_session_by_session():
+def test_the_wind_of_each_session_is_estimated():
     draughts = {"Monday": 0.9, "Tuesday": -0.7, "Friday": 0.1}
     campaign = _in_sessions(draughts)
     _, shared = _fitted(*campaign, [_at(WIND, Level.CAMPAIGN)])
@@ -163,14 +163,14 @@ def test_a_draught_of_each_session_is_told_session_by_session():
     assert np.all(own.std < 0.1)
 
 
-def test_sessions_in_one_draught_share_it():
+def test_sessions_with_one_wind_share_it():
     campaign = _in_sessions(dict.fromkeys(("Monday", "Tuesday", "Friday"), 0.8))
     _, shared = _fitted(*campaign, [_at(WIND, Level.CAMPAIGN)])
     _, each = _fitted(*campaign, [_at(WIND, Level.SESSION)])
     assert shared.penalised_gain > each.penalised_gain
 
 
-def test_strikes_of_one_ball_tell_how_the_camera_stood_in_each_session():
+def test_strikes_determine_the_camera_roll_of_each_session():
     campaign, baseline = struck_campaign()
     turns = {"first": 0.012, "second": -0.009}
     trials = []
@@ -188,7 +188,7 @@ def test_strikes_of_one_ball_tell_how_the_camera_stood_in_each_session():
     assert np.all(own.std < 1e-3)
 
 
-def test_without_sessions_nothing_lives_at_their_level():
+def test_without_sessions_there_is_no_session_level():
     campaign, baseline = struck_campaign()
     forward = prepare(campaign, baseline).forward
     assert forward.records.groups(Level.SESSION)[1] == ()
@@ -196,7 +196,7 @@ def test_without_sessions_nothing_lives_at_their_level():
     assert {one.effect.level for one in found} == {Level.CAMPAIGN}
 
 
-def test_an_answer_without_the_drag_that_nature_always_has_pays_for_it():
+def test_an_answer_without_drag_has_a_cost():
     campaign = _campaign([0.45] * 3, np.zeros((3, 3)), ["white"] * 3)
     _, known = _fitted(*campaign, [DRAG])
     _, other = _fitted(*campaign, [_at(SPIN, Level.CAMPAIGN)])
@@ -207,7 +207,7 @@ def test_an_answer_without_the_drag_that_nature_always_has_pays_for_it():
     )
 
 
-def test_values_of_each_trials_own_are_doubted_far_off_the_noise():
+def test_per_trial_parameters_far_above_the_noise_are_suspect():
     spins = np.random.default_rng(8).normal(0.0, 100.0, (4, 3))
     campaign = _campaign([0.45] * 4, spins, ["white"] * 4)
     prepared = prepare(*campaign)
@@ -219,7 +219,7 @@ def test_values_of_each_trials_own_are_doubted_far_off_the_noise():
     assert passed.most < 0.5
 
 
-def test_a_throw_spins_within_reason():
+def test_the_prior_of_a_spin_is_plausible():
     model = Model(((SPIN, {"spin": 10.0, "spin_x": 0.0, "spin_y": 0.0}),))
     limit = SPIN.strengths[0].upper
     wild = replace(model, own=(OwnStrength(SPIN, "spin", Level.TRIAL, limit),))
@@ -227,7 +227,7 @@ def test_a_throw_spins_within_reason():
     assert model.scatters_within_reason
 
 
-def test_scatter_is_learnt_and_noise_alone_has_none():
+def test_the_variation_between_trials_is_estimated():
     rng = np.random.default_rng(4)
     information = np.tile(np.diag([4.0, 9.0]), (60, 1, 1))
     noise = rng.standard_normal((60, 2)) * [2.0, 3.0]

@@ -1,4 +1,4 @@
-"""Normal equations against the same least squares written out whole."""
+"""Normal equations compared with explicit least squares."""
 
 from types import SimpleNamespace
 
@@ -14,7 +14,7 @@ TRIALS, ROWS, OWN, SHARED = 5, 9, 2, 3
 
 
 def _made(rng: np.random.Generator) -> tuple[Linearised, np.ndarray, np.ndarray]:
-    """A linear campaign drawn from its own priors, with the truth."""
+    """A linear campaign drawn from its priors, with the truth."""
     own = rng.normal(size=(TRIALS, ROWS, OWN))
     shared = rng.normal(size=(TRIALS, ROWS, SHARED))
     prior, shared_prior = np.array([4.0, 0.5]), np.array([1.0, 9.0, 0.3])
@@ -26,7 +26,7 @@ def _made(rng: np.random.Generator) -> tuple[Linearised, np.ndarray, np.ndarray]
 
 
 def _whole(system: Linearised) -> tuple[np.ndarray, np.ndarray]:
-    """Information on everything at once, and its right-hand side; the shared come last."""
+    """Full information matrix and right-hand side; shared parameters come last."""
     count = TRIALS * OWN + SHARED
     design = np.zeros((TRIALS * ROWS, count))
     for t in range(TRIALS):
@@ -37,7 +37,7 @@ def _whole(system: Linearised) -> tuple[np.ndarray, np.ndarray]:
     return design.T @ design + np.diag(held), design.T @ system.residual.ravel()
 
 
-def test_taking_the_trials_own_values_out_changes_no_answer() -> None:
+def test_eliminating_per_trial_parameters_changes_no_answer() -> None:
     system, _, _ = _made(np.random.default_rng(1))
     matrix, vector, inverse, cross = reduce(system, np.zeros((TRIALS, OWN)), np.zeros(SHARED))
     whole, right = _whole(system)
@@ -52,32 +52,32 @@ def test_taking_the_trials_own_values_out_changes_no_answer() -> None:
     assert mine.ravel() == pytest.approx(expected[: TRIALS * OWN], rel=1e-6)
 
 
-def test_shared_parameters_lie_within_what_is_stated_as_often_as_it_says() -> None:
+def test_intervals_of_shared_parameters_have_their_coverage() -> None:
     rng, z = np.random.default_rng(2), []
     for _ in range(200):
         system, _, true = _made(rng)
         matrix, vector, _, _ = reduce(system, np.zeros((TRIALS, OWN)), np.zeros(SHARED))
         std = np.sqrt(np.diag(np.linalg.inv(matrix)))
         z.append((solve(matrix, vector) - true) / std)
-    # of 200 draws 190 should lie within, give or take 3.1
+    # of 200 draws 190 ± 3.1 should be inside
     assert (np.count_nonzero(np.abs(z) < 1.96, axis=0) >= 178).all()
     assert np.std(z, axis=0) == pytest.approx(np.ones(SHARED), abs=0.2)
 
 
-def test_each_trials_score_is_what_is_left_after_its_own_values() -> None:
+def test_the_score_of_a_trial_excludes_its_own_parameters() -> None:
     system, _, _ = _made(np.random.default_rng(3))
     score, information = marginal_by_trial(
         system.own, system.prior, system.residual, system.shared, np.zeros((TRIALS, OWN))
     )
     for t in range(TRIALS):
-        # the covariance of rows that share values unknown by their priors (Rasmussen, eq. 2.36)
+        # covariance of rows with common parameters of known prior (Rasmussen, eq. 2.36)
         covariance = np.eye(ROWS) + system.own[t] @ np.diag(1.0 / system.prior) @ system.own[t].T
         weighed = np.linalg.solve(covariance, system.shared[t])
         assert score[t] == pytest.approx(weighed.T @ system.residual[t], rel=1e-6)
         assert information[t] == pytest.approx(weighed.T @ system.shared[t], rel=1e-6)
 
 
-def test_the_evidence_for_scatter_is_the_ratio_of_two_gaussians() -> None:
+def test_the_evidence_for_variation_is_the_ratio_of_two_gaussians() -> None:
     rng = np.random.default_rng(4)
     information = np.full((6, 1, 1), 25.0)
     value = rng.normal(0.0, 0.8, (6, 1)) + rng.normal(0.0, 0.2, (6, 1))
@@ -92,15 +92,15 @@ def test_the_evidence_for_scatter_is_the_ratio_of_two_gaussians() -> None:
     assert spread[0] == pytest.approx(0.8, rel=0.5)
 
 
-def test_weights_held_by_a_prior_cost_what_they_narrow_it() -> None:
+def test_weights_with_a_prior_cost_their_information_gain() -> None:
     # the prior's volume over the posterior's (MacKay, Information Theory, section 28.1)
     assert price(np.diag([99.0, 3.0]), np.ones(2)) == pytest.approx(np.log(100.0 * 4.0))
-    # a free strength, which is in the fit either way, pays nothing; what is held beside it does
+    # a free strength is in the fit either way and has no cost; weights with a prior have one
     assert price(np.diag([99.0, 3.0]), np.array([1.0, 0.0])) == pytest.approx(np.log(100.0))
     assert price(np.diag([99.0, 3.0]), np.zeros(2)) == 0.0
 
 
-def test_what_a_balls_trials_share_is_held_by_what_the_setup_says() -> None:
+def test_parameters_of_a_ball_have_the_priors_of_the_setup() -> None:
     scatter = Scatter(backswing=0.004, cor=0.005, launch_angle=0.003, cor_law=0.02,
                       launch_angle_law=0.05)  # fmt: skip
     forward = SimpleNamespace(mode="impact", baseline=SimpleNamespace(scatter=scatter))

@@ -1,4 +1,4 @@
-"""Swings that are no evidence: refused, or told in words, never a traceback."""
+"""Unusable swings are refused or noted."""
 
 import numpy as np
 import pandas as pd
@@ -38,7 +38,7 @@ def test_times_in_milliseconds_are_refused(folder):
         _explained(folder, table)
 
 
-def test_millions_of_rows_are_thinned_and_said_to_be(folder):
+def test_millions_of_rows_are_thinned_with_a_note(folder):
     count = 100_000
     time = np.linspace(0.0, 20.0, count)
     table = pd.DataFrame({"trial": 1, "t_s": time, "phi_rad": 0.3 * np.cos(3.2 * time)})
@@ -48,7 +48,8 @@ def test_millions_of_rows_are_thinned_and_said_to_be(folder):
     assert any("thinned" in note for note in campaign.notes)
 
 
-def test_a_brake_under_the_bob_is_no_bearing_and_brings_no_second_name(tmp_path):
+@pytest.mark.slow
+def test_a_local_brake_is_unnamed_and_no_bearing_friction(tmp_path):
     inertia, place = 0.4 * 0.5**2, 0.12
     time, parts = np.arange(0.0, 5.0, 1.0 / 40.0), []
     rng = np.random.default_rng(7)
@@ -77,8 +78,9 @@ def _write_setup(folder, inertia):
     )
 
 
-@pytest.mark.parametrize("damping", [0.0, pytest.param(0.06, marks=pytest.mark.slow)])
-def test_a_spring_that_keeps_time_is_no_pendulum_and_may_be_in_degrees(tmp_path, damping):
+@pytest.mark.slow
+@pytest.mark.parametrize("damping", [0.0, 0.06])
+def test_an_isochronous_swing_is_no_pendulum_or_in_degrees(tmp_path, damping):
     inertia, rate = 0.4 * 0.5**2, np.sqrt(9.80665 / 0.5)
     time, parts = np.arange(0.0, 5.0, 1.0 / 30.0), []
     rng = np.random.default_rng(4)

@@ -1,4 +1,4 @@
-"""Trials whose clips leave open where axis, resting ball and horizontal are, and the centres."""
+"""Trials with unknown axis, rest position, horizontal and centres."""
 
 from dataclasses import replace
 
@@ -42,7 +42,7 @@ FAULTS = (_held(PivotElsewhere(), 0.01), _held(OriginOffset(id="rest_elsewhere")
 def _read_off_wrong_points(
     campaign: CampaignRecords, seed: int = 3
 ) -> tuple[CampaignRecords, np.ndarray]:
-    """Angles as the picture shows them about points beside the axis, and those points (T, 2)."""
+    """Angles about points displaced from the axis, and those points (T, 2)."""
     rng = np.random.default_rng(seed)
     wrong = np.array([8e-3, -9e-3]) + 5e-3 * rng.standard_normal((len(campaign.trials), 2))
     trials = []
@@ -59,7 +59,7 @@ def _campaign(*added: tuple[Effect, dict[str, float]]) -> tuple[CampaignRecords,
     return _read_off_wrong_points(campaign)[0], baseline
 
 
-def test_axes_that_every_clip_has_elsewhere_are_found():
+def test_the_axis_of_each_clip_is_found():
     campaign, baseline = struck_campaign()
     seen, wrong = _read_off_wrong_points(campaign)
     assert prepare(seen, baseline).fit.reduced_chi2 > 5.0
@@ -73,13 +73,13 @@ def test_axes_that_every_clip_has_elsewhere_are_found():
 
 
 @pytest.mark.slow
-def test_an_axis_elsewhere_is_no_physics():
+def test_a_displaced_axis_is_no_physics():
     campaign, baseline = _campaign()
     assert explain(campaign, replace(baseline, instruments=FAULTS)).effects == ()
 
 
 def _turned(campaign: CampaignRecords, degrees: float) -> CampaignRecords:
-    """The campaign as a tilted camera shows it about where the ball lies."""
+    """The campaign as recorded by a camera rolled about the ball's rest position."""
     tilt = np.radians(degrees)
     turn = np.array([[np.cos(tilt), -np.sin(tilt), 0], [np.sin(tilt), np.cos(tilt), 0], [0, 0, 1]])
     rest = np.array([0.0, PAPER_SUPPORT.height + 0.5 * JOKKU.diameter, 0.0])
@@ -91,7 +91,7 @@ def _turned(campaign: CampaignRecords, degrees: float) -> CampaignRecords:
     )
 
 
-def test_an_instrument_that_is_held_leaves_the_others_as_they_were_found():
+def test_a_fixed_instrument_does_not_change_the_others():
     campaign, baseline = struck_campaign()
     seen, wrong = _read_off_wrong_points(_turned(campaign, 1.5))
     prepared = prepare(seen, replace(baseline, instruments=(ROLL, *FAULTS)))
@@ -110,7 +110,7 @@ def test_an_instrument_that_is_held_leaves_the_others_as_they_were_found():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("degrees", [0.0, 1.5])
-def test_a_tilt_that_nothing_has_measured_is_told_where_it_shows(degrees):
+def test_an_unmeasured_tilt_is_reported_if_visible(degrees):
     campaign, baseline = struck_campaign()
     open_still = replace(baseline, instruments=(ROLL,))
     seen = _turned(campaign, degrees)
@@ -128,7 +128,7 @@ def test_a_tilt_that_nothing_has_measured_is_told_where_it_shows(degrees):
 
 
 @pytest.mark.slow
-def test_friction_on_the_axis_is_told_wherever_that_is():
+def test_bearing_friction_is_found_with_a_displaced_axis():
     campaign, baseline = _campaign(SLOWED)
     verdict = explain(campaign, replace(baseline, instruments=FAULTS))
     alike = {one for group in verdict.indistinguishable for one in group}
@@ -137,7 +137,7 @@ def test_friction_on_the_axis_is_told_wherever_that_is():
 
 
 def _outlines_drawn(campaign: CampaignRecords, seed: int = 5) -> CampaignRecords:
-    """Throws whose centres are off by half a millimetre: slowly in each, and by the wall in all."""
+    """Throws with centre errors of 0.5 mm: slow in each trial, and common to all."""
     rng = np.random.default_rng(seed)
     trials = []
     for trial in campaign.trials:
@@ -152,7 +152,7 @@ def _outlines_drawn(campaign: CampaignRecords, seed: int = 5) -> CampaignRecords
 
 
 @pytest.mark.slow
-def test_outlines_that_are_drawn_aside_are_no_physics():
+def test_displaced_outlines_are_no_physics():
     campaign, baseline = thrown_campaign()
     seen = _outlines_drawn(campaign)
     assert explain(seen, baseline).effects != ()
@@ -160,7 +160,7 @@ def test_outlines_that_are_drawn_aside_are_no_physics():
 
 
 @pytest.mark.slow
-def test_a_push_in_flight_is_told_whatever_draws_the_outlines():
+def test_a_force_in_flight_is_found_with_displaced_outlines():
     campaign, baseline = thrown_campaign()
     pushed = tuple(
         replace(
@@ -175,8 +175,8 @@ def test_a_push_in_flight_is_told_whatever_draws_the_outlines():
     assert verdict.location.phase == "flight"
 
 
-def test_an_axis_elsewhere_is_found_in_free_swings_too():
-    """Paths by scipy, read off about a point beside the axis, as an eccentric disc reads them."""
+def test_a_displaced_axis_is_found_in_free_swings():
+    """Trajectories by scipy, read about a point displaced from the axis."""
     arm, wrong = 0.4, np.array([5e-3, -3e-3])
     rng = np.random.default_rng(8)
     time = np.arange(0.0, 5.0, 0.02)
@@ -204,7 +204,7 @@ def test_an_axis_elsewhere_is_found_in_free_swings_too():
     assert fit.reduced_chi2 < 1.2
     for name, true in zip(("pivot_x", "pivot_y"), wrong, strict=True):
         value, std = found[name]
-        # A point off by a share s of the arm is read off to s² in second order.
+        # A displacement by a fraction s of the arm gives an error of order s².
         assert value == pytest.approx(true, abs=3.0 * std + 1e-4)
         assert std < 1e-3
     assert found["viscous_coefficient"][0] == pytest.approx(0.02 * body.inertia, rel=0.02)

@@ -1,4 +1,4 @@
-"""Free swings that an encoder beside its axis reads in coarse steps, as scipy swings them."""
+"""Free swings read by a coarse encoder with a displaced axis."""
 
 from dataclasses import replace
 
@@ -46,7 +46,7 @@ def known(tmp_path_factory) -> Prepared:
     return _prepared(tmp_path_factory.mktemp("encoder"), ENCODER)
 
 
-def test_axis_and_play_of_an_encoder_are_told_beside_its_bearing(known):
+def test_axis_and_backlash_of_an_encoder_are_found_with_its_bearing(known):
     rubbed = _fitted(known, "bearing_friction")
     assert rubbed.fit.ending is Ending.CONVERGED
     assert rubbed.reduced_chi2 < 1.2
@@ -58,7 +58,7 @@ def test_axis_and_play_of_an_encoder_are_told_beside_its_bearing(known):
     assert play > 4.0 * std
 
 
-def test_a_bearing_that_does_not_repeat_is_told_release_by_release(known):
+def test_a_bearing_that_varies_is_fitted_release_by_release(known):
     rubbed = _fitted(known, "bearing_friction")
     factors = 1.0 + rubbed.fit.nuisance[:, 4]
     true = np.array(ENCODER.of_each)
@@ -68,32 +68,33 @@ def test_a_bearing_that_does_not_repeat_is_told_release_by_release(known):
     assert torque == pytest.approx(ENCODER.dry * inertia, abs=3.0 * std)
 
 
-def test_shares_of_the_releases_are_of_what_they_lose_on_average(known):
-    """Where a law leaves much over, nothing else keeps its strength from drifting."""
+def test_factors_of_the_releases_are_relative_to_the_mean_loss(known):
+    """With a large misfit, nothing else fixes the mean of the factors."""
     oiled = _fitted(known, "viscous_damping")
     assert np.ptp(oiled.fit.nuisance[:, 4]) > 0.03
     assert abs(oiled.fit.nuisance[:, 4].mean()) < 1e-6
 
 
-def test_a_good_encoder_and_a_bearing_that_repeats_are_left_alone(tmp_path):
+def test_an_ideal_encoder_and_bearing_get_no_correction(tmp_path):
     known = _prepared(tmp_path, replace(CART, starts=(2.3, -1.6, 1.9)))
     assert known.forward.baseline.instruments == ()
     assert known.forward.uneven == 0.0
 
 
-def test_what_no_instrument_is_off_by_is_none(tmp_path):
-    """Eight times what labs have is another thing, which no fit beside any losses may take up."""
+def test_an_implausible_encoder_offset_is_rejected(tmp_path):
+    """An offset eight times the usual one is outside the prior."""
     known = _prepared(tmp_path, replace(ENCODER, encoder_offset=0.08))
     assert not any(isinstance(one, PivotElsewhere) for one in known.forward.baseline.instruments)
 
 
-def test_releases_that_lose_half_as_much_are_no_scatter(tmp_path):
+@pytest.mark.slow
+def test_releases_with_half_the_loss_are_no_variation(tmp_path):
     known = _prepared(tmp_path, replace(ENCODER, of_each=(1.0, 0.5, 0.5)))
     assert known.forward.uneven == 0.0
 
 
 @pytest.mark.parametrize(("step", "found"), [(2.0 * np.pi / 1200, True), (0.0, False)])
-def test_a_step_shows_in_the_readings_themselves(tmp_path, step, found):
+def test_the_resolution_follows_from_the_readings(tmp_path, step, found):
     known = _prepared(tmp_path, replace(ENCODER, step=step or 1e-6, noise=1e-3, play=0.0))
     seen = resolution(known.forward.records)
     assert seen == pytest.approx(step, rel=1e-3) if found else seen < 1e-5
@@ -101,7 +102,7 @@ def test_a_step_shows_in_the_readings_themselves(tmp_path, step, found):
 
 
 @pytest.mark.slow
-def test_two_releases_of_an_encoder_name_its_bearing_alone(tmp_path):
+def test_two_releases_of_an_encoder_name_only_its_bearing(tmp_path):
     rig = replace(ENCODER, starts=ENCODER.starts[:2], of_each=ENCODER.of_each[:2])
     verdict = explain(*_loaded(tmp_path, rig))
     assert [one.id for one in verdict.effects] == ["bearing_friction"]

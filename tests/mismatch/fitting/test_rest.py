@@ -1,4 +1,4 @@
-"""Pendulums that come to rest, where dry friction holds them beside their zero."""
+"""Pendulums that come to rest away from zero because of dry friction."""
 
 from dataclasses import replace
 
@@ -24,7 +24,7 @@ DRY, LINEAR = 0.3, 0.05
 
 @pytest.fixture(scope="module")
 def stopped():
-    """Four swings of twelve seconds, and when each was last seen away from where it ends."""
+    """Four swings of twelve seconds, and the time at which each stops."""
     rng, trials, stops = np.random.default_rng(4), [], []
     time = np.arange(0.0, 12.0, 1.0 / 60.0)
     for number, start in enumerate((0.8, -0.5, 0.6, -0.35)):
@@ -37,7 +37,7 @@ def stopped():
     return CampaignRecords(tuple(trials)), Baseline({}, pendulum=body), np.array(stops)
 
 
-def test_what_comes_after_rest_is_left_out_and_a_swing_is_not(stopped):
+def test_rows_after_rest_are_excluded(stopped):
     campaign, baseline, stops = stopped
     period = 2.0 * np.pi / RATE
     at_rest = stops < 12.0 - 0.5 * period
@@ -45,13 +45,13 @@ def test_what_comes_after_rest_is_left_out_and_a_swing_is_not(stopped):
     records = prepare(campaign, baseline).forward.records
     kept = np.where(records.pendulum_used, records.pendulum_time, 0.0).max(axis=1)
     assert kept[~at_rest] == pytest.approx(12.0 - 1.0 / 60.0)
-    # The last swing goes with it: its end is where the clock of half swings may not be told.
+    # The last swing is excluded as well, because its end is uncertain.
     early = stops - kept
     assert np.all((0.9 * period < early) & (early < 1.5 * period) | ~at_rest)
 
 
-def test_a_swing_that_only_fades_is_kept_whole():
-    """Of viscous losses, down to two scatters of one reading."""
+def test_a_viscously_damped_swing_is_kept_entirely():
+    """With viscous losses, down to two standard deviations of a reading."""
     rng, time = np.random.default_rng(1), np.arange(0.0, 12.0, 1.0 / 60.0)
     fading = 0.4 * np.exp(-0.38 * time) * np.cos(RATE * time)
     seen = fading + NOISE * rng.standard_normal(time.size)
@@ -61,8 +61,7 @@ def test_a_swing_that_only_fades_is_kept_whole():
     assert not rows_at_rest(records, RATE).any()
 
 
-def test_dry_friction_is_followed_through_every_turning_point():
-    # A sign that jumped between two of 64 steps a period left 1.4 mrad, told as a wrong clock.
+def test_dry_friction_is_integrated_through_turning_points():
     span = 8.0 * 2.0 * np.pi / RATE
     steps = 8 * PIECE_STEPS
     pendulum = Pendulum(length=LENGTH, inertia=MASS * LENGTH**2, mass=MASS, com=LENGTH)
@@ -79,8 +78,7 @@ def test_dry_friction_is_followed_through_every_turning_point():
 
 
 @pytest.mark.slow
-def test_a_bearing_that_holds_the_pendulum_is_told_as_friction_alone(stopped):
-    # With what comes after rest it was told beside a torque near one angle, with 0.88 each.
+def test_a_bearing_that_stops_the_pendulum_is_only_friction(stopped):
     campaign, baseline, _ = stopped
     verdict = explain(campaign, baseline)
     named = {effect.id: effect.parameters[0] for effect in verdict.effects}
@@ -94,7 +92,7 @@ GIVE = 2e-4
 
 
 def given(start: float, time: np.ndarray) -> np.ndarray:
-    """Angle of a swing whose bearing is a bristle: it bends by 0.2 mrad before it slips (LuGre)."""
+    """Swing with a LuGre bearing, which deflects by 0.2 mrad before it slips."""
 
     def rate(_, s):
         angle, omega, bent = s
@@ -108,7 +106,7 @@ def given(start: float, time: np.ndarray) -> np.ndarray:
     return path.y[0]
 
 
-def test_a_bearing_that_gives_is_followed_where_it_turns():
+def test_a_compliant_bearing_is_integrated_through_turning_points():
     span, steps = 6.0 * 2.0 * np.pi / RATE, 6 * PIECE_STEPS
     pendulum = Pendulum(length=LENGTH, inertia=MASS * LENGTH**2, mass=MASS, com=LENGTH)
     forms = {effect.form: effect for effect in CATALOGUE["bearing_friction"]}
@@ -123,8 +121,8 @@ def test_a_bearing_that_gives_is_followed_where_it_turns():
     assert off[Form.CONSTANT_TORQUE] > 3e-3
 
 
-def test_a_bearing_that_gives_is_told_without_a_torque_beside_it():
-    # It was told beside a torque near the lowest point, with 0.92 each.
+@pytest.mark.slow
+def test_a_compliant_bearing_needs_no_other_torque():
     rng, trials = np.random.default_rng(8), []
     time = np.arange(0.0, 11.0, 1.0 / 50.0)
     for number, start in enumerate((0.7, -0.45, 0.9, -0.55, 0.62)):

@@ -1,4 +1,4 @@
-"""Long free swings against paths that scipy integrated, as other labs would record them."""
+"""Long free swings compared with trajectories integrated by scipy."""
 
 from dataclasses import replace
 
@@ -54,13 +54,13 @@ def test_dry_and_quadratic_losses_are_found_over_many_periods(tmp_path, rate):
     assert found == pytest.approx(ratio, abs=2e-3)
 
 
-def test_noise_is_told_from_a_swing_that_is_sampled_sparsely(tmp_path):
+def test_noise_is_separated_from_a_sparsely_sampled_swing(tmp_path):
     prepared = _prepared(tmp_path, replace(CART, starts=(2.3, 1.9)), 25.0)
-    # About a quartic through 36 rows the motion itself is left: tenths of a radian.
+    # A quartic through 36 rows leaves tenths of a radian of the motion.
     assert prepared.noise.sigma[:, 3] == pytest.approx(CART.noise, rel=1.0)
 
 
-def test_a_zero_that_is_off_is_the_protractors_and_no_force(tmp_path):
+def test_a_zero_offset_is_no_force(tmp_path):
     rig = replace(STRING, starts=(0.42, -0.36))
     prepared = _prepared(tmp_path, rig)
     fit = _fitted(prepared, "viscous_damping", "pendulum_drag")
@@ -68,14 +68,14 @@ def test_a_zero_that_is_off_is_the_protractors_and_no_force(tmp_path):
     assert _rms(prepared, fit) < 1.1 * rig.noise
 
 
-def test_a_swing_tells_its_frequency_before_anything_is_fitted(tmp_path):
+def test_the_frequency_of_a_swing_is_estimated_before_the_fit(tmp_path):
     prepared = _prepared(tmp_path, replace(CART, starts=(2.3, 1.0)))
     seen = seen_swings(prepared.forward.records)
     true = np.sqrt(9.80665 / CART.length)
     assert [one.rate for one in seen] == pytest.approx([true, true], rel=0.04)
 
 
-def test_a_law_out_of_step_with_the_record_is_no_answer(tmp_path):
+def test_a_law_out_of_phase_with_the_record_is_no_answer(tmp_path):
     prepared = _prepared(tmp_path, replace(CART, starts=(2.3, 1.9)))
     bare = _fitted(prepared)
     assert _rms(prepared, bare) > 0.05

@@ -1,4 +1,4 @@
-"""Strengths that trade with what repeats imperfectly are found from wherever the fit starts."""
+"""Parameters correlated with nuisances are found from any start."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from pipelines.setup.file import load_setup
 
 @pytest.fixture(scope="module")
 def turned(tmp_path_factory):
-    """Strikes by a face that meets the ball 30 mm off: the launch angle takes up what it may."""
+    """Strikes 30 mm off centre, partly absorbed by the launch angle."""
     folder = tmp_path_factory.mktemp("turned")
     key = draw_campaign(2026, 24, folder / "files", folder / "keys")
     assert [hidden.id for hidden in key.effects] == ["oblique_impact"]
@@ -27,7 +27,7 @@ def turned(tmp_path_factory):
     return prepare(campaign, baseline_from_setup(setup, campaign))
 
 
-def test_a_turned_face_is_found_from_any_start(turned):
+def test_a_tilted_face_is_found_from_any_start(turned):
     (effect,) = (e for e in CATALOGUE["oblique_impact"] if e.form == Form.RUBBING_FACE)
     base, found = turned.fit, []
     for start in (0.0, 0.02):
@@ -39,7 +39,7 @@ def test_a_turned_face_is_found_from_any_start(turned):
     assert base.objective - max(found) > 700.0
 
 
-def test_an_answer_that_one_start_alone_reached_is_fitted_from_others(turned):
+def test_an_answer_of_one_start_is_refitted_from_others(turned):
     forward, base = turned.forward, turned.fit
     (effect,) = (e for e in CATALOGUE["oblique_impact"] if e.form == Form.RUBBING_FACE)
     pool = candidates_for(forward, base.model, [effect], unnamed=False)

@@ -1,4 +1,4 @@
-"""Trials that say nothing are left out and named; a campaign of nothing else is refused."""
+"""Unusable trials are excluded with a note; a campaign of them is refused."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ ODD = {
 
 
 @pytest.mark.parametrize("said", ODD)
-def test_an_odd_trial_is_left_out_and_named(said):
+def test_an_unusable_trial_is_excluded_with_a_note(said):
     campaign = CampaignRecords((sound("a"), swing("odd", ODD[said]), sound("b", 1.0)))
     kept = without_odd_trials(campaign)
     assert [trial.name for trial in kept.trials] == ["a", "b"]
@@ -36,13 +36,13 @@ def test_an_odd_trial_is_left_out_and_named(said):
 
 
 @pytest.mark.parametrize("said", ODD)
-def test_a_campaign_of_odd_trials_is_refused(said):
+def test_a_campaign_of_unusable_trials_is_refused(said):
     with pytest.raises(UsageError, match=said):
         without_odd_trials(CampaignRecords((swing("1", ODD[said]), swing("2", ODD[said] + 0.01))))
 
 
 @pytest.mark.parametrize("time", [TIME * 1e12, TIME * 1e-6, TIME * 1e300, TIME + 1e15])
-def test_a_clock_that_can_be_none_is_refused(time):
+def test_an_impossible_clock_is_refused(time):
     angle = 0.4 * np.cos(9.0 * TIME)
     if np.any(np.diff(time) <= 0.0):
         time = 1e15 + np.arange(60.0)

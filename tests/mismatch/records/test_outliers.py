@@ -1,4 +1,4 @@
-"""Rows that do not belong are found wherever they stand."""
+"""Outliers are found wherever they are."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from tests.mismatch.synthetic import struck_campaign
 
 
 def spoilt(campaign: CampaignRecords) -> CampaignRecords:
-    """A hole before the last row of the first flight, and that row found in a wrong place."""
+    """A gap before the last row of the first flight, and that row displaced."""
     first, *others = campaign.trials
     kept = np.r_[0 : first.ball_time.size - 12, first.ball_time.size - 1]
     position = first.position[kept].copy()
@@ -20,12 +20,12 @@ def spoilt(campaign: CampaignRecords) -> CampaignRecords:
     return CampaignRecords((last, *others))
 
 
-def test_a_wrong_last_row_behind_a_hole_is_left_out_whole_and_names_nothing():
+def test_an_outlier_after_a_gap_is_excluded_and_names_nothing():
     campaign, baseline = struck_campaign(seed=3)
     campaign = spoilt(campaign)
     prepared = prepare(campaign, baseline)
     row = campaign.trials[0].ball_time.size - 1
-    # Off in x by thirty sigma, in y by three: the ball was not there at all.
+    # Displaced by 30 sigma in x and 3 in y: both coordinates are outliers.
     assert not prepared.forward.records.ball_used[0, row].any()
     assert prepared.forward.records.ball_used[0, row - 1, :2].all()
     assert explain(campaign, baseline).verdict == "no_mismatch"

@@ -1,4 +1,4 @@
-"""What free swings say of their own units and of their setup."""
+"""Units and setup checked against free swings."""
 
 import numpy as np
 import pytest
@@ -16,7 +16,7 @@ RATE = np.sqrt(
 
 
 class Swings:
-    """As much of what was prepared as the check looks at."""
+    """The attributes of a prepared campaign that the check reads."""
 
     def __init__(self, amplitudes, pace=1.0, written=1.0, slowing=0.0, noise=0.0):
         time = np.arange(0.0, 8.0, 1.0 / 60.0)
@@ -35,35 +35,35 @@ class Swings:
         self.fit = None
 
 
-def test_a_pendulum_that_keeps_its_pace_passes():
+def test_a_consistent_pendulum_passes():
     refuse_nonsense(
         CampaignRecords((Trial("1", *(np.zeros(0),) * 4),)), Swings([0.2, 0.7, 1.1, 0.4])
     )
 
 
 @pytest.mark.parametrize("degrees", [0.5, 1.0, 1.5])
-def test_small_angles_in_degrees_keep_time_as_a_spring_does(degrees):
+def test_small_angles_in_degrees_look_isochronous(degrees):
     amplitudes = np.radians(degrees) * np.array([1.0, 0.6, 0.3, 0.8])
     swings = Swings(amplitudes, written=180.0 / np.pi)
     assert keeps_time(swings.forward)
     refuse_nonsense(CampaignRecords((Trial("1", *(np.zeros(0),) * 4),)), swings)
 
 
-def test_a_pendulum_in_radians_does_not_keep_time():
+def test_a_pendulum_in_radians_is_not_isochronous():
     assert not keeps_time(Swings([0.2, 0.7, 1.1, 0.4]).forward)
 
 
 def test_wide_and_small_swings_of_one_spring_are_of_one_pendulum():
-    # written 57 times as wide as they were, their pace is that of small swings
+    # written 57 times too wide, their frequency is still that of small swings
     amplitudes = np.radians([1.5, 0.2, 1.5, 0.2])
     refuse_nonsense(None, Swings(amplitudes, written=180.0 / np.pi))
 
 
-def test_trials_of_two_pendulums_are_noticed():
+def test_trials_of_two_pendulums_are_refused():
     with pytest.raises(UsageError, match="several pendulums"):
         refuse_nonsense(None, Swings([0.2, 0.25, 0.2, 0.25], pace=1.3))
 
 
-def test_noise_after_a_pendulum_has_come_to_rest_is_no_swing_of_another():
-    # dry friction takes the same off every swing: 0.1 rad are gone after 2 s of 8
+def test_noise_after_rest_is_no_swing():
+    # dry friction reduces every swing by the same amount: 0.1 rad after 2 s of 8
     refuse_nonsense(None, Swings([0.1, 0.5, 0.12, 0.6], slowing=0.05, noise=0.006))

@@ -1,4 +1,4 @@
-"""Memory of tracking noise, learnt from short records without a bias."""
+"""Autocorrelation of tracking noise, estimated from short records."""
 
 from dataclasses import replace
 
@@ -27,8 +27,8 @@ def tracks(share: float, rho: float, sizes: tuple[int, ...], seed: int):
 
 
 @pytest.mark.parametrize(("share", "rho"), [(0.2, 0.85), (0.4, 0.72), (0.4, 0.85), (0.6, 0.9)])
-def test_slow_noise_of_short_records_is_not_underrated(share, rho):
-    # At the pace of one half wave over the longer records, where slow physics is.
+def test_slow_noise_of_short_records_is_not_underestimated(share, rho):
+    # At the frequency of half a wave over the longer records, where slow physics is.
     near = 1.0 - 2.0 * rho * np.cos(np.pi / 220) + rho**2
     truth = 1.0 - share + share * (1.0 - rho**2) / near
     fits = [fit_spectrum(tracks(share, rho, (220, 110) * 8, seed), 1.0) for seed in range(8)]
@@ -47,7 +47,7 @@ def test_white_noise_has_no_memory():
 def remembering(
     campaign: CampaignRecords, size: float, rho: float, every: int = 4
 ) -> CampaignRecords:
-    """Some rows of a campaign, each channel under a first-order autoregression."""
+    """Every n-th row of a campaign, with autoregressive noise in each channel."""
     rng = np.random.default_rng(5)
 
     def errors(rows: int) -> np.ndarray:
@@ -72,19 +72,19 @@ def remembering(
     return replace(campaign, trials=tuple(made))
 
 
-def test_noise_that_remembers_five_rows_is_told_from_motion():
-    """A quartic through nine rows follows such noise; white, its level would be a half too low."""
+def test_noise_correlated_over_five_rows_is_separated_from_motion():
+    """A quartic through nine rows follows such noise; as white noise it would be half too low."""
     campaign, baseline = struck_campaign(seed=3, noise=1e-6)
     prepared = prepare(remembering(campaign, 1e-3, 0.8), baseline)
     seen = [0, 1, 3]
     assert np.median(prepared.noise.sigma, axis=0)[seen] == pytest.approx(1e-3, rel=0.25)
-    # The power of such noise at a slow pace is (1 + rho) / (1 - rho) of its variance.
+    # The power of such noise at low frequency is (1 + rho) / (1 - rho) times its variance.
     assert prepared.noise.inflation[seen] == pytest.approx(9.0, rel=0.4)
     assert prepared.fit.reduced_chi2 < 1.3
 
 
 @pytest.mark.parametrize("seed", [2, 3, 4])
-def test_throws_under_noise_that_remembers_five_rows_are_blameless(seed):
+def test_throws_with_correlated_noise_name_nothing(seed):
     campaign, baseline = thrown_campaign(seed)
     prepared = prepare(remembering(campaign, 3e-3, 0.8, every=1), baseline)
     seen = [0, 1]
@@ -93,13 +93,13 @@ def test_throws_under_noise_that_remembers_five_rows_are_blameless(seed):
     assert prepared.fit.reduced_chi2 < 1.3
 
 
-def test_noise_that_is_nothing_but_memory_is_noise():
-    """At 3 % of white noise its fastest power would be twice what it is, and no shape holds."""
+def test_a_random_walk_is_noise():
+    """With 3 % of white noise its high-frequency power would double."""
     rho = 0.95
     for seed in range(6):
         found = fit_spectrum(tracks(1.0, rho, (160,) * 10, seed))
         assert found.holds
-        # What a parabola leaves of a walk so slow is a part of its power, and pays for the doubt.
+        # A parabola removes a fraction of the power of such a slow walk.
         assert found.chosen(SIGNIFICANT).inflation > 10.0
 
 
@@ -112,7 +112,7 @@ def test_noise_that_is_nothing_but_memory_is_noise():
     ],
     ids=["many periods", "a push that begins", "a bump"],
 )
-def test_what_motion_leaves_over_is_no_noise_with_a_memory(course):
+def test_a_misfit_of_the_motion_is_not_correlated_noise(course):
     for seed in range(4):
         pieces = tracks(0.0, 0.5, (220,) * 8, seed)
         moving = [(time, value + 10.0 * course(time)) for time, value in pieces]
@@ -120,11 +120,11 @@ def test_what_motion_leaves_over_is_no_noise_with_a_memory(course):
         assert fit_spectrum(tracks(0.9, 0.8, (220,) * 8, seed)).holds
 
 
-def test_too_few_samples_say_nothing_of_a_spectrum():
+def test_too_few_samples_give_no_spectrum():
     assert fit_spectrum(tracks(0.0, 0.5, (12, 9), 1)) is None
 
 
-def test_channels_of_one_tracker_tell_their_memory_together():
+def test_channels_of_one_tracker_share_their_correlation():
     fits = [fit_spectrum(tracks(0.4, 0.85, (220, 110) * 4, seed)) for seed in range(30)]
     omega = np.pi / 220
     truth = 0.6 + 0.4 * (1.0 - 0.85**2) / (1.0 - 1.7 * np.cos(omega) + 0.85**2)
@@ -136,16 +136,16 @@ def test_channels_of_one_tracker_tell_their_memory_together():
     assert np.sqrt(np.mean(np.square(together))) < 0.85 * np.sqrt(np.mean(np.square(alone)))
 
 
-def test_channels_with_memories_of_their_own_are_left_apart():
+def test_channels_with_different_correlation_are_not_pooled():
     slow = fit_spectrum(tracks(0.6, 0.93, (220, 110) * 8, 1))
     white = fit_spectrum(tracks(0.0, 0.5, (220, 110) * 8, 2))
     assert shared_deviance([slow, white]) is None
     assert white.chosen(SIGNIFICANT).inflation == 1.0
 
 
-def test_looking_for_a_jump_in_each_trial_pays_for_the_search():
+def test_the_search_for_a_jump_in_each_trial_has_a_cost():
     prepared = prepare(*struck_campaign(seed=3))
     jumps = dropped_in_each(prepared.forward, prepared.fit)
-    # The best instants of a blameless campaign gain tens of chi-square, all of it by the search.
+    # The best instants of a campaign without jumps gain tens of chi-square by the search alone.
     assert len(jumps.instants) == 8
     assert jumps.looks > 10.0

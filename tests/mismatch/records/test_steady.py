@@ -1,4 +1,4 @@
-"""Faults that differ from trial to trial are not taken for a law that all trials share."""
+"""Errors that differ between trials are not taken for a common law."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from tests.mismatch.synthetic import struck_campaign
 
 
 def with_wandering_angles(campaign: CampaignRecords, size: float) -> CampaignRecords:
-    """The pendulum's angle followed badly: off by a curve of its own in each trial."""
+    """Pendulum angles with a different slow error in each trial."""
     rng = np.random.default_rng(12)
     trials = []
     for trial in campaign.trials:
@@ -22,7 +22,7 @@ def with_wandering_angles(campaign: CampaignRecords, size: float) -> CampaignRec
 
 
 @pytest.mark.parametrize("size", [pytest.param(5e-3, marks=pytest.mark.slow), 0.02])
-def test_tracks_that_wander_name_no_physics(size):
+def test_drifting_tracks_name_no_physics(size):
     campaign, baseline = struck_campaign(seed=3, trials=3)
     verdict = explain(with_wandering_angles(campaign, size), baseline)
     assert verdict.effects == ()

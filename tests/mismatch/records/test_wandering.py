@@ -1,4 +1,4 @@
-"""Errors that remember a whole flight, drawn by recurrences and by a marker that goes round."""
+"""Errors correlated over a whole flight: autoregression and rotating marker."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ BRAKE = 0.5 * DENSITY * np.pi / 4.0 * BALL.diameter**2 / BALL.mass
 
 
 def remembering(rng, rows, memory):
-    """A recurrence of the first order, of unit variance."""
+    """First-order autoregression of unit variance."""
     kept, found = np.exp(-1.0 / memory), np.empty((rows, 2))
     found[0] = rng.standard_normal(2)
     for row in range(1, rows):
@@ -28,7 +28,7 @@ def remembering(rng, rows, memory):
 
 
 def pulled_back(rng, rows, memory):
-    """A kicked mass on a damped spring: smooth from row to row."""
+    """A randomly driven damped oscillator: smooth from row to row."""
     place, pace, found = np.zeros(2), np.zeros(2), []
     for _ in range(rows + int(20 * memory)):
         pace = pace - place / memory**2 - 1.8 * pace / memory + rng.standard_normal(2)
@@ -38,7 +38,7 @@ def pulled_back(rng, rows, memory):
 
 
 def going_round(rng, rows, memory):
-    """A marker off the centre of a ball that turns once in six memories, from anywhere."""
+    """An off-centre marker on a ball that rotates once in six correlation times."""
     turned = np.arange(rows) / memory * rng.uniform(0.9, 1.1) + rng.uniform(0.0, 2.0 * np.pi)
     return np.sqrt(2.0) * np.column_stack([np.cos(turned), np.sin(turned)])
 
@@ -69,7 +69,7 @@ def throws(wander, share, lift=0.0, seed=3, trials=9, noise=5e-4, memory=30.0):
 
 
 def left_over(campaign, baseline, share=0.0) -> tuple[Forward, np.ndarray]:
-    """A forward model of white noise as large as was drawn, and what its baseline leaves over."""
+    """A forward model with white noise of the drawn size, and the residuals of its baseline."""
     known = prepare(campaign, baseline)
     sigma = np.full_like(known.forward.records.sigma, 5e-4 * np.sqrt(1.0 - share))
     records = replace(known.forward.records, sigma=sigma, inflation=np.ones(4))
@@ -78,7 +78,7 @@ def left_over(campaign, baseline, share=0.0) -> tuple[Forward, np.ndarray]:
     return forward, records.weighed(off)
 
 
-def test_white_noise_does_not_wander():
+def test_white_noise_has_no_slow_errors():
     gains = [wandering_errors(*left_over(*throws(None, 0.0, seed=seed))).gain for seed in range(6)]
     assert max(gains) < 9.0
 
@@ -100,7 +100,7 @@ def test_records_are_white_once_their_slow_errors_are_known(wander):
     assert back[used] == pytest.approx(forward.records.unweighed(left)[used], abs=1e-12)
 
 
-def test_what_bends_all_flights_alike_is_no_error_of_theirs():
+def test_a_curvature_common_to_all_flights_is_no_slow_error():
     forward, left = left_over(*throws(None, 0.0))
     time = forward.records.ball_time
     share = time / time.max(axis=1, keepdims=True)
@@ -111,7 +111,7 @@ def test_what_bends_all_flights_alike_is_no_error_of_theirs():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("wander", [remembering, going_round])
-def test_of_errors_that_wander_nothing_is_named_and_a_lift_among_them_is(wander):
+def test_slow_errors_name_nothing_and_a_lift_is_still_named(wander):
     for seed in (3, 4, 5):
         assert explain(*throws(wander, 0.8, seed=seed)).effects == ()
     verdict = explain(*throws(wander, 0.8, lift=0.25))

@@ -1,4 +1,4 @@
-"""The form of a law that was best alone need not be the best one beside a fellow."""
+"""The best form of a law alone may differ from the best form in a pair."""
 
 from mismatch.candidates import candidates_for
 from mismatch.fitting.hypotheses import Hypothesis, fit_hypothesis
@@ -13,8 +13,8 @@ WAY_ALONE = next(e for e in CATALOGUE["contact_displacement"] if e.form == Form.
 EFFECTS = [one for forms in CATALOGUE.values() for one in forms]
 
 
-def test_laws_are_fitted_in_the_forms_that_fit_together():
-    """A softer ball under a yielding pivot was told as a shorter way, with a third law beside."""
+def test_laws_are_fitted_in_the_jointly_best_forms():
+    """A softer ball with a compliant pivot."""
     struck = ((SOFTER, {"relative_change": 0.2}), (YIELDING, {"lost_share": 0.01}))
     known = prepare(*struck_campaign(*struck))
     laws = [WAY_ALONE, YIELDING, effect_named("effective_mass")]
@@ -41,8 +41,8 @@ def _fitted_together(known: Prepared, *laws: Effect) -> Hypothesis:
     )
 
 
-def test_three_laws_are_held_against_every_two_of_them():
-    """Sets grow one by one: a shutter that came first stayed beside what made it idle."""
+def test_three_laws_are_compared_with_every_two_of_them():
+    """A law selected first may become unnecessary when others are added."""
     draught, shutter = effect_named("wind"), effect_named("rolling_shutter")
     struck = ((SOFTER, {"relative_change": -0.2}), (draught, {"wind_x": 0.8}))
     known = prepare(*struck_campaign(*struck))
@@ -53,23 +53,23 @@ def test_three_laws_are_held_against_every_two_of_them():
     assert smaller.penalised_gain > alone.penalised_gain + 100.0
 
 
-def test_beside_its_fellow_a_law_is_held_against_others_in_all_their_forms():
-    """A camera turned about a point shifts the picture, too; another form does so in part."""
+def test_the_second_law_is_compared_with_others_in_all_their_forms():
+    """A camera rotated about a point also shifts the image; another form does so partly."""
     slowed = (effect_named("viscous_damping"), {"viscous_coefficient": 0.06})
     shifted = (effect_named("origin_offset"), {"offset_x": 1e-3})
     known = prepare(*struck_campaign(slowed, shifted))
     turns = CATALOGUE["camera_roll"]
     found = name_effects(known.forward, known.fit, [slowed[0], shifted[0], *turns], unnamed=False)
     assert found.best is not None
-    told = {frozenset(h.ids) for h in (found.best, *found.rivals())}
-    assert told == {frozenset((slowed[0].id, one)) for one in ("origin_offset", "camera_roll")}
+    answers = {frozenset(h.ids) for h in (found.best, *found.rivals())}
+    assert answers == {frozenset((slowed[0].id, one)) for one in ("origin_offset", "camera_roll")}
     forms = {h.members[-1].effect.form for h in found.rivals() if h.ids[0] == slowed[0].id}
-    # a camera turned about all its axes pays for the weights that its prior holds, and is no rival
+    # a camera rotated about all axes has the cost of its weights and is no candidate
     assert {Form.ABOUT_A_POINT, Form.BALL_ONLY} <= forms
 
 
-def test_a_known_law_is_no_part_of_what_its_fellow_gains_over_another():
-    """Thinner air was taken in beside a dry bearing for what that gains over a viscous one."""
+def test_a_known_law_does_not_count_in_the_gain_of_the_second():
+    """A gain of one law over its alternative does not count for the second law."""
     bearing, oil = effect_named("bearing_friction"), effect_named("viscous_damping")
     known = prepare(*struck_campaign((bearing, {"dry_torque": 0.1})))
     alone, rival = (_fitted_together(known, law) for law in (bearing, oil))

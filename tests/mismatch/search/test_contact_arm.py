@@ -1,4 +1,4 @@
-"""A contact arm that is 2.5 mm shorter, in a simulator that this project did not write."""
+"""A contact arm 2.5 mm shorter in an independent simulator."""
 
 import json
 
@@ -12,7 +12,7 @@ from pipelines.setup.file import load_setup
 from tests.shared_data import shared_folder
 
 
-def test_a_shorter_arm_is_told_from_a_tilted_camera(tmp_path):
+def test_a_shorter_arm_is_distinguished_from_a_tilted_camera(tmp_path):
     answers = shared_folder("concealed_foreign").glob("*/answer.json")
     keys = {one.parent: json.loads(one.read_text()) for one in answers}
     (source, *_) = [

@@ -1,4 +1,4 @@
-"""A curve in no catalogue against sets of names: who carries more evidence goes first."""
+"""An unnamed curve and named effects are ordered by their evidence."""
 
 from types import SimpleNamespace
 
@@ -16,7 +16,7 @@ def answer(ids, gain):
 
 
 @pytest.mark.parametrize(("pair", "first"), [(110.0, True), (90.0, False)])
-def test_names_that_carry_as_much_evidence_go_before_a_curve(monkeypatch, pair, first):
+def test_names_are_preferred_to_an_equally_good_curve(monkeypatch, pair, first):
     monkeypatch.setattr(
         naming, "_supported",
         lambda _, larger, smaller, threshold: (
@@ -26,6 +26,6 @@ def test_names_that_carry_as_much_evidence_go_before_a_curve(monkeypatch, pair, 
     curve, one = answer(("unnamed",), 100.0), answer(("bearing_friction",), 60.0)
     both = answer(("bearing_friction", "pendulum_drag"), pair)
     assert _goes_first(None, both, curve, [curve, one], 12.0) is first
-    # Beside a name alone it still has to pay for itself.
+    # It still has the cost of its own parameters.
     assert _goes_first(None, both, one, [one], 12.0)
     assert not _goes_first(None, answer(both.ids, 65.0), one, [one], 12.0)

@@ -1,4 +1,4 @@
-"""A law in several forms: one name, weighed by all of them together."""
+"""A law in several forms has one name and the evidence of all forms."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -14,7 +14,7 @@ OUTCOME = Outcome(0.015, 2.9, 0.2, 0.04, 0.42, 0.0, 5.2, 0.8, 0.0)
 
 
 def fitted(ids, gain, form=""):
-    """What the weighing of answers looks at, and nothing else of a fit."""
+    """The attributes of a fit that the evidence uses."""
     members = tuple(
         SimpleNamespace(id=one, effect=SimpleNamespace(form=form, level=Level.CAMPAIGN))
         for one in ids
@@ -39,18 +39,17 @@ def test_evidence_is_averaged_over_the_forms_of_a_law():
     other = fitted(("wind",), 50.0)
     scan = scanned(("lift", "a"), ("lift", "b"), ("lift", "c"), ("wind", ""))
     naming = Naming(alike[0], (*alike, other), 12.0, scan)
-    # Three forms that fit alike are as good as one law with one form.
+    # Three equally good forms have the evidence of one law with one form.
     assert naming.families[("lift",)].penalised_gain == pytest.approx(50.0)
     assert naming.families[("wind",)].penalised_gain == pytest.approx(50.0)
-    # One form of three that fits, the others far behind, pays for having been chosen.
+    # One good form of three has the cost of having been selected.
     lone = (alike[0], fitted(("lift",), 10.0, "b"), fitted(("lift",), 10.0, "c"), other)
     naming = Naming(alike[0], lone, 12.0, scan)
     assert naming.families[("lift",)].penalised_gain == pytest.approx(50.0 - 2.2 * np.log(3.0))
 
 
-def test_laws_in_no_catalogue_are_no_forms_of_one_another():
-    """A force with a power of the speed was told as wind: curves beside it, which fit worse, had
-    made the evidence of all laws without a name a sixth of its own."""
+def test_unnamed_laws_are_not_forms_of_one_another():
+    """Worse unnamed curves do not reduce the evidence of the best unnamed law."""
     power, *curves = (fitted(("unnamed",), gain, str(gain)) for gain in (50.0, 40.0, 30.0, 20.0))
     wind = fitted(("wind",), 54.0)
     scan = scanned(("wind", ""), *(("unnamed", str(k)) for k in range(4)))
@@ -71,8 +70,8 @@ def test_laws_in_no_catalogue_are_no_forms_of_one_another():
         (56.0, ("wind",), "lens"),
     ],
 )
-def test_a_name_goes_first_as_long_as_no_law_without_one_is_likelier(gain, beside, first):
-    """A push in a stretch of the way, 8.6 units ahead though rare, was told as a turned camera."""
+def test_a_name_comes_first_unless_an_unnamed_law_is_more_probable(gain, beside, first):
+    """An unnamed law 8.6 units ahead comes before a name despite its lower prior."""
     further = tuple(one for one in beside if isinstance(one, str))
     lens = fitted(("lens", *further), 54.0)
     nameless = [fitted(("unnamed", *further), one) for one in (gain, *beside) if one not in further]
@@ -81,12 +80,12 @@ def test_a_name_goes_first_as_long_as_no_law_without_one_is_likelier(gain, besid
     assert found.best.ids[0] == first
 
 
-def test_a_ball_that_lies_lower_is_met_later_and_pushed_further_down():
+def test_a_lower_ball_is_hit_later_and_pushed_down():
     form = next(e for e in CATALOGUE["effective_mass"] if e.form == "geometry")
     lever = next(e for e in CATALOGUE["effective_mass"] if e.form == "arm")
     after = form.contact({"arm_error": 0.01}, CONTACT, OUTCOME)
     alone = lever.contact({"arm_error": 0.01}, CONTACT, OUTCOME)
-    # The triangle of pivot, face and ball with its horizontal side kept.
+    # The triangle of pivot, face and ball with a fixed horizontal side.
     length, radius, angle = 0.55, 0.1, 0.15
     across = length * np.sin(angle) + radius * np.cos(angle)
     met = next(
@@ -97,7 +96,7 @@ def test_a_ball_that_lies_lower_is_met_later_and_pushed_further_down():
     turned = met - angle
     assert after.pendulum_angle - alone.pendulum_angle - turned == pytest.approx(0.0, abs=2e-5)
     assert np.arctan2(after.vy, after.vx) < np.arctan2(OUTCOME.vy, OUTCOME.vx)
-    # With no angle between face and vertical nothing but the lever changes.
+    # With a vertical face only the lever arm changes.
     upright = replace(CONTACT, angle=0.0)
     both = [one.contact({"arm_error": 0.01}, upright, OUTCOME) for one in (form, lever)]
     assert vars(both[0]) == pytest.approx(vars(both[1]))
@@ -111,11 +110,11 @@ def test_friction_ends_where_the_support_ends():
     ]
     assert np.all(np.diff(lost[:4]) > 0.0)
     assert lost[3] == pytest.approx(lost[4])
-    # Half of a half-sine push's way takes 0.71 of its time: u - sin(pi u)/pi = 1/2 at u = 0.7.
+    # Half of the distance under a half-sine force takes u = 0.7: u - sin(pi u)/pi = 1/2.
     assert lost[2] / lost[3] == pytest.approx(0.734, abs=0.01)
 
 
-def test_a_loaded_bearing_rubs_more_where_the_pendulum_is_fast():
+def test_a_loaded_bearing_has_more_friction_at_high_speed():
     forms = {e.form: e for e in CATALOGUE["bearing_friction"]}
     fast = SwingState(0.0, 5.0, 1.6, 6.0, 0.45, 0.55, 9.81)
     slow = replace(fast, omega=0.3)

@@ -1,4 +1,4 @@
-"""Forces that no law of the catalogue or of the search has: found as a curve, called unnamed."""
+"""Forces of no known form are found as a curve and called unnamed."""
 
 from dataclasses import dataclass
 
@@ -31,7 +31,7 @@ class Flutter(Effect):
         return size, np.zeros_like(size), np.zeros_like(size)
 
 
-def test_a_force_that_comes_and_goes_is_unnamed_and_no_fault_of_the_instrument():
+def test_an_intermittent_force_is_unnamed_and_no_instrument_error():
     campaign, baseline = struck_campaign((Flutter(), {"a": 0.5}), trials=5, noise=5e-4)
     verdict = explain(campaign, baseline)
     assert [effect.id for effect in verdict.effects] == ["unnamed"]
@@ -39,7 +39,7 @@ def test_a_force_that_comes_and_goes_is_unnamed_and_no_fault_of_the_instrument()
     assert verdict.location.channel in ("horizontal", "along_velocity")
 
 
-def test_splines_add_up_to_a_constant_inside_their_range():
+def test_splines_sum_to_a_constant_inside_their_range():
     field = Field(coordinate=Coordinate.TIME, low=0.0, high=2.0)
     values = {p.name: 1.0 for p in field.parameters}
 
@@ -50,7 +50,7 @@ def test_splines_add_up_to_a_constant_inside_their_range():
     assert np.ptp(size) < 1e-12
 
 
-def test_the_freedom_of_a_curve_is_paid_for_where_nothing_is_missing():
+def test_a_curve_is_not_named_when_nothing_is_missing():
     known = prepare(*struck_campaign(seed=4))
     pool = [
         c
@@ -66,7 +66,7 @@ def test_the_freedom_of_a_curve_is_paid_for_where_nothing_is_missing():
 
 @dataclass(frozen=True)
 class Settling(Effect):
-    """A restitution that falls over the first trials and then stays."""
+    """A restitution that falls over the first trials and then is constant."""
 
     id: str = "settling"
     statement: str = "made for this test"
@@ -99,9 +99,7 @@ class Catch(Effect):
     ("made", "strength", "kind", "trials"),
     [(Settling(), {"a": 0.06}, Drift, 12), (Catch(), {"a": 1.5}, TorqueField, 4)],
 )
-def test_what_drifts_over_trials_or_turns_a_pendulum_is_found_as_a_curve(
-    made, strength, kind, trials
-):
+def test_a_drift_over_trials_or_a_torque_is_found_as_a_curve(made, strength, kind, trials):
     known = prepare(*struck_campaign((made, strength), trials=trials, noise=5e-4))
     pool = [c for c in candidates_for(known.forward, known.model, []) if isinstance(c.effect, kind)]
     scored = scan(known.forward, known.fit, pool).with_likely_widths()
@@ -112,7 +110,7 @@ def test_what_drifts_over_trials_or_turns_a_pendulum_is_found_as_a_curve(
     values = dict(zip((p.name for p in curve.parameters), scored.gain(best)[1], strict=True))
     if kind is Drift:
         seen = curve.size(values, np.array([-0.5, 0.5]))
-        # Each trial may be off by itself, which takes up a part of what it drifts by.
+        # Per-trial parameters absorb a fraction of the drift.
         assert 0.02 < seen[0] - seen[1] < 0.09
         assert "in the first trial" in curve.in_words(values)
     else:

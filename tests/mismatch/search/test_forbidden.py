@@ -1,4 +1,4 @@
-"""Answers that nature forbids are no answers, but where they fit best nothing else is sure."""
+"""Physically impossible answers: not given, but they limit the confidence."""
 
 from types import SimpleNamespace
 
@@ -20,7 +20,7 @@ GRAVITY = 9.806
 
 @pytest.fixture(scope="module")
 def pushed():
-    """Throws that something pushes on along their way, (m/s²) 0.03 v²: a drag below none."""
+    """Throws accelerated along their velocity by 0.03 v² (m/s²): a negative drag."""
     rng = np.random.default_rng(4)
     step, rows = 1e-3, 500
     trials = []
@@ -45,7 +45,7 @@ def _fitted(known, identity):
     return fit_hypothesis(known.forward, known.fit, [candidate], [start])
 
 
-def test_no_name_is_sure_that_a_forbidden_answer_beats(pushed):
+def test_no_name_is_confident_if_an_impossible_answer_is_better(pushed):
     forbidden, other = _fitted(pushed, EffectId.DRAG), _fitted(pushed, "lens_distortion")
     assert forbidden.forbidden
     assert forbidden.fit.ending is Ending.CONVERGED
@@ -57,14 +57,14 @@ def test_no_name_is_sure_that_a_forbidden_answer_beats(pushed):
     assert passed.most <= DOUBTED
 
 
-def test_a_forbidden_answer_that_fits_no_better_says_nothing(pushed):
+def test_an_impossible_answer_that_is_not_better_has_no_effect(pushed):
     other = _fitted(pushed, "lens_distortion")
     forbidden = _fitted(pushed, EffectId.DRAG)
     assert not Naming(forbidden, (forbidden, other), 12.0, None).outdone
     assert not Naming(other, (other,), 12.0, None).outdone
 
 
-def _told(effect, values, stds, gain):
+def _fitted_law(effect, values, stds, gain):
     """A law fitted to strikes with given values and standard uncertainties."""
     model = Model(((effect, values),))
     fit = Fit(
@@ -77,12 +77,12 @@ def _told(effect, values, stds, gain):
 @pytest.mark.parametrize(
     ("drop", "std", "excluded"), [(0.66, 0.78, False), (0.66, 0.02, True), (-0.05, 0.3, True)]
 )
-def test_a_crisis_whose_end_was_not_seen_is_not_excluded(drop, std, excluded):
-    """Its fall and the speed where it falls stand in for each other; 0.6, the most, fits alike."""
+def test_a_partly_observed_drag_crisis_is_not_excluded(drop, std, excluded):
+    """Its depth and its speed are correlated; the largest depth, 0.6, fits equally well."""
     crisis, lens = effect_named("drag_crisis"), effect_named("lens_distortion")
     values = {"coefficient_drop": drop, "critical_reynolds": 8.5e4, "width": 0.2}
-    fallen = _told(crisis, values, (std, 2.8e4, 0.06), 300.0)
-    bent = _told(lens, lens.neutral | {"radial": 7e-4}, (2e-4, 0.3, 0.2), 302.0)
+    fallen = _fitted_law(crisis, values, (std, 2.8e4, 0.06), 300.0)
+    bent = _fitted_law(lens, lens.neutral | {"radial": 7e-4}, (2e-4, 0.3, 0.2), 302.0)
     assert not fallen.allowed
     naming = Naming(bent, (bent, fallen), 12.0, SimpleNamespace(candidates=()))
     assert (fallen not in naming.rivals()) is excluded

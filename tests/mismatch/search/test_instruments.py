@@ -1,4 +1,4 @@
-"""Faults of a camera that bend to much: what they cost, and what two plain laws would do."""
+"""Flexible camera errors: their cost, and their comparison with two laws."""
 
 from dataclasses import replace
 
@@ -25,7 +25,7 @@ def best_of(known, effect):
 
 
 def cost_of(effect, size, centre):
-    """What an axis costs beside one that may be anywhere: chi-square units."""
+    """Cost of an optical axis relative to one without a prior, chi-square units."""
     (strength,) = (p.name for p in effect.strengths)
     values = {strength: size, "centre_along": centre, "centre_up": 0.1}
     known = prepare(*struck_campaign((effect, values)))
@@ -35,7 +35,7 @@ def cost_of(effect, size, centre):
 
 
 @pytest.mark.parametrize(("identity", "size"), [("lens_distortion", 1e-3), ("parallax", 0.02)])
-def test_an_optical_axis_beside_the_picture_has_to_be_paid_for(identity, size):
+def test_an_optical_axis_outside_the_image_has_a_cost(identity, size):
     effect = effect_named(identity)
     assert cost_of(effect, size, 0.1) == pytest.approx(0.0, abs=1.5)
     assert cost_of(effect, size, 1.8) > 2.5
@@ -47,7 +47,7 @@ def scanned(*added, seed):
     return known, scan(known.forward, known.fit, pool)
 
 
-def test_one_law_that_does_by_chance_what_two_did_is_held_against_them():
+def test_one_law_that_mimics_two_is_compared_with_them():
     wind, spin = (effect_named("wind"), {"wind_x": -0.3}), (effect_named("magnus"), {"spin": 1.2})
     known, first = scanned(wind, spin, seed=3)
     shutter = best_of(known, SHUTTER)
@@ -57,6 +57,6 @@ def test_one_law_that_does_by_chance_what_two_did_is_held_against_them():
     assert max(fit.penalised_gain for fit in fits) > shutter.penalised_gain
 
 
-def test_a_law_that_no_two_others_replace_is_the_answer():
+def test_a_law_that_no_pair_replaces_is_the_answer():
     known, first = scanned((effect_named("backswing_offset"), {"offset": 0.02}), seed=3)
     assert not _two_instead(first, best_of(known, effect_named("backswing_offset")))

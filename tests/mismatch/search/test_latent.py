@@ -1,4 +1,4 @@
-"""The missing force over time, held against forces that were put in."""
+"""The missing force over time compared with simulated forces."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ from tests.mismatch.synthetic import struck_campaign
 
 @dataclass(frozen=True)
 class Blown(Effect):
-    """A horizontal force in proportion to a sine in time, of a phase that no parameter holds."""
+    """A horizontal force sinusoidal in time with a fixed phase."""
 
     id: str = "blown"
     statement: str = "A draught that comes and goes."
@@ -37,7 +37,7 @@ def blown():
     return prepare(campaign, baseline)
 
 
-def test_the_missing_force_follows_a_force_that_changes_its_sign(blown):
+def test_the_missing_force_follows_a_change_of_sign(blown):
     horizontal, vertical = missing_force(blown.forward, blown.fit)[:2]
     inner = (horizontal.place > 0.05) & (horizontal.place < 0.35)
     true = 0.3 * np.sin(15.0 * horizontal.place)
@@ -47,7 +47,7 @@ def test_the_missing_force_follows_a_force_that_changes_its_sign(blown):
     assert np.all(np.abs(vertical.value)[inner] < 4.0 * vertical.std[inner] + 0.03)
 
 
-def test_laws_of_one_class_and_id_stay_apart_in_one_scan(blown):
+def test_laws_of_one_class_and_id_are_separate_in_a_scan(blown):
     laws = [Candidate(Blown(lag=lag), (), 1) for lag in (0.0, 1.2)]
     scored = scan(blown.forward, blown.fit, laws)
     correlation = scored.information[0, 1] / np.sqrt(np.prod(np.diag(scored.information)))
@@ -56,7 +56,7 @@ def test_laws_of_one_class_and_id_stay_apart_in_one_scan(blown):
     assert gains[0] > 2.0 * gains[1]
 
 
-def test_lanes_gather_what_is_the_same_object_and_nothing_else():
+def test_lanes_group_identical_objects_only():
     drag, other = CATALOGUE["drag"][0], Blown()
     models = [Model(((drag, {"drag_coefficient": 0.1 * k}),)) for k in range(3)]
     models.append(Model(((drag, {"drag_coefficient": 0.5}), (Blown(lag=1.0), {"a": 1.0}))))

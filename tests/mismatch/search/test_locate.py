@@ -1,4 +1,4 @@
-"""When a force acts that has no name."""
+"""Time window of an unnamed force."""
 
 import numpy as np
 import pytest
@@ -8,8 +8,9 @@ from mismatch.search.unnamed import Gust
 from tests.mismatch.synthetic import struck_campaign
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [pytest.param(0.04, marks=pytest.mark.slow), 0.09])
-def test_a_gust_starts_and_ends_when_it_blows(length):
+def test_start_and_end_of_a_gust_are_found(length):
     blown = {"strength": 0.8, "middle": 0.15, "duration": length}
     verdict = explain(*struck_campaign((Gust(), blown), seed=8, trials=5))
     assert {effect.id for effect in verdict.effects} == {"unnamed"}

@@ -1,4 +1,4 @@
-"""When a find is more than chance."""
+"""Significance thresholds of the search."""
 
 import numpy as np
 import pytest
@@ -20,36 +20,37 @@ EFFECTS = [effect for forms in CATALOGUE.values() for effect in forms]
 
 
 @pytest.fixture(scope="module")
-def blameless():
+def clean():
     return prepare(*struck_campaign(seed=3))
 
 
-def test_the_threshold_holds_for_the_whole_catalogue(blameless):
-    pool = candidates_for(blameless.forward, blameless.model, EFFECTS)
-    scored = scan(blameless.forward, blameless.fit, pool)
-    often, seldom = null_threshold(scored, 0.05), null_threshold(scored, 0.001)
-    # One effect alone with a sign: 2.7 and 9.5; a few dozen unlike ones cost several units more.
-    assert 7.0 < often < 12.0
-    assert 14.0 < seldom < 20.0
+def test_the_threshold_holds_for_the_whole_catalogue(clean):
+    pool = candidates_for(clean.forward, clean.model, EFFECTS)
+    scored = scan(clean.forward, clean.fit, pool)
+    at_5_percent, at_0_1_percent = null_threshold(scored, 0.05), null_threshold(scored, 0.001)
+    # One signed effect: 2.7 and 9.5; a few dozen different ones cost several units more.
+    assert 7.0 < at_5_percent < 12.0
+    assert 14.0 < at_0_1_percent < 20.0
 
 
 @pytest.fixture
 def many_draws(monkeypatch):
-    """From the usual draws the threshold is told to half a unit, from these to a tenth."""
+    """The default draws determine the threshold to half a unit, these to a tenth."""
     monkeypatch.setattr(hypotheses, "DRAWS", 48_000)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("many_draws")
-def test_a_law_in_no_catalogue_pays_for_being_rare(blameless):
-    pool = candidates_for(blameless.forward, blameless.model, EFFECTS)
-    named = scan(blameless.forward, blameless.fit, [c for c in pool if c.id != "unnamed"])
-    every = scan(blameless.forward, blameless.fit, pool)
-    # Looking for all of them makes it little harder to find what has a name.
+def test_an_unnamed_law_has_the_cost_of_its_rarity(clean):
+    pool = candidates_for(clean.forward, clean.model, EFFECTS)
+    named = scan(clean.forward, clean.fit, [c for c in pool if c.id != "unnamed"])
+    every = scan(clean.forward, clean.fit, pool)
+    # Searching for all of them hardly raises the threshold of named effects.
     assert null_threshold(every) - null_threshold(named) < 0.3
 
 
-def test_weights_beside_free_strengths_pay_what_their_evidence_asks():
-    """Against the evidence itself: a Gaussian over all rows, the free strengths next to unknown."""
+def test_the_cost_of_weights_equals_their_evidence():
+    """Compared with the evidence: a Gaussian over all rows, free strengths nearly unknown."""
     rng = np.random.default_rng(4)
     columns, widths = rng.normal(size=(12, 3)), np.array([1e3, 0.7, 3.0])
     columns[:, 0] += columns[:, 1]
@@ -69,23 +70,22 @@ def test_weights_beside_free_strengths_pay_what_their_evidence_asks():
     assert price(information, np.zeros(3)) == 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("many_draws")
-def test_a_law_of_many_held_weights_makes_no_other_law_harder_to_find(blameless):
-    """A camera turned about all its axes and a plane that leans held 1.5 units of the threshold."""
-    every = candidates_for(blameless.forward, blameless.model, EFFECTS)
+def test_a_law_of_many_weights_does_not_raise_the_threshold_of_others(clean):
+    """A law with many weights changes the threshold of others by less than 1.5 units."""
+    every = candidates_for(clean.forward, clean.model, EFFECTS)
     partly = [c for c in every if 0 < sum(p.is_held for p in c.effect.strengths) < len(
         c.effect.strengths)]  # fmt: skip
     others = [c for c in every if c not in partly]
     assert len(partly) >= 3
-    thresholds = [
-        null_threshold(scan(blameless.forward, blameless.fit, pool)) for pool in (every, others)
-    ]
-    # A wind that rises or sinks is one such law more, and each look more costs what chance finds.
+    thresholds = [null_threshold(scan(clean.forward, clean.fit, pool)) for pool in (every, others)]
+    # A vertical wind is one more law of this kind; each law adds to the threshold.
     assert thresholds[0] - thresholds[1] < 0.5
 
 
 def dropped_ball(drag: float) -> tuple[CampaignRecords, Baseline]:
-    """A fall of one second, seen roughly, whose baseline is gravity alone."""
+    """A fall of one second with much noise, whose baseline is gravity only."""
     rng = np.random.default_rng(2)
     time = np.arange(0.0, 1.0, 1.0 / 60.0)
     height = 8.0 - 0.5 * 9.806 * time**2 + drag * time**4 + rng.normal(0.0, 0.02, time.size)
@@ -95,7 +95,7 @@ def dropped_ball(drag: float) -> tuple[CampaignRecords, Baseline]:
     return CampaignRecords((trial,)), Baseline({"": BallModel("", 0.06, 0.1)})
 
 
-def test_drag_on_a_model_without_it_needs_no_search_to_be_paid():
+def test_drag_has_no_search_cost_for_a_model_without_it():
     ruler_and_clock = {"length_scale": 1e-5, "time_base": 1e-5}
     prepared = prepare(*dropped_ball(0.045), ruler_and_clock)
     naming = name_effects(prepared.forward, prepared.fit, EFFECTS)
@@ -104,11 +104,11 @@ def test_drag_on_a_model_without_it_needs_no_search_to_be_paid():
     assert naming.best.penalised_gain < naming.threshold
 
 
-def test_a_fall_without_drag_names_none():
+def test_a_fall_without_drag_names_no_drag():
     assert explain(*dropped_ball(0.0)).effects == ()
 
 
-def test_frames_are_lost_and_never_found(blameless):
-    jumps = dropped_in_each(blameless.forward, blameless.fit)
+def test_frames_can_be_missing_but_not_extra(clean):
+    jumps = dropped_in_each(clean.forward, clean.fit)
     assert jumps is not None
     assert jumps.parameters[0].lower == 0.0

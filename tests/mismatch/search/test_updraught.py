@@ -1,4 +1,4 @@
-"""Air that rises or sinks in the plane of flight, for throws that scipy integrates."""
+"""Vertical wind in the plane of flight, for throws integrated by scipy."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ NOISE = 1e-3
 
 
 def throws(along: float, up: float, seed: int) -> CampaignRecords:
-    """Nine throws at 100 Hz in air that moves."""
+    """Nine throws at 100 Hz in wind."""
     rng, trials = np.random.default_rng(seed), []
     for number in range(9):
         speed, angle = rng.uniform(3.0, 6.0), np.radians(rng.uniform(20.0, 65.0))
@@ -32,9 +32,9 @@ def throws(along: float, up: float, seed: int) -> CampaignRecords:
     return CampaignRecords(tuple(trials))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("along", "up"), [(0.0, 1.0), (0.6, -0.8)])
-def test_air_that_rises_in_the_plane_is_a_wind_and_nothing_else(along, up):
-    # It was told as a lens with 0.91, or as a parallax and a lift: no law blew upwards in a plane.
+def test_a_vertical_wind_is_only_a_wind(along, up):
     known = {"drag": {"drag_coefficient": COEFFICIENT}}
     baseline = Baseline({"": BallModel("", MASS, DIAMETER)}, effects=known, air_density=DENSITY)
     (named,) = explain(throws(along, up, 4), baseline).effects

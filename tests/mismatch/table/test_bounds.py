@@ -1,4 +1,4 @@
-"""Numbers of a trial table that nobody can mean are refused before anything is fitted."""
+"""Impossible numbers in a trial table are refused before the fit."""
 
 import numpy as np
 import pytest

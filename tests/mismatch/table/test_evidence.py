@@ -1,4 +1,4 @@
-"""The evidence of trial tables against densities written out, and posteriors against draws."""
+"""Evidence and posteriors of trial tables against explicit densities and draws."""
 
 import numpy as np
 import pytest
@@ -29,12 +29,12 @@ CHANCES = np.array([1.0 - DOUBT * (len(INFLATIONS) - 1), *[DOUBT] * (len(INFLATI
 
 
 def noise(factor: float) -> np.ndarray:
-    """Variance of each range: the trial's own scatter, and the reading's."""
+    """Variance of each range: trial-to-trial variation and reading."""
     return np.square(JACOBIAN * OWN).sum(axis=1) + (factor * RANGE_STD) ** 2
 
 
 def gram(residual: np.ndarray) -> Gram:
-    """Ranges alone, with stated uncertainties, impact speeds known."""
+    """Ranges only, with stated uncertainties and known impact speeds."""
     values, stds = np.full((TRIALS, 3), np.nan), np.full((TRIALS, 3), np.nan)
     values[:, 0], values[:, 2], stds[:, 0], stds[:, 2] = 4.0, 3.0, SPEED_STD, RANGE_STD
     names = tuple(map(str, range(TRIALS)))
@@ -46,14 +46,14 @@ def gram(residual: np.ndarray) -> Gram:
 
 
 def drawn(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """Parameters from their prior, and ranges that go with them."""
+    """Parameters drawn from their prior, and the ranges they give."""
     truth = rng.normal(scale=WIDTH)
     spread = np.sqrt(noise(float(rng.choice(INFLATIONS, p=CHANCES))))
     return truth, COLUMNS @ truth + rng.normal(scale=spread)
 
 
 @pytest.mark.parametrize("chosen", [(), (0,), (1,), (0, 1)])
-def test_evidence_is_the_density_of_what_was_recorded(chosen: tuple[int, ...]) -> None:
+def test_evidence_is_the_density_of_the_data(chosen: tuple[int, ...]) -> None:
     _, residual = drawn(np.random.default_rng(4))
     picked = list(chosen)
     spread = COLUMNS[:, picked] * WIDTH[picked]
@@ -69,7 +69,7 @@ def test_evidence_is_the_density_of_what_was_recorded(chosen: tuple[int, ...]) -
         assert found.log_evidence == pytest.approx(wanted)
 
 
-def test_a_parameter_that_keeps_its_sign_is_integrated_over_one_side() -> None:
+def test_a_signed_parameter_is_integrated_over_one_side() -> None:
     _, residual = drawn(np.random.default_rng(5))
     at = np.linspace(0.0, 8.0 * WIDTH[0], 20001)
     logs = [
@@ -86,7 +86,7 @@ def test_a_parameter_that_keeps_its_sign_is_integrated_over_one_side() -> None:
     assert found.log_evidence == pytest.approx(wanted, abs=1e-4)
 
 
-def test_what_is_integrated_first_leaves_the_same_evidence() -> None:
+def test_the_order_of_integration_does_not_change_the_evidence() -> None:
     _, residual = drawn(np.random.default_rng(6))
     both = np.array([[0, 1]])
     left = integrated(gram(residual), 1, WIDTH[:1])
@@ -95,7 +95,7 @@ def test_what_is_integrated_first_leaves_the_same_evidence() -> None:
     )
 
 
-def test_posteriors_hold_the_truth_as_often_as_they_say() -> None:
+def test_posterior_intervals_have_their_coverage() -> None:
     rng = np.random.default_rng(7)
     scores = []
     for _ in range(300):
@@ -108,20 +108,20 @@ def test_posteriors_hold_the_truth_as_often_as_they_say() -> None:
         assert np.all((low <= inside) & (inside <= high)), (level, inside)
 
 
-def test_odds_of_two_answers_are_the_shares_in_which_they_are_true() -> None:
-    """Half of 400 tables have the first effect: where the odds say p, it is there in p of them."""
+def test_odds_of_two_answers_are_calibrated() -> None:
+    """Half of 400 tables have the first effect; its stated probabilities are calibrated."""
     rng = np.random.default_rng(8)
-    told, there = [], []
+    stated, there = [], []
     for _ in range(400):
         truth = rng.normal(scale=WIDTH) * (rng.random() < 0.5)
         spread = np.sqrt(noise(float(rng.choice(INFLATIONS, p=CHANCES))))
         held = gram(COLUMNS[:, :1] @ truth[:1] + rng.normal(scale=spread))
         with_it = evidences(held, np.array([[0]]), WIDTH, np.zeros(2)).item()
-        told.append(1.0 / (1.0 + np.exp(logsumexp(held.constant) - with_it)))
+        stated.append(1.0 / (1.0 + np.exp(logsumexp(held.constant) - with_it)))
         there.append(truth[0] != 0.0)
-    told, there = np.array(told), np.array(there)
-    spread = float(np.sqrt((told * (1.0 - told)).sum()))
-    assert abs(float(there.sum() - told.sum())) < 3.5 * spread
-    sure = told > 0.9
+    stated, there = np.array(stated), np.array(there)
+    spread = float(np.sqrt((stated * (1.0 - stated)).sum()))
+    assert abs(float(there.sum() - stated.sum())) < 3.5 * spread
+    sure = stated > 0.9
     assert there[sure].sum() >= binom.ppf(0.001, sure.sum(), 0.9)
     assert there[~sure].mean() < 0.5

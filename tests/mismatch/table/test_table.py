@@ -1,4 +1,4 @@
-"""The engine on a few numbers per trial: known truth, the paper's Table 5, bad tables."""
+"""The engine on trial tables: known truth, Table 5 of Ryu et al., bad input."""
 
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ from pipelines.setup.file import read_setup
 from tests.mismatch.table.trial_tables import BALLS, SETUP, lab, simulated_table
 
 
-def test_the_table_model_is_the_forward_model_of_the_physics_room():
+def test_the_table_model_is_the_forward_model_of_physics():
     table = simulated_table(1, speeds=True)
     baseline = lab()
     model = Model(((CATALOGUE["drag"][0], {"drag_coefficient": 0.47}),))
@@ -33,14 +33,14 @@ def test_the_table_model_is_the_forward_model_of_the_physics_room():
     np.testing.assert_allclose(seen[mine, 1], speed, rtol=1e-3)
 
 
-def test_nothing_is_named_where_nothing_is_missing():
+def test_nothing_is_named_when_nothing_is_missing():
     verdict = explain_table(simulated_table(3), lab()).verdict
     assert verdict.verdict == "no_mismatch"
     assert not verdict.effects
     assert verdict.location is None
 
 
-def test_falling_restitution_is_named_and_measured_where_ball_speeds_are_known():
+def test_velocity_dependent_restitution_is_found_from_ball_speeds():
     verdict = explain_table(simulated_table(4, "velocity_dependent_cor"), lab()).verdict
     assert [e.id for e in verdict.effects] == ["velocity_dependent_cor"]
     slope = verdict.effects[0].parameters[0]
@@ -51,7 +51,7 @@ def test_falling_restitution_is_named_and_measured_where_ball_speeds_are_known()
     assert "m/s" in verdict.location.statement
 
 
-def test_ranges_alone_leave_an_offset_and_a_stretch_about_a_point_together():
+def test_ranges_alone_do_not_separate_offset_and_scale():
     table = simulated_table(2, "origin_offset", speeds=False, stated=False)
     verdict = explain_table(table, lab()).verdict
     assert verdict.verdict == "ambiguous"
@@ -60,7 +60,7 @@ def test_ranges_alone_leave_an_offset_and_a_stretch_about_a_point_together():
     assert any("without uncertainties" in note for note in verdict.notes)
 
 
-def test_a_swing_that_loses_shows_in_the_impact_speeds():
+def test_swing_losses_are_found_from_the_impact_speeds():
     table = simulated_table(5, "pendulum_drag", backswing=True)
     verdict = explain_table(table, lab()).verdict
     swing = {"pendulum_drag", "viscous_damping", "bearing_friction", "backswing_offset"}
@@ -71,7 +71,7 @@ def test_a_swing_that_loses_shows_in_the_impact_speeds():
 
 
 def _table_5(kind: str) -> TrialTable:
-    """The paper's measured ranges at its impact speeds."""
+    """Measured ranges of Ryu et al. at their impact speeds."""
     names = [ball for ball in BALLS for _ in range(4)]
     values = np.full((8, 3), np.nan)
     values[:, 0] = np.concatenate([measured_speeds(ball) for ball in BALLS])
@@ -92,7 +92,7 @@ def _constant_lab():
     return baseline_for_balls(read_setup(text), BALLS, struck=True)
 
 
-def test_table_5_asks_for_falling_restitution_and_says_what_ranges_leave_open():
+def test_table_5_needs_velocity_dependent_restitution():
     table = replace(_table_5("experiment"), backswing=np.full(8, np.nan))
     verdict = explain_table(table, _constant_lab()).verdict
     assert verdict.verdict == "ambiguous"
@@ -103,11 +103,11 @@ def test_table_5_asks_for_falling_restitution_and_says_what_ranges_leave_open():
     tried = {one for other in verdict.alternatives for one in other.ids}
     grouped = {one for group in verdict.indistinguishable for one in group}
     assert tried | grouped >= {"velocity_dependent_cor", "drag"}
-    # Nothing in the catalogue brings the ranges down to what a scale is read to.
+    # Nothing in the catalogue reduces the residuals to the reading resolution.
     assert not verdict.remainder.white
 
 
-def test_the_swing_that_is_faster_than_free_fall_allows_is_pointed_out():
+def test_a_swing_faster_than_free_fall_is_reported():
     verdict = explain_table(_table_5("experiment"), _constant_lab()).verdict
     faster = [note for note in verdict.notes if "without losses" in note]
     assert len(faster) == 1
@@ -133,7 +133,7 @@ def test_units_and_swapped_columns_are_refused(change, said):
     assert caught.value.hint
 
 
-def test_too_few_trials_or_no_start_are_told():
+def test_too_few_trials_or_no_start_are_refused():
     table = simulated_table(7)
     with pytest.raises(TooLittleDataError, match="too little"):
         explain_table(table.chosen(np.arange(table.trials) < 3), lab())
@@ -147,13 +147,13 @@ def test_too_few_trials_or_no_start_are_told():
         explain_table(replace(table, values=blank), lab())
 
 
-def test_trials_all_alike_are_noted():
+def test_identical_trials_are_noted():
     table = simulated_table(8, "origin_offset", angles=(90.0,), repeats=4)
     verdict = explain_table(table, lab()).verdict
     assert any("alike" in note for note in verdict.notes)
 
 
-def test_a_setup_without_a_pendulum_is_told():
+def test_a_setup_without_a_pendulum_is_refused():
     baseline = replace(lab(), pendulum=None)
     with pytest.raises(SetupError, match="pendulum"):
         explain_table(simulated_table(9), baseline)

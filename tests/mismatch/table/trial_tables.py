@@ -1,4 +1,4 @@
-"""Trial tables of known truth, made with the package's impact and flight, not with the engine."""
+"""Trial tables of known truth, simulated without the engine."""
 
 from functools import cache
 
@@ -41,7 +41,7 @@ RANGE_STD, SPEED_SHARE = 0.004, 0.002
 
 @cache
 def lab() -> Baseline:
-    """What the lab believes: constant restitution, drag."""
+    """The baseline: constant restitution, drag."""
     return baseline_for_balls(read_setup(SETUP), BALLS, struck=True)
 
 
@@ -56,7 +56,7 @@ def simulated_table(
     angles: tuple[float, ...] = (30.0, 60.0, 90.0, 120.0),
     repeats: int = 2,
 ) -> TrialTable:
-    """A table in which something is concealed: a share of the effects' names is understood."""
+    """A table with concealed effects."""
     rng = np.random.default_rng(seed)
     sizes = {
         "velocity_dependent_cor": -0.02,
@@ -117,7 +117,7 @@ def simulated_table(
 def _flown(
     ball: Ball, speed: FloatArray, cor: FloatArray, turned: FloatArray, drag: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Range and ball's speed after contacts followed in time, each launch turned a little."""
+    """Range and ball speed after integrated contacts, each launch rotated slightly."""
     outcome = contact_outcomes(PAPER_PENDULUM, ball, PAPER_SUPPORT, speed, cor=cor)
     x, y = np.asarray(outcome.ball_x), np.asarray(outcome.ball_y)
     vx, vy = np.asarray(outcome.ball_vx), np.asarray(outcome.ball_vy)

@@ -122,6 +122,7 @@ def test_a_clip_that_cannot_be_read(
     assert list(tmp_path.iterdir()) == [clip]
 
 
+@pytest.mark.slow
 def test_pictures_lost_in_the_middle_are_left_out(
     whole: Path, played: tuple[Scene, Shot], tmp_path: Path, taped: Path
 ) -> None:
@@ -131,7 +132,7 @@ def test_pictures_lost_in_the_middle_are_left_out(
     assert holds(quantities["ball_speed"], float(played[1].contact.outcome.ball_speed))
 
 
-@pytest.mark.parametrize("parts", [3, 8])
+@pytest.mark.parametrize("parts", [3, pytest.param(8, marks=pytest.mark.slow)])
 def test_where_lost_pictures_leave_doubt_nothing_false_is_stated(
     parts: int, whole: Path, played: tuple[Scene, Shot], tmp_path: Path, taped: Path
 ) -> None:
@@ -246,6 +247,7 @@ def test_a_bumped_camera_is_told_and_corrected(
     assert holds(quantities["landing_distance"], float(played[1].flight.landing_position[0]))
 
 
+@pytest.mark.slow
 def test_at_30_fps_the_contact_is_not_measured_and_the_rest_is_honest(
     tmp_path: Path, taped: Path
 ) -> None:

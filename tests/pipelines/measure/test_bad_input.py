@@ -102,6 +102,7 @@ def test_a_strike_out_of_the_clip_gives_no_number_of_a_strike(
     assert [item.name for item in found.quantities if item.known and item.name in STRUCK] == []
 
 
+@pytest.mark.slow
 def test_of_two_strikes_one_is_measured_and_how_to_measure_the_other_is_told(
     tmp_path: Path,
 ) -> None:
