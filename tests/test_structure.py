@@ -1,11 +1,9 @@
 """Package structure: imports, module size, public names, README commands, error hints."""
 
 import ast
-import re
 import subprocess
 import sys
 import tomllib
-from collections.abc import Iterator
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -137,41 +135,6 @@ def test_every_fragment_of_the_changelog_is_assembled() -> None:
     changelog = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     for fragment in (ROOT / "changelog.d").glob("*.md"):
         assert fragment.read_text(encoding="utf-8").strip() in changelog, fragment.name
-
-
-_NAMED = re.compile(r"(^|[._])(id|ids|name|names|source|label|title|words|reason|message)$")
-"""Attributes whose spelling must not select a branch."""
-_FORMATS = ("pipelines/interop/", "pipelines/setup/file.py", "pipelines/setup/tables.py")
-"""Modules that parse file formats, whose literal words are data."""
-
-
-def _string_decisions(path: Path) -> Iterator[str]:
-    """Comparisons of an identifier, a name or a message with literal text."""
-    for node in ast.walk(_parsed(path)):
-        if isinstance(node, ast.Compare):
-            sides = [node.left, *node.comparators]
-            texts = [side for side in sides if _is_text(side)]
-            named = [side for side in sides if _NAMED.search(ast.unparse(side))]
-            if texts and named and "__main__" not in ast.unparse(node):
-                yield f"{path.relative_to(ROOT)}:{node.lineno} {ast.unparse(node)}"
-
-
-def _is_text(side: ast.expr) -> bool:
-    if isinstance(side, ast.Constant):
-        return isinstance(side.value, str) and bool(side.value)
-    if isinstance(side, ast.Tuple | ast.List | ast.Set):
-        return bool(side.elts) and all(_is_text(element) for element in side.elts)
-    return False
-
-
-def test_no_branch_depends_on_the_spelling_of_a_name() -> None:
-    found = [
-        one
-        for path in MODULES
-        if not str(path.relative_to(ROOT)).startswith(_FORMATS)
-        for one in _string_decisions(path)
-    ]
-    assert found == []
 
 
 def test_no_two_classes_share_a_name() -> None:
